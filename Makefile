@@ -1,0 +1,46 @@
+# `make demo` and `make test` need Python 3.11+ and make, nothing else: they set up .venv themselves.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+JOBS ?= 2
+
+.PHONY: demo test lint bench schemas clean
+
+demo: $(VENV)/.thingc
+	$(BIN)/thingc build assemblies/arm.yaml
+	@echo
+	@echo "The arm is in build/arm:"
+	@echo "  build/arm/mjcf/scene_bench.xml    look at it:  $(BIN)/python -m mujoco.viewer --mjcf=build/arm/mjcf/scene_bench.xml"
+	@echo "  build/arm/mjcf/arm_<mode>.xml     one MuJoCo model per mode: bench, drawing, adrift"
+	@echo "  build/arm/stl/                    one print file per printed part (millimetres)"
+	@echo "  build/arm/step/arm.step           the whole robot for any CAD program"
+	@echo "  build/arm/bom.csv                 what to buy and print"
+	@echo "  build/arm/hag.svg                 its assembly graph"
+
+test: $(VENV)/.thingc-dev
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/pytest -n $(JOBS) --dist loadgroup
+
+lint: $(VENV)/.thingc-dev
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+bench: $(VENV)/.thingc-dev
+	$(BIN)/python benchmarks/run.py
+
+schemas: $(VENV)/.thingc-dev
+	$(BIN)/python -m thingc.spec.schema
+
+$(VENV)/.thingc: pyproject.toml
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable .
+	touch $@
+
+$(VENV)/.thingc-dev: pyproject.toml
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[dev]"
+	touch $@ $(VENV)/.thingc
+
+clean:
+	rm -rf build dist .pytest_cache .mypy_cache .ruff_cache

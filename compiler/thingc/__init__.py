@@ -1,0 +1,59 @@
+"""thingc: a compiler for robots. One document, many kinematic roots, consistent models and manufacturing files.
+
+What part authors import is here: `from thingc import Thing, MountPoint, Length`. Each name is loaded when it is first used,
+so that `import thingc` costs nothing and never loads the CAD kernel.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+__version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from thingc.things.actuator import Actuator as Actuator
+    from thingc.things.assets import asset as asset
+    from thingc.things.mounts import MountPoint as MountPoint
+    from thingc.things.parameters import Angle as Angle
+    from thingc.things.parameters import Count as Count
+    from thingc.things.parameters import Length as Length
+    from thingc.things.parameters import Mass as Mass
+    from thingc.things.parameters import ParameterError as ParameterError
+    from thingc.things.parameters import Range as Range
+    from thingc.things.parameters import Ratio as Ratio
+    from thingc.things.resolver import TransformResolver as TransformResolver
+    from thingc.things.thing import Thing as Thing
+
+_EXPORTS = {
+    "Actuator": "thingc.things.actuator",
+    "Angle": "thingc.things.parameters",
+    "Count": "thingc.things.parameters",
+    "Length": "thingc.things.parameters",
+    "Mass": "thingc.things.parameters",
+    "MountPoint": "thingc.things.mounts",
+    "ParameterError": "thingc.things.parameters",
+    "Range": "thingc.things.parameters",
+    "Ratio": "thingc.things.parameters",
+    "Thing": "thingc.things.thing",
+    "TransformResolver": "thingc.things.resolver",
+    "asset": "thingc.things.assets",
+}
+"""Exported name to the module that has it (PEP 562)."""
+
+__all__ = list(_EXPORTS)
+
+
+def __getattr__(name: str) -> object:
+    """The exported object, from its module; `AttributeError` for any other name."""
+    module = _EXPORTS.get(name)
+    if module is None:
+        raise AttributeError(f"module `thingc` has no attribute `{name}`")
+    from importlib import import_module
+
+    found = getattr(import_module(module), name)
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_EXPORTS})

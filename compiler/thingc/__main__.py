@@ -1,0 +1,5 @@
+"""`python -m thingc` is the command `thingc`."""
+
+from thingc.cli.main import entry
+
+entry()

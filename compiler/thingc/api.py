@@ -1,0 +1,113 @@
+"""thingc from Python: `thingc.compile("assemblies/arm.yaml").modes["bench"].mjcf()`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from thingc.diagnostics import Diagnostic, Report, as_text
+from thingc.inertia import MassProperties
+from thingc.pipeline import Compilation, Options
+
+if TYPE_CHECKING:
+    from thingc.graph.types import Assembly
+    from thingc.realize.store import Store
+    from thingc.robot.types import Robot
+
+
+class CompileError(Exception):
+    """A document that has errors. `diagnostics` are all of them; `str()` shows them as the command line does."""
+
+    def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
+        super().__init__("\n" + as_text(diagnostics))
+        self.diagnostics = tuple(diagnostics)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CompiledMode:
+    """One mode of a compiled robot. `robot` is its tree of links and joints."""
+
+    robot: Robot
+    files: Mapping[str, bytes]
+
+    @property
+    def name(self) -> str:
+        """The mode's name."""
+        return self.robot.name
+
+    def mjcf(self) -> str:
+        """The MuJoCo model as XML, the same bytes that a build writes; its meshes are `assets()`."""
+        return self.files[f"mjcf/{self.robot.assembly.name}_{self.robot.name}.xml"].decode()
+
+    def assets(self) -> dict[str, bytes]:
+        """The meshes that `mjcf()` names, as `mujoco.MjModel.from_xml_string(xml, assets)` takes them."""
+        prefix = "mjcf/assets/"
+        return {path.removeprefix(prefix): data for path, data in self.files.items() if path.startswith(prefix)}
+
+    def model(self) -> Any:
+        """The compiled `mujoco.MjModel`."""
+        import mujoco
+
+        return mujoco.MjModel.from_xml_string(self.mjcf(), self.assets())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Compiled:
+    """A robot, compiled. `modes` in document order; `diagnostics` the warnings; `modelled` and `reused` definition texts."""
+
+    name: str
+    assembly: Assembly
+    modes: Mapping[str, CompiledMode]
+    diagnostics: tuple[Diagnostic, ...]
+    modelled: tuple[str, ...]
+    reused: tuple[str, ...]
+
+    @property
+    def properties(self) -> MassProperties:
+        """Mass [kg], centre [m] and inertia [kg m^2, about the centre] at q = 0, in the base component's frame."""
+        return self.assembly.properties
+
+
+def compile(  # noqa: A001  (`thingc.compile` is the name people look for)
+    document: str,
+    *,
+    parameters: Mapping[str, str] | None = None,
+    modes: Sequence[str] = (),
+    store: str | None = None,
+    jobs: int = 0,
+    strict: bool = False,
+) -> Compiled:
+    """Compile an assembly document.
+
+    `parameters` are texts as a document would have them (`{"reach": "120 mm"}`), `modes` the names wanted (none: all), `store`
+    the folder of modelled parts (None: the user's cache), `jobs` how many parts are modelled at once (0: one per core).
+    Raises `CompileError` with every diagnostic; with `strict` for warnings, too. Writes nothing but the store.
+    """
+    with Compilation(document, Options(parameters=dict(parameters or {}), store=store, jobs=jobs)) as compilation:
+        compilation.run(modes)
+        _stop_on_errors(compilation.report, strict)
+        artifacts = compilation.emit(["mjcf"])["mjcf"]
+        _stop_on_errors(compilation.report, strict)
+        assembly = compilation.assembly
+        if assembly is None:
+            raise RuntimeError("a compilation without errors has an assembly")
+        files = {path: _read(compilation.store, content) for path, content in artifacts.files.items()}
+        return Compiled(
+            name=assembly.name,
+            assembly=assembly,
+            modes={robot.name: CompiledMode(robot=robot, files=files) for robot in compilation.robots},
+            diagnostics=tuple(compilation.report.ordered()),
+            modelled=tuple(compilation.modelled),
+            reused=tuple(compilation.reused),
+        )
+
+
+def _stop_on_errors(report: Report, strict: bool) -> None:
+    judged = report.strict() if strict else report
+    if judged.failed:
+        raise CompileError(judged.ordered())
+
+
+def _read(store: Store, content: object) -> bytes:
+    return content if isinstance(content, bytes) else store.read(content.sha256)  # type: ignore[attr-defined]

@@ -1,0 +1,178 @@
+"""`thingc build`: the whole way, from a document to a folder of artifacts."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from thingc import stamp
+from thingc.cli import common
+from thingc.diagnostics import Code, Diagnostic, Report, Severity, did_you_mean, shown_path
+from thingc.emit.artifact import Artifacts, Content, Loss
+from thingc.emit.manifest import Choice, manifest
+from thingc.output import OutputError, verify, write_build
+from thingc.pipeline import Compilation, UnknownChoice
+
+EPILOG = """\
+Everything appears at once in build/NAME/ (or DIR/NAME/), or nothing does. Targets: mjcf (MuJoCo models and scenes, one per
+mode), stl (print files), step (the whole robot), bom (bill of materials), hag (assembly graph).
+
+  thingc build assemblies/arm.yaml
+  thingc build assemblies/arm.yaml --mode bench --mode drawing --emit mjcf
+  thingc build assemblies/arm.yaml -p 'reach=120 mm' -o variants
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `build`."""
+    parser.epilog = EPILOG
+    common.add_document(parser)
+    parser.add_argument("-o", "--output", metavar="DIR", help="write DIR/NAME/ (default: the workspace's build folder)")
+    parser.add_argument("--mode", metavar="M", action="append", default=[], help="only this mode (may be repeated; default: all)")
+    parser.add_argument("--emit", metavar="T", action="append", default=[], help="only this target (may be repeated; default: all)")
+    parser.add_argument("--deny-loss", action="store_true", help="what a target cannot say is an error")
+    common.add_format(parser)
+    common.add_compiling(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exit code 0 when the folder was written, or already holds what it should."""
+    try:
+        common.require_document(arguments.document)
+        options = common.options_of(arguments)
+        targets = _targets(arguments.emit)
+        with Compilation(arguments.document, options) as compilation:
+            found, answer = _build(arguments, compilation, targets)
+    except (UnknownChoice, OutputError) as fault:
+        code = fault.code if isinstance(fault, OutputError) else Code.COMMAND_LINE
+        found = [Diagnostic(code=code, severity=Severity.ERROR, message=fault.message, help=fault.hint)]
+        answer = None
+    except common.WrongCommandLine as fault:
+        found, answer = [fault.diagnostic], None
+    if arguments.format == "json":
+        keys = ("artifacts", "modelled", "reused")
+        common.print_json(found, **{key: answer[key] if answer is not None else [] for key in keys})
+    else:
+        common.print_text(found, stream=sys.stderr, debug=arguments.debug)
+        if answer is not None:
+            _tell(answer)
+    return common.exit_code(found)
+
+
+def _targets(words: Sequence[str]) -> tuple[str, ...]:
+    """The targets chosen, in the order in which a build writes them. Raises `UnknownChoice`."""
+    from thingc.emit import targets
+
+    known = targets()
+    wanted = [part for word in words for part in word.split(",") if part]
+    for word in wanted:
+        if word not in known:
+            raise UnknownChoice(f"there is no target `{word}`", did_you_mean(word, known, what="targets"))
+    return tuple(target for target in known if not wanted or target in wanted)
+
+
+def _build(
+    arguments: argparse.Namespace, compilation: Compilation, targets: tuple[str, ...]
+) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:
+    """What there is to say, and the answer where the build succeeded. Raises `UnknownChoice` and `OutputError`."""
+    options = compilation.options
+    key = stamp.key_of("build", arguments.document, {
+        "parameters": dict(options.parameters), "modes": arguments.mode, "targets": targets, "strict": arguments.strict,
+        "output": os.path.abspath(arguments.output) if arguments.output else None, "deny_loss": arguments.deny_loss,
+    })
+    earlier = stamp.load(compilation.store, key)
+    answer: Mapping[str, Any]
+    if earlier is not None and _stands(earlier[1]):
+        answer = earlier[1]
+        parts = sorted({*answer["reused"], *answer["modelled"]})
+        return earlier[0], {**answer, "modelled": [], "reused": parts, "unchanged": True}
+    compilation.run(arguments.mode)
+    found = common.final(compilation.report, strict=arguments.strict)
+    if common.exit_code(found):
+        return found, None
+    artifacts = compilation.emit(targets)
+    losses = [loss for target in targets for loss in artifacts[target].losses]
+    if arguments.deny_loss:
+        _deny(losses, compilation.report)
+    found = common.final(compilation.report, strict=arguments.strict)
+    if common.exit_code(found):
+        return found, None
+    answer = _write(arguments, compilation, targets, artifacts, losses)
+    stamp.save(compilation.store, key, compilation.inputs(), found, answer)
+    return found, answer
+
+
+def _stands(answer: Mapping[str, Any]) -> bool:
+    """Whether the folder that an earlier run wrote is still what it wrote."""
+    manifest = os.path.join(answer["folder"], "manifest.json")
+    return stamp.state_of(manifest) == answer["manifest"] and verify(answer["folder"]) is not None
+
+
+def _deny(losses: Sequence[Loss], report: Report) -> None:
+    for loss in losses:
+        mode = f" in mode `{loss.mode}`" if loss.mode is not None else ""
+        report.add(
+            Code.LOSS_DENIED, f"{loss.target} cannot say this{mode}: {loss.what} ({loss.how})", loss.span, path=loss.path,
+            help="leave it out, or build without --deny-loss",
+        )
+
+
+def _write(
+    arguments: argparse.Namespace,
+    compilation: Compilation,
+    targets: tuple[str, ...],
+    artifacts: Mapping[str, Artifacts],
+    losses: Sequence[Loss],
+) -> dict[str, Any]:
+    """Put everything into the build folder at once; the answer for `--format json` and for the stamp."""
+    assembly, workspace, documents = compilation.assembly, compilation.workspace, compilation.documents
+    if assembly is None or workspace is None or documents is None:
+        raise RuntimeError("a compilation without errors has an assembly")
+    files: dict[str, Content] = {}
+    for target in targets:
+        files.update(artifacts[target].files)
+    document = documents.root.relative
+    files["manifest.json"] = manifest(
+        assembly,
+        document=document,
+        documents={path: d.sha256 for path, d in documents.by_path.items()},
+        choice=Choice(
+            modes=tuple(robot.name for robot in compilation.robots), emit=targets, parameters=dict(compilation.options.parameters)
+        ),
+        files=files,
+        losses=losses,
+        workspace=workspace,
+    )
+    parent = arguments.output or os.path.join(workspace.root, workspace.build)
+
+    def on_wait(folder: str) -> None:
+        print(f"another build of {shown_path(folder)} is under way; waiting for it", file=sys.stderr)
+
+    folder = write_build(parent, assembly.name, files, compilation.store, document, on_wait=on_wait)
+    lost = Counter(loss.target for loss in losses)
+    return {
+        "folder": folder,
+        "manifest": stamp.state_of(os.path.join(folder, "manifest.json")),
+        "artifacts": [shown_path(os.path.join(folder, path)) for path in sorted(files)],
+        "modelled": compilation.modelled,
+        "reused": compilation.reused,
+        "losses": dict(lost),
+    }
+
+
+def _tell(answer: Mapping[str, Any]) -> None:
+    """What happened, for people, on standard error."""
+    folder = shown_path(answer["folder"])
+    count = len(answer["artifacts"])
+    if answer.get("unchanged"):
+        print(f"{folder}: nothing changed ({count} files)", file=sys.stderr)
+    else:
+        modelled, reused = len(answer["modelled"]), len(answer["reused"])
+        print(f"{folder}: {count} files; {modelled} parts modelled, {reused} reused", file=sys.stderr)
+    for target, number in answer["losses"].items():
+        things = "thing" if number == 1 else "things"
+        print(f"{target}: {number} {things} it cannot say: thingc why --losses", file=sys.stderr)

@@ -1,0 +1,153 @@
+"""What commands share: their options, how they print diagnostics, and the exit code that follows."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import sys
+from collections.abc import Mapping, Sequence
+
+from thingc.diagnostics import Code, Diagnostic, Report, Severity, as_json, as_text, did_you_mean, summary
+from thingc.pipeline import Options
+
+USAGE = 2
+
+
+class WrongCommandLine(Exception):
+    """Something on the command line is wrong: exit code 2. `diagnostic` says it."""
+
+    def __init__(self, message: str, hint: str | None = None, code: Code = Code.COMMAND_LINE) -> None:
+        super().__init__(message)
+        self.diagnostic = Diagnostic(code=code, severity=Severity.ERROR, message=message, help=hint)
+
+
+def add_document(parser: argparse.ArgumentParser, *, many: bool = False) -> None:
+    """The DOC argument."""
+    parser.add_argument(
+        "document", metavar="DOC", nargs="+" if many else None,  # type: ignore[arg-type]
+        help="an assembly document (YAML or TOML)",
+    )
+
+
+def add_compiling(parser: argparse.ArgumentParser) -> None:
+    """The options of every command that reads a document."""
+    parser.add_argument(
+        "-p", "--parameter", metavar="NAME=VALUE", action="append", default=[],
+        help="set a parameter as a document would, for example -p 'reach=120 mm' (may be repeated)",
+    )
+    parser.add_argument("--strict", action="store_true", help="warnings are errors")
+    add_geometry(parser)
+
+
+def add_geometry(parser: argparse.ArgumentParser) -> None:
+    """The options of every command that may model parts."""
+    parser.add_argument(
+        "--store", metavar="DIR", help="where modelled parts are kept (default: THINGC_STORE, else the user's cache folder)"
+    )
+    parser.add_argument("--jobs", metavar="N", type=_positive, default=0, help="parts modelled at once (default: one per core)")
+    parser.add_argument("--part-timeout", metavar="TIME", help="longest time for one part, for example '30 s'")
+    parser.add_argument("--debug", action="store_true", help="show the Python traceback of a part that fails")
+
+
+def add_format(parser: argparse.ArgumentParser, choices: Sequence[str] = ("text", "json")) -> None:
+    """The --format option."""
+    parser.add_argument("--format", choices=choices, default=choices[0], help="how to print (default: %(default)s)")
+
+
+def _positive(text: str) -> int:
+    if not text.isdigit() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"expected a whole number from 1, found `{text}`")
+    return int(text)
+
+
+def parameters(words: Sequence[str]) -> Mapping[str, str]:
+    """`NAME=VALUE` words to a mapping. Raises `WrongCommandLine`."""
+    found: dict[str, str] = {}
+    for word in words:
+        name, equals, value = word.partition("=")
+        name, value = name.strip(), value.strip()
+        if not equals or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) or not value:
+            raise WrongCommandLine(f"expected -p NAME=VALUE, found `{word}`", "write for example -p 'reach=120 mm'")
+        if name in found:
+            raise WrongCommandLine(f"-p sets `{name}` twice", "keep one of them")
+        found[name] = value
+    return found
+
+
+def options_of(arguments: argparse.Namespace) -> Options:
+    """The compile options that the command line states. Raises `WrongCommandLine`."""
+    timeout: float | None = None
+    if arguments.part_timeout is not None:
+        from thingc.units import TIME, UnitError, parse_quantity
+
+        try:
+            quantity = parse_quantity(arguments.part_timeout)
+        except UnitError as fault:
+            raise WrongCommandLine(f"--part-timeout: {fault}", "write for example --part-timeout '30 s'") from fault
+        if quantity.dimension != TIME or quantity.value <= 0.0:
+            raise WrongCommandLine(
+                f"--part-timeout: expected a time above 0, found `{arguments.part_timeout}`", "write for example '30 s'"
+            )
+        timeout = quantity.value
+    return Options(
+        parameters=parameters(getattr(arguments, "parameter", [])),
+        store=arguments.store,
+        jobs=arguments.jobs,
+        part_timeout=timeout,
+        progress=show_progress if getattr(arguments, "format", "text") == "text" else None,
+    )
+
+
+def require_document(path: str) -> None:
+    """Raises `WrongCommandLine` where there is no such file."""
+    if os.path.isfile(path):
+        return
+    folder = os.path.dirname(path) or "."
+    near = [os.path.join(os.path.dirname(path), name) for name in os.listdir(folder)] if os.path.isdir(folder) else []
+    near = [name for name in near if name.endswith((".yaml", ".yml", ".toml"))]
+    what = "is a folder, and a document was expected" if os.path.isdir(path) else "there is no such document"
+    raise WrongCommandLine(f"`{path}`: {what}", did_you_mean(path, near, what="documents"), Code.NO_DOCUMENT)
+
+
+def show_progress(what: str, done: int, total: int) -> None:
+    """One line per part on standard error; on a terminal they overwrite each other."""
+    if sys.stderr.isatty():
+        sys.stderr.write(f"\r\x1b[K  modelling {done}/{total}  {what[:100]}")
+        if done == total:
+            sys.stderr.write("\r\x1b[K")
+    else:
+        sys.stderr.write(f"modelled {what} ({done}/{total})\n")
+    sys.stderr.flush()
+
+
+def print_text(diagnostics: Sequence[Diagnostic], *, stream: object, debug: bool) -> None:
+    """Code frames and a closing count, coloured only on a terminal (and never where NO_COLOR is set)."""
+    if not diagnostics:
+        return
+    color = bool(getattr(stream, "isatty", bool)()) and "NO_COLOR" not in os.environ
+    print(as_text(diagnostics, color=color, debug=debug), file=stream)  # type: ignore[call-overload]
+    print(summary(diagnostics), file=stream)  # type: ignore[call-overload]
+
+
+def print_json(diagnostics: Sequence[Diagnostic], **more: object) -> None:
+    """The JSON answer, alone on standard output."""
+    import json
+
+    print(json.dumps({"diagnostics": as_json(diagnostics), **more}, indent=2, ensure_ascii=False))
+
+
+def final(report: Report, *, strict: bool) -> list[Diagnostic]:
+    """The diagnostics in order, warnings made errors where that was asked."""
+    return (report.strict() if strict else report).ordered()
+
+
+def exit_code(diagnostics: Sequence[Diagnostic]) -> int:
+    """0 without errors, 2 where the command line is to blame (a bad `-p`, strangers in the folder), else 1."""
+    errors = [d for d in diagnostics if d.severity is Severity.ERROR]
+    if any(d.code in USAGE_CODES for d in errors):
+        return USAGE
+    return 1 if errors else 0
+
+
+USAGE_CODES = frozenset({Code.COMMAND_LINE, Code.NO_DOCUMENT, Code.PARAMETER_OPTION, Code.STRANGERS, Code.OUTPUT})

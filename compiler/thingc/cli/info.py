@@ -1,0 +1,168 @@
+"""`thingc info`: what a robot consists of, what it weighs, and where each number comes from."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import Counter
+
+from thingc.cli import common
+from thingc.graph.types import Assembly
+from thingc.pipeline import Compilation
+from thingc.robot.types import Robot
+
+EPILOG = """\
+Masses are exact integrals over the geometry times density, or what the document or the part states; every one says which
+(`derived`, `estimated` for the infill model, `measured`, `vendor`, `stated`).
+
+  thingc info assemblies/arm.yaml
+  thingc info assemblies/arm.yaml --mates                 which mount meets which, and which axes lie along which
+  thingc info assemblies/arm.yaml -p 'reach=120 mm' --format json | jq .mass
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `info`."""
+    parser.epilog = EPILOG
+    common.add_document(parser)
+    parser.add_argument("--mates", action="store_true", help="also print how mounts meet: which child axis lies along which parent axis")
+    common.add_format(parser)
+    common.add_compiling(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Prints the answer; in text, diagnostics go to standard error."""
+    try:
+        common.require_document(arguments.document)
+        options = common.options_of(arguments)
+    except common.WrongCommandLine as fault:
+        if arguments.format == "json":
+            common.print_json([fault.diagnostic])
+        else:
+            common.print_text([fault.diagnostic], stream=sys.stderr, debug=False)
+        return common.USAGE
+    with Compilation(arguments.document, options) as compilation:
+        compilation.run()
+    found = common.final(compilation.report, strict=arguments.strict)
+    code = common.exit_code(found)
+    assembly = compilation.assembly if code == 0 else None
+    if arguments.format == "json":
+        common.print_json(found, **(as_data(assembly, compilation.robots) if assembly is not None else {}))
+        return code
+    common.print_text(found, stream=sys.stderr, debug=arguments.debug)
+    if assembly is not None:
+        print(as_text(assembly, compilation.robots))
+        if arguments.mates:
+            print()
+            print(mates_text(assembly))
+    return code
+
+
+def as_data(assembly: Assembly, robots: tuple[Robot, ...]) -> dict[str, object]:
+    """The JSON answer: whole robot at q = 0 in the base component's frame, SI."""
+    whole = assembly.properties
+    return {
+        "name": assembly.name,
+        "mass": whole.mass,
+        "centre": list(whole.centre),
+        "inertia": [list(row) for row in whole.inertia],
+        "occurrences": [
+            {
+                "path": o.path,
+                "definition": o.definition.text,
+                "mass": o.properties.mass,
+                "mass_source": o.mass_source,
+                "link": assembly.links[assembly.link_of[o.index]].name,
+            }
+            for o in assembly.occurrences
+        ],
+        "modes": {robot.name: mode_data(robot) for robot in robots},
+    }
+
+
+def mode_data(robot: Robot) -> dict[str, object]:
+    """Of one mode: root, base, and the names of its links and joints, root first."""
+    return {
+        "root": robot.mode.root.path,
+        "base": robot.base,
+        "links": [robot.assembly.links[body.link].name for body in robot.bodies],
+        "joints": [body.joint.path for body in robot.bodies if body.joint is not None],
+    }
+
+
+def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> str:
+    """The same for people: grams and millimetres."""
+    whole = assembly.properties
+    lines = [
+        f"{assembly.name}: {_grams(whole.mass)} in {len(assembly.occurrences)} occurrences, {len(assembly.links)} links, "
+        f"{sum(1 for mate in assembly.mates if mate.joint is not None)} joints",
+        "centre of mass  " + "  ".join(f"{1000.0 * x:.3f}" for x in whole.centre) + "  mm, in the frame of "
+        f"`{assembly.occurrences[assembly.base].path}` at q = 0",
+        "inertia         "
+        + "  ".join(
+            f"{name} {1e6 * whole.inertia[i][j]:.2f}"
+            for name, i, j in (("ixx", 0, 0), ("iyy", 1, 1), ("izz", 2, 2), ("ixy", 0, 1), ("ixz", 0, 2), ("iyz", 1, 2))
+        )
+        + "  kg mm^2, about the centre",
+        "mass by source  " + _shares(assembly),
+        "",
+    ]
+    rows = [("occurrence", "definition", "mass", "from", "link")]
+    rows += [
+        (o.path, o.definition.text, _grams(o.properties.mass), o.mass_source if o.properties.mass else "-",
+         assembly.links[assembly.link_of[o.index]].name)
+        for o in assembly.occurrences
+    ]
+    lines += _table(rows, right=(2,))
+    for robot in robots:
+        data = mode_data(robot)
+        lines.append("")
+        lines.append(f"mode {robot.name}: root {data['root']}, base {robot.base}")
+        for body in robot.bodies:
+            name = assembly.links[body.link].name
+            if body.joint is None or body.parent is None:
+                lines.append(f"  {name}")
+                continue
+            parent = assembly.links[robot.bodies[body.parent].link].name
+            crossed = ", crossed from child to parent" if body.joint.reversed else ""
+            lines.append(f"  {name}  <- {body.joint.path} ({body.joint.kind}{crossed}) on {parent}")
+    return "\n".join(lines)
+
+
+def _shares(assembly: Assembly) -> str:
+    mass: Counter[str] = Counter()
+    for o in assembly.occurrences:
+        mass[o.mass_source] += o.properties.mass  # type: ignore[assignment]
+    whole = sum(mass.values()) or 1.0
+    return ", ".join(f"{source} {_grams(m)} ({100.0 * m / whole:.1f} %)" for source, m in sorted(mass.items()) if m)
+
+
+def mates_text(assembly: Assembly) -> str:
+    """How mounts meet, and which axis of the child lies along which axis of the parent at q = 0."""
+    rows = [("child", "mount", "on", "mount", "by", "child x, y, z along parent")]
+    for mate in assembly.mates:
+        parent, child = assembly.occurrences[mate.parent], assembly.occurrences[mate.child]
+        rotation = (assembly.rest[mate.parent].inverse() @ assembly.rest[mate.child]).rotation
+        along = ", ".join(_axis((rotation[0][k], rotation[1][k], rotation[2][k])) for k in range(3))
+        by = mate.joint.path if mate.joint is not None else "rigid"
+        rows.append((child.path, mate.child_mount, parent.path, mate.parent_mount, by, along))
+    return "\n".join(_table(rows))
+
+
+def _axis(v: tuple[float, float, float]) -> str:
+    for k, name in enumerate("xyz"):
+        if abs(abs(v[k]) - 1.0) < 1e-9:
+            return f"{'+' if v[k] > 0 else '-'}{name}"
+    return "(" + " ".join(f"{x:.3f}" for x in v) + ")"
+
+
+def _grams(mass: float) -> str:
+    return f"{1000.0 * mass:.2f} g" if mass < 1.0 else f"{mass:.4f} kg"
+
+
+def _table(rows: list[tuple[str, ...]], right: tuple[int, ...] = ()) -> list[str]:
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    return [
+        "  ".join(cell.rjust(w) if k in right else cell.ljust(w) for k, (cell, w) in enumerate(zip(row, widths))).rstrip()
+        for row in rows
+    ]

@@ -1,0 +1,87 @@
+"""`thingc`: reads the command line and hands on to one module per command (imported only when it is asked for)."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Sequence
+
+COMMANDS = {
+    "build": "write simulation models and manufacturing files of a robot",
+    "check": "say everything that is wrong with documents, and write nothing",
+    "info": "masses, links and joints of a robot, and where each number comes from",
+    "hag": "print the assembly graph (text, DOT, Mermaid or SVG)",
+    "parts": "list every part in reach, with its parameters and mounts",
+    "why": "why a part was modelled or reused, and what a target could not say",
+}
+
+EPILOG = """\
+A first look:
+  thingc check assemblies/arm.yaml           is it right?
+  thingc build assemblies/arm.yaml           models, meshes, print files, bill of materials in build/arm/
+  thingc build assemblies/arm.yaml -p 'reach=120 mm' --mode bench --emit mjcf
+  thingc info assemblies/arm.yaml            what it weighs, and how thingc knows
+
+`thingc COMMAND --help` tells more about one command.
+"""
+
+
+def parser_for(command: str | None) -> argparse.ArgumentParser:
+    """The parser, with the options of one command only (the others need not be imported)."""
+    parser = argparse.ArgumentParser(
+        prog="thingc",
+        description="A compiler for robots: one document, many kinematic roots.",
+        epilog=EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action="store_true", help="print the version and leave")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
+    for name, summary in COMMANDS.items():
+        sub = commands.add_parser(
+            name, help=summary, description=summary[0].upper() + summary[1:] + ".", allow_abbrev=False,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        if name == command:
+            importlib.import_module(f"thingc.cli.{name}").configure(sub)
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; returns the exit code: 0 good, 1 errors in documents or parts, 2 a wrong command line."""
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    command = next((word for word in words if not word.startswith("-")), None)
+    parser = parser_for(command if command in COMMANDS else None)
+    try:
+        options = parser.parse_args(words)
+    except SystemExit as leaving:
+        return int(leaving.code or 0)
+    if options.version:
+        from thingc import __version__
+
+        print(f"thingc {__version__}")
+        return 0
+    if options.command is None:
+        parser.print_help()
+        return 2
+    try:
+        code: int = importlib.import_module(f"thingc.cli.{options.command}").run(options)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # `thingc info ... | head`: the reader has what it wants; without this Python complains while it shuts down.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except KeyboardInterrupt:
+        print("interrupted; nothing was written", file=sys.stderr)
+        return 130
+    return code
+
+
+def entry() -> None:
+    """The console script: leaves without the interpreter's slow farewell, after everything has been written."""
+    code = main()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(code)

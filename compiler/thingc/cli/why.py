@@ -1,0 +1,85 @@
+"""`thingc why`: why a part was modelled or reused, and what targets could not say."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from thingc.cli import common
+from thingc.diagnostics import did_you_mean, shown_path
+from thingc.pipeline import Compilation
+
+EPILOG = """\
+  thingc why assemblies/arm.yaml hand/cap       would it be modelled again, and what has changed since last time?
+  thingc why assemblies/arm.yaml --losses       what a target cannot say, and what became of it
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `why`."""
+    parser.epilog = EPILOG
+    common.add_document(parser)
+    parser.add_argument("occurrence", metavar="OCCURRENCE", nargs="?", help="the path of a part, such as hand/cap")
+    parser.add_argument("--losses", action="store_true", help="list what each target cannot say")
+    common.add_compiling(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Prints the reason; exit code 2 for an occurrence that is not there."""
+    try:
+        if (arguments.occurrence is None) != arguments.losses:
+            raise common.WrongCommandLine(
+                "`why` wants an occurrence, or --losses", "write for example: thingc why assemblies/arm.yaml hand/cap"
+            )
+        common.require_document(arguments.document)
+        options = common.options_of(arguments)
+        with Compilation(arguments.document, options) as compilation:
+            compilation.run()
+            found = common.final(compilation.report, strict=arguments.strict)
+            code = common.exit_code(found)
+            if code == 0 and arguments.losses:
+                found = _losses(compilation, found)
+                code = common.exit_code(found)
+            elif code == 0:
+                _reason(compilation, arguments.occurrence)
+    except common.WrongCommandLine as fault:
+        found, code = [fault.diagnostic], common.USAGE
+    common.print_text(found, stream=sys.stderr, debug=arguments.debug)
+    return code
+
+
+def _reason(compilation: Compilation, wanted: str) -> None:
+    assembly = compilation.assembly
+    if assembly is None:
+        return
+    by_path = {o.path: o for o in assembly.occurrences}
+    path = wanted.replace(".", "/")
+    if path not in by_path:
+        inside = [p for p in by_path if p.startswith(path + "/")]
+        hint = f"it is an assembly; its parts are {', '.join(f'`{p}`' for p in inside)}" if inside else did_you_mean(path, by_path)
+        raise common.WrongCommandLine(f"there is no occurrence `{wanted}`", hint)
+    occurrence = by_path[path]
+    text = occurrence.definition.text
+    if text not in compilation.decisions:
+        print(f"{path} is a frame: there is nothing to model")
+        return
+    decision = compilation.decisions[text]
+    print(f"{path} is {text}")
+    print(f"{'reused' if decision.reused else 'modelled'}: {decision.reason}")
+    users = [o.path for o in assembly.occurrences if o.definition.text == text]
+    if len(users) > 1:
+        print(f"shared by {', '.join(users)}")
+
+
+def _losses(compilation: Compilation, found: list[common.Diagnostic]) -> list[common.Diagnostic]:
+    from thingc.emit import targets
+
+    artifacts = compilation.emit(targets())
+    losses = [loss for target in artifacts.values() for loss in target.losses]
+    for loss in losses:
+        place = f"{shown_path(loss.span.file)}:{loss.span.line}: " if loss.span is not None else ""
+        mode = f" in {loss.mode}" if loss.mode is not None else ""
+        print(f"{place}{loss.target}{mode}: {loss.path}: {loss.what}: {loss.how}")
+    if not losses:
+        print("every target says everything")
+    return common.final(compilation.report, strict=False)

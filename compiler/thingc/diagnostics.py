@@ -1,0 +1,353 @@
+"""What thingc says when something is wrong: a closed set of codes, a place, what was expected, what to type next.
+
+Passes never raise for bad input: they add to a `Report`, so that everything wrong is said in one run.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from enum import Enum
+
+from thingc.source import Origin, Span
+
+
+class Severity(str, Enum):
+    """How bad it is. Only errors stop a build (with `--strict` warnings do, too)."""
+
+    ERROR = "error"
+    WARNING = "warning"
+    NOTE = "note"
+
+
+class Code(Enum):
+    """Every diagnostic there is: `NAME = ("code", "title", "cure")`. Codes are never used twice or renumbered.
+
+    TC1xx reading, TC2xx one document, TC3xx names and values across documents, TC4xx parts, TC5xx the assembly,
+    TC6xx modes, TC7xx targets, TC8xx folders and files.
+    """
+
+    # --- TC1xx: reading files (load) -------------------------------------------------------------------------------
+    UNREADABLE = ("TC101", "a file cannot be read", "Check the name and the permissions of the file.")
+    NOT_UTF8 = ("TC102", "a file is not UTF-8 text", "Save the file as UTF-8.")
+    SYNTAX = ("TC103", "not well-formed YAML or TOML", "Mend the line shown; the hint says what a person usually meant.")
+    DUPLICATE_KEY = ("TC104", "a key is written twice", "Remove or rename one of the two.")
+    KEY_NOT_TEXT = ("TC105", "a key is no text", "Keys are names; put quotes around one that YAML reads as something else.")
+    TAG = ("TC106", "a YAML tag", "Remove the tag: values have the type that they show.")
+    ALIAS = ("TC107", "a YAML alias or merge key that cannot be followed", "Define the anchor first; write merged keys out.")
+    TOO_LARGE = ("TC108", "a bound is exceeded", "Split the document: 10 MB, 100 levels, 10 000 nodes from aliases.")
+    NOT_FINITE = ("TC109", "a number that is not finite", "Write a finite number, or leave the key out.")
+    EXPRESSION_COMMA = ("TC110", "an unquoted comma cuts an expression", "Put the expression in quotes.")
+    HEADER = ("TC111", "the kind or version of a document is missing or unknown", "Begin with `thingc: assembly/1` or another kind.")
+    WRONG_KIND = ("TC112", "a document of another kind is wanted here", "Name a document of the right kind.")
+    MISSING_FILE = ("TC113", "a file that a document names is not there", "Paths are relative to the document that names them.")
+    OUTSIDE_WORKSPACE = ("TC114", "a path leaves the workspace", "Keep every file in the folder of `thingc.toml`; use relative paths.")
+    FILE_TYPE = ("TC115", "a file of an unknown type", "Documents are .yaml, .yml or .toml; parts of a file .step, .brep, .stl, .3mf or .obj.")
+    DOCUMENT_CYCLE = ("TC116", "assemblies nest themselves", "Break the chain at one of the places shown.")
+    NOT_A_MAPPING = ("TC117", "a document is empty or no mapping", "A document is a mapping that begins with `thingc:`.")
+    DATE = ("TC118", "a date or time", "No key takes one; put it in quotes if it is text.")
+    SEVERAL_DOCUMENTS = ("TC119", "several documents in one file", "Write one document per file.")
+    WORKSPACE_FOLDER = ("TC120", "a folder of the workspace is not there", "Make the folder or correct its name.")
+    # --- TC2xx: one document by itself (validate) ------------------------------------------------------------------
+    UNKNOWN_KEY = ("TC201", "an unknown key", "Correct the spelling or remove the key.")
+    MISSING_KEY = ("TC202", "a required key is missing", "Add the key.")
+    WRONG_TYPE = ("TC203", "a value of the wrong type", "Write what the message says is expected.")
+    UNKNOWN_CHOICE = ("TC204", "a value that is none of the choices", "Write one of the choices listed.")
+    BAD_NAME = ("TC205", "a name with other characters than letters, digits and `_`", "Rename it; names begin with a letter.")
+    BAD_UNIT = ("TC206", "a unit is missing or unknown", "Write the unit after the number: `120 mm`.")
+    WRONG_DIMENSION = ("TC207", "a quantity of the wrong dimension", "Write a quantity of the dimension that is expected.")
+    BAD_QUANTITY = ("TC208", "not a quantity", "Write a number and its unit: `120 mm`, `4.1 N*m`.")
+    BAD_EXPRESSION = ("TC209", "an expression that cannot be read", "Mend the place shown: `+ - * / **`, parentheses, names, `min(a, b)`.")
+    BAD_REFERENCE = ("TC210", "not a reference", "Write names with dots between them: `plate.servo_seat`.")
+    BAD_COLOR = ("TC211", "not a colour", "Write a CSS name or `\"#rrggbb\"`.")
+    BROKEN_RULE = ("TC212", "keys that do not go together", "Follow the rule in the message.")
+    NO_VALUE = ("TC213", "a key without a value", "Write a value after the colon or remove the key.")
+    WRONG_LENGTH = ("TC214", "a list with the wrong number of items", "Write as many items as the message says.")
+    # --- TC3xx: names and values across documents (resolve) --------------------------------------------------------
+    NOT_YET = ("TC301", "not built yet", "Leave it out for now: this version of thingc does not build it.")
+    UNKNOWN_COMPONENT = ("TC302", "unknown component", "Name a component of this document, or of the assembly it goes into.")
+    UNKNOWN_MOUNT = ("TC303", "unknown mount", "Name a mount that the component has, or export it in the nested document.")
+    UNKNOWN_JOINT = ("TC304", "unknown joint", "Name a joint as `joint`, or `component.joint` inside a nested assembly.")
+    UNKNOWN_PARAMETER = ("TC305", "unknown parameter", "Name a parameter that the part or the document declares.")
+    UNKNOWN_MATERIAL = ("TC306", "unknown material", "Name a material of the documents listed under `materials`.")
+    UNKNOWN_POSE = ("TC307", "unknown pose", "Name a pose of the document.")
+    UNKNOWN_MODE = ("TC308", "unknown mode", "Name a mode of the document.")
+    NO_MATCH = ("TC309", "pattern without a match", "Write a pattern that fits at least one name.")
+    REFERENCE = ("TC310", "not a reference", "Write `component.mount`, or `component.inner.mount` into a nested assembly.")
+    NAME_CLASH = ("TC311", "two things of one name", "Rename one of them.")
+    RESERVED_NAME = ("TC312", "reserved name", "`world`, `root` and `origin` have a meaning already: choose another name.")
+    EXPRESSION = ("TC313", "expression cannot be evaluated", "Use the parameters of this document, with dimensions that fit.")
+    DIMENSION = ("TC314", "wrong dimension", "Write a value of the dimension named in the message.")
+    OUT_OF_RANGE = ("TC315", "value out of range", "Write a value within the bounds named in the message.")
+    PARAMETER_CYCLE = ("TC316", "parameters in a circle", "Give one parameter of the circle a value of its own.")
+    MISSING_PARAMETER = ("TC317", "missing parameter", "Give the parameter a value.")
+    VALUE_KIND = ("TC318", "wrong kind of value", "Write a value of the kind named in the message.")
+    ASSEMBLY_CYCLE = ("TC319", "assembly inside itself", "Take one of the documents out of the circle.")
+    PLACED_TWICE = ("TC320", "component placed twice", "Keep one of `attach`, `at` or the joint.")
+    NO_BASE = ("TC321", "no base component", "One component, the base, is placed by nothing.")
+    TWO_BASES = ("TC322", "more than one base component", "Give every component but one an `attach`, an `at` or a joint.")
+    PLACED_ON_ITSELF = ("TC323", "component placed on itself", "Place it on another component.")
+    LIMIT = ("TC324", "joint limits", "Write `limit: {lower: ..., upper: ...}` with lower < upper where the joint has limits.")
+    MIMIC = ("TC325", "bad mimic", "`mimic.joint` names another moving joint of the same document, in no circle.")
+    DRIVE = ("TC326", "bad drive", "A drive is a component with an actuator, or an inline one, on a joint that moves.")
+    PART_MISSING = ("TC327", "no such part", "Write `module:Class` with a module on the part path and a class in it.")
+    PART_REFUSED = ("TC328", "part refused", "Parts come from the workspace's `parts` folders and its allowed `packages`.")
+    PART_BROKEN = ("TC329", "part cannot be read", "Mend the part file at the line named.")
+    FILE_PART = ("TC330", "bad file part", "Name a STEP, BREP, STL, 3MF or OBJ file inside the workspace.")
+    TOO_MANY = ("TC331", "too many", "Stay within the bounds: 10 000 per repeat, 100 000 occurrences, 100 nested documents.")
+    NO_ROOT = ("TC332", "mode without a root", "Write `root: component` or `root: component.mount`.")
+    EXTENDS_CYCLE = ("TC333", "modes in a circle", "Let one mode of the circle extend none.")
+    POSE = ("TC334", "bad pose", "A pose sets joints that move by themselves, with values of their dimension.")
+    OVERRIDE = ("TC335", "override of an assembly", "Write the override on a component of the nested document.")
+    RAW_TARGET = ("TC336", "unknown target", "Raw attributes go to `mjcf`.")
+    NOT_A_PART = ("TC337", "not a part", "Name a component that is a part.")
+    JOINT_FIELD = ("TC338", "key that this joint has no use for", "Take the key out, or choose another joint type.")
+    LIBRARY = ("TC339", "library cannot be read", "Install the library, or write the material out.")
+    # --- TC4xx: parts (realize) ------------------------------------------------------------------------------------
+    PART_RAISED = ("TC401", "part raised an exception", "Give the part parameters that it can be made with, or mend the part file.")
+    PART_HUNG = ("TC402", "part took too long", "Mend the part, or allow more time with `part_timeout`.")
+    PART_CRASHED = ("TC403", "part crashed the interpreter", "Change what the part asks of the CAD kernel; other parts are unharmed.")
+    PART_EMPTY = ("TC404", "part without volume", "Let `result()` return a solid, or None for a part without geometry.")
+    PART_INVALID = ("TC405", "part is not valid", "Mend the part file at the line named.")
+    PART_WARNING = ("TC406", "remark of a part", "Mend the part file at the line named.")
+    EXPECTATION = ("TC407", "not what the part was cut for", "Put the expected part there, or write `expect: ignore`.")
+    # --- TC5xx: the assembly (link) --------------------------------------------------------------------------------
+    INCOMPLETE = ("TC501", "assembly cannot be linked", "Mend what the other messages name.")
+    MOUNT_CLASH = ("TC502", "two mounts of one name", "Give the mount that the document adds another name.")
+    PLACEMENT_CIRCLE = ("TC503", "components in a circle", "Place one component of the circle on one outside of it.")
+    NO_MATERIAL = ("TC504", "component without a mass", "Give it a `material:` with a density, or a `mass:`.")
+    INFILL = ("TC505", "infill without walls", "An infill needs `walls` and `line_width` in its `process`.")
+    NOT_PHYSICAL = ("TC506", "inertia of no solid", "Moments of inertia are above 0, and none is above the sum of the other two.")
+    MASSLESS = ("TC507", "moving link without mass", "Give one of its components a mass, or fuse it with another link.")
+    DUPLICATE_LINK = ("TC508", "two links of one name", "Choose another name under `links:`.")
+    LINK_NAMED_TWICE = ("TC509", "link with two names", "Keep one of the names under `links:`.")
+    NO_ACTUATOR = ("TC510", "drive without an actuator", "Name a component whose Thing declares an actuator, or write the drive inline.")
+    EFFORT = ("TC511", "effort above the actuator's", "Lower `limit.effort`, or choose a stronger actuator.")
+    NO_GAIN = ("TC512", "position drive without a gain", "Give the actuator a `kp`.")
+    # --- TC6xx: modes (root) ---------------------------------------------------------------------------------------
+    POSE_LIMITS = ("TC601", "pose outside joint limits", "Write a value within the joint's limits, or widen them.")
+    UNREACHED = ("TC602", "links beyond the root's reach", "Mend the placements: every link hangs together with the root.")
+    # --- TC7xx: targets (emit) -------------------------------------------------------------------------------------
+    RAW_UNKNOWN = ("TC701", "raw attribute of nothing", "Name a kind of element and an element that the model has.")
+    MJCF_REFUSED = ("TC702", "MuJoCo refuses the model", "Change what stands at the place named, as MuJoCo's words say.")
+    MJCF_WARNING = ("TC703", "MuJoCo warns of the model", "Change what stands at the place named, as MuJoCo's words say.")
+    COLLISION_MISSING = ("TC704", "no such collision shape", "Choose another `collision`, or give the Thing a `collision()`.")
+    MESH_TOO_LARGE = ("TC705", "mesh too large for MuJoCo", "Choose `collision: hull`, or a coarser `mesh` for the workspace.")
+    LOSS_DENIED = ("TC706", "a target cannot say this", "Leave it out of the document, or build without --deny-loss.")
+    SAME_FILE = ("TC751", "two definitions make one file name", "Rename one of the two part files.")
+    # --- TC8xx: folders and files (driver, command line) -----------------------------------------------------------
+    COMMAND_LINE = ("TC801", "wrong command line", "`thingc COMMAND --help` shows what it takes.")
+    NO_DOCUMENT = ("TC802", "no such document", "Name an assembly document that is there.")
+    PARAMETER_OPTION = ("TC803", "bad -p", "Write -p 'NAME=VALUE' with a parameter of the document, as the document would.")
+    STRANGERS = ("TC804", "strangers in the build folder", "Move the named files away, or build elsewhere with -o.")
+    OUTPUT = ("TC805", "cannot write", "Make room, or choose a folder that can be written with -o or --store.")
+    NOT_AN_ASSEMBLY = ("TC806", "not an assembly", "Build the assembly document that uses this one.")
+
+    def __init__(self, code: str, title: str, cure: str) -> None:
+        self.code = code
+        self.title = title
+        self.cure = cure
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Note:
+    """A second place, or more to know: "mount declared here"."""
+
+    message: str
+    span: Span | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Diagnostic:
+    """One thing to say. `path` is the key path in the document or the path of the occurrence or joint; `detail` is
+    shown only with `--debug` (the traceback of a part)."""
+
+    code: Code
+    severity: Severity
+    message: str
+    span: Span | None = None
+    path: str | None = None
+    help: str | None = None
+    notes: tuple[Note, ...] = ()
+    detail: str | None = None
+
+
+@dataclass(slots=True)
+class Report:
+    """Collects diagnostics through the passes. The only mutable thing that passes share."""
+
+    diagnostics: list[Diagnostic] = field(default_factory=list)
+
+    def add(
+        self,
+        code: Code,
+        message: str,
+        where: Span | Origin | None,
+        *,
+        help: str | None = None,
+        path: str | None = None,
+        notes: Iterable[Note] = (),
+        severity: Severity = Severity.ERROR,
+        detail: str | None = None,
+    ) -> None:
+        """Say `message` at `where`; of an `Origin` the innermost span is the place and the others become notes."""
+        span: Span | None
+        extra: list[Note] = list(notes)
+        if where is None or isinstance(where, Span):
+            span = where
+        else:
+            span = where[0] if where else None
+            extra.extend(Note(message="nested from here", span=outer) for outer in where[1:])
+        found = Diagnostic(
+            code=code, severity=severity, message=message, span=span, path=path, help=help, notes=tuple(extra),
+            detail=detail,
+        )
+        if found not in self.diagnostics:
+            self.diagnostics.append(found)
+
+    def warn(
+        self,
+        code: Code,
+        message: str,
+        where: Span | Origin | None,
+        *,
+        help: str | None = None,
+        path: str | None = None,
+        notes: Iterable[Note] = (),
+    ) -> None:
+        """`add` with severity warning."""
+        self.add(code, message, where, help=help, path=path, notes=notes, severity=Severity.WARNING)
+
+    @property
+    def failed(self) -> bool:
+        """Whether an error was said."""
+        return any(d.severity is Severity.ERROR for d in self.diagnostics)
+
+    def ordered(self) -> list[Diagnostic]:
+        """By file, line and column (those without a place last), else in the order said."""
+        return sorted(
+            self.diagnostics,
+            key=lambda d: (d.span is None, d.span.file if d.span else "", *((d.span.line, d.span.column) if d.span else (0, 0))),
+        )
+
+    def strict(self) -> Report:
+        """The same with warnings made errors."""
+        return Report([
+            replace(d, severity=Severity.ERROR) if d.severity is Severity.WARNING else d for d in self.diagnostics
+        ])
+
+
+def nearest(name: str, candidates: Iterable[str]) -> str | None:
+    """The candidate a person who wrote `name` most likely meant, or None."""
+    import difflib
+
+    known = sorted(set(candidates))
+    lowered = {candidate.lower(): candidate for candidate in reversed(known)}
+    if name.lower() in lowered:
+        return lowered[name.lower()]
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+    return close[0] if close else None
+
+
+def did_you_mean(name: str, candidates: Iterable[str], *, what: str = "names") -> str:
+    """A hint for an unknown name: the near one, else what there is (at most twelve)."""
+    known = sorted(set(candidates))
+    close = nearest(name, known)
+    if close is not None:
+        return f"did you mean `{close}`?"
+    if not known:
+        return f"there are no {what} here"
+    shown = ", ".join(f"`{candidate}`" for candidate in known[:12])
+    return f"known {what}: {shown}" + (f" and {len(known) - 12} more" if len(known) > 12 else "")
+
+
+def shown_path(file: str) -> str:
+    """A file as a person at this working folder would name it."""
+    relative = os.path.relpath(file)
+    return file if relative.startswith(os.path.join("..", "..", "..")) else relative
+
+
+def as_json(diagnostics: Sequence[Diagnostic]) -> list[dict[str, object]]:
+    """The contract of `--format json`: see `docs/` for the keys."""
+
+    def place(span: Span | None) -> dict[str, object]:
+        if span is None:
+            return {"file": None, "line": None, "column": None}
+        return {"file": shown_path(span.file), "line": span.line, "column": span.column}
+
+    return [
+        {
+            "code": d.code.code,
+            "severity": d.severity.value,
+            "message": d.message,
+            **place(d.span),
+            "path": d.path,
+            "help": d.help,
+            "notes": [{"message": n.message, **place(n.span)} for n in d.notes],
+        }
+        for d in diagnostics
+    ]
+
+
+def as_text(diagnostics: Sequence[Diagnostic], *, color: bool = False, debug: bool = False) -> str:
+    """Code frames for people: position, source line, caret, hint, and the second place where there is one."""
+    lines: list[str] = []
+    sources: dict[str, list[str]] = {}
+    for d in diagnostics:
+        tint = {"error": "1;31", "warning": "1;33", "note": "1;36"}[d.severity.value]
+        head = _paint(f"{d.severity.value}[{d.code.code}]", tint, color)
+        lines.append(f"{head}: {_paint(d.message, '1', color)}")
+        if d.span is not None:
+            lines.extend(_frame(d.span, sources, tint, color))
+        for n in d.notes:
+            lines.append(f"  {_paint('note', '1;36', color)}: {n.message}")
+            if n.span is not None:
+                lines.extend(_frame(n.span, sources, "1;36", color))
+        if d.help:
+            lines.append(f"  {_paint('help', '1;32', color)}: {d.help}")
+        if debug and d.detail:
+            lines.extend("  | " + text for text in d.detail.rstrip().splitlines())
+        lines.append("")
+    return "\n".join(lines)
+
+
+def summary(diagnostics: Sequence[Diagnostic]) -> str:
+    """`2 errors, 1 warning`, or an empty text when there is nothing to say."""
+    parts: list[str] = []
+    for severity in (Severity.ERROR, Severity.WARNING):
+        count = sum(1 for d in diagnostics if d.severity is severity)
+        if count:
+            parts.append(f"{count} {severity.value}{'' if count == 1 else 's'}")
+    return ", ".join(parts)
+
+
+def _paint(text: str, style: str, color: bool) -> str:
+    return f"\x1b[{style}m{text}\x1b[0m" if color else text
+
+
+_CONTROL = {code: 0xFFFD for code in (*range(9), *range(11, 32), 0x7F, *range(0x80, 0xA0))}
+"""Control characters of a document must not reach the terminal; a tab stays."""
+
+
+def _frame(span: Span, sources: dict[str, list[str]], tint: str, color: bool) -> list[str]:
+    if span.file not in sources:
+        try:
+            with open(span.file, encoding="utf-8-sig", errors="replace", newline=None) as stream:
+                sources[span.file] = stream.read(10_000_001).split("\n")
+        except OSError:
+            sources[span.file] = []
+    place = f"{shown_path(span.file)}:{span.line}:{span.column}"
+    text = sources[span.file][span.line - 1] if span.line <= len(sources[span.file]) else ""
+    text = text.translate(_CONTROL)
+    first, last = span.column, span.end_column if span.end_line == span.line else len(text) + 1
+    offset = max(0, first - 60) if len(text) > 120 else 0
+    shown = text[offset : offset + 120]
+    width = max(1, min(last, offset + len(shown) + 1) - first)
+    pad = "".join("\t" if character == "\t" else " " for character in shown[: first - 1 - offset])
+    gutter = " " * len(str(span.line))
+    return [
+        f"  {gutter}--> {place}",
+        f"  {span.line} | {shown}",
+        f"  {gutter} | {pad}{_paint('^' * width, tint, color)}",
+    ]

@@ -1,0 +1,120 @@
+"""`manifest.json`: what a build folder holds and where it came from, so that it can be checked, replaced and trusted."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from thingc.emit import jsontext
+from thingc.emit.artifact import MANIFEST, Content, Loss, Stored
+from thingc.graph.types import Assembly
+
+if TYPE_CHECKING:
+    from thingc.workspace import Workspace
+
+DISTRIBUTIONS = ("thingc", "build123d", "cadquery-ocp-novtk", "cadquery-ocp", "mujoco")
+"""Installed distributions whose version changes what a build holds; one that is not installed is left out."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choice:
+    """What the build was asked for: modes and targets by name, in document and table order, and parameters as texts."""
+
+    modes: tuple[str, ...]
+    emit: tuple[str, ...]
+    parameters: Mapping[str, str]
+
+
+def manifest(
+    assembly: Assembly,
+    *,
+    document: str,
+    documents: Mapping[str, str],
+    choice: Choice,
+    files: Mapping[str, Content],
+    losses: Sequence[Loss],
+    workspace: Workspace,
+) -> bytes:
+    """The bytes of `manifest.json`.
+
+    `document` and the keys of `documents` (path to SHA-256) are paths in the workspace; `files` everything else that the folder
+    will hold. The same input gives the same bytes, whatever the order of the mappings. Raises `ValueError` when `files` has a
+    manifest of its own.
+    """
+    if MANIFEST in files:
+        raise ValueError(f"{MANIFEST} cannot list itself")
+    links = assembly.links
+    return jsontext.encode(
+        {
+            "name": assembly.name,
+            "document": document,
+            "choice": {
+                "modes": choice.modes,
+                "emit": choice.emit,
+                "parameters": dict(sorted(choice.parameters.items())),
+            },
+            "versions": versions(),
+            "documents": dict(sorted(documents.items())),
+            "files": {path: sha256_of(content) for path, content in sorted(files.items())},
+            "occurrences": [
+                {
+                    "path": occurrence.path,
+                    "definition": occurrence.definition.text,
+                    "link": links[assembly.link_of[occurrence.index]].name,
+                    "mass": occurrence.properties.mass,
+                    "mass_source": occurrence.mass_source,
+                }
+                for occurrence in assembly.occurrences
+            ],
+            "losses": [loss_entry(loss, workspace) for loss in losses],
+        }
+    )
+
+
+def loss_entry(loss: Loss, workspace: Workspace) -> dict[str, object]:
+    """A loss as the manifest and `--format json` print it; `file` relative to the workspace, null with `line` without a place."""
+    return {
+        "target": loss.target,
+        "mode": loss.mode,
+        "path": loss.path,
+        "what": loss.what,
+        "how": loss.how,
+        "file": workspace.relative(loss.span.file) if loss.span is not None else None,
+        "line": loss.span.line if loss.span is not None else None,
+    }
+
+
+def sha256_of(content: Content) -> str:
+    """The SHA-256 of a file's bytes, in hex; of a stored one it is already known."""
+    return content.sha256 if isinstance(content, Stored) else hashlib.sha256(content).hexdigest()
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of `DISTRIBUTIONS` as installed, by name; the first on the import path counts.
+
+    Read from the names of the `NAME-VERSION.dist-info` folders ("Recording installed projects", PyPA specifications):
+    `importlib.metadata` finds the same, but importing it takes longer than writing everything else.
+    """
+    wanted = {_normal(name): name for name in DISTRIBUTIONS}
+    found: dict[str, str] = {}
+    for folder in sys.path:
+        try:
+            entries = sorted(os.listdir(folder or "."))
+        except OSError:
+            continue
+        for entry in entries:
+            name, dash, version = entry.removesuffix(".dist-info").rpartition("-")
+            if dash and entry.endswith(".dist-info") and _normal(name) in wanted:
+                found.setdefault(wanted[_normal(name)], version)
+    found["python"] = ".".join(map(str, sys.version_info[:3]))
+    return dict(sorted(found.items()))
+
+
+def _normal(name: str) -> str:
+    """The name of a distribution as two spellings of it have in common (PEP 503)."""
+    return re.sub("[-_.]+", "-", name).lower()

@@ -1,0 +1,204 @@
+"""Every model that was written is compiled by MuJoCo, and what it says against one is shown where the cause was written.
+
+MuJoCo is only imported when there is a model that it has not accepted before.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from thingc.diagnostics import Code, Report, Severity
+from thingc.emit.artifact import Stored
+from thingc.emit.mjcf_xml import Element, RawValue, Written, write
+from thingc.realize.store import Store
+from thingc.source import Origin
+
+ACCEPTED = "mujoco-ok"
+"""The kind of document in the store that says: this version of MuJoCo compiled exactly this without a word."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """A mode's files: `model` as it was written from the element `root` with `heading`, and the scene that includes it as
+    `file`."""
+
+    mode: str
+    file: str
+    root: Element
+    heading: str
+    model: Written
+    scene: Written
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """What MuJoCo said of one text: why it refuses it (None: it compiled), and its warnings."""
+
+    error: str | None
+    warnings: tuple[str, ...]
+
+
+def check(candidates: Sequence[Candidate], assets: Mapping[str, Stored], store: Store, report: Report) -> None:
+    """Compile every candidate's scene, and with it the model in it; errors and warnings go to `report` at their origin.
+
+    The files are compiled one after the other: MuJoCo keeps the meshes it has read, so that the second mode costs a tenth
+    of the first, and threads only make each of them read all (measured).
+    """
+    version = mujoco_version()
+    waiting = [
+        (candidate, key) for candidate in candidates
+        for key in [_key(candidate, assets, version)] if store.get_json(ACCEPTED, key) is None
+    ]
+    if not waiting:
+        return
+    data = {file: store.read(stored.sha256) for file, stored in assets.items()}
+    for candidate, key in waiting:
+        # The scene holds all that the model holds, so one compilation serves both files.
+        verdict = attempt(candidate.scene.text, {**data, candidate.file: candidate.model.text.encode()})
+        if verdict.error is None:
+            for warning in verdict.warnings:
+                _say(Code.MJCF_WARNING, "warns of", warning, candidate, candidate.model, report, severity=Severity.WARNING)
+            if not verdict.warnings:
+                store.put_json(ACCEPTED, key, True)
+            continue
+        _explain(candidate, data, report, scene_error=verdict.error)
+
+
+def mujoco_version() -> str:
+    """The version of the installed MuJoCo, from the name of its metadata folder, because importing it takes 0.1 s."""
+    from importlib.util import find_spec
+
+    spec = find_spec("mujoco")
+    for place in (spec.submodule_search_locations or ()) if spec is not None else ():
+        for name in sorted(os.listdir(os.path.dirname(place))):
+            found = re.fullmatch(r"mujoco-(.+)\.dist-info", name)
+            if found:
+                return found[1]
+    from importlib.metadata import version
+
+    return version("mujoco")
+
+
+def attempt(text: str, files: Mapping[str, bytes]) -> Verdict:
+    """Compile one text, with the files that it names in memory."""
+    import mujoco
+
+    with _heard() as warnings:
+        try:
+            mujoco.MjModel.from_xml_string(text, dict(files))
+        except (ValueError, mujoco.FatalError) as fault:
+            return Verdict(error=str(fault), warnings=tuple(warnings))
+    return Verdict(error=None, warnings=tuple(warnings))
+
+
+@contextmanager
+def _heard() -> Iterator[list[str]]:
+    """MuJoCo's warnings. Left alone it prints them and writes `MUJOCO_LOG.TXT` into the working folder."""
+    import mujoco
+
+    heard: list[str] = []
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(heard.append)
+    try:
+        yield heard
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
+def _key(candidate: Candidate, assets: Mapping[str, Stored], version: str) -> str:
+    content = [version, candidate.model.text, candidate.scene.text, {file: assets[file].sha256 for file in sorted(assets)}]
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()
+
+
+def _explain(candidate: Candidate, data: Mapping[str, bytes], report: Report, *, scene_error: str) -> None:
+    """Report why a model is refused: every raw attribute that is to blame, and one cause beyond them.
+
+    MuJoCo stops at its first error, so a raw attribute that is to blame is lifted and the rest tried again.
+    """
+    written = candidate.model
+    while True:
+        error = attempt(written.text, data).error
+        if error is None:
+            break
+        place = _place(error, written)
+        blamed = _blame(error, place, candidate, data)
+        if blamed is None:
+            _say(Code.MJCF_REFUSED, "refuses", error, candidate, written, report)
+            return
+        owner, name, value = blamed
+        report.add(
+            Code.MJCF_REFUSED,
+            f"MuJoCo refuses `{name}` of {owner.label}: {_words(error)}",
+            value.attribute.origin,
+            path=".".join(("raw", value.attribute.target, *value.attribute.path)),
+            help="see the XML reference of MuJoCo for the attributes and values it takes",
+        )
+        written = write(candidate.root, candidate.heading)
+    if written is candidate.model:
+        message = f"MuJoCo refuses the scene of mode `{candidate.mode}`: {_words(scene_error)}"
+        report.add(Code.MJCF_REFUSED, message, candidate.origin, path=candidate.mode)
+
+
+def _blame(
+    error: str, place: Element | None, candidate: Candidate, data: Mapping[str, bytes]
+) -> tuple[Element, str, RawValue] | None:
+    """The raw attribute that an error comes from, lifted, or None when all of them are innocent.
+
+    Tried in turn: one of the element that the error names, by name; then each one of that element; then each one of the
+    model. Whichever changes what MuJoCo says when it is taken away is to blame.
+    """
+    quoted = set(re.findall(r"[A-Za-z_]\w*", error))
+    owned = [(place, name) for name in place.raw] if place is not None else []
+    others = [(element, name) for element in candidate.root.walk() if element is not place for name in element.raw]
+    for element, name in (*sorted(owned, key=lambda pair: pair[1] not in quoted), *others):
+        value = element.lift(name)
+        if attempt(write(candidate.root, candidate.heading).text, data).error != error:
+            return element, name, value
+        element.lay(name, value.attribute)
+    return None
+
+
+def _say(
+    code: Code, verb: str, text: str, candidate: Candidate, written: Written, report: Report, *,
+    severity: Severity = Severity.ERROR,
+) -> None:
+    """Report what MuJoCo said at the origin of the element it said it of, or of the raw attribute that it names."""
+    place = _place(text, written)
+    for element in (place,) if place is not None else candidate.root.walk():
+        for name, value in element.raw.items():
+            if f"'{name}'" in text:
+                message = f"MuJoCo {verb} `{name}` of {element.label}: {_words(text)}"
+                path = ".".join(("raw", value.attribute.target, *value.attribute.path))
+                report.add(code, message, value.attribute.origin, path=path, severity=severity)
+                return
+    subject = "the model" if place is None or place.tag == "mujoco" else place.label
+    origin = place.origin if place is not None and place.origin else candidate.origin
+    path = place.attributes.get("name") if place is not None else None
+    report.add(code, f"MuJoCo {verb} {subject}: {_words(text)}", origin, path=path, severity=severity)
+
+
+def _place(text: str, written: Written) -> Element | None:
+    """The element that MuJoCo speaks of: by line, else by its name in the text."""
+    line = re.search(r"\bline (?:number=)?(\d+)", text, re.IGNORECASE)
+    if line:
+        return written.element_at(int(line[1]))
+    name = re.search(r"Element name '([^']+)'", text) or re.search(r"'([^']+)'", text)
+    if name is None:
+        return None
+    named = [element for element in written.lines if element is not None and element.attributes.get("name") == name[1]]
+    word = re.search(r"\b(keyframe|mesh|material|joint|geom|site|body|actuator)\b", text)
+    tag = {"keyframe": "key"}.get(word[1], word[1]) if word else None
+    return next((element for element in named if element.tag == tag), named[0] if named else None)
+
+
+def _words(text: str) -> str:
+    """MuJoCo's words without what only makes sense beside the XML."""
+    first = next((line for line in text.splitlines() if line.strip()), "no reason given")
+    return re.sub(r"^(?:(?:XML )?Error: |Schema violation: |error )+", "", first.strip()).rstrip(".")

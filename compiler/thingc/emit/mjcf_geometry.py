@@ -1,0 +1,178 @@
+"""What of each occurrence MuJoCo shall draw and touch: mesh assets shared by definition, and shapes per occurrence.
+
+The same in every mode, so it is worked out once. Meshes go from the store into the build by name, unread.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from thingc.diagnostics import Code, Note, Report
+from thingc.emit.artifact import Loss, Stored
+from thingc.graph.types import Assembly, Occurrence
+from thingc.pose import NO_POSE, Pose
+from thingc.realize.record import Mesh, PartDefinition, PartRecord
+from thingc.source import Origin
+
+STL_FACES = 200_000
+"""The most faces that MuJoCo reads from an STL file (`stl_decoder`); it has no such bound for OBJ."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeshAsset:
+    """A mesh asset: its name, its file in `assets/`, where its bytes lie, and whether MuJoCo must take it as a surface
+    (`inertia="shell"`), which it must where the mesh encloses no volume."""
+
+    name: str
+    file: str
+    stored: Stored
+    shell: bool
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shape:
+    """A geom in its occurrence's frame: `kind` `mesh` (named by `mesh`) or a primitive of `size`, both as MuJoCo's [m]."""
+
+    kind: str
+    mesh: str | None = None
+    size: tuple[float, ...] = ()
+    pose: Pose = NO_POSE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shapes:
+    """Of one occurrence: what is drawn (None: nothing) and what collides."""
+
+    visual: Shape | None
+    collision: tuple[Shape, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Geometry:
+    """Of an assembly: `shapes[i]` of occurrence i, the mesh assets in the order first met, and what was lost."""
+
+    shapes: tuple[Shapes, ...]
+    meshes: tuple[MeshAsset, ...]
+    losses: tuple[Loss, ...]
+
+    @property
+    def assets(self) -> dict[str, Stored]:
+        """Where the bytes of each file in `assets/` lie."""
+        return {mesh.file: mesh.stored for mesh in self.meshes}
+
+
+def geometry(assembly: Assembly, report: Report) -> Geometry:
+    """The geometry of every occurrence; what MuJoCo cannot take is reported, what it takes differently is a loss."""
+    return _Collector(report).collect(assembly)
+
+
+class _Collector:
+    def __init__(self, report: Report) -> None:
+        self.report = report
+        self.meshes: dict[str, MeshAsset] = {}
+        self.owners: dict[str, Occurrence] = {}
+        self.losses: list[Loss] = []
+
+    def collect(self, assembly: Assembly) -> Geometry:
+        shapes = tuple(self.shapes(occurrence) for occurrence in assembly.occurrences)
+        return Geometry(shapes=shapes, meshes=tuple(self.meshes.values()), losses=tuple(self.losses))
+
+    def shapes(self, occurrence: Occurrence) -> Shapes:
+        record, definition = occurrence.record, occurrence.component.definition
+        if record is None or not record.meshes or not isinstance(definition, PartDefinition):
+            return Shapes(visual=None, collision=())
+        visual = record.meshes.get("visual") if occurrence.overrides.visual else None
+        drawn = self.mesh(occurrence, definition.stem, "", "obj", visual) if visual is not None else None
+        return Shapes(visual=drawn, collision=self.collision(occurrence, definition.stem, record))
+
+    def collision(self, occurrence: Occurrence, stem: str, record: PartRecord) -> tuple[Shape, ...]:
+        """What `collision:` chose for an occurrence."""
+        choice = occurrence.overrides.collision
+        if choice == "none":
+            return ()
+        if choice in ("box", "cylinder", "capsule", "sphere"):
+            fit = record.fits.get(choice)
+            if fit is None:
+                return self.missing(occurrence, f"no {choice} could be fitted to it")
+            if min(fit.size) <= 0.0:
+                return self.flat(occurrence, f"the {choice} that encloses it has no volume")
+            return (Shape(kind=fit.shape, size=fit.size, pose=fit.pose),)
+        if choice == "decompose":
+            return self.pieces(occurrence, stem, "convex", record.convex, "there is no convex decomposition of it")
+        if choice == "part":
+            return self.pieces(occurrence, stem, "part", record.pieces, "its Thing has no `collision()`")
+        mesh = record.meshes.get(choice)
+        if mesh is None:
+            return self.missing(occurrence, f"it has no {choice}")
+        if choice == "mesh":
+            self.lose(occurrence, "its collision mesh: MuJoCo touches the convex hull of a mesh", "approximated")
+        return self.pieces(occurrence, stem, choice, (mesh,), "")
+
+    def pieces(
+        self, occurrence: Occurrence, stem: str, kind: str, meshes: tuple[Mesh, ...], absent: str
+    ) -> tuple[Shape, ...]:
+        """One shape per mesh that can collide."""
+        if not meshes:
+            return self.missing(occurrence, absent)
+        shapes: list[Shape] = []
+        for index, mesh in enumerate(meshes):
+            suffix = f"_{kind}" if kind in ("hull", "mesh") else f"_{kind}_{index}"
+            if mesh.flat:
+                self.flat(occurrence, "the points of its collision mesh lie in one plane")
+            elif mesh.faces > STL_FACES:
+                self.report.add(
+                    Code.MESH_TOO_LARGE,
+                    f"`{occurrence.path}` ({occurrence.definition.text}) has a collision mesh of {mesh.faces} faces, and MuJoCo "
+                    f"reads at most {STL_FACES}",
+                    occurrence.origin,
+                    path=occurrence.path,
+                    help="write `collision: hull`, or give the workspace a coarser `mesh`",
+                )
+            else:
+                shape = self.mesh(occurrence, stem, suffix, "stl", mesh)
+                if shape is not None:
+                    shapes.append(shape)
+        return tuple(shapes)
+
+    def mesh(self, occurrence: Occurrence, stem: str, suffix: str, extension: str, mesh: Mesh) -> Shape | None:
+        """The shape of a mesh in the part's own frame; its asset is kept. None when another definition has its file name."""
+        name = stem + suffix
+        owner = self.owners.setdefault(name.casefold(), occurrence)
+        if owner.definition != occurrence.definition:
+            self.report.add(
+                Code.SAME_FILE,
+                f"`{occurrence.definition.text}` and `{owner.definition.text}` would both be written as `mjcf/assets/{stem}.obj`",
+                occurrence.origin,
+                path=occurrence.path,
+                help="rename one of the two files",
+                notes=[Note(message=f"`{owner.definition.text}` is used here", span=next(iter(owner.origin), None))],
+            )
+            return None
+        self.meshes.setdefault(name, MeshAsset(
+            name=name,
+            file=f"{name}.{extension}",
+            stored=Stored(sha256=mesh.sha256, size=mesh.size),
+            shell=mesh.flat or not mesh.closed,
+            origin=occurrence.origin,
+        ))
+        return Shape(kind="mesh", mesh=name)
+
+    def missing(self, occurrence: Occurrence, why: str) -> tuple[Shape, ...]:
+        choice = occurrence.overrides.collision
+        self.report.add(
+            Code.COLLISION_MISSING,
+            f"`{occurrence.path}` ({occurrence.definition.text}) asks for `collision: {choice}`, but {why}",
+            occurrence.origin,
+            path=occurrence.path,
+            help="write `collision: hull`, or `none` if it shall touch nothing",
+        )
+        return ()
+
+    def flat(self, occurrence: Occurrence, why: str) -> tuple[Shape, ...]:
+        self.lose(occurrence, f"its contacts: {why}, and MuJoCo needs a solid to touch", "omitted")
+        return ()
+
+    def lose(self, occurrence: Occurrence, what: str, how: str) -> None:
+        span = next(iter(occurrence.origin), None)
+        self.losses.append(Loss(target="mjcf", mode=None, path=occurrence.path, what=what, how=how, span=span))

@@ -1,0 +1,352 @@
+"""One mode's robot as an MJCF tree, by the conventions of the MuJoCo Menagerie."""
+
+from __future__ import annotations
+
+from thingc.emit.artifact import Loss
+from thingc.emit.mjcf_geometry import Geometry, Shape
+from thingc.emit.mjcf_xml import Element, number, numbers, pose_attributes
+from thingc.graph.types import ActuatorModel, Link, Occurrence
+from thingc.inertia import ZERO, Matrix, physical_fault, principal_moments
+from thingc.pose import Pose
+from thingc.resolve.model import Limit
+from thingc.robot.types import CoreJoint, Robot
+
+FREE_JOINT = "root"
+"""The name of a free base's joint."""
+
+UNBOUNDED = 1e6
+"""Where a joint is limited on one side only, the other side of its `range` [rad or m]: MuJoCo takes both or none."""
+
+NOTHING = 1e-12
+"""A range of 0 [N, N m, rad/s or m/s] is written as wide as this."""
+
+INTEGRATORS = {"euler": "Euler", "rk4": "RK4", "implicit": "implicit", "implicitfast": "implicitfast"}
+RESERVED_CLASSES = frozenset({"main", "visual", "collision"})
+
+
+def model(robot: Robot, geometry: Geometry) -> Element:
+    """The whole `<mujoco>` element of a mode, before raw attributes."""
+    return _Builder(robot, geometry).build()
+
+
+def losses(robot: Robot) -> tuple[Loss, ...]:
+    """What MJCF cannot say of this mode beyond its geometry. None of it depends on the mode so far."""
+    found: list[Loss] = []
+    for joint in _joints(robot):
+        if joint.limit.velocity is not None:
+            what = f"its velocity limit of {number(joint.limit.velocity)} {'rad/s' if joint.kind == 'hinge' else 'm/s'}"
+            span = next(iter(joint.origin), None)
+            found.append(
+                Loss(target="mjcf", mode=None, path=joint.path, what=what, how="carried as custom data", span=span)
+            )
+    return tuple(found)
+
+
+def class_name(robot: Robot) -> str:
+    """The robot's default class: its name, unless MuJoCo or we have a class of that name already."""
+    name = robot.assembly.name
+    return f"{name}_robot" if name in RESERVED_CLASSES else name
+
+
+def adhesion_name(robot: Robot, path: str) -> str:
+    """The actuator of a magnet: its mount's path, marked where a joint of that path has the name."""
+    taken = any(mate.joint is not None and mate.joint.path == path for mate in robot.assembly.mates)
+    return f"{path}:adhesion" if taken else path
+
+
+def joint_range(limit: Limit) -> tuple[float, float] | None:
+    """Both limits [rad or m], None where there is none."""
+    if limit.lower is None and limit.upper is None:
+        return None
+    return (-UNBOUNDED if limit.lower is None else limit.lower, UNBOUNDED if limit.upper is None else limit.upper)
+
+
+def _joints(robot: Robot) -> list[CoreJoint]:
+    return [body.joint for body in robot.bodies if body.joint is not None]
+
+
+class _Builder:
+    """The sections of one model, one method each."""
+
+    def __init__(self, robot: Robot, geometry: Geometry) -> None:
+        self.robot = robot
+        self.geometry = geometry
+        self.assembly = robot.assembly
+        self.links: list[Link] = [robot.assembly.links[body.link] for body in robot.bodies]
+        self.joints = {joint.path: joint for joint in _joints(robot)}
+        self.driven = [path for path in robot.present if path in self.joints and self.joints[path].actuator is not None]
+        self.root = Element(
+            tag="mujoco", attributes={"model": f"{self.assembly.name}_{robot.name}"}, origin=robot.mode.origin
+        )
+
+    def build(self) -> Element:
+        """The sections in the order of the Menagerie."""
+        self.root.add("compiler", {"angle": "radian", "meshdir": "assets", "autolimits": "true"})
+        self.option()
+        self.default()
+        self.custom()
+        self.asset()
+        self.worldbody()
+        self.contact()
+        self.equality()
+        self.actuator()
+        self.keyframe()
+        self.root.children = [
+            section for section in self.root.children if section.children or section.tag in ("compiler", "option", "worldbody")
+        ]
+        return self.root
+
+    def option(self) -> None:
+        """Gravity [m/s^2], and how to step: the document's `simulation` with the mode's over it."""
+        mode = self.robot.mode
+        attributes: dict[str, str] = {}
+        for name, value in {**self.assembly.definition.simulation, **mode.simulation}.items():
+            text = value if isinstance(value, str) else number(value)
+            attributes[name] = INTEGRATORS.get(text.lower(), text) if name == "integrator" else text
+        self.root.add("option", {**attributes, "gravity": numbers(self.robot.gravity)}, mode.origin)
+
+    def default(self) -> None:
+        """Classes. Geoms weigh nothing: the mass of a link is what its `inertial` says."""
+        own = self.root.add("default").add("default", {"class": class_name(self.robot)})
+        own.add("site", {"group": "3"})
+        visual = own.add("default", {"class": "visual"})
+        visual.add("geom", {"type": "mesh", "contype": "0", "conaffinity": "0", "group": "2", "mass": "0"})
+        own.add("default", {"class": "collision"}).add("geom", {"type": "mesh", "group": "3", "mass": "0"})
+
+    def custom(self) -> None:
+        """Velocity limits [rad/s or m/s], which MJCF has no place for."""
+        section = self.root.add("custom")
+        for joint in self.joints.values():
+            if joint.limit.velocity is not None:
+                data = number(joint.limit.velocity)
+                section.add("numeric", {"name": f"{joint.path}:velocity", "data": data}, joint.origin)
+
+    def asset(self) -> None:
+        """Materials and meshes, in the order in which the document's occurrences first need them."""
+        section = self.root.add("asset")
+        met: set[str] = set()
+        for occurrence in self.assembly.occurrences:
+            name = _material_name(occurrence)
+            if name is not None and name not in met and self.geometry.shapes[occurrence.index].visual is not None:
+                met.add(name)
+                origin = occurrence.material.origin if occurrence.material is not None else occurrence.origin
+                section.add("material", {"name": name, "rgba": _rgba(occurrence.color or "")}, origin)
+        for mesh in self.geometry.meshes:
+            attributes = {"name": mesh.name, "file": mesh.file}
+            section.add("mesh", {**attributes, "inertia": "shell"} if mesh.shell else attributes, mesh.origin)
+
+    def worldbody(self) -> None:
+        """The tree of links."""
+        world = self.root.add("worldbody")
+        made: list[Element] = []
+        for index, body in enumerate(self.robot.bodies):
+            link = self.links[index]
+            attributes = {"name": link.name, **pose_attributes(body.X_PL)}
+            if body.parent is None:
+                attributes["childclass"] = class_name(self.robot)
+                if self.robot.base == "held":
+                    attributes["mocap"] = "true"
+            element = (world if body.parent is None else made[body.parent]).add("body", attributes, link.origin)
+            made.append(element)
+            if link.properties.mass > 0.0:
+                element.add("inertial", _inertial(link), link.origin)
+            if body.parent is None and self.robot.base == "free":
+                element.add("freejoint", {"name": FREE_JOINT}, self.robot.mode.origin)
+            if body.joint is not None:
+                element.add("joint", self.joint(body.joint), body.joint.origin)
+            for member, pose in zip(link.members, link.poses, strict=True):
+                self.geoms(element, self.assembly.occurrences[member], pose)
+        for site in self.robot.sites:
+            made[site.body].add("site", {"name": site.path, **pose_attributes(site.pose)}, site.origin)
+        # The sites of a link belong to it, not to what hangs on it: children come last.
+        for element in made:
+            element.children.sort(key=lambda child: child.tag == "body")
+
+    def joint(self, joint: CoreJoint) -> dict[str, str]:
+        """A hinge or slide. An effort limit stands on its actuator; on the joint itself only where there is none."""
+        attributes = {"name": joint.path, "type": joint.kind}
+        if any(joint.anchor):
+            attributes["pos"] = numbers(joint.anchor)
+        attributes["axis"] = numbers(joint.axis)
+        bounds = joint_range(joint.limit)
+        if bounds is not None:
+            attributes["range"] = numbers(bounds)
+        if joint.limit.effort is not None and joint.path not in self.driven:
+            attributes["actuatorfrcrange"] = _both_ways(joint.limit.effort)
+        dynamics = joint.dynamics
+        for name, value in (
+            ("stiffness", dynamics.stiffness), ("damping", dynamics.damping), ("frictionloss", dynamics.friction),
+            ("armature", dynamics.armature),
+        ):
+            if value is not None:
+                attributes[name] = number(value)
+        return attributes
+
+    def geoms(self, body: Element, occurrence: Occurrence, pose: Pose) -> None:
+        """What an occurrence shows and what it touches with; `pose` is its own in the link."""
+        shapes = self.geometry.shapes[occurrence.index]
+        if shapes.visual is not None:
+            attributes = {"name": occurrence.path, "class": "visual", **_shape(shapes.visual, pose)}
+            material = _material_name(occurrence)
+            if material is not None:
+                attributes["material"] = material
+            body.add("geom", attributes, occurrence.origin)
+        for index, shape in enumerate(shapes.collision):
+            name = f"{occurrence.path}:collision" + (f"_{index}" if index else "")
+            attributes = {"name": name, "class": "collision", **_shape(shape, pose), **_friction(occurrence)}
+            body.add("geom", attributes, occurrence.origin)
+
+    def contact(self) -> None:
+        """Pairs of links that never touch."""
+        section = self.root.add("contact")
+        for first, second in self.robot.excluded:
+            origin = self.robot.bodies[max(first, second)].joint
+            section.add(
+                "exclude", {"body1": self.links[first].name, "body2": self.links[second].name},
+                origin.origin if origin is not None else self.robot.mode.origin,
+            )
+
+    def equality(self) -> None:
+        """Joints that mimic: q = offset + multiplier q(other)."""
+        section = self.root.add("equality")
+        for joint in self.joints.values():
+            if joint.mimic is not None:
+                polynomial = numbers((joint.mimic.offset, joint.mimic.multiplier, 0.0, 0.0, 0.0))
+                names = {"name": f"{joint.path}:mimic", "joint1": joint.path, "joint2": joint.mimic.joint}
+                section.add("joint", {**names, "polycoef": polynomial}, joint.mimic.origin)
+
+    def actuator(self) -> None:
+        """Drives in joint order, then magnets."""
+        section = self.root.add("actuator")
+        for path in self.driven:
+            joint, drive = self.joints[path], self.joints[path].actuator
+            if drive is not None:
+                section.add(drive.kind, {"name": path, "joint": path, **_drive(joint, drive)}, drive.origin)
+        body_of = {body.link: index for index, body in enumerate(self.robot.bodies)}
+        for magnet in self.assembly.adhesions:
+            link = self.links[body_of[self.assembly.link_of[magnet.occurrence]]]
+            attributes = {"name": adhesion_name(self.robot, magnet.path), "body": link.name}
+            attributes |= {"ctrlrange": numbers((0.0, max(magnet.force, NOTHING))), "gain": "1"}
+            section.add("adhesion", attributes, self.assembly.occurrences[magnet.occurrence].origin)
+
+    def keyframe(self) -> None:
+        """Poses of the mode: q and controls; the base stands where the mode puts it."""
+        section = self.root.add("keyframe")
+        base = self.robot.bodies[0].X_PL
+        for frame in self.robot.keyframes:
+            qpos = [*base.translation, *base.quaternion()] if self.robot.base == "free" else []
+            qpos += [frame.q[path] for path in self.joints]
+            ctrl = [frame.q[path] if self.is_position(path) else 0.0 for path in self.driven]
+            ctrl += [self.robot.adhesion.get(magnet.path, 0.0) for magnet in self.assembly.adhesions]
+            attributes = {"name": frame.name}
+            attributes |= {name: numbers(values) for name, values in (("qpos", qpos), ("ctrl", ctrl)) if values}
+            if self.robot.base == "held":
+                attributes |= {"mpos": numbers(base.translation), "mquat": numbers(base.quaternion())}
+            section.add("key", attributes, frame.origin)
+
+    def is_position(self, path: str) -> bool:
+        """Whether a joint's control is a position."""
+        drive = self.joints[path].actuator
+        return drive is not None and drive.kind == "position"
+
+
+def _drive(joint: CoreJoint, drive: ActuatorModel) -> dict[str, str]:
+    """Gains and ranges: of a position drive the joint's range, of a velocity drive its velocity limit, of a motor its
+    effort. The joint's effort limit has the drive's as its default and counts where both are written."""
+    effort = joint.limit.effort if joint.limit.effort is not None else drive.effort
+    velocity = joint.limit.velocity if joint.limit.velocity is not None else drive.velocity
+    attributes: dict[str, str] = {}
+    if drive.kind == "motor":
+        attributes["gear"] = "1"
+        if effort is not None:
+            attributes["ctrlrange"] = _both_ways(effort)
+        return attributes
+    if drive.kind == "position" and drive.kp is not None:
+        attributes["kp"] = number(drive.kp)
+    if drive.kv is not None:
+        attributes["kv"] = number(drive.kv)
+    bounds = joint_range(joint.limit)
+    if drive.kind == "position" and bounds is not None:
+        attributes["ctrlrange"] = numbers(bounds)
+    elif drive.kind == "velocity" and velocity is not None:
+        attributes["ctrlrange"] = _both_ways(velocity)
+    if effort is not None:
+        attributes["forcerange"] = _both_ways(effort)
+    return attributes
+
+
+def _both_ways(bound: float) -> str:
+    """A range around 0. MuJoCo reads `0 0` as no limit at all, so that a bound of nothing is almost nothing."""
+    wide = max(bound, NOTHING)
+    return numbers((-wide, wide))
+
+
+def _shape(shape: Shape, pose: Pose) -> dict[str, str]:
+    if shape.kind == "mesh":
+        return {"mesh": shape.mesh or "", **pose_attributes(pose @ shape.pose)}
+    return {"type": shape.kind, "size": numbers(shape.size), **pose_attributes(pose @ shape.pose)}
+
+
+def _friction(occurrence: Occurrence) -> dict[str, str]:
+    """`friction` where the material states any, the rest MuJoCo's own.
+
+    MuJoCo takes the larger of two geoms' friction, which would lose the document's number on any floor: a priority makes
+    it count (the larger one again between two of ours). Torsional and rolling friction only act with `condim` 4 and 6.
+    """
+    material = occurrence.material
+    if material is None or (material.slide is None and material.torsion is None and material.roll is None):
+        return {}
+    slide = 1.0 if material.slide is None else material.slide
+    torsion = 0.005 if material.torsion is None else material.torsion
+    roll = 0.0001 if material.roll is None else material.roll
+    attributes = {"friction": numbers((slide, torsion, roll)), "priority": "1"}
+    if material.roll is not None:
+        attributes["condim"] = "6"
+    elif material.torsion is not None:
+        attributes["condim"] = "4"
+    return attributes
+
+
+def _material_name(occurrence: Occurrence) -> str | None:
+    """`petg_e6e6fa`: material and colour, because a document may colour one material differently."""
+    if occurrence.color is None:
+        return None
+    name = occurrence.material.name if occurrence.material is not None else "color"
+    return f"{name}_{occurrence.color.removeprefix('#')}"
+
+
+def _rgba(color: str) -> str:
+    """`#rrggbb` or `#rrggbbaa` as four numbers from 0 to 1."""
+    digits = color.removeprefix("#")
+    channels = [int(digits[k : k + 2], 16) / 255.0 for k in range(0, len(digits), 2)]
+    return numbers(channels if len(channels) == 4 else [*channels, 1.0])
+
+
+def _inertial(link: Link) -> dict[str, str]:
+    """Mass, centre and inertia about the centre, in the link's frame.
+
+    A link that never moves may have an inertia that no solid has (a mass at a point): MuJoCo refuses to find its
+    principal axes, and nothing depends on it, so it gets none.
+    """
+    properties = link.properties
+    inertia = properties.inertia
+    attributes = {"pos": numbers(properties.centre), "mass": number(properties.mass)}
+    if inertia == ZERO or physical_fault(inertia) is not None:
+        return {**attributes, "diaginertia": "0 0 0"}
+    i = _within_triangle(inertia)
+    return {**attributes, "fullinertia": numbers((i[0][0], i[1][1], i[2][2], i[0][1], i[0][2], i[1][2]))}
+
+
+def _within_triangle(a: Matrix) -> Matrix:
+    """The same inertia, of a flat body lifted by a 1e-12 part: MuJoCo demands A + B >= C of the principal moments to the
+    last bit after finding them, and a plate has A + B = C."""
+    low, middle, high = principal_moments(a)
+    short = high - low - middle
+    if short < -1e-12 * high:
+        return a
+    lift = max(short, 0.0) + 1e-12 * high
+    return (
+        (a[0][0] + lift, a[0][1], a[0][2]),
+        (a[1][0], a[1][1] + lift, a[1][2]),
+        (a[2][0], a[2][1], a[2][2] + lift),
+    )

@@ -1,0 +1,154 @@
+"""Raw attributes: what a document's `raw: {mjcf: ...}` lays over the model that was written, attribute by attribute.
+
+    joint: {yaw: {solreflimit: 0.01 1}}                       a kind of element, its name, an attribute
+    option: {iterations: 20, flag: {contact: disable}}        a section there is one of, and elements in it
+    default: {collision: {geom: {solref: 0.01 1}}}            a class, a kind of element, an attribute
+
+Names are checked here, attributes and values by MuJoCo alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from thingc.diagnostics import Code, Report, did_you_mean
+from thingc.emit.mjcf_model import FREE_JOINT, class_name
+from thingc.emit.mjcf_xml import Element
+from thingc.graph.types import Assembly
+from thingc.resolve.model import RawAttribute
+from thingc.robot.types import Robot
+
+TARGET = "mjcf"
+
+SINGLE = ("compiler", "option", "size", "statistic", "visual")
+"""Sections of which a model has one; those not written yet are made, in this order, at the top."""
+
+NAMED: dict[str, tuple[str | None, tuple[str, ...] | None]] = {
+    "actuator": ("actuator", None), "body": (None, ("body",)), "equality": ("equality", None), "geom": (None, ("geom",)),
+    "joint": (None, ("joint", "freejoint")), "key": ("keyframe", ("key",)), "material": ("asset", ("material",)),
+    "mesh": ("asset", ("mesh",)), "numeric": ("custom", ("numeric",)), "site": (None, ("site",)),
+}
+"""Kinds of elements that have names: the section they stand in (None: the world's tree), and their tags (None: any)."""
+
+KINDS = (*NAMED, *SINGLE, "default")
+
+
+def lay(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], report: Report) -> None:
+    """Lay the raw attributes over each mode's model. A kind or name that no mode has is reported where it is written.
+
+    An element that only some modes have (the drive of a joint, a keyframe) gets its attributes there.
+    """
+    for attribute in assembly.raw:
+        if attribute.target != TARGET:
+            continue
+        fault = _shape_fault(attribute)
+        if fault is not None:
+            message, hint = fault
+            report.add(Code.RAW_UNKNOWN, message, attribute.origin, help=hint, path=_dotted(attribute))
+            continue
+        found = [
+            element
+            for robot, model in zip(robots, models, strict=True)
+            for element in [_element(attribute, robot, model)]
+            if element is not None
+        ]
+        for element in found:
+            element.lay(attribute.path[-1], attribute)
+        if not found and robots and not _elsewhere(attribute, assembly):
+            _report_unknown(attribute, robots, models, report)
+
+
+def _dotted(attribute: RawAttribute) -> str:
+    return ".".join(("raw", attribute.target, *attribute.path))
+
+
+def _shape_fault(attribute: RawAttribute) -> tuple[str, str] | None:
+    """What is wrong with the path itself: a message and a hint."""
+    path = attribute.path
+    kind = path[0] if path else ""
+    if kind not in KINDS:
+        return f"raw attributes of `{kind}` are not known", did_you_mean(kind, KINDS, what="kinds of elements")
+    if kind in NAMED and len(path) != 3:
+        return f"`{_dotted(attribute)}` should name an attribute of one {kind}", f"write `{kind}: {{NAME: {{ATTRIBUTE: VALUE}}}}`"
+    if kind in SINGLE and len(path) not in (2, 3):
+        return f"`{_dotted(attribute)}` should name an attribute of `{kind}`", f"write `{kind}: {{ATTRIBUTE: VALUE}}`"
+    if kind == "default" and len(path) != 4:
+        return (
+            f"`{_dotted(attribute)}` should name an attribute in a default class",
+            "write `default: {CLASS: {ELEMENT: {ATTRIBUTE: VALUE}}}`",
+        )
+    return None
+
+
+def _element(attribute: RawAttribute, robot: Robot, model: Element) -> Element | None:
+    """The element of one model that an attribute belongs to."""
+    path = attribute.path
+    kind = path[0]
+    if kind in NAMED:
+        elements = {element.attributes["name"]: element for element in _named(kind, model)}
+        return elements.get(path[1]) or elements.get(path[1].replace(".", "/"))
+    if kind == "default":
+        owner = _classes(robot, model).get(path[1])
+        return None if owner is None else _child(owner, path[2], before="default")
+    section = model.find(kind)
+    if section is None:
+        section = Element(tag=kind)
+        place = sum(1 for child in model.children if child.tag in SINGLE[: SINGLE.index(kind)])
+        model.children.insert(place, section)
+    return section if len(path) == 2 else _child(section, path[1])
+
+
+def _child(owner: Element, tag: str, *, before: str | None = None) -> Element:
+    """The child with a tag, made where there is none yet (ahead of children with the tag `before`)."""
+    child = owner.find(tag)
+    if child is None:
+        child = Element(tag=tag)
+        places = [index for index, other in enumerate(owner.children) if other.tag == before]
+        owner.children.insert(places[0] if places else len(owner.children), child)
+    return child
+
+
+def _classes(robot: Robot, model: Element) -> dict[str, Element]:
+    """Default classes by name; the document's own name is the robot's class."""
+    section = model.find("default")
+    elements = section.walk() if section is not None else iter(())
+    found = {element.attributes["class"]: element for element in elements if "class" in element.attributes}
+    return {robot.assembly.name: found[class_name(robot)], **found} if class_name(robot) in found else found
+
+
+def _named(kind: str, model: Element) -> Iterable[Element]:
+    where, tags = NAMED[kind]
+    section = model.find(where or "worldbody")
+    if section is None:
+        return ()
+    return (
+        element for element in section.walk()
+        if element is not section and "name" in element.attributes and (tags is None or element.tag in tags)
+    )
+
+
+def _elsewhere(attribute: RawAttribute, assembly: Assembly) -> bool:
+    """Whether an element that no model at hand has could stand in another mode's."""
+    kind, name = attribute.path[0], attribute.path[1]
+    if kind == "joint":
+        return name == FREE_JOINT
+    if kind == "actuator":
+        driven = {mate.joint.path for mate in assembly.mates if mate.joint is not None and mate.joint.actuator is not None}
+        return name in driven or name.replace(".", "/") in driven
+    if kind == "key":
+        return any(pose.name == name for pose in assembly.poses)
+    return False
+
+
+def _report_unknown(attribute: RawAttribute, robots: Sequence[Robot], models: Sequence[Element], report: Report) -> None:
+    kind, name = attribute.path[0], attribute.path[1]
+    if kind == "default":
+        known, what = {known for robot, model in zip(robots, models, strict=True) for known in _classes(robot, model)}, "class"
+    else:
+        known, what = {element.attributes["name"] for model in models for element in _named(kind, model)}, kind
+    message = f"`{attribute.target}` has no {what} `{name}`"
+    names = "classes" if what == "class" else "bodies" if what == "body" else f"{what}s"
+    report.add(
+        Code.RAW_UNKNOWN, message, attribute.origin, help=did_you_mean(name.replace(".", "/"), known, what=names),
+        path=_dotted(attribute),
+    )

@@ -1,0 +1,139 @@
+"""MJCF as data: elements that know their place in the documents, written at full precision with two-space indent.
+
+MuJoCo's own `to_xml` writes six digits, and knows nothing of documents.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+from thingc.pose import IDENTITY, Pose
+from thingc.resolve.model import RawAttribute
+from thingc.source import Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RawValue:
+    """A raw attribute on an element, and what stood there before it (None: nothing)."""
+
+    attribute: RawAttribute
+    before: str | None
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class Element:
+    """An XML element. `origin` is what in the documents made it (empty: nothing in particular); `raw` its raw attributes.
+
+    Not frozen: a tree is grown from the top, and raw attributes are laid over it when every name is known.
+    """
+
+    tag: str
+    attributes: dict[str, str] = field(default_factory=dict)
+    children: list[Element] = field(default_factory=list)
+    origin: Origin = ()
+    raw: dict[str, RawValue] = field(default_factory=dict)
+
+    def add(self, tag: str, attributes: Mapping[str, str] | None = None, origin: Origin = ()) -> Element:
+        """A new last child."""
+        child = Element(tag=tag, attributes=dict(attributes or {}), origin=origin)
+        self.children.append(child)
+        return child
+
+    def find(self, tag: str) -> Element | None:
+        """The first child with this tag."""
+        return next((child for child in self.children if child.tag == tag), None)
+
+    def walk(self) -> Iterator[Element]:
+        """This element and all below it, in the order written."""
+        yield self
+        for child in self.children:
+            yield from child.walk()
+
+    @property
+    def label(self) -> str:
+        """What a person would call it: joint `yaw`, or its tag where it has no name."""
+        name = self.attributes.get("name")
+        return f"{self.tag} `{name}`" if name is not None else f"`{self.tag}`"
+
+    def lay(self, name: str, attribute: RawAttribute) -> None:
+        """Set an attribute to what a document's `raw` says; `lift` undoes it."""
+        before = self.raw[name].before if name in self.raw else self.attributes.get(name)
+        self.raw[name] = RawValue(attribute=attribute, before=before)
+        self.attributes[name] = attribute.value
+
+    def lift(self, name: str) -> RawValue:
+        """Undo `lay`: the attribute is again what the compiler wrote."""
+        value = self.raw.pop(name)
+        if value.before is None:
+            del self.attributes[name]
+        else:
+            self.attributes[name] = value.before
+        return value
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Written:
+    """A document as text. `lines[k]` is the element that opens on line `k + 1` (None: it closes one, or is blank)."""
+
+    text: str
+    lines: tuple[Element | None, ...]
+
+    def element_at(self, line: int) -> Element | None:
+        """The element whose tag stands on a line, counted from 1 (where one closes: its nearest opening above)."""
+        for index in range(min(line, len(self.lines)) - 1, -1, -1):
+            if self.lines[index] is not None:
+                return self.lines[index]
+        return None
+
+
+def number(value: float) -> str:
+    """`repr`, but -0.0 is `0` and whole numbers are written without a point."""
+    whole = int(value) if abs(value) < 1e16 else None
+    return str(whole) if whole is not None and whole == value else repr(float(value))
+
+
+def numbers(values: Iterable[float]) -> str:
+    """Numbers with a space between."""
+    return " ".join(number(value) for value in values)
+
+
+def pose_attributes(pose: Pose) -> dict[str, str]:
+    """`pos` [m] and `quat` (w, x, y, z) of a pose, each only where it says something."""
+    attributes: dict[str, str] = {}
+    if any(component != 0.0 for component in pose.translation):
+        attributes["pos"] = numbers(pose.translation)
+    if pose.rotation != IDENTITY:
+        attributes["quat"] = numbers(pose.quaternion())
+    return attributes
+
+
+def write(root: Element, heading: str) -> Written:
+    """The document: one element per line, two spaces per level, a blank line between sections; `heading` is a comment."""
+    text: list[str] = [f"<!-- {heading.replace('--', '- -')} -->"]
+    lines: list[Element | None] = [None]
+    _write(root, "", text, lines)
+    return Written(text="\n".join(text) + "\n", lines=tuple(lines))
+
+
+def _write(element: Element, indent: str, text: list[str], lines: list[Element | None]) -> None:
+    attributes = "".join(f' {name}="{_escaped(value)}"' for name, value in element.attributes.items())
+    lines.append(element)
+    if not element.children:
+        text.append(f"{indent}<{element.tag}{attributes}/>")
+        return
+    text.append(f"{indent}<{element.tag}{attributes}>")
+    for index, child in enumerate(element.children):
+        if not indent and index:
+            text.append("")
+            lines.append(None)
+        _write(child, indent + "  ", text, lines)
+    text.append(f"{indent}</{element.tag}>")
+    lines.append(None)
+
+
+_ESCAPES = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"})
+
+
+def _escaped(value: str) -> str:
+    return value.translate(_ESCAPES)

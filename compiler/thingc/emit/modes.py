@@ -1,0 +1,81 @@
+"""`modes.json`: what switching between modes at run time needs to know of every mode's tree.
+
+Enough for the forward kinematics of any mode at any q, without MuJoCo. With L the child link of a joint, P its parent in
+that mode's tree, `X_PL(0) = inv(X_root_link[P]) @ X_root_link[L]` and J the joint's frame,
+
+    X_PL(q) = X_PJ @ motion(q) @ inv(X_PJ) @ X_PL(0)
+
+where `motion(q)` turns by q about `axis` (`hinge`) or slides by q along it (`slide`); both are given in J, whose axes are
+those of the child link at q = 0. q is the document's coordinate, without `offset`.
+"""
+
+from __future__ import annotations
+
+from thingc.emit import jsontext
+from thingc.emit.artifact import Artifacts
+from thingc.emit.request import EmitRequest
+from thingc.pose import NO_POSE, Pose, shifted
+from thingc.robot.types import Robot
+
+WIDTHS = {"hinge": (1, 1), "slide": (1, 1)}
+"""How many entries of MuJoCo's qpos and qvel a joint of each kind of the core has."""
+
+FREE = (7, 6)
+"""The same for a free base: position and quaternion; linear and angular velocity."""
+
+
+def emit(request: EmitRequest) -> Artifacts:
+    """`modes.json` of the chosen modes, in document order. It goes with the MJCF files, whose addresses it states."""
+    described = {robot.name: describe(robot) for robot in request.robots}
+    return Artifacts(files={"modes.json": jsontext.encode(described)})
+
+
+def describe(robot: Robot) -> dict[str, object]:
+    """One mode as plain data, lengths in metres and angles in radians.
+
+    - `root` the path of the site on which the mode stands, `base` `fixed | held | free`, `gravity` [m/s^2] in the world;
+    - `links` in the order of the bodies of the model, the root link first; `X_root_link` the pose of the link's frame in
+      the root link's frame at q = 0, 4 x 4, by rows;
+    - `joints` in the order of the model: `parent` and `child` are links as this mode's tree has them; `reversed` says that
+      the document has them the other way round (the axis has been turned for it, so q means the same); `qpos` and `dof` are
+      the addresses in `MjData.qpos` and `.qvel`, behind a free base's 7 and 6;
+    - `holds` further mounts held to the world (none yet); `poses` q by joint path, the mode's own pose first.
+    """
+    names = [robot.assembly.links[body.link].name for body in robot.bodies]
+    at_zero: list[Pose] = []
+    links: list[dict[str, object]] = []
+    joints: list[dict[str, object]] = []
+    qpos, dof = FREE if robot.base == "free" else (0, 0)
+    for name, body in zip(names, robot.bodies, strict=True):
+        pose = NO_POSE if body.parent is None else at_zero[body.parent] @ body.X_PL
+        at_zero.append(pose)
+        links.append({"name": name, "X_root_link": pose.rows()})
+        joint = body.joint
+        if joint is None or body.parent is None:
+            continue
+        joints.append(
+            {
+                "name": joint.path,
+                "kind": joint.kind,
+                "parent": names[body.parent],
+                "child": name,
+                "X_PJ": (body.X_PL @ shifted(*joint.anchor)).rows(),
+                "axis": joint.axis,
+                "offset": joint.offset,
+                "reversed": joint.reversed,
+                "qpos": qpos,
+                "dof": dof,
+            }
+        )
+        positions, velocities = WIDTHS[joint.kind]
+        qpos, dof = qpos + positions, dof + velocities
+    order = [str(joint["name"]) for joint in joints]
+    return {
+        "root": robot.mode.root.path,
+        "base": robot.base,
+        "gravity": robot.gravity,
+        "links": links,
+        "joints": joints,
+        "holds": {},
+        "poses": {frame.name: {name: frame.q[name] for name in order} for frame in robot.keyframes},
+    }

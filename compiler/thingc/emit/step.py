@@ -1,0 +1,52 @@
+"""`step/<name>.step`: the whole robot at q = 0 in the base component's frame, for other CAD programs."""
+
+from __future__ import annotations
+
+from thingc.emit.artifact import Artifacts, Loss, Stored
+from thingc.emit.request import EmitRequest
+from thingc.realize.record import Placed
+
+
+def emit(request: EmitRequest) -> Artifacts:
+    """One STEP file: instances named by occurrence path, coloured, their shape shared per definition.
+
+    The geometry service writes it (that needs the CAD kernel). A part whose geometry has no B-rep (a mesh) cannot
+    stand in it and is a loss; a robot without any geometry has no file, which is a loss too.
+    """
+    assembly = request.assembly
+    instances: list[Placed] = []
+    losses: list[Loss] = []
+    for occurrence in assembly.occurrences:
+        record = occurrence.record
+        if record is None or record.box is None:
+            continue
+        if record.brep is None:
+            losses.append(
+                Loss(
+                    target="step",
+                    mode=None,
+                    path=occurrence.path,
+                    what=f"`{occurrence.definition.text}` is a mesh without exact surfaces",
+                    how="omitted",
+                    span=occurrence.origin[0],
+                )
+            )
+            continue
+        instances.append(
+            Placed(
+                path=occurrence.path,
+                definition=occurrence.definition.text,
+                brep=record.brep,
+                pose=assembly.rest[occurrence.index],
+                color=occurrence.color,
+            )
+        )
+    if not instances:
+        origin = assembly.definition.origin
+        what = "nothing in the robot has exact geometry" if losses else "nothing in the robot has geometry"
+        whole = Loss(target="step", mode=None, path=assembly.name, what=what, how="omitted", span=origin[0] if origin else None)
+        return Artifacts(files={}, losses=(*losses, whole))
+    written = request.geometry.assemble(assembly.name, instances)
+    return Artifacts(
+        files={f"step/{assembly.name}.step": Stored(sha256=written.sha256, size=written.size)}, losses=tuple(losses)
+    )

@@ -1,0 +1,8 @@
+"""Linking: the resolved model and the part records to occurrences, mates and links, before any root is chosen."""
+
+from __future__ import annotations
+
+from thingc.graph.kinematics import coordinates, joints_of, poses
+from thingc.graph.link import link
+
+__all__ = ["coordinates", "joints_of", "link", "poses"]

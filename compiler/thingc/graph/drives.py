@@ -1,0 +1,115 @@
+"""The moving part of a mate: a joint with what its drive leaves to the actuator filled in."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from thingc.diagnostics import Code, Note, did_you_mean
+from thingc.graph.findings import Findings, written_at
+from thingc.graph.types import ActuatorModel, JointEdge
+from thingc.graph.unroll import Instance, Tree
+from thingc.joints import JointKind
+from thingc.realize.record import Actuator
+from thingc.resolve.model import Drive, Joint
+from thingc.source import Origin
+
+
+def joint_edge(tree: Tree, instance: Instance, joint: Joint, kind: JointKind, findings: Findings) -> JointEdge:
+    """The joint at its path. Effort, velocity and armature come from the drive unless the joint states them."""
+    origin = joint.origin + instance.origin
+    path = instance.within(joint.name)
+    limit, dynamics = joint.limit, joint.dynamics
+    actuator: ActuatorModel | None = None
+    drive = _filled(tree, instance, joint, joint.drive, findings) if joint.drive is not None else None
+    if drive is not None:
+        place = (drive.origin or joint.origin) + instance.origin
+        if limit.effort is not None and drive.effort is not None and limit.effort > drive.effort:
+            span = joint.spans.get("limit.effort")
+            unit = "N*m" if kind.core == "hinge" else "N"
+            findings.warn(
+                Code.EFFORT,
+                f"joint `{joint.name}` asks for {limit.effort:.6g} {unit}, "
+                f"and its actuator gives at most {drive.effort:.6g} {unit}",
+                ((span,) + origin[1:]) if span is not None else origin, path=path,
+                help="lower `limit.effort`, or drive the joint by a stronger actuator",
+            )
+        limit = replace(
+            limit,
+            effort=limit.effort if limit.effort is not None else drive.effort,
+            velocity=limit.velocity if limit.velocity is not None else drive.velocity,
+        )
+        if dynamics.armature is None:
+            dynamics = replace(dynamics, armature=drive.armature)
+        if drive.kind == "position" and drive.kp is None:
+            findings.error(
+                Code.NO_GAIN, f"joint `{joint.name}` is driven to a position, and its actuator states no gain `kp`",
+                place, path=path,
+                help="state `kp` in the Thing's `Actuator`, or drive inline: `drive: {kind: position, kp: 20}`",
+            )
+        actuator = ActuatorModel(
+            kind=drive.kind or "position", kp=drive.kp, kv=drive.kv, effort=limit.effort, velocity=limit.velocity, origin=place,
+        )
+    mimic = replace(joint.mimic, joint=instance.within(joint.mimic.joint)) if joint.mimic is not None else None
+    return JointEdge(
+        path=path, kind=joint.kind, limit=limit, dynamics=dynamics, offset=joint.offset, mimic=mimic, actuator=actuator,
+        origin=origin,
+    )
+
+
+def _filled(tree: Tree, instance: Instance, joint: Joint, drive: Drive, findings: Findings) -> Drive | None:
+    """The drive with the numbers of the Thing's actuator, what is written inline first. None where it is wrong."""
+    if drive.component is None:
+        return drive
+    named = tree.component(instance, drive.component)
+    if named is None:
+        return None
+    leaf = named.leaf
+    actuator = leaf.record.actuator if leaf is not None and leaf.record is not None else None
+    if actuator is None:
+        _no_actuator(instance, joint, drive.component.text, named, drive.component.origin + instance.origin, findings)
+        return None
+    return _over(drive, actuator)
+
+
+def _over(drive: Drive, actuator: Actuator) -> Drive:
+    def first(said: float | None, else_: float | None) -> float | None:
+        return said if said is not None else else_
+
+    return replace(
+        drive,
+        kind=drive.kind or actuator.kind,
+        kp=first(drive.kp, actuator.kp),
+        kv=first(drive.kv, actuator.kv),
+        effort=first(drive.effort, actuator.stall_torque),
+        velocity=first(drive.velocity, actuator.no_load_speed),
+        armature=first(drive.armature, actuator.armature),
+    )
+
+
+def _no_actuator(
+    instance: Instance, joint: Joint, text: str, named: Instance, origin: Origin, findings: Findings,
+) -> None:
+    able = [
+        name for name, child in instance.children.items()
+        if child.leaf is not None and child.leaf.record is not None and child.leaf.record.actuator is not None
+    ]
+    notes: tuple[Note, ...] = ()
+    if named.assembly is not None:
+        what = f"is an assembly (`{named.assembly.text}`)"
+        able.extend(
+            f"{text}.{name}" for name, child in named.children.items()
+            if child.leaf is not None and child.leaf.record is not None and child.leaf.record.actuator is not None
+        )
+    elif named.leaf is not None and named.leaf.record is not None:
+        what = f"(`{named.leaf.definition.text}`) declares no actuator"
+        notes = written_at(f"`{named.leaf.definition.text}`", named.leaf.record.code)
+    else:
+        what = "is a frame"
+    findings.error(
+        Code.NO_ACTUATOR, f"joint `{joint.name}` is driven by `{text}`, which {what}", origin, path=instance.within(joint.name),
+        help=(
+            did_you_mean(text, able, what="components with an actuator") if able
+            else "declare `actuator = Actuator(...)` in its class, or drive inline: `drive: {kind: position, kp: 20}`"
+        ),
+        notes=notes,
+    )

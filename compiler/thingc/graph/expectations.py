@@ -1,0 +1,61 @@
+"""Mounts that a part's geometry was cut for another part: a warning where the assembly puts something else."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+from thingc.diagnostics import Code
+from thingc.graph.findings import Findings, noted
+from thingc.graph.types import Mate, Occurrence
+from thingc.realize.record import Expectation
+
+
+def check_expectations(
+    occurrences: Sequence[Occurrence], mates: Sequence[Mate], laid: Collection[int], open_mounts: Collection[tuple[int, str]],
+    findings: Findings,
+) -> None:
+    """A warning per mount on which there is another part than the geometry was cut for, or none.
+
+    `laid` are the numbers of the mates that `at` made: those put no mount onto another. `open_mounts` are the mounts
+    that the top document shows: what goes there may come with a parent assembly, so nothing there is no fault.
+    """
+    on: dict[tuple[int, str], list[tuple[int, str]]] = {}
+    for number, mate in enumerate(mates):
+        if number not in laid:
+            on.setdefault((mate.parent, mate.parent_mount), []).append((mate.child, mate.child_mount))
+            on.setdefault((mate.child, mate.child_mount), []).append((mate.parent, mate.parent_mount))
+    for owner in occurrences:
+        if owner.record is None or owner.overrides.ignore_expectations:
+            continue
+        expected = owner.record.expectations
+        for one in expected:
+            there = [(occurrences[other], mount) for other, mount in on.get((owner.index, one.mount), ())]
+            if any(_is(other, one) and mount == one.child_mount for other, mount in there):
+                continue
+            if not there and (owner.index, one.mount) in open_mounts:
+                continue
+            if any(other.overrides.ignore_expectations for other, _ in there):
+                continue
+            spoken_for = {(e.text, e.child_mount) for e in expected if e.mount == one.mount}
+            strangers = [(o, m) for o, m in there if o.record is None or (o.record.text, m) not in spoken_for]
+            _warn(owner, one, strangers, findings)
+
+
+def _is(other: Occurrence, expected: Expectation) -> bool:
+    return other.record is not None and other.record.text == expected.text
+
+
+def _warn(owner: Occurrence, one: Expectation, strangers: Sequence[tuple[Occurrence, str]], findings: Findings) -> None:
+    name = owner.component.name
+    cut = f"`{name}.{one.mount}` was cut for `{one.text}`"
+    help = f"put `{one.text}` there by its mount `{one.child_mount}`, or write `expect: ignore` on `{name}`"
+    if not strangers:
+        findings.warn(Code.EXPECTATION, f"{cut}, and nothing sits there", owner.origin, path=owner.path, help=help)
+        return
+    other, mount = next(((o, m) for o, m in strangers if _is(o, one)), strangers[0])
+    if _is(other, one):
+        message = f"{cut} by its mount `{one.child_mount}`, but `{other.component.name}` sits there by `{mount}`"
+    else:
+        message = f"{cut}, but `{other.component.name}` (`{other.definition.text}`) sits there"
+    notes = noted(f"`{name}` is here", owner.origin)
+    findings.warn(Code.EXPECTATION, message, other.origin, path=other.path, help=help, notes=notes)

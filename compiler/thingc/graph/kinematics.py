@@ -1,0 +1,90 @@
+"""Where everything is at given joint coordinates: forward kinematics over the mate graph, whatever the root."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from thingc.graph.types import Assembly, JointEdge, Mate
+from thingc.joints import KINDS
+from thingc.pose import NO_POSE, Pose
+
+
+def joints_of(assembly: Assembly) -> tuple[JointEdge, ...]:
+    """The joints that move, in joint order: a document's own as written, then those of the documents nested in it."""
+    return tuple(mate.joint for mate in assembly.mates if mate.joint is not None)
+
+
+def coordinates(joints: Iterable[JointEdge], values: Mapping[str, float]) -> dict[str, float]:
+    """q [rad or m] of every joint, in the order of `joints`: as `values` says, else by the joint it mimics, else 0.
+
+    Joints that mimic each other in a circle are at 0 (the circle is reported when documents are resolved).
+    """
+    by_path = {joint.path: joint for joint in joints}
+    known: dict[str, float] = {}
+    for path in by_path:
+        chain: dict[str, None] = {}
+        step: str | None = path
+        while step is not None and step not in known:
+            joint = by_path.get(step)
+            if joint is None or step in values or joint.mimic is None or joint.mimic.joint not in by_path or step in chain:
+                known[step] = float(values.get(step, 0.0))
+                break
+            chain[step] = None
+            step = joint.mimic.joint
+        for follower in reversed(list(chain)):
+            mimic = by_path[follower].mimic
+            if mimic is not None and follower not in known:
+                known[follower] = mimic.multiplier * known[mimic.joint] + mimic.offset
+    return {path: known[path] for path in by_path}
+
+
+def across(mate: Mate, q: float) -> Pose:
+    """`X_PC(q)`: the child occurrence in the parent occurrence, q in rad or m (unused by a rigid mate)."""
+    if mate.joint is None:
+        return mate.X_PJ @ mate.X_JC
+    return mate.X_PJ @ KINDS[mate.joint.kind].motion(q + mate.joint.offset) @ mate.X_JC
+
+
+def neighbourhood(count: int, mates: Sequence[Mate]) -> list[list[int]]:
+    """For each occurrence the numbers of the mates that it takes part in."""
+    neighbours: list[list[int]] = [[] for _ in range(count)]
+    for number, mate in enumerate(mates):
+        neighbours[mate.parent].append(number)
+        if mate.child != mate.parent:
+            neighbours[mate.child].append(number)
+    return neighbours
+
+
+def spread(
+    mates: Sequence[Mate], neighbours: Sequence[Sequence[int]], start: int, base: Pose, q: Mapping[str, float], *,
+    rigid: bool = False,
+) -> dict[int, Pose]:
+    """Poses of the occurrences that hang together with `start`, which is at `base`: the mates walked outwards.
+
+    `q` [rad or m] by joint path (0 where it says nothing); `rigid` walks only mates without a joint. Linear in what is
+    reached; the answer is in the frame that `base` is given in.
+    """
+    at = {start: base}
+    waiting = [start]
+    while waiting:
+        here = waiting.pop()
+        for number in neighbours[here]:
+            mate = mates[number]
+            there = mate.child if mate.parent == here else mate.parent
+            if there in at or (rigid and mate.joint is not None):
+                continue
+            step = across(mate, q.get(mate.joint.path, 0.0) if mate.joint is not None else 0.0)
+            at[there] = at[here] @ (step if mate.parent == here else step.inverse())
+            waiting.append(there)
+    return at
+
+
+def poses(assembly: Assembly, q: Mapping[str, float], base: Pose = NO_POSE) -> tuple[Pose, ...]:
+    """The pose of every occurrence, in document order, when the assembly's base occurrence is at `base`.
+
+    `q` [rad or m] by joint path; a joint that is not named follows the one it mimics, else it is at 0.
+    """
+    full = coordinates(joints_of(assembly), q)
+    count = len(assembly.occurrences)
+    at = spread(assembly.mates, neighbourhood(count, assembly.mates), assembly.base, base, full)
+    return tuple(at[index] for index in range(count))

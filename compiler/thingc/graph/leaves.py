@@ -1,0 +1,232 @@
+"""What is known of a component that is a part or a frame, worked out once however often it occurs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+
+from thingc.diagnostics import Code, Note, did_you_mean
+from thingc.graph.findings import Findings, line_of, noted, written_at
+from thingc.graph.mass import NOTHING, Density, Weighed, incomplete_infill, merged, stated_inertia, weigh
+from thingc.graph.types import Definition, MountFrame
+from thingc.inertia import MassProperties, physical_fault
+from thingc.pose import NO_POSE
+from thingc.realize.record import PartDefinition, PartFailure, PartRecord
+from thingc.resolve.model import AssemblyDefinition, BomEntry, Component, Material
+from thingc.source import Origin
+
+FRAME = Definition(text="frame", reference="frame", kind="frame")
+"""The one definition of every component without geometry."""
+
+_FAILED = {
+    "raised": (Code.PART_RAISED, "{part} raised an exception: {words}"),
+    "hung": (Code.PART_HUNG, "{part} took too long: {words}"),
+    "crashed": (Code.PART_CRASHED, "{part} crashed the interpreter: {words}"),
+    "empty": (Code.PART_EMPTY, "{part} has no volume: {words}"),
+    "refused": (Code.PART_REFUSED, "{part} is refused: {words}"),
+    "missing": (Code.PART_MISSING, "{part} is not there: {words}"),
+    "invalid": (Code.PART_INVALID, "{part} is not valid: {words}"),
+}
+_SHOWN_PLACES = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Leaf:
+    """A component that is a part or a frame. `properties` and `mounts` are in its own frame; `sound` is False where its
+    mass is wrong and that has been reported."""
+
+    component: Component
+    definition: Definition
+    record: PartRecord | None
+    material: Material | None
+    color: str | None
+    bom: BomEntry
+    properties: MassProperties
+    source: str
+    mounts: dict[str, MountFrame]
+    sound: bool
+
+
+class Leaves:
+    """Leaves by component. A component of a definition that is used twice is asked for twice and worked out once."""
+
+    def __init__(self, records: Mapping[str, PartRecord | PartFailure], findings: Findings) -> None:
+        self._records = records
+        self._findings = findings
+        self._known: dict[int, Leaf | None] = {}
+        self._failures: dict[str, list[tuple[Component, str, Origin]]] = {}
+        self._warned: set[str] = set()
+
+    def leaf(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> Leaf | None:
+        """The leaf of `component`, which stands in `scope` and was first met at `path`; None where its part failed."""
+        key = id(component)
+        if key not in self._known:
+            self._known[key] = self._work_out(component, scope, path, origin)
+        return self._known[key]
+
+    def report_failures(self) -> None:
+        """One error per definition that could not be modelled: at its first component, the others as notes."""
+        for text, users in self._failures.items():
+            failure = self._records[text]
+            component, path, origin = users[0]
+            if not isinstance(failure, PartFailure) or not isinstance(component.definition, PartDefinition):
+                continue
+            code, words = _FAILED.get(failure.kind, _FAILED["invalid"])
+            notes = [note for other, _, place in users[1:_SHOWN_PLACES] for note in noted(f"`{other.name}` is one, too", place)]
+            if len(users) > _SHOWN_PLACES:
+                notes.append(Note(message=f"and {len(users) - _SHOWN_PLACES} more components"))
+            if component.definition.parameters:
+                given = ", ".join(f"{name}={value!r}" for name, value in component.definition.parameters)
+                notes.append(Note(message=f"its parameters, in SI: {given}"))
+            if failure.file is not None:
+                notes.append(Note(message="in the part file, here", span=line_of(failure.file, failure.line or 1)))
+            self._findings.error(
+                code, words.format(part=f"`{text}`", words=failure.message), origin, path=path, notes=notes,
+                detail=failure.detail, help=did_you_mean(failure.subject, failure.candidates, what="parts") if failure.candidates else None,
+            )
+
+    def _work_out(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> Leaf | None:
+        record: PartRecord | None = None
+        definition = FRAME
+        if isinstance(component.definition, PartDefinition):
+            part = component.definition
+            found = self._records.get(part.text)
+            if isinstance(found, PartFailure):
+                self._failures.setdefault(part.text, []).append((component, path, origin))
+                return None
+            if found is None:
+                return None
+            record = found
+            self._warn(record, path, origin)
+            definition = Definition(text=part.text, reference=part.reference, kind="part" if part.kind == "code" else "file")
+        elif not component.frame:
+            return None
+        material, looked_up = self._material(component, record, scope)
+        weighed = self._weigh(component, record, material, looked_up, scope, path, origin)
+        sound = weighed is not None and self._physical(component, record, path, origin)
+        return Leaf(
+            component=component,
+            definition=definition,
+            record=record,
+            material=material,
+            color=(record.color if record is not None else None) or (material.color if material is not None else None),
+            bom=_bom(component, record),
+            properties=weighed.properties if weighed is not None else NOTHING,
+            source=weighed.source if weighed is not None else "derived",
+            mounts=self._mounts(component, record, path, origin),
+            sound=sound,
+        )
+
+    def _warn(self, record: PartRecord, path: str, origin: Origin) -> None:
+        if record.text in self._warned:
+            return
+        self._warned.add(record.text)
+        for warning in record.warnings:
+            notes = (
+                [Note(message="in the part file, here", span=line_of(warning.file, warning.line or 1))]
+                if warning.file is not None else []
+            )
+            self._findings.warn(Code.PART_WARNING, f"`{record.text}`: {warning.message}", origin, path=path, notes=notes)
+
+    def _material(
+        self, component: Component, record: PartRecord | None, scope: AssemblyDefinition,
+    ) -> tuple[Material | None, bool]:
+        """The material, and whether the Thing names one that the document does not know."""
+        if component.material is not None:
+            return component.material, False
+        if record is None or record.material is None:
+            return None, False
+        material = scope.materials.get(record.material)
+        return material, material is None
+
+    def _weigh(
+        self, component: Component, record: PartRecord | None, material: Material | None, unknown: bool,
+        scope: AssemblyDefinition, path: str, origin: Origin,
+    ) -> Weighed | None:
+        findings, overrides = self._findings, component.overrides
+        process = merged(overrides.process, material.process if material is not None else None)
+        density: Density | None = None
+        if record is not None and record.density is not None:
+            density = Density(value=float(record.density.value), estimated=record.density.source == "estimated")  # type: ignore[arg-type]
+        elif material is not None and material.density is not None:
+            density = Density(value=material.density)
+        weighed = weigh(record, density, process, overrides)
+        needs_density = record is not None and record.volume > 0.0 and record.mass is None and overrides.mass is None
+        if record is not None and unknown:
+            say = findings.error if weighed is None else findings.warn
+            say(
+                Code.UNKNOWN_MATERIAL,
+                f"`{component.name}` (`{record.text}`) is made of `{record.material}` by default, "
+                f"which is not among the materials of `{scope.name}`",
+                origin, path=path, help=did_you_mean(record.material or "", scope.materials, what="materials"),
+                notes=written_at(f"`{record.text}`", record.code),
+            )
+        elif weighed is None and record is not None and material is None:
+            findings.error(
+                Code.NO_MATERIAL, f"`{component.name}` (`{record.text}`) has neither a material nor a mass", origin, path=path,
+                help="add `material:` (" + did_you_mean("", scope.materials, what="materials") + ") or `mass:`",
+            )
+        elif weighed is None and material is not None:
+            findings.error(
+                Code.NO_MATERIAL, f"`{component.name}` is made of `{material.name}`, which has no density", origin, path=path,
+                help=f"add `density:` to `{material.name}`, or `mass:` to `{component.name}`",
+                notes=noted(f"`{material.name}` is written here", material.origin),
+            )
+        missing = incomplete_infill(process)
+        if needs_density and weighed is not None and missing is not None:
+            findings.error(
+                Code.INFILL, f"`{component.name}` is printed with an infill, but its process has no `{missing}`", origin,
+                path=path, help=f"add `{missing}` to the `process` of the material or of the component, or write `infill: 100 %`",
+            )
+            return None
+        return weighed
+
+    def _physical(self, component: Component, record: PartRecord | None, path: str, origin: Origin) -> bool:
+        """Whether what the document or the Thing states as inertia can be one; what it does not state is exact."""
+        stated = component.overrides.inertia
+        if stated is not None:
+            fault = physical_fault(stated_inertia(stated.value))
+            if fault is not None:
+                place = stated.origin + origin[len(component.origin):]
+                self._findings.error(
+                    Code.NOT_PHYSICAL, f"the inertia of `{component.name}` is not physical: {fault}", place, path=path,
+                    help="inertia is about the centre of mass, in component axes: check units and signs",
+                )
+            return fault is None
+        if record is not None and record.matrix is not None:
+            fault = physical_fault(record.matrix.value)  # type: ignore[arg-type]
+            if fault is not None:
+                self._findings.error(
+                    Code.NOT_PHYSICAL, f"the inertia that `{record.text}` states is not physical: {fault}", origin, path=path,
+                    help="`matrix_of_inertia()` is about the centre of mass, in Thing axes, in kg m^2",
+                    notes=written_at(f"`{record.text}`", record.code),
+                )
+            return fault is None
+        return True
+
+    def _mounts(self, component: Component, record: PartRecord | None, path: str, origin: Origin) -> dict[str, MountFrame]:
+        """`origin`, the part's own, then those that the document adds."""
+        mounts = {"origin": MountFrame(pose=NO_POSE)}
+        if record is not None:
+            mounts.update((name, MountFrame(pose=m.pose, interface=m.interface)) for name, m in record.mounts.items())
+        for name, extra in component.mounts.items():
+            if name in mounts:
+                place = extra.origin + origin[len(component.origin):]
+                self._findings.error(
+                    Code.MOUNT_CLASH, f"`{component.name}` already has a mount `{name}`", place, path=path,
+                    help="give the mount that is added here another name",
+                    notes=written_at(f"`{record.text}`", record.code) if record is not None and name in record.mounts else (),
+                )
+                continue
+            mounts[name] = MountFrame(pose=extra.pose, interface=extra.interface)
+        return mounts
+
+
+def _bom(component: Component, record: PartRecord | None) -> BomEntry:
+    """What the document says of buying or making it, on top of what the Thing says."""
+    if record is None:
+        return component.bom
+    names = {field.name for field in fields(BomEntry)}
+    thing = BomEntry(**{key: value for key, value in record.bom.items() if key in names})
+    said = {name: value for name in names if (value := getattr(component.bom, name)) is not None}
+    return replace(thing, **said)

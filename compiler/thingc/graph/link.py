@@ -1,0 +1,77 @@
+"""The pass `link`: the resolved model and the part records to one assembly, before any root is chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from thingc.diagnostics import Code, Report
+from thingc.graph.expectations import check_expectations
+from thingc.graph.findings import Findings
+from thingc.graph.hag import hag_of
+from thingc.graph.kinematics import neighbourhood, spread
+from thingc.graph.leaves import Leaves
+from thingc.graph.links import fused, links_of
+from thingc.graph.mates import mates_of
+from thingc.graph.modes import adhesions_of, check_poses, exported_of, modes_of, raw_of
+from thingc.graph.physics import check_links
+from thingc.graph.types import Assembly, Occurrence
+from thingc.graph.unroll import Instance, Tree
+from thingc.pose import NO_POSE
+from thingc.realize.record import PartFailure, PartRecord
+from thingc.resolve.model import AssemblyDefinition
+
+
+def link(model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure], report: Report) -> Assembly | None:
+    """The linked assembly, or None where something is wrong (it is in `report`).
+
+    `records` answers every part definition of `model` by its text. What depends on something that is wrong is left out
+    without a word of its own. The work is linear in the occurrences.
+    """
+    findings = Findings(report)
+    leaves = Leaves(records, findings)
+    tree = Tree(model, leaves, findings)
+    leaves.report_failures()
+    mates, laid = mates_of(tree, findings)
+    exported = exported_of(tree, findings)
+    occurrences = tuple(_occurrence(index, instance, tree) for index, instance in enumerate(tree.leaves))
+    link_of = fused(len(occurrences), mates)
+    links = links_of(tree, occurrences, mates, findings)
+    modes = modes_of(tree, model, link_of, findings)
+    adhesions = adhesions_of(tree, model)
+    joints = tuple(mate.joint for mate in mates if mate.joint is not None)
+    base = tree.top.index
+    if not findings.incomplete:
+        # Only of whole assemblies: what was left out may be what carries the mass, or what sits on the mount.
+        faulty = [index for index, instance in enumerate(tree.leaves) if instance.leaf is not None and not instance.leaf.sound]
+        check_links(links, link_of, occurrences, modes, faulty, findings)
+        shown = {(mount.occurrence, mount.mount) for mount in exported}
+        check_expectations(occurrences, mates, laid, shown, findings)
+        check_poses(model.poses, model.modes, joints, findings)
+    at = spread(mates, neighbourhood(len(occurrences), mates), base, NO_POSE, {}) if base is not None else {}
+    if base is None or findings.incomplete or len(at) != len(occurrences) or len(mates) != len(occurrences) - 1:
+        if not findings.failed and not findings.earlier:
+            alone = next((tree.leaves[k] for k in range(len(occurrences)) if k not in at), tree.top)
+            findings.error(
+                Code.INCOMPLETE, f"`{alone.path or model.name}` does not hang together with the base of `{model.name}`",
+                alone.origin or model.origin, path=alone.path or None, help="place every component, once, on another one",
+            )
+        return None
+    if findings.failed:
+        return None
+    return Assembly(
+        name=model.name, definition=model, hag=hag_of(model), base=base, occurrences=occurrences, mates=mates, links=links,
+        link_of=link_of, rest=tuple(at[index] for index in range(len(occurrences))), exported=exported, poses=model.poses,
+        modes=modes, adhesions=adhesions, raw=raw_of(tree),
+    )
+
+
+def _occurrence(index: int, instance: Instance, tree: Tree) -> Occurrence:
+    leaf = instance.leaf
+    if leaf is None:
+        raise ValueError(f"{instance.path} is no leaf")
+    added = tree.added.get(index)
+    return Occurrence(
+        path=instance.path, index=index, definition=leaf.definition, component=leaf.component, record=leaf.record,
+        material=leaf.material, color=leaf.color, overrides=leaf.component.overrides, bom=leaf.bom, properties=leaf.properties,
+        mass_source=leaf.source, mounts={**leaf.mounts, **added} if added else leaf.mounts, origin=instance.origin,
+    )

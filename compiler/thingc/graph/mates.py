@@ -1,0 +1,138 @@
+"""Placements to edges of the mate graph: `attach`, `at` and joints. Child mount B of C on parent mount A of P is
+
+    X_PC = X_PA @ Rz(turn) @ Tz(gap) @ X_J(q + offset) @ MATE @ inv(X_CB)
+
+and `at` lays a component's frame plainly: `X_PC = X_P,in @ X(xyz, rpy)`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from thingc.diagnostics import Code
+from thingc.graph.drives import joint_edge
+from thingc.graph.findings import Findings, noted
+from thingc.graph.types import JointEdge, Mate
+from thingc.graph.unroll import Found, Instance, Tree, unplaced
+from thingc.joints import KINDS
+from thingc.pose import MATE, Pose, shifted, turned_z
+from thingc.resolve.model import AssemblyDefinition, At, Attach, Component, Joint, Reference
+from thingc.source import Origin
+
+
+def mates_of(tree: Tree, findings: Findings) -> tuple[tuple[Mate, ...], frozenset[int]]:
+    """Every edge, and the numbers of those that `at` made (they put no mount onto another).
+
+    Of an assembly first its `attach` and `at` in component order, then its joints as written, then the edges of the
+    assemblies nested in it. An edge with a wrong reference is left out.
+    """
+    mates: list[Mate] = []
+    laid: set[int] = set()
+    checked: set[int] = set()
+    for instance, definition in tree.assemblies:
+        if id(definition) not in checked:
+            checked.add(id(definition))
+            _check_circles(instance, definition, findings)
+            _check_bases(instance, definition, findings)
+        for component in definition.components:
+            if isinstance(component.placement, Attach):
+                mates.extend(_attached(tree, instance, component.placement))
+            elif isinstance(component.placement, At):
+                before = len(mates)
+                mates.extend(_laid(tree, instance, component, component.placement))
+                laid.update(range(before, len(mates)))
+        for joint in definition.joints:
+            mates.extend(_jointed(tree, instance, joint, findings))
+    return tuple(mates), frozenset(laid)
+
+
+def _attached(tree: Tree, instance: Instance, attach: Attach) -> Iterator[Mate]:
+    child, parent = tree.find(instance, attach.mount), tree.find(instance, attach.to)
+    if child is not None and parent is not None:
+        yield _mated(parent, child, attach.turn, attach.gap, None, attach.origin + instance.origin)
+
+
+def _laid(tree: Tree, instance: Instance, component: Component, at: At) -> Iterator[Mate]:
+    mine = Reference(path=(component.name,), mount="origin", origin=component.origin)
+    child, parent = tree.find(instance, mine), tree.find(instance, at.to)
+    if child is not None and parent is not None:
+        yield Mate(
+            parent=parent.occurrence, child=child.occurrence, parent_mount=parent.mount, child_mount="origin",
+            X_PJ=parent.pose @ at.pose, X_JC=child.pose.inverse(), joint=None, origin=at.origin + instance.origin,
+        )
+
+
+def _jointed(tree: Tree, instance: Instance, joint: Joint, findings: Findings) -> Iterator[Mate]:
+    child, parent = tree.find(instance, joint.child), tree.find(instance, joint.parent)
+    kind = KINDS.get(joint.kind)
+    if kind is None:
+        findings.leave_out()
+    if child is None or parent is None or kind is None:
+        return
+    edge = joint_edge(tree, instance, joint, kind, findings) if kind.moves else None
+    yield _mated(parent, child, joint.turn, joint.gap, edge, joint.origin + instance.origin)
+
+
+def _mated(parent: Found, child: Found, turn: float, gap: float, joint: JointEdge | None, origin: Origin) -> Mate:
+    at: Pose = parent.pose
+    if turn != 0.0:
+        at = at @ turned_z(turn)
+    if gap != 0.0:
+        at = at @ shifted(0.0, 0.0, gap)
+    return Mate(
+        parent=parent.occurrence, child=child.occurrence, parent_mount=parent.mount, child_mount=child.mount,
+        X_PJ=at, X_JC=MATE @ child.pose.inverse(), joint=joint, origin=origin,
+    )
+
+
+def _stands_on(definition: AssemblyDefinition) -> dict[str, tuple[str, Origin]]:
+    """Component name to the name of the one that it is placed on, and where that is written."""
+    names = {component.name for component in definition.components}
+    stands: dict[str, tuple[str, Origin]] = {}
+    for component in definition.components:
+        if component.placement is not None and component.placement.to.path:
+            stands[component.name] = (component.placement.to.path[0], component.placement.origin)
+    for joint in definition.joints:
+        if joint.child.path and joint.parent.path:
+            stands.setdefault(joint.child.path[0], (joint.parent.path[0], joint.origin))
+    return {name: on for name, on in stands.items() if name in names and on[0] in names}
+
+
+def _check_circles(instance: Instance, definition: AssemblyDefinition, findings: Findings) -> None:
+    """Components of one document that stand on each other in a circle: each circle once, from its first component."""
+    stands = _stands_on(definition)
+    order = {component.name: number for number, component in enumerate(definition.components)}
+    settled: set[str] = set()
+    for start in stands:
+        way: dict[str, None] = {}
+        name: str | None = start
+        while name is not None and name not in settled and name not in way:
+            way[name] = None
+            name = stands[name][0] if name in stands else None
+        settled.update(way)
+        if name is None or name not in way:
+            continue
+        walked = list(way)
+        circle = walked[walked.index(name):]
+        first = circle.index(min(circle, key=order.__getitem__))
+        circle = circle[first:] + circle[:first]
+        hops = ", ".join(f"`{member}` on `{stands[member][0]}`" for member in circle)
+        findings.leave_out()
+        findings.error(
+            Code.PLACEMENT_CIRCLE, f"components placed in a circle: {hops}", stands[circle[0]][1] + instance.origin,
+            path=instance.within(circle[0]), help="place one of them on a component outside of the circle",
+            notes=[note for member in circle[1:] for note in noted(f"`{member}` is placed here", stands[member][1])],
+        )
+
+
+def _check_bases(instance: Instance, definition: AssemblyDefinition, findings: Findings) -> None:
+    """Two components that nothing places would be two robots. (The resolver says so first, of whole documents.)"""
+    bases = unplaced(definition)
+    if len(bases) < 2 or findings.earlier:
+        return
+    first, second = (instance.children[name] for name in bases[:2])
+    findings.error(
+        Code.TWO_BASES, f"nothing places `{bases[1]}`, nor `{bases[0]}`: an assembly has one base", second.origin,
+        path=second.path, help=f"give `{bases[1]}` an `attach`, an `at` or a joint",
+        notes=noted(f"`{bases[0]}` is here", first.origin),
+    )

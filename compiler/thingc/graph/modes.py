@@ -1,0 +1,168 @@
+"""Modes, poses, exported mounts and raw attributes of the top document with their references worked out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from thingc.diagnostics import Code, did_you_mean
+from thingc.graph.findings import Findings, noted
+from thingc.graph.kinematics import coordinates
+from thingc.graph.types import Adhesion, ExportedMount, JointEdge, LinkedMode, RootChoice
+from thingc.graph.unroll import Tree
+from thingc.joints import KINDS
+from thingc.resolve.model import AssemblyDefinition, Mode, NamedPose, RawAttribute, Reference
+
+_ROUNDING = 1e-9
+"""How far past a limit a pose may be without being outside, relative: limits and poses may come from expressions."""
+
+
+def exported_of(tree: Tree, findings: Findings) -> tuple[ExportedMount, ...]:
+    """Every mount that an assembly shows, at every level, an assembly before those nested in it."""
+    exported: list[ExportedMount] = []
+    for instance, definition in tree.assemblies:
+        for name, reference in definition.mounts.items():
+            found = tree.find(instance, reference)
+            if found is not None:
+                exported.append(ExportedMount(
+                    path=instance.within(name), occurrence=found.occurrence, mount=found.mount,
+                    origin=reference.origin + instance.origin,
+                ))
+    return tuple(exported)
+
+
+def modes_of(tree: Tree, model: AssemblyDefinition, link_of: Sequence[int], findings: Findings) -> tuple[LinkedMode, ...]:
+    """The modes whose root is sound. Pairs within one link are dropped: a link does not collide with itself."""
+    linked = (_mode(tree, mode, link_of, findings) for mode in model.modes)
+    return tuple(mode for mode in linked if mode is not None)
+
+
+def _mode(tree: Tree, mode: Mode, link_of: Sequence[int], findings: Findings) -> LinkedMode | None:
+    root = _root(tree, mode.root)
+    pairs: dict[tuple[int, int], None] = {}
+    for one, other in mode.exclude:
+        for a in _links_named(tree, one, link_of):
+            for b in _links_named(tree, other, link_of):
+                if a != b:
+                    pairs[(min(a, b), max(a, b))] = None
+    adhesion: dict[str, float] = {}
+    for reference, force in mode.adhesion:
+        if tree.find(tree.top, reference) is not None:
+            adhesion[_path(reference)] = force
+    if root is None:
+        findings.leave_out()
+        return None
+    return LinkedMode(
+        name=mode.name, root=root, base=mode.base, at=mode.at, gravity=mode.gravity, poses=mode.poses, actuators=mode.actuators,
+        exclude=tuple(pairs), adhesion=adhesion, simulation=mode.simulation, origin=mode.origin,
+    )
+
+
+def _root(tree: Tree, reference: Reference) -> RootChoice | None:
+    """`body` and `body.origin` are a component root, anything else with a mount is a mount root."""
+    found = tree.find(tree.top, reference)
+    if found is None:
+        return None
+    if reference.mount in (None, "origin"):
+        return RootChoice(occurrence=found.occurrence, mount=None, path="/".join((*reference.path, "origin")))
+    return RootChoice(occurrence=found.occurrence, mount=found.mount, path=_path(reference))
+
+
+def _path(reference: Reference) -> str:
+    return "/".join((*reference.path, reference.mount or "origin"))
+
+
+def _links_named(tree: Tree, reference: Reference, link_of: Sequence[int]) -> Iterator[int]:
+    """The links of a component: of an assembly all that it has part in, through a mount the one that carries it."""
+    if reference.mount is not None:
+        found = tree.find(tree.top, reference)
+        return iter(() if found is None else (link_of[found.occurrence],))
+    place = tree.component(tree.top, reference)
+    if place is None:
+        return iter(())
+    return iter(dict.fromkeys(link_of[leaf.index] for leaf in place.leaves() if leaf.index is not None))
+
+
+def adhesions_of(tree: Tree, model: AssemblyDefinition) -> tuple[Adhesion, ...]:
+    """Every magnet of any mode, in the order first met, with its largest force [N]."""
+    largest: dict[str, Adhesion] = {}
+    for mode in model.modes:
+        for reference, force in mode.adhesion:
+            found = tree.find(tree.top, reference)
+            if found is None:
+                continue
+            path = _path(reference)
+            known = largest.get(path)
+            if known is None or force > known.force:
+                largest[path] = Adhesion(path=path, occurrence=found.occurrence, mount=found.mount, force=force)
+    return tuple(largest.values())
+
+
+def raw_of(tree: Tree) -> tuple[RawAttribute, ...]:
+    """Raw attributes of every document, the names in them made paths of the robot: `yaw` of `hand` is `hand/yaw`."""
+    found: list[RawAttribute] = []
+    for instance, definition in tree.assemblies:
+        for raw in definition.raw:
+            path = raw.path
+            if len(path) > 2:  # element, name, attribute; `option` and the like have no name
+                path = (path[0], instance.within(path[1].replace(".", "/")), *path[2:])
+            found.append(replace(raw, path=path, origin=raw.origin + instance.origin))
+    return tuple(found)
+
+
+def check_poses(
+    poses: Sequence[NamedPose], modes: Sequence[Mode], joints: Sequence[JointEdge], findings: Findings,
+) -> None:
+    """Every pose within the limits of every joint: values as written, and in poses that a mode uses also the joints
+    that are at 0 because the pose does not name them, and those that mimic."""
+    used = {name for mode in modes for name in mode.poses}
+    known = {pose.name for pose in poses}
+    for mode in modes:
+        for name in mode.poses:
+            if name not in known and not findings.earlier:
+                findings.error(
+                    Code.UNKNOWN_POSE, f"mode `{mode.name}` uses a pose `{name}` that the document does not have", mode.origin,
+                    path=mode.name, help=did_you_mean(name, known, what="poses"),
+                )
+    by_path = {joint.path: joint for joint in joints}
+    for pose in poses:
+        for path in pose.values:
+            if path not in by_path and not findings.earlier:
+                findings.error(
+                    Code.UNKNOWN_JOINT, f"pose `{pose.name}` sets `{path}`, which is no joint that moves",
+                    pose.origins.get(path, pose.origin), path=pose.name, help=did_you_mean(path, by_path, what="joints"),
+                )
+        for path, q in coordinates(joints, pose.values).items():
+            if path in pose.values or pose.name in used:
+                _check_limit(pose, by_path[path], q, findings)
+
+
+def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: Findings) -> None:
+    kind, lower, upper = KINDS[joint.kind], joint.limit.lower, joint.limit.upper
+    below = lower is not None and q < lower - _ROUNDING * max(1.0, abs(lower))
+    above = upper is not None and q > upper + _ROUNDING * max(1.0, abs(upper))
+    if not below and not above:
+        return
+    if lower is not None and upper is not None:
+        limits = f"its limits {kind.shown(lower)} to {kind.shown(upper)}"
+    else:
+        limits = f"its lower limit {kind.shown(lower)}" if lower is not None else f"its upper limit {kind.shown(upper or 0.0)}"
+    notes = noted(f"`{joint.path}` is here", joint.origin)
+    if joint.path in pose.values:
+        findings.error(
+            Code.POSE_LIMITS, f"pose `{pose.name}` puts `{joint.path}` at {kind.shown(q)}, outside {limits}",
+            pose.origins.get(joint.path, pose.origin), path=pose.name, help="write a value within the limits, or widen them",
+            notes=notes,
+        )
+    elif joint.mimic is not None:
+        findings.error(
+            Code.POSE_LIMITS,
+            f"pose `{pose.name}` puts `{joint.path}`, which mimics `{joint.mimic.joint}`, at {kind.shown(q)}, outside {limits}",
+            pose.origins.get(joint.mimic.joint, pose.origin), path=pose.name,
+            help=f"set `{joint.mimic.joint}` so that both stay within their limits, or widen them", notes=notes,
+        )
+    else:
+        findings.error(
+            Code.POSE_LIMITS, f"pose `{pose.name}` does not set `{joint.path}`, and 0 is outside {limits}", pose.origin,
+            path=pose.name, help=f"set `{joint.path.replace('/', '.')}` in the pose", notes=notes,
+        )

@@ -1,0 +1,223 @@
+"""The linked robot before any root is chosen: definitions (HAG), occurrences, the mate graph and links."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from thingc.inertia import MassProperties
+from thingc.pose import Pose
+from thingc.realize.record import PartRecord
+from thingc.resolve.model import (
+    AssemblyDefinition, BomEntry, Component, Dynamics, Limit, Material, Mimic, NamedPose, Overrides, RawAttribute,
+)
+from thingc.source import Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Definition:
+    """A node of the HAG. `kind` is `assembly | part | file | frame`; `text` prints it and is its identity together
+    with `reference` (`module:Class`, a file or a document path in the workspace)."""
+
+    text: str
+    reference: str
+    kind: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DefinitionEdge:
+    """"is a subcomponent of": `child` stands in `parent` as `component`.
+
+    `mounts` prints how (`back -> plate.servo_seat`), `joint` is the name of the joint that places it, if one does.
+    """
+
+    parent: str
+    child: str
+    component: str
+    mounts: str
+    joint: str | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hag:
+    """The hierarchical assembly graph: acyclic, equal definitions one node, in the order first met (top first)."""
+
+    root: str
+    definitions: tuple[Definition, ...]
+    edges: tuple[DefinitionEdge, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MountFrame:
+    """A mount on an occurrence: its frame in the occurrence's frame."""
+
+    pose: Pose
+    interface: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Occurrence:
+    """A leaf of the unrolled HAG: a part or a frame at a path (`hand/cap`).
+
+    `index` is its place in document order; `properties` in its own frame; `mass_source` is
+    `measured | vendor | stated | derived | estimated`. `mounts` includes `origin`. `color` is `#rrggbb`.
+    """
+
+    path: str
+    index: int
+    definition: Definition
+    component: Component
+    record: PartRecord | None
+    material: Material | None
+    color: str | None
+    overrides: Overrides
+    bom: BomEntry
+    properties: MassProperties
+    mass_source: str
+    mounts: dict[str, MountFrame]
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ActuatorModel:
+    """A joint's drive with defaults from the Thing's actuator filled in; SI. `effort` the force limit."""
+
+    kind: str
+    kp: float | None
+    kv: float | None
+    effort: float | None
+    velocity: float | None
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointEdge:
+    """The moving part of a mate: a joint at its path (`hand/finger`), all defaults worked out.
+
+    `mimic.joint` is a joint path here. `limit.effort` and `.velocity` and `dynamics.armature` carry the drive's defaults.
+    """
+
+    path: str
+    kind: str
+    limit: Limit
+    dynamics: Dynamics
+    offset: float
+    mimic: Mimic | None
+    actuator: ActuatorModel | None
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mate:
+    """An edge of the mate graph between occurrences `parent` and `child` (indices).
+
+    `X_PC(q) = X_PJ @ motion(q + offset) @ X_JC`; rigid without `joint` (motion is the identity).
+    `parent_mount` and `child_mount` are the names of the mounts mated (`origin` for `at`).
+    """
+
+    parent: int
+    child: int
+    parent_mount: str
+    child_mount: str
+    X_PJ: Pose
+    X_JC: Pose
+    joint: JointEdge | None
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Link:
+    """Occurrences joined rigidly: one body in every simulator.
+
+    `frame` is the index of the occurrence whose frame is the link's; `poses[k]` is the pose of `members[k]` in it;
+    `properties` are summed, in the link's frame.
+    """
+
+    name: str
+    index: int
+    frame: int
+    members: tuple[int, ...]
+    poses: tuple[Pose, ...]
+    properties: MassProperties
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportedMount:
+    """A mount that an assembly shows, at its path (`tip`, `hand/tip`): an occurrence's mount."""
+
+    path: str
+    occurrence: int
+    mount: str
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RootChoice:
+    """A mode with its references worked out to occurrences.
+
+    `mount` None: a component root (its origin). `path` is the site's name: a mount by its path as the document says it
+    (`hand/tip`), a component as `path/origin`.
+    """
+
+    occurrence: int
+    mount: str | None
+    path: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Adhesion:
+    """A magnet: a mount that pulls. `path` names it (`front_foot/sole`), `force` [N] its largest in any mode."""
+
+    path: str
+    occurrence: int
+    mount: str
+    force: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkedMode:
+    """A mode of the top document with its references worked out; `exclude` are pairs of link indices, `adhesion` by path."""
+
+    name: str
+    root: RootChoice
+    base: str
+    at: Pose
+    gravity: tuple[float, float, float]
+    poses: tuple[str, ...]
+    actuators: tuple[str, ...] | None
+    exclude: tuple[tuple[int, int], ...]
+    adhesion: dict[str, float]
+    simulation: dict[str, float | str]
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Assembly:
+    """The output of `link`: everything about the robot that does not depend on a root.
+
+    `base` is the occurrence whose frame is the assembly's; `rest[i]` the pose of occurrence i in it at q = 0;
+    `link_of[i]` the link of occurrence i. `mates` has one edge fewer than there are occurrences (no loops yet).
+    `raw` has nested documents' joint and body names already prefixed with their path.
+    """
+
+    name: str
+    definition: AssemblyDefinition
+    hag: Hag
+    base: int
+    occurrences: tuple[Occurrence, ...]
+    mates: tuple[Mate, ...]
+    links: tuple[Link, ...]
+    link_of: tuple[int, ...]
+    rest: tuple[Pose, ...]
+    exported: tuple[ExportedMount, ...]
+    poses: tuple[NamedPose, ...]
+    modes: tuple[LinkedMode, ...]
+    adhesions: tuple[Adhesion, ...]
+    raw: tuple[RawAttribute, ...]
+
+    @property
+    def properties(self) -> MassProperties:
+        """The whole robot at q = 0, in the base component's frame."""
+        from thingc.inertia import total
+
+        return total(o.properties.seen_from(self.rest[o.index]) for o in self.occurrences)

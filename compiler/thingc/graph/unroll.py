@@ -1,0 +1,246 @@
+"""The definitions unrolled into a tree of instances, and references looked up in it.
+
+An instance is one place of a definition: of a nested assembly, or of a part or frame (a leaf, an occurrence).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from thingc.diagnostics import Code, Note, did_you_mean
+from thingc.graph.findings import Findings, written_at
+from thingc.graph.leaves import Leaf, Leaves
+from thingc.graph.types import MountFrame
+from thingc.pose import Pose
+from thingc.resolve.model import AssemblyDefinition, Component, Reference
+from thingc.source import Origin
+
+
+@dataclass(slots=True, eq=False)
+class Instance:
+    """A place in the tree. `path` is `hand/cap` (empty at the top); `origin` the chain of spans that made it.
+
+    Exactly one of `assembly` and `leaf` is there, unless the component was wrong and has been reported (neither).
+    `index` counts leaves in document order; of an assembly, whose `base` is the component that nothing places, it is
+    that of the base's leaf. None where that is missing.
+    """
+
+    path: str
+    component: Component | None
+    origin: Origin
+    assembly: AssemblyDefinition | None = None
+    leaf: Leaf | None = None
+    children: dict[str, Instance] = field(default_factory=dict)
+    index: int | None = None
+    base: Instance | None = None
+
+    def within(self, name: str) -> str:
+        """The path of something called `name` in this assembly."""
+        return f"{self.path}/{name}" if self.path else name
+
+    def leaves(self) -> Iterator[Instance]:
+        """The occurrences in it, itself if it is one, in document order."""
+        waiting = [self]
+        while waiting:
+            instance = waiting.pop()
+            if instance.leaf is not None:
+                yield instance
+            waiting.extend(reversed(instance.children.values()))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Found:
+    """A mount that was looked up: the occurrence that carries it, its name there, and its frame in the occurrence's."""
+
+    occurrence: int
+    mount: str
+    pose: Pose
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Fault:
+    """Why a name leads nowhere. `silent`: because of something that has been, or will be, reported by itself."""
+
+    code: Code = Code.INCOMPLETE
+    message: str = ""
+    help: str = ""
+    notes: tuple[Note, ...] = ()
+    silent: bool = False
+
+
+_SILENT = _Fault(silent=True)
+
+
+def unplaced(definition: AssemblyDefinition) -> list[str]:
+    """The names of the components that nothing places: exactly one, the base, in a sound document."""
+    placed = {joint.child.path[0] for joint in definition.joints if joint.child.path}
+    return [c.name for c in definition.components if c.placement is None and c.name not in placed]
+
+
+class Tree:
+    """The unrolled model.
+
+    `assemblies` are parents first, `leaves` in document order (those of a nested assembly where it stands); `added`
+    are mounts that documents add to nested assemblies, per occurrence: they lie on the base of the assembly.
+    """
+
+    def __init__(self, model: AssemblyDefinition, leaves: Leaves, findings: Findings) -> None:
+        self._findings = findings
+        self.top = Instance(path="", component=None, origin=(), assembly=model)
+        self.assemblies: list[tuple[Instance, AssemblyDefinition]] = []
+        self.leaves: list[Instance] = []
+        self.added: dict[int, dict[str, MountFrame]] = {}
+        self._unroll(model, leaves)
+        self._find_bases()
+        self._add_mounts()
+
+    def _unroll(self, model: AssemblyDefinition, leaves: Leaves) -> None:
+        waiting: list[tuple[Instance, AssemblyDefinition]] = [(self.top, model)]
+        while waiting:
+            instance, scope = waiting.pop()
+            component = instance.component
+            if instance.assembly is not None:
+                scope = instance.assembly
+                self.assemblies.append((instance, scope))
+                for inner in scope.components:
+                    nested = inner.definition if isinstance(inner.definition, AssemblyDefinition) else None
+                    instance.children[inner.name] = Instance(
+                        path=instance.within(inner.name), component=inner, origin=inner.origin + instance.origin, assembly=nested,
+                    )
+                waiting.extend((child, scope) for child in reversed(instance.children.values()))
+            elif component is not None:
+                instance.leaf = leaves.leaf(component, scope, instance.path, instance.origin)
+                if instance.leaf is None:
+                    self._findings.leave_out()
+                else:
+                    instance.index = len(self.leaves)
+                    self.leaves.append(instance)
+
+    def _find_bases(self) -> None:
+        for instance, definition in reversed(self.assemblies):  # a base that is an assembly has found its own before
+            bases = unplaced(definition)
+            if len(bases) != 1:
+                self._findings.leave_out()
+            if bases:
+                instance.base = instance.children[bases[0]]
+                instance.index = instance.base.index
+
+    def _add_mounts(self) -> None:
+        for instance, definition in self.assemblies:
+            component = instance.component
+            if component is None:
+                continue
+            for name, extra in component.mounts.items():
+                if name in definition.mounts or name in instance.children:
+                    origin = extra.origin + instance.origin[len(component.origin):]
+                    self._findings.error(
+                        Code.MOUNT_CLASH, f"`{component.name}` already shows `{name}`", origin, path=instance.path,
+                        help="give the mount that is added here another name", notes=_shown_by(definition),
+                    )
+                elif instance.index is not None:
+                    frame = MountFrame(pose=extra.pose, interface=extra.interface)
+                    self.added.setdefault(instance.index, {})[f"{instance.path}/{name}"] = frame
+
+    def find(self, instance: Instance, reference: Reference) -> Found | None:
+        """The mount that `reference` names, read in the document of `instance`; None where it is wrong (reported)."""
+        found: Found | Instance | _Fault = self._walk(instance, reference.path)
+        if isinstance(found, Instance):
+            found = self._mount(found, reference.mount or "origin", ".".join(reference.path))
+        if isinstance(found, Found):
+            return found
+        self._say(found, reference, instance)
+        return None
+
+    def component(self, instance: Instance, reference: Reference) -> Instance | None:
+        """The component that `reference` names (its mount, if it has one, is not looked at)."""
+        found = self._walk(instance, reference.path)
+        if isinstance(found, Instance):
+            return found
+        self._say(found, reference, instance)
+        return None
+
+    def _say(self, fault: _Fault, reference: Reference, instance: Instance) -> None:
+        self._findings.leave_out()
+        if not fault.silent:
+            self._findings.error(
+                fault.code, fault.message, reference.origin + instance.origin, help=fault.help, notes=fault.notes,
+                path=instance.within(reference.text.replace(".", "/")),
+            )
+
+    def _walk(self, instance: Instance, path: tuple[str, ...]) -> Instance | _Fault:
+        for depth, name in enumerate(path):
+            child = instance.children.get(name)
+            if child is None:
+                owner = _owner(instance, ".".join(path[:depth]))
+                return _Fault(
+                    code=Code.UNKNOWN_COMPONENT, message=f"{owner} has no component `{name}`",
+                    help=did_you_mean(name, instance.children, what="components"),
+                )
+            if child.assembly is None and child.leaf is None:
+                return _SILENT
+            instance = child
+        return instance
+
+    def _mount(self, instance: Instance, name: str, shown: str) -> Found | _Fault:
+        """A mount by name: of a part, of an assembly (exported or added), or `origin`. `shown` names the instance.
+
+        What is wrong with an exported mount is said of the line that exports it, not of those that use it.
+        """
+        met: set[tuple[str, str]] = set()
+        exported = False
+        while instance.assembly is not None:
+            definition = instance.assembly
+            if (instance.path, name) in met:
+                return _Fault(
+                    message=f"the mount `{name}` of `{definition.text}` stands for itself",
+                    help="let it name a component's mount",
+                )
+            met.add((instance.path, name))
+            component = instance.component
+            if name == "origin":
+                if instance.base is None:
+                    return _SILENT
+                instance = instance.base
+            elif component is not None and name in component.mounts and name not in definition.mounts:
+                if instance.index is None:
+                    return _SILENT
+                return Found(occurrence=instance.index, mount=f"{instance.path}/{name}", pose=component.mounts[name].pose)
+            elif name in definition.mounts:
+                reference = definition.mounts[name]
+                place = self._walk(instance, reference.path)
+                if isinstance(place, _Fault):
+                    return _SILENT
+                instance, name, exported = place, reference.mount or "origin", True
+            elif exported:
+                return _SILENT
+            else:
+                added = component.mounts if component is not None else {}
+                return _Fault(
+                    code=Code.UNKNOWN_MOUNT, message=f"{_owner(instance, shown)} shows no mount `{name}`",
+                    help=did_you_mean(name, [*definition.mounts, *added, "origin"], what="mounts"), notes=_shown_by(definition),
+                )
+        leaf = instance.leaf
+        if leaf is None or instance.index is None:
+            return _SILENT
+        if name in leaf.mounts:
+            return Found(occurrence=instance.index, mount=name, pose=leaf.mounts[name].pose)
+        if exported:
+            return _SILENT
+        return _Fault(
+            code=Code.UNKNOWN_MOUNT, message=f"{_owner(instance, shown)} has no mount `{name}`",
+            help=did_you_mean(name, leaf.mounts, what="mounts"),
+            notes=written_at(f"`{leaf.definition.text}`", leaf.record.code) if leaf.record is not None else (),
+        )
+
+
+def _owner(instance: Instance, shown: str) -> str:
+    """`hand.cap` (`arm:Cap`): as the document that refers to it names it, and what it is."""
+    text = instance.assembly.text if instance.assembly is not None else instance.leaf.definition.text if instance.leaf else ""
+    return f"`{shown}` (`{text}`)" if shown and text else f"`{shown or text}`"
+
+
+def _shown_by(definition: AssemblyDefinition) -> tuple[Note, ...]:
+    """Where an assembly says what it shows."""
+    places = [reference.origin[0] for reference in definition.mounts.values() if reference.origin] or list(definition.origin[:1])
+    return (Note(message=f"the mounts that `{definition.text}` shows are written here", span=places[0]),) if places else ()

@@ -1,0 +1,16 @@
+"""Joint kinds, one file each: how a joint moves and to which joint of the core it lowers."""
+
+from __future__ import annotations
+
+from thingc.joints import continuous, fixed, prismatic, revolute
+from thingc.joints.kind import Core, JointKind, Limits
+
+KINDS: dict[str, JointKind] = {
+    module.KIND.name: module.KIND for module in (fixed, revolute, continuous, prismatic)
+}
+"""Every kind that can be built, by the word written after `type:`."""
+
+LATER: frozenset[str] = frozenset({"cylindrical", "universal", "ball", "planar", "screw"})
+"""Kinds that the language names and this version does not build yet: a diagnostic says so."""
+
+__all__ = ["KINDS", "LATER", "Core", "JointKind", "Limits"]

@@ -1,0 +1,7 @@
+"""Reading documents: text to trees whose every key and value has a position; nothing is interpreted here."""
+
+from __future__ import annotations
+
+from thingc.load.documents import Documents, load, read_tree
+
+__all__ = ["Documents", "load", "read_tree"]

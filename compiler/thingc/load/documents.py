@@ -1,0 +1,252 @@
+"""`load`: a document and every document that it names, as trees with positions."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from thingc.diagnostics import Code, Note, Report, did_you_mean, nearest
+from thingc.load.paths import DOCUMENT_SUFFIXES, PART_SUFFIXES, find_file
+from thingc.load.text import decode
+from thingc.source import Document, MappingNode, Node, ScalarNode, SequenceNode, Span
+from thingc.units import shortened
+
+if TYPE_CHECKING:
+    from thingc.workspace import Workspace
+
+KINDS: dict[str, str] = {"assembly": "1", "materials": "1", "variants": "1", "workspace": "1"}
+"""Kinds of documents and the version that is read."""
+
+MAX_CHAIN = 100
+"""Documents that may nest in one another."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Documents:
+    """A document and all that it names, directly or not.
+
+    `by_path` is keyed by path in the workspace, in the order first named. `links` maps (path of a document, text in it)
+    to the path of the document that the text names. `broken` are the documents on a cycle of assemblies (reported).
+    """
+
+    root: Document
+    by_path: dict[str, Document]
+    links: dict[tuple[str, str], str] = field(default_factory=dict)
+    broken: frozenset[str] = frozenset()
+
+    def named(self, document: Document, text: str) -> Document | None:
+        """The document that `text` names in `document`; None where it could not be read (which has been reported)."""
+        path = self.links.get((document.relative, text))
+        return None if path is None else self.by_path.get(path)
+
+
+def load(document: str, workspace: Workspace, report: Report, *, kinds: Collection[str] = ("assembly",)) -> Documents | None:
+    """Read a document and follow its `assembly:` and `materials:`.
+
+    Everything wrong is reported; what can still be read is returned, None where the document itself cannot be.
+    `kinds` are the kinds that the document itself may have.
+    """
+    path = os.path.abspath(document)
+    if not path.lower().endswith(DOCUMENT_SUFFIXES):
+        report.add(Code.FILE_TYPE, f"expected a document ({', '.join(DOCUMENT_SUFFIXES)}), found `{shortened(os.path.basename(path))}`", None)
+        return None
+    reader = _Reader(workspace, report)
+    root = reader.read(path)
+    if root is None:
+        return None
+    if root.kind not in kinds:
+        wanted = " or ".join(f"`{kind}`" for kind in kinds)
+        report.add(Code.WRONG_KIND, f"expected a document of kind {wanted}, found `{root.kind}`", root.span(("thingc",)))
+        return None
+    reader.follow(root, [])
+    return Documents(root=root, by_path=reader.by_path, links=reader.links, broken=frozenset(reader.broken))
+
+
+def read_tree(path: str, data: bytes, report: Report) -> MappingNode | None:
+    """The tree of a YAML or TOML file (by its suffix), a mapping; None when it has been reported that it is none."""
+    source = decode(path, data, report)
+    if source is None:
+        return None
+    tree: Node | None
+    before = len(report.diagnostics)
+    if path.lower().endswith(".toml"):
+        from thingc.load.toml_tree import read_toml
+
+        tree = read_toml(source, report)
+    else:
+        from thingc.load.yaml_tree import read_yaml
+
+        tree = read_yaml(source, report)
+    if isinstance(tree, MappingNode):
+        return tree
+    empty = tree is None or (isinstance(tree, ScalarNode) and tree.value is None)
+    if empty and len(report.diagnostics) == before:
+        report.add(Code.NOT_A_MAPPING, "the document is empty", source.span(0, 0), help="begin with `thingc: assembly/1`")
+    elif tree is not None and not empty:
+        found = "a list" if isinstance(tree, SequenceNode) else "text"
+        span, help = tree.span, "begin with `thingc: assembly/1`"
+        if isinstance(tree, ScalarNode) and (missing := re.match(r"([A-Za-z_]\w*):(\S+)", tree.text)):
+            help = f"a space is missing after the `:`: `{missing.group(1)}: {missing.group(2)}`"
+        report.add(Code.NOT_A_MAPPING, f"a document is a mapping, found {found}", span, help=help)
+    return None
+
+
+class _Reader:
+    """Reads every file once; `by_path` in the order first named."""
+
+    def __init__(self, workspace: Workspace, report: Report) -> None:
+        self.workspace = workspace
+        self.report = report
+        self.by_path: dict[str, Document] = {}
+        self.failed: set[str] = set()
+        self.done: set[str] = set()
+        self.links: dict[tuple[str, str], str] = {}
+        self.broken: set[str] = set()
+
+    def read(self, path: str) -> Document | None:
+        relative = self.workspace.relative(path)
+        if relative in self.by_path or relative in self.failed:
+            return self.by_path.get(relative)
+        self.failed.add(relative)
+        try:
+            with open(path, "rb") as stream:
+                data = stream.read(10_000_001)
+        except (OSError, ValueError) as error:
+            reason = error.strerror if isinstance(error, OSError) and error.strerror else "it cannot be read"
+            self.report.add(Code.UNREADABLE, f"cannot read `{shortened(os.path.basename(path))}`: {reason[:1].lower()}{reason[1:]}", None)
+            return None
+        tree = read_tree(path, data, self.report)
+        kind = None if tree is None else document_kind(tree, self.report)
+        if tree is None or kind is None:
+            return None
+        document = Document(
+            path=path, relative=relative, kind=kind, tree=tree, sha256=hashlib.sha256(data).hexdigest(),
+            text=data.decode("utf-8-sig"),
+        )
+        self.by_path[relative] = document
+        self.failed.discard(relative)
+        return document
+
+    def follow(self, document: Document, chain: list[tuple[Document, Span]]) -> None:
+        """Read what a document names. `chain` are the assemblies above it, each with the place that nests the next."""
+        if document.relative in self.done:
+            return
+        self.done.add(document.relative)
+        if document.kind != "assembly":
+            return
+        for text, where in _materials(document.tree):
+            self.named(document, text, where, "materials")
+        for text, where in _files(document.tree):
+            find_file(
+                text, beside=document.path, where=where, workspace=self.workspace, suffixes=PART_SUFFIXES, what="a file of a part",
+                report=self.report,
+            )
+        for text, where in _assemblies(document.tree):
+            nested = self.named(document, text, where, "assembly")
+            if nested is None:
+                continue
+            hops = [*chain, (document, where)]
+            position = next((k for k, (above, _) in enumerate(hops) if above.relative == nested.relative), None)
+            if position is not None:
+                self.cycle(hops[position:])
+            elif len(hops) >= MAX_CHAIN:
+                self.report.add(Code.TOO_LARGE, f"more than {MAX_CHAIN} assemblies nest in one another", where)
+            else:
+                self.follow(nested, hops)
+
+    def cycle(self, hops: list[tuple[Document, Span]]) -> None:
+        names = [document.relative for document, _ in hops]
+        following = [*names[1:], names[0]]
+        self.broken.update(names)
+        self.report.add(
+            Code.DOCUMENT_CYCLE, f"`{names[0]}` nests itself: {' -> '.join([*names, names[0]])}", hops[0][1],
+            notes=[
+                Note(message=f"`{name}` nests `{inner}` here", span=where)
+                for name, inner, (_, where) in zip(names[1:], following[1:], hops[1:], strict=True)
+            ],
+            help="an assembly cannot be a part of itself",
+        )
+
+    def named(self, document: Document, text: str, where: Span, kind: str) -> Document | None:
+        path = find_file(
+            text, beside=document.path, where=where, workspace=self.workspace, suffixes=DOCUMENT_SUFFIXES,
+            what="an assembly document" if kind == "assembly" else "a materials document", report=self.report,
+        )
+        found = None if path is None else self.read(path)
+        if found is None:
+            return None
+        if found.kind != kind:
+            wanted = "an assembly" if kind == "assembly" else "a materials"
+            self.report.add(
+                Code.WRONG_KIND, f"expected {wanted} document, found `{shortened(text)}` of kind `{found.kind}`", where,
+                notes=[Note(message="its kind is written here", span=found.span(("thingc",)))],
+            )
+            return None
+        self.links[document.relative, text] = found.relative
+        return found
+
+
+def document_kind(tree: MappingNode, report: Report) -> str | None:
+    """The kind that a document's `thingc:` key states; None when it has been reported that it states none we know."""
+    node = tree.entries.get("thingc")
+    if node is None:
+        first = next(iter(tree.keys), None)
+        if first is not None and nearest(first, ["thingc"]) and isinstance(tree.entries[first], ScalarNode):
+            report.add(Code.HEADER, f"expected the key `thingc`, found `{shortened(first)}`", tree.keys[first], help="did you mean `thingc`?")
+        else:
+            where = tree.keys[first] if first is not None else tree.span
+            report.add(
+                Code.HEADER, "the key `thingc`, which says kind and version, is missing", where, help="begin with `thingc: assembly/1`",
+            )
+        return None
+    value = node.value if isinstance(node, ScalarNode) else None
+    if not isinstance(value, str):
+        report.add(
+            Code.HEADER, "`thingc` says kind and version as text", tree.keys["thingc"] if value is None else node.span,
+            help="write for example `thingc: assembly/1`",
+        )
+        return None
+    kind, slash, version = value.partition("/")
+    if kind not in KINDS:
+        report.add(
+            Code.HEADER, f"unknown kind of document `{shortened(kind)}`", node.span,
+            help=did_you_mean(kind, KINDS, what="kinds"),
+        )
+        return None
+    if version != KINDS[kind]:
+        message = f"unknown version `{shortened(version)}` of `{kind}`" if slash else f"the version of `{kind}` is missing"
+        report.add(Code.HEADER, message, node.span, help=f"write `thingc: {kind}/{KINDS[kind]}`")
+        return None
+    return kind
+
+
+def _texts(node: Node | None) -> Iterator[tuple[str, Span]]:
+    if isinstance(node, ScalarNode) and isinstance(node.value, str):
+        yield node.value, node.span
+
+
+def _components(tree: MappingNode, key: str) -> Iterator[tuple[str, Span]]:
+    components = tree.entries.get("components")
+    if isinstance(components, MappingNode):
+        for component in components.entries.values():
+            if isinstance(component, MappingNode):
+                yield from _texts(component.entries.get(key))
+
+
+def _assemblies(tree: MappingNode) -> Iterator[tuple[str, Span]]:
+    return _components(tree, "assembly")
+
+
+def _files(tree: MappingNode) -> Iterator[tuple[str, Span]]:
+    return _components(tree, "file")
+
+
+def _materials(tree: MappingNode) -> Iterator[tuple[str, Span]]:
+    materials = tree.entries.get("materials")
+    if isinstance(materials, SequenceNode):
+        for item in materials.items:
+            yield from _texts(item)

@@ -1,0 +1,69 @@
+"""Paths that documents name: relative to the document, inside the workspace, links resolved."""
+
+from __future__ import annotations
+
+import os
+import re
+from typing import TYPE_CHECKING
+
+from thingc.diagnostics import Code, Report, did_you_mean
+from thingc.source import Span
+from thingc.units import shortened
+
+if TYPE_CHECKING:
+    from thingc.workspace import Workspace
+
+DOCUMENT_SUFFIXES = (".yaml", ".yml", ".toml")
+PART_SUFFIXES = (".step", ".stp", ".brep", ".stl", ".3mf", ".obj")
+
+_DRIVE = re.compile(r"[A-Za-z]:|\\\\")
+
+
+def find_file(
+    text: str, *, beside: str, where: Span, workspace: Workspace, suffixes: tuple[str, ...], what: str, report: Report,
+) -> str | None:
+    """The absolute path of the file that a document at the path `beside` calls `text`.
+
+    None when it has been reported at `where` that it is absolute, leaves the workspace, is not there, or has none of
+    the `suffixes`. `what` names it in messages (`an assembly document`).
+    """
+    shown = shortened(text)
+    if not text.strip() or "\0" in text:
+        report.add(Code.MISSING_FILE, f"expected the path of {what}, found `{shown}`", where)
+        return None
+    if os.path.isabs(text) or text.startswith(("/", "~")) or _DRIVE.match(text):
+        report.add(
+            Code.OUTSIDE_WORKSPACE, f"`{shown}` is an absolute path", where, help="write it relative to this document, inside the workspace",
+        )
+        return None
+    path = os.path.normpath(os.path.join(os.path.dirname(beside), text))
+    if not workspace.contains(path):
+        report.add(
+            Code.OUTSIDE_WORKSPACE, f"`{shown}` leaves the workspace", where,
+            help="move the file into the folder of `thingc.toml`, or put a `thingc.toml` into a folder above both",
+        )
+        return None
+    if not path.lower().endswith(suffixes):
+        report.add(
+            Code.FILE_TYPE, f"expected {what} ({', '.join(suffixes)}), found `{shown}`", where,
+        )
+        return None
+    if not os.path.isfile(path):
+        report.add(Code.MISSING_FILE, _missing(path, shown), where, help=_near(path, text, suffixes))
+        return None
+    return path
+
+
+def _missing(path: str, shown: str) -> str:
+    return f"`{shown}` is a folder, not a file" if os.path.isdir(path) else f"there is no file `{shown}`"
+
+
+def _near(path: str, text: str, suffixes: tuple[str, ...]) -> str:
+    """A hint: the file of that folder that was meant, or what there is."""
+    folder = os.path.dirname(path)
+    prefix = text[: len(text) - len(os.path.basename(text))]
+    try:
+        names = [prefix + name for name in os.listdir(folder) if name.lower().endswith(suffixes)]
+    except OSError:
+        return f"there is no folder `{shortened(prefix)}` beside this document" if prefix else "paths are relative to this document"
+    return did_you_mean(text, names, what="files")

@@ -1,0 +1,84 @@
+"""Bytes of a file to text, and places in it as spans."""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_right
+
+from thingc.diagnostics import Code, Report
+from thingc.source import Span
+
+MAX_BYTES = 10_000_000
+MAX_LEVELS = 100
+MAX_ALIAS_NODES = 10_000
+
+_BREAK = re.compile(r"\r\n|\r|\n")
+_FORBIDDEN = re.compile("[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")
+"""Control characters (which no terminal should see), NEL, line and paragraph separators (which editors and parsers
+count differently), surrogates, and a byte order mark that is not at the start."""
+
+_SPOKEN = {
+    "\ufeff": "a byte order mark", "\u2028": "a line separator", "\u2029": "a paragraph separator", "\x85": "a next-line character",
+    "\x00": "a zero byte",
+}
+
+
+class Source:
+    """The text of one file without its byte order mark, and where its lines begin."""
+
+    def __init__(self, file: str, text: str) -> None:
+        self.file = file
+        self.text = text
+        self.starts = [0, *(found.end() for found in _BREAK.finditer(text))]
+
+    def span(self, start: int, end: int) -> Span:
+        """The characters from `start` to before `end` (indices into `text`)."""
+        line = bisect_right(self.starts, start)
+        last = bisect_right(self.starts, end) if end > start else line
+        return Span(
+            file=self.file, line=line, column=start - self.starts[line - 1] + 1,
+            end_line=last, end_column=max(end, start) - self.starts[last - 1] + 1,
+        )
+
+    def line_at(self, index: int) -> int:
+        """The number of the line (from 0) that holds the character at `index`."""
+        return bisect_right(self.starts, index) - 1
+
+    def line(self, number: int) -> str:
+        """The text of a line (from 0), without its break."""
+        end = self.starts[number + 1] if number + 1 < len(self.starts) else len(self.text)
+        return self.text[self.starts[number] : end].rstrip("\r\n")
+
+
+def decode(file: str, data: bytes, report: Report) -> Source | None:
+    """The text of a file read: UTF-8, a byte order mark and CRLF allowed. None when it has been reported."""
+    top = Span(file=file, line=1, column=1, end_line=1, end_column=1)
+    if len(data) > MAX_BYTES:
+        report.add(
+            Code.TOO_LARGE, f"the file has {len(data)} bytes; at most {MAX_BYTES} are read", top, help="split the document",
+        )
+        return None
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        report.add(Code.NOT_UTF8, "expected UTF-8, found UTF-16", top, help="save the file as UTF-8")
+        return None
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        before = Source(file, data[: error.start].decode("utf-8-sig", errors="replace"))
+        end = len(before.text)
+        report.add(
+            Code.NOT_UTF8, f"expected UTF-8, found the byte 0x{data[error.start]:02x}", before.span(end, end),
+            help="save the file as UTF-8",
+        )
+        return None
+    source = Source(file, text)
+    bad = _FORBIDDEN.search(text)
+    if bad is not None:
+        character = bad.group()
+        name = _SPOKEN.get(character, "a control character")
+        report.add(
+            Code.SYNTAX, f"{name} (U+{ord(character):04X}) cannot stand in a document", source.span(bad.start(), bad.end()),
+            help="delete it; it is invisible in most editors",
+        )
+        return None
+    return source

@@ -1,0 +1,319 @@
+"""TOML text to a tree with positions: tomllib says what the values are, tree-sitter where they stand."""
+
+from __future__ import annotations
+
+import datetime
+import re
+import tomllib
+from bisect import bisect_left
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Union
+
+from thingc.diagnostics import Code, Note, Report
+from thingc.load.text import MAX_LEVELS, Source
+from thingc.source import MappingNode, Node, Scalar, ScalarNode, SequenceNode
+from thingc.units import shortened
+
+if TYPE_CHECKING:
+    from tree_sitter import Node as Syntax
+
+
+def read_toml(source: Source, report: Report) -> MappingNode | None:
+    """The tree of a TOML 1.0 text, or None when it has been reported that there is none."""
+    import tree_sitter_toml
+    from tree_sitter import Language, Parser
+
+    data = source.text.encode()
+    tree = Parser(Language(tree_sitter_toml.language())).parse(data)
+    places = _Places(source, data)
+    if _too_deep(tree.root_node, places, report):
+        return None
+    try:
+        values = tomllib.loads(source.text)
+    except (ValueError, RecursionError) as error:
+        _report_error(error, tree.root_node, places, report)
+        return None
+    root = _Statements(places, None).read(tree.root_node)
+    return _Joiner(places, report).table(root, values, 1)
+
+
+class _Places:
+    """Byte offsets of tree-sitter to character indices and spans."""
+
+    def __init__(self, source: Source, data: bytes) -> None:
+        self.source = source
+        self.data = data
+        self.offsets: list[int] | None = None
+        if len(data) != len(source.text):
+            self.offsets = [at for at, byte in enumerate(data) if byte & 0xC0 != 0x80]
+
+    def index(self, byte: int) -> int:
+        return byte if self.offsets is None else bisect_left(self.offsets, byte)
+
+    def text(self, node: Syntax) -> str:
+        return self.data[node.start_byte : node.end_byte].decode()
+
+
+@dataclass(slots=True)
+class _Leaf:
+    """A scalar: character indices."""
+
+    start: int
+    end: int
+
+
+@dataclass(slots=True)
+class _Array:
+    """A list of values, or an array of tables (`tables`)."""
+
+    start: int
+    end: int
+    tables: bool
+    items: list[_Item] = field(default_factory=list)
+
+
+@dataclass(slots=True)
+class _Table:
+    """A table: entries, and for each key where it stands."""
+
+    start: int
+    end: int
+    entries: dict[str, _Item] = field(default_factory=dict)
+    keys: dict[str, tuple[int, int]] = field(default_factory=dict)
+    declared: bool = False
+
+
+_Item = Union[_Leaf, _Array, _Table]
+
+
+class _Statements:
+    """The statements of a TOML text in order, put where they belong. With a report, keys written twice are reported."""
+
+    def __init__(self, places: _Places, report: Report | None) -> None:
+        self.places = places
+        self.report = report
+
+    def read(self, document: Syntax) -> _Table:
+        root = _Table(0, len(self.places.source.text))
+        for statement in document.named_children:
+            if statement.type == "pair":
+                self.pair(root, statement)
+            elif statement.type in ("table", "table_array_element"):
+                self.header(root, statement)
+        return root
+
+    def header(self, root: _Table, statement: Syntax) -> None:
+        children = statement.named_children
+        if not children:
+            return
+        parts = self.parts(children[0])
+        start, end = self.places.index(statement.start_byte), self.places.index(statement.end_byte)
+        end = start + len(self.places.source.text[start:end].rstrip())
+        table = self.descend(root, parts[:-1], start, end)
+        if table is None or not parts:
+            return
+        name, place = parts[-1]
+        found = table.entries.get(name)
+        if statement.type == "table_array_element":
+            if not isinstance(found, _Array):
+                if self.twice(table, name, place):
+                    return
+                found = _Array(start, end, True)
+                table.entries[name], table.keys[name] = found, place
+            inner = _Table(start, end)
+            found.items.append(inner)
+            found.end = end
+        elif isinstance(found, _Table) and not found.declared:
+            inner = found
+            inner.start, inner.end, inner.declared = min(inner.start, start), max(inner.end, end), True
+        elif self.twice(table, name, place):
+            return
+        else:
+            inner = _Table(start, end, declared=True)
+            table.entries[name], table.keys[name] = inner, place
+        for child in children[1:]:
+            if child.type == "pair":
+                self.pair(inner, child)
+
+    def pair(self, table: _Table, statement: Syntax) -> None:
+        children = [child for child in statement.named_children if child.type != "comment"]
+        if len(children) < 2:
+            return
+        parts = self.parts(children[0])
+        value = self.value(children[1])
+        target = self.descend(table, parts[:-1], self.places.index(statement.start_byte), value.end) if parts else None
+        if target is None:
+            return
+        name, place = parts[-1]
+        if not self.twice(target, name, place):
+            target.entries[name], target.keys[name] = value, place
+
+    def twice(self, table: _Table, name: str, place: tuple[int, int]) -> bool:
+        if name not in table.entries:
+            return False
+        if self.report is not None:
+            span = self.places.source.span
+            self.report.add(
+                Code.DUPLICATE_KEY, f"the key `{shortened(name)}` is written twice", span(*place),
+                notes=[Note(message="first written here", span=span(*table.keys[name]))], help="remove or rename one of them",
+            )
+        return True
+
+    def descend(self, table: _Table, parts: list[tuple[str, tuple[int, int]]], start: int, end: int) -> _Table | None:
+        """The table at a dotted key, made where it is not there; of an array of tables the last."""
+        for name, place in parts:
+            found = table.entries.get(name)
+            if isinstance(found, _Array) and found.items:
+                found.end = max(found.end, end)
+                found = found.items[-1]
+            if found is None:
+                found = _Table(start, end)
+                table.entries[name], table.keys[name] = found, place
+            if not isinstance(found, _Table):
+                self.twice(table, name, place)
+                return None
+            found.end = max(found.end, end)
+            table = found
+        return table
+
+    def parts(self, key: Syntax) -> list[tuple[str, tuple[int, int]]]:
+        """The words of a key and where they stand."""
+        if key.type == "dotted_key":
+            return [part for child in key.named_children for part in self.parts(child)]
+        text = self.places.text(key)
+        place = (self.places.index(key.start_byte), self.places.index(key.end_byte))
+        if key.type == "quoted_key":
+            try:
+                text = next(iter(tomllib.loads(f"{text} = 0")))
+            except tomllib.TOMLDecodeError:
+                pass
+        return [(text, place)]
+
+    def value(self, syntax: Syntax) -> _Item:
+        start, end = self.places.index(syntax.start_byte), self.places.index(syntax.end_byte)
+        if syntax.type == "array":
+            array = _Array(start, end, False)
+            array.items.extend(self.value(child) for child in syntax.named_children if child.type != "comment")
+            return array
+        if syntax.type == "inline_table":
+            table = _Table(start, end, declared=True)
+            for child in syntax.named_children:
+                if child.type == "pair":
+                    self.pair(table, child)
+            return table
+        return _Leaf(start, end)
+
+
+class _Joiner:
+    """Values and places to nodes."""
+
+    def __init__(self, places: _Places, report: Report) -> None:
+        self.source = places.source
+        self.report = report
+
+    def table(self, table: _Table, values: dict[str, Any], level: int) -> MappingNode:
+        entries: dict[str, Node] = {}
+        keys = {}
+        for name, item in table.entries.items():
+            if name in values:
+                entries[name] = self.node(item, values[name], level + 1)
+                keys[name] = self.source.span(*table.keys[name])
+        return MappingNode(entries=entries, keys=keys, span=self.source.span(table.start, table.end))
+
+    def node(self, item: _Item, value: Any, level: int) -> Node:
+        span = self.source.span(item.start, item.end)
+        if level > MAX_LEVELS:
+            self.report.add(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", span)
+            return ScalarNode(value=None, text="", span=span)
+        if isinstance(item, _Table) and isinstance(value, dict):
+            return self.table(item, value, level)
+        if isinstance(item, _Array) and isinstance(value, list):
+            return SequenceNode(
+                items=tuple(self.node(inner, entry, level + 1) for inner, entry in zip(item.items, value, strict=False)), span=span,
+            )
+        return self.scalar(item, value)
+
+    def scalar(self, item: _Item, value: Any) -> ScalarNode:
+        text = self.source.text[item.start : item.end]
+        span = self.source.span(item.start, item.end)
+        known: Scalar
+        if isinstance(value, (datetime.date, datetime.time)):
+            self.report.add(
+                Code.DATE, f"expected text or a number, found the date or time `{shortened(text)}`", span,
+                help=f'if it is text write `"{shortened(text)}"`',
+            )
+            known = text
+        elif isinstance(value, str):
+            known = text = value
+        elif isinstance(value, (int, float)):
+            try:
+                finite = isinstance(value, bool) or float(value) - float(value) == 0.0
+            except OverflowError:
+                finite = False
+            if not finite:
+                self.report.add(Code.NOT_FINITE, f"expected a finite number, found `{shortened(text)}`", span)
+            known = value if finite else 0
+        else:
+            known = None
+        return ScalarNode(value=known, text=text, span=span)
+
+
+def _too_deep(root: Syntax, places: _Places, report: Report) -> bool:
+    """Whether brackets or dotted keys nest beyond the bound (reported): looked at before anything recurses."""
+    waiting = [(root, 0)]
+    while waiting:
+        node, level = waiting.pop()
+        if node.type in ("array", "inline_table", "dotted_key", "ERROR"):
+            level += 1
+            if level > MAX_LEVELS:
+                start = places.index(node.start_byte)
+                report.add(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", places.source.span(start, start + 1))
+                return True
+        waiting.extend((child, level) for child in reversed(node.named_children))
+    return False
+
+
+_PLACE = re.compile(r"\s*\(at (?:line (\d+), column (\d+)|end of document)\)$")
+_TWICE = ("overwrite", "twice", "mutate", "Duplicate", "namespace")
+
+
+def _report_error(error: Exception, root: Syntax, places: _Places, report: Report) -> None:
+    """Say a fault that tomllib found, where, and what was probably meant."""
+    source = places.source
+    found = _PLACE.search(str(error))
+    words = str(error)[: found.start()] if found else str(error)
+    index = len(source.text.rstrip())
+    if found and found.group(1):
+        index = min(source.starts[int(found.group(1)) - 1] + int(found.group(2)) - 1, len(source.text))
+    if any(word in words for word in _TWICE):
+        before = len(report.diagnostics)
+        _Statements(places, report).read(root)
+        if len(report.diagnostics) > before:
+            return
+    message, help = _in_words(words, source, index)
+    end = index + 1 if index < len(source.text) and source.text[index] not in "\r\n" else index
+    report.add(Code.SYNTAX, message, source.span(index, end), help=help)
+
+
+def _in_words(words: str, source: Source, index: int) -> tuple[str, str | None]:
+    """tomllib's words as ours, with a hint where the line shows what was meant."""
+    line = source.line(source.line_at(min(index, max(0, len(source.text) - 1))))
+    meant = re.match(r"\s*([\w.-]+)\s*=\s*([^\"'\[{#\s][^#]*?)\s*(?:#.*)?$", line)
+    if words.startswith("Expected '=' after a key"):
+        return "expected `=` after the key", "TOML writes `key = value`"
+    if words == "Invalid value" or words.startswith("Expected newline or end of document"):
+        if meant:
+            quoted = f'{meant.group(1)} = "{meant.group(2)}"'
+            return f"`{shortened(meant.group(2))}` is no TOML value", f"text and quantities need quotes: `{shortened(quoted)}`"
+        if words == "Invalid value":
+            return "expected a value", "text and quantities need quotes"
+        return "expected the end of the line", "one `key = value` per line"
+    if "Unterminated string" in words or "Illegal character '\\n'" in words:
+        return "the text is not closed", 'add the closing `"`'
+    if "Unclosed array" in words:
+        return "a list is not closed", "add `]`, or `,` between the items"
+    if "Unclosed inline table" in words:
+        return "an inline table is not closed", "add `}`, or `,` between the entries; it stands on one line"
+    if isinstance(words, str) and "recursion" in words:
+        return "the values nest too deeply", None
+    return f"not well-formed TOML: {words[:1].lower()}{words[1:]}", None

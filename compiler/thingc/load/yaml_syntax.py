@@ -1,0 +1,145 @@
+"""What a YAML parser says is wrong, in the words of a person: where to look and what was probably meant."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from thingc.load.text import Source
+from thingc.units import shortened
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SyntaxFault:
+    """A message, the characters to blame, a hint, and a second place with its words."""
+
+    message: str
+    start: int
+    end: int
+    help: str | None = None
+    note: tuple[str, int] | None = None
+
+
+_NO_SPACE = re.compile(r"\s*(?:-\s+)*(?P<key>[A-Za-z_][\w.*$-]*):(?P<value>[^\s:#].*)")
+_PARSER_WORDS = re.compile(r"<[a-z ]+>|'[^']*'")
+
+
+def explain(source: Source, *, problem: str, at: int, context: str, began: int) -> SyntaxFault:
+    """Put libyaml's (or PyYAML's) `problem` at index `at`, met while `context` that `began` there, into better words."""
+    text = source.text
+    tab = _tab_before(source, at)
+    if tab is not None:
+        return SyntaxFault(
+            message="a tab in the indentation; YAML indents with spaces", start=tab, end=tab + 1, help="replace the tab by spaces",
+        )
+    if "quoted scalar" in context and ("end of stream" in problem or "document indicator" in problem or "separator" in problem):
+        quote = text[began : began + 1]
+        return SyntaxFault(
+            message="the quote opened here is never closed", start=began, end=began + 1, help=f"add `{quote}` at the end of the text",
+        )
+    if "escape" in problem or "hexdecimal" in problem or "hexadecimal" in problem:
+        return SyntaxFault(
+            message="an unknown escape in double quotes", start=at, end=at + 1, help="write `\\\\` for a backslash, or use single quotes",
+        )
+    missing = _missing_space(source, at)
+    if missing is not None:
+        key, value, start = missing
+        return SyntaxFault(
+            message=f"a space is missing after `{key}:`", start=start, end=start + len(key) + 1 + len(value),
+            help=f"write `{shortened(f'{key}: {value}')}`",
+        )
+    if "flow mapping" in context or "flow sequence" in context or "flow node" in context:
+        return _in_flow(source, at, began, "flow mapping" in context)
+    if "mapping values are not allowed" in problem:
+        return SyntaxFault(
+            message="a second `:` in one value", start=at, end=at + 1,
+            help="text that holds `: ` needs quotes; a nested mapping begins on a line of its own",
+        )
+    if "could not find expected ':'" in problem:
+        line = source.line_at(began)
+        written = source.line(line).strip()
+        start = source.starts[line] + len(source.line(line)) - len(source.line(line).lstrip())
+        return SyntaxFault(
+            message=f"expected `key: value`, found `{shortened(written)}`", start=start, end=start + max(1, len(written)),
+            help="a `:` and a space come after a key",
+        )
+    if "cannot start any token" in problem:
+        found = text[at : at + 1]
+        return SyntaxFault(message=f"`{found}` cannot begin a value", start=at, end=at + 1, help="put the value in quotes")
+    if "alphabetic or numeric" in problem:
+        return SyntaxFault(
+            message=f"`{text[began : began + 1]}` cannot begin a value", start=began, end=began + 1,
+            help='a name that begins with `*` or `&` needs quotes: `"*_knee"`',
+        )
+    return _by_layout(source, problem, context, at, began)
+
+
+def _by_layout(source: Source, problem: str, context: str, at: int, began: int) -> SyntaxFault:
+    """Faults of indentation, and whatever is left."""
+    at = min(at, max(0, len(source.text) - 1))
+    end = at + max(1, len(re.match(r"[^\s:,{}\[\]]*", source.text[at:]).group()))  # type: ignore[union-attr]
+    if "sequence entries are not allowed" in problem:
+        return SyntaxFault(
+            message="a list item `-` cannot stand here", start=at, end=at + 1, help="begin the list on the line after its key",
+        )
+    if "block mapping" in context or "expected key" in problem:
+        return SyntaxFault(
+            message="this line does not continue the mapping above it", start=at, end=end,
+            help="keys of one mapping begin in one column, and text with quotes inside is quoted whole", note=("the mapping begins here", began),
+        )
+    if "block collection" in context or "block sequence" in context:
+        return SyntaxFault(
+            message="this line does not continue the list above it", start=at, end=end,
+            help="items of one list begin with `-` in one column", note=("the list begins here", began),
+        )
+    if "document start" in problem:
+        return SyntaxFault(
+            message="expected the end of the document, found more text", start=at, end=end,
+            help="a document is one mapping: keys of the first level begin in column 1",
+        )
+    if "block scalar" in context:
+        return SyntaxFault(
+            message="text after `|` or `>` begins on the next line", start=at, end=end, help="write the text below it, indented",
+        )
+    return SyntaxFault(message=f"not well-formed YAML: {problem}", start=at, end=end)
+
+
+def _in_flow(source: Source, at: int, began: int, mapping: bool) -> SyntaxFault:
+    """A `{` or `[` that meets something else than `,` or its end."""
+    opened, closing = ("{", "}") if mapping else ("[", "]")
+    if source.text[began : began + 1] not in "{[":
+        began = max(source.text.rfind("{", 0, at), source.text.rfind("[", 0, at), 0)
+        opened = source.text[began : began + 1]
+        closing = "}" if opened == "{" else "]"
+    rest = source.text[at : at + 1]
+    if at >= len(source.text.rstrip()) or source.line_at(at) != source.line_at(began) or rest in "}]":
+        return SyntaxFault(
+            message=f"the `{opened}` opened here is not closed with `{closing}`", start=began, end=began + 1,
+            help=f"add `{closing}`", note=("it meets this first", min(at, max(0, len(source.text) - 1))),
+        )
+    return SyntaxFault(
+        message=f"expected `,` or `{closing}`, found `{rest}`", start=at, end=at + 1,
+        help="text with `,`, `:` or quotes inside needs quotes around it", note=(f"inside the `{opened}` opened here", began),
+    )
+
+
+def _tab_before(source: Source, at: int) -> int | None:
+    """A tab in the indentation of the line of the fault, or of the one before it."""
+    line = source.line_at(min(at, len(source.text)))
+    for number in (line, line - 1):
+        if number >= 0:
+            written = source.line(number)
+            indentation = written[: len(written) - len(written.lstrip())]
+            if "\t" in indentation:
+                return source.starts[number] + indentation.index("\t")
+    return None
+
+
+def _missing_space(source: Source, at: int) -> tuple[str, str, int] | None:
+    """`key:value` on the line of the fault or on one of the two lines above it: key, value, where."""
+    line = source.line_at(min(at, len(source.text)))
+    for number in range(line, max(-1, line - 3), -1):
+        found = _NO_SPACE.fullmatch(source.line(number))
+        if found is not None:
+            return found.group("key"), found.group("value").rstrip(), source.starts[number] + found.start("key")
+    return None

@@ -1,0 +1,330 @@
+"""YAML text to a tree with positions: libyaml's events, and rules of our own on top of them.
+
+PyYAML's own values are YAML 1.1 (`on` is true, `1e-3` is text), so only its event stream is used.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from thingc.diagnostics import Code, Note, Report, did_you_mean
+from thingc.load.scalars import core_value
+from thingc.load.text import MAX_ALIAS_NODES, MAX_LEVELS, Source
+from thingc.load.yaml_syntax import explain
+from thingc.source import MappingNode, Node, Scalar, ScalarNode, SequenceNode, Span
+from thingc.units import shortened
+
+
+def read_yaml(source: Source, report: Report) -> Node | None:
+    """The tree of a YAML 1.2 text, or None when it has been reported that there is none.
+
+    What can be mended is reported and mended (the first of two equal keys stays, a tag is left out), so that the
+    later passes can look at the rest.
+    """
+    import yaml
+
+    loader = getattr(yaml, "CLoader", yaml.Loader)
+    try:
+        return _Builder(source, report, yaml.parse(source.text, Loader=loader)).whole()
+    except _Stop:
+        return None
+    except yaml.YAMLError as error:
+        report_syntax(error, source, report)
+        return None
+
+
+def report_syntax(error: Any, source: Source, report: Report) -> None:
+    """Say what is wrong in a text that YAML cannot read, where, and what was probably meant."""
+    problem, context = getattr(error, "problem_mark", None), getattr(error, "context_mark", None)
+    at = min(problem.index if problem is not None else 0, len(source.text))
+    fault = explain(
+        source, problem=str(getattr(error, "problem", None) or error), at=at, context=str(getattr(error, "context", None) or ""),
+        began=min(context.index, len(source.text)) if context is not None else at,
+    )
+    notes = () if fault.note is None else (Note(message=fault.note[0], span=source.span(fault.note[1], fault.note[1] + 1)),)
+    report.add(Code.SYNTAX, fault.message, source.span(fault.start, fault.end), help=fault.help, notes=notes)
+
+
+class _Stop(Exception):
+    """Reading cannot go on; it has been reported why."""
+
+
+class _Anchored:
+    """An anchor: its node once complete, how many nodes it stands for and how many levels."""
+
+    __slots__ = ("height", "node", "nodes")
+
+    def __init__(self) -> None:
+        self.node: Node | None = None
+        self.nodes = 1
+        self.height = 0
+
+
+class _Builder:
+    """Walks the events once. `nodes` counts with aliases expanded."""
+
+    def __init__(self, source: Source, report: Report, events: Any) -> None:
+        self.source = source
+        self.report = report
+        self.events = events
+        self.anchors: dict[str, _Anchored] = {}
+        self.nodes = 0
+        self.from_aliases = 0
+        self.deepest = 0
+
+    def whole(self) -> Node | None:
+        root: Node | None = None
+        for event in self.events:
+            kind = type(event).__name__
+            if kind == "DocumentStartEvent":
+                if root is not None:
+                    self.report.add(
+                        Code.SEVERAL_DOCUMENTS, "a second document begins here; a file holds one", self.span(event),
+                        help="move it to a file of its own",
+                    )
+                    raise _Stop
+                self.directives(event)
+                root = self.node(next(self.events), 1)
+        return root
+
+    def directives(self, event: Any) -> None:
+        if event.version is not None and tuple(event.version) != (1, 2):
+            major, minor = event.version
+            self.report.add(
+                Code.SYNTAX, f"documents are YAML 1.2, found `%YAML {major}.{minor}`", self.source.span(0, 5), help="remove the line",
+            )
+
+    def span(self, event: Any) -> Span:
+        return self.source.span(event.start_mark.index, event.end_mark.index)
+
+    def node(self, event: Any, level: int) -> Node:
+        kind = type(event).__name__
+        if kind == "AliasEvent":
+            return self.alias(event, level)
+        self.nodes += 1
+        self.deepest = max(self.deepest, level)
+        if level > MAX_LEVELS:
+            self.report.add(
+                Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", self.source.span(event.start_mark.index, event.start_mark.index + 1),
+            )
+            raise _Stop
+        if event.tag is not None:
+            start = event.start_mark.index
+            shown = self.source.text[start : event.end_mark.index].split(None, 1)[0] if kind == "ScalarEvent" else event.tag
+            self.report.add(
+                Code.TAG, f"tags such as `{shortened(shown)}` have no meaning here", self.source.span(start, start + max(1, len(shown))),
+                help="remove it",
+            )
+        anchored = _Anchored() if event.anchor is not None else None
+        if anchored is not None:
+            self.anchors[event.anchor] = anchored
+        before, deepest = self.nodes, self.deepest
+        self.deepest = level
+        node = self.content(event, kind, level)
+        if anchored is not None:
+            anchored.node = node
+            anchored.nodes = self.nodes - before + 1
+            anchored.height = self.deepest - level
+        self.deepest = max(self.deepest, deepest)
+        return node
+
+    def content(self, event: Any, kind: str, level: int) -> Node:
+        if kind == "ScalarEvent":
+            return self.scalar(event)
+        if kind == "SequenceStartEvent":
+            return self.sequence(event, level)
+        return self.mapping(event, level)
+
+    def alias(self, event: Any, level: int) -> Node:
+        anchored = self.anchors.get(event.anchor)
+        if anchored is None:
+            help = f'a value that begins with `*` needs quotes: `"*{event.anchor}..."`'
+            if self.anchors:
+                help = did_you_mean(event.anchor, self.anchors, what="anchors")
+            self.report.add(Code.ALIAS, f"`*{event.anchor}` is an alias of an unknown anchor", self.span(event), help=help)
+            raise _Stop
+        if anchored.node is None:
+            self.report.add(Code.ALIAS, f"`*{event.anchor}` stands inside the value that it names", self.span(event))
+            raise _Stop
+        self.from_aliases += anchored.nodes
+        self.nodes += anchored.nodes
+        self.deepest = max(self.deepest, level + anchored.height)
+        if self.from_aliases > MAX_ALIAS_NODES:
+            self.report.add(Code.TOO_LARGE, f"aliases stand for more than {MAX_ALIAS_NODES} values", self.span(event))
+            raise _Stop
+        if level + anchored.height > MAX_LEVELS:
+            self.report.add(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", self.span(event))
+            raise _Stop
+        return anchored.node
+
+    def scalar(self, event: Any) -> ScalarNode:
+        text: str = event.value
+        plain = not event.style
+        start, end = event.start_mark.index, event.end_mark.index
+        if event.anchor is not None or event.tag is not None:
+            start = self.after_properties(start, end)
+        if not plain and event.style in "|>":
+            end = start + len(self.source.text[start:end].rstrip())
+        span = self.source.span(start, end)
+        value: Scalar = text
+        if plain:
+            try:
+                value = core_value(text)
+            except OverflowError:
+                self.report.add(Code.NOT_FINITE, f"expected a finite number, found `{shortened(text)}`", span)
+                value = 0
+        return ScalarNode(value=value, text=text, span=span)
+
+    def after_properties(self, start: int, end: int) -> int:
+        """Where the scalar begins behind its `&anchor` and `!tag`."""
+        text = self.source.text
+        while start < end and text[start] in "&!":
+            while start < end and not text[start].isspace():
+                start += 1
+            while start < end and text[start].isspace():
+                start += 1
+        return start
+
+    def sequence(self, event: Any, level: int) -> SequenceNode:
+        items: list[Node] = []
+        start, end = event.start_mark.index, event.end_mark.index
+        following = next(self.events)
+        while type(following).__name__ != "SequenceEndEvent":
+            if event.flow_style and _cut(following):
+                pieces = [following]
+                while _open(pieces) and type(following := next(self.events)).__name__ == "ScalarEvent":
+                    pieces.append(following)
+                items.append(self.rejoined(pieces))
+                if following not in pieces:
+                    continue
+            else:
+                items.append(self.node(following, level + 1))
+            following = next(self.events)
+        span = self.collection_span(start, end, following, bool(event.flow_style))
+        return SequenceNode(items=tuple(items), span=span)
+
+    def mapping(self, event: Any, level: int) -> MappingNode:
+        entries: dict[str, Node] = {}
+        keys: dict[str, Span] = {}
+        start, end = event.start_mark.index, event.end_mark.index
+        following = next(self.events)
+        while type(following).__name__ != "MappingEndEvent":
+            key = self.key(following, level)
+            value = next(self.events)
+            ahead = None
+            if event.flow_style and _cut(value):
+                node, ahead = self.rejoined_entries(value)
+            else:
+                node = self.node(value, level + 1)
+            if key is not None:
+                name, place = key
+                if name in entries:
+                    self.report.add(
+                        Code.DUPLICATE_KEY, f"the key `{shortened(name)}` is written twice", place,
+                        notes=[Note(message="first written here", span=keys[name])], help="remove or rename one of them",
+                    )
+                else:
+                    entries[name], keys[name] = node, place
+            following = next(self.events) if ahead is None else ahead
+        span = self.collection_span(start, end, following, bool(event.flow_style))
+        return MappingNode(entries=entries, keys=keys, span=span)
+
+    def collection_span(self, start: int, end: int, last: Any, flow: bool) -> Span:
+        """From the first character to the end of the last that is no space or comment of what follows."""
+        end = max(end, last.end_mark.index)
+        if flow:
+            return self.source.span(start, end)
+        text = self.source.text
+        end = min(last.start_mark.index, len(text))
+        # libyaml ends a block collection where the next token begins: go back over comments and blank lines
+        while end > start:
+            line = self.source.line_at(end - 1)
+            begin = max(self.source.starts[line], start)
+            written = text[begin:end].strip()
+            if written and not (written.startswith("#") and begin != start):
+                end = begin + len(text[begin:end].rstrip())
+                break
+            end = begin
+            if begin == start:
+                break
+        return self.source.span(start, max(start, end))
+
+    def key(self, event: Any, level: int) -> tuple[str, Span] | None:
+        """The text of a key and its place; None for a key that cannot be one (reported)."""
+        kind = type(event).__name__
+        if kind == "AliasEvent":
+            if event.anchor not in self.anchors:
+                shown = self.source.line(self.source.line_at(event.start_mark.index)).strip().partition(":")[0]
+                self.report.add(
+                    Code.ALIAS, f"`*{event.anchor}` is an alias of an unknown anchor", self.span(event),
+                    help=f'a key that begins with `*` needs quotes: `"{shortened(shown)}"`',
+                )
+            else:
+                self.report.add(Code.KEY_NOT_TEXT, f"a key must be written out, found the alias `*{event.anchor}`", self.span(event))
+            return None
+        node = self.node(event, level + 1)
+        if not isinstance(node, ScalarNode):
+            found = "a list" if isinstance(node, SequenceNode) else "a mapping"
+            self.report.add(
+                Code.KEY_NOT_TEXT, f"a key must be text, found {found}", node.span,
+                help="text that begins with `{` or `[` needs quotes",
+            )
+            return None
+        if isinstance(node.value, str):
+            if node.value == "<<" and not event.style:
+                self.report.add(
+                    Code.ALIAS, "`<<` merges nothing: YAML 1.2 has no merge keys", node.span,
+                    help="write the keys out, or use `defaults:`",
+                )
+                return None
+            return node.value, node.span
+        if node.text == "":
+            self.report.add(Code.KEY_NOT_TEXT, "a key is missing before the `:`", self.source.span(event.start_mark.index, event.start_mark.index + 1))
+            return None
+        what = "the number" if not isinstance(node.value, (bool, type(None))) else "the word"
+        self.report.add(
+            Code.KEY_NOT_TEXT, f"a key must be text, found {what} `{shortened(node.text)}`", node.span, help=f'write `"{shortened(node.text)}"`',
+        )
+        return None
+
+    # An unquoted comma inside `{length: =min(a, 80 mm)}` ends the value: what follows comes as keys without values, in
+    # a list as further items. One diagnostic says so, and the pieces are put together again.
+
+    def rejoined_entries(self, first: Any) -> tuple[ScalarNode, Any]:
+        """The expression that begins with `first`, and the event that follows it (its mapping's next key or end)."""
+        pieces = [first]
+        following = next(self.events)
+        while _open(pieces) and type(following).__name__ == "ScalarEvent":
+            value = next(self.events)
+            pieces.append(following)
+            if type(value).__name__ != "ScalarEvent" or value.value or value.style:
+                self.say_cut(pieces)
+                raise _Stop
+            following = next(self.events)
+        return self.rejoined(pieces), following
+
+    def rejoined(self, pieces: list[Any]) -> ScalarNode:
+        if len(pieces) > 1:
+            self.say_cut(pieces)
+        start, end = pieces[0].start_mark.index, pieces[-1].end_mark.index
+        text = " ".join(self.source.text[start:end].split())
+        self.nodes += 1
+        return ScalarNode(value=text, text=text, span=self.source.span(start, end))
+
+    def say_cut(self, pieces: list[Any]) -> None:
+        start, end = pieces[0].start_mark.index, pieces[-1].end_mark.index
+        text = " ".join(self.source.text[start:end].split())
+        quoted = f"'{text}'" if '"' in text else f'"{text}"'
+        self.report.add(
+            Code.EXPRESSION_COMMA, "the comma ends the expression: inside `{}` and `[]` an expression with a comma needs quotes",
+            self.source.span(start, end), help=f"write `{shortened(quoted)}`",
+        )
+
+
+def _cut(event: Any) -> bool:
+    """Whether this is a plain scalar that begins an expression and ends before its parentheses are closed."""
+    return type(event).__name__ == "ScalarEvent" and not event.style and event.value.startswith("=") and _open([event])
+
+
+def _open(pieces: list[Any]) -> bool:
+    return sum(piece.value.count("(") - piece.value.count(")") for piece in pieces) > 0

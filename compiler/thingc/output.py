@@ -1,0 +1,368 @@
+"""The build folder: it appears as a whole, or it stays as it was.
+
+A build is written into a hidden folder beside its place and the two change places in one step of the system
+(`renameat2(RENAME_EXCHANGE)`; where that is not to be had two renames, which the next run mends). After a kill at any
+instant the folder is the old build or the new one. What was left lying about is swept away by the next run.
+
+    <parent>/<name>/              the build
+    <parent>/.<name>.thingc-lock  held while a build is written: one at a time
+    <parent>/.<name>.thingc-new   being written; after the exchange the old build, being deleted
+    <parent>/.<name>.thingc-old   the old build between two renames
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import functools
+import hashlib
+import json
+import os
+import shutil
+import stat
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, Protocol
+
+from thingc.diagnostics import Code, Report, shown_path
+from thingc.emit.artifact import MANIFEST, Content, Stored
+
+Waiting = Callable[[str], None]
+"""Called once with the build folder when another build of it must be waited for."""
+
+
+class Blobs(Protocol):
+    """What is needed of a store: the bytes of a blob, checked against its SHA-256."""
+
+    def read(self, sha256: str) -> bytes:
+        """The bytes; raises when they are absent or damaged."""
+        ...
+
+
+class OutputError(Exception):
+    """A build folder that cannot be written: `message` says why, `hint` what to do. A wrong command line (exit 2)."""
+
+    code = Code.OUTPUT
+
+    def __init__(self, message: str, hint: str) -> None:
+        super().__init__(message)
+        self.message = message
+        self.hint = hint
+
+    def diagnose(self, report: Report) -> None:
+        """Say it in `report`; it has no place in a document."""
+        report.add(self.code, self.message, None, help=self.hint)
+
+
+class StrangerFiles(OutputError):
+    """The folder holds what a build must not delete: `names` relative to `folder`, sorted."""
+
+    code = Code.STRANGERS
+
+    def __init__(self, folder: str, names: tuple[str, ...], message: str) -> None:
+        super().__init__(message, "move these files away, or build into another folder with -o")
+        self.folder = folder
+        self.names = names
+
+
+def write_build(
+    parent: str, name: str, files: Mapping[str, Content], store: Blobs, document: str, *, on_wait: Waiting | None = None
+) -> str:
+    """Make `<parent>/<name>` hold exactly `files`; its absolute path.
+
+    `files` are by path in the folder and contain a `manifest.json` of `document` (its path in the workspace) that lists
+    the others; stored ones come out of `store` (whose exception for a missing blob passes through). `parent` is made
+    if it is not there; where the folder is a symbolic link, what it points to is replaced. `on_wait` is called when
+    another build of the same folder is under way, before waiting for it.
+
+    Raises `StrangerFiles` when the folder holds anything but a build of the same document, `OutputError` when the
+    system refuses, and `ValueError` for paths that would leave the folder; the folder is then as it was.
+    """
+    _check_paths(name, files)
+    folder = os.path.abspath(os.path.join(parent, name))
+    if os.path.islink(folder):
+        folder = os.path.realpath(folder)
+    try:
+        os.makedirs(os.path.dirname(folder), exist_ok=True)
+        with _locked(folder, on_wait):
+            _mend(folder)
+            _refuse_strangers(folder, document)
+            fresh = _beside(folder, "new")
+            try:
+                _write_files(fresh, files, store)
+                _swap(fresh, folder, document)
+            finally:
+                _delete(fresh)
+    except OSError as fault:
+        raise OutputError(_words(folder, fault), "free some space, or build into another folder with -o") from fault
+    return folder
+
+
+def verify(folder: str) -> dict[str, Any] | None:
+    """The manifest of a build folder that is whole: every listed file is there with its SHA-256, and nothing else is.
+
+    None in every other case; never raises and never writes.
+    """
+    try:
+        manifest = _manifest(folder)
+        if manifest is None or set(_listing(folder)) != {*manifest["files"], MANIFEST}:
+            return None
+        for path, sha256 in manifest["files"].items():
+            place = os.path.join(folder, path)
+            if not _is_plain(place):
+                return None
+            with open(place, "rb") as stream:
+                if hashlib.sha256(stream.read()).hexdigest() != sha256:
+                    return None
+    except OSError:
+        return None
+    return manifest
+
+
+def strangers(folder: str, document: str) -> tuple[str, ...]:
+    """Files in `folder` that a build of `document` must not delete, sorted: those that its manifest does not list, or all
+    of them where the manifest is missing, damaged or of another document. Links are files here; empty folders do not count.
+
+    Raises `OSError` when the folder cannot be read.
+    """
+    found = _listing(folder)
+    manifest = _manifest(folder)
+    if manifest is not None and manifest["document"] == document:
+        return tuple(sorted(set(found) - {*manifest["files"], MANIFEST}))
+    return tuple(sorted(found))
+
+
+def _check_paths(name: str, files: Mapping[str, Content]) -> None:
+    """No path may leave the folder, and none may be a file and a folder at once."""
+    for path in (name, *files):
+        parts = path.split("/")
+        if any(part in ("", ".", "..") or "\0" in part or "\\" in part for part in parts):
+            raise ValueError(f"{path!r} is no path inside a build folder")
+    if "/" in name:
+        raise ValueError(f"{name!r} is no name of a folder")
+    folders = {"/".join(path.split("/")[:depth]) for path in files for depth in range(1, path.count("/") + 1)}
+    both = folders & set(files)
+    if both:
+        raise ValueError(f"{min(both)!r} would be both a file and a folder")
+    if MANIFEST not in files:
+        raise ValueError(f"a build needs a {MANIFEST}")
+
+
+def _beside(folder: str, what: str) -> str:
+    parent, name = os.path.split(folder)
+    return os.path.join(parent, f".{name}.thingc-{what}")
+
+
+@contextlib.contextmanager
+def _locked(folder: str, on_wait: Waiting | None) -> Iterator[None]:
+    """Hold the lock of `folder`. The lock file goes away with the lock, so whoever waited looks whether it still is the one."""
+    path = _beside(folder, "lock")
+    said = False
+    while True:
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                if on_wait is not None and not said:
+                    on_wait(folder)
+                said = True
+                fcntl.flock(descriptor, fcntl.LOCK_EX)
+            if _same_file(descriptor, path):
+                break
+        except BaseException:
+            os.close(descriptor)
+            raise
+        os.close(descriptor)
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            os.unlink(path)
+        os.close(descriptor)
+
+
+def _same_file(descriptor: int, path: str) -> bool:
+    try:
+        return os.path.samestat(os.fstat(descriptor), os.stat(path))
+    except FileNotFoundError:
+        return False
+
+
+def _mend(folder: str) -> None:
+    """Finish or undo what a killed run began."""
+    old = _beside(folder, "old")
+    if os.path.lexists(old):
+        if os.path.lexists(folder):
+            _delete(old)
+        else:
+            os.rename(old, folder)
+    _delete(_beside(folder, "new"))
+
+
+def _refuse_strangers(folder: str, document: str) -> None:
+    if not os.path.lexists(folder):
+        return
+    if not os.path.isdir(folder):
+        message = f"`{shown_path(folder)}` is a file, and the build needs a folder there"
+        raise OutputError(message, "move it away, or build into another folder with -o")
+    names = strangers(folder, document)
+    if names:
+        raise StrangerFiles(folder, names, _accusation(folder, names, document))
+
+
+def _accusation(folder: str, names: tuple[str, ...], document: str) -> str:
+    manifest = _manifest(folder)
+    if manifest is not None and manifest["document"] != document:
+        return f"`{shown_path(folder)}` holds the build of another document, `{manifest['document']}`, and is left as it is"
+    shown = ", ".join(f"`{name}`" for name in names[:8])
+    more = f" and {len(names) - 8} more" if len(names) > 8 else ""
+    return f"`{shown_path(folder)}` holds files that no build of `{document}` wrote, and is left as it is: {shown}{more}"
+
+
+def _write_files(fresh: str, files: Mapping[str, Content], store: Blobs) -> None:
+    """Everything into a new folder `fresh`, the manifest last and down to the disk: after a power failure it tells
+    which files did not get there."""
+    os.mkdir(fresh)
+    made = {""}
+    for path in sorted(files, key=lambda path: (path == MANIFEST, path)):
+        above = os.path.dirname(path)
+        if above not in made:
+            os.makedirs(os.path.join(fresh, above), exist_ok=True)
+            made.add(above)
+        content = files[path]
+        data = store.read(content.sha256) if isinstance(content, Stored) else content
+        with open(os.path.join(fresh, path), "xb") as stream:
+            stream.write(data)
+            if path == MANIFEST:
+                stream.flush()
+                os.fsync(stream.fileno())
+
+
+def _swap(fresh: str, folder: str, document: str) -> None:
+    """Put `fresh` in the place of `folder`, whose old content is deleted.
+
+    A file that someone saved into the old build while the new one was written brings the old one back.
+    """
+    if not os.path.lexists(folder):
+        os.rename(fresh, folder)
+        return
+    displaced = fresh
+    try:
+        _exchange(fresh, folder)
+    except NotImplementedError:
+        displaced = _beside(folder, "old")
+        os.rename(folder, displaced)
+        os.rename(fresh, folder)
+    late = strangers(displaced, document)
+    if late:
+        message = _accusation(displaced, late, document).replace(shown_path(displaced), shown_path(folder))
+        if displaced != fresh:
+            os.rename(folder, fresh)
+            os.rename(displaced, folder)
+        else:
+            _exchange(fresh, folder)
+        raise StrangerFiles(folder, late, message)
+    _delete(displaced)
+
+
+RENAME_EXCHANGE = 2
+"""Of `linux/fs.h`: both paths stay, each with what the other had."""
+AT_FDCWD = -100
+"""Of `fcntl.h`: paths are relative to the working folder."""
+
+
+@functools.cache
+def _renameat2() -> Any | None:
+    """The C library's `renameat2` (Linux, glibc 2.28 and musl 1.2.6 on), or None."""
+    try:
+        import ctypes
+
+        function = ctypes.CDLL(None, use_errno=True).renameat2
+    except (ImportError, OSError, AttributeError):
+        return None
+    function.argtypes = (ctypes.c_int, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_uint)
+    function.restype = ctypes.c_int
+    return function
+
+
+def _exchange(a: str, b: str) -> None:
+    """Two folders change places in one step. Raises `NotImplementedError` where the system or the file system cannot."""
+    function = _renameat2()
+    if function is None:
+        raise NotImplementedError
+    import ctypes
+
+    if function(AT_FDCWD, os.fsencode(a), AT_FDCWD, os.fsencode(b), RENAME_EXCHANGE) != 0:
+        number = ctypes.get_errno()
+        if number in (errno.ENOSYS, errno.EINVAL, errno.ENOTSUP, errno.EPERM):
+            raise NotImplementedError
+        raise OSError(number, os.strerror(number), a, None, b)
+
+
+def _delete(path: str) -> None:
+    """Delete a folder of ours as far as the system lets us; a rest is swept away by the next run."""
+    if os.path.islink(path) or os.path.isfile(path):
+        os.unlink(path)
+        return
+    shutil.rmtree(path, ignore_errors=True)
+    if os.path.lexists(path):  # somebody took write permission away from a folder
+        with contextlib.suppress(OSError):
+            _permit(path)
+        shutil.rmtree(path, ignore_errors=True)
+
+
+def _permit(folder: str) -> None:
+    """Let us delete what lies in `folder`, at every depth; links are not followed."""
+    os.chmod(folder, 0o700)
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            if entry.is_dir(follow_symlinks=False):
+                _permit(entry.path)
+
+
+def _manifest(folder: str) -> dict[str, Any] | None:
+    """The manifest in `folder` if there is one that has the shape of ours."""
+    path = os.path.join(folder, MANIFEST)
+    try:
+        if not _is_plain(path):
+            return None
+        with open(path, "rb") as stream:
+            found = json.load(stream)
+    except (OSError, ValueError, RecursionError):
+        return None
+    if not isinstance(found, dict) or not isinstance(found.get("document"), str) or not isinstance(found.get("name"), str):
+        return None
+    files = found.get("files")
+    if not isinstance(files, dict) or not all(isinstance(sha256, str) for sha256 in files.values()):
+        return None
+    return found
+
+
+def _is_plain(path: str) -> bool:
+    """Whether it is a file and neither a link nor a pipe, on which reading would hang. Raises `OSError` when it is absent."""
+    return stat.S_ISREG(os.lstat(path).st_mode)
+
+
+def _listing(folder: str) -> list[str]:
+    """Every file below `folder`, with `/`; links are not followed."""
+    found: list[str] = []
+    waiting = [""]
+    while waiting:
+        prefix = waiting.pop()
+        with os.scandir(os.path.join(folder, prefix)) as entries:
+            for entry in entries:
+                if entry.is_dir(follow_symlinks=False):
+                    waiting.append(f"{prefix}{entry.name}/")
+                else:
+                    found.append(f"{prefix}{entry.name}")
+    return found
+
+
+def _words(folder: str, fault: OSError) -> str:
+    """Why the system refused, in words."""
+    place = shown_path(folder)
+    if fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        return f"there is no room for the build in `{place}`: {os.strerror(fault.errno)}"
+    reason = fault.strerror or str(fault)
+    return f"the build cannot be written to `{place}`: {reason}"

@@ -1,0 +1,162 @@
+"""Rigid poses in plain Python: `X_AB` is the pose of frame B in frame A, and `X_AC = X_AB @ X_BC`.
+
+Plain tuples of floats, because `check` must not pay for numpy; lengths in metres, angles in radians.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+Vector = tuple[float, float, float]
+Matrix = tuple[Vector, Vector, Vector]
+"""A 3 x 3 matrix, row by row."""
+
+IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def multiply(a: Matrix, b: Matrix) -> Matrix:
+    """The matrix product `a b`."""
+    columns = transpose(b)
+    return (
+        (dot(a[0], columns[0]), dot(a[0], columns[1]), dot(a[0], columns[2])),
+        (dot(a[1], columns[0]), dot(a[1], columns[1]), dot(a[1], columns[2])),
+        (dot(a[2], columns[0]), dot(a[2], columns[1]), dot(a[2], columns[2])),
+    )
+
+
+def transpose(a: Matrix) -> Matrix:
+    """The transpose of `a`."""
+    return ((a[0][0], a[1][0], a[2][0]), (a[0][1], a[1][1], a[2][1]), (a[0][2], a[1][2], a[2][2]))
+
+
+def dot(a: Vector, b: Vector) -> float:
+    """The scalar product."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    """The vector product `a x b`."""
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+def rotate(a: Matrix, v: Vector) -> Vector:
+    """The matrix times the vector."""
+    return (dot(a[0], v), dot(a[1], v), dot(a[2], v))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pose:
+    """The pose of a frame: rotation (a proper orthogonal matrix) and translation [m]."""
+
+    rotation: Matrix = IDENTITY
+    translation: Vector = (0.0, 0.0, 0.0)
+
+    def __matmul__(self, other: Pose) -> Pose:
+        """`X_AB @ X_BC` is `X_AC`."""
+        return Pose(rotation=multiply(self.rotation, other.rotation), translation=self.apply(other.translation))
+
+    def inverse(self) -> Pose:
+        """`X_BA` of `X_AB`."""
+        back = transpose(self.rotation)
+        x, y, z = rotate(back, self.translation)
+        return Pose(rotation=back, translation=(-x, -y, -z))
+
+    def apply(self, point: Vector) -> Vector:
+        """A point given in B, in A [m]."""
+        x, y, z = rotate(self.rotation, point)
+        t = self.translation
+        return (x + t[0], y + t[1], z + t[2])
+
+    def rows(self) -> tuple[tuple[float, float, float, float], ...]:
+        """The homogeneous 4 x 4 matrix, row by row."""
+        r, t = self.rotation, self.translation
+        return ((*r[0], t[0]), (*r[1], t[1]), (*r[2], t[2]), (0.0, 0.0, 0.0, 1.0))
+
+    @staticmethod
+    def from_rows(rows: object) -> Pose:
+        """The pose of a homogeneous 4 x 4 matrix (anything indexable), the inverse of `rows`."""
+        m: list[list[float]] = [[float(x) for x in row] for row in rows]  # type: ignore[attr-defined]
+        return Pose(
+            rotation=((m[0][0], m[0][1], m[0][2]), (m[1][0], m[1][1], m[1][2]), (m[2][0], m[2][1], m[2][2])),
+            translation=(m[0][3], m[1][3], m[2][3]),
+        )
+
+    def quaternion(self) -> tuple[float, float, float, float]:
+        """The rotation as a unit quaternion (w, x, y, z), the first non-zero component positive.
+
+        Source: Shepperd, "Quaternion from rotation matrix", 1978 (the largest component first, so it is exact
+        to rounding at every angle).
+        """
+        r = self.rotation
+        squares = (
+            1.0 + r[0][0] + r[1][1] + r[2][2],
+            1.0 + r[0][0] - r[1][1] - r[2][2],
+            1.0 - r[0][0] + r[1][1] - r[2][2],
+            1.0 - r[0][0] - r[1][1] + r[2][2],
+        )
+        largest = max(range(4), key=lambda k: squares[k])
+        double = math.sqrt(max(squares[largest], 0.0))
+        half, scale = double / 2.0, 0.5 / double
+        wx, wy, wz = r[2][1] - r[1][2], r[0][2] - r[2][0], r[1][0] - r[0][1]
+        xy, xz, yz = r[0][1] + r[1][0], r[0][2] + r[2][0], r[1][2] + r[2][1]
+        rows = (
+            (half, wx * scale, wy * scale, wz * scale),
+            (wx * scale, half, xy * scale, xz * scale),
+            (wy * scale, xy * scale, half, yz * scale),
+            (wz * scale, xz * scale, yz * scale, half),
+        )
+        q = rows[largest]
+        norm = math.sqrt(sum(component * component for component in q))
+        sign = next((math.copysign(1.0, c) for c in q if c != 0.0), 1.0)
+        w, x, y, z = ((sign * component / norm) + 0.0 for component in q)
+        return (w, x, y, z)
+
+
+NO_POSE = Pose()
+
+MATE = Pose(rotation=((0.0, -1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, -1.0)))
+"""How two mounts meet: z axes opposed, x and y swapped and negated; its own inverse.
+
+The matrix of build123d's `Location((0, 0, 0), (180, 0, 90))`, kept as a matrix because the same three angles
+read extrinsically are another rotation.
+"""
+
+
+def quarter_exact(angle: float) -> tuple[float, float]:
+    """(cos, sin) of an angle [rad], exact at multiples of a quarter turn, so that a turn of 90 deg leaves no 6e-17."""
+    quarters = angle / (math.pi / 2.0)
+    nearest = round(quarters)
+    if abs(quarters - nearest) < 1e-15 * max(1.0, abs(quarters)):
+        return ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[nearest % 4]
+    return math.cos(angle), math.sin(angle)
+
+
+def turned_x(angle: float) -> Pose:
+    """A turn [rad] about x."""
+    c, s = quarter_exact(angle)
+    return Pose(rotation=((1.0, 0.0, 0.0), (0.0, c, -s), (0.0, s, c)))
+
+
+def turned_y(angle: float) -> Pose:
+    """A turn [rad] about y."""
+    c, s = quarter_exact(angle)
+    return Pose(rotation=((c, 0.0, s), (0.0, 1.0, 0.0), (-s, 0.0, c)))
+
+
+def turned_z(angle: float) -> Pose:
+    """A turn [rad] about z."""
+    c, s = quarter_exact(angle)
+    return Pose(rotation=((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
+
+
+def shifted(x: float, y: float, z: float) -> Pose:
+    """A translation [m]."""
+    return Pose(translation=(x, y, z))
+
+
+def placed(xyz: Vector, rpy: Vector) -> Pose:
+    """`xyz` [m] and `rpy` [rad]: extrinsic roll, pitch, yaw about fixed x, y, z, as URDF reads them."""
+    roll, pitch, yaw = rpy
+    turned = turned_z(yaw) @ turned_y(pitch) @ turned_x(roll)
+    return Pose(rotation=turned.rotation, translation=xyz)

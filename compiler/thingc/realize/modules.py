@@ -1,0 +1,178 @@
+"""Where modules lie: in the workspace's part folders, in a package tracked by content, installed, or nowhere.
+
+Shared by the client, which reads part files without importing them, and the worker, which imports them, so that both
+mean the same file by the same name.
+"""
+
+from __future__ import annotations
+
+import importlib.machinery
+import os
+import site
+import sys
+import sysconfig
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cache
+
+from thingc.realize.deferred import SELDOM_USED
+
+CONTENT_TRACKED = frozenset({"thingc_stock"})
+"""Packages tracked by content wherever they are installed."""
+
+OWN = frozenset({"thingc"})
+"""Packages that count by the state of the compiler, which is in every key."""
+
+PROTECTED = frozenset(sys.stdlib_module_names) | SELDOM_USED | {
+    "OCP", "anytree", "bd_materials", "bd_warehouse", "build123d", "coacd", "manifold3d", "numpy", "thingc", "typing_extensions",
+    "webcolors",
+}
+"""Names that a part folder cannot take: the standard library, and what the geometry worker itself stands on."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Module:
+    """A module as found by name, without importing it.
+
+    `kind` is `content` (its code is read and counts), `installed` (its version counts) or `absent`. `file` is its source
+    (None for a folder without `__init__.py`, and for what has no source); `folders` are where its submodules
+    lie, empty for a plain module.
+    """
+
+    name: str
+    kind: str
+    file: str | None = None
+    folders: tuple[str, ...] = ()
+    workspace: bool = False
+
+
+@cache
+def installed_roots() -> tuple[str, ...]:
+    """Real paths of the folders whose contents count by version: the standard library and site-packages."""
+    named = sysconfig.get_paths()
+    found = {named[key] for key in ("stdlib", "platstdlib", "purelib", "platlib")}
+    found.update(site.getsitepackages() if hasattr(site, "getsitepackages") else ())
+    if site.ENABLE_USER_SITE:
+        found.add(site.getusersitepackages())
+    return tuple(sorted(os.path.realpath(folder) + os.sep for folder in found))
+
+
+def is_installed(file: str) -> bool:
+    """Whether a file belongs to the standard library or to site-packages."""
+    return (os.path.realpath(file) + os.sep).startswith(installed_roots())
+
+
+@cache
+def import_path() -> tuple[str, ...]:
+    """`sys.path` without the current folder or the script's, which must not decide what a name means."""
+    entries = list(sys.path)
+    if entries and not getattr(sys.flags, "safe_path", False):
+        script = os.path.dirname(os.path.abspath(getattr(sys.modules.get("__main__"), "__file__", None) or "."))
+        if entries[0] in ("", os.getcwd(), script, os.path.realpath(script)):
+            entries = entries[1:]
+    return tuple(entry for entry in entries if entry)
+
+
+class Finder:
+    """Finds modules by name for one workspace: `parts` are its absolute part folders, in order of precedence.
+
+    `probed` collects the absolute paths that were looked at in folders tracked by content, there or not.
+    """
+
+    def __init__(self, parts: Sequence[str]) -> None:
+        self.parts = tuple(parts)
+        self.probed: set[str] = set()
+        self._found: dict[str, Module] = {}
+
+    def find(self, name: str) -> Module:
+        """The module `name` (dotted, absolute)."""
+        found = self._found.get(name)
+        if found is None:
+            found = self._found[name] = self._find(name)
+        return found
+
+    def _find(self, name: str) -> Module:
+        parent, _, last = name.rpartition(".")
+        if parent:
+            package = self.find(parent)
+            if package.kind != "content":
+                return Module(name=name, kind=package.kind)
+            return self._in_folders(name, last, package.folders, package.workspace) or Module(name=name, kind="absent")
+        if name in sys.builtin_module_names or name in OWN:
+            return Module(name=name, kind="installed")
+        if name not in PROTECTED:
+            found = self._in_folders(name, name, self.parts, True, plain_folders=False)
+            if found is not None:
+                return found
+        found = _on_path(name)
+        if found is None and name not in PROTECTED:
+            found = self._in_folders(name, name, self.parts, True)
+        return found or Module(name=name, kind="absent")
+
+    def _in_folders(
+        self, name: str, last: str, folders: Iterable[str], workspace: bool, *, plain_folders: bool = True
+    ) -> Module | None:
+        """As Python's path finder does: a package, else a module, else (where allowed) a folder without `__init__.py`."""
+        plain: list[str] = []
+        for folder in folders:
+            path = os.path.join(folder, last)
+            initial = os.path.join(path, "__init__.py")
+            self.probed.update((initial, path + ".py"))
+            if os.path.isfile(initial):
+                return Module(name=name, kind="content", file=initial, folders=(path,), workspace=workspace)
+            if os.path.isfile(path + ".py"):
+                return Module(name=name, kind="content", file=path + ".py", workspace=workspace)
+            if os.path.isdir(path):
+                plain.append(path)
+        if plain and plain_folders:
+            return Module(name=name, kind="content", folders=tuple(plain), workspace=workspace)
+        return None
+
+    def part_modules(self) -> list[str]:
+        """Names of the modules in the part folders (two levels), for near-name hints."""
+        found: set[str] = set()
+        for folder in self.parts:
+            for name in _listed(folder):
+                path = os.path.join(folder, name)
+                if name.endswith(".py") and name[:-3].isidentifier():
+                    found.add(name[:-3])
+                elif name.isidentifier() and os.path.isdir(path):
+                    inner = [entry for entry in _listed(path) if entry.endswith(".py")]
+                    if "__init__.py" in inner:
+                        found.add(name)
+                    found.update(f"{name}.{entry[:-3]}" for entry in inner if entry[:-3].isidentifier() and entry != "__init__.py")
+        return sorted(found)
+
+
+def _listed(folder: str) -> list[str]:
+    try:
+        return sorted(os.listdir(folder))
+    except OSError:
+        return []
+
+
+def _on_path(name: str) -> Module | None:
+    """A top-level module of the environment (editable packages that bring a finder of their own are asked for, too)."""
+    specification = importlib.machinery.PathFinder.find_spec(name, list(import_path()))
+    if specification is None or specification.origin is None and specification.submodule_search_locations:
+        for finder in sys.meta_path:
+            if not getattr(finder, "of_parts", False) and finder not in (importlib.machinery.PathFinder, importlib.machinery.BuiltinImporter, importlib.machinery.FrozenImporter):
+                try:
+                    own = finder.find_spec(name, None)
+                except Exception:
+                    continue
+                if own is not None:
+                    specification = own
+                    break
+    if specification is None:
+        return None
+    origin = specification.origin
+    folders = tuple(specification.submodule_search_locations or ())
+    if origin is None and folders and all(is_installed(os.path.join(folder, "")) for folder in folders):
+        return Module(name=name, kind="installed")
+    if origin is None or not origin.endswith(".py"):
+        # an extension module, or a folder without __init__.py (the project's own build/ or docs/ count for nothing)
+        return Module(name=name, kind="installed") if origin is not None else None
+    if is_installed(origin) and name not in CONTENT_TRACKED:
+        return Module(name=name, kind="installed", file=origin)
+    return Module(name=name, kind="content", file=origin, folders=folders)

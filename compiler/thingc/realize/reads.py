@@ -1,0 +1,246 @@
+"""Which files a part read, found while its code runs.
+
+Python's audit hook sees what Python opens and lists; wrappers on the kernel's readers see the files that C++ opens; a
+wrapper on `os.stat` sees the files that were looked for and not found; `thingc.asset` reports for itself. What is
+recorded is how a file was when it was first met:
+
+    file:<sha256>     its content
+    folder:<sha256>   the names in a folder that was listed
+    folder            a folder that was only looked at
+    absent            nothing there
+
+Paths inside the workspace are kept relative to it; files elsewhere (a font, a shared library of shapes) by their absolute
+path. Files of installed packages, of Python and of thingc count by version, and files the part wrote itself do not count.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import os
+import sys
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from thingc.realize.modules import installed_roots
+
+_NOT_FILES = ("/dev/", "/proc/", "/sys/")
+_WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_TRUNC
+
+
+def state_of(path: str, *, listed: bool = False) -> str:
+    """What lies at `path` now, in the words above; `listed` makes a folder count by its names."""
+    try:
+        with open(path, "rb") as stream:
+            return "file:" + hashlib.file_digest(stream, "sha256").hexdigest()
+    except IsADirectoryError:
+        pass
+    except OSError:
+        if not os.path.isdir(path):
+            return "absent"
+    if not listed:
+        return "folder"
+    try:
+        names = "\n".join(sorted(os.listdir(path)))
+    except OSError:
+        return "absent"
+    return "folder:" + hashlib.sha256(names.encode("utf-8", "surrogateescape")).hexdigest()
+
+
+def same(path: str, state: str) -> bool:
+    """Whether what lies at `path` is still as `state` says."""
+    return state_of(path, listed=state.startswith("folder:")) == state
+
+
+class Recorder:
+    """Records reads from `start` to `stop`. One per process at a time (audit hooks cannot be taken away).
+
+    `workspace` is the absolute folder that paths are kept relative to; files under `excluded` (absolute) never count.
+    """
+
+    def __init__(self, workspace: str, excluded: tuple[str, ...] = ()) -> None:
+        self.workspace = os.path.join(os.path.abspath(workspace), "")
+        self.states: dict[str, str] = {}
+        own = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+        folders = (*installed_roots(), own, os.path.realpath(own), *excluded, *(os.path.realpath(e) for e in excluded))
+        self._excluded = tuple({os.path.join(folder, "") for folder in folders})
+        self._written: set[str] = set()
+        self._busy = False
+        self._on = False
+
+    def start(self) -> None:
+        """Begin to record."""
+        _install_hook()
+        _listening.append(self)
+        self._on = True
+
+    def stop(self) -> None:
+        """End recording."""
+        self._on = False
+        with contextlib.suppress(ValueError):
+            _listening.remove(self)
+
+    def note(self, path: Any, *, listed: bool = False) -> None:
+        """A file was read, or looked for; with `listed`, a folder's names were."""
+        if not self._on or self._busy:
+            return
+        full = _absolute(path)
+        if full is None or full in self._written or full.startswith(_NOT_FILES):
+            return
+        if (full + os.sep).startswith(self._excluded):
+            return
+        held = self.states.get(full)
+        if held is not None and not (listed and held == "folder"):
+            return
+        if os.path.realpath(full).startswith(self._excluded):
+            return
+        with self._quietly():
+            self.states[full] = state_of(full, listed=listed)
+
+    def note_written(self, path: Any) -> None:
+        """The part is about to write a file: reading it back counts for nothing."""
+        full = _absolute(path)
+        if full is not None and full not in self.states:
+            self._written.add(full)
+
+    def reads(self, without: set[str]) -> list[tuple[str, str]]:
+        """`(path, state)` of everything read, sorted, except the files `without` (absolute: the code that has a key)."""
+        left_out = without | {os.path.realpath(path) for path in without}
+        return sorted(
+            (self.relative(path), state)
+            for path, state in self.states.items()
+            if path not in left_out and os.path.realpath(path) not in left_out
+        )
+
+    def relative(self, path: str) -> str:
+        """The path with `/` within the workspace, or as it is where it lies elsewhere."""
+        if path.startswith(self.workspace):
+            return path[len(self.workspace) :].replace(os.sep, "/")
+        return "." if os.path.join(path, "") == self.workspace else path
+
+    @contextlib.contextmanager
+    def _quietly(self) -> Iterator[None]:
+        self._busy = True
+        try:
+            yield
+        finally:
+            self._busy = False
+
+
+def _absolute(path: Any) -> str | None:
+    if isinstance(path, int) or path is None:
+        return None
+    try:
+        return os.path.abspath(os.fsdecode(path))
+    except (TypeError, ValueError):
+        return None
+
+
+_listening: list[Recorder] = []
+_hooked = False
+
+
+def _install_hook() -> None:
+    global _hooked
+    if not _hooked:
+        _hooked = True
+        sys.addaudithook(_hook)
+        _wrap_looking()
+
+
+def _hook(event: str, arguments: tuple[Any, ...]) -> None:
+    if not _listening:
+        return
+    if event == "open":
+        path, mode, flags = arguments
+        writes = any(letter in mode for letter in "wax+") if isinstance(mode, str) else bool((flags or 0) & _WRITING)
+        for recorder in _listening:
+            recorder.note_written(path) if writes else recorder.note(path)
+    elif event in ("os.listdir", "os.scandir"):
+        for recorder in _listening:
+            recorder.note(arguments[0] if arguments[0] is not None else ".", listed=True)
+    elif event == "sqlite3.connect":
+        for recorder in _listening:
+            recorder.note(arguments[0])
+
+
+def _wrap_looking() -> None:
+    """`os.path.exists` and the like raise no audit event, and a file that was missed may appear one day."""
+    for name in ("stat", "lstat", "access"):
+        setattr(os, name, _looking(getattr(os, name)))
+
+
+def _looking(function: Callable[..., Any]) -> Callable[..., Any]:
+    @functools.wraps(function)
+    def wrapped(path: Any, *arguments: Any, **options: Any) -> Any:
+        if _listening and options.get("dir_fd") is None:
+            for recorder in _listening:
+                recorder.note(path)
+        return function(path, *arguments, **options)
+
+    return wrapped
+
+
+# --- the kernel's readers ---------------------------------------------------------------------------------------------
+
+_IMPORTERS = (
+    "import_brep", "import_step", "import_stl", "import_svg", "import_svg_as_buildline_code", "import_dxf",
+)
+_KERNEL_READERS = (
+    ("OCP.STEPControl", "STEPControl_Reader", "ReadFile"),
+    ("OCP.STEPCAFControl", "STEPCAFControl_Reader", "ReadFile"),
+    ("OCP.IGESControl", "IGESControl_Reader", "ReadFile"),
+    ("OCP.IGESCAFControl", "IGESCAFControl_Reader", "ReadFile"),
+    ("OCP.StlAPI", "StlAPI_Reader", "Read"),
+    ("OCP.BRepTools", "BRepTools", "Read_s"),
+    ("OCP.BinTools", "BinTools", "Read_s"),
+    ("OCP.RWStl", "RWStl", "ReadFile_s"),
+)
+"""Where a part may go past build123d: class, method, of which any text argument is a file."""
+
+
+def wrap_importers(recorder: Recorder) -> None:
+    """Make every way from a file into the kernel tell `recorder` first. Before part modules load, since they may say
+    `from build123d import *`; once per process."""
+    import importlib
+
+    import build123d
+
+    modules = [
+        module for name, module in list(sys.modules.items())
+        if (name == "build123d" or name.startswith("build123d.")) and module is not None
+    ]
+    for name in _IMPORTERS:
+        original = getattr(build123d, name, None)
+        if original is None:
+            continue
+        telling = _telling(recorder, original, 0)
+        for module in modules:
+            if vars(module).get(name) is original:
+                setattr(module, name, telling)
+    mesher = build123d.Mesher
+    mesher.read = _telling(recorder, mesher.read, 1)  # type: ignore[method-assign]
+    for module_name, class_name, method in _KERNEL_READERS:
+        try:
+            owner = getattr(importlib.import_module(module_name), class_name)
+            original = getattr(owner, method)
+            static = method.endswith("_s")
+            telling = _telling(recorder, original, None)
+            setattr(owner, method, staticmethod(telling) if static else telling)
+        except (ImportError, AttributeError, TypeError):  # this kernel has it not, or lets nobody wrap it
+            continue
+
+
+def _telling(recorder: Recorder, function: Callable[..., Any], position: int | None) -> Callable[..., Any]:
+    """`function`, which first notes the file it is given: argument `position`, or (None) any argument that is a path."""
+
+    @functools.wraps(function)
+    def telling(*arguments: Any, **options: Any) -> Any:
+        given = (*arguments, *options.values()) if position is None else (*arguments[position : position + 1], *options.values())
+        for value in given:
+            if isinstance(value, (str, bytes, os.PathLike)):
+                recorder.note(value)
+        return function(*arguments, **options)
+
+    return telling

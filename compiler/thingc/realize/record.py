@@ -1,0 +1,223 @@
+"""What the geometry service answers with: plain frozen data, SI units, readable without the CAD kernel.
+
+A `PartSchema` says what a part can be asked for, a `PartDefinition` is one request, a `PartRecord` is everything the
+later passes ever learn of its geometry.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field
+
+from thingc.pose import Matrix, Pose, Vector
+
+Value = float | int | bool | str
+"""A canonical parameter value: SI floats for dimensioned ones, ints for counts, text and flags as they are."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterSchema:
+    """One argument of a part's `__init__`.
+
+    `kind` is `length | angle | mass | ratio | number` (floats; SI), `count` (int), `flag` (bool), `text` or `choice`
+    (one of `choices`). `default` is None where `required`.
+    """
+
+    name: str
+    kind: str
+    required: bool
+    default: Value | None
+    minimum: float | None = None
+    maximum: float | None = None
+    choices: tuple[Value, ...] = ()
+    doc: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartSchema:
+    """What `module:Class` takes. `kind` is `thing | shape | function`; `file`, `line` are where it is written."""
+
+    reference: str
+    kind: str
+    doc: str
+    parameters: tuple[ParameterSchema, ...]
+    material: str | None
+    actuator: bool
+    file: str
+    line: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartDefinition:
+    """A part class with its complete canonical parameters: equal definitions are one node of the HAG.
+
+    `reference` is `module:Class`, or for a part of a file its path in the workspace (`kind` says which:
+    `code | file`). `parameters` holds every parameter, sorted by name; `text` prints only those that differ from their
+    default (`arm:RotorBrace(length=0.1)`). `mirror` is reserved and always None.
+    """
+
+    reference: str
+    kind: str
+    parameters: tuple[tuple[str, Value], ...]
+    text: str
+    mirror: str | None = None
+
+    @property
+    def stem(self) -> str:
+        """The file stem: `arm.RotorBrace`, and 8 hex of the SHA-256 of `text` when any parameter differs."""
+        base = self.reference.replace(":", ".").replace("/", ".")
+        if self.text == self.reference:
+            return base
+        return f"{base}-{hashlib.sha256(self.text.encode()).hexdigest()[:8]}"
+
+
+def definition_text(reference: str, parameters: dict[str, Value], defaults: dict[str, Value]) -> str:
+    """`arm:RotorBrace(length=0.1)`: the parameters that differ from their defaults, sorted, SI, `repr`."""
+    differing = [
+        f"{name}={parameters[name]!r}"
+        for name in sorted(parameters)
+        if name not in defaults or parameters[name] != defaults[name]
+    ]
+    return f"{reference}({', '.join(differing)})" if differing else reference
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MountRecord:
+    """A mount of a part: its frame in the part's frame, z out of the material."""
+
+    pose: Pose
+    interface: str | None = None
+    tolerance: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Expectation:
+    """`mount` was cut for the part `text` (a definition text) sitting on it with its mount `child_mount`."""
+
+    mount: str
+    text: str
+    child_mount: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stated:
+    """A number (or three, or a matrix) that a Thing states, and its source (`measured | vendor | estimated | stated`)."""
+
+    value: float | Vector | Matrix
+    source: str = "stated"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Actuator:
+    """A Thing's actuator in SI; `sources` says where a number came from, by field name."""
+
+    kind: str
+    stall_torque: float | None = None
+    no_load_speed: float | None = None
+    gear_ratio: float = 1.0
+    rotor_inertia: float | None = None
+    kp: float | None = None
+    kv: float | None = None
+    sources: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def armature(self) -> float | None:
+        """Rotor inertia seen at the output [kg m^2]: rotor inertia times gear ratio squared."""
+        return None if self.rotor_inertia is None else self.rotor_inertia * self.gear_ratio * self.gear_ratio
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fit:
+    """A primitive that encloses the part. `size` as MuJoCo's: box half sizes; cylinder and capsule radius, half
+    length (of the straight part) along z; sphere radius [m]. `pose` is in the part's frame."""
+
+    shape: str
+    size: tuple[float, ...]
+    pose: Pose
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mesh:
+    """A mesh file in the store by content. `closed` and `flat` say whether simulators can take it as a solid."""
+
+    sha256: str
+    size: int
+    vertices: int
+    faces: int
+    closed: bool
+    flat: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartWarning:
+    """Something the part's author should know, and the line of the part file where there is one."""
+
+    message: str
+    file: str | None = None
+    line: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartRecord:
+    """Everything the passes know of a part. All lengths in metres, in the part's own frame.
+
+    `volume` [m^3], `area` [m^2], `centre` [m] and `inertia` [m^5, at density 1, about the centre] are exact integrals
+    over the B-rep; all zero for a Thing without geometry (`box` None). `meshes`: `visual` (OBJ, metres), `hull` and
+    `mesh` (binary STL, metres), `print` (binary STL, millimetres), absent without geometry; `pieces` the
+    STL files of the Thing's own `collision()`, `convex` those of the convex decomposition where it was asked for.
+    `brep` is the B-rep in the store. `code` is `(file, line)` of the class.
+    """
+
+    text: str
+    material: str | None
+    color: str | None
+    volume: float
+    area: float
+    centre: Vector
+    inertia: Matrix
+    box: tuple[Vector, Vector] | None
+    mounts: dict[str, MountRecord]
+    references: tuple[str, ...]
+    expectations: tuple[Expectation, ...]
+    actuator: Actuator | None
+    mass: Stated | None
+    com: Stated | None
+    matrix: Stated | None
+    density: Stated | None
+    bom: dict[str, str]
+    warnings: tuple[PartWarning, ...]
+    fits: dict[str, Fit]
+    meshes: dict[str, Mesh]
+    pieces: tuple[Mesh, ...]
+    convex: tuple[Mesh, ...]
+    brep: str | None
+    code: tuple[str, int] | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartFailure:
+    """Why a part could not be described or modelled.
+
+    `kind` is `refused | missing | raised | hung | crashed | empty | invalid`; `message` the exception's words;
+    `file`, `line` the place in the part file; `candidates` near names for `missing`; `detail` the traceback, for
+    `--debug` only.
+    """
+
+    subject: str
+    kind: str
+    message: str
+    file: str | None = None
+    line: int | None = None
+    candidates: tuple[str, ...] = ()
+    detail: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Placed:
+    """One instance in a STEP assembly: its name, B-rep, pose and colour (`#rrggbb`); groups nest by `/` in the name."""
+
+    path: str
+    definition: str
+    brep: str
+    pose: Pose
+    color: str | None

@@ -1,0 +1,192 @@
+"""The content-addressed store: geometry by the SHA-256 of its bytes, small JSON documents by kind and key.
+
+Everything is written aside and renamed, so that any number of processes may share one store and be killed at any
+instant: a name is either absent or whole. Whatever is read is checked, and what is damaged counts as absent. Nothing is
+ever pickled.
+
+    <root>/blobs/ab/cdef...     the bytes whose SHA-256 is abcdef...
+    <root>/<kind>/ab/cdef...    the JSON document whose key has that SHA-256, behind a line with its own checksum
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import hashlib
+import json
+import os
+import sys
+from collections.abc import Callable
+from typing import Any
+
+SEALED = 946_684_800
+"""The modification time [s] every blob gets when it is whole (2000-01-01): a blob that was written to afterwards shows
+another time, and is hashed before it is trusted."""
+
+
+class StoreUnusable(Exception):
+    """The store's folder cannot be used: `root`, and the reason in the words of the system."""
+
+    def __init__(self, root: str, reason: str) -> None:
+        super().__init__(f"the store {root} cannot be used: {reason}")
+        self.root = root
+        self.reason = reason
+
+
+class BlobMissing(Exception):
+    """A blob that should be in the store is not there, or was damaged (then it has been thrown away)."""
+
+    def __init__(self, sha256: str) -> None:
+        super().__init__(f"the store has no sound blob {sha256}")
+        self.sha256 = sha256
+
+
+def default_root() -> str:
+    """`$THINGC_STORE`, else a folder in the user's cache as each system has it."""
+    stated = os.environ.get("THINGC_STORE")
+    if stated:
+        return os.path.abspath(stated)
+    home = os.path.expanduser("~")
+    if sys.platform == "win32":
+        base = os.environ.get("LOCALAPPDATA") or os.path.join(home, "AppData", "Local")
+        return os.path.join(base, "thingc", "store")
+    if sys.platform == "darwin":
+        return os.path.join(home, "Library", "Caches", "thingc")
+    base = os.environ.get("XDG_CACHE_HOME", "")
+    return os.path.join(base if os.path.isabs(base) else os.path.join(home, ".cache"), "thingc")
+
+
+class Store:
+    """A store in the folder `root` (`default_root()` without one); the folder is made with the first write.
+
+    Writing raises `StoreUnusable` where the folder cannot be written; reading never does: what cannot be read is
+    not there.
+    """
+
+    __slots__ = ("root",)
+
+    def __init__(self, root: str | None = None) -> None:
+        self.root = os.path.abspath(root) if root else default_root()
+
+    # --- blobs ---------------------------------------------------------------------------------------------------
+
+    def path(self, sha256: str) -> str:
+        """Where the blob lies, or would lie."""
+        return os.path.join(self.root, "blobs", sha256[:2], sha256[2:])
+
+    def put(self, data: bytes) -> str:
+        """Keep `data`; its SHA-256 in hex. Nothing is written when a sound copy is there."""
+        sha256 = hashlib.sha256(data).hexdigest()
+        if not self.has(sha256, len(data)):
+            self._write(self.path(sha256), data, seal=True)
+        return sha256
+
+    def has(self, sha256: str, size: int | None = None) -> bool:
+        """Whether a sound blob is there (of `size` bytes, where that is known).
+
+        A sealed blob is believed; one whose time differs is hashed, and sealed again or thrown away.
+        """
+        path = self.path(sha256)
+        try:
+            found = os.stat(path)
+        except OSError:
+            return False
+        if size is not None and found.st_size != size:
+            self._discard(path)
+            return False
+        if int(found.st_mtime) == SEALED:
+            return True
+        try:
+            self.read(sha256)
+        except BlobMissing:
+            return False
+        with contextlib.suppress(OSError):
+            os.utime(path, (SEALED, SEALED))
+        return True
+
+    def read(self, sha256: str) -> bytes:
+        """The bytes, checked against their name. Raises `BlobMissing` when they are absent or damaged."""
+        path = self.path(sha256)
+        try:
+            with open(path, "rb") as stream:
+                data = stream.read()
+        except OSError:
+            raise BlobMissing(sha256) from None
+        if hashlib.sha256(data).hexdigest() != sha256:
+            self._discard(path)
+            raise BlobMissing(sha256)
+        return data
+
+    def size(self, sha256: str) -> int:
+        """How many bytes the blob has. Raises `BlobMissing`."""
+        try:
+            return os.stat(self.path(sha256)).st_size
+        except OSError:
+            raise BlobMissing(sha256) from None
+
+    # --- JSON documents ------------------------------------------------------------------------------------------
+
+    def get_json(self, kind: str, key: str) -> Any | None:
+        """The value kept under `kind` (a word, it names a folder) and `key` (any text), or None."""
+        try:
+            with open(self._document(kind, key), "rb") as stream:
+                checksum, _, payload = stream.read().partition(b"\n")
+        except OSError:
+            return None
+        if hashlib.sha256(payload).hexdigest().encode() != checksum:
+            return None
+        try:
+            return json.loads(payload)
+        except ValueError:
+            return None
+
+    def put_json(self, kind: str, key: str, value: Any) -> None:
+        """Keep a JSON value under `kind` and `key`, in place of what was there."""
+        payload = json.dumps(value, separators=(",", ":"), sort_keys=True, ensure_ascii=False).encode()
+        checksum = hashlib.sha256(payload).hexdigest().encode()
+        self._write(self._document(kind, key), checksum + b"\n" + payload)
+
+    def update_json(self, kind: str, key: str, change: Callable[[Any | None], Any]) -> None:
+        """Replace the value by `change(value)`. Two writers at once: the later one wins, whole."""
+        self.put_json(kind, key, change(self.get_json(kind, key)))
+
+    # --- files ---------------------------------------------------------------------------------------------------
+
+    def check(self) -> None:
+        """Raise `StoreUnusable` unless the store can be written to."""
+        probe = os.path.join(self.root, "blobs")
+        try:
+            os.makedirs(probe, exist_ok=True)
+        except OSError as fault:
+            raise StoreUnusable(self.root, fault.strerror or str(fault)) from None
+        if not os.access(probe, os.W_OK | os.X_OK):
+            raise StoreUnusable(self.root, os.strerror(errno.EACCES))
+
+    def _document(self, kind: str, key: str) -> str:
+        name = hashlib.sha256(key.encode()).hexdigest()
+        return os.path.join(self.root, kind, name[:2], name[2:])
+
+    def _write(self, path: str, data: bytes, *, seal: bool = False) -> None:
+        aside = f"{path}.{os.getpid()}-{os.urandom(6).hex()}"
+        try:
+            try:
+                descriptor = os.open(aside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o644)
+            except FileNotFoundError:
+                os.makedirs(os.path.dirname(path), exist_ok=True)
+                descriptor = os.open(aside, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o644)
+            with open(descriptor, "wb") as stream:
+                stream.write(data)
+            if seal:
+                os.utime(aside, (SEALED, SEALED))
+            os.replace(aside, path)
+        except OSError as fault:
+            with contextlib.suppress(OSError):
+                os.unlink(aside)
+            if seal and os.path.exists(path):  # Windows will not replace a file that another process reads
+                return
+            raise StoreUnusable(self.root, fault.strerror or str(fault)) from None
+
+    @staticmethod
+    def _discard(path: str) -> None:
+        with contextlib.suppress(OSError):
+            os.unlink(path)

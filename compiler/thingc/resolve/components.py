@@ -1,0 +1,135 @@
+"""Components: what each one is (a part, a file, a nested assembly, a frame) and what stands beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from thingc.diagnostics import Code, Note
+from thingc.resolve import overrides as said
+from thingc.resolve.layers import Layers
+from thingc.resolve.materials import target
+from thingc.resolve.model import At, Attach, Component, Material
+from thingc.resolve.parameters import fitting
+from thingc.resolve.parts import of_code, of_file
+from thingc.resolve.repeats import MAX_OCCURRENCES, Item
+from thingc.resolve.scope import Found
+from thingc.resolve.table import Context, Node, Table
+from thingc.source import Path
+from thingc.spec.assembly import AssemblySpec, ComponentSpec
+from thingc.spec.materials import MaterialsSpec
+
+MAX_NESTING = 100
+"""Documents inside each other."""
+
+Nest = Callable[[Context, str, AssemblySpec, dict[str, Found]], Table]
+"""Resolves a nested document with the values set for its parameters."""
+
+
+def nodes(context: Context, table: Table, items: Iterable[Item[ComponentSpec]], nest: Nest) -> None:
+    """Fill `table.nodes`, with definitions worked out as far as they are sound, and count the occurrences."""
+    for item in items:
+        node = Node(name=item.name, spec=item.spec, path=item.path, scope=item.scope)
+        table.nodes[item.name] = node
+        _define(context, node, nest)
+        node.mounts = said.extra_mounts(node) if item.spec.mounts else {}
+        if item.spec.mirror is not None:
+            node.scope.error(Code.NOT_YET, "`mirror` is not built yet", (*node.path, "mirror"), key=True, help="model the mirrored part for now")
+        if not node.frame and node.definition is None:
+            node.unsound = True
+        leaves = node.table.occurrences if node.table is not None else 1
+        if table.occurrences + leaves > MAX_OCCURRENCES:
+            _report_too_many(table, node, leaves)
+            node.definition, node.table, node.unsound = None, None, True
+            continue
+        table.occurrences += leaves
+
+
+def _report_too_many(table: Table, node: Node, leaves: int) -> None:
+    """Once for all items of a repeat."""
+    if any(other.path == node.path and other.unsound for name, other in table.nodes.items() if name != node.name):
+        return
+    node.scope.error(
+        Code.TOO_MANY, f"with `{node.name}` this assembly has {table.occurrences + leaves} occurrences; at most {MAX_OCCURRENCES} are possible",
+        node.path, key=True,
+    )
+
+
+def _define(context: Context, node: Node, nest: Nest) -> None:
+    spec = node.spec
+    if spec.part is not None:
+        node.definition = of_code(context, node, spec.part)
+    elif spec.file is not None:
+        node.definition = of_file(context, node, spec.file)
+    elif spec.assembly is not None:
+        said.refuse_on_assembly(node)
+        node.table = _nested(context, node, spec.assembly, nest)
+        node.definition = node.table.definition if node.table is not None else None
+
+
+def _nested(context: Context, node: Node, text: str, nest: Nest) -> Table | None:
+    """The table of a nested document; None where it could not be read (reported) or stands inside itself (reported here)."""
+    scope, path = node.scope, (*node.path, "assembly")
+    relative = target(context, scope.document, text)
+    spec, document = context.specs.get(relative), context.documents.by_path.get(relative)
+    open_ = [name for name, _ in context.nesting]
+    if relative in open_:
+        hops = context.nesting[open_.index(relative):]
+        chain = " -> ".join(f"`{name}`" for name, _ in [*hops, (relative, None)])
+        scope.error(
+            Code.ASSEMBLY_CYCLE, f"an assembly cannot be inside itself: {chain}", path, help="take one of them out",
+            notes=[Note(message=f"`{name}` is nested here", span=span) for name, span in hops[1:]],
+        )
+        return None
+    if document is None or spec is None:
+        return None
+    if isinstance(spec, MaterialsSpec):
+        scope.error(
+            Code.VALUE_KIND, f"`{relative}` is a document of materials; `assembly` names an assembly document", path,
+            help="list it under `materials` instead",
+        )
+        return None
+    if len(context.nesting) >= MAX_NESTING:
+        scope.error(Code.TOO_MANY, f"assemblies are nested more than {MAX_NESTING} deep", path)
+        return None
+    given = _given(context, node, relative, spec)
+    context.nesting.append((relative, scope.span(path)))
+    try:
+        return nest(context, relative, spec, given)
+    finally:
+        context.nesting.pop()
+
+
+def _given(context: Context, node: Node, relative: str, spec: AssemblySpec) -> dict[str, Found]:
+    """The parameters that the component sets for its nested document; what does not fit is reported and left out."""
+    scope, path = node.scope, (*node.path, "parameters")
+    values: dict[str, Found] = {}
+    for name, raw in node.spec.parameters.items():
+        found = scope.value(raw, (*path, name))
+        if found is not None:
+            values[name] = found
+
+    def complain(name: str, code: Code, message: str, *, help: str | None = None, notes: Iterable[Note] = ()) -> None:
+        scope.error(code, message, (*path, name), help=help, notes=notes, key=code is Code.UNKNOWN_PARAMETER)
+
+    document = context.documents.by_path[relative]
+    return fitting(context, document, spec, values, f"`{spec.name}`", complain)
+
+
+def components(table: Table, placements: dict[str, Attach | At | None], *, unreadable: bool) -> tuple[Component, ...]:
+    """The model's components, in document order. What is unsound has no definition, so that later passes leave it out."""
+    defaults = table.spec.defaults.component if table.spec.defaults is not None else None
+    below: tuple[tuple[object, Path], ...] = ((defaults, ("defaults", "component")),) if defaults is not None else ()
+    made: list[Component] = []
+    for node in table.nodes.values():
+        scope = node.scope
+        is_part = node.spec.part is not None or node.spec.file is not None
+        layers = Layers(((node.spec, node.path), *(below if is_part else ())))  # type: ignore[arg-type]
+        nested = node.spec.assembly is not None
+        material: Material | None = None if nested else said.material(scope, layers, table.materials, unreadable=unreadable)
+        over = said.NONE_SAID if nested else said.overrides(scope, layers)
+        made.append(Component(
+            name=node.name, definition=None if node.unsound else node.definition, frame=node.frame and not node.unsound,
+            placement=None if node.unsound else placements.get(node.name), material=material, overrides=over, mounts=node.mounts,
+            bom=said.bom(layers), origin=scope.origin(node.path, key=True),
+        ))
+    return tuple(made)

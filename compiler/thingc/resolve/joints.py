@@ -1,0 +1,218 @@
+"""Joints: kinds, references, limits, dynamics, drives. What mimics what is in `mimics`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from thingc.diagnostics import Code, Note
+from thingc.joints import KINDS, LATER, JointKind
+from thingc.realize.record import PartDefinition
+from thingc.resolve import references
+from thingc.resolve.layers import Layers
+from thingc.resolve.model import Drive, Dynamics, Joint, Limit, Reference
+from thingc.resolve.placement import Places
+from thingc.resolve.repeats import Item
+from thingc.resolve.scope import Scope
+from thingc.resolve.table import Table
+from thingc.source import MappingNode, Path, Span, node_at
+from thingc.spec.assembly import DriveSpec, JointSpec
+from thingc.units import (
+    ANGLE, ANGULAR_DAMPING, ANGULAR_STIFFNESS, ANGULAR_VELOCITY, FORCE, INERTIA, LENGTH, LINEAR_DAMPING, LINEAR_STIFFNESS, MASS,
+    NUMBER, TORQUE, VELOCITY, Dimension,
+)
+
+_TURN = {
+    "effort": TORQUE, "velocity": ANGULAR_VELOCITY, "damping": ANGULAR_DAMPING, "friction": TORQUE, "armature": INERTIA,
+    "stiffness": ANGULAR_STIFFNESS,
+}
+_SLIDE = {
+    "effort": FORCE, "velocity": VELOCITY, "damping": LINEAR_DAMPING, "friction": FORCE, "armature": MASS,
+    "stiffness": LINEAR_STIFFNESS,
+}
+
+NO_LIMIT = Limit()
+NO_DYNAMICS = Dynamics()
+
+
+def dimensions_of(coordinate: Dimension) -> dict[str, Dimension]:
+    """The dimension of effort, velocity, damping, friction, armature and stiffness of a joint with this coordinate."""
+    return _TURN if coordinate == ANGLE else _SLIDE
+
+
+def joints(table: Table, items: Iterable[Item[JointSpec]], places: Places) -> bool:
+    """Fill `table.joints` (without mimics) and note in `places` what each one places.
+
+    A joint that is wrong in its kind or references is None there, and its child, where it has one, unsound.
+    Returns whether the child of some joint could not be read.
+    """
+    defaults = table.spec.defaults.joint if table.spec.defaults is not None else None
+    below = ((defaults, ("defaults", "joint")),) if defaults is not None else ()
+    unsure = False
+    for item in items:
+        spec, scope, path = item.spec, item.scope, item.path
+        layers = Layers(((spec, path), *below))
+        child = references.mount(table, scope, spec.child, (*path, "child"))
+        parent = references.mount(table, scope, spec.parent, (*path, "parent"))
+        kind = _kind(scope, spec, path)
+        if spec.loop:
+            scope.error(
+                Code.NOT_YET, "loops are not built yet: `loop: true` cannot be used", (*path, "loop"), key=True,
+                help="take the joint out for now",
+            )
+            table.joints[item.name] = None
+            continue
+        placed = child.path[0] if child is not None else _named(table, scope, spec.child)
+        if placed is None:
+            unsure = True
+        else:
+            places.setdefault(placed, []).append((f"joint `{item.name}`", scope.span(path, key=True)))
+        if parent is not None and child is not None and parent.path[0] == child.path[0]:
+            scope.error(
+                Code.PLACED_ON_ITSELF, f"joint `{item.name}` connects `{child.path[0]}` with itself", (*path, "child"),
+                help="name mounts of two components", notes=[Note(message="the parent", span=scope.span((*path, "parent")))],
+            )
+            parent = None
+        if kind is None or parent is None or child is None:
+            table.joints[item.name] = None
+            if placed is not None:
+                table.nodes[placed].unsound = True
+            continue
+        table.joints[item.name] = _joint(table, item, kind, parent, child, layers)
+    return unsure
+
+
+def _named(table: Table, scope: Scope, text: str) -> str | None:
+    """The component that a wrong reference begins with, where there is one of that name."""
+    first = text.split(".")[0]
+    if scope.index is not None:
+        first = first.replace("${" + scope.index[0] + "}", scope.index[1]).replace("$" + scope.index[0], scope.index[1])
+    return first if first in table.nodes else None
+
+
+def _kind(scope: Scope, spec: JointSpec, path: Path) -> JointKind | None:
+    if spec.type in LATER:
+        scope.error(
+            Code.NOT_YET, f"joints of type `{spec.type}` are not built yet", (*path, "type"),
+            help="use " + ", ".join(f"`{name}`" for name in KINDS) + " for now",
+        )
+        return None
+    return KINDS[spec.type]
+
+
+def _joint(table: Table, item: Item[JointSpec], kind: JointKind, parent: Reference, child: Reference, layers: Layers) -> Joint:
+    scope, spec, path, name = item.scope, item.spec, item.path, item.name
+    turn, gap = layers.pick("turn"), layers.pick("gap")
+    offset = 0.0
+    limit, dynamics, drive = NO_LIMIT, NO_DYNAMICS, None
+    if kind.coordinate is None:
+        for key in ("limit", "dynamics", "offset", "drive"):
+            if key in spec.model_fields_set and getattr(spec, key) is not None:
+                code = Code.DRIVE if key == "drive" else Code.JOINT_FIELD
+                scope.error(code, f"joint `{name}` is {spec.type} and does not move: it has no `{key}`", (*path, key), key=True,
+                            help="take it out, or choose another `type`")
+    else:
+        limit = _limit(scope, item, kind, kind.coordinate, layers.sub("limit"))
+        dynamics = _dynamics(scope, name, kind.coordinate, layers.sub("dynamics"))
+        drive = _drive(table, scope, name, kind.coordinate, layers)
+        if spec.offset is not None:
+            offset = scope.number(spec.offset, (*path, "offset"), kind.coordinate, f"`offset` of joint `{name}`") or 0.0
+    return Joint(
+        name=name, kind=kind.name, parent=parent, child=child, limit=limit, dynamics=dynamics,
+        turn=(scope.number(*turn, ANGLE, f"`turn` of joint `{name}`") or 0.0) if turn else 0.0,
+        gap=(scope.number(*gap, LENGTH, f"`gap` of joint `{name}`") or 0.0) if gap else 0.0,
+        offset=offset, drive=drive, mimic=None, origin=scope.origin(path, key=True), spans=_spans(table, path, layers),
+    )
+
+
+def _spans(table: Table, path: Path, layers: Layers) -> dict[str, Span]:
+    """Places within the joint by dotted key; those of the document's defaults where the joint itself is silent."""
+    spans: dict[str, Span] = {}
+    for _, base in reversed(layers.items):
+        _collect(node_at(table.document.tree, base), "", spans)
+    return spans
+
+
+def _collect(node: Any, prefix: str, spans: dict[str, Span]) -> None:
+    if isinstance(node, MappingNode):
+        for key, child in node.entries.items():
+            spans[prefix + key] = child.span
+            _collect(child, f"{prefix}{key}.", spans)
+
+
+def _limit(scope: Scope, item: Item[JointSpec], kind: JointKind, coordinate: Dimension, layers: Layers) -> Limit:
+    name, path = item.name, item.path
+    lower, upper = layers.pick("lower"), layers.pick("upper")
+    low = high = None
+    if kind.limits == "none":
+        for key, said in (("lower", lower), ("upper", upper)):
+            if said is not None and said[1][0] == "joints":
+                scope.error(
+                    Code.LIMIT, f"joint `{name}` is {kind.name} and has no `limit.{key}`", said[1], key=True,
+                    help="a joint that stops somewhere is `type: revolute`",
+                )
+    else:
+        low = scope.number(*lower, coordinate, f"`limit.lower` of joint `{name}`") if lower else None
+        high = scope.number(*upper, coordinate, f"`limit.upper` of joint `{name}`") if upper else None
+        missing = [f"`limit.{key}`" for key, said in (("lower", lower), ("upper", upper)) if said is None]
+        if missing and kind.limits == "required" and item.spec.mimic is None:
+            example = "{lower: -90 deg, upper: 90 deg}" if coordinate == ANGLE else "{lower: 0, upper: 20 mm}"
+            scope.error(
+                Code.LIMIT, f"joint `{name}` is {kind.name} and needs {' and '.join(missing)}", path, key=True,
+                help=f"write for example `limit: {example}`" + ("; a joint that turns without end is `continuous`" if coordinate == ANGLE else ""),
+            )
+        if low is not None and high is not None and lower is not None and upper is not None and not low < high:
+            shown_low, shown_high = scope.written(lower[1]), scope.written(upper[1])
+            scope.error(
+                Code.LIMIT, f"limits of joint `{name}` are reversed: expected lower < upper, found `{shown_low}` and `{shown_high}`",
+                lower[1], help="swap them" if low > high else "let the joint move, or make it `fixed`",
+            )
+            low = high = None
+    of = dimensions_of(coordinate)
+    values = {
+        key: scope.number(*said, of[key], f"`limit.{key}` of joint `{name}`", least=0.0) if (said := layers.pick(key)) else None
+        for key in ("effort", "velocity")
+    }
+    return Limit(lower=low, upper=high, **values)
+
+
+def _dynamics(scope: Scope, name: str, coordinate: Dimension, layers: Layers) -> Dynamics:
+    if not layers:
+        return NO_DYNAMICS
+    of = dimensions_of(coordinate)
+    values = {
+        key: scope.number(*said, of[key], f"`dynamics.{key}` of joint `{name}`", least=0.0) if (said := layers.pick(key)) else None
+        for key in ("damping", "friction", "armature", "stiffness")
+    }
+    return Dynamics(**values)
+
+
+def _drive(table: Table, scope: Scope, name: str, coordinate: Dimension, layers: Layers) -> Drive | None:
+    said = layers.pick("drive")
+    if said is None:
+        return None
+    spec, path = said
+    if isinstance(spec, DriveSpec):
+        of = dimensions_of(coordinate)
+        values = {
+            key: None if (raw := getattr(spec, key)) is None else scope.number(
+                raw, (*path, key), dimension, f"`drive.{key}` of joint `{name}`", least=0.0)
+            for key, dimension in (
+                ("kp", NUMBER), ("kv", NUMBER), ("effort", of["effort"]), ("velocity", of["velocity"]), ("armature", of["armature"]),
+            )
+        }
+        return Drive(component=None, kind=spec.kind, **values, origin=scope.origin(path))
+    found = references.component(table, scope, spec, path)
+    if found is None:
+        return None
+    reference, node = found
+    if node.frame or node.spec.assembly is not None:
+        what = "a frame" if node.frame else "an assembly"
+        scope.error(
+            Code.DRIVE, f"joint `{name}` is driven by a part with an actuator; `{reference.text}` is {what}", path,
+            help=f"name the part inside it, as in `{reference.text}.servo`" if node.spec.assembly is not None else "name a part",
+        )
+        return None
+    if node.definition is not None and not isinstance(node.definition, PartDefinition):
+        return None
+    return Drive(component=reference, origin=scope.origin(path))

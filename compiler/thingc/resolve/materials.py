@@ -1,0 +1,172 @@
+"""The materials in scope of a document: material documents, inline ones, and those of the bd_materials library."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from thingc.diagnostics import Code, Note, did_you_mean
+from thingc.resolve.layers import Layers
+from thingc.resolve.model import Material, Process
+from thingc.resolve.scope import Scope
+from thingc.resolve.table import Context
+from thingc.source import Document, Path
+from thingc.spec.assembly import AssemblySpec
+from thingc.spec.materials import MaterialSpec, MaterialsSpec
+from thingc.units import DENSITY, LENGTH, NUMBER
+
+_STAND_IN = 1000.0
+"""Density [kg/m^3] of a material whose own was wrong and has been reported, so that no later pass says that it has none.
+Nothing is ever built with it: there is an error in the report."""
+
+
+def in_scope(context: Context, scope: Scope, spec: AssemblySpec) -> dict[str, Material | None]:
+    """Every material by name; None for names that must not be complained about (their document was wrong)."""
+    if isinstance(spec.materials, Mapping):
+        return {name: material(scope, name, entry, ("materials", name)) for name, entry in spec.materials.items()}
+    known: dict[str, Material | None] = {}
+    seen: set[str] = set()
+    for index, text in enumerate(spec.materials):
+        relative = target(context, scope.document, text)
+        if relative in seen:
+            continue
+        seen.add(relative)
+        for name, entry in _of_document(context, scope, relative, ("materials", index)).items():
+            first = known.setdefault(name, entry)
+            if first is not None and entry is not None and first is not entry:
+                context.report.add(
+                    Code.NAME_CLASH, f"material `{name}` is defined in two documents in scope", entry.origin,
+                    help="rename one of them, or list only one of the documents", path=f"materials.{name}",
+                    notes=[
+                        Note(message=f"`{name}` is also defined here", span=first.origin[0]),
+                        Note(message="both are listed here", span=scope.span(("materials",))),
+                    ],
+                )
+    return known
+
+
+def unreadable(context: Context, scope: Scope, spec: AssemblySpec) -> bool:
+    """Whether a material document of this one could not be read: then an unknown name is no news."""
+    if isinstance(spec.materials, Mapping):
+        return False
+    return any(not isinstance(context.specs.get(target(context, scope.document, text)), MaterialsSpec) for text in spec.materials)
+
+
+def target(context: Context, document: Document, text: str) -> str:
+    """The path in the workspace that a path in a document means."""
+    return context.workspace.relative(os.path.normpath(os.path.join(os.path.dirname(document.path), text)))
+
+
+def _of_document(context: Context, asking: Scope, relative: str, path: Path) -> dict[str, Material | None]:
+    known = context.materials.get(relative)
+    if known is not None:
+        return known
+    spec, document = context.specs.get(relative), context.documents.by_path.get(relative)
+    known = context.materials[relative] = {}
+    if document is None or spec is None:
+        return known
+    if not isinstance(spec, MaterialsSpec):
+        asking.error(
+            Code.VALUE_KIND, f"`{relative}` is an assembly document; `materials` lists documents of materials", path,
+            help="its first line must be `thingc: materials/1`",
+        )
+        return known
+    scope = Scope(document=document, report=context.report, names={})
+    for name, entry in spec.materials.items():
+        known[name] = material(scope, name, entry, ("materials", name))
+    return known
+
+
+def material(scope: Scope, name: str, spec: MaterialSpec, path: Path) -> Material:
+    """One material with what it takes from the library; parts of it that were wrong are reported and left out."""
+    base_density: float | None = None
+    base_color: str | None = None
+    wrong = False
+    if spec.base is not None:
+        library = _library(scope, spec.base, (*path, "base"))
+        wrong = library is None
+        base_density, base_color = library or (None, None)
+    density = base_density
+    if spec.density is not None:
+        density = scope.number(spec.density, (*path, "density"), DENSITY, f"the density of `{name}`", above=0.0)
+        wrong = density is None
+    friction = spec.friction
+    slide = torsion = roll = None
+    if friction is not None:
+        at = (*path, "friction")
+        slide = scope.number(friction.slide, (*at, "slide"), NUMBER, "sliding friction", least=0.0)
+        if friction.torsion is not None:
+            torsion = scope.number(friction.torsion, (*at, "torsion"), (LENGTH, NUMBER), "torsional friction", least=0.0)
+        if friction.roll is not None:
+            roll = scope.number(friction.roll, (*at, "roll"), (LENGTH, NUMBER), "rolling friction", least=0.0)
+    made = process(scope, Layers(((spec.process, (*path, "process")),))) if spec.process is not None else None
+    return Material(
+        name=name, density=_STAND_IN if wrong and density is None else density, color=spec.color or base_color, slide=slide,
+        torsion=torsion, roll=roll, process=made, origin=scope.origin(path, key=True),
+    )
+
+
+def process(scope: Scope, layers: Layers) -> Process:
+    """How something is made, key by key from the layers; keys that are wrong are reported and left out."""
+
+    def read(key: str) -> tuple[Any, Path]:
+        return layers.pick(key) or (None, ())
+
+    def count(key: str) -> int | None:
+        raw, path = read(key)
+        return None if raw is None else scope.count(raw, path, f"`{key}`")
+
+    def length(key: str) -> float | None:
+        raw, path = read(key)
+        return None if raw is None else scope.number(raw, path, LENGTH, f"`{key}`", above=0.0)
+
+    infill, path = read("infill")
+    return Process(
+        kind=read("kind")[0], walls=count("walls"), line_width=length("line_width"), layer=length("layer"), top=count("top"),
+        bottom=count("bottom"), infill=None if infill is None else _infill(scope, infill, path),
+    )
+
+
+def _infill(scope: Scope, raw: Any, path: Path) -> float | None:
+    value = scope.number(raw, path, NUMBER, "`infill`")
+    if value is not None and not 0.0 <= value <= 1.0:
+        text = scope.written(path) or f"{value:g}"
+        help = f"write `{text} %`" if 1.0 < value <= 100.0 and not text.startswith("=") and "%" not in text else None
+        scope.error(Code.OUT_OF_RANGE, f"`infill` must be between 0 % and 100 %, found `{text}`", path, help=help)
+        return None
+    return value
+
+
+_BASE = re.compile(r"bd_materials:(.*)")
+
+
+def _library(scope: Scope, text: str, path: Path) -> tuple[float, str | None] | None:
+    """Density [kg/m^3] and colour of `bd_materials:NAME`; None where there is none (reported). Imports the library."""
+    found = _BASE.fullmatch(text.strip())
+    if found is None:
+        scope.error(
+            Code.REFERENCE, f"a library material is written `bd_materials:NAME`, found `{text}`", path,
+            help=f"did you mean `bd_materials:{text.strip().rpartition(':')[2]}`?",
+        )
+        return None
+    try:
+        import bd_materials
+    except ImportError:
+        scope.error(Code.LIBRARY, f"`{text}` needs the package `bd_materials`, which is not installed", path,
+                    help="install it, or write `density` and `color` instead of `base`")
+        return None
+    name = found.group(1).strip()
+    try:
+        known = bd_materials.resolve(name)
+    except ValueError:
+        scope.error(
+            Code.UNKNOWN_MATERIAL, f"the library bd_materials has no material `{name}`", path,
+            help=did_you_mean(name, bd_materials.material_names(), what="library materials"),
+        )
+        return None
+    color = known.color
+    return float(known.material.density), color if isinstance(color, str) and re.fullmatch("#[0-9a-f]{6}", color) else None
+
+

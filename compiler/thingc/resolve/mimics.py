@@ -1,0 +1,117 @@
+"""Joints that follow another joint of their document: q = multiplier * q(joint) + offset."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from thingc.diagnostics import Code, Note, did_you_mean
+from thingc.joints import KINDS
+from thingc.resolve import references
+from thingc.resolve.model import Mimic
+from thingc.resolve.repeats import Item
+from thingc.resolve.table import Table
+from thingc.spec.assembly import JointSpec
+from thingc.units import NUMBER, Quantity
+
+
+def mimics(table: Table, items: Iterable[Item[JointSpec]]) -> None:
+    """Add what mimics what to `table.joints`; a mimic that is wrong is reported and left out."""
+    items = list(items)
+    for item in items:
+        joint = table.joints.get(item.name)
+        if item.spec.mimic is None or joint is None:
+            continue
+        found = _mimic(table, item)
+        if found is not None:
+            table.joints[item.name] = replace(joint, mimic=found)
+    _break_cycles(table, {item.name: item for item in items})
+
+
+def _mimic(table: Table, item: Item[JointSpec]) -> Mimic | None:
+    spec, scope, joint = item.spec.mimic, item.scope, table.joints[item.name]
+    path = (*item.path, "mimic")
+    if spec is None or joint is None:
+        return None
+    coordinate = KINDS[joint.kind].coordinate
+    if coordinate is None:
+        scope.error(
+            Code.MIMIC, f"joint `{item.name}` is {joint.kind} and does not move: it cannot mimic", path, key=True, help="take it out",
+        )
+        return None
+    parts = references.words(scope, spec.joint, (*path, "joint"))
+    if parts is None:
+        return None
+    name = ".".join(parts)
+    if name not in table.joints:
+        if len(parts) > 1:
+            scope.error(
+                Code.MIMIC, f"`mimic.joint` names a joint of the same document, found `{name}`", (*path, "joint"),
+                help=did_you_mean(name, [one for one in table.joints if one != item.name], what="joints"),
+            )
+        elif not any(name.startswith(prefix) for prefix in table.unbuilt_joints):
+            scope.error(
+                Code.UNKNOWN_JOINT, f"this document has no joint `{name}`", (*path, "joint"),
+                help=did_you_mean(name, [one for one in table.joints if one != item.name], what="joints"),
+            )
+        return None
+    if name == item.name:
+        scope.error(Code.MIMIC, f"joint `{name}` cannot mimic itself", (*path, "joint"), help="name the joint that it follows")
+        return None
+    other = table.joints[name]
+    if other is None:
+        return None
+    followed = KINDS[other.kind].coordinate
+    if followed is None:
+        scope.error(
+            Code.MIMIC, f"joint `{item.name}` cannot mimic `{name}`, which is {other.kind} and does not move", (*path, "joint"),
+            notes=[Note(message=f"`{name}` is written here", span=other.origin[0])],
+        )
+        return None
+    ratio = coordinate / followed
+    what = f"`mimic.multiplier` of joint `{item.name}`"
+    if "multiplier" not in spec.model_fields_set and ratio != NUMBER:
+        scope.error(
+            Code.DIMENSION, f"joint `{item.name}` and `{name}` differ in kind: `mimic` needs a `multiplier` that is {ratio.words}", path, key=True,
+            help=f"write for example `multiplier: {ratio.example}`",
+        )
+        return None
+    raw = spec.multiplier
+    multiplier = scope.number(raw, (*path, "multiplier"), ratio, what)
+    if multiplier is not None and isinstance(raw, Quantity) and raw.value == 0.0:
+        scope.error(Code.MIMIC, f"{what} is 0: the joint would never move", (*path, "multiplier"), help="make it `type: fixed`")
+        return None
+    offset = scope.number(spec.offset, (*path, "offset"), coordinate, f"`mimic.offset` of joint `{item.name}`")
+    if multiplier is None or offset is None:
+        return None
+    return Mimic(joint=name, multiplier=multiplier, offset=offset, origin=scope.origin(path, key=True))
+
+
+def _break_cycles(table: Table, items: dict[str, Item[JointSpec]]) -> None:
+    """Report every circle of mimics once, and take its mimics out."""
+    order = list(table.joints)
+    done: set[str] = set()
+    for start in order:
+        chain: list[str] = []
+        name: str | None = start
+        while name is not None and name not in done and name not in chain:
+            chain.append(name)
+            joint = table.joints.get(name)
+            name = joint.mimic.joint if joint is not None and joint.mimic is not None else None
+        if name is not None and name in chain:
+            circle = chain[chain.index(name):]
+            shown = " -> ".join(f"`{step}`" for step in (*circle, circle[0]))
+            first = items[circle[0]]
+            first.scope.error(
+                Code.MIMIC, f"joints mimic each other in a circle: {shown}", (*first.path, "mimic", "joint"),
+                help="let one of them move by itself",
+                notes=[
+                    Note(message=f"`{step}` mimics here", span=items[step].scope.span((*items[step].path, "mimic", "joint")))
+                    for step in circle[1:]
+                ],
+            )
+            for step in circle:
+                joint = table.joints[step]
+                if joint is not None:
+                    table.joints[step] = replace(joint, mimic=None)
+        done.update(chain)

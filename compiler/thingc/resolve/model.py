@@ -1,0 +1,290 @@
+"""The resolved model: what the documents mean once every name, unit and expression has been worked out.
+
+Part mounts are not known yet (they depend on geometry): references still carry mount names, which `graph` checks.
+Everything is SI.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from thingc.pose import Pose, Vector
+from thingc.realize.record import PartDefinition, Value
+from thingc.source import Origin, Span
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reference:
+    """`hand.cap.pen`: `path` the component names from this document down, `mount` the last word.
+
+    `mount` None means the component itself (`links`, `drive`, a mode's root). A mount may be one that a nested
+    assembly exports (then `path` ends at that assembly) or a part's own.
+    """
+
+    path: tuple[str, ...]
+    mount: str | None
+    origin: Origin
+
+    @property
+    def text(self) -> str:
+        """As written, with dots."""
+        return ".".join((*self.path, self.mount) if self.mount is not None else self.path)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Process:
+    """How a part is made, for the infill model. `kind` such as `fdm`; widths and layer [m]; infill 0..1."""
+
+    kind: str | None = None
+    walls: int | None = None
+    line_width: float | None = None
+    layer: float | None = None
+    top: int | None = None
+    bottom: int | None = None
+    infill: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Material:
+    """A material in scope. `density` [kg/m^3]; `color` `#rrggbb` or `#rrggbbaa`; `slide` the sliding friction (torsional and rolling likewise)."""
+
+    name: str
+    density: float | None
+    color: str | None
+    slide: float | None
+    torsion: float | None
+    roll: float | None
+    process: Process | None
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StatedValue:
+    """A number a document states (mass [kg], com [m], inertia [kg m^2] as ixx iyy izz ixy ixz iyz), its source and place."""
+
+    value: tuple[float, ...]
+    source: str
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExtraMount:
+    """A mount that the document adds to a component."""
+
+    pose: Pose
+    interface: str | None
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Overrides:
+    """What a document says about one component on top of what its part says. None: not said."""
+
+    mass: StatedValue | None = None
+    com: StatedValue | None = None
+    inertia: StatedValue | None = None
+    collision: str = "hull"
+    visual: bool = True
+    process: Process | None = None
+    ignore_expectations: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BomEntry:
+    """Of the bill of materials. `make` is `buy | print | machine`; `cost` as written (`12.50 EUR`)."""
+
+    number: str | None = None
+    supplier: str | None = None
+    cost: str | None = None
+    make: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Attach:
+    """The rigid mate: this component's `mount` onto `to`; `turn` [rad] and `gap` [m] along the other mount's z.
+
+    `mount` is a reference whose path starts with this component's own name.
+    """
+
+    mount: Reference
+    to: Reference
+    turn: float
+    gap: float
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class At:
+    """Plain placement: this component's frame at `pose` in the frame `to`."""
+
+    to: Reference
+    pose: Pose
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Component:
+    """A node placed in an assembly.
+
+    Exactly one of: `definition` a part, `definition` a nested assembly, or `frame` True. `definition` None without
+    `frame` means that it was wrong and has been reported; later passes leave it out silently. `placement` is None for
+    the base and for what a joint places. `material` is what the document says (None: the Thing's default, looked up
+    in the assembly's `materials`).
+    """
+
+    name: str
+    definition: PartDefinition | AssemblyDefinition | None
+    frame: bool
+    placement: Attach | At | None
+    material: Material | None
+    overrides: Overrides
+    mounts: dict[str, ExtraMount]
+    bom: BomEntry
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limit:
+    """Of a joint: `lower`, `upper` [rad or m]; `effort` [N m or N] and `velocity` [rad/s or m/s] as far as written."""
+
+    lower: float | None = None
+    upper: float | None = None
+    effort: float | None = None
+    velocity: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dynamics:
+    """Of a joint, SI, as far as written: viscous `damping`, dry `friction`, reflected inertia `armature`, `stiffness`."""
+
+    damping: float | None = None
+    friction: float | None = None
+    armature: float | None = None
+    stiffness: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drive:
+    """What moves a joint: `component` whose Thing declares an actuator, or an inline one (`component` None)."""
+
+    component: Reference | None
+    kind: str | None = None
+    kp: float | None = None
+    kv: float | None = None
+    effort: float | None = None
+    velocity: float | None = None
+    armature: float | None = None
+    origin: Origin = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mimic:
+    """q = multiplier * q(joint) + offset, SI; `joint` is a joint of the same document."""
+
+    joint: str
+    multiplier: float
+    offset: float
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Joint:
+    """An edge that moves (or a `fixed` one): it places the component that `child` belongs to.
+
+    `spans` gives places within the joint by dotted key (`limit.lower`), for diagnostics.
+    """
+
+    name: str
+    kind: str
+    parent: Reference
+    child: Reference
+    limit: Limit
+    dynamics: Dynamics
+    turn: float
+    gap: float
+    offset: float
+    drive: Drive | None
+    mimic: Mimic | None
+    origin: Origin
+    spans: dict[str, Span]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkName:
+    """`links: {base_link: plate}`: names a link and picks its frame."""
+
+    name: str
+    component: Reference
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NamedPose:
+    """A pose with its globs and nested poses worked out: joint path (`hand/finger`) to q [rad or m], and where each
+    value was written. Joints not named are at 0."""
+
+    name: str
+    values: dict[str, float]
+    origins: dict[str, Origin]
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mode:
+    """One simulation model. `extends` has been merged. `root.mount` None: a component root.
+
+    `at` is the world side's pose; `gravity` [m/s^2] in the world frame; `poses` in keyframe order, the mode's own
+    `pose` first; `actuators` joint paths, None for all; `exclude` pairs of component references; `adhesion` [N] per mount.
+    """
+
+    name: str
+    root: Reference
+    base: str
+    at: Pose
+    gravity: Vector
+    pose: str | None
+    poses: tuple[str, ...]
+    actuators: tuple[str, ...] | None
+    exclude: tuple[tuple[Reference, Reference], ...]
+    adhesion: tuple[tuple[Reference, float], ...]
+    simulation: dict[str, float | str]
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RawAttribute:
+    """`raw: {mjcf: {joint: {yaw: {solreflimit: 0.01 1}}}}`: the target, the keys on the way, and the value as text.
+
+    For that example `target` is `mjcf`, `path` `("joint", "yaw", "solreflimit")`; origin is the value's place.
+    """
+
+    target: str
+    path: tuple[str, ...]
+    value: str
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AssemblyDefinition:
+    """A document with its parameters worked out: equal definitions are one node of the HAG.
+
+    `document` is its path in the workspace, `parameters` the complete canonical ones; `text` prints those that differ
+    from the document's own values (`end_effector(pen_diameter=0.02)`). `materials` is its scope by name. Poses are of
+    this document, over paths relative to it. `modes` and `simulation` count only at the top.
+    """
+
+    document: str
+    name: str
+    description: str
+    parameters: tuple[tuple[str, Value], ...]
+    text: str
+    materials: dict[str, Material]
+    components: tuple[Component, ...]
+    joints: tuple[Joint, ...]
+    links: tuple[LinkName, ...]
+    mounts: dict[str, Reference]
+    poses: tuple[NamedPose, ...]
+    modes: tuple[Mode, ...]
+    simulation: dict[str, float | str]
+    raw: tuple[RawAttribute, ...]
+    origin: Origin

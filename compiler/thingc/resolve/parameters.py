@@ -1,0 +1,290 @@
+"""Parameters of an assembly document: values, expressions in any order, bounds, and what a parent or `-p` sets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+from thingc.diagnostics import Code, Note, Report, did_you_mean
+from thingc.expressions import Expression, ExpressionError, parse_expression
+from thingc.realize.record import Value
+from thingc.resolve.scope import Found, Scope, dimension_message, kind_of, words_of
+from thingc.resolve.table import Context, Declared
+from thingc.source import Document, Path
+from thingc.spec.assembly import AssemblySpec, ParameterSpec
+from thingc.units import NUMBER, Quantity, UnitError, parse_quantity, shortened
+
+Complain = Callable[..., None]
+"""`complain(name, code, message, help=None, notes=())`: reports where a value was set."""
+
+
+def declared(context: Context, document: Document, spec: AssemblySpec) -> Declared:
+    """The document's own values, worked out once per run; what is wrong with them is reported then."""
+    known = context.declared.get(document.relative)
+    if known is None:
+        values, broken = worked_out(document, spec, {}, context.report)
+        known = Declared(values=values, broken=frozenset(broken))
+        context.declared[document.relative] = known
+        scope = Scope(document=document, report=context.report, names=values, broken=known.broken)
+        for name, value in values.items():
+            _within(scope, spec, name, value, value, None)
+    return known
+
+
+def worked_out(
+    document: Document, spec: AssemblySpec, given: Mapping[str, Found | Expression], report: Report,
+) -> tuple[dict[str, Found], set[str]]:
+    """The value of every parameter with `given` in place of the document's own, and the names that were wrong.
+
+    Expressions may use each other in any order; a circle is reported as its chain, with a place for each step.
+    """
+    values: dict[str, Found] = {}
+    broken: set[str] = set()
+
+    def own(name: str) -> tuple[Any, Path]:
+        entry = spec.parameters[name]
+        if name in given:
+            return given[name], ("parameters", name)
+        if isinstance(entry, ParameterSpec):
+            return entry.value, ("parameters", name, "value")
+        return entry, ("parameters", name)
+
+    def work_out(name: str) -> None:
+        raw, path = own(name)
+        # Every name that it uses has been settled; the others stand in `names` only to be suggested for a misspelled one.
+        names = {other: values.get(other, False) for other in spec.parameters}
+        scope = Scope(document=document, report=report, names=names, broken=frozenset(broken))
+        found = scope.value(raw, path)
+        if found is None:
+            broken.add(name)
+        else:
+            values[name] = found
+
+    for first in spec.parameters:
+        open_: dict[str, Iterator[str]] = {first: _used(own(first)[0], spec)}  # a stack, so that long chains need no deep one
+        while open_:
+            name, uses = next(reversed(open_.items()))
+            use = next((use for use in uses if use not in values and use not in broken), None)
+            if use in open_:
+                chain = list(open_)[list(open_).index(use):]
+                _report_cycle(document, spec, chain, {step: own(step)[1] for step in chain}, report)
+                broken.update(chain)
+            elif use is not None:
+                open_[use] = _used(own(use)[0], spec)
+            else:
+                del open_[name]
+                if name not in values and name not in broken:
+                    work_out(name)
+    return {name: values[name] for name in spec.parameters if name in values}, broken
+
+
+def _used(raw: Any, spec: AssemblySpec) -> Iterator[str]:
+    """The parameters that a value refers to."""
+    return iter([use.name for use in raw.names if use.name in spec.parameters] if isinstance(raw, Expression) else [])
+
+
+def _report_cycle(document: Document, spec: AssemblySpec, chain: list[str], places: Mapping[str, Path], report: Report) -> None:
+    order = list(spec.parameters)
+    start = chain.index(min(chain, key=order.index))
+    turned = chain[start:] + chain[:start]
+    shown = " -> ".join(f"`{step}`" for step in (*turned, turned[0]))
+    message = f"parameters depend on each other in a circle: {shown}" if len(chain) > 1 else f"parameter `{chain[0]}` depends on itself"
+    report.add(
+        Code.PARAMETER_CYCLE, message, document.span(places[turned[0]]), path=f"parameters.{turned[0]}",
+        help="give one of them a value of its own" if len(chain) > 1 else "give it a value of its own",
+        notes=[Note(message=f"`{step}` is set here", span=document.span(places[step])) for step in turned[1:]],
+    )
+
+
+def canonical(values: Mapping[str, Found]) -> tuple[tuple[str, Value], ...]:
+    """Parameters sorted by name: SI floats, whole numbers as ints, flags and texts as they are."""
+    return tuple((name, plain(values[name])) for name in sorted(values))
+
+
+def plain(found: Found) -> Value:
+    """A value without its dimension."""
+    if not isinstance(found, Quantity):
+        return found
+    if found.dimension == NUMBER and found.value == int(found.value):
+        return int(found.value)
+    return found.value + 0.0
+
+
+def fitting(
+    context: Context, document: Document, spec: AssemblySpec, given: Mapping[str, Found], what: str, complain: Complain,
+) -> dict[str, Found]:
+    """Those of the values somebody sets that fit their parameters: known, of the same dimension, within the bounds."""
+    table = declared(context, document, spec)
+    scope = Scope(document=document, report=context.report, names=table.values, broken=table.broken)
+    sound: dict[str, Found] = {}
+    for name, found in given.items():
+        if name not in spec.parameters:
+            complain(
+                name, Code.UNKNOWN_PARAMETER, f"{what} has no parameter `{name}`",
+                help=did_you_mean(name, spec.parameters, what="parameters"),
+            )
+            continue
+        own = table.values.get(name)
+        if own is None:
+            continue
+        note = [Note(message=f"`{name}` is declared here", span=document.span(("parameters", name), key=True))]
+        if not _same_kind(own, found, scope, spec, name):
+            _complain_kind(name, own, found, what, complain, note)
+            continue
+        if _within(scope, spec, name, found, own, complain):
+            sound[name] = found
+    return sound
+
+
+def _same_kind(own: Found, found: Found, scope: Scope, spec: AssemblySpec, name: str) -> bool:
+    if not isinstance(own, Quantity) or not isinstance(found, Quantity):
+        return type(own) is type(found)
+    if own.value == 0.0 and own.dimension == NUMBER:
+        return any(found.fits(bound.dimension) for bound in _bounds(scope, spec, name).values()) or found.dimension == NUMBER
+    return found.fits(own.dimension)
+
+
+def _complain_kind(name: str, own: Found, found: Found, what: str, complain: Complain, notes: list[Note]) -> None:
+    label = f"parameter `{name}` of {what}"
+    if isinstance(own, Quantity):
+        message, help = dimension_message(found, (own.dimension,), label, None)
+        if own.dimension == NUMBER and own.value == 0.0 and isinstance(found, Quantity):
+            help = f"its own value is a bare 0: write `0 {found.dimension.example.partition(' ')[2]}` there"
+        complain(name, Code.DIMENSION, message, help=help, notes=notes)
+    else:
+        wanted = "`true` or `false`" if isinstance(own, bool) else "a text"
+        complain(name, Code.VALUE_KIND, f"{label} is {wanted}, found {kind_of(found)} (`{shortened(words_of(found))}`)", notes=notes)
+
+
+def _bounds(scope: Scope, spec: AssemblySpec, name: str) -> dict[str, Quantity]:
+    entry = spec.parameters[name]
+    bounds: dict[str, Quantity] = {}
+    if isinstance(entry, ParameterSpec):
+        for key in ("min", "max"):
+            raw = getattr(entry, key)
+            found = scope.value(raw, ("parameters", name, key)) if raw is not None else None
+            if isinstance(found, Quantity):
+                bounds[key] = found
+    return bounds
+
+
+def _within(scope: Scope, spec: AssemblySpec, name: str, value: Found, own: Found, complain: Complain | None) -> bool:
+    """Whether a value lies within its parameter's bounds; without `complain` it is the document's own, and so are its bounds."""
+    entry = spec.parameters[name]
+    if not isinstance(entry, ParameterSpec) or (entry.min is None and entry.max is None):
+        return True
+    if complain is None:
+        return _own_within(scope, spec, name, value)
+    for key, bound in _bounds(scope, spec, name).items():
+        if not isinstance(value, Quantity):
+            continue
+        if (value.value < bound.value) if key == "min" else (value.value > bound.value):
+            rule = "at least" if key == "min" else "at most"
+            complain(
+                name, Code.OUT_OF_RANGE, f"parameter `{name}` must be {rule} {bound}, found `{value}`",
+                notes=[Note(message="the bound is set here", span=scope.span(("parameters", name, key)))],
+            )
+            return False
+    return True
+
+
+def _own_within(scope: Scope, spec: AssemblySpec, name: str, value: Found) -> bool:
+    path: Path = ("parameters", name)
+    entry = spec.parameters[name]
+    if not isinstance(value, Quantity):
+        key = "min" if isinstance(entry, ParameterSpec) and entry.min is not None else "max"
+        scope.error(
+            Code.VALUE_KIND, f"`{key}` belongs to a parameter with a number; `{name}` is {kind_of(value)}", (*path, key),
+            help="take it out", key=True,
+        )
+        return False
+    bounds = _bounds(scope, spec, name)
+    sound = True
+    for key, bound in list(bounds.items()):
+        if not bound.fits(value.dimension) and not value.fits(bound.dimension):
+            scope.wrong_dimension(bound, (value.dimension,), f"`{key}` of parameter `{name}`", (*path, key))
+            del bounds[key]
+            sound = False
+    if len(bounds) == 2 and bounds["min"].value > bounds["max"].value:
+        scope.error(
+            Code.OUT_OF_RANGE, f"`min` of parameter `{name}` is above its `max`: {bounds['min']} > {bounds['max']}", (*path, "min"),
+            help="swap them", notes=[Note(message="`max` is set here", span=scope.span((*path, "max")))],
+        )
+        return False
+    for key, bound in bounds.items():
+        if (value.value < bound.value) if key == "min" else (value.value > bound.value):
+            rule = "at least" if key == "min" else "at most"
+            scope.error(
+                Code.OUT_OF_RANGE, f"parameter `{name}` must be {rule} {bound}, found `{scope.shown(value, (*path, 'value'))}`",
+                (*path, "value"), notes=[Note(message="the bound is set here", span=scope.span((*path, key)))],
+            )
+            sound = False
+    return sound
+
+
+def from_command_line(
+    context: Context, document: Document, spec: AssemblySpec, texts: Mapping[str, str],
+) -> dict[str, Found | Expression]:
+    """The values of `-p NAME=VALUE`, read as the document would read them. What is wrong has no place, but a clear name."""
+    report = context.report
+
+    def complain(name: str, code: Code, message: str, *, help: str | None = None, notes: object = ()) -> None:
+        del code  # a bad -p is one code, whatever is wrong with it: the command line's exit status depends on it
+        report.add(Code.PARAMETER_OPTION, message, None, help=help, path=f"-p {name}", notes=notes)  # type: ignore[arg-type]
+
+    table = declared(context, document, spec)
+    given: dict[str, Found] = {}
+    expressions: dict[str, Expression] = {}
+    for name, text in texts.items():
+        try:
+            found = _read(text, table.values.get(name))
+        except (UnitError, ExpressionError) as error:
+            complain(name, Code.PARAMETER_OPTION, error.message, help=error.help)
+            continue
+        if isinstance(found, Expression):
+            unknown = next((use.name for use in found.names if use.name not in spec.parameters), None)
+            if unknown is not None:
+                complain(
+                    name, Code.PARAMETER_OPTION, f"unknown name `{unknown}` in `{shortened(text)}`",
+                    help=did_you_mean(unknown, spec.parameters, what="parameters"),
+                )
+                continue
+            expressions[name] = found
+        else:
+            given[name] = found
+    sound: dict[str, Found | Expression] = dict(fitting(context, document, spec, given, f"`{spec.name}`", complain))
+    if expressions:
+        # What they come to depends on the other options: work everything out quietly, then judge the results.
+        quiet = Report()
+        known = {name: e for name, e in expressions.items() if name in spec.parameters}
+        values, _ = worked_out(document, spec, {**sound, **known}, quiet)
+        for name, expression in expressions.items():
+            if name in known and name not in values:
+                said = quiet.diagnostics[0] if quiet.diagnostics else None
+                complain(
+                    name, Code.PARAMETER_OPTION, said.message if said else f"`{shortened(expression.text)}` cannot be worked out",
+                    help=said.help if said else None,
+                )
+                continue
+            checked = fitting(
+                context, document, spec, {name: values.get(name, False)}, f"`{spec.name}`", complain,
+            )
+            sound.update(checked)
+    return sound
+
+
+def _read(text: str, own: Found | None) -> Found | Expression:
+    """A text of the command line as a document would read it, where the parameter's own value is `own`."""
+    stripped = text.strip()
+    if stripped.startswith("="):
+        return parse_expression(stripped)
+    if isinstance(own, str):
+        return text
+    if stripped in ("true", "false"):
+        return stripped == "true"
+    if isinstance(own, Quantity):
+        return parse_quantity(stripped)
+    try:
+        return parse_quantity(stripped)
+    except UnitError:
+        return text

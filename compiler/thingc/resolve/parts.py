@@ -1,0 +1,221 @@
+"""Part definitions: parameters checked against the part's schema, and parts that are files."""
+
+from __future__ import annotations
+
+import os
+
+from thingc.diagnostics import Code, Note, did_you_mean, nearest
+from thingc.realize.record import ParameterSchema, PartDefinition, PartFailure, PartSchema, Value, definition_text
+from thingc.resolve.scope import Found, Scope, dimension_message, kind_of, words_of
+from thingc.resolve.table import Context, Node
+from thingc.source import Path, Span
+from thingc.units import ANGLE, LENGTH, MASS, NUMBER, Quantity, shortened
+
+_DIMENSIONS = {"length": LENGTH, "angle": ANGLE, "mass": MASS, "ratio": NUMBER, "number": NUMBER, "count": NUMBER}
+
+SUFFIXES = (".step", ".stp", ".brep", ".stl", ".3mf", ".obj")
+"""Files that can be parts, in any case of letters."""
+
+_FAILURES = {
+    "missing": Code.PART_MISSING, "refused": Code.PART_REFUSED, "raised": Code.PART_RAISED, "hung": Code.PART_HUNG,
+    "crashed": Code.PART_CRASHED, "empty": Code.PART_EMPTY, "invalid": Code.PART_INVALID,
+}
+
+
+def of_code(context: Context, node: Node, reference: str) -> PartDefinition | None:
+    """The definition of a component that is a `part:`; None where it is wrong (reported, once per reference)."""
+    schema = context.schemas.get(reference)
+    if schema is None:
+        return None
+    if isinstance(schema, PartFailure):
+        _report_failure(context, node, reference, schema)
+        return None
+    given = _given(node, schema)
+    if given is None:
+        return None
+    values: dict[str, Value] = {}
+    defaults: dict[str, Value] = {}
+    for parameter in schema.parameters:
+        if parameter.default is not None:
+            defaults[parameter.name] = parameter.default
+        value = given.get(parameter.name, parameter.default)
+        if value is not None:
+            values[parameter.name] = value
+    key = (reference, tuple(sorted(values.items())))
+    known = context.parts.get(key)
+    # 1, 1.0 and True are equal keys; their texts are not.
+    text = definition_text(reference, values, defaults)
+    if known is None or known.text != text:
+        known = context.parts[key] = PartDefinition(reference=reference, kind="code", parameters=key[1], text=text)
+    return known
+
+
+def _given(node: Node, schema: PartSchema) -> dict[str, Value] | None:
+    """The parameters that the document sets, canonical; None where one is unknown, wrong or missing (all reported)."""
+    scope, path = node.scope, (*node.path, "params")
+    known = {parameter.name: parameter for parameter in schema.parameters}
+    values: dict[str, Value] = {}
+    sound = True
+    for name, raw in node.spec.params.items():
+        parameter = known.get(name)
+        if parameter is None:
+            scope.error(
+                Code.UNKNOWN_PARAMETER, f"`{schema.reference}` has no parameter `{name}`", (*path, name), key=True,
+                help=did_you_mean(name, known, what="parameters"), notes=_declared_at(schema),
+            )
+            sound = False
+            continue
+        found = scope.value(raw, (*path, name))
+        value = None if found is None else _checked(scope, schema, parameter, found, (*path, name))
+        if value is None:
+            sound = False
+        else:
+            values[name] = value
+    for parameter in schema.parameters:
+        if parameter.required and parameter.name not in node.spec.params:
+            example = _DIMENSIONS[parameter.kind].example if parameter.kind in _DIMENSIONS else "..."
+            scope.error(
+                Code.MISSING_PARAMETER, f"`{schema.reference}` needs the parameter `{parameter.name}`, and nothing sets it",
+                (*node.path, "part"), help=f"write `params: {{{parameter.name}: {example}}}`", notes=_declared_at(schema),
+            )
+            sound = False
+    return values if sound else None
+
+
+def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, found: Found, path: Path) -> Value | None:
+    """The canonical value of one parameter; None where it does not fit its schema (reported)."""
+    what = f"parameter `{parameter.name}` of `{schema.reference}`"
+    written = scope.written(path)
+    literal = written is not None and not written.lstrip().startswith("=")
+    if parameter.kind == "choice":
+        return _choice(scope, parameter, found, what, path)
+    if parameter.kind == "text":
+        if isinstance(found, str):
+            return found
+        if isinstance(found, Quantity) and literal and written is not None:
+            return written.strip()
+        scope.error(Code.VALUE_KIND, f"{what} is a text, found {kind_of(found)} (`{scope.shown(found, path)}`)", path)
+        return None
+    if parameter.kind == "flag":
+        if isinstance(found, bool):
+            return found
+        scope.error(Code.VALUE_KIND, f"{what} is `true` or `false`, found {kind_of(found)} (`{scope.shown(found, path)}`)", path)
+        return None
+    dimension = _DIMENSIONS[parameter.kind]
+    if not isinstance(found, Quantity) or not found.fits(dimension):
+        message, help = dimension_message(found, (dimension,), what, written)
+        if parameter.kind in ("number", "count") and isinstance(found, Quantity):
+            help = "the part takes a plain number here, without a unit"
+        scope.error(Code.DIMENSION, message, path, help=help, notes=_declared_at(schema))
+        return None
+    value = found.value + 0.0
+    if parameter.kind == "count" and value != int(value):
+        scope.error(Code.VALUE_KIND, f"{what} must be a whole number, found `{scope.shown(found, path)}`", path)
+        return None
+    least = 0.0 if parameter.kind == "count" and parameter.minimum is None else parameter.minimum
+    for bound, broken, rule in (
+        (least, least is not None and value < least, "at least"),
+        (parameter.maximum, parameter.maximum is not None and value > parameter.maximum, "at most"),
+    ):
+        if broken and bound is not None:
+            scope.error(
+                Code.OUT_OF_RANGE, f"{what} must be {rule} {Quantity(bound, dimension)}, found `{scope.shown(found, path)}`", path,
+                notes=_declared_at(schema),
+            )
+            return None
+    return int(value) if parameter.kind == "count" else value
+
+
+def _choice(scope: Scope, parameter: ParameterSchema, found: Found, what: str, path: Path) -> Value | None:
+    written = (scope.written(path) or "").strip()
+    for choice in parameter.choices:
+        if isinstance(choice, bool) or isinstance(found, bool):
+            if choice is found:
+                return choice
+        elif isinstance(choice, str):
+            if choice == (found if isinstance(found, str) else written):
+                return choice
+        elif isinstance(found, Quantity) and found.dimension == NUMBER and found.value == choice:
+            return choice
+    shown = [words_of(choice) if isinstance(choice, (bool, str)) else f"{choice:g}" for choice in parameter.choices]
+    text = shortened(written or words_of(found))
+    help = did_you_mean(text, shown, what="choices") if nearest(text, shown) is not None else None
+    listed = ", ".join(f"`{one}`" for one in shown[:12]) + (f" and {len(shown) - 12} more" if len(shown) > 12 else "")
+    scope.error(Code.VALUE_KIND, f"{what} is one of {listed}, found `{text}`", path, help=help)
+    return None
+
+
+def _declared_at(schema: PartSchema) -> list[Note]:
+    if not schema.file or schema.line < 1:
+        return []
+    place = Span(file=schema.file, line=schema.line, column=1, end_line=schema.line, end_column=2)
+    return [Note(message=f"`{schema.reference}` is written here", span=place)]
+
+
+def _report_failure(context: Context, node: Node, reference: str, failure: PartFailure) -> None:
+    if reference in context.failed_parts:
+        return
+    context.failed_parts.add(reference)
+    path = (*node.path, "part")
+    notes: list[Note] = []
+    if failure.file is not None and failure.line is not None:
+        place = Span(file=failure.file, line=failure.line, column=1, end_line=failure.line, end_column=2)
+        notes.append(Note(message="raised here" if failure.kind == "raised" else "here", span=place))
+    help = None
+    if failure.kind == "missing":
+        module, _, name = reference.partition(":")
+        help = did_you_mean(name or module, failure.candidates, what="names") if failure.candidates else None
+        close = nearest(module, failure.candidates)
+        if help is not None and not help.startswith("did") and close is not None:
+            help = f"did you mean `{close}`?"
+    context.report.add(
+        _FAILURES.get(failure.kind, Code.PART_INVALID), f"part `{reference}`: {failure.message}", node.scope.span(path), help=help,
+        path=f"{'.'.join(str(step) for step in path)}", notes=notes, detail=failure.detail,
+    )
+
+
+def of_file(context: Context, node: Node, text: str) -> PartDefinition | None:
+    """The definition of a component that is a `file:`; None where the file cannot be used (reported)."""
+    scope, path = node.scope, (*node.path, "file")
+    posix = text.replace("\\", "/")
+    if os.path.isabs(posix) or (len(posix) > 1 and posix[1] == ":"):
+        scope.error(
+            Code.FILE_PART, f"the path `{text}` is absolute; paths are relative to the document", path,
+            help="copy the file into the workspace, and name it from there",
+        )
+        return None
+    folder = os.path.dirname(scope.document.path)
+    absolute = os.path.normpath(os.path.join(folder, posix))
+    if not context.workspace.contains(absolute):
+        scope.error(
+            Code.FILE_PART, f"`{text}` leaves the workspace", path, help="copy the file into the workspace, and name it from there",
+        )
+        return None
+    if not posix.lower().endswith(SUFFIXES):
+        scope.error(
+            Code.FILE_PART, f"`{text}` is no kind of file that can be a part", path,
+            help="parts are STEP (.step, .stp), BREP (.brep), STL (.stl), 3MF (.3mf) or OBJ (.obj) files",
+        )
+        return None
+    if not os.path.isfile(absolute):
+        near = _files_near(absolute)
+        base = os.path.basename(absolute)
+        close = nearest(base, near)
+        help = f"did you mean `{os.path.join(os.path.dirname(posix), close)}`?" if close is not None else did_you_mean(base, near, what="files")
+        scope.error(Code.FILE_PART, f"there is no file `{text}`", path, help=help)
+        return None
+    reference = context.workspace.relative(absolute)
+    key: tuple[str, tuple[tuple[str, Value], ...]] = (reference, ())
+    known = context.parts.get(key)
+    if known is None:
+        known = context.parts[key] = PartDefinition(reference=reference, kind="file", parameters=(), text=reference)
+    return known
+
+
+def _files_near(absolute: str) -> list[str]:
+    """The files beside it that could be parts."""
+    try:
+        names = os.listdir(os.path.dirname(absolute))
+    except OSError:
+        return []
+    return sorted(name for name in names if name.lower().endswith(SUFFIXES))

@@ -1,0 +1,130 @@
+"""Who places whom: every component but one, the base, by exactly one of `attach`, `at`, or one joint as its child."""
+
+from __future__ import annotations
+
+from thingc.diagnostics import Code, Note
+from thingc.resolve import references
+from thingc.resolve.model import At, Attach
+from thingc.resolve.table import Node, Table
+from thingc.source import Span
+from thingc.spec.assembly import AttachSpec
+from thingc.units import ANGLE, LENGTH
+
+Places = dict[str, list[tuple[str, Span]]]
+"""By component name: how it is placed (`` `attach` ``, `` joint `yaw` ``) and where that is written."""
+
+
+def own_placements(table: Table, places: Places) -> dict[str, Attach | At | None]:
+    """The placements that components write themselves; those that are wrong are reported and make the component unsound."""
+    found: dict[str, Attach | At | None] = {}
+    for node in table.nodes.values():
+        if node.spec.attach is not None:
+            made: Attach | At | None = _attach(table, node)
+            key = "attach"
+        elif node.spec.at is not None:
+            made, key = _at(table, node), "at"
+        else:
+            continue
+        places.setdefault(node.name, []).append((f"`{key}`", node.scope.span((*node.path, key), key=True)))
+        found[node.name] = made
+        if made is None:
+            node.unsound = True
+    return found
+
+
+def _attach(table: Table, node: Node) -> Attach | None:
+    spec, scope = node.spec.attach, node.scope
+    path = (*node.path, "attach")
+    turn = gap = 0.0
+    if isinstance(spec, AttachSpec):
+        mine = references.own_mount(node, scope, spec.mount, (*path, "mount"))
+        to_text, to_path = spec.to, (*path, "to")
+        if spec.turn is not None:
+            turn = scope.number(spec.turn, (*path, "turn"), ANGLE, "`turn`") or 0.0
+        if spec.gap is not None:
+            gap = scope.number(spec.gap, (*path, "gap"), LENGTH, "`gap`") or 0.0
+    elif spec:
+        name, to_text = next(iter(spec.items()))
+        to_path = (*path, name)
+        mine = references.own_mount(node, scope, name, to_path, key=True)
+    else:
+        return None
+    to = references.mount(table, scope, to_text, to_path)
+    if to is None or mine is None:
+        return None
+    if to.path[0] == node.name:
+        scope.error(Code.PLACED_ON_ITSELF, f"`{node.name}` is attached to itself", to_path, help="name a mount of another component")
+        return None
+    return Attach(mount=mine, to=to, turn=turn, gap=gap, origin=scope.origin(path, key=True))
+
+
+def _at(table: Table, node: Node) -> At | None:
+    spec, scope = node.spec.at, node.scope
+    if spec is None:
+        return None
+    path = (*node.path, "at")
+    to = references.mount(table, scope, spec.in_, (*path, "in"))
+    pose = scope.pose(spec.xyz, (*path, "xyz"), spec.rpy, (*path, "rpy"))
+    if to is None or pose is None:
+        return None
+    if to.path[0] == node.name:
+        scope.error(Code.PLACED_ON_ITSELF, f"`{node.name}` is placed in itself", (*path, "in"), help="name a frame of another component")
+        return None
+    return At(to=to, pose=pose, origin=scope.origin(path, key=True))
+
+
+def check(table: Table, places: Places, *, unsure: bool) -> None:
+    """Report components placed twice, and none or several that are placed by nothing; find the base.
+
+    Whatever is placed twice or is a second base becomes unsound. `unsure`: a joint whose child could not be read may
+    place any of them, so that missing placements are no news.
+    """
+    for name, ways in places.items():
+        node = table.nodes[name]
+        if len(ways) < 2:
+            continue
+        node.unsound = True
+        (first, there), (second, here) = ways[0], ways[1]
+        table.scope.report.add(
+            Code.PLACED_TWICE, f"`{name}` is placed twice: by {first} and by {second}", here,
+            help="keep one of them", path=f"components.{name}",
+            notes=[
+                Note(message=f"placed by {first} here", span=there),
+                *(Note(message=f"and by {how} here", span=span) for how, span in ways[2:]),
+            ],
+        )
+    free = [name for name in table.nodes if name not in places]
+    if free:
+        table.base = free[0]
+    if unsure or table.unbuilt:
+        for name in free[1:]:
+            table.nodes[name].unsound = True
+        return
+    if not free and table.nodes:
+        first_name = next(iter(table.nodes))
+        table.scope.error(
+            Code.NO_BASE, "every component is placed on another one: the assembly has no base", ("components",), key=True,
+            help=f"take the placement of one of them away, for example that of `{first_name}`",
+            notes=[Note(message=f"`{name}` is placed by {ways[0][0]}", span=ways[0][1]) for name, ways in list(places.items())[:4]],
+        )
+    if len(free) > 1:
+        _report_bases(table, free)
+        for name in free[1:]:
+            table.nodes[name].unsound = True
+
+
+def _report_bases(table: Table, free: list[str]) -> None:
+    shown = [f"`{name}`" for name in free]
+    named = f"{shown[0]} and {shown[1]}" if len(shown) == 2 else ", ".join(shown[:6]) + (f" and {len(shown) - 6} more" if len(shown) > 6 else "")
+    message = f"{len(free)} components are placed by nothing: {named}; only one, the base, may be"
+    if len(free) == 2:
+        message = f"{named} are both placed by nothing; only one component, the base, may be"
+    second = table.nodes[free[1]]
+    table.scope.report.add(
+        Code.TWO_BASES, message, second.scope.span(second.path, key=True), path=f"components.{free[1]}",
+        help="place the others with `attach`, `at` or as the child of a joint",
+        notes=[
+            Note(message=f"`{name}` is placed by nothing, too", span=table.nodes[name].scope.span(table.nodes[name].path, key=True))
+            for name in [free[0], *free[2:6]]
+        ],
+    )

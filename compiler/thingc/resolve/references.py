@@ -1,0 +1,282 @@
+"""References: dotted words that name components and mounts, down into nested assemblies."""
+
+from __future__ import annotations
+
+import re
+from fnmatch import fnmatchcase
+
+from thingc.diagnostics import Code, Note, did_you_mean, nearest
+from thingc.resolve.model import AssemblyDefinition, Reference
+from thingc.resolve.scope import Scope
+from thingc.resolve.table import Node, Table
+from thingc.source import Path, Span
+
+ORIGIN = "origin"
+"""The mount that every component has: its own frame."""
+
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
+_INDEX = re.compile(r"\$(?:\{([A-Za-z][A-Za-z0-9_]*)\}|([A-Za-z][A-Za-z0-9_]*))", re.ASCII)
+GLOB = re.compile(r"[*?\[]")
+"""A character that makes a pattern of a name."""
+
+
+def indexed(scope: Scope, text: str, path: Path, *, key: bool = False) -> str | None:
+    """The text with `$i` (or `${i}`) of the surrounding `repeat` filled in; None where another index is asked for (reported)."""
+    if "$" not in text:
+        return text
+    unknown: list[str] = []
+
+    def fill(found: re.Match[str]) -> str:
+        name = found.group(1) or found.group(2)
+        if scope.index is not None:
+            if name == scope.index[0]:
+                return scope.index[1]
+            # `$i_upper` is `$i` and `_upper`: the longest beginning that is the index ends where `_` does.
+            if found.group(1) is None and name.startswith(scope.index[0] + "_"):
+                return scope.index[1] + name[len(scope.index[0]):]
+        unknown.append(found.group())
+        return ""
+
+    filled = _INDEX.sub(fill, text)
+    if not unknown:
+        return filled
+    if scope.index is None:
+        message, help = f"`{unknown[0]}` in `{text}` is an index, and nothing is repeated here", "add `repeat: {count: ...}`, or write the number"
+    else:
+        message, help = f"unknown index `{unknown[0]}` in `{text}`", f"the index of this repeat is `${scope.index[0]}`"
+    scope.error(Code.REFERENCE, message, path, help=help, key=key)
+    return None
+
+
+def words(scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[str, ...] | None:
+    """The words of a reference that must be no pattern; None where it is none (reported)."""
+    filled = indexed(scope, text, path, key=key)
+    if filled is None:
+        return None
+    parts = tuple(filled.split("."))
+    wrong = next((part for part in parts if not _NAME.fullmatch(part)), None)
+    if wrong is None:
+        return parts
+    if GLOB.search(wrong):
+        scope.error(Code.REFERENCE, f"`{filled}` is a pattern, and one name is wanted here", path, help="write the name in full", key=key)
+    else:
+        scope.error(Code.REFERENCE, f"`{wrong}` in `{filled}` is no name", path, key=key)
+    return None
+
+
+def mount(table: Table, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
+    """The reference to a mount, `component.mount`; None where it names nothing (reported, or wrong before)."""
+    parts = words(scope, text, path, key=key)
+    if parts is None:
+        return None
+    if len(parts) == 1:
+        _report_single(table, scope, parts[0], path, key)
+        return None
+    if not _mount_below(table, scope, parts, path, key):
+        return None
+    return Reference(path=parts[:-1], mount=parts[-1], origin=scope.origin(path, key=key))
+
+
+def own_mount(node: Node, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
+    """The reference to a mount of the component itself, as `attach` names it: `back`, or `cap.pen` inside an assembly."""
+    parts = words(scope, text, path, key=key)
+    if parts is None:
+        return None
+    if len(parts) > 1 and parts[0] == node.name and (node.table is None or node.name not in node.table.nodes):
+        scope.error(
+            Code.REFERENCE, f"`attach` names a mount of `{node.name}` itself, found `{'.'.join(parts)}`", path,
+            help=f"write `{'.'.join(parts[1:])}`", key=key,
+        )
+        return None
+    if not _mount_of(node, scope, parts, (node.name, *parts), path, key):
+        return None
+    return Reference(path=(node.name, *parts[:-1]), mount=parts[-1], origin=scope.origin(path, key=key))
+
+
+def component(table: Table, scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[Reference, Node] | None:
+    """The reference to a component; None where it names nothing (reported, or wrong before)."""
+    parts = words(scope, text, path, key=key)
+    if parts is None:
+        return None
+    node = _descend(table, scope, parts, path, key)
+    if node is None:
+        return None
+    return Reference(path=parts, mount=None, origin=scope.origin(path, key=key)), node
+
+
+def root(table: Table, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
+    """A component, a mount, or a mount that this document exports; None where it names nothing (reported, or wrong before)."""
+    parts = words(scope, text, path, key=key)
+    if parts is None:
+        return None
+    origin = scope.origin(path, key=key)
+    if len(parts) == 1 and parts[0] in table.exports:
+        shown = table.exports[parts[0]]
+        return None if shown is None else Reference(path=shown.path, mount=shown.mount, origin=origin)
+    if len(parts) == 1:
+        return Reference(path=parts, mount=None, origin=origin) if _descend(table, scope, parts, path, key) is not None else None
+    inner: Table | None = table
+    for step in parts[:-1]:
+        node = inner.nodes.get(step) if inner is not None else None
+        inner = node.table if node is not None else None
+    if inner is not None and parts[-1] in inner.nodes and parts[-1] not in inner.exports:
+        return Reference(path=parts, mount=None, origin=origin)
+    if parts[-1] == ORIGIN and _descend(table, scope, parts[:-1], path, key) is not None:
+        return Reference(path=parts[:-1], mount=None, origin=origin)
+    if parts[-1] == ORIGIN or not _mount_below(table, scope, parts, path, key):
+        return None
+    return Reference(path=parts[:-1], mount=parts[-1], origin=origin)
+
+
+def matching(table: Table, pattern: str) -> list[tuple[str, Node]]:
+    """The components whose path fits a pattern level by level, in document order; an exact name stands for itself alone."""
+    steps = pattern.split(".")
+    level: list[tuple[str, Node]] = []
+    inside: list[tuple[str, Table]] = [("", table)]
+    for step in steps:
+        level = []
+        for prefix, one in inside:
+            if step in one.nodes:
+                level.append((prefix + step, one.nodes[step]))
+            elif GLOB.search(step):
+                level.extend((prefix + name, node) for name, node in one.nodes.items() if fnmatchcase(name, step))
+        inside = [(f"{name}.", node.table) for name, node in level if node.table is not None]
+    return level
+
+
+def _unbuilt(prefixes: list[str], name: str) -> bool:
+    return any(name.startswith(prefix) or name == prefix[:-1] for prefix in prefixes)
+
+
+def _place(table: Table) -> Span:
+    return table.document.span(("name",))
+
+
+def _descend(table: Table, scope: Scope, parts: tuple[str, ...], path: Path, key: bool) -> Node | None:
+    """The component at a path; None where there is none (reported, or wrong before)."""
+    node: Node | None = None
+    inner: Table | None = table
+    for depth, part in enumerate(parts):
+        if inner is None:
+            if node is not None and not node.unsound:
+                _report_leaf(node, scope, parts, depth, path, key)
+            return None
+        found = inner.nodes.get(part)
+        if found is None:
+            _report_component(table, inner, scope, parts, depth, path, key)
+            return None
+        node, inner = found, found.table
+        if node.unsound and inner is None and node.spec.assembly is not None:
+            return node if depth == len(parts) - 1 else None
+    return node
+
+
+def _mount_below(table: Table, scope: Scope, parts: tuple[str, ...], path: Path, key: bool) -> bool:
+    """Whether `component...mount` names something, as far as documents can tell; what is wrong is reported."""
+    node = table.nodes.get(parts[0])
+    if node is None:
+        _report_component(table, table, scope, parts, 0, path, key)
+        return False
+    return _mount_of(node, scope, parts[1:], parts, path, key)
+
+
+def _mount_of(node: Node, scope: Scope, rest: tuple[str, ...], parts: tuple[str, ...], path: Path, key: bool) -> bool:
+    while len(rest) > 1 and node.table is not None:
+        inner = node.table.nodes.get(rest[0])
+        if inner is None:
+            _report_component(node.table, node.table, scope, parts, len(parts) - len(rest), path, key)
+            return False
+        node, rest = inner, rest[1:]
+    if node.unsound and node.table is None and not node.frame and node.definition is None:
+        return True
+    if len(rest) > 1:
+        _report_leaf(node, scope, parts, len(parts) - len(rest), path, key)
+        return False
+    name = rest[0]
+    if name == ORIGIN or name in node.mounts:
+        return True
+    if node.frame:
+        _report_mount(scope, f"frame `{node.name}`", name, [ORIGIN, *node.mounts], node.scope.span(node.path, key=True), path, key)
+        return False
+    if node.table is None:
+        return True
+    if name in node.table.exports:
+        return node.table.exports[name] is not None
+    what = f"assembly `{node.name}` (`{node.table.document.relative}`)"
+    if name in node.table.nodes:
+        inner_exports = [f"{name}.{ORIGIN}"]
+        scope.error(
+            Code.UNKNOWN_MOUNT, f"`{name}` is a component of {what}, not a mount", path,
+            help=f"name a mount of it, as in `{'.'.join(parts[:-1])}.{inner_exports[0]}`", key=key,
+        )
+        return False
+    if _unbuilt(node.table.unbuilt, name):
+        return False
+    names = [*node.table.exports, ORIGIN, *node.mounts]
+    help = did_you_mean(name, names, what="mounts that it exports")
+    if nearest(name, names) is None:
+        help += "; or export it there under `mounts:`"
+    scope.error(
+        Code.UNKNOWN_MOUNT, f"{what} exports no mount `{name}`", path, help=help, key=key,
+        notes=[Note(message=f"`{node.table.spec.name}` is defined here", span=_place(node.table))],
+    )
+    return False
+
+
+def _report_single(table: Table, scope: Scope, name: str, path: Path, key: bool) -> None:
+    if _unbuilt(table.unbuilt, name):
+        return
+    if name in table.nodes:
+        message, help = f"`{name}` is a component, and a mount is wanted here", f"name one of its mounts, as in `{name}.{ORIGIN}`"
+    elif name in table.exports:
+        message, help = f"`{name}` is what this document exports; here the mount itself is wanted", "write `component.mount`"
+    else:
+        message, help = f"a mount is written `component.mount`, found `{name}`", did_you_mean(name, table.nodes, what="components")
+        if nearest(name, table.nodes) is not None:
+            help = f"{help[:-1]}, with one of its mounts after a `.`?"
+    scope.error(Code.REFERENCE, message, path, help=help, key=key)
+
+
+def _report_mount(scope: Scope, what: str, name: str, known: list[str], place: Span, path: Path, key: bool) -> None:
+    scope.error(
+        Code.UNKNOWN_MOUNT, f"{what} has no mount `{name}`", path, help=did_you_mean(name, known, what="mounts"), key=key,
+        notes=[Note(message="it is written here", span=place)],
+    )
+
+
+def _report_component(
+    table: Table, inner: Table, scope: Scope, parts: tuple[str, ...], depth: int, path: Path, key: bool,
+) -> None:
+    name = parts[depth]
+    if _unbuilt(inner.unbuilt, name):
+        return
+    if inner is table and depth == 0:
+        what = "this document"
+    else:
+        what = f"assembly `{parts[depth - 1]}` (`{inner.document.relative}`)"
+    if name in inner.exports:
+        scope.error(
+            Code.UNKNOWN_COMPONENT, f"`{name}` is a mount that {what} exports, and has nothing inside", path,
+            help=f"write `{'.'.join(parts[: depth + 1])}`" if depth else "name a component first", key=key,
+        )
+        return
+    repeated = inner.spec.components.get(name)
+    if repeated is not None and repeated.repeat is not None:
+        made = [one for one in inner.nodes.values() if one.path == ("components", name)]
+        help = f"`{name}` is repeated: `{made[0].name}` to `{made[-1].name}`" if made else f"`{name}` is repeated 0 times"
+        scope.error(Code.UNKNOWN_COMPONENT, f"{what} has no component `{name}`", path, help=help, key=key)
+        return
+    scope.error(
+        Code.UNKNOWN_COMPONENT, f"{what} has no component `{name}`", path,
+        help=did_you_mean(name, inner.nodes, what="components"), key=key,
+    )
+
+
+def _report_leaf(node: Node, scope: Scope, parts: tuple[str, ...], depth: int, path: Path, key: bool) -> None:
+    if node.unsound and node.definition is None and not node.frame:
+        return
+    kind = "a frame" if node.frame else "an assembly" if isinstance(node.definition, AssemblyDefinition) else "a part"
+    scope.error(
+        Code.UNKNOWN_COMPONENT, f"`{node.name}` is {kind} and has no components: `{'.'.join(parts)}` goes too deep", path,
+        help=f"write `{'.'.join(parts[:depth])}.mount`", key=key,
+    )

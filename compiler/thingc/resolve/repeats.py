@@ -1,0 +1,114 @@
+"""Unrolling `repeat:`, and the rules for names: reserved words, clashes, and names that differ only in case."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from thingc.diagnostics import Code, Note
+from thingc.resolve.scope import Scope
+from thingc.source import Path
+from thingc.spec.assembly import ComponentSpec, JointSpec
+
+MAX_REPEAT = 10_000
+"""Items of one `repeat`."""
+
+MAX_OCCURRENCES = 100_000
+"""Occurrences of a robot, and items that the repeats of one document make."""
+
+RESERVED = frozenset({"world", "root", "origin"})
+
+Spec = TypeVar("Spec", ComponentSpec, JointSpec)
+
+
+@dataclass(frozen=True, slots=True)
+class Item(Generic[Spec]):
+    """A component or joint after unrolling, with the scope of its own index."""
+
+    name: str
+    spec: Spec
+    path: Path
+    scope: Scope
+
+
+def unrolled(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: Iterable[str]) -> tuple[list[Item[Spec]], list[str]]:
+    """The items of `components` or `joints` in document order, and the prefixes (`leg_`) of those that were too many or wrong.
+
+    Names that clash are reported, and the first one stays.
+    """
+    counts: dict[str, int] = {}
+    unbuilt: list[str] = []
+    total = 0
+    for name, spec in specs.items():
+        if spec.repeat is None:
+            total += 1
+            continue
+        path: Path = (section, name, "repeat")
+        count = scope.count(spec.repeat.count, (*path, "count"), f"the count of `{name}`")
+        if count is not None and count > MAX_REPEAT:
+            scope.error(
+                Code.TOO_MANY, f"`{name}` is repeated {count} times; at most {MAX_REPEAT} are possible", (*path, "count"),
+            )
+            count = None
+        if count is not None and spec.repeat.as_ in set(parameters):
+            scope.error(
+                Code.NAME_CLASH, f"the index `{spec.repeat.as_}` of this repeat is also a parameter of the document", path,
+                help="give the index another name: `as: k`", key=True,
+                notes=[Note(message="the parameter", span=scope.span(("parameters", spec.repeat.as_), key=True))],
+            )
+            count = None
+        if count is not None and total + count > MAX_OCCURRENCES:
+            scope.error(
+                Code.TOO_MANY, f"with `{name}` the {section} of this document are {total + count}; at most {MAX_OCCURRENCES} are possible",
+                (*path, "count"),
+            )
+            count = None
+        if count is None:
+            unbuilt.append(f"{name}_")
+        else:
+            counts[name] = count
+            total += count
+    items: list[Item[Spec]] = []
+    taken: dict[str, Item[Spec]] = {}
+    for name, spec in specs.items():
+        path = (section, name)
+        if spec.repeat is None:
+            made = [Item(name, spec, path, scope)]
+        else:
+            as_ = spec.repeat.as_
+            made = [Item(f"{name}_{k}", spec, path, scope.repeated(as_, k)) for k in range(counts.get(name, 0))]
+        for item in made:
+            first = taken.get(item.name)
+            if first is None:
+                taken[item.name] = item
+                items.append(item)
+            else:
+                scope.error(
+                    Code.NAME_CLASH, f"two {section} are called `{item.name}`", path, key=True, help="rename one of them",
+                    notes=[Note(message="the other one", span=scope.span(first.path, key=True))],
+                )
+    return items, unbuilt
+
+
+def check_names(scope: Scope, names: Iterable[tuple[str, Path, str]], *, reserved: bool = True) -> None:
+    """Report reserved names and names that are equal or differ only in case; each comes with its path and what it is."""
+    seen: dict[str, tuple[str, Path, str]] = {}
+    said: set[tuple[Path, Path]] = set()
+    for name, path, what in names:
+        if reserved and name in RESERVED:
+            scope.error(Code.RESERVED_NAME, f"`{name}` is reserved and cannot name {what}", path, key=True, help="choose another name")
+            continue
+        first = seen.setdefault(name.lower(), (name, path, what))
+        if first[1] == path or (first[1], path) in said:
+            continue
+        said.add((first[1], path))
+        note = [Note(message="the other one", span=scope.span(first[1], key=True))]
+        if first[0] == name:
+            scope.error(
+                Code.NAME_CLASH, f"`{name}` names both {first[2]} and {what}", path, key=True, help="rename one of them", notes=note,
+            )
+        else:
+            scope.error(
+                Code.NAME_CLASH, f"`{name}` and `{first[0]}` differ only in case", path, key=True, help="rename one of them", notes=note,
+            )

@@ -1,0 +1,202 @@
+"""How one document is read while it is resolved: expressions over its parameters, dimensions, bounds and places."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from thingc.diagnostics import Code, Note, Report
+from thingc.expressions import Expression, ExpressionError, evaluate
+from thingc.pose import Pose, Vector, placed
+from thingc.source import Document, Origin, Path, ScalarNode, Span, node_at
+from thingc.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity, shortened
+
+Found = Quantity | bool | str
+"""What a value of a document comes to."""
+
+NOTHING: frozenset[str] = frozenset()
+
+_EXPRESSION_CODES = {"dimension": Code.DIMENSION, "unit": Code.DIMENSION, "value": Code.OUT_OF_RANGE}
+
+
+def dotted(path: Path) -> str:
+    """A key path as a person reads it: `components.hand.at.xyz[0]`."""
+    text = ""
+    for step in path:
+        text += f"[{step}]" if isinstance(step, int) else f".{step}" if text else step
+    return text
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scope:
+    """The names that expressions of a document (or of one item of a `repeat`) may use, and where to report.
+
+    `broken` are names that were wrong and have been reported: what uses them is unsound, silently. `index` is the name
+    of the repeat's index and its value as it stands in references (`$i`).
+    """
+
+    document: Document
+    report: Report
+    names: Mapping[str, Found]
+    broken: frozenset[str] = NOTHING
+    index: tuple[str, str] | None = None
+
+    def repeated(self, name: str, value: int) -> Scope:
+        """The same inside one item of a `repeat`."""
+        return replace(
+            self, names={**self.names, name: Quantity(float(value))}, broken=self.broken - {name}, index=(name, str(value)),
+        )
+
+    # --- places ---------------------------------------------------------------------------------------------------
+
+    def span(self, path: Path, *, key: bool = False) -> Span:
+        """Where the value (the key) at `path` stands."""
+        return self.document.span(path, key=key)
+
+    def origin(self, path: Path, *, key: bool = False) -> Origin:
+        """`span` as the origin of something this document made."""
+        return (self.document.span(path, key=key),)
+
+    def written(self, path: Path) -> str | None:
+        """The scalar at `path` as written, or None where there is none."""
+        node = node_at(self.document.tree, path)
+        return node.text if isinstance(node, ScalarNode) else None
+
+    def error(
+        self, code: Code, message: str, path: Path, *, help: str | None = None, notes: Iterable[Note] = (), key: bool = False,
+        span: Span | None = None,
+    ) -> None:
+        """Report at the value (with `key` the key) at `path`; `span` where the place is narrower."""
+        self.report.add(code, message, span or self.document.span(path, key=key), help=help, notes=notes, path=dotted(path))
+
+    # --- values ---------------------------------------------------------------------------------------------------
+
+    def value(self, raw: Any, path: Path) -> Found | None:
+        """The value of a field: expressions are worked out. None: it was wrong, here or before, and has been reported."""
+        if isinstance(raw, Quantity):
+            return raw
+        if isinstance(raw, Expression):
+            if self.broken and any(use.name in self.broken for use in raw.names):
+                return None
+            try:
+                return evaluate(raw, self.names)
+            except ExpressionError as error:
+                self.error(
+                    _EXPRESSION_CODES.get(error.kind, Code.EXPRESSION), error.message, path, help=error.help,
+                    span=self._narrowed(raw, path, error.offset, error.end),
+                )
+                return None
+        if isinstance(raw, (int, float)) and not isinstance(raw, bool):
+            return Quantity(float(raw))
+        if isinstance(raw, (bool, str)):
+            return raw
+        raise TypeError(f"no value of a document: {raw!r}")
+
+    def _narrowed(self, expression: Expression, path: Path, offset: int, end: int) -> Span | None:
+        """The part of a scalar on one line that an offset into its expression means."""
+        node = node_at(self.document.tree, path)
+        if not isinstance(node, ScalarNode) or node.span.line != node.span.end_line:
+            return None
+        source = str(node.value)
+        quotes = node.span.end_column - node.span.column - len(source)
+        at = source.find(expression.text)
+        if at < 0 or quotes not in (0, 2):
+            return None
+        first = node.span.column + quotes // 2 + at + offset
+        return replace(node.span, column=first, end_column=max(first + 1, first + end - offset))
+
+    def number(
+        self, raw: Any, path: Path, dimension: Dimension | tuple[Dimension, ...], what: str, *,
+        above: float | None = None, least: float | None = None, most: float | None = None,
+    ) -> float | None:
+        """The SI value of a field of one of these dimensions and within bounds; None where it was wrong (reported).
+
+        `what` names the field for messages with its article or name: "the mass", "`limit.lower` of joint `yaw`".
+        """
+        found = self.value(raw, path)
+        if found is None:
+            return None
+        dimensions = dimension if isinstance(dimension, tuple) else (dimension,)
+        if not isinstance(found, Quantity) or not any(found.fits(one) for one in dimensions):
+            self.wrong_dimension(found, dimensions, what, path)
+            return None
+        value = found.value + 0.0
+        rule = None
+        if above is not None and not value > above:
+            rule = f"above {Quantity(above, found.dimension)}" if above else "above 0"
+        elif least is not None and most is not None and not least <= value <= most:
+            rule = f"between {_bound(least, found.dimension)} and {_bound(most, found.dimension)}"
+        elif least is not None and not value >= least:
+            rule = f"at least {_bound(least, found.dimension)}"
+        elif most is not None and not value <= most:
+            rule = f"at most {_bound(most, found.dimension)}"
+        if rule is not None:
+            self.error(Code.OUT_OF_RANGE, f"{what} must be {rule}, found `{self.shown(found, path)}`", path)
+            return None
+        return value
+
+    def count(self, raw: Any, path: Path, what: str, *, least: int = 0) -> int | None:
+        """The value of a field that counts; None where it was wrong (reported)."""
+        value = self.number(raw, path, NUMBER, what, least=float(least))
+        if value is None:
+            return None
+        if value != int(value):
+            self.error(Code.VALUE_KIND, f"{what} must be a whole number, found `{self.shown(Quantity(value), path)}`", path)
+            return None
+        return int(value)
+
+    def vector(self, raw: Any, path: Path, dimension: Dimension, what: str) -> Vector | None:
+        """Three SI values of one dimension; None where one was wrong (reported)."""
+        x, y, z = (self.number(part, (*path, index), dimension, what) for index, part in enumerate(raw))
+        return None if x is None or y is None or z is None else (x, y, z)
+
+    def pose(self, xyz: Any, xyz_path: Path, rpy: Any, rpy_path: Path) -> Pose | None:
+        """The pose of `xyz` (lengths) and `rpy` (extrinsic roll, pitch, yaw); None where one was wrong (reported)."""
+        translation = self.vector(xyz, xyz_path, LENGTH, "`xyz`")
+        angles = self.vector(rpy, rpy_path, ANGLE, "`rpy`")
+        return None if translation is None or angles is None else placed(translation, angles)
+
+    def shown(self, found: Found, path: Path) -> str:
+        """A value as messages quote it: as written, with its result where it is an expression."""
+        text = self.written(path)
+        if text is None:
+            return words_of(found)
+        text = text.strip()
+        if text.startswith("="):
+            return f"{shortened(text)}, which is {words_of(found)}"
+        return shortened(text)
+
+    def wrong_dimension(self, found: Found, expected: tuple[Dimension, ...], what: str, path: Path) -> None:
+        """Report a value of another dimension, naming both."""
+        message, help = dimension_message(found, expected, what, self.written(path))
+        self.error(Code.DIMENSION, message, path, help=help)
+
+
+def dimension_message(found: Found, expected: tuple[Dimension, ...], what: str, written: str | None) -> tuple[str, str | None]:
+    """The words for a value of another dimension, and what to type next."""
+    wanted = " or ".join(f"{dimension.words} (such as {dimension.example})" for dimension in expected)
+    text = shortened((written if written is not None else words_of(found)).strip())
+    help = None
+    if isinstance(found, Quantity) and found.dimension == NUMBER and not text.startswith("="):
+        unit = expected[0].example.partition(" ")[2]
+        help = f"write `{text} {unit}`" if unit else None
+    return f"{what} is {wanted}, found {kind_of(found)} (`{text}`)", help
+
+
+def kind_of(found: Found) -> str:
+    """What a value is, with its article: `an angle`, `a text`, `true or false`."""
+    if isinstance(found, Quantity):
+        return found.dimension.words
+    return "true or false" if isinstance(found, bool) else "a text"
+
+
+def words_of(found: Found) -> str:
+    """A value as a document writes it."""
+    if isinstance(found, bool):
+        return "true" if found else "false"
+    return str(found)
+
+
+def _bound(value: float, dimension: Dimension) -> str:
+    return str(Quantity(value, dimension)) if value else "0"

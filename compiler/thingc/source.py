@@ -1,0 +1,135 @@
+"""Positions in documents: spans, origins and the node tree that `load` produces.
+
+Everything a person wrote keeps the place where they wrote it. A `Span` is one place, an
+`Origin` is the chain of places that made a thing (innermost first: the component, then the
+line of the parent document that nested it, and so on).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Union
+
+Scalar = Union[str, int, float, bool, None]
+Plain = Union[Scalar, list["Plain"], dict[str, "Plain"]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Span:
+    """A stretch of one file. `file` is an absolute path; lines and columns count from 1, the end is exclusive."""
+
+    file: str
+    line: int
+    column: int
+    end_line: int
+    end_column: int
+
+
+Origin = tuple[Span, ...]
+"""The chain of spans that made something, innermost first; never empty for what a document made."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScalarNode:
+    """A leaf: its typed value (YAML 1.2 core schema or TOML), the text as written, and where."""
+
+    value: Scalar
+    text: str
+    span: Span
+
+    def plain(self) -> Plain:
+        """The value alone."""
+        return self.value
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SequenceNode:
+    """A list and where it stands."""
+
+    items: tuple[Node, ...]
+    span: Span
+
+    def plain(self) -> Plain:
+        """The values alone, as a list."""
+        return [item.plain() for item in self.items]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MappingNode:
+    """A mapping and where it stands; `entries` in the order written, `keys` the span of every key."""
+
+    entries: dict[str, Node]
+    keys: dict[str, Span]
+    span: Span
+
+    def plain(self) -> Plain:
+        """The values alone, as a dict."""
+        return {key: node.plain() for key, node in self.entries.items()}
+
+
+Node = Union[ScalarNode, SequenceNode, MappingNode]
+Path = tuple[Union[str, int], ...]
+
+
+def node_at(root: Node, path: Path) -> Node | None:
+    """The node at `path` (keys and indices from the root), or None where the document has none."""
+    node: Node | None = root
+    for step in path:
+        if isinstance(node, MappingNode) and isinstance(step, str):
+            node = node.entries.get(step)
+        elif isinstance(node, SequenceNode) and isinstance(step, int) and 0 <= step < len(node.items):
+            node = node.items[step]
+        else:
+            return None
+    return node
+
+
+def span_at(root: Node, path: Path, *, key: bool = False) -> Span:
+    """The span of the value at `path` (of its key with `key=True`).
+
+    Where the document stops short of the path (a short form, a default) the deepest part that is there answers.
+    """
+    node: Node = root
+    span = root.span
+    for step in path:
+        if isinstance(node, MappingNode) and isinstance(step, str) and step in node.entries:
+            span = node.keys[step] if key else node.entries[step].span
+            node = node.entries[step]
+        elif isinstance(node, SequenceNode) and isinstance(step, int) and 0 <= step < len(node.items):
+            node = node.items[step]
+            span = node.span
+        else:
+            break
+    return span
+
+
+def walk(node: Node, path: Path = ()) -> Iterator[tuple[Path, Node]]:
+    """Every node of the tree with its path, parents before children, in the order written."""
+    yield path, node
+    if isinstance(node, MappingNode):
+        for key, child in node.entries.items():
+            yield from walk(child, (*path, key))
+    elif isinstance(node, SequenceNode):
+        for index, child in enumerate(node.items):
+            yield from walk(child, (*path, index))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Document:
+    """A loaded document: its tree with positions, before any interpretation.
+
+    `path` is absolute; `relative` is the path inside the workspace, with `/`; `kind` is the word before the slash of
+    the `thingc:` key (`assembly`, `materials`, `workspace`, `variants`); `sha256` is of the bytes read.
+    """
+
+    path: str
+    relative: str
+    kind: str
+    tree: MappingNode
+    sha256: str
+    text: str = field(repr=False)
+
+    def span(self, path: Path = (), *, key: bool = False) -> Span:
+        """The span at `path` in this document, see `span_at`."""
+        return span_at(self.tree, path, key=key)

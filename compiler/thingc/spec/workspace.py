@@ -1,0 +1,32 @@
+"""The `workspace/1` document: `thingc.toml`, or the `[tool.thingc]` table of a `pyproject.toml`."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from thingc.spec.base import Model
+from thingc.spec.fields import AngleField, LengthField, TimeField
+
+
+class MeshSpec(Model):
+    """How finely curved surfaces are meshed."""
+
+    linear: LengthField | None = None
+    """Largest distance between mesh and surface; 0.1 mm unless written."""
+    angular: AngleField | None = None
+    """Largest angle between neighbouring facets; 10 deg unless written."""
+
+
+class WorkspaceSpec(Model):
+    """Where parts are looked for and how they are made."""
+
+    thingc: Literal["workspace/1"]
+    parts: list[str] = ["parts"]
+    """Folders whose modules may be named in `part:`."""
+    packages: list[str] = ["thingc_stock", "bd_warehouse"]
+    """Installed packages that may be, too."""
+    build: str = "build"
+    """The folder that builds go to."""
+    part_timeout: TimeField | None = None
+    """Longest time for one part; 120 s unless written."""
+    mesh: MeshSpec | None = None

@@ -1,0 +1,281 @@
+"""What the geometry worker asks of a part: its parameters, one member of its family, and what that member says.
+
+Everything is in author units: lengths in mm, angles in degrees, masses in kg; see the field docs. Geometry is asked of the
+Thing itself: `thing.result()`, `.collision()`, `.visual()`, `.envelope()` give a build123d Shape, several, or None.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+import types
+import typing
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias, Union
+
+from build123d import Shape
+
+from thingc.things.actuator import Actuator, sourced
+from thingc.things.construction import family_signature, make, wrapped
+from thingc.things.mounts import MountPoint
+from thingc.things.parameters import Parameter, SignatureError, Value
+from thingc.things.signature import Signature, annotation_of, signature_of
+from thingc.things.thing import Geometry, Thing
+
+PartLike: TypeAlias = "type[Thing] | type[Shape[Any]] | Callable[..., Shape[Any]]"
+Vector: TypeAlias = tuple[float, float, float]
+Matrix: TypeAlias = tuple[Vector, Vector, Vector]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExpectedPart:
+    """`mount` of a Thing was cut for a member of `family` with `parameters` (complete, author units), on its `child_mount`.
+
+    What `adjust` changed of parameters that `family` pins is left out: no document can name it.
+    """
+
+    mount: str
+    family: type[Thing]
+    parameters: dict[str, Value]
+    child_mount: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Statement:
+    """What a Thing states: a number, three, or 3 x 3, and its source (`measured | vendor | estimated | stated`)."""
+
+    value: float | Vector | Matrix
+    source: str = "stated"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Statements:
+    """mass [kg], centre [mm], matrix [kg m^2, about the centre, Thing axes], density [kg/m^3]; None where nothing is stated."""
+
+    mass: Statement | None
+    centre: Statement | None
+    matrix: Statement | None
+    density: Statement | None
+
+
+def is_part(candidate: object) -> Literal["thing", "shape", "function"] | None:
+    """What kind of part an object is, without calling it.
+
+    A Thing subclass, a build123d Shape class, or a Python function that returns a shape (one with a return annotation must
+    name a shape class; one without is believed until `build`). Abstract classes and `Thing` itself are no parts.
+    """
+    if isinstance(candidate, type):
+        if inspect.isabstract(candidate) or candidate is Thing:
+            return None
+        return "thing" if issubclass(candidate, Thing) else "shape" if issubclass(candidate, Shape) else None
+    if not isinstance(candidate, types.FunctionType):
+        return None
+    declared = inspect.signature(candidate).return_annotation
+    if declared is inspect.Signature.empty:
+        return "function"
+    try:
+        declared = annotation_of(candidate, declared)
+    except SignatureError:
+        return None
+    alternatives = typing.get_args(declared) if typing.get_origin(declared) in (Union, types.UnionType) else (declared,)
+    classes = [typing.get_origin(alternative) or alternative for alternative in alternatives]
+    return "function" if all(isinstance(one, type) and issubclass(one, Shape) for one in classes) else None
+
+
+def parameters_of(part: PartLike) -> tuple[Parameter, ...]:
+    """The parameters in order of the signature, defaults canonical, in author units.
+
+    Of a shape class or a function, arguments that no parameter can express are left out, at their default. Raises
+    `SignatureError` (a `TypeError`) where an argument of a Thing, or one without default, cannot be a parameter.
+    """
+    return _signature(part).parameters
+
+
+def canonical_parameters(part: PartLike, given: Mapping[str, object]) -> dict[str, Value]:
+    """The complete canonical parameters [author units] of a member, in order of the signature.
+
+    Raises `ParameterError` for a wrong value, an unknown name or a missing one.
+    """
+    return _signature(part).bind((), given)
+
+
+def build(part: PartLike, parameters: Mapping[str, object]) -> Thing:
+    """The member with these parameters [author units]: the Thing, or for a shape or function one whose result it is.
+
+    Raises `ParameterError` before anything is made, `TypeError` where a function returned no shape, and whatever the
+    part's own code raises.
+    """
+    if isinstance(part, type) and issubclass(part, Thing):
+        return make(part, family_signature(part).bind((), parameters), {})
+    values = _signature(part).bind((), parameters)
+    maker: Callable[..., object] = part
+    shape = maker(**values)
+    if not isinstance(shape, Shape):
+        raise TypeError(f"`{part.__name__}` must return a build123d shape, it returned {shape!r}")
+    bought = {"make": "buy"} if shape.__class__.__module__.split(".")[0] == "bd_warehouse" else {}
+    return wrapped(_ShapePart, values, _family=part.__name__, _shape=shape, bom=bought)
+
+
+def mounts_of(thing: Thing) -> dict[str, MountPoint]:
+    """The mounts by exported name, in order of assignment, without `origin`; `.location` and `.tolerance` in mm."""
+    return dict(thing._construction.mounts)
+
+
+def references_of(thing: Thing) -> tuple[str, ...]:
+    """The names of reference geometry other than mounts: public attributes, then methods and properties of its classes."""
+    if isinstance(thing, _ShapePart):
+        return ()
+    names = [
+        name for name, value in vars(thing).items()
+        if not name.startswith("_") and name not in ("bom", "actuator") and not _only_mounts(value)
+    ]
+    for family in reversed(type(thing).__mro__):
+        if issubclass(family, Thing) and family is not Thing:
+            names.extend(
+                name for name, value in vars(family).items()
+                if not name.startswith("_") and not hasattr(Thing, name) and (callable(value) or hasattr(value, "__get__"))
+            )
+    return tuple(dict.fromkeys(names))
+
+
+def expectations_of(thing: Thing) -> tuple[ExpectedPart, ...]:
+    """What the Thing's mounts were cut for, in order of the mounts and of the calls of `align`."""
+    return tuple(
+        ExpectedPart(mount=name, family=type(other), parameters=dict(other._construction.parameters), child_mount=child)
+        for name, mount in thing._construction.mounts.items()
+        for other, child in mount.expected
+    )
+
+
+def statements_of(thing: Thing) -> Statements:
+    """What the Thing's own `mass()`, `centre()`, `matrix_of_inertia()` and `density()` state.
+
+    Each may return its value or `(value, source)`. Raises `ValueError` for a value of the wrong shape, one that is not
+    finite, a mass or density that is not positive, an inertia that is not symmetric, or an unknown source.
+    """
+    return Statements(
+        mass=_stated(thing, "mass", _positive),
+        centre=_stated(thing, "centre", _vector),
+        matrix=_stated(thing, "matrix_of_inertia", _symmetric),
+        density=_stated(thing, "density", _positive),
+    )
+
+
+def shapes_of(geometry: Geometry) -> tuple[Shape[Any], ...]:
+    """What `result()` and its like returned, as a tuple of shapes; raises `TypeError` where it is something else."""
+    if geometry is None:
+        return ()
+    several = isinstance(geometry, Iterable) and not isinstance(geometry, Shape)
+    found: tuple[Any, ...] = tuple(geometry) if several else (geometry,)
+    for item in found:
+        if not isinstance(item, Shape):
+            raise TypeError(f"expected a build123d shape, found {item!r}")
+    return found
+
+
+def material_of(thing: Thing) -> str | None:
+    """The name of the default material."""
+    return thing._construction.material
+
+
+def color_of(thing: Thing) -> str | None:
+    """The default colour, as its author wrote it: a CSS name or `#rrggbb`."""
+    return thing._construction.color
+
+
+def bom_of(thing: Thing) -> dict[str, str]:
+    """What the part says for the bill of materials; raises `TypeError` where that is no mapping of texts."""
+    bom = thing.bom
+    if not isinstance(bom, Mapping) or not all(isinstance(word, str) for pair in bom.items() for word in pair):
+        raise TypeError(f"`bom` of `{type(thing).__name__}` must map texts to texts, found {bom!r}")
+    return dict(bom)
+
+
+def actuator_of(part: Thing | PartLike) -> Actuator | None:
+    """The actuator of a Thing, or the one that its class declares; raises `TypeError` where it is something else."""
+    found: object = getattr(part, "actuator", None) if isinstance(part, (Thing, type(Thing))) else None
+    if found is None or isinstance(found, Actuator):
+        return found
+    raise TypeError(f"`actuator` must be an Actuator, found {found!r}")
+
+
+class _ShapePart(Thing):
+    """A part that is a plain shape: the wrapper that `build` returns."""
+
+    _family: str
+    _shape: Shape[Any]
+
+    def result(self) -> Shape[Any]:
+        """The shape."""
+        return self._shape
+
+    def __repr__(self) -> str:
+        return super().__repr__().replace(type(self).__name__, self._family, 1)
+
+
+def _signature(part: Any) -> Signature:
+    if isinstance(part, type) and issubclass(part, Thing):
+        return family_signature(part)
+    if isinstance(part, type):
+        init: Callable[..., None] = part.__init__  # type: ignore[misc]
+        docs = (*(base.__doc__ for base in reversed(part.__mro__)), init.__doc__)
+        return signature_of(init, part.__name__, method=True, strict=False, docs=docs)
+    return signature_of(part, part.__name__, method=False, strict=False, docs=(part.__doc__,))
+
+
+def _only_mounts(value: object) -> bool:
+    """Whether an attribute holds mounts and nothing else."""
+    if isinstance(value, dict):
+        value = list(value.values())
+    if type(value) in (list, tuple):
+        return bool(value) and all(_only_mounts(item) for item in value)  # type: ignore[attr-defined]
+    return isinstance(value, MountPoint)
+
+
+def _stated(thing: Thing, method: str, check: Callable[[str, Any], float | Vector | Matrix]) -> Statement | None:
+    what = f"{method}() of `{type(thing).__name__}`"
+    value: Any = getattr(thing, method)()
+    source = "stated"
+    if value is None:
+        return None
+    if isinstance(value, tuple) and len(value) == 2:
+        value, source = sourced(what, value)
+    return Statement(value=check(what, value), source=source)
+
+
+def _finite(what: str, value: Any) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise ValueError(f"{what} must return a number, found {value!r}") from None
+    if not math.isfinite(number):
+        raise ValueError(f"{what} must be finite, found {value!r}")
+    return number
+
+
+def _positive(what: str, value: Any) -> float:
+    number = _finite(what, value)
+    if number <= 0:
+        raise ValueError(f"{what} must be positive, found {value!r}")
+    return number
+
+
+def _vector(what: str, value: Any) -> Vector:
+    try:
+        x, y, z = value
+    except (TypeError, ValueError):
+        raise ValueError(f"{what} must return three numbers, found {value!r}") from None
+    return _finite(what, x), _finite(what, y), _finite(what, z)
+
+
+def _symmetric(what: str, value: Any) -> Matrix:
+    try:
+        a, b, c = value
+    except (TypeError, ValueError):
+        raise ValueError(f"{what} must return 3 x 3 numbers, found {value!r}") from None
+    matrix = _vector(what, a), _vector(what, b), _vector(what, c)
+    size = max(abs(number) for row in matrix for number in row)
+    if any(abs(matrix[i][j] - matrix[j][i]) > 1e-9 * size for i in range(3) for j in range(i)):
+        raise ValueError(f"{what} must be symmetric, found {value!r}")
+    return matrix

@@ -1,0 +1,166 @@
+"""Parameters of a part: the annotations that give their unit, their bounds, and the check of one value.
+
+Units are the author's: millimetres, degrees, kilograms. Nothing here needs the CAD kernel.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import numbers
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Annotated, TypeAlias
+
+Value: TypeAlias = "float | int | bool | str"
+"""A canonical parameter value: equal parameters are equal values of equal type."""
+
+NUMERIC = frozenset({"length", "angle", "mass", "ratio", "number", "count"})
+UNITS = {"length": " mm", "angle": " deg", "mass": " kg"}
+NOUNS = {
+    "length": "a length in mm", "angle": "an angle in deg", "mass": "a mass in kg", "ratio": "a ratio", "number": "a number",
+    "count": "a whole number", "flag": "True or False", "text": "a text",
+}
+
+
+class ParameterError(ValueError):
+    """A value that a part cannot be made with; raised before any geometry is made.
+
+    `parameter` is the name of the parameter, `owner` the name of the class or function.
+    """
+
+    def __init__(self, message: str, *, owner: str, parameter: str) -> None:
+        super().__init__(message)
+        self.owner = owner
+        self.parameter = parameter
+
+
+class CallError(ParameterError, TypeError):
+    """A call that names a parameter there is not, or leaves out one that is needed (a `TypeError`, as in plain Python)."""
+
+
+class SignatureError(TypeError):
+    """An `__init__` whose arguments cannot be parameters: no known annotation, `*args`, a default out of bounds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """The mark inside `Length`, `Angle`, ...: one of the kinds of `Parameter`."""
+
+    kind: str
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """Bounds of a parameter, both inclusive, in author units: `Annotated[Length, Range(10, 200)]`, `Range(minimum=0)`.
+
+    Raises `SignatureError` where the bounds are no numbers or leave nothing between them.
+    """
+
+    minimum: float | None = None
+    maximum: float | None = None
+
+    def __post_init__(self) -> None:
+        for bound in (self.minimum, self.maximum):
+            if bound is not None and (isinstance(bound, bool) or not isinstance(bound, (int, float)) or math.isnan(bound)):
+                raise SignatureError(f"a bound of Range must be a number, found {bound!r}")
+        if self.minimum is not None and self.maximum is not None and self.minimum > self.maximum:
+            raise SignatureError(f"Range({self.minimum!r}, {self.maximum!r}) leaves nothing between its bounds")
+
+
+Length: TypeAlias = Annotated[float, Kind("length")]
+"""A length in millimetres."""
+Angle: TypeAlias = Annotated[float, Kind("angle")]
+"""An angle in degrees."""
+Mass: TypeAlias = Annotated[float, Kind("mass"), Range(minimum=0)]
+"""A mass in kilograms, not negative."""
+Count: TypeAlias = Annotated[int, Kind("count"), Range(minimum=0)]
+"""A number of things: whole, not negative (annotate `int` for a whole number that may be)."""
+Ratio: TypeAlias = Annotated[float, Kind("ratio")]
+"""A number without dimension, 0.15 for what a document writes as 15 %."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parameter:
+    """One argument of a part.
+
+    `kind` is `length` [mm], `angle` [deg], `mass` [kg], `ratio` or `number` (floats), `count` (int), `flag` (bool), `text` or
+    `choice` (one of `choices`). `default` is None where `required`. `minimum` and `maximum` are inclusive, in the same unit.
+    """
+
+    name: str
+    kind: str
+    required: bool
+    default: Value | None
+    minimum: float | None = None
+    maximum: float | None = None
+    choices: tuple[Value, ...] = ()
+    doc: str = ""
+
+    @property
+    def noun(self) -> str:
+        """What a value must be, in words: `a length in mm`."""
+        if self.kind == "choice":
+            return "one of " + ", ".join(repr(choice) for choice in self.choices)
+        return NOUNS[self.kind]
+
+    def canonical(self, value: object, owner: str) -> Value:
+        """The canonical value: a float for dimensioned kinds (60 is 60.0, -0.0 is 0.0), an int, bool or str for the others.
+
+        Raises `ParameterError` for a wrong type, a number that is not finite, one out of bounds, or none of the choices;
+        `owner` names the part in the message.
+        """
+        found = self._typed(value)
+        if found is None:
+            raise self.error(f"must be {self.noun}, found {value!r}", owner)
+        if isinstance(found, (int, float)) and not isinstance(found, bool) and self.kind != "choice":
+            if not math.isfinite(found):
+                raise self.error(f"must be finite, found {value!r}", owner)
+            if self.minimum is not None and found < self.minimum:
+                raise self.error(f"must be at least {self._shown(self.minimum)}, found {self._shown(found)}", owner)
+            if self.maximum is not None and found > self.maximum:
+                raise self.error(f"must be at most {self._shown(self.maximum)}, found {self._shown(found)}", owner)
+        return found
+
+    def error(self, problem: str, owner: str) -> ParameterError:
+        """A `ParameterError` that names the parameter and its owner, then the problem."""
+        return ParameterError(f"`{self.name}` of `{owner}` {problem}", owner=owner, parameter=self.name)
+
+    def _typed(self, value: object) -> Value | None:
+        """The value in the type of this kind, or None where it has another type."""
+        if self.kind == "choice":
+            return next((choice for choice in self.choices if _same(choice, value)), None)
+        if self.kind == "flag":
+            return value if isinstance(value, bool) else None
+        if self.kind == "text":
+            return str(value) if isinstance(value, str) else None
+        if isinstance(value, bool) or not isinstance(value, numbers.Real):
+            return None
+        if self.kind == "count":
+            if isinstance(value, numbers.Integral):
+                return int(value)
+            whole = float(value)
+            return int(whole) if whole.is_integer() else None if math.isfinite(whole) else whole
+        try:
+            return float(value) + 0.0
+        except OverflowError:
+            return math.inf
+
+    def _shown(self, value: float) -> str:
+        """A number as a person writes it, with its unit."""
+        text = repr(value)
+        return text.removesuffix(".0") + UNITS.get(self.kind, "")
+
+
+def suggestion(name: str, candidates: Iterable[str]) -> str:
+    """The end of a message about an unknown name: `; did you mean ...?`, else what there is, else nothing."""
+    known = list(candidates)
+    close = difflib.get_close_matches(name, known, n=1)
+    if close:
+        return f"; did you mean `{close[0]}`?"
+    return f"; there are {', '.join(f'`{candidate}`' for candidate in known)}" if known else ""
+
+
+def _same(choice: Value, value: object) -> bool:
+    """Whether a value is this choice: 3.0 is 3, but True is not 1."""
+    return isinstance(value, bool) is isinstance(choice, bool) and choice == value

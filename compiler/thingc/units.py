@@ -1,0 +1,445 @@
+"""Quantities: numbers with a dimension, read from text such as `120 mm`, `4.1 N*m` or `1270 kg/m^3`.
+
+A fixed table of units, no prefixes by rule: what is not in the table is an error with a hint. Conversion is exact
+decimal arithmetic on integers, rounded once, so `72 mm` is 0.072 and `90 deg` is pi/2 to the last bit.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Union
+
+from thingc.diagnostics import nearest
+
+if TYPE_CHECKING:
+    from fractions import Fraction
+
+Exponent = Union[int, "Fraction"]
+
+
+class UnitError(ValueError):
+    """Text that is no quantity, or a quantity of the wrong dimension.
+
+    `kind` is `unit` (a unit is missing or unknown), `dimension` (another dimension is wanted) or `quantity` (anything
+    else); `offset` and `end` are the characters of the text that are to blame, None for all of it.
+    """
+
+    def __init__(
+        self, message: str, *, kind: str = "quantity", help: str | None = None, offset: int | None = None, end: int | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.message = message
+        self.kind = kind
+        self.help = help
+        self.offset = offset
+        self.end = end
+
+
+@dataclass(frozen=True, slots=True)
+class Dimension:
+    """Exponents of length, mass, time and angle. They are integers except after a square root.
+
+    Angle is a dimension so that 30 is not taken for 30 deg; see `fits` for where it does not count.
+    """
+
+    length: Exponent = 0
+    mass: Exponent = 0
+    time: Exponent = 0
+    angle: Exponent = 0
+
+    def __mul__(self, other: Dimension) -> Dimension:
+        """The dimension of a product."""
+        return Dimension(
+            _whole(self.length + other.length), _whole(self.mass + other.mass),
+            _whole(self.time + other.time), _whole(self.angle + other.angle),
+        )
+
+    def __truediv__(self, other: Dimension) -> Dimension:
+        """The dimension of a quotient."""
+        return self * other**-1
+
+    def __pow__(self, power: Exponent) -> Dimension:
+        """The dimension of a power."""
+        return Dimension(
+            _whole(self.length * power), _whole(self.mass * power), _whole(self.time * power), _whole(self.angle * power),
+        )
+
+    @property
+    def words(self) -> str:
+        """With its article: `a length`, `an angle`; units where there is no word: `a quantity in m^2*kg`."""
+        named = _WORDS.get(self)
+        return named[0] if named else f"a quantity in {self.symbol}"
+
+    @property
+    def example(self) -> str:
+        """A quantity of this dimension as a person would write it: `120 mm`."""
+        named = _WORDS.get(self)
+        return named[1] if named else f"2 {self.symbol}"
+
+    @property
+    def symbol(self) -> str:
+        """SI base units: `kg*m^2/s^2`; empty for a number."""
+        above: list[str] = []
+        below: list[str] = []
+        for unit, exponent in (("kg", self.mass), ("m", self.length), ("rad", self.angle), ("s", self.time)):
+            if exponent:
+                size = abs(exponent)
+                shown = unit if size == 1 else f"{unit}^{size}" if isinstance(size, int) else f"{unit}^({size})"
+                (above if exponent > 0 else below).append(shown)
+        return "/".join(["*".join(above) or ("1" if below else ""), *below])
+
+
+def _whole(exponent: Exponent) -> Exponent:
+    """An integral fraction as the integer that it is."""
+    return exponent.numerator if exponent.denominator == 1 else exponent
+
+
+NUMBER = Dimension()
+LENGTH = Dimension(length=1)
+MASS = Dimension(mass=1)
+TIME = Dimension(time=1)
+ANGLE = Dimension(angle=1)
+AREA = Dimension(length=2)
+VOLUME = Dimension(length=3)
+DENSITY = Dimension(mass=1, length=-3)
+VELOCITY = Dimension(length=1, time=-1)
+ANGULAR_VELOCITY = Dimension(angle=1, time=-1)
+ACCELERATION = Dimension(length=1, time=-2)
+FORCE = Dimension(mass=1, length=1, time=-2)
+TORQUE = Dimension(mass=1, length=2, time=-2)
+POWER = Dimension(mass=1, length=2, time=-3)
+PRESSURE = Dimension(mass=1, length=-1, time=-2)
+FREQUENCY = Dimension(time=-1)
+INERTIA = Dimension(mass=1, length=2)
+ANGULAR_DAMPING = Dimension(mass=1, length=2, time=-1, angle=-1)
+LINEAR_DAMPING = Dimension(mass=1, time=-1)
+ANGULAR_STIFFNESS = Dimension(mass=1, length=2, time=-2, angle=-1)
+LINEAR_STIFFNESS = Dimension(mass=1, time=-2)
+LENGTH_PER_ANGLE = Dimension(length=1, angle=-1)
+ANGLE_PER_LENGTH = Dimension(length=-1, angle=1)
+
+_WORDS: dict[Dimension, tuple[str, str]] = {
+    NUMBER: ("a number", "2"),
+    LENGTH: ("a length", "120 mm"),
+    MASS: ("a mass", "120 g"),
+    TIME: ("a time", "2 ms"),
+    ANGLE: ("an angle", "30 deg"),
+    AREA: ("an area", "120 mm^2"),
+    VOLUME: ("a volume", "120 mm^3"),
+    DENSITY: ("a density", "1270 kg/m^3"),
+    VELOCITY: ("a velocity", "0.5 m/s"),
+    ANGULAR_VELOCITY: ("an angular velocity", "46 rpm"),
+    ACCELERATION: ("an acceleration", "9.81 m/s^2"),
+    FORCE: ("a force", "300 N"),
+    TORQUE: ("a torque", "4.1 N*m"),
+    POWER: ("a power", "10 W"),
+    PRESSURE: ("a pressure", "2 MPa"),
+    FREQUENCY: ("a frequency", "50 Hz"),
+    INERTIA: ("a moment of inertia", "0.01 kg*m^2"),
+    ANGULAR_DAMPING: ("an angular damping", "0.02 N*m*s/rad"),
+    LINEAR_DAMPING: ("a linear damping", "2 N*s/m"),
+    ANGULAR_STIFFNESS: ("an angular stiffness", "2 N*m/rad"),
+    LINEAR_STIFFNESS: ("a linear stiffness", "200 N/m"),
+    LENGTH_PER_ANGLE: ("a length per angle", "10 mm/rad"),
+    ANGLE_PER_LENGTH: ("an angle per length", "10 rad/m"),
+}
+
+
+def fits(found: Dimension, expected: Dimension) -> bool:
+    """Whether a quantity of dimension `found` can stand where `expected` is wanted.
+
+    Length, mass and time must agree. Angle must agree, too, unless mass is part of the dimension: torque, damping,
+    stiffness and inertia are written with and without `/rad` (`N*m*s/rad` and `N*m*s` are one damping), and no mass
+    tells them from anything else. So an angle is never a number, `rad/s` never `Hz` and `mm/rad` never `mm`.
+    """
+    return (
+        found.length == expected.length and found.mass == expected.mass and found.time == expected.time
+        and (found.angle == expected.angle or expected.mass != 0)
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A finite `value` in SI base units (m, kg, s, rad) and its dimension."""
+
+    value: float
+    dimension: Dimension = NUMBER
+
+    def fits(self, expected: Dimension) -> bool:
+        """Whether it can stand where `expected` is wanted: `fits`, or a bare 0, which is 0 of everything."""
+        return fits(self.dimension, expected) or (self.value == 0.0 and self.dimension == NUMBER)
+
+    def __str__(self) -> str:
+        """For messages: mm, deg, g and the like, to six digits."""
+        if self.dimension == MASS and abs(self.value) >= 1.0:
+            return f"{self.value:.6g} kg"
+        for dimension, unit, scale in _SHOWN:
+            if dimension == self.dimension:
+                return f"{self.value * scale:.6g} {unit}"
+        symbol = self.dimension.symbol
+        return f"{self.value:.6g} {symbol}" if symbol else f"{self.value:.6g}"
+
+
+_SHOWN = (
+    (LENGTH, "mm", 1e3), (ANGLE, "deg", 180.0 / math.pi), (MASS, "g", 1e3), (TORQUE, "N*m", 1.0), (FORCE, "N", 1.0),
+)
+
+_PI = 31415926535897932384626433832795028841971693993751058209749445923
+"""Pi to 65 digits, so that angles are rounded once: pi = _PI / _PI_ONE."""
+_PI_ONE = 10**64
+
+Unit = tuple[int, int, Dimension]
+"""SI value of one of it as numerator over denominator, and its dimension."""
+
+UNITS: dict[str, Unit] = {
+    "%": (1, 100, NUMBER),
+    "um": (1, 10**6, LENGTH), "mm": (1, 1000, LENGTH), "cm": (1, 100, LENGTH), "dm": (1, 10, LENGTH), "m": (1, 1, LENGTH),
+    "km": (1000, 1, LENGTH), "in": (254, 10**4, LENGTH), "ft": (3048, 10**4, LENGTH),
+    "mg": (1, 10**6, MASS), "g": (1, 1000, MASS), "kg": (1, 1, MASS), "t": (1000, 1, MASS), "lb": (45359237, 10**8, MASS),
+    "us": (1, 10**6, TIME), "ms": (1, 1000, TIME), "s": (1, 1, TIME), "min": (60, 1, TIME), "h": (3600, 1, TIME),
+    "mrad": (1, 1000, ANGLE), "rad": (1, 1, ANGLE), "deg": (_PI, 180 * _PI_ONE, ANGLE), "rev": (2 * _PI, _PI_ONE, ANGLE),
+    "rpm": (2 * _PI, 60 * _PI_ONE, ANGULAR_VELOCITY),
+    "Hz": (1, 1, FREQUENCY), "kHz": (1000, 1, FREQUENCY),
+    "mN": (1, 1000, FORCE), "N": (1, 1, FORCE), "kN": (1000, 1, FORCE), "kgf": (980665, 10**5, FORCE),
+    "lbf": (45359237 * 980665, 10**13, FORCE), "ozf": (45359237 * 980665, 16 * 10**13, FORCE),
+    "mJ": (1, 1000, TORQUE), "J": (1, 1, TORQUE), "kJ": (1000, 1, TORQUE),
+    "mW": (1, 1000, POWER), "W": (1, 1, POWER), "kW": (1000, 1, POWER),
+    "Pa": (1, 1, PRESSURE), "kPa": (1000, 1, PRESSURE), "MPa": (10**6, 1, PRESSURE), "GPa": (10**9, 1, PRESSURE),
+}
+"""Every unit that may be written. `in`, `ft`, `lb`, `lbf` are the international ones (exact by definition)."""
+
+_MEANT = {
+    "Nm": "N*m", "mNm": "mN*m", "Nmm": "N*mm", "Ncm": "N*cm", "kgcm": "kgf*cm", "kgm2": "kg*m^2", "µm": "um", "μm": "um",
+    "micron": "um", "microns": "um", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
+    "centimeter": "cm", "centimetre": "cm", "meter": "m", "meters": "m", "metre": "m", "metres": "m", "inch": "in",
+    "inches": "in", "°": "deg", "degree": "deg", "degrees": "deg", "degs": "deg", "radian": "rad", "radians": "rad",
+    "rads": "rad", "turn": "rev", "turns": "rev", "RPM": "rpm", "gram": "g", "grams": "g", "gr": "g", "kilogram": "kg",
+    "kilograms": "kg", "kilo": "kg", "kgs": "kg", "lbs": "lb", "pound": "lb", "pounds": "lb", "sec": "s", "secs": "s",
+    "second": "s", "seconds": "s", "msec": "ms", "minute": "min", "minutes": "min", "hour": "h", "hours": "h",
+    "newton": "N", "newtons": "N", "hertz": "Hz", "percent": "%", "pct": "%", "µs": "us", "μs": "us",
+}
+"""What people write for units of the table."""
+
+_NUMBER = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
+_UNIT_WORD = re.compile(r"[^\W\d_²³]+|%|°")
+_POWER = re.compile(r"(?:\^|\*\*)\s*([-+]?\d{1,2})(?!\d)", re.ASCII)
+_SUPERSCRIPT = {"²": 2, "³": 3}
+_OPERATOR = re.compile(r"\s*([*/·])\s*")
+
+MAX_TEXT = 1000
+"""Characters of one quantity or expression."""
+MAX_FACTORS = 12
+"""Factors of one unit."""
+
+
+def exact(number: str) -> tuple[int, int]:
+    """The decimal `number` as numerator and denominator.
+
+    Raises UnitError (`quantity`) where it is beyond what a double can hold (a power of ten above 400).
+    """
+    mantissa, _, power = number.lower().partition("e")
+    whole, _, decimals = mantissa.partition(".")
+    exponent = int(power or "0") - len(decimals)
+    digits = int((whole + decimals) or "0")
+    if digits == 0:
+        return 0, 1
+    if exponent > 400:
+        raise UnitError(f"the number `{shortened(number)}` is too large", offset=0, end=len(number))
+    if exponent < -2000:
+        return 0, 1
+    return (digits * 10**exponent, 1) if exponent >= 0 else (digits, 10**-exponent)
+
+
+def converted(number: str, unit: Unit) -> float:
+    """The SI value of `number` (decimal text) of a unit: exact, rounded once (division of integers is).
+
+    Raises UnitError (`quantity`) where no finite double can hold it.
+    """
+    numerator, denominator = exact(number)
+    try:
+        value = (numerator * unit[0]) / (denominator * unit[1])
+    except OverflowError:
+        raise UnitError(f"the number `{shortened(number)}` is too large", offset=0, end=len(number)) from None
+    return value + 0.0  # -0 is 0
+
+
+def scan_number(text: str, at: int = 0) -> tuple[str, int] | None:
+    """The number that begins at `at` with its sign, and where it ends; None where none does."""
+    found = _NUMBER.match(text, at)
+    return (found.group(), found.end()) if found else None
+
+
+def scan_unit(text: str, at: int, *, compact: bool = False) -> tuple[Unit, int]:
+    """The unit that begins at `at` (`N*m*s/rad`, `m/s^2`) and where it ends.
+
+    With `compact` no spaces are allowed around `*` and `/`, and the unit ends before a `*` or `/` that no unit follows:
+    the rule of expressions, where `8 mm*i` is 8 mm times i.
+    Raises UnitError (`unit`) for a word that is no unit, (`quantity`) where a unit is expected and none is there.
+    """
+    numerator, denominator, dimension = 1, 1, NUMBER
+    sign = 1
+    start = at
+    for factor in range(MAX_FACTORS + 1):
+        if factor == MAX_FACTORS:
+            raise UnitError(f"a unit of more than {MAX_FACTORS} factors", kind="unit", offset=start, end=at)
+        word = _UNIT_WORD.match(text, at)
+        if word is None:
+            found = text[at : at + 1]
+            raise UnitError(
+                f"expected a unit after `{text[start:at].strip()}`, found {f'`{found}`' if found else 'nothing'}",
+                kind="unit", offset=at, end=at + 1,
+            )
+        base = UNITS.get(word.group())
+        if base is None:
+            raise unknown_unit(word.group(), at)
+        at = word.end()
+        power = _POWER.match(text, at)
+        exponent = 1
+        if power is not None and not (compact and power.group().startswith("**")):
+            exponent, at = int(power.group(1)), power.end()
+            if abs(exponent) > 12:
+                raise UnitError(
+                    f"the power {exponent} of `{word.group()}` is out of range (-12 to 12)", offset=power.start(), end=at,
+                )
+        elif text[at : at + 1] in _SUPERSCRIPT:
+            exponent, at = _SUPERSCRIPT[text[at]], at + 1
+        dimension = dimension * base[2] ** (sign * exponent)
+        up, down = base[0] ** abs(exponent), base[1] ** abs(exponent)
+        if sign * exponent < 0:
+            up, down = down, up
+        numerator, denominator = numerator * up, denominator * down
+        following = _OPERATOR.match(text, at)
+        if following is None:
+            break
+        if compact:
+            next_word = _UNIT_WORD.match(text, at + 1)
+            if following.end() - at != 1 or next_word is None or next_word.group() not in UNITS or _continues(text, next_word.end()):
+                break
+        sign = -1 if following.group(1) == "/" else 1
+        at = following.end()
+    return (numerator, denominator, dimension), at
+
+
+def _continues(text: str, at: int) -> bool:
+    """Whether a name goes on at `at`: `m_2` or `s(` is no unit `m` or `s`."""
+    return at < len(text) and (text[at] in "_(." or text[at].isdigit())
+
+
+def unknown_unit(word: str, at: int) -> UnitError:
+    """The error for a word that is no unit, with the one that was meant."""
+    close = _MEANT.get(word) or nearest(word, UNITS)
+    hint = f"; did you mean `{close}`?" if close else ""
+    return UnitError(
+        f"unknown unit `{shortened(word)}`{hint}", kind="unit", offset=at, end=at + len(word),
+        help=None if close else "units are for example mm, m, deg, rad, g, kg, s, N, N*m, rpm, kg/m^3, %",
+    )
+
+
+def parse_quantity(text: str) -> Quantity:
+    """Read `120 mm`, `4.1 N*m`, `kg*m^2` products, `15 %`, or a bare number (of dimension NUMBER).
+
+    Spaces around `*` and `/` are allowed; a space between number and unit is not required.
+    Raises UnitError; its offsets count characters of `text`.
+    """
+    if len(text) > MAX_TEXT:
+        raise UnitError(f"a quantity of {len(text)} characters is too long (at most {MAX_TEXT})")
+    at = len(text) - len(text.lstrip())
+    found = scan_number(text, at)
+    if found is None:
+        raise UnitError(f"expected a number with a unit, found `{shortened(text.strip())}`", help="write for example `120 mm`")
+    number, at = found
+    return _with_unit(text, number, at)
+
+
+def _with_unit(text: str, number: str, at: int) -> Quantity:
+    begin = at
+    while at < len(text) and text[at].isspace():
+        at += 1
+    if at == len(text):
+        return Quantity(converted(number, (1, 1, NUMBER)))
+    if scan_number(text, at) is not None or text[at] in "+-*/(),":
+        raise UnitError(
+            f"expected a unit after `{number}`, found `{shortened(text[at:])}`", offset=at, end=len(text),
+            help=f"an expression begins with `=`: `={text.strip()}`" if text[at] in "+-*/()" else None,
+        )
+    if text[at] == "_" and begin == at:
+        raise UnitError(f"expected a number, found `{shortened(text.strip())}`", help="numbers are written without `_`")
+    unit, end = scan_unit(text, at)
+    if text[end:].strip():
+        raise UnitError(
+            f"expected the end after `{text[:end].strip()}`, found `{shortened(text[end:].strip())}`", offset=end, end=len(text),
+            help="an expression begins with `=`" if re.search(r"[-+(]", text[end:]) else None,
+        )
+    return Quantity(converted(number, unit), unit[2])
+
+
+def parse_vector(text: str) -> tuple[Quantity, Quantity, Quantity]:
+    """Read three numbers that share one unit: `0 120 30 mm`; `0 0 0` needs none.
+
+    Raises UnitError; its offsets count characters of `text`.
+    """
+    if len(text) > MAX_TEXT:
+        raise UnitError(f"a vector of {len(text)} characters is too long (at most {MAX_TEXT})")
+    numbers: list[str] = []
+    at = 0
+    while True:
+        while at < len(text) and text[at].isspace():
+            at += 1
+        found = scan_number(text, at)
+        if found is None:
+            break
+        number, at = found
+        numbers.append(number)
+    count = {1: "one number", 2: "two numbers"}.get(len(numbers), f"{len(numbers)} numbers")
+    how = "write for example `0 120 30 mm` or `[0, 120 mm, 30 mm]`"
+    if not numbers:
+        raise UnitError(f"expected three numbers and a unit, found `{shortened(text.strip())}`", help=how)
+    if len(numbers) != 3:
+        raise UnitError(f"expected three numbers and a unit, found {count} (`{shortened(text.strip())}`)", help=how)
+    unit: Unit = (1, 1, NUMBER)
+    if at < len(text):
+        unit, end = scan_unit(text, at)
+        if text[end:].strip():
+            raise UnitError(
+                f"expected the end after `{text[:end].strip()}`, found `{shortened(text[end:].strip())}`",
+                offset=end, end=len(text), help=how,
+            )
+    x, y, z = (Quantity(converted(number, unit), unit[2]) for number in numbers)
+    return x, y, z
+
+
+def checked(quantity: Quantity, expected: tuple[Dimension, ...], text: str) -> Quantity:
+    """The quantity, when it has one of the expected dimensions (a bare 0 has every one).
+
+    `text` is how it was written. Raises UnitError: `unit` where only the unit is missing, else `dimension`, naming both.
+    """
+    for dimension in expected:
+        if quantity.fits(dimension):
+            return quantity
+    shown = shortened(text.strip())
+    wanted = " or ".join(dimension.words for dimension in expected)
+    first = expected[0]
+    if quantity.dimension == NUMBER and NUMBER not in expected:
+        choices = _SUGGESTED.get(first) or (first.example.partition(" ")[2],)
+        bare = shown if scan_number(shown) == (shown, len(shown)) else f"{quantity.value:.6g}"
+        raise UnitError(
+            f"{wanted} needs a unit, found `{shown}`", kind="unit",
+            help="write " + " or ".join(f"`{bare} {unit}`" for unit in choices),
+        )
+    example = first.example if len(expected) == 1 else " or ".join(dimension.example for dimension in expected)
+    raise UnitError(
+        f"expected {wanted} (such as {example}), found {quantity.dimension.words} (`{shown}`)", kind="dimension",
+    )
+
+
+_SUGGESTED: dict[Dimension, tuple[str, ...]] = {
+    LENGTH: ("mm", "m"), ANGLE: ("deg", "rad"), MASS: ("g", "kg"), TIME: ("s", "ms"), ANGULAR_VELOCITY: ("rpm", "rad/s"),
+}
+
+
+def shortened(text: str, limit: int = 60) -> str:
+    """Text of a document as a message may quote it: one line, bounded."""
+    flat = " ".join(text.split())
+    return flat if len(flat) <= limit else flat[: limit - 3] + "..."

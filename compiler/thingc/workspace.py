@@ -1,0 +1,280 @@
+"""The workspace of a document: the folder that holds all its files, and where parts are looked for.
+
+It is the nearest folder above the document with a `thingc.toml`, or a `pyproject.toml` with `[tool.thingc]`; else the
+document's own folder.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from thingc.diagnostics import Code, Report, did_you_mean
+from thingc.source import MappingNode, Path, Span
+from thingc.units import ANGLE, LENGTH, TIME, Dimension, Quantity, checked, parse_quantity, shortened
+
+if TYPE_CHECKING:
+    from thingc.source import Document
+
+DEFAULT_PARTS = ("parts",)
+DEFAULT_PACKAGES = ("thingc_stock", "bd_warehouse")
+DEFAULT_BUILD = "build"
+DEFAULT_TIMEOUT = 120.0
+DEFAULT_LINEAR = 1e-4
+DEFAULT_ANGULAR = 0.17453292519943295
+"""10 deg."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Workspace:
+    """A folder and its settings.
+
+    `root` absolute; `parts` absolute folders whose modules may be named in `part:`; `packages` installed packages that
+    may be, too; `build` the absolute folder of outputs; `part_timeout` [s] for one part; `linear` [m] and `angular`
+    [rad] the tessellation; `origin` the file that says so, None where the defaults stand.
+    """
+
+    root: str
+    parts: tuple[str, ...]
+    packages: tuple[str, ...]
+    build: str
+    part_timeout: float
+    linear: float
+    angular: float
+    origin: Span | None = None
+
+    @staticmethod
+    def find(document: str, report: Report) -> Workspace | None:
+        """The workspace of a document (a path that need not exist). None when its file is wrong, which is reported."""
+        start = folder = os.path.dirname(os.path.abspath(document))
+        while True:
+            own = os.path.join(folder, "thingc.toml")
+            if os.path.isfile(own):
+                return _read(own, folder, report)
+            shared = os.path.join(folder, "pyproject.toml")
+            if os.path.isfile(shared) and _mentions_thingc(shared):
+                if _table_in(shared) is not None:
+                    return _read(shared, folder, report)
+            above = os.path.dirname(folder)
+            if above == folder:
+                return _default(start)
+            folder = above
+
+    def relative(self, path: str) -> str:
+        """The path inside the workspace with `/`, links resolved: the name of a file that all artifacts use."""
+        return os.path.relpath(os.path.realpath(path), os.path.realpath(self.root)).replace(os.sep, "/")
+
+    def contains(self, path: str) -> bool:
+        """Whether a path, links resolved, is inside the workspace (it need not exist)."""
+        return _inside(path, self.root)
+
+
+def _inside(path: str, root: str) -> bool:
+    real, top = os.path.realpath(path), os.path.realpath(root)
+    return real == top or real.startswith(top.rstrip(os.sep) + os.sep)
+
+
+def _default(folder: str) -> Workspace:
+    return Workspace(
+        root=folder, parts=_existing(folder, DEFAULT_PARTS), packages=DEFAULT_PACKAGES, build=os.path.join(folder, DEFAULT_BUILD),
+        part_timeout=DEFAULT_TIMEOUT, linear=DEFAULT_LINEAR, angular=DEFAULT_ANGULAR,
+    )
+
+
+def _existing(root: str, names: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(folder for folder in (os.path.join(root, name) for name in names) if os.path.isdir(folder))
+
+
+def _bytes(path: str) -> bytes | None:
+    try:
+        with open(path, "rb") as stream:
+            return stream.read(10_000_001)
+    except OSError:
+        return None
+
+
+def _mentions_thingc(path: str) -> bool:
+    """A quick look, so that every other project's `pyproject.toml` costs no parsing."""
+    data = _bytes(path)
+    return data is not None and b"thingc" in data
+
+
+def _table_in(path: str) -> dict[str, Any] | None:
+    """`[tool.thingc]` of a `pyproject.toml`; an empty one where the file cannot be read, so that this is reported."""
+    import tomllib
+
+    try:
+        tool = tomllib.loads((_bytes(path) or b"").decode("utf-8-sig")).get("tool")
+    except (ValueError, RecursionError):
+        return {}
+    table = tool.get("thingc") if isinstance(tool, dict) else None
+    return table if isinstance(table, dict) else None
+
+
+def _read(path: str, root: str, report: Report) -> Workspace | None:
+    """The workspace that a file describes.
+
+    The settings are first read plainly, which costs nothing of the machinery for positions and models; where
+    anything is unusual, the document model looks at the file and says what is wrong.
+    """
+    import tomllib
+
+    data = _bytes(path)
+    if data is None:
+        report.add(Code.UNREADABLE, f"cannot read `{os.path.basename(path)}`", None)
+        return None
+    prefix: Path = () if os.path.basename(path) == "thingc.toml" else ("tool", "thingc")
+    try:
+        table: Any = tomllib.loads(data.decode("utf-8-sig"))
+        for key in prefix:
+            table = table[key]
+        settings = _Settings.plain(table)
+    except (ValueError, RecursionError, KeyError, TypeError, OverflowError):
+        settings = None
+    span: Span | None = Span(file=path, line=1, column=1, end_line=1, end_column=1)
+    if settings is not None:
+        found = _workspace(settings, root, span)
+        if found is not None:
+            return found
+    return _explained(path, data, root, prefix, report)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Settings:
+    """What a workspace file says, in its own words (paths relative) and SI."""
+
+    parts: tuple[str, ...] | None
+    packages: tuple[str, ...]
+    build: str
+    part_timeout: float
+    linear: float
+    angular: float
+
+    @staticmethod
+    def plain(table: dict[str, Any]) -> _Settings | None:
+        """The settings of a table in which nothing is unusual; None (or ValueError, TypeError) where anything is."""
+        known = {"thingc", "parts", "packages", "build", "part_timeout", "mesh", "$schema"}
+        mesh = table.get("mesh", {})
+        if table["thingc"] != "workspace/1" or not known.issuperset(table) or not {"linear", "angular"}.issuperset(mesh):
+            return None
+        build = table.get("build", DEFAULT_BUILD)
+        return None if not isinstance(build, str) else _Settings(
+            parts=_plain_texts(table["parts"]) if "parts" in table else None,
+            packages=_plain_texts(table["packages"]) if "packages" in table else DEFAULT_PACKAGES,
+            build=build,
+            part_timeout=_plain_value(table, "part_timeout", TIME, DEFAULT_TIMEOUT),
+            linear=_plain_value(mesh, "linear", LENGTH, DEFAULT_LINEAR),
+            angular=_plain_value(mesh, "angular", ANGLE, DEFAULT_ANGULAR),
+        )
+
+
+def _plain_texts(value: Any) -> tuple[str, ...]:
+    if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
+        raise TypeError
+    return tuple(value)
+
+
+def _plain_value(table: dict[str, Any], key: str, dimension: Dimension, default: float) -> float:
+    if key not in table:
+        return default
+    text = table[key]
+    if not isinstance(text, str):
+        raise TypeError
+    value = checked(parse_quantity(text), (dimension,), text).value
+    if value <= 0.0:
+        raise ValueError
+    return value
+
+
+def _workspace(settings: _Settings, root: str, span: Span | None) -> Workspace | None:
+    """The workspace, or None where one of its folders is wrong."""
+    folders = DEFAULT_PARTS if settings.parts is None else settings.parts
+    for text in (*folders, settings.build):
+        if _folder_fault(text, root) is not None:
+            return None
+    if settings.parts is not None and len(_existing(root, folders)) != len(folders):
+        return None
+    return Workspace(
+        root=root, parts=tuple(os.path.normpath(folder) for folder in _existing(root, folders)), packages=settings.packages,
+        build=os.path.normpath(os.path.join(root, settings.build)), part_timeout=settings.part_timeout,
+        linear=settings.linear, angular=settings.angular, origin=span,
+    )
+
+
+def _folder_fault(text: str, root: str) -> tuple[str, str] | None:
+    """What is wrong with a path of the workspace file and a hint; None when it stays inside."""
+    shown = shortened(text)
+    if not text.strip() or "\0" in text:
+        return f"expected a folder, found `{shown}`", "`.` is the workspace itself"
+    if os.path.isabs(text) or text.startswith("~"):
+        return f"`{shown}` is an absolute path", "write it relative to this file"
+    if not _inside(os.path.join(root, text), root):
+        return f"`{shown}` leaves the workspace", "name a folder below this file"
+    return None
+
+
+def _explained(path: str, data: bytes, root: str, prefix: Path, report: Report) -> Workspace | None:
+    """The slow and exact reading: positions and the document model. Returns None unless everything is right."""
+    from thingc.load.documents import document_kind, read_tree
+    from thingc.source import Document, node_at
+    from thingc.spec.validate import validate_one
+
+    before = len(report.diagnostics)
+    tree = read_tree(path, data, report)
+    table = node_at(tree, prefix) if tree is not None else None
+    if not isinstance(table, MappingNode):
+        return None
+    kind = document_kind(table, report)
+    if kind is None:
+        return None
+    if kind != "workspace":
+        report.add(
+            Code.WRONG_KIND, f"expected a document of kind `workspace`, found `{kind}`", table.entries["thingc"].span,
+            help="write `thingc = \"workspace/1\"`",
+        )
+        return None
+    document = Document(path=path, relative=os.path.basename(path), kind=kind, tree=table, sha256="", text=data.decode("utf-8-sig"))
+    spec = validate_one(document, report)
+    if spec is None or len(report.diagnostics) > before:
+        return None
+    settings = _from_spec(spec, document, report)
+    _check_folders(settings, document, root, report)
+    return None if len(report.diagnostics) > before else _workspace(settings, root, table.span)
+
+
+def _from_spec(spec: Any, document: Document, report: Report) -> _Settings:
+    """The settings of a validated model; expressions and values that are not above 0 are reported."""
+
+    def value(found: Any, path: Path, default: float) -> float:
+        if found is None:
+            return default
+        if not isinstance(found, Quantity):
+            report.add(Code.BAD_EXPRESSION, "a workspace has no parameters: write the value", document.span(path))
+            return default
+        if found.value <= 0.0:
+            report.add(Code.BAD_QUANTITY, f"expected a value above 0, found `{found}`", document.span(path))
+            return default
+        return found.value
+
+    mesh = spec.mesh
+    return _Settings(
+        parts=tuple(spec.parts) if "parts" in document.tree.entries else None, packages=tuple(spec.packages), build=spec.build,
+        part_timeout=value(spec.part_timeout, ("part_timeout",), DEFAULT_TIMEOUT),
+        linear=value(mesh.linear if mesh else None, ("mesh", "linear"), DEFAULT_LINEAR),
+        angular=value(mesh.angular if mesh else None, ("mesh", "angular"), DEFAULT_ANGULAR),
+    )
+
+
+def _check_folders(settings: _Settings, document: Document, root: str, report: Report) -> None:
+    named: list[tuple[str, Path]] = [(text, ("parts", index)) for index, text in enumerate(settings.parts or ())]
+    for text, path in [*named, (settings.build, ("build",))]:
+        where = document.span(path)
+        fault = _folder_fault(text, root)
+        if fault is not None:
+            report.add(Code.OUTSIDE_WORKSPACE, fault[0], where, help=fault[1])
+        elif path != ("build",) and not os.path.isdir(os.path.join(root, text)):
+            here = [entry.name for entry in os.scandir(root) if entry.is_dir() and not entry.name.startswith(".")]
+            report.add(
+                Code.WORKSPACE_FOLDER, f"there is no folder `{shortened(text)}`", where, help=did_you_mean(text, here, what="folders"),
+            )

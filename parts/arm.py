@@ -1,0 +1,330 @@
+"""The printed parts of the pen-drawing arm: what links its Dynamixel XM430 servos, and the hand that holds the pen.
+
+Every fixture places the servo that it is made for by the mount where that servo will sit, and takes faces, holes and
+clearances from it: no dimension of a servo is written here. All holes of a part are cut in one boolean.
+"""
+
+from __future__ import annotations
+
+from math import hypot
+from typing import Annotated
+
+from build123d import Axis, Cone, Cylinder, Face, Location, Plane, Pos, RectangleRounded, Sketch, Circle, Solid, Wire
+from build123d import extrude, fillet
+
+from thingc import Length, MountPoint, Range, Thing
+from thingc.things.mounts import MATE
+from thingc_stock.dynamixel import XM430
+from thingc_stock.fasteners import Screw
+
+PLAY = 0.1
+"""Room on each side of what goes into a printed part [mm]."""
+
+
+class BasePlate(Thing):
+    """A square plate with two walls that hold the yaw servo by its sides, horn up.
+
+    The origin is on the yaw axis in the underside; z is up, x is the way the arm looks at yaw 0.
+
+    Args:
+        size: edge of the plate
+        thickness: of the plate
+        wall: thickness of the walls
+    """
+
+    def __init__(
+        self,
+        size: Annotated[Length, Range(90, 300)] = 100,
+        thickness: Annotated[Length, Range(3, 15)] = 5,
+        wall: Annotated[Length, Range(3, 10)] = 5,
+    ):
+        super().__init__(material="petg")
+        xm430 = XM430()
+        stand = Location(Plane((0, 0, thickness - xm430.back.location.position.Z), x_dir=(0, -1, 0), z_dir=(0, 0, 1)))
+        self.servo_seat = MountPoint(stand * xm430.back.location * MATE, interface="x430-back")
+        self.servo: XM430 = self.servo_seat.align(xm430.back)
+        screws = [hole(PLAY + wall) for hole in (*self.servo.screws_left, *self.servo.screws_right)]
+
+        corner = size / 2 - 8
+        self.bottom = MountPoint(Location((0, 0, 0), (0, 180, 0)))
+        self.table = [MountPoint(Location((x, y, thickness)), "m4-head") for x in (corner, -corner) for y in (corner, -corner)]
+        self.servo_screw = [MountPoint(screw.seat.location * MATE, "m2.5-head") for screw in screws]
+
+        roomy = xm430.adjust(width__add=2 * PLAY, horn_diameter__add=10 * PLAY).move(stand)
+        self.plate = extrude(RectangleRounded(size, size, 6), thickness).solid()
+        length = xm430.p.height - 2 * xm430.drawing.corner
+        self.walls = [side.location * _block(xm430.p.depth, length, wall) for side in (roomy.left, roomy.right)]
+        table = [mount.location * Screw("M4", 2 * thickness).clearance_hull for mount in self.table]
+        holes = [roomy.idler_hull(2 * thickness), *table, *(screw.clearance_hull for screw in screws)]
+        self.body = self.plate.fuse(*self.walls).cut(*holes).solid()
+
+    def result(self) -> Solid:
+        """The plate with its walls and holes."""
+        return self.body
+
+    def collision(self) -> list[Solid]:
+        """The plate and each wall, without holes."""
+        return [self.plate, *self.walls]
+
+
+class YawPitchBracket(Thing):
+    """A cradle on the horn of the yaw servo in which the shoulder servo stands on its bottom, its axis across the yaw axis.
+
+    The origin is on the yaw axis in the horn's face; z is up, x the way the arm looks. The shoulder's axis is along +y: a
+    positive angle lowers the arm. The screws to the horn are sunk into the platform, under the shoulder servo; those that
+    hold the shoulder servo come from the sides.
+
+    Args:
+        thickness: of the platform
+        wall: thickness of the walls
+    """
+
+    def __init__(
+        self,
+        thickness: Annotated[Length, Range(4.5, 12)] = 5,
+        wall: Annotated[Length, Range(3, 10)] = 5,
+    ):
+        super().__init__(material="petg")
+        xm430 = XM430()
+        below = Location(Plane((0, 0, -xm430.horn_z), x_dir=(0, -1, 0), z_dir=(0, 0, 1)))
+        self.yaw_seat = MountPoint(below * xm430.rotor.location * MATE, interface="x430-horn")
+        self.yaw_servo: XM430 = self.yaw_seat.align(xm430.rotor)
+        above = Location(Plane((0, 0, thickness - xm430.bottom.location.position.Y), x_dir=(-1, 0, 0), z_dir=(0, 1, 0)))
+        self.shoulder_seat = MountPoint(above * xm430.bottom.location * MATE, interface="x430-bottom")
+        self.shoulder_servo: XM430 = self.shoulder_seat.align(xm430.bottom)
+
+        servo = self.shoulder_servo
+        held = (
+            servo.screw_left_bottom_front, servo.screw_left_bottom_rear, servo.screw_right_bottom_front, servo.screw_right_bottom_rear,
+        )
+        sides = [hole(PLAY + wall) for hole in held]
+        # The heads end below the servo, however thick the platform is.
+        sunk = [hole(thickness - hole(1).head_height - 4 * PLAY) for hole in self.yaw_servo.screws_horn]
+        self.servo_screw = [MountPoint(screw.seat.location * MATE, "m2.5-head") for screw in sides]
+
+        roomy = xm430.adjust(width__add=2 * PLAY, boss_diameter__add=6 * PLAY)
+        depth, length = xm430.p.depth, roomy.p.width + 2 * wall
+        top = max(screw.seat.location.position.Z for screw in sides) + sides[0].head_diameter
+        self.platform = _block(length, depth, thickness)
+        self.walls = [Pos(x, 0, 0) * _block(wall, depth, top) for x in ((wall - length) / 2, (length - wall) / 2)]
+        self.board = MountPoint(Location(Plane((-length / 2, 0, top / 2), x_dir=(0, -1, 0), z_dir=(-1, 0, 0))))
+        holes = [roomy.move(below).boss_hull(2 * thickness), *(screw.clearance_hull for screw in (*sunk, *sides))]
+        self.body = self.platform.fuse(*self.walls).cut(*holes).solid()
+
+    def result(self) -> Solid:
+        """The platform with its walls and holes."""
+        return self.body
+
+    def collision(self) -> list[Solid]:
+        """The platform and each wall, without holes."""
+        return [self.platform, *self.walls]
+
+
+class RotorBrace(Thing):
+    """One of the two sides of a link, an L from the horn (or the idler) of a servo to the bottom of the next servo.
+
+    The origin is on the axis of the servo that turns it, at half that servo's depth; y points to the next axis, z out of the
+    horn. A link takes two of the same brace: the other one sits on the idler, turned half a turn about y.
+
+    Args:
+        length: from axis to axis
+        thickness: of both legs
+    """
+
+    def __init__(
+        self,
+        length: Annotated[Length, Range(60, 200)] = 100,
+        thickness: Annotated[Length, Range(2.4, 5)] = 3,
+    ):
+        super().__init__(material="petg")
+        xm430 = XM430()
+        self.rotor_seat = MountPoint(xm430.rotor.location * MATE, interface="x430-horn")
+        self.turning_servo: XM430 = self.rotor_seat.align(xm430.rotor)
+        self.servo_seat = MountPoint(Pos(0, length, 0) * xm430.bottom.location * MATE, interface="x430-bottom")
+        self.next_servo: XM430 = self.servo_seat.align(xm430.bottom)
+
+        self.inner = self.rotor_seat.location.position.Z
+        self.end = self.servo_seat.location.position.Y
+        self.width = xm430.p.horn_diameter + 1.5 * thickness
+        room = self.end - thickness - _swing(xm430) - PLAY
+        assert room > 0, (
+            f"a brace of {length:g} mm with legs of {thickness:g} mm runs into the servo that turns it: make it "
+            f"{-room:.1f} mm longer or thinner"
+        )
+        screws = [hole(thickness) for hole in self.turning_servo.screws_horn]
+        screws += [hole(thickness) for hole in (self.next_servo.screw_bottom_left_front, self.next_servo.screw_bottom_right_front)]
+        plug = xm430.adjust(boss_diameter__add=6 * PLAY).boss_hull(2 * thickness)
+        solids = [*self._legs(), _gusset(self.width, self.end - thickness, self.inner, min(room, 7.0))]
+        self.body = solids[0].fuse(*solids[1:]).cut(plug, *(screw.clearance_hull for screw in screws)).solid()
+
+    def result(self) -> Solid:
+        """Both legs and the gusset between them, with their holes."""
+        return self.body
+
+    def collision(self) -> list[Solid]:
+        """The leg along the servo and the leg across, without holes."""
+        return self._legs()
+
+    def _legs(self) -> list[Solid]:
+        thickness = self.p.thickness
+        along = _tongue(self.width, self.end, self.inner, thickness)
+        across = Pos(0, self.end - thickness / 2, PLAY) * _block(self.width, thickness, self.inner + thickness - PLAY)
+        return [along, across]
+
+
+class OmegaCap(Thing):
+    """The clamp that holds the pen against the hand: an arch over the pen between two flanges, like an omega.
+
+    The origin is in the face that lies on the hand, under the arch; z points away from the hand, y along the pen to its tip.
+
+    Args:
+        pen_diameter: of the pen
+        thickness: of arch and flanges
+        width: along the pen
+    """
+
+    def __init__(
+        self,
+        pen_diameter: Annotated[Length, Range(6, 30)] = 15,
+        thickness: Annotated[Length, Range(2, 6)] = 3,
+        width: Annotated[Length, Range(8, 30)] = 12,
+    ):
+        super().__init__(material="petg")
+        screw = Screw("M3")
+        radius = pen_diameter / 2 + PLAY
+        outer = radius + thickness
+        spot = outer + screw.head_diameter / 2 + 4 * PLAY
+        self.half_width = spot + screw.head_diameter / 2 + 4 * PLAY
+        axis = pen_diameter / 2 + PLAY / 2
+        self.seat = MountPoint(Location((0, 0, 0), (0, 180, 0)), interface="omega")
+        self.pen = MountPoint(Location((0, 0, axis), (0, 0, -90)), interface=f"pen-{pen_diameter:g}")
+        self.screw = [MountPoint(Location((x, 0, thickness)), "m3-head") for x in (spot, -spot)]
+
+        self.outer, self.axis = outer, axis
+        flange = _block(2 * self.half_width, width, thickness)
+        body = flange.fuse(self._arch(outer))
+        self.body = body.cut(self._arch(radius), *(self.fixing(k, thickness).clearance_hull for k in (0, 1))).solid()
+
+    def fixing(self, number: int, depth: float) -> Screw:
+        """The screw number 0 (+x) or 1 through its flange, `depth` [mm] into the hand."""
+        return Screw("M3", self.p.thickness + depth).move(self.screw[number].location)
+
+    def result(self) -> Solid:
+        """Arch and flanges, with the holes for the screws."""
+        return self.body
+
+    def collision(self) -> list[Solid]:
+        """The arch with the pen's place filled, and the flanges."""
+        return [self._arch(self.outer), _block(2 * self.half_width, self.p.width, self.p.thickness)]
+
+    def _arch(self, radius: float) -> Solid:
+        """A half cylinder of that radius around the pen's axis on straight sides down to the hand."""
+        width = self.p.width
+        legs = _block(2 * radius, width, self.axis)
+        return legs.fuse(Solid.make_cylinder(radius, width, Plane((0, -width / 2, self.axis), z_dir=(0, 1, 0)))).solid()
+
+
+class Hand(Thing):
+    """An L on the horn of the wrist servo: a leg beside the servo, and a plate across its end that carries the pen's cap.
+
+    The origin is on the wrist's axis at half the servo's depth; y points away from the arm, z out of the horn, and the pen
+    lies along x with its tip towards -x.
+
+    Args:
+        pen_diameter: of the pen
+        clearance: from the axis to the plate across
+        thickness: of the leg beside the servo
+        front: thickness of the plate across, into which the cap is screwed
+    """
+
+    def __init__(
+        self,
+        pen_diameter: Annotated[Length, Range(6, 30)] = 15,
+        clearance: Annotated[Length, Range(19, 60)] = 22,
+        thickness: Annotated[Length, Range(2.4, 6)] = 3,
+        front: Annotated[Length, Range(4, 10)] = 5,
+    ):
+        super().__init__(material="petg")
+        xm430 = XM430()
+        self.rotor_seat = MountPoint(xm430.rotor.location * MATE, interface="x430-horn")
+        self.servo: XM430 = self.rotor_seat.align(xm430.rotor)
+        omega = OmegaCap(pen_diameter)
+        outside = Location(Plane((0, clearance + front, 0), x_dir=(0, 0, -1), z_dir=(0, 1, 0)))
+        self.cap_seat = MountPoint(outside * omega.seat.location * MATE, interface="omega")
+        self.cap: OmegaCap = self.cap_seat.align(omega.seat)
+
+        self.inner = self.rotor_seat.location.position.Z
+        self.end = clearance + front
+        self.width = max(xm430.p.horn_diameter + 1.5 * thickness, omega.p.width)
+        self.low, self.high = -omega.half_width, max(omega.half_width, self.inner + thickness)
+        room = clearance - _swing(xm430) - PLAY
+        assert room > 0, f"a hand with {clearance:g} mm of clearance runs into the wrist servo: it takes {clearance - room:.1f} mm"
+        plug = xm430.adjust(boss_diameter__add=6 * PLAY).boss_hull(2 * thickness)
+        holes = [plug, *(hole(thickness).clearance_hull for hole in self.servo.screws_horn)]
+        holes += [self.cap.fixing(k, front).tapped_hull for k in (0, 1)]
+        solids = [*self._legs(), _gusset(self.width, clearance, self.inner, min(room, 7.0))]
+        self.body = solids[0].fuse(*solids[1:]).cut(*holes).solid()
+
+    def result(self) -> Solid:
+        """The L with its gusset and holes."""
+        return self.body
+
+    def collision(self) -> list[Solid]:
+        """The leg beside the servo and the plate across, without holes."""
+        return self._legs()
+
+    def _legs(self) -> list[Solid]:
+        front = self.p.front
+        along = _tongue(self.width, self.end, self.inner, self.p.thickness)
+        across = Pos(0, self.end - front / 2, self.low) * _block(self.width, front, self.high - self.low)
+        return [along, across]
+
+
+class PenDummy(Thing):
+    """A pen-shaped end effector: a cylinder, rounded at the end, with a conical tip.
+
+    The origin is halfway along the cylinder, z points to the tip.
+
+    Args:
+        length: of the cylinder
+        diameter: of the cylinder
+    """
+
+    def __init__(
+        self,
+        length: Annotated[Length, Range(40, 250)] = 100,
+        diameter: Annotated[Length, Range(6, 30)] = 15,
+    ):
+        super().__init__(material="petg")
+        shaft = Cylinder(diameter / 2, length)
+        rounded = fillet(shaft.edges().sort_by(Axis.Z)[0], diameter / 2.5)
+        self.body = (rounded + Pos(0, 0, length / 2 + length / 20) * Cone(diameter / 2, 0, length / 10)).solid()
+        self.groundplane = Circle(diameter / 2)
+        self.grip = MountPoint(Location((0, 0, 0), (90, 0, 0)), interface=f"pen-{diameter:g}")
+        self.tip = MountPoint(Location((0, 0, length / 2 + length / 10)))
+
+    def result(self) -> Solid:
+        """The pen."""
+        return self.body
+
+
+def _swing(servo: XM430) -> float:
+    """How far the corners next to the output reach from the axis [mm]: what a part across that end must stay outside of."""
+    return hypot(servo.p.width / 2, servo.top.location.position.Y)
+
+
+def _block(length: float, width: float, height: float) -> Solid:
+    """A box on the plane z = 0, centred in x and y [mm]."""
+    return Solid.make_box(length, width, height, Plane((-length / 2, -width / 2, 0)))
+
+
+def _tongue(width: float, end: float, bottom: float, thickness: float) -> Solid:
+    """A flat leg from the z axis to y = `end`, rounded around the axis, lying on z = `bottom` [mm]."""
+    straight = Pos(0, end / 2, bottom) * _block(width, end, thickness)
+    return straight.fuse(Solid.make_cylinder(width / 2, thickness, Plane((0, 0, bottom)))).solid()
+
+
+def _gusset(width: float, y: float, z: float, leg: float) -> Solid:
+    """A prism of that width [mm] in the corner between a leg above z and a leg beyond y, `leg` along both."""
+    corner = [(-width / 2, y - leg, z), (-width / 2, y, z - leg), (-width / 2, y, z)]
+    return Solid.extrude(Face(Wire.make_polygon(corner)), (width, 0, 0))

@@ -1,0 +1,309 @@
+"""ROBOTIS Dynamixel X servos: XM430-W350 and XM540-W270.
+
+One family, one class: a model is a `Drawing` (the numbers of its published drawing), an actuator and a mass.
+
+Sources: ROBOTIS e-Manual, pages "XM430-W350" and "XM540-W270" (size, mass, gear ratio, stall torque and no-load speed at
+12 V, control table), and the drawings offered there for download, X-430 (XM430-W350, horn HN12-N101, idler HN12-I101) and
+X-540 (XM540-W270, horn HN13-N101, idler HN13-I101).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import pi
+from typing import Annotated, ClassVar
+
+from build123d import Face, Location, Plane, Pos, Solid, Wire
+
+from thingc import Actuator, Length, MountPoint, Range, Thing
+from thingc_stock.fasteners import Screw, Size
+
+Hole = Callable[[float], Screw]
+"""A threaded hole. Called with the thickness [mm] of what is fastened on the face, it gives the screw in place: its
+bearing plane that far above the face, its tip at the bottom of the hole."""
+
+Positive = Annotated[Length, Range(minimum=0.1)]
+
+FLIP = Location((0, 0, 0), (0, 180, 0))
+"""Looks at a place from behind: half a turn about y."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drawing:
+    """The dimensions of a model [mm]. x is to the left, y to the top (the short end, next to the output), z to the front
+    (the horn), from the output axis at half depth. A `circle` is the diameter through the centres of holes."""
+
+    axis_to_top: float
+    axis_to_bottom: float
+    corner: float
+    horn_thickness: float
+    boss_height: float
+    tip_diameter: float
+    tip_height: float
+    idler_thickness: float
+    horn_circle: float
+    horn_holes: int
+    horn_screw: Size
+    body_screw: Size
+    body_hole_depth: float
+    side_to_axis: float
+    side_span_y: float
+    side_span_z: float
+    front_to_axis: float
+    front_span: float
+    top_to_front: float
+    top_span: float
+    bottom_span_x: float
+    bottom_span_z: float
+    interface: str
+
+
+def position_gain(stall_torque: float) -> float:
+    """Stiffness [N m/rad] at the output of the position controller as delivered, from the stall torque [N m].
+
+    e-Manual, control tables: position P gain 800, of which gain/128 duty counts per encoder step; 4096 steps a turn;
+    885 counts are full duty, which at standstill gives the stall torque. I and D gain are 0 as delivered.
+    """
+    return 800.0 / 128.0 * 4096.0 / (2.0 * pi) / 885.0 * stall_torque
+
+
+def velocity_gain(stall_torque: float, no_load_speed: float) -> float:
+    """Damping [N m s/rad] by back-EMF: at full duty the torque falls from stall [N m] to nothing at the no-load speed
+    [rad/s]."""
+    return stall_torque / no_load_speed
+
+
+def servo_drive(stall_torque: float, no_load_speed: float, gear_ratio: float, rotor_inertia: float) -> Actuator:
+    """A position drive from the published stall torque [N m], no-load speed [rad/s] and gear ratio, and an estimate of
+    the rotor's inertia at the motor [kg m^2]; the gains follow from them."""
+    return Actuator(
+        kind="position",
+        stall_torque=(stall_torque, "vendor"),
+        no_load_speed=(no_load_speed, "vendor"),
+        gear_ratio=(gear_ratio, "vendor"),
+        rotor_inertia=(rotor_inertia, "estimated"),
+        kp=(position_gain(stall_torque), "estimated"),
+        kv=(velocity_gain(stall_torque, no_load_speed), "estimated"),
+    )
+
+
+class XSeries(Thing):
+    """A Dynamixel X servo: case, horn and idler as one rigid part with every screw hole.
+
+    x is to the left, y to the top (the short end, next to the output), z along the output axis out of the horn; the origin
+    is on the axis at half depth. What the servo turns is attached to `rotor`.
+
+    Mounts: the six faces of the case at their centres; `horn` and `idler` on their outer faces; `rotor`, the joint's name
+    for `horn`.
+
+    Every screw hole is a reference: `screw_left_top_front(thickness)` is the `Screw` in that hole, its head on something
+    that thick. The holes of a face in a list are `screws_left`, `screws_right`, `screws_front`, `screws_top`,
+    `screws_bottom`, `screws_horn` and `screws_idler` (of the last two number 0 is at +x, counted towards +y).
+
+    The solid is full; the mass is the vendor's, and the inertia is the solid's scaled to it.
+
+    A model pins the dimensions; `XM430().adjust(width__add=0.2)` is the same servo with play around it, for cutting.
+
+    Args:
+        width: of the case, along x
+        height: of the case, along y; what is added goes to both ends alike
+        depth: of the case, along z, without horn and idler
+        horn_diameter: of horn and idler
+        boss_diameter: of the boss in the middle of the horn
+        idler: whether the idler is mounted on the back
+    """
+
+    drawing: ClassVar[Drawing]
+
+    def __init__(
+        self, width: Positive, height: Positive, depth: Positive, horn_diameter: Positive, boss_diameter: Positive, idler: bool,
+    ):
+        super().__init__(material="aluminium")
+        d = self.drawing
+        assert boss_diameter < d.horn_circle < horn_diameter, (
+            f"the holes of the horn are on a circle of {d.horn_circle:g} mm, which must lie between the boss "
+            f"({boss_diameter:g} mm) and the rim ({horn_diameter:g} mm)"
+        )
+        top = d.axis_to_top + (height - d.axis_to_top - d.axis_to_bottom) / 2
+        bottom = top - height
+        middle = (top + bottom) / 2
+        front = depth / 2
+        side = width / 2
+        self.horn_z = front + d.horn_thickness
+        self.idler_z = -front - (d.idler_thickness if idler else 0.0)
+
+        self.front = MountPoint(Location((0, middle, front)))
+        self.back = MountPoint(Location((0, middle, -front), (0, 180, 0)))
+        self.left = MountPoint(Location((side, middle, 0), (0, 90, 0)))
+        self.right = MountPoint(Location((-side, middle, 0), (0, -90, 0)))
+        self.top = MountPoint(Location((0, top, 0), (-90, 0, 0)))
+        self.bottom = MountPoint(Location((0, bottom, 0), (90, 0, 0)))
+        self.rotor = MountPoint(Location((0, 0, self.horn_z)), interface=f"{d.interface}-horn")
+        self.horn = MountPoint(Location((0, 0, self.horn_z)), interface=f"{d.interface}-horn")
+        self.idler = MountPoint(Location((0, 0, self.idler_z), (0, 180, 0)), interface=f"{d.interface}-idler")
+
+        near, far = -d.side_to_axis, -d.side_to_axis - d.side_span_y
+        along = d.side_span_z / 2
+        self.screw_left_top_front = self._body_hole((side, near, along), (0, 90, 0))
+        self.screw_left_top_rear = self._body_hole((side, near, -along), (0, 90, 0))
+        self.screw_left_bottom_front = self._body_hole((side, far, along), (0, 90, 0))
+        self.screw_left_bottom_rear = self._body_hole((side, far, -along), (0, 90, 0))
+        self.screw_right_top_front = self._body_hole((-side, near, along), (0, -90, 0))
+        self.screw_right_top_rear = self._body_hole((-side, near, -along), (0, -90, 0))
+        self.screw_right_bottom_front = self._body_hole((-side, far, along), (0, -90, 0))
+        self.screw_right_bottom_rear = self._body_hole((-side, far, -along), (0, -90, 0))
+        self.screw_front_left = self._body_hole((d.front_span / 2, -d.front_to_axis, front), (0, 0, 0))
+        self.screw_front_right = self._body_hole((-d.front_span / 2, -d.front_to_axis, front), (0, 0, 0))
+        self.screw_top_left = self._body_hole((d.top_span / 2, top, front - d.top_to_front), (-90, 0, 0))
+        self.screw_top_right = self._body_hole((-d.top_span / 2, top, front - d.top_to_front), (-90, 0, 0))
+        across, along = d.bottom_span_x / 2, d.bottom_span_z / 2
+        self.screw_bottom_left_front = self._body_hole((across, bottom, along), (90, 0, 0))
+        self.screw_bottom_left_rear = self._body_hole((across, bottom, -along), (90, 0, 0))
+        self.screw_bottom_right_front = self._body_hole((-across, bottom, along), (90, 0, 0))
+        self.screw_bottom_right_rear = self._body_hole((-across, bottom, -along), (90, 0, 0))
+
+        self.screws_left = [
+            self.screw_left_top_front, self.screw_left_top_rear, self.screw_left_bottom_front, self.screw_left_bottom_rear,
+        ]
+        self.screws_right = [
+            self.screw_right_top_front, self.screw_right_top_rear, self.screw_right_bottom_front, self.screw_right_bottom_rear,
+        ]
+        self.screws_front = [self.screw_front_left, self.screw_front_right]
+        self.screws_top = [self.screw_top_left, self.screw_top_right]
+        self.screws_bottom = [
+            self.screw_bottom_left_front, self.screw_bottom_left_rear,
+            self.screw_bottom_right_front, self.screw_bottom_right_rear,
+        ]
+        circle = _circle(d.horn_circle, d.horn_holes)
+        horn, behind = Pos(0, 0, self.horn_z), Pos(0, 0, self.idler_z)
+        self.screws_horn = [_hole(horn * spot, d.horn_screw, d.horn_thickness) for spot in circle]
+        self.screws_idler = [_hole(behind * spot * FLIP, d.horn_screw, d.idler_thickness) for spot in circle if idler]
+
+    def case_hull(self) -> Solid:
+        """The case without holes, horn and idler."""
+        x, c = self.p.width / 2, self.drawing.corner
+        top, bottom, z = self.top.location.position.Y, self.bottom.location.position.Y, -self.p.depth / 2
+        outline = [
+            (x, bottom + c), (x, top - c), (x - c, top), (c - x, top), (-x, top - c), (-x, bottom + c), (c - x, bottom), (x - c, bottom),
+        ]
+        return Solid.extrude(Face(Wire.make_polygon([(u, v, z) for u, v in outline])), (0, 0, self.p.depth))
+
+    def boss_hull(self, height: float) -> Solid:
+        """The boss in the middle of the horn as a cylinder that ends `height` [mm] above the horn's face: what a part on
+        the horn leaves free."""
+        return Solid.make_cylinder(self.p.boss_diameter / 2, height, Plane((0, 0, self.horn_z)))
+
+    def idler_hull(self, height: float) -> Solid:
+        """The idler as a cylinder that ends `height` [mm] behind the back of the case: what a part on the back leaves free."""
+        return Solid.make_cylinder(self.p.horn_diameter / 2, height, Plane((0, 0, -self.p.depth / 2 - height)))
+
+    def result(self) -> Solid:
+        """Case, horn and idler, the holes at the threads' outer diameter."""
+        d = self.drawing
+        rim = Solid.make_cylinder(self.p.horn_diameter / 2, self.horn_z - self.idler_z, Plane((0, 0, self.idler_z)))
+        boss = self.boss_hull(d.boss_height)
+        tip = Solid.make_cylinder(d.tip_diameter / 2, d.tip_height, Plane((0, 0, self.horn_z)))
+        sides = [*self.screws_left, *self.screws_right, *self.screws_front, *self.screws_top, *self.screws_bottom]
+        holes = [_drilled(hole(0.0)) for hole in (*sides, *self.screws_horn, *self.screws_idler)]
+        return self.case_hull().fuse(rim, boss, tip).cut(*holes).solid()
+
+    def collision(self) -> list[Solid]:
+        """The case, horn and idler in one cylinder, and the boss."""
+        rim = Solid.make_cylinder(self.p.horn_diameter / 2, self.horn_z - self.idler_z, Plane((0, 0, self.idler_z)))
+        return [self.case_hull(), rim, self.boss_hull(self.drawing.tip_height)]
+
+    def _body_hole(self, position: tuple[float, float, float], rotation: tuple[float, float, float]) -> Hole:
+        return _hole(Location(position, rotation), self.drawing.body_screw, self.drawing.body_hole_depth)
+
+
+class XM430(XSeries):
+    """ROBOTIS Dynamixel XM430-W350 with horn HN12-N101 and idler HN12-I101.
+
+    e-Manual (emanual.robotis.com/docs/en/dxl/x/xm430-w350): 28.5 x 46.5 x 34 mm, 82 g, gear 353.5 : 1, at 12 V stall torque
+    4.1 N m and no-load speed 46 rpm. Drawing X-430: horn and idler 19.5 mm with 8 x M2 on a circle of 16 mm.
+
+    The rotor's inertia is 0.045 kg m^2 at the output, fitted to this servo with a known load by Haarnoja et al., "Learning
+    agile soccer skills for a bipedal robot with deep reinforcement learning", Science Robotics 9 (2024), and used in MuJoCo
+    Menagerie's `robotis_op3`, where kp = 21.1 N m/rad and damping 1.084 N m s/rad were fitted, too: the gains here, derived
+    from the data sheet at 12 V, are 18.9 and 0.85.
+
+    Args:
+        idler: whether the idler is mounted on the back
+    """
+
+    drawing = Drawing(
+        axis_to_top=11.25, axis_to_bottom=35.25, corner=2.0,
+        horn_thickness=2.0, boss_height=2.0, tip_diameter=4.3, tip_height=2.5, idler_thickness=2.0,
+        horn_circle=16.0, horn_holes=8, horn_screw="M2",
+        body_screw="M2.5", body_hole_depth=3.0,
+        side_to_axis=4.0, side_span_y=24.0, side_span_z=12.0,
+        front_to_axis=8.0, front_span=22.0, top_to_front=11.0, top_span=16.0, bottom_span_x=16.0, bottom_span_z=12.0,
+        interface="x430",
+    )
+    actuator = servo_drive(
+        stall_torque=4.1, no_load_speed=46.0 * 2.0 * pi / 60.0, gear_ratio=353.5, rotor_inertia=0.045 / 353.5**2,
+    )
+    bom = {"make": "buy", "number": "XM430-W350", "supplier": "ROBOTIS"}
+
+    def __init__(self, idler: bool = True):
+        super().__init__(width=28.5, height=46.5, depth=34.0, horn_diameter=19.5, boss_diameter=8.0, idler=idler)
+
+    def mass(self) -> tuple[float, str]:
+        """82 g, e-Manual."""
+        return (0.082, "vendor")
+
+
+class XM540(XSeries):
+    """ROBOTIS Dynamixel XM540-W270 with horn HN13-N101 and idler HN13-I101.
+
+    e-Manual (emanual.robotis.com/docs/en/dxl/x/xm540-w270): 33.5 x 58.5 x 44 mm, 165 g, gear 272.5 : 1, at 12 V stall torque
+    10.6 N m and no-load speed 30 rpm. Drawing X-540: horn and idler 26 mm with 8 x M2.5 on a circle of 22 mm.
+
+    The rotor's inertia is that of the XM430-W350 scaled as between similar motors, with the fifth power of the width of
+    the case; nobody has published a fit.
+
+    Args:
+        idler: whether the idler is mounted on the back
+    """
+
+    drawing = Drawing(
+        axis_to_top=13.75, axis_to_bottom=44.75, corner=2.0,
+        horn_thickness=2.6, boss_height=2.3, tip_diameter=5.3, tip_height=3.0, idler_thickness=2.5,
+        horn_circle=22.0, horn_holes=8, horn_screw="M2.5",
+        body_screw="M2.5", body_hole_depth=4.0,
+        side_to_axis=6.0, side_span_y=32.0, side_span_z=16.0,
+        front_to_axis=10.5, front_span=27.0, top_to_front=14.0, top_span=20.0, bottom_span_x=20.0, bottom_span_z=16.0,
+        interface="x540",
+    )
+    actuator = servo_drive(
+        stall_torque=10.6, no_load_speed=30.0 * 2.0 * pi / 60.0, gear_ratio=272.5,
+        rotor_inertia=0.045 / 353.5**2 * (33.5 / 28.5) ** 5,
+    )
+    bom = {"make": "buy", "number": "XM540-W270", "supplier": "ROBOTIS"}
+
+    def __init__(self, idler: bool = True):
+        super().__init__(width=33.5, height=58.5, depth=44.0, horn_diameter=26.0, boss_diameter=10.0, idler=idler)
+
+    def mass(self) -> tuple[float, str]:
+        """165 g, e-Manual."""
+        return (0.165, "vendor")
+
+
+def _hole(mouth: Location, size: Size, depth: float) -> Hole:
+    """The hole whose mouth is at `mouth` (z out of the material) and which is `depth` [mm] deep."""
+
+    def screw(thickness: float) -> Screw:
+        return Screw(size, thickness + depth).move(mouth * Pos(0, 0, thickness))
+
+    return screw
+
+
+def _circle(diameter: float, count: int) -> list[Location]:
+    """`count` places around a circle, the first at +x, on towards +y."""
+    return [Location((0, 0, 0), (0, 0, 360.0 * k / count)) * Pos(diameter / 2, 0, 0) for k in range(count)]
+
+
+def _drilled(screw: Screw) -> Solid:
+    """What a threaded hole takes away, from the screw that ends in its mouth: the thread's outer cylinder."""
+    return Solid.make_cylinder(screw.diameter / 2, screw.p.length, Plane(screw.tip.location * FLIP))

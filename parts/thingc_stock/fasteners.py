@@ -1,0 +1,97 @@
+"""Screws over bd_warehouse: its tables of dimensions, with hulls that cut the holes they need.
+
+The solids are made here and threads are not modelled: a revolved profile and one boolean take a tenth of the time of
+bd_warehouse's own screw. Every dimension is bd_warehouse's, which tabulates the standards.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from bd_warehouse.fastener import SocketHeadCapScrew
+from build123d import Axis, Face, Location, Plane, Pos, RegularPolygon, Solid, Wire, extrude
+
+from thingc import Length, MountPoint, Range, Thing
+
+Size = Literal["M1.6", "M2", "M2.5", "M3", "M4", "M5", "M6", "M8"]
+"""Metric sizes of coarse pitch."""
+
+HEAD_PLAY = 0.2
+"""Room around a screw head in a counterbore, on the radius [mm]: what a 0.4 mm nozzle needs for the head to go in."""
+
+_STANDARD = "iso4762"
+_COARSE = {designation.partition("-")[0]: designation for designation in SocketHeadCapScrew.sizes(_STANDARD)}
+"""`M2.5` to the table's `M2.5-0.45`; ISO 4762 screws have one pitch per size."""
+
+
+class Screw(Thing):
+    """A hexagon socket head cap screw, ISO 4762, steel, property class 8.8.
+
+    The origin is on the axis in the bearing plane (the underside of the head), z towards the driver: the head is at
+    z > 0, the shank at z < 0. Head and socket are those of ISO 4762 (outer diameter of a knurled head), clearance holes
+    of ISO 273 (`Close` fine, `Normal` medium, `Loose` coarse), tap drills those for soft materials, all as tabulated in
+    bd_warehouse.
+
+    Args:
+        size: nominal thread, coarse pitch
+        length: from the bearing plane to the tip
+        fit: of the clearance hole
+    """
+
+    bom = {"make": "buy", "number": "ISO 4762"}
+
+    def __init__(
+        self,
+        size: Size = "M2.5",
+        length: Annotated[Length, Range(1, 300)] = 8,
+        fit: Literal["Close", "Normal", "Loose"] = "Normal",
+    ):
+        super().__init__(material="steel")
+        designation = _COARSE[size]
+        head = {key.strip(): value for key, value in SocketHeadCapScrew.fastener_data[designation].items()}
+        self.diameter = float(size[1:])
+        self.pitch = float(designation.partition("-")[2])
+        self.head_diameter = float(head[f"{_STANDARD}:dk"])
+        self.head_height = float(head[f"{_STANDARD}:k"])
+        self.socket_width = float(head[f"{_STANDARD}:s"])
+        self.socket_depth = float(head[f"{_STANDARD}:t"])
+        self.clearance_diameter = float(SocketHeadCapScrew.clearance_hole_drill_sizes[size][fit])
+        self.tap_diameter = float(SocketHeadCapScrew.tap_hole_drill_sizes[designation]["Soft"])
+        self.seat = MountPoint(Location((0, 0, 0), (0, 180, 0)), interface=f"{size.lower()}-head")
+        self.tip = MountPoint(Location((0, 0, -length), (0, 180, 0)))
+        self.drive = MountPoint(Location((0, 0, self.head_height)), interface=f"hex-{self.socket_width:g}")
+
+    @property
+    def body_hull(self) -> Solid:
+        """What the screw itself fills: threads as their outer cylinder, the socket closed."""
+        return self._hull(self.diameter, self.head_diameter, self.head_height)
+
+    @property
+    def clearance_hull(self) -> Solid:
+        """What is cut away where the screw passes: the clearance hole, and above the bearing plane the head with
+        `HEAD_PLAY` around it and as much height as it takes to put the whole screw in along its axis."""
+        return self._hull(self.clearance_diameter, self.head_diameter + 2 * HEAD_PLAY, self.head_height + self.p.length)
+
+    @property
+    def tapped_hull(self) -> Solid:
+        """What is drilled where the thread holds: the tap drill over the whole length."""
+        return Solid.make_cylinder(self.tap_diameter / 2, self.p.length, Plane((0, 0, -self.p.length)))
+
+    def result(self) -> Solid:
+        """Head, shank and socket, without threads."""
+        top = Pos(0, 0, self.head_height)
+        socket = extrude(top * RegularPolygon(self.socket_width / 2, 6, major_radius=False), -self.socket_depth)
+        return (self.body_hull - socket).solid()
+
+    def collision(self) -> list[Solid]:
+        """The head and the shank, each convex."""
+        return [
+            Solid.make_cylinder(self.head_diameter / 2, self.head_height),
+            Solid.make_cylinder(self.diameter / 2, self.p.length, Plane((0, 0, -self.p.length))),
+        ]
+
+    def _hull(self, shank: float, head: float, above: float) -> Solid:
+        """Two coaxial cylinders that meet in the bearing plane (diameters, and the height of the upper one) as one solid."""
+        below = -self.p.length
+        outline = [(0, below), (shank / 2, below), (shank / 2, 0), (head / 2, 0), (head / 2, above), (0, above)]
+        return Solid.revolve(Face(Wire.make_polygon([(x, 0, z) for x, z in outline])), 360, Axis.Z)

@@ -1,0 +1,131 @@
+"""The house as its drawing says: imports point one way, and the CAD kernel stays behind its wall."""
+
+from __future__ import annotations
+
+import ast
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE = ROOT / "compiler" / "thingc"
+
+BASE = {"source", "diagnostics", "units", "expressions", "pose", "inertia", "workspace"}
+# What each room may import of thingc, besides itself. `workspace` reads its own document with load and spec.
+ROOMS: dict[str, set[str]] = {
+    "source": set(), "diagnostics": {"source"}, "units": set(), "expressions": {"units"}, "pose": set(), "inertia": {"pose"},
+    "workspace": BASE | {"load", "spec"},
+    "load": BASE,
+    "spec": BASE | {"load"},
+    "things": set(),
+    "realize": BASE | {"things"},
+    "joints": BASE,
+    "resolve": BASE | {"load", "spec", "realize", "joints"},
+    "graph": BASE | {"resolve", "realize", "joints"},
+    "robot": BASE | {"resolve", "realize", "joints", "graph"},
+    "emit": BASE | {"resolve", "realize", "joints", "graph", "robot"},
+    "output": BASE | {"realize", "emit"},
+    "stamp": BASE | {"realize"},
+    "pipeline": BASE | {"load", "spec", "realize", "resolve", "joints", "graph", "robot", "emit"},
+    "api": BASE | {"pipeline", "realize", "graph", "robot", "emit"},
+    "cli": BASE | {"pipeline", "realize", "graph", "robot", "emit", "output", "stamp", "resolve"},
+    "__init__": {"things", "api"},
+    "__main__": {"cli"},
+}
+KERNEL = {"build123d", "OCP", "bd_warehouse", "lib3mf"}
+KERNEL_ROOMS = {"things"}
+KERNEL_MODULES = {"realize/worker.py", "realize/modelling.py", "realize/meshing.py", "realize/assembling.py", "realize/importing.py"}
+HEAVY = {"numpy", "networkx", "trimesh", "mujoco", "scipy", "rich", "typer", "manifold3d", "coacd"}
+CHECK_ROOMS = BASE | {"load", "spec", "resolve", "graph", "joints", "robot", "pipeline", "stamp"}
+
+
+def modules() -> list[Path]:
+    return sorted(PACKAGE.rglob("*.py"))
+
+
+def room_of(path: Path) -> str:
+    first = path.relative_to(PACKAGE).parts[0]
+    return first.removesuffix(".py")
+
+
+def imported(path: Path) -> set[str]:
+    """Every module that a file names in an import, wherever it stands."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative imports hide the direction"
+            assert node.module is not None
+            found |= {f"{node.module}.{alias.name}" for alias in node.names} if node.module == "thingc" else {node.module}
+    return found
+
+
+@pytest.mark.parametrize("path", modules(), ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_imports_point_one_way(path: Path) -> None:
+    room = room_of(path)
+    assert room in ROOMS, f"{room} is a new room: say in ROOMS what it may see"
+    seen = {name.split(".")[1] for name in imported(path) if name.startswith("thingc.")}
+    seen -= {room, "__version__"}
+    assert seen <= ROOMS[room], f"{path.relative_to(PACKAGE)} must not import {sorted(seen - ROOMS[room])}"
+
+
+@pytest.mark.parametrize("path", modules(), ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_only_the_worker_sees_the_kernel(path: Path) -> None:
+    relative = path.relative_to(PACKAGE).as_posix()
+    if room_of(path) in KERNEL_ROOMS or relative in KERNEL_MODULES:
+        return
+    kernel = {name for name in imported(path) if name.split(".")[0] in KERNEL}
+    assert not kernel, f"{relative} imports the CAD kernel: {sorted(kernel)}"
+
+
+@pytest.mark.parametrize("path", modules(), ids=lambda p: str(p.relative_to(PACKAGE)))
+def test_the_path_of_check_is_light(path: Path) -> None:
+    if room_of(path) not in CHECK_ROOMS:
+        return
+    heavy = {name for name in imported(path) if name.split(".")[0] in HEAVY}
+    assert not heavy, f"{path.relative_to(PACKAGE)} imports {sorted(heavy)}"
+
+
+def test_every_public_name_has_a_docstring() -> None:
+    missing = []
+    for path in modules():
+        for node in ast.parse(path.read_text()).body:
+            if not isinstance(node, ast.FunctionDef | ast.ClassDef) or node.name.startswith("_"):
+                continue
+            if ast.get_docstring(node) is None:
+                missing.append(f"{path.relative_to(PACKAGE)}: {node.name}")
+            if isinstance(node, ast.ClassDef):
+                missing += [
+                    f"{path.relative_to(PACKAGE)}: {node.name}.{method.name}"
+                    for method in node.body
+                    if isinstance(method, ast.FunctionDef) and not method.name.startswith("_") and ast.get_docstring(method) is None
+                    and not any(isinstance(d, ast.Attribute) and d.attr == "setter" for d in method.decorator_list)
+                    and not any(isinstance(d, ast.Name) and d.id == "overload" for d in method.decorator_list)
+                ]
+    assert not missing, missing
+
+
+def test_modules_stay_readable() -> None:
+    long = {str(p.relative_to(PACKAGE)): n for p in modules() if (n := len(p.read_text().splitlines())) > 500}
+    assert not long, long
+
+
+def test_importing_thingc_is_light() -> None:
+    program = "import sys, json, thingc; print(json.dumps(sorted(sys.modules)))"
+    loaded = json.loads(subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout)
+    heavy = {name.split(".")[0] for name in loaded} & (KERNEL | HEAVY | {"pydantic", "yaml"})
+    assert not heavy
+
+
+def test_diagnostic_codes_are_a_closed_set() -> None:
+    from thingc.diagnostics import Code
+
+    codes = [code.code for code in Code]
+    assert len(set(codes)) == len(codes)
+    assert all(code.title and code.cure for code in Code)
+    # Enum makes members of equal values aliases of one another: a duplicate would vanish silently.
+    assert len(Code.__members__) == len(list(Code))

@@ -1,0 +1,142 @@
+"""A process of its own that writes builds and is killed, over and over; prints what was found afterwards as JSON.
+
+    python killed_writer.py FOLDER every exchange|renames      a kill at every step that Python can see, one after the other
+    python killed_writer.py FOLDER random SEED COUNT           kills at random instants of an endless run of builds
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import random
+import select
+import signal
+import sys
+
+from thingc import output
+
+NOT_COUNTED = ("object.", "code.", "compile", "marshal.", "cpython.", "sys._getframe", "import")
+
+
+def build(version: int) -> dict[str, bytes]:
+    """A build of which every byte depends on the version; files come and go with it."""
+    files = {f"mjcf/assets/{k}.obj": f"{version} {k} ".encode() * 500 for k in range(6)}
+    files[f"only_{version}.csv"] = b"x" * version
+    files["bom.csv"] = f"version {version}\n".encode()
+    listed = {path: hashlib.sha256(data).hexdigest() for path, data in files.items()}
+    manifest = {"name": "arm", "document": "arm.yaml", "files": listed, "version": version}
+    return files | {"manifest.json": json.dumps(manifest).encode()}
+
+
+class NoStore:
+    """Nothing here is stored."""
+
+    def read(self, sha256: str) -> bytes:
+        raise KeyError(sha256)
+
+
+def write(folder: str, version: int) -> None:
+    output.write_build(folder, "arm", build(version), NoStore(), "arm.yaml")
+
+
+def standing(folder: str) -> int | None:
+    """The version of the build in the folder, None where there is no whole one."""
+    manifest = output.verify(os.path.join(folder, "arm"))
+    return None if manifest is None else int(manifest["version"])
+
+
+def killed_at(folder: str, step: int, version: int) -> tuple[bool, str | None]:
+    """A child that writes a build and kills itself at its `step`-th system step; whether it died, and at which."""
+    reader, writer = os.pipe()
+    child = os.fork()
+    if child == 0:
+        steps = 0
+
+        def hook(event: str, arguments: object) -> None:
+            nonlocal steps
+            if event.startswith(NOT_COUNTED):
+                return
+            steps += 1
+            if steps == step:
+                os.write(writer, event.encode())
+                os.kill(os.getpid(), signal.SIGKILL)
+
+        sys.addaudithook(hook)
+        try:
+            write(folder, version)
+        finally:
+            os._exit(0)
+    os.close(writer)
+    with open(reader, "rb") as stream:
+        event = stream.read().decode()
+    _, status = os.waitpid(child, 0)
+    return os.WIFSIGNALED(status), event or None
+
+
+def every(folder: str, how: str) -> dict[str, object]:
+    """Kill at step 1, 2, 3, ... until a build gets through; after each, look, then let the next build mend."""
+    if how == "renames":
+        def refuse(a: str, b: str) -> None:
+            raise NotImplementedError
+        output._exchange = refuse
+    write(folder, 1)
+    damaged: list[str] = []
+    litter: list[str] = []
+    absent = 0
+    events: list[str] = []
+    old, step = 1, 0
+    while True:
+        step += 1
+        died, event = killed_at(folder, step, old + 1)
+        if not died:
+            break
+        events.append(event or "")
+        found = standing(folder)
+        if found is None and how == "renames" and not os.path.lexists(os.path.join(folder, "arm")):
+            absent += 1
+        elif found not in (old, old + 1):
+            damaged.append(f"step {step} ({event}): {found}")
+        old += 2
+        write(folder, old)
+        if standing(folder) != old:
+            damaged.append(f"after step {step} ({event}) the next build did not get through")
+        if os.listdir(folder) != ["arm"]:
+            litter.append(f"after step {step}: {sorted(os.listdir(folder))}")
+    return {"steps": step, "damaged": damaged, "litter": litter, "absent": absent, "events": events}
+
+
+def at_random(folder: str, seed: int, count: int) -> dict[str, object]:
+    """Let a child build version after version and kill it some time after it has begun."""
+    chance = random.Random(seed)
+    write(folder, 1)
+    damaged: list[str] = []
+    versions: set[int] = set()
+    for _ in range(count):
+        start = standing(folder) or 1
+        reader, writer = os.pipe()
+        child = os.fork()
+        if child == 0:
+            version = start
+            os.write(writer, b"!")
+            while True:
+                version += 1
+                write(folder, version)
+        os.read(reader, 1)
+        select.select([], [], [], chance.uniform(0.0, 0.012))
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        os.close(reader)
+        os.close(writer)
+        found = standing(folder)
+        if found is None or found < start:
+            damaged.append(f"{start} -> {found}: {sorted(os.listdir(folder))}")
+            break
+        versions.add(found)
+    write(folder, 10**6)
+    return {"damaged": damaged, "different": len(versions), "left": sorted(os.listdir(folder))}
+
+
+if __name__ == "__main__":
+    place, what, *rest = sys.argv[1:]
+    print(json.dumps(every(place, rest[0]) if what == "every" else at_random(place, int(rest[0]), int(rest[1]))))

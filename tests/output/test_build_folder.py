@@ -1,0 +1,396 @@
+"""The build folder appears as a whole: kills, two builds at once, strangers, links, full disks."""
+
+from __future__ import annotations
+
+import fcntl
+import hashlib
+import json
+import os
+import resource
+import signal
+import stat
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from thingc.diagnostics import Code, Report
+from thingc.emit.artifact import Content, Stored
+from thingc.output import OutputError, StrangerFiles, strangers, verify, write_build
+from thingc.realize.store import BlobMissing, Store
+
+DRIVER = Path(__file__).with_name("killed_writer.py")
+
+
+def with_manifest(files: dict[str, bytes], document: str = "arm.yaml") -> dict[str, Content]:
+    listed = {path: hashlib.sha256(data).hexdigest() for path, data in files.items()}
+    manifest = {"name": "arm", "document": document, "files": listed}
+    return {**files, "manifest.json": json.dumps(manifest).encode()}
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+FIRST = with_manifest({"bom.csv": b"one\n", "stl/a.stl": b"A" * 100})
+SECOND = with_manifest({"bom.csv": b"two\n", "step/arm.step": b"B" * 50, "mjcf/assets/a.obj": b"v"})
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    return Store(str(tmp_path / "store"))
+
+
+def build(parent: Path, files: dict[str, Content], store: Store, document: str = "arm.yaml", **more: object) -> Path:
+    return Path(write_build(str(parent), "arm", files, store, document, **more))  # type: ignore[arg-type]
+
+
+def driver(*arguments: str) -> dict[str, object]:
+    done = subprocess.run([sys.executable, str(DRIVER), *arguments], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    found: dict[str, object] = json.loads(done.stdout)
+    return found
+
+
+class TestWhole:
+    def test_the_second_build_replaces_the_first_to_the_byte(self, tmp_path: Path, store: Store) -> None:
+        out = tmp_path / "deep" / "build"
+        assert build(out, FIRST, store) == out / "arm"
+        assert content(out / "arm") == FIRST
+        build(out, SECOND, store)
+        assert content(out / "arm") == SECOND
+        assert os.listdir(out) == ["arm"], "nothing else is left beside the folder"
+
+    def test_stored_content_is_a_copy(self, tmp_path: Path, store: Store) -> None:
+        sha256 = store.put(b"mesh")
+        manifest = {"name": "arm", "document": "arm.yaml", "files": {"stl/a.stl": sha256}}
+        files: dict[str, Content] = {"stl/a.stl": Stored(sha256=sha256, size=4), "manifest.json": json.dumps(manifest).encode()}
+        folder = build(tmp_path / "build", files, store)
+        (folder / "stl" / "a.stl").write_bytes(b"edited by somebody")
+        assert store.read(sha256) == b"mesh"
+        assert os.stat(folder / "stl" / "a.stl").st_nlink == 1
+
+    def test_a_damaged_blob_leaves_the_old_build(self, tmp_path: Path, store: Store) -> None:
+        folder = build(tmp_path / "build", FIRST, store)
+        sha256 = store.put(b"mesh")
+        Path(store.path(sha256)).write_bytes(b"mEsh")
+        files = {**with_manifest({}), "a.stl": Stored(sha256=sha256, size=4)}
+        with pytest.raises(BlobMissing):
+            build(tmp_path / "build", files, store)
+        assert content(folder) == FIRST
+        assert os.listdir(tmp_path / "build") == ["arm"]
+
+    def test_a_manifest_is_needed(self, tmp_path: Path, store: Store) -> None:
+        with pytest.raises(ValueError, match=r"^a build needs a manifest\.json$"):
+            build(tmp_path, {"bom.csv": b""}, store)
+
+    @pytest.mark.parametrize("path", ["../x", "/etc/x", "a/../../x", "a//b", "", ".", "a/.", "a\0b", "..\\x"])
+    def test_no_path_leaves_the_folder(self, tmp_path: Path, store: Store, path: str) -> None:
+        with pytest.raises(ValueError, match="is no path inside a build folder"):
+            build(tmp_path / "build", {**FIRST, path: b"bad"}, store)
+        assert os.listdir(tmp_path) == []
+
+    @pytest.mark.parametrize("name", ["..", ".", "a/b", "/x", ""])
+    def test_no_name_leaves_the_parent(self, tmp_path: Path, store: Store, name: str) -> None:
+        with pytest.raises(ValueError, match="is no (name of a folder|path inside)"):
+            write_build(str(tmp_path / "build"), name, FIRST, store, "arm.yaml")
+        assert os.listdir(tmp_path) == []
+
+    def test_a_path_is_not_a_file_and_a_folder(self, tmp_path: Path, store: Store) -> None:
+        with pytest.raises(ValueError, match="'stl' would be both a file and a folder"):
+            build(tmp_path, {**FIRST, "stl": b""}, store)
+
+
+class TestKilled:
+    def test_at_every_step_with_the_exchange(self, tmp_path: Path) -> None:
+        found = driver(str(tmp_path), "every", "exchange")
+        assert found["damaged"] == [] and found["litter"] == []
+        assert found["absent"] == 0
+        assert int(str(found["steps"])) > 30 and "os.rename" not in list(found["events"])  # type: ignore[call-overload]
+
+    def test_at_every_step_with_two_renames(self, tmp_path: Path) -> None:
+        found = driver(str(tmp_path), "every", "renames")
+        assert found["damaged"] == [] and found["litter"] == []
+        assert found["absent"] == 1, "between the two renames, and only there; the next run mends it"
+
+    def test_at_random_instants(self, tmp_path: Path) -> None:
+        found = driver(str(tmp_path), "random", "7", "80")
+        assert found["damaged"] == []
+        assert int(str(found["different"])) > 5, "the kills must come at different places"
+        assert found["left"] == ["arm"]
+
+
+class TestTwoAtOnce:
+    def test_the_second_waits_and_says_so(self, tmp_path: Path, store: Store) -> None:
+        folder = build(tmp_path, FIRST, store)
+        lock = os.open(tmp_path / ".arm.thingc-lock", os.O_RDWR | os.O_CREAT)
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        said: list[str] = []
+        waiting = threading.Event()
+
+        def on_wait(what: str) -> None:
+            said.append(what)
+            waiting.set()
+
+        second = threading.Thread(target=lambda: build(tmp_path, SECOND, store, on_wait=on_wait))
+        second.start()
+        assert waiting.wait(20)
+        assert content(folder) == FIRST, "nothing happens while the lock is held"
+        os.unlink(tmp_path / ".arm.thingc-lock")  # as the first build leaves it
+        os.close(lock)
+        second.join(20)
+        assert said == [str(folder)]
+        assert content(folder) == SECOND
+        assert os.listdir(tmp_path) == ["arm"]
+
+    def test_nobody_waits_alone(self, tmp_path: Path, store: Store) -> None:
+        said: list[str] = []
+        build(tmp_path, FIRST, store, on_wait=said.append)
+        assert said == []
+
+    def test_two_processes_write_and_one_reads(self, tmp_path: Path) -> None:
+        code = (
+            "import sys; sys.path.insert(0, sys.argv[3]); import killed_writer as w\n"
+            "for version in range(int(sys.argv[2]), 200, 2): w.write(sys.argv[1], version)\n"
+        )
+        writers = [
+            subprocess.Popen([sys.executable, "-c", code, str(tmp_path), str(first), str(DRIVER.parent)], stderr=subprocess.PIPE)
+            for first in (1, 2)
+        ]
+        seen: set[int] = set()
+        while any(writer.poll() is None for writer in writers):
+            try:
+                seen.add(json.loads((tmp_path / "arm" / "manifest.json").read_bytes())["version"])
+            except FileNotFoundError:
+                assert not seen, "once there, the folder is always there"
+        assert [writer.communicate()[1] for writer in writers] == [b"", b""]
+        assert len(seen) > 5
+        last = verify(str(tmp_path / "arm"))
+        assert last is not None and last["version"] in (198, 199)
+        assert os.listdir(tmp_path) == ["arm"]
+
+
+class TestStrangers:
+    def test_a_file_of_somebody_else(self, tmp_path: Path, store: Store) -> None:
+        folder = build(tmp_path, FIRST, store)
+        (folder / "notes.txt").write_text("mine")
+        (folder / "stl" / "extra.stl").write_text("mine")
+        before = content(folder)
+        with pytest.raises(StrangerFiles) as raised:
+            build(tmp_path, SECOND, store)
+        assert raised.value.names == ("notes.txt", "stl/extra.stl")
+        assert raised.value.folder == str(folder)
+        assert content(folder) == before
+        assert os.listdir(tmp_path) == ["arm"]
+
+    def test_what_is_said(self, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.chdir(tmp_path)
+        folder = build(tmp_path, FIRST, store)
+        for number in range(10):
+            (folder / f"note_{number}").touch()
+        report = Report()
+        with pytest.raises(StrangerFiles) as raised:
+            build(tmp_path, SECOND, store)
+        raised.value.diagnose(report)
+        (said,) = report.diagnostics
+        assert said.code is Code.STRANGERS
+        assert said.span is None
+        names = ", ".join(f"`note_{number}`" for number in range(8))
+        assert said.message == f"`arm` holds files that no build of `arm.yaml` wrote, and is left as it is: {names} and 2 more"
+        assert said.help == "move these files away, or build into another folder with -o"
+
+    def test_the_build_of_another_document(self, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.chdir(tmp_path)
+        folder = build(tmp_path, with_manifest({"bom.csv": b"one"}, "other.yaml"), store, "other.yaml")
+        with pytest.raises(StrangerFiles, match="^`arm` holds the build of another document, `other.yaml`, and is left as it is$"):
+            build(tmp_path, FIRST, store)
+        assert (folder / "bom.csv").read_bytes() == b"one"
+
+    @pytest.mark.parametrize("manifest", [b"", b"{", b"[]", b'{"name": "arm"}', b'{"name": 1, "document": "arm.yaml", "files": {}}',
+                                          b'{"name": "arm", "document": "arm.yaml", "files": ["notes.txt"]}', b"[" * 100_000])
+    def test_a_manifest_that_is_not_ours(self, tmp_path: Path, store: Store, manifest: bytes) -> None:
+        (tmp_path / "arm").mkdir()
+        (tmp_path / "arm" / "manifest.json").write_bytes(manifest)
+        with pytest.raises(StrangerFiles) as raised:
+            build(tmp_path, FIRST, store)
+        assert raised.value.names == ("manifest.json",)
+
+    def test_empty_folders_are_no_strangers(self, tmp_path: Path, store: Store) -> None:
+        (tmp_path / "arm" / "stl" / "empty").mkdir(parents=True)
+        folder = build(tmp_path, FIRST, store)
+        assert content(folder) == FIRST
+        assert not (folder / "stl" / "empty").exists()
+
+    def test_a_file_where_the_folder_should_be(self, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.chdir(tmp_path)
+        (tmp_path / "arm").write_text("mine")
+        with pytest.raises(OutputError, match="^`arm` is a file, and the build needs a folder there$"):
+            build(tmp_path, FIRST, store)
+        assert (tmp_path / "arm").read_text() == "mine"
+
+    def test_an_edited_file_of_ours_is_replaced(self, tmp_path: Path, store: Store) -> None:
+        folder = build(tmp_path, FIRST, store)
+        (folder / "bom.csv").write_text("edited")
+        build(tmp_path, SECOND, store)
+        assert content(folder) == SECOND
+
+    @pytest.mark.parametrize("how", ["exchange", "renames"])
+    def test_a_file_saved_while_we_write(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: str) -> None:
+        """The store is asked in the middle of writing: that is when somebody saves a file into the old build."""
+
+        class Meddler(Store):
+            def read(self, sha256: str) -> bytes:
+                (tmp_path / "arm" / "thesis.txt").write_text("mine")
+                return super().read(sha256)
+
+        if how == "renames":
+            def refuse(a: str, b: str) -> None:
+                raise NotImplementedError
+            monkeypatch.setattr("thingc.output._exchange", refuse)
+        store = Meddler(str(tmp_path / "store"))
+        folder = build(tmp_path, FIRST, store)
+        sha256 = store.put(b"mesh")
+        with pytest.raises(StrangerFiles) as raised:
+            build(tmp_path, {**SECOND, "late.stl": Stored(sha256=sha256, size=4)}, store)
+        assert raised.value.names == ("thesis.txt",)
+        assert ".thingc-" not in raised.value.message
+        assert content(folder) == {**FIRST, "thesis.txt": b"mine"}
+        assert sorted(os.listdir(tmp_path)) == ["arm", "store"]
+
+
+class TestLinks:
+    def test_what_links_point_to_is_never_deleted(self, tmp_path: Path, store: Store) -> None:
+        precious = tmp_path / "precious"
+        precious.mkdir()
+        (precious / "a.stl").write_text("mine")
+        folder = build(tmp_path / "build", FIRST, store)
+        os.unlink(folder / "stl" / "a.stl")
+        os.rmdir(folder / "stl")
+        os.symlink(precious, folder / "stl")
+        assert strangers(str(folder), "arm.yaml") == ("stl",)
+        with pytest.raises(StrangerFiles):
+            build(tmp_path / "build", SECOND, store)
+        os.unlink(folder / "stl")
+        os.unlink(folder / "bom.csv")
+        os.symlink(precious / "a.stl", folder / "bom.csv")
+        build(tmp_path / "build", SECOND, store)
+        assert content(folder) == SECOND
+        assert (precious / "a.stl").read_text() == "mine"
+
+    def test_a_linked_folder_is_built_where_it_lies(self, tmp_path: Path, store: Store) -> None:
+        (tmp_path / "big_disk" / "out").mkdir(parents=True)
+        (tmp_path / "build").mkdir()
+        os.symlink(tmp_path / "big_disk" / "out", tmp_path / "build" / "arm")
+        for files in (FIRST, SECOND):
+            build(tmp_path / "build", files, store)
+            assert (tmp_path / "build" / "arm").is_symlink()
+            assert content(tmp_path / "big_disk" / "out") == files
+        assert os.listdir(tmp_path / "big_disk") == ["out"]
+
+    def test_a_linked_parent(self, tmp_path: Path, store: Store) -> None:
+        (tmp_path / "big_disk").mkdir()
+        os.symlink("big_disk", tmp_path / "build")
+        build(tmp_path / "build", FIRST, store)
+        build(tmp_path / "build", SECOND, store)
+        assert content(tmp_path / "big_disk" / "arm") == SECOND
+        assert os.listdir(tmp_path / "big_disk") == ["arm"]
+
+    def test_a_link_to_nowhere(self, tmp_path: Path, store: Store) -> None:
+        os.symlink(tmp_path / "later" / "arm", tmp_path / "arm")
+        build(tmp_path, FIRST, store)
+        assert content(tmp_path / "later" / "arm") == FIRST
+
+
+class TestRefused:
+    def test_a_parent_that_is_a_file(self, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.chdir(tmp_path)
+        (tmp_path / "build").write_text("mine")
+        with pytest.raises(OutputError) as raised:
+            build(tmp_path / "build", FIRST, store)
+        assert raised.value.message == "the build cannot be written to `build/arm`: File exists"
+
+    def test_a_system_that_takes_no_folders(self, store: Store) -> None:
+        report = Report()
+        with pytest.raises(OutputError) as raised:
+            write_build("/proc/self", "arm", FIRST, store, "arm.yaml")
+        raised.value.diagnose(report)
+        (said,) = report.diagnostics
+        assert said.code is Code.OUTPUT
+        assert said.message.startswith("the build cannot be written to `/proc/self/arm`: ")
+        assert said.help == "free some space, or build into another folder with -o"
+
+    def test_no_room_left(self, tmp_path: Path, store: Store) -> None:
+        """The system's own refusal in the middle of a file (a file size limit: RLIMIT_FSIZE), in a process of its own."""
+        folder = build(tmp_path, FIRST, store)
+        big = with_manifest({"a.stl": b"x" * 1000, "b.stl": b"x" * 200_000})
+        child = os.fork()
+        if child == 0:
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))
+            try:
+                build(tmp_path, big, store)
+            except OutputError as fault:
+                os._exit(7 if fault.message.startswith("there is no room for the build in `") else 8)
+            os._exit(9)
+        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
+        assert content(folder) == FIRST
+        assert os.listdir(tmp_path) == ["arm"]
+
+    def test_a_folder_without_write_permission_is_replaced_and_deleted(self, tmp_path: Path, store: Store) -> None:
+        """As an ordinary user: the old build can be displaced, and must not stay as litter in the way of the next."""
+        folder = build(tmp_path, FIRST, store)
+        for place in (folder / "stl", folder):
+            place.chmod(stat.S_IRUSR | stat.S_IXUSR)
+        for place in (tmp_path, folder, *folder.rglob("*")):
+            os.chown(place, 65534, 65534) if os.getuid() == 0 else None
+        child = os.fork()
+        if child == 0:
+            if os.getuid() == 0:
+                for ancestor in tmp_path.parents:
+                    if not os.stat(ancestor).st_mode & 0o001:
+                        os.chmod(ancestor, os.stat(ancestor).st_mode | 0o011)
+                os.setgid(65534)
+                os.setuid(65534)
+            try:
+                build(tmp_path, SECOND, store)
+                build(tmp_path, FIRST, store)
+            except BaseException as fault:
+                os.write(2, repr(fault).encode())
+                os._exit(1)
+            os._exit(0)
+        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+        assert content(folder) == FIRST
+        assert os.listdir(tmp_path) == ["arm"]
+
+
+class TestVerify:
+    def test_a_whole_build(self, tmp_path: Path, store: Store) -> None:
+        folder = build(tmp_path, FIRST, store)
+        assert verify(str(folder)) == json.loads(bytes(FIRST["manifest.json"]))  # type: ignore[arg-type]
+
+    @pytest.mark.parametrize("damage", ["edit", "delete", "add", "link", "pipe", "manifest", "folder"])
+    def test_anything_else_is_none(self, tmp_path: Path, store: Store, damage: str) -> None:
+        folder = build(tmp_path, FIRST, store)
+        bom = folder / "bom.csv"
+        if damage == "edit":
+            bom.write_bytes(b"One\n")
+        elif damage == "add":
+            (folder / "more").touch()
+        elif damage == "manifest":
+            (folder / "manifest.json").unlink()
+        elif damage == "folder":
+            folder.rename(tmp_path / "gone")
+        else:
+            bom.rename(tmp_path / "bom.csv")
+            if damage == "link":
+                bom.symlink_to(tmp_path / "bom.csv")
+            elif damage == "pipe":
+                os.mkfifo(bom)
+        assert verify(str(folder)) is None
+
+    def test_an_empty_folder_more_does_not_matter(self, tmp_path: Path, store: Store) -> None:
+        folder = build(tmp_path, FIRST, store)
+        (folder / "empty").mkdir()
+        assert verify(str(folder)) is not None
