@@ -9,8 +9,7 @@ from __future__ import annotations
 from math import hypot
 from typing import Annotated
 
-from build123d import Axis, Cone, Cylinder, Face, Location, Plane, Pos, RectangleRounded, Sketch, Circle, Solid, Wire
-from build123d import extrude, fillet
+from build123d import Axis, Circle, Cone, Cylinder, Edge, Face, Location, Plane, Pos, Solid, Wire, fillet
 
 from thingc import Length, MountPoint, Range, Thing
 from thingc.things.mounts import MATE
@@ -51,7 +50,8 @@ class BasePlate(Thing):
         self.servo_screw = [MountPoint(screw.seat.location * MATE, "m2.5-head") for screw in screws]
 
         roomy = xm430.adjust(width__add=2 * PLAY, horn_diameter__add=10 * PLAY).move(stand)
-        self.plate = extrude(RectangleRounded(size, size, 6), thickness).solid()
+        square = _block(size, size, thickness)
+        self.plate = square.fillet(6, square.edges().filter_by(Axis.Z)).solid()
         length = xm430.p.height - 2 * xm430.drawing.corner
         self.walls = [side.location * _block(xm430.p.depth, length, wall) for side in (roomy.left, roomy.right)]
         table = [mount.location * Screw("M4", 2 * thickness).clearance_hull for mount in self.table]
@@ -95,7 +95,8 @@ class YawPitchBracket(Thing):
 
         servo = self.shoulder_servo
         held = (
-            servo.screw_left_bottom_front, servo.screw_left_bottom_rear, servo.screw_right_bottom_front, servo.screw_right_bottom_rear,
+            servo.screw_left_bottom_front, servo.screw_left_bottom_rear,
+            servo.screw_right_bottom_front, servo.screw_right_bottom_rear,
         )
         sides = [hole(PLAY + wall) for hole in held]
         # The heads end below the servo, however thick the platform is.
@@ -147,12 +148,12 @@ class RotorBrace(Thing):
         self.end = self.servo_seat.location.position.Y
         self.width = xm430.p.horn_diameter + 1.5 * thickness
         room = self.end - thickness - _swing(xm430) - PLAY
-        assert room > 0, (
-            f"a brace of {length:g} mm with legs of {thickness:g} mm runs into the servo that turns it: make it "
-            f"{-room:.1f} mm longer or thinner"
+        assert room >= 0.5, (
+            f"a brace of {length:g} mm with legs of {thickness:g} mm runs into the servo that turns it: "
+            f"make it {0.5 - room:.2f} mm longer or thinner"
         )
-        screws = [hole(thickness) for hole in self.turning_servo.screws_horn]
-        screws += [hole(thickness) for hole in (self.next_servo.screw_bottom_left_front, self.next_servo.screw_bottom_right_front)]
+        nearer = (self.next_servo.screw_bottom_left_front, self.next_servo.screw_bottom_right_front)
+        screws = [hole(thickness) for hole in (*self.turning_servo.screws_horn, *nearer)]
         plug = xm430.adjust(boss_diameter__add=6 * PLAY).boss_hull(2 * thickness)
         solids = [*self._legs(), _gusset(self.width, self.end - thickness, self.inner, min(room, 7.0))]
         self.body = solids[0].fuse(*solids[1:]).cut(plug, *(screw.clearance_hull for screw in screws)).solid()
@@ -219,9 +220,11 @@ class OmegaCap(Thing):
 
     def _arch(self, radius: float) -> Solid:
         """A half cylinder of that radius around the pen's axis on straight sides down to the hand."""
-        width = self.p.width
-        legs = _block(2 * radius, width, self.axis)
-        return legs.fuse(Solid.make_cylinder(radius, width, Plane((0, -width / 2, self.axis), z_dir=(0, 1, 0)))).solid()
+        y, width, axis = -self.p.width / 2, self.p.width, self.axis
+        left, right = (-radius, y, axis), (radius, y, axis)
+        over = Edge.make_three_point_arc(left, (0, y, axis + radius), right)
+        under = Wire.make_polygon([right, (radius, y, 0), (-radius, y, 0), left], close=False)
+        return Solid.extrude(Face(Wire([over, *under.edges()])), (0, width, 0))
 
 
 class Hand(Thing):
@@ -258,7 +261,9 @@ class Hand(Thing):
         self.width = max(xm430.p.horn_diameter + 1.5 * thickness, omega.p.width)
         self.low, self.high = -omega.half_width, max(omega.half_width, self.inner + thickness)
         room = clearance - _swing(xm430) - PLAY
-        assert room > 0, f"a hand with {clearance:g} mm of clearance runs into the wrist servo: it takes {clearance - room:.1f} mm"
+        assert room >= 0.5, (
+            f"a hand with a clearance of {clearance:g} mm runs into the wrist servo: it takes {clearance + 0.5 - room:.2f} mm"
+        )
         plug = xm430.adjust(boss_diameter__add=6 * PLAY).boss_hull(2 * thickness)
         holes = [plug, *(hole(thickness).clearance_hull for hole in self.servo.screws_horn)]
         holes += [self.cap.fixing(k, front).tapped_hull for k in (0, 1)]

@@ -176,17 +176,17 @@ class Compilation:
 
 def _decomposed(model: AssemblyDefinition) -> frozenset[str]:
     """The texts of the part definitions of which some component asks for `collision: decompose`."""
+    from thingc.realize.record import PartDefinition
+
     found: set[str] = set()
     waiting, met = [model], {id(model)}
     while waiting:
         for component in waiting.pop().components:
             definition = component.definition
-            if definition is None:
-                continue
-            if hasattr(definition, "components"):
-                if id(definition) not in met:
-                    met.add(id(definition))
-                    waiting.append(definition)
-            elif component.overrides.collision == "decompose":
-                found.add(definition.text)
+            if isinstance(definition, PartDefinition):
+                if component.overrides.collision == "decompose":
+                    found.add(definition.text)
+            elif definition is not None and id(definition) not in met:
+                met.add(id(definition))
+                waiting.append(definition)
     return frozenset(found)

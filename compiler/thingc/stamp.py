@@ -12,7 +12,7 @@ import json
 import os
 import sys
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from thingc.diagnostics import Code, Diagnostic, Note, Severity
 from thingc.source import Span
@@ -77,7 +77,7 @@ def save(
     )
 
 
-def load(store: Store, key: str) -> tuple[list[Diagnostic], dict[str, object]] | None:
+def load(store: Store, key: str) -> tuple[list[Diagnostic], dict[str, Any]] | None:
     """What a run with the same inputs said and answered, or None where anything has changed."""
     kept = store.get_json("stamp", key)
     if not isinstance(kept, dict) or kept.get("fingerprint") != fingerprint():

@@ -315,7 +315,9 @@ def scan_unit(text: str, at: int, *, compact: bool = False) -> tuple[Unit, int]:
             break
         if compact:
             next_word = _UNIT_WORD.match(text, at + 1)
-            if following.end() - at != 1 or next_word is None or next_word.group() not in UNITS or _continues(text, next_word.end()):
+            if following.end() - at != 1 or next_word is None or next_word.group() not in UNITS:
+                break
+            if _continues(text, next_word.end()):
                 break
         sign = -1 if following.group(1) == "/" else 1
         at = following.end()

@@ -6,8 +6,9 @@ document's own folder.
 
 from __future__ import annotations
 
+import hashlib
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from thingc.diagnostics import Code, Report, did_you_mean
@@ -17,6 +18,8 @@ from thingc.units import ANGLE, LENGTH, TIME, Dimension, Quantity, checked, pars
 if TYPE_CHECKING:
     from thingc.source import Document
 
+OWN_FILE = "thingc.toml"
+SHARED_FILE = "pyproject.toml"
 DEFAULT_PARTS = ("parts",)
 DEFAULT_PACKAGES = ("thingc_stock", "bd_warehouse")
 DEFAULT_BUILD = "build"
@@ -32,7 +35,8 @@ class Workspace:
 
     `root` absolute; `parts` absolute folders whose modules may be named in `part:`; `packages` installed packages that
     may be, too; `build` the absolute folder of outputs; `part_timeout` [s] for one part; `linear` [m] and `angular`
-    [rad] the tessellation; `origin` the file that says so, None where the defaults stand.
+    [rad] the tessellation; `origin` the file that says so, None where the defaults stand. `inputs` are the files that
+    were looked at on the way, by absolute path, with the SHA-256 of their bytes (None: not there).
     """
 
     root: str
@@ -43,22 +47,27 @@ class Workspace:
     linear: float
     angular: float
     origin: Span | None = None
+    inputs: dict[str, str | None] = field(default_factory=dict, compare=False, repr=False)
 
     @staticmethod
     def find(document: str, report: Report) -> Workspace | None:
         """The workspace of a document (a path that need not exist). None when its file is wrong, which is reported."""
         start = folder = os.path.dirname(os.path.abspath(document))
+        inputs: dict[str, str | None] = {}
         while True:
-            own = os.path.join(folder, "thingc.toml")
-            if os.path.isfile(own):
-                return _read(own, folder, report)
-            shared = os.path.join(folder, "pyproject.toml")
-            if os.path.isfile(shared) and _mentions_thingc(shared):
-                if _table_in(shared) is not None:
-                    return _read(shared, folder, report)
+            for name in (OWN_FILE, SHARED_FILE):
+                path = os.path.join(folder, name)
+                try:
+                    data = _bytes(path)
+                except OSError as error:
+                    report.add(Code.UNREADABLE, f"cannot read `{name}`: {(error.strerror or 'an error').lower()}", None)
+                    return None
+                inputs[path] = None if data is None else hashlib.sha256(data).hexdigest()
+                if data is not None and (name == OWN_FILE or _has_table(data)):
+                    return _read(path, data, folder, inputs, report)
             above = os.path.dirname(folder)
             if above == folder:
-                return _default(start)
+                return _default(start, inputs)
             folder = above
 
     def relative(self, path: str) -> str:
@@ -75,44 +84,47 @@ def _inside(path: str, root: str) -> bool:
     return real == top or real.startswith(top.rstrip(os.sep) + os.sep)
 
 
-def _default(folder: str) -> Workspace:
+def _default(folder: str, inputs: dict[str, str | None]) -> Workspace:
     return Workspace(
-        root=folder, parts=_existing(folder, DEFAULT_PARTS), packages=DEFAULT_PACKAGES, build=os.path.join(folder, DEFAULT_BUILD),
-        part_timeout=DEFAULT_TIMEOUT, linear=DEFAULT_LINEAR, angular=DEFAULT_ANGULAR,
+        root=folder, parts=_existing(folder, DEFAULT_PARTS, inputs), packages=DEFAULT_PACKAGES,
+        build=os.path.join(folder, DEFAULT_BUILD), part_timeout=DEFAULT_TIMEOUT, linear=DEFAULT_LINEAR, angular=DEFAULT_ANGULAR,
+        inputs=inputs,
     )
 
 
-def _existing(root: str, names: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(folder for folder in (os.path.join(root, name) for name in names) if os.path.isdir(folder))
+def _existing(root: str, names: tuple[str, ...], inputs: dict[str, str | None]) -> tuple[str, ...]:
+    """The folders that are there; those that are not are inputs, too: should one appear, the workspace is another."""
+    folders = [os.path.normpath(os.path.join(root, name)) for name in names]
+    inputs.update({folder: None for folder in folders if not os.path.isdir(folder)})
+    return tuple(folder for folder in folders if folder not in inputs)
 
 
 def _bytes(path: str) -> bytes | None:
+    """The content of a file (its first 10 MB), None where there is no such file; raises OSError where it cannot be read."""
     try:
         with open(path, "rb") as stream:
             return stream.read(10_000_001)
-    except OSError:
+    except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
         return None
 
 
-def _mentions_thingc(path: str) -> bool:
-    """A quick look, so that every other project's `pyproject.toml` costs no parsing."""
-    data = _bytes(path)
-    return data is not None and b"thingc" in data
+def _has_table(data: bytes) -> bool:
+    """Whether a `pyproject.toml` has a `[tool.thingc]`; the quick look first, so that other projects' cost no parsing.
 
-
-def _table_in(path: str) -> dict[str, Any] | None:
-    """`[tool.thingc]` of a `pyproject.toml`; an empty one where the file cannot be read, so that this is reported."""
+    Where it cannot be parsed the answer is yes if the header stands there, so that the fault is reported.
+    """
+    if b"thingc" not in data:
+        return False
     import tomllib
 
     try:
-        tool = tomllib.loads((_bytes(path) or b"").decode("utf-8-sig")).get("tool")
+        tool = tomllib.loads(data.decode("utf-8-sig")).get("tool")
     except (ValueError, RecursionError):
-        return {}
-    table = tool.get("thingc") if isinstance(tool, dict) else None
-    return table if isinstance(table, dict) else None
+        return b"[tool.thingc" in data
+    return isinstance(tool, dict) and isinstance(tool.get("thingc"), dict)
 
 
-def _read(path: str, root: str, report: Report) -> Workspace | None:
+def _read(path: str, data: bytes, root: str, inputs: dict[str, str | None], report: Report) -> Workspace | None:
     """The workspace that a file describes.
 
     The settings are first read plainly, which costs nothing of the machinery for positions and models; where
@@ -120,11 +132,7 @@ def _read(path: str, root: str, report: Report) -> Workspace | None:
     """
     import tomllib
 
-    data = _bytes(path)
-    if data is None:
-        report.add(Code.UNREADABLE, f"cannot read `{os.path.basename(path)}`", None)
-        return None
-    prefix: Path = () if os.path.basename(path) == "thingc.toml" else ("tool", "thingc")
+    prefix: Path = () if os.path.basename(path) == OWN_FILE else ("tool", "thingc")
     try:
         table: Any = tomllib.loads(data.decode("utf-8-sig"))
         for key in prefix:
@@ -134,10 +142,10 @@ def _read(path: str, root: str, report: Report) -> Workspace | None:
         settings = None
     span: Span | None = Span(file=path, line=1, column=1, end_line=1, end_column=1)
     if settings is not None:
-        found = _workspace(settings, root, span)
+        found = _workspace(settings, root, span, inputs)
         if found is not None:
             return found
-    return _explained(path, data, root, prefix, report)
+    return _explained(path, data, root, prefix, inputs, report)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,18 +195,18 @@ def _plain_value(table: dict[str, Any], key: str, dimension: Dimension, default:
     return value
 
 
-def _workspace(settings: _Settings, root: str, span: Span | None) -> Workspace | None:
+def _workspace(settings: _Settings, root: str, span: Span | None, inputs: dict[str, str | None]) -> Workspace | None:
     """The workspace, or None where one of its folders is wrong."""
     folders = DEFAULT_PARTS if settings.parts is None else settings.parts
     for text in (*folders, settings.build):
         if _folder_fault(text, root) is not None:
             return None
-    if settings.parts is not None and len(_existing(root, folders)) != len(folders):
+    parts = _existing(root, folders, inputs)
+    if settings.parts is not None and len(parts) != len(folders):
         return None
     return Workspace(
-        root=root, parts=tuple(os.path.normpath(folder) for folder in _existing(root, folders)), packages=settings.packages,
-        build=os.path.normpath(os.path.join(root, settings.build)), part_timeout=settings.part_timeout,
-        linear=settings.linear, angular=settings.angular, origin=span,
+        root=root, parts=parts, packages=settings.packages, build=os.path.normpath(os.path.join(root, settings.build)),
+        part_timeout=settings.part_timeout, linear=settings.linear, angular=settings.angular, origin=span, inputs=inputs,
     )
 
 
@@ -214,11 +222,13 @@ def _folder_fault(text: str, root: str) -> tuple[str, str] | None:
     return None
 
 
-def _explained(path: str, data: bytes, root: str, prefix: Path, report: Report) -> Workspace | None:
+def _explained(
+    path: str, data: bytes, root: str, prefix: Path, inputs: dict[str, str | None], report: Report,
+) -> Workspace | None:
     """The slow and exact reading: positions and the document model. Returns None unless everything is right."""
     from thingc.load.documents import document_kind, read_tree
     from thingc.source import Document, node_at
-    from thingc.spec.validate import validate_one
+    from thingc.spec.validation import validate_one
 
     before = len(report.diagnostics)
     tree = read_tree(path, data, report)
@@ -234,13 +244,15 @@ def _explained(path: str, data: bytes, root: str, prefix: Path, report: Report) 
             help="write `thingc = \"workspace/1\"`",
         )
         return None
-    document = Document(path=path, relative=os.path.basename(path), kind=kind, tree=table, sha256="", text=data.decode("utf-8-sig"))
+    document = Document(
+        path=path, relative=os.path.basename(path), kind=kind, tree=table, sha256="", text=data.decode("utf-8-sig"),
+    )
     spec = validate_one(document, report)
     if spec is None or len(report.diagnostics) > before:
         return None
     settings = _from_spec(spec, document, report)
     _check_folders(settings, document, root, report)
-    return None if len(report.diagnostics) > before else _workspace(settings, root, table.span)
+    return None if len(report.diagnostics) > before else _workspace(settings, root, table.span, inputs)
 
 
 def _from_spec(spec: Any, document: Document, report: Report) -> _Settings:
@@ -275,6 +287,5 @@ def _check_folders(settings: _Settings, document: Document, root: str, report: R
             report.add(Code.OUTSIDE_WORKSPACE, fault[0], where, help=fault[1])
         elif path != ("build",) and not os.path.isdir(os.path.join(root, text)):
             here = [entry.name for entry in os.scandir(root) if entry.is_dir() and not entry.name.startswith(".")]
-            report.add(
-                Code.WORKSPACE_FOLDER, f"there is no folder `{shortened(text)}`", where, help=did_you_mean(text, here, what="folders"),
-            )
+            help = did_you_mean(text, here, what="folders")
+            report.add(Code.WORKSPACE_FOLDER, f"there is no folder `{shortened(text)}`", where, help=help)

@@ -119,7 +119,7 @@ class XSeries(Thing):
     def __init__(
         self, width: Positive, height: Positive, depth: Positive, horn_diameter: Positive, boss_diameter: Positive, idler: bool,
     ):
-        super().__init__(material="aluminium")
+        super().__init__(material="aluminium", color="#2b2b2e")
         d = self.drawing
         assert boss_diameter < d.horn_circle < horn_diameter, (
             f"the holes of the horn are on a circle of {d.horn_circle:g} mm, which must lie between the boss "
@@ -185,7 +185,8 @@ class XSeries(Thing):
         x, c = self.p.width / 2, self.drawing.corner
         top, bottom, z = self.top.location.position.Y, self.bottom.location.position.Y, -self.p.depth / 2
         outline = [
-            (x, bottom + c), (x, top - c), (x - c, top), (c - x, top), (-x, top - c), (-x, bottom + c), (c - x, bottom), (x - c, bottom),
+            (x, bottom + c), (x, top - c), (x - c, top), (c - x, top),
+            (-x, top - c), (-x, bottom + c), (c - x, bottom), (x - c, bottom),
         ]
         return Solid.extrude(Face(Wire.make_polygon([(u, v, z) for u, v in outline])), (0, 0, self.p.depth))
 

@@ -1,14 +1,17 @@
 """Screws over bd_warehouse: its tables of dimensions, with hulls that cut the holes they need.
 
-The solids are made here and threads are not modelled: a revolved profile and one boolean take a tenth of the time of
-bd_warehouse's own screw. Every dimension is bd_warehouse's, which tabulates the standards.
+Every dimension is bd_warehouse's, which tabulates the standards. The solids are made here, without threads: a revolved
+profile and one boolean take a tenth of the time of bd_warehouse's own screw, and its tables are read without importing
+its thirty kinds of fastener.
 """
 
 from __future__ import annotations
 
+import csv
+from functools import cache
+from importlib import resources
 from typing import Annotated, Literal
 
-from bd_warehouse.fastener import SocketHeadCapScrew
 from build123d import Axis, Face, Location, Plane, Pos, RegularPolygon, Solid, Wire, extrude
 
 from thingc import Length, MountPoint, Range, Thing
@@ -18,11 +21,6 @@ Size = Literal["M1.6", "M2", "M2.5", "M3", "M4", "M5", "M6", "M8"]
 
 HEAD_PLAY = 0.2
 """Room around a screw head in a counterbore, on the radius [mm]: what a 0.4 mm nozzle needs for the head to go in."""
-
-_STANDARD = "iso4762"
-_COARSE = {designation.partition("-")[0]: designation for designation in SocketHeadCapScrew.sizes(_STANDARD)}
-"""`M2.5` to the table's `M2.5-0.45`; ISO 4762 screws have one pitch per size."""
-
 
 class Screw(Thing):
     """A hexagon socket head cap screw, ISO 4762, steel, property class 8.8.
@@ -47,16 +45,17 @@ class Screw(Thing):
         fit: Literal["Close", "Normal", "Loose"] = "Normal",
     ):
         super().__init__(material="steel")
-        designation = _COARSE[size]
-        head = {key.strip(): value for key, value in SocketHeadCapScrew.fastener_data[designation].items()}
+        heads = _table("socket_head_cap_parameters.csv")
+        designation = next(name for name in heads if name.partition("-")[0] == size)
+        head = heads[designation]
         self.diameter = float(size[1:])
         self.pitch = float(designation.partition("-")[2])
-        self.head_diameter = float(head[f"{_STANDARD}:dk"])
-        self.head_height = float(head[f"{_STANDARD}:k"])
-        self.socket_width = float(head[f"{_STANDARD}:s"])
-        self.socket_depth = float(head[f"{_STANDARD}:t"])
-        self.clearance_diameter = float(SocketHeadCapScrew.clearance_hole_drill_sizes[size][fit])
-        self.tap_diameter = float(SocketHeadCapScrew.tap_hole_drill_sizes[designation]["Soft"])
+        self.head_diameter = float(head["iso4762:dk"])
+        self.head_height = float(head["iso4762:k"])
+        self.socket_width = float(head["iso4762:s"])
+        self.socket_depth = float(head["iso4762:t"])
+        self.clearance_diameter = float(_table("clearance_hole_sizes.csv")[size][fit])
+        self.tap_diameter = float(_table("tap_hole_sizes.csv")[designation]["Soft"])
         self.seat = MountPoint(Location((0, 0, 0), (0, 180, 0)), interface=f"{size.lower()}-head")
         self.tip = MountPoint(Location((0, 0, -length), (0, 180, 0)))
         self.drive = MountPoint(Location((0, 0, self.head_height)), interface=f"hex-{self.socket_width:g}")
@@ -95,3 +94,12 @@ class Screw(Thing):
         below = -self.p.length
         outline = [(0, below), (shank / 2, below), (shank / 2, 0), (head / 2, 0), (head / 2, above), (0, above)]
         return Solid.revolve(Face(Wire.make_polygon([(x, 0, z) for x, z in outline])), 360, Axis.Z)
+
+
+@cache
+def _table(name: str) -> dict[str, dict[str, str]]:
+    """A table of bd_warehouse: its first column to the others by heading."""
+    with resources.files("bd_warehouse").joinpath("data", name).open(encoding="utf-8") as stream:
+        rows = csv.reader(stream)
+        _, *headings = next(rows)
+        return {key: dict(zip((heading.strip() for heading in headings), values)) for key, *values in rows}

@@ -11,6 +11,7 @@ import signal
 import stat
 import subprocess
 import sys
+import tempfile
 import threading
 from pathlib import Path
 
@@ -122,6 +123,17 @@ class TestKilled:
         assert found["left"] == ["arm"]
 
 
+    def test_what_stood_between_two_renames_comes_back(self, tmp_path: Path, store: Store) -> None:
+        """Even where the run that mends has nothing to put in its place."""
+        folder = build(tmp_path, FIRST, store)
+        folder.rename(tmp_path / ".arm.thingc-old")
+        (tmp_path / ".arm.thingc-new").mkdir()
+        with pytest.raises(BlobMissing):
+            build(tmp_path, {**SECOND, "a.stl": Stored(sha256="0" * 64, size=4)}, store)
+        assert content(folder) == FIRST
+        assert os.listdir(tmp_path) == ["arm"]
+
+
 class TestTwoAtOnce:
     def test_the_second_waits_and_says_so(self, tmp_path: Path, store: Store) -> None:
         folder = build(tmp_path, FIRST, store)
@@ -204,12 +216,15 @@ class TestStrangers:
     def test_the_build_of_another_document(self, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.chdir(tmp_path)
         folder = build(tmp_path, with_manifest({"bom.csv": b"one"}, "other.yaml"), store, "other.yaml")
-        with pytest.raises(StrangerFiles, match="^`arm` holds the build of another document, `other.yaml`, and is left as it is$"):
+        words = "^`arm` holds the build of another document, `other.yaml`, and is left as it is$"
+        with pytest.raises(StrangerFiles, match=words):
             build(tmp_path, FIRST, store)
         assert (folder / "bom.csv").read_bytes() == b"one"
 
-    @pytest.mark.parametrize("manifest", [b"", b"{", b"[]", b'{"name": "arm"}', b'{"name": 1, "document": "arm.yaml", "files": {}}',
-                                          b'{"name": "arm", "document": "arm.yaml", "files": ["notes.txt"]}', b"[" * 100_000])
+    @pytest.mark.parametrize("manifest", [
+        b"", b"{", b"[]", b'{"name": "arm"}', b'{"name": 1, "document": "arm.yaml", "files": {}}',
+        b'{"name": "arm", "document": "arm.yaml", "files": ["notes.txt"]}', b"[" * 100_000,
+    ])
     def test_a_manifest_that_is_not_ours(self, tmp_path: Path, store: Store, manifest: bytes) -> None:
         (tmp_path / "arm").mkdir()
         (tmp_path / "arm" / "manifest.json").write_bytes(manifest)
@@ -311,14 +326,15 @@ class TestRefused:
             build(tmp_path / "build", FIRST, store)
         assert raised.value.message == "the build cannot be written to `build/arm`: File exists"
 
-    def test_a_system_that_takes_no_folders(self, store: Store) -> None:
+    def test_a_system_that_takes_no_folders(self, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.chdir("/")
         report = Report()
         with pytest.raises(OutputError) as raised:
             write_build("/proc/self", "arm", FIRST, store, "arm.yaml")
         raised.value.diagnose(report)
         (said,) = report.diagnostics
         assert said.code is Code.OUTPUT
-        assert said.message.startswith("the build cannot be written to `/proc/self/arm`: ")
+        assert said.message.startswith("the build cannot be written to `proc/self/arm`: ")
         assert said.help == "free some space, or build into another folder with -o"
 
     def test_no_room_left(self, tmp_path: Path, store: Store) -> None:
@@ -338,31 +354,31 @@ class TestRefused:
         assert content(folder) == FIRST
         assert os.listdir(tmp_path) == ["arm"]
 
-    def test_a_folder_without_write_permission_is_replaced_and_deleted(self, tmp_path: Path, store: Store) -> None:
+    def test_a_folder_without_write_permission_is_replaced_and_deleted(self, store: Store) -> None:
         """As an ordinary user: the old build can be displaced, and must not stay as litter in the way of the next."""
-        folder = build(tmp_path, FIRST, store)
-        for place in (folder / "stl", folder):
-            place.chmod(stat.S_IRUSR | stat.S_IXUSR)
-        for place in (tmp_path, folder, *folder.rglob("*")):
-            os.chown(place, 65534, 65534) if os.getuid() == 0 else None
-        child = os.fork()
-        if child == 0:
+        with tempfile.TemporaryDirectory() as name:
+            parent = Path(name)
+            folder = build(parent, FIRST, store)
             if os.getuid() == 0:
-                for ancestor in tmp_path.parents:
-                    if not os.stat(ancestor).st_mode & 0o001:
-                        os.chmod(ancestor, os.stat(ancestor).st_mode | 0o011)
-                os.setgid(65534)
-                os.setuid(65534)
-            try:
-                build(tmp_path, SECOND, store)
-                build(tmp_path, FIRST, store)
-            except BaseException as fault:
-                os.write(2, repr(fault).encode())
-                os._exit(1)
-            os._exit(0)
-        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
-        assert content(folder) == FIRST
-        assert os.listdir(tmp_path) == ["arm"]
+                for place in (parent, folder, *folder.rglob("*")):
+                    os.chown(place, 65534, 65534)
+            for place in (folder / "stl", folder):
+                place.chmod(stat.S_IRUSR | stat.S_IXUSR)
+            child = os.fork()
+            if child == 0:
+                try:
+                    if os.getuid() == 0:
+                        os.setgid(65534)
+                        os.setuid(65534)
+                    build(parent, SECOND, store)
+                    build(parent, FIRST, store)
+                except BaseException as fault:
+                    os.write(2, repr(fault).encode())
+                    os._exit(1)
+                os._exit(0)
+            assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+            assert content(folder) == FIRST
+            assert os.listdir(parent) == ["arm"]
 
 
 class TestVerify:

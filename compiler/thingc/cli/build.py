@@ -85,11 +85,11 @@ def _build(
         "output": os.path.abspath(arguments.output) if arguments.output else None, "deny_loss": arguments.deny_loss,
     })
     earlier = stamp.load(compilation.store, key)
-    answer: Mapping[str, Any]
-    if earlier is not None and _stands(earlier[1]):
-        answer = earlier[1]
-        parts = sorted({*answer["reused"], *answer["modelled"]})
-        return earlier[0], {**answer, "modelled": [], "reused": parts, "unchanged": True}
+    if earlier is not None:
+        said, answer = earlier
+        if _stands(answer):
+            parts = sorted({*answer["reused"], *answer["modelled"]})
+            return said, {**answer, "modelled": [], "reused": parts, "unchanged": True}
     compilation.run(arguments.mode)
     found = common.final(compilation.report, strict=arguments.strict)
     if common.exit_code(found):

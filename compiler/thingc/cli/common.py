@@ -25,7 +25,7 @@ class WrongCommandLine(Exception):
 def add_document(parser: argparse.ArgumentParser, *, many: bool = False) -> None:
     """The DOC argument."""
     parser.add_argument(
-        "document", metavar="DOC", nargs="+" if many else None,  # type: ignore[arg-type]
+        "document", metavar="DOC", nargs="+" if many else None,
         help="an assembly document (YAML or TOML)",
     )
 

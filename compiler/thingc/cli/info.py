@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections import Counter
+from collections.abc import Sequence
 
 from thingc.cli import common
 from thingc.graph.types import Assembly
@@ -130,9 +130,9 @@ def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> str:
 
 
 def _shares(assembly: Assembly) -> str:
-    mass: Counter[str] = Counter()
+    mass: dict[str, float] = {}
     for o in assembly.occurrences:
-        mass[o.mass_source] += o.properties.mass  # type: ignore[assignment]
+        mass[o.mass_source] = mass.get(o.mass_source, 0.0) + o.properties.mass
     whole = sum(mass.values()) or 1.0
     return ", ".join(f"{source} {_grams(m)} ({100.0 * m / whole:.1f} %)" for source, m in sorted(mass.items()) if m)
 
@@ -160,7 +160,7 @@ def _grams(mass: float) -> str:
     return f"{1000.0 * mass:.2f} g" if mass < 1.0 else f"{mass:.4f} kg"
 
 
-def _table(rows: list[tuple[str, ...]], right: tuple[int, ...] = ()) -> list[str]:
+def _table(rows: Sequence[tuple[str, ...]], right: tuple[int, ...] = ()) -> list[str]:
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     return [
         "  ".join(cell.rjust(w) if k in right else cell.ljust(w) for k, (cell, w) in enumerate(zip(row, widths))).rstrip()

@@ -6,7 +6,7 @@ import argparse
 import sys
 
 from thingc.cli import common
-from thingc.diagnostics import did_you_mean, shown_path
+from thingc.diagnostics import Diagnostic, did_you_mean, shown_path
 from thingc.pipeline import Compilation
 
 EPILOG = """\
@@ -71,7 +71,7 @@ def _reason(compilation: Compilation, wanted: str) -> None:
         print(f"shared by {', '.join(users)}")
 
 
-def _losses(compilation: Compilation, found: list[common.Diagnostic]) -> list[common.Diagnostic]:
+def _losses(compilation: Compilation, found: list[Diagnostic]) -> list[Diagnostic]:
     from thingc.emit import targets
 
     artifacts = compilation.emit(targets())

@@ -218,8 +218,8 @@ def _plural(number: int, word: str) -> str:
 
 
 def _dot_quoted(text: str) -> str:
-    """A DOT string: only `"` and, in labels, `\\` are special; lines end with `\\n`."""
-    lines = (clean(line).replace("\\", "\\\\").replace('"', '\\"') for line in text.split("\n"))
+    """A DOT string: `"` and, in labels, `\\` and `&` (HTML entities) are special; lines end with `\\n`."""
+    lines = (clean(line).replace("&", "&amp;").replace("\\", "\\\\").replace('"', '\\"') for line in text.split("\n"))
     return '"' + "\\n".join(lines) + '"'
 
 
@@ -230,7 +230,7 @@ def _mermaid_escaped(text: str) -> str:
 
 def short(definition: Definition) -> tuple[str, str, str]:
     """`(name, where, parameters)` of a definition, for a box: `("RotorBrace", "arm", "length=0.1")`."""
-    text = clean(definition.text)
+    text = clean(definition.text).removesuffix(f" [{clean(definition.reference)}]")
     head, opening, rest = text.partition("(") if definition.kind != "file" else (text, "", "")
     parameters = rest[:-1] if opening and rest.endswith(")") else rest
     if definition.kind == "part" and ":" in head:

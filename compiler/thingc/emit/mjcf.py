@@ -23,7 +23,7 @@ def emit(request: EmitRequest) -> Artifacts:
     candidates: list[mjcf_check.Candidate] = []
     for robot, model in zip(robots, models, strict=True):
         stem = f"{assembly.name}_{robot.name}"
-        heading = f" Written by thingc from {assembly.definition.document}, mode {robot.name}. "
+        heading = f"Written by thingc from {assembly.definition.document}, mode {robot.name}."
         written = write(model, heading)
         scene = write(mjcf_scene.scene(robot, model, f"{stem}.xml"), heading)
         files[f"mjcf/{stem}.xml"] = written.text.encode()
@@ -34,7 +34,7 @@ def emit(request: EmitRequest) -> Artifacts:
             origin=robot.mode.origin,
         ))
     if not report.failed:
-        mjcf_check.check(candidates, geometry.assets, request.store, report)
+        mjcf_check.check(candidates, geometry.meshes, request.store, report)
     if not report.failed:
         for candidate in candidates:
             model_text = candidate.model.text.encode()

@@ -54,7 +54,7 @@ def archive(model: bytes, assets: Mapping[str, Stored], store: Store) -> bytes:
 
 def deflate(data: bytes) -> Deflated:
     """Compress."""
-    compressor = zlib.compressobj(6, zlib.DEFLATED, -zlib.MAX_WBITS)
+    compressor = zlib.compressobj(4, zlib.DEFLATED, -zlib.MAX_WBITS)
     return Deflated(data=compressor.compress(data) + compressor.flush(), crc=zlib.crc32(data), size=len(data))
 
 

@@ -5,22 +5,17 @@ MuJoCo is only imported when there is a model that it has not accepted before.
 
 from __future__ import annotations
 
-import hashlib
-import json
-import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
 from thingc.diagnostics import Code, Report, Severity
-from thingc.emit.artifact import Stored
+from thingc.emit.mjcf_geometry import MeshAsset
+from thingc.emit.mjcf_known import Known, mujoco_version
 from thingc.emit.mjcf_xml import Element, RawValue, Written, write
 from thingc.realize.store import Store
 from thingc.source import Origin
-
-ACCEPTED = "mujoco-ok"
-"""The kind of document in the store that says: this version of MuJoCo compiled exactly this without a word."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,6 +31,11 @@ class Candidate:
     scene: Written
     origin: Origin
 
+    @property
+    def texts(self) -> tuple[str, str]:
+        """Both files."""
+        return self.model.text, self.scene.text
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
@@ -45,45 +45,26 @@ class Verdict:
     warnings: tuple[str, ...]
 
 
-def check(candidates: Sequence[Candidate], assets: Mapping[str, Stored], store: Store, report: Report) -> None:
+def check(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store: Store, report: Report) -> None:
     """Compile every candidate's scene, and with it the model in it; errors and warnings go to `report` at their origin.
 
-    The files are compiled one after the other: MuJoCo keeps the meshes it has read, so that the second mode costs a tenth
-    of the first, and threads only make each of them read all (measured).
+    What MuJoCo has accepted before, it is not asked again (`mjcf_known`). One file after the other: MuJoCo keeps the
+    meshes it has read, so that the second mode costs a tenth of the first, and threads only make each of them read all.
     """
-    version = mujoco_version()
-    waiting = [
-        (candidate, key) for candidate in candidates
-        for key in [_key(candidate, assets, version)] if store.get_json(ACCEPTED, key) is None
-    ]
+    known = Known(store, mujoco_version())
+    waiting = [candidate for candidate in candidates if not known.model(candidate.texts, meshes)]
     if not waiting:
         return
-    data = {file: store.read(stored.sha256) for file, stored in assets.items()}
-    for candidate, key in waiting:
+    data = known.data([candidate.root for candidate in waiting], meshes)
+    for candidate in waiting:
         # The scene holds all that the model holds, so one compilation serves both files.
         verdict = attempt(candidate.scene.text, {**data, candidate.file: candidate.model.text.encode()})
-        if verdict.error is None:
-            for warning in verdict.warnings:
-                _say(Code.MJCF_WARNING, "warns of", warning, candidate, candidate.model, report, severity=Severity.WARNING)
-            if not verdict.warnings:
-                store.put_json(ACCEPTED, key, True)
-            continue
-        _explain(candidate, data, report, scene_error=verdict.error)
-
-
-def mujoco_version() -> str:
-    """The version of the installed MuJoCo, from the name of its metadata folder, because importing it takes 0.1 s."""
-    from importlib.util import find_spec
-
-    spec = find_spec("mujoco")
-    for place in (spec.submodule_search_locations or ()) if spec is not None else ():
-        for name in sorted(os.listdir(os.path.dirname(place))):
-            found = re.fullmatch(r"mujoco-(.+)\.dist-info", name)
-            if found:
-                return found[1]
-    from importlib.metadata import version
-
-    return version("mujoco")
+        if verdict.error is not None:
+            _explain(candidate, data, report, scene_error=verdict.error)
+        elif not verdict.warnings:
+            known.accept(candidate.texts, meshes)
+        for warning in verdict.warnings if verdict.error is None else ():
+            _say(Code.MJCF_WARNING, "warns of", warning, candidate, candidate.model, report, severity=Severity.WARNING)
 
 
 def attempt(text: str, files: Mapping[str, bytes]) -> Verdict:
@@ -110,11 +91,6 @@ def _heard() -> Iterator[list[str]]:
         yield heard
     finally:
         mujoco.set_mju_user_warning(before)
-
-
-def _key(candidate: Candidate, assets: Mapping[str, Stored], version: str) -> str:
-    content = [version, candidate.model.text, candidate.scene.text, {file: assets[file].sha256 for file in sorted(assets)}]
-    return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
 
 def _explain(candidate: Candidate, data: Mapping[str, bytes], report: Report, *, scene_error: str) -> None:

@@ -85,17 +85,33 @@ def _element(attribute: RawAttribute, robot: Robot, model: Element) -> Element |
     path = attribute.path
     kind = path[0]
     if kind in NAMED:
-        elements = {element.attributes["name"]: element for element in _named(kind, model)}
-        return elements.get(path[1]) or elements.get(path[1].replace(".", "/"))
+        elements = {_slashed(element.attributes["name"]): element for element in _named(kind, model)}
+        return next((elements[name] for name in _names(attribute) if name in elements), None)
     if kind == "default":
-        owner = _classes(robot, model).get(path[1])
+        classes = _classes(robot, model)
+        owner = next((classes[name] for name in _names(attribute) if name in classes), None)
         return None if owner is None else _child(owner, path[2], before="default")
     section = model.find(kind)
     if section is None:
         section = Element(tag=kind)
         place = sum(1 for child in model.children if child.tag in SINGLE[: SINGLE.index(kind)])
         model.children.insert(place, section)
-    return section if len(path) == 2 else _child(section, path[1])
+    return section if len(path) == 2 else _child(section, _names(attribute)[-1])
+
+
+def _slashed(name: str) -> str:
+    """A name as `link` hands on raw names: a document may write `hand.cap` for `hand/cap`."""
+    return name.replace(".", "/")
+
+
+def _names(attribute: RawAttribute) -> tuple[str, ...]:
+    """What an attribute's name may mean. `link` puts the path of a nested document before every name, but assets, classes
+    and sections do not belong to an occurrence: for those it may also stand alone."""
+    name = _slashed(attribute.path[1])
+    if attribute.path[0] not in (*SINGLE, "default", "mesh", "material", "key"):
+        return (name,)
+    words = name.split("/")
+    return tuple("/".join(words[first:]) for first in range(len(words)))
 
 
 def _child(owner: Element, tag: str, *, before: str | None = None) -> Element:
@@ -134,9 +150,9 @@ def _elsewhere(attribute: RawAttribute, assembly: Assembly) -> bool:
         return name == FREE_JOINT
     if kind == "actuator":
         driven = {mate.joint.path for mate in assembly.mates if mate.joint is not None and mate.joint.actuator is not None}
-        return name in driven or name.replace(".", "/") in driven
+        return _slashed(name) in driven
     if kind == "key":
-        return any(pose.name == name for pose in assembly.poses)
+        return any(pose.name in _names(attribute) for pose in assembly.poses)
     return False
 
 
@@ -149,6 +165,5 @@ def _report_unknown(attribute: RawAttribute, robots: Sequence[Robot], models: Se
     message = f"`{attribute.target}` has no {what} `{name}`"
     names = "classes" if what == "class" else "bodies" if what == "body" else f"{what}s"
     report.add(
-        Code.RAW_UNKNOWN, message, attribute.origin, help=did_you_mean(name.replace(".", "/"), known, what=names),
-        path=_dotted(attribute),
+        Code.RAW_UNKNOWN, message, attribute.origin, help=did_you_mean(name, known, what=names), path=_dotted(attribute),
     )

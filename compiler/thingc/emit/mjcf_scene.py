@@ -31,7 +31,7 @@ def scene(robot: Robot, model: Element, file: str) -> Element:
     root.add("include", {"file": file})
     asset = root.add("asset")
     asset.add("texture", {
-        "type": "skybox", "builtin": "gradient", "rgb1": "0.3 0.5 0.7", "rgb2": "0 0 0", "width": "512", "height": "3072",
+        "type": "skybox", "builtin": "gradient", "rgb1": "0.3 0.5 0.7", "rgb2": "0 0 0", "width": "128", "height": "768",
     })
     asset.add("texture", {
         "type": "2d", "name": "groundplane", "builtin": "checker", "mark": "edge", "rgb1": "0.2 0.3 0.4", "rgb2": "0.1 0.2 0.3",

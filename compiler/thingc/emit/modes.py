@@ -26,7 +26,7 @@ FREE = (7, 6)
 
 def emit(request: EmitRequest) -> Artifacts:
     """`modes.json` of the chosen modes, in document order. It goes with the MJCF files, whose addresses it states."""
-    described = {robot.name: describe(robot) for robot in request.robots}
+    described = {robot.mode.name: describe(robot) for robot in request.robots}
     return Artifacts(files={"modes.json": jsontext.encode(described)})
 
 

@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from thingc.graph.kinematics import coordinates, joints_of, poses
-from thingc.graph.link import link
+from thingc.graph.linking import link
 
 __all__ = ["coordinates", "joints_of", "link", "poses"]

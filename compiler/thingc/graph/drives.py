@@ -95,18 +95,18 @@ def _no_actuator(
     ]
     notes: tuple[Note, ...] = ()
     if named.assembly is not None:
-        what = f"is an assembly (`{named.assembly.text}`)"
+        what = f" (`{named.assembly.text}`), which is an assembly"
         able.extend(
             f"{text}.{name}" for name, child in named.children.items()
             if child.leaf is not None and child.leaf.record is not None and child.leaf.record.actuator is not None
         )
     elif named.leaf is not None and named.leaf.record is not None:
-        what = f"(`{named.leaf.definition.text}`) declares no actuator"
+        what = f" (`{named.leaf.definition.text}`), which declares no actuator"
         notes = written_at(f"`{named.leaf.definition.text}`", named.leaf.record.code)
     else:
-        what = "is a frame"
+        what = ", which is a frame"
     findings.error(
-        Code.NO_ACTUATOR, f"joint `{joint.name}` is driven by `{text}`, which {what}", origin, path=instance.within(joint.name),
+        Code.NO_ACTUATOR, f"joint `{joint.name}` is driven by `{text}`{what}", origin, path=instance.within(joint.name),
         help=(
             did_you_mean(text, able, what="components with an actuator") if able
             else "declare `actuator = Actuator(...)` in its class, or drive inline: `drive: {kind: position, kp: 20}`"

@@ -80,10 +80,9 @@ class Leaves:
                 notes.append(Note(message=f"its parameters, in SI: {given}"))
             if failure.file is not None:
                 notes.append(Note(message="in the part file, here", span=line_of(failure.file, failure.line or 1)))
-            self._findings.error(
-                code, words.format(part=f"`{text}`", words=failure.message), origin, path=path, notes=notes,
-                detail=failure.detail, help=did_you_mean(failure.subject, failure.candidates, what="parts") if failure.candidates else None,
-            )
+            message = words.format(part=f"`{text}`", words=failure.message)
+            help = did_you_mean(failure.subject, failure.candidates, what="parts") if failure.candidates else None
+            self._findings.error(code, message, origin, path=path, notes=notes, detail=failure.detail, help=help)
 
     def _work_out(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> Leaf | None:
         record: PartRecord | None = None

@@ -99,7 +99,13 @@ def _stands_on(definition: AssemblyDefinition) -> dict[str, tuple[str, Origin]]:
 
 
 def _check_circles(instance: Instance, definition: AssemblyDefinition, findings: Findings) -> None:
-    """Components of one document that stand on each other in a circle: each circle once, from its first component."""
+    """Components of one document that stand on each other in a circle: each circle once, from its first component.
+
+    Where nothing is left as a base, the resolver has said so.
+    """
+    if findings.earlier and not unplaced(definition):
+        findings.leave_out()
+        return
     stands = _stands_on(definition)
     order = {component.name: number for number, component in enumerate(definition.components)}
     settled: set[str] = set()

@@ -114,7 +114,8 @@ def check_poses(
     poses: Sequence[NamedPose], modes: Sequence[Mode], joints: Sequence[JointEdge], findings: Findings,
 ) -> None:
     """Every pose within the limits of every joint: values as written, and in poses that a mode uses also the joints
-    that are at 0 because the pose does not name them, and those that mimic."""
+    that are at 0 because the pose does not name them, and those that mimic (not where joints were left out: what is
+    there may follow one of those)."""
     used = {name for mode in modes for name in mode.poses}
     known = {pose.name for pose in poses}
     for mode in modes:
@@ -127,13 +128,13 @@ def check_poses(
     by_path = {joint.path: joint for joint in joints}
     for pose in poses:
         for path in pose.values:
-            if path not in by_path and not findings.earlier:
+            if path not in by_path and not findings.earlier and not findings.incomplete:
                 findings.error(
                     Code.UNKNOWN_JOINT, f"pose `{pose.name}` sets `{path}`, which is no joint that moves",
                     pose.origins.get(path, pose.origin), path=pose.name, help=did_you_mean(path, by_path, what="joints"),
                 )
         for path, q in coordinates(joints, pose.values).items():
-            if path in pose.values or pose.name in used:
+            if path in pose.values or (pose.name in used and not findings.incomplete):
                 _check_limit(pose, by_path[path], q, findings)
 
 

@@ -52,7 +52,8 @@ def load(document: str, workspace: Workspace, report: Report, *, kinds: Collecti
     """
     path = os.path.abspath(document)
     if not path.lower().endswith(DOCUMENT_SUFFIXES):
-        report.add(Code.FILE_TYPE, f"expected a document ({', '.join(DOCUMENT_SUFFIXES)}), found `{shortened(os.path.basename(path))}`", None)
+        name = shortened(os.path.basename(path))
+        report.add(Code.FILE_TYPE, f"expected a document ({', '.join(DOCUMENT_SUFFIXES)}), found `{name}`", None)
         return None
     reader = _Reader(workspace, report)
     root = reader.read(path)
@@ -117,7 +118,8 @@ class _Reader:
                 data = stream.read(10_000_001)
         except (OSError, ValueError) as error:
             reason = error.strerror if isinstance(error, OSError) and error.strerror else "it cannot be read"
-            self.report.add(Code.UNREADABLE, f"cannot read `{shortened(os.path.basename(path))}`: {reason[:1].lower()}{reason[1:]}", None)
+            name = shortened(os.path.basename(path))
+            self.report.add(Code.UNREADABLE, f"cannot read `{name}`: {reason[:1].lower()}{reason[1:]}", None)
             return None
         tree = read_tree(path, data, self.report)
         kind = None if tree is None else document_kind(tree, self.report)
@@ -142,8 +144,8 @@ class _Reader:
             self.named(document, text, where, "materials")
         for text, where in _files(document.tree):
             find_file(
-                text, beside=document.path, where=where, workspace=self.workspace, suffixes=PART_SUFFIXES, what="a file of a part",
-                report=self.report,
+                text, beside=document.path, where=where, workspace=self.workspace, suffixes=PART_SUFFIXES,
+                what="a file of a part", report=self.report,
             )
         for text, where in _assemblies(document.tree):
             nested = self.named(document, text, where, "assembly")
@@ -196,11 +198,13 @@ def document_kind(tree: MappingNode, report: Report) -> str | None:
     if node is None:
         first = next(iter(tree.keys), None)
         if first is not None and nearest(first, ["thingc"]) and isinstance(tree.entries[first], ScalarNode):
-            report.add(Code.HEADER, f"expected the key `thingc`, found `{shortened(first)}`", tree.keys[first], help="did you mean `thingc`?")
+            message = f"expected the key `thingc`, found `{shortened(first)}`"
+            report.add(Code.HEADER, message, tree.keys[first], help="did you mean `thingc`?")
         else:
             where = tree.keys[first] if first is not None else tree.span
             report.add(
-                Code.HEADER, "the key `thingc`, which says kind and version, is missing", where, help="begin with `thingc: assembly/1`",
+                Code.HEADER, "the key `thingc`, which says kind and version, is missing", where,
+                help="begin with `thingc: assembly/1`",
             )
         return None
     value = node.value if isinstance(node, ScalarNode) else None

@@ -33,7 +33,8 @@ def find_file(
         return None
     if os.path.isabs(text) or text.startswith(("/", "~")) or _DRIVE.match(text):
         report.add(
-            Code.OUTSIDE_WORKSPACE, f"`{shown}` is an absolute path", where, help="write it relative to this document, inside the workspace",
+            Code.OUTSIDE_WORKSPACE, f"`{shown}` is an absolute path", where,
+            help="write it relative to this document, inside the workspace",
         )
         return None
     path = os.path.normpath(os.path.join(os.path.dirname(beside), text))
@@ -65,5 +66,5 @@ def _near(path: str, text: str, suffixes: tuple[str, ...]) -> str:
     try:
         names = [prefix + name for name in os.listdir(folder) if name.lower().endswith(suffixes)]
     except OSError:
-        return f"there is no folder `{shortened(prefix)}` beside this document" if prefix else "paths are relative to this document"
+        return f"there is no folder `{shortened(prefix)}` here" if prefix else "paths are relative to this document"
     return did_you_mean(text, names, what="files")

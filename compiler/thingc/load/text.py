@@ -18,8 +18,8 @@ _FORBIDDEN = re.compile("[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\
 count differently), surrogates, and a byte order mark that is not at the start."""
 
 _SPOKEN = {
-    "\ufeff": "a byte order mark", "\u2028": "a line separator", "\u2029": "a paragraph separator", "\x85": "a next-line character",
-    "\x00": "a zero byte",
+    "\ufeff": "a byte order mark", "\u2028": "a line separator", "\u2029": "a paragraph separator",
+    "\x85": "a next-line character", "\x00": "a zero byte",
 }
 
 

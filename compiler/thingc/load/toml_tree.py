@@ -229,7 +229,8 @@ class _Joiner:
             return self.table(item, value, level)
         if isinstance(item, _Array) and isinstance(value, list):
             return SequenceNode(
-                items=tuple(self.node(inner, entry, level + 1) for inner, entry in zip(item.items, value, strict=False)), span=span,
+                items=tuple(self.node(inner, entry, level + 1) for inner, entry in zip(item.items, value, strict=False)),
+                span=span,
             )
         return self.scalar(item, value)
 

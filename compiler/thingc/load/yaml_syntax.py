@@ -30,16 +30,19 @@ def explain(source: Source, *, problem: str, at: int, context: str, began: int) 
     tab = _tab_before(source, at)
     if tab is not None:
         return SyntaxFault(
-            message="a tab in the indentation; YAML indents with spaces", start=tab, end=tab + 1, help="replace the tab by spaces",
+            message="a tab in the indentation; YAML indents with spaces", start=tab, end=tab + 1,
+            help="replace the tab by spaces",
         )
     if "quoted scalar" in context and ("end of stream" in problem or "document indicator" in problem or "separator" in problem):
         quote = text[began : began + 1]
         return SyntaxFault(
-            message="the quote opened here is never closed", start=began, end=began + 1, help=f"add `{quote}` at the end of the text",
+            message="the quote opened here is never closed", start=began, end=began + 1,
+            help=f"add `{quote}` at the end of the text",
         )
     if "escape" in problem or "hexdecimal" in problem or "hexadecimal" in problem:
         return SyntaxFault(
-            message="an unknown escape in double quotes", start=at, end=at + 1, help="write `\\\\` for a backslash, or use single quotes",
+            message="an unknown escape in double quotes", start=at, end=at + 1,
+            help="write `\\\\` for a backslash, or use single quotes",
         )
     missing = _missing_space(source, at)
     if missing is not None:
@@ -85,7 +88,8 @@ def _by_layout(source: Source, problem: str, context: str, at: int, began: int) 
     if "block mapping" in context or "expected key" in problem:
         return SyntaxFault(
             message="this line does not continue the mapping above it", start=at, end=end,
-            help="keys of one mapping begin in one column, and text with quotes inside is quoted whole", note=("the mapping begins here", began),
+            help="keys of one mapping begin in one column, and text with quotes inside is quoted whole",
+            note=("the mapping begins here", began),
         )
     if "block collection" in context or "block sequence" in context:
         return SyntaxFault(

@@ -91,7 +91,8 @@ class _Builder:
         if event.version is not None and tuple(event.version) != (1, 2):
             major, minor = event.version
             self.report.add(
-                Code.SYNTAX, f"documents are YAML 1.2, found `%YAML {major}.{minor}`", self.source.span(0, 5), help="remove the line",
+                Code.SYNTAX, f"documents are YAML 1.2, found `%YAML {major}.{minor}`", self.source.span(0, 5),
+                help="remove the line",
             )
 
     def span(self, event: Any) -> Span:
@@ -105,14 +106,16 @@ class _Builder:
         self.deepest = max(self.deepest, level)
         if level > MAX_LEVELS:
             self.report.add(
-                Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", self.source.span(event.start_mark.index, event.start_mark.index + 1),
+                Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting",
+                self.source.span(event.start_mark.index, event.start_mark.index + 1),
             )
             raise _Stop
         if event.tag is not None:
             start = event.start_mark.index
             shown = self.source.text[start : event.end_mark.index].split(None, 1)[0] if kind == "ScalarEvent" else event.tag
             self.report.add(
-                Code.TAG, f"tags such as `{shortened(shown)}` have no meaning here", self.source.span(start, start + max(1, len(shown))),
+                Code.TAG, f"tags such as `{shortened(shown)}` have no meaning here",
+                self.source.span(start, start + max(1, len(shown))),
                 help="remove it",
             )
         anchored = _Anchored() if event.anchor is not None else None
@@ -212,6 +215,7 @@ class _Builder:
             key = self.key(following, level)
             value = next(self.events)
             ahead = None
+            node: Node
             if event.flow_style and _cut(value):
                 node, ahead = self.rejoined_entries(value)
             else:
@@ -260,7 +264,9 @@ class _Builder:
                     help=f'a key that begins with `*` needs quotes: `"{shortened(shown)}"`',
                 )
             else:
-                self.report.add(Code.KEY_NOT_TEXT, f"a key must be written out, found the alias `*{event.anchor}`", self.span(event))
+                self.report.add(
+                    Code.KEY_NOT_TEXT, f"a key must be written out, found the alias `*{event.anchor}`", self.span(event),
+                )
             return None
         node = self.node(event, level + 1)
         if not isinstance(node, ScalarNode):
@@ -279,11 +285,13 @@ class _Builder:
                 return None
             return node.value, node.span
         if node.text == "":
-            self.report.add(Code.KEY_NOT_TEXT, "a key is missing before the `:`", self.source.span(event.start_mark.index, event.start_mark.index + 1))
+            start = event.start_mark.index
+            self.report.add(Code.KEY_NOT_TEXT, "a key is missing before the `:`", self.source.span(start, start + 1))
             return None
         what = "the number" if not isinstance(node.value, (bool, type(None))) else "the word"
         self.report.add(
-            Code.KEY_NOT_TEXT, f"a key must be text, found {what} `{shortened(node.text)}`", node.span, help=f'write `"{shortened(node.text)}"`',
+            Code.KEY_NOT_TEXT, f"a key must be text, found {what} `{shortened(node.text)}`", node.span,
+            help=f'write `"{shortened(node.text)}"`',
         )
         return None
 
@@ -327,4 +335,4 @@ def _cut(event: Any) -> bool:
 
 
 def _open(pieces: list[Any]) -> bool:
-    return sum(piece.value.count("(") - piece.value.count(")") for piece in pieces) > 0
+    return bool(sum(piece.value.count("(") - piece.value.count(")") for piece in pieces) > 0)

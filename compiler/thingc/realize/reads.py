@@ -200,9 +200,9 @@ _KERNEL_READERS = (
 """Where a part may go past build123d: class, method, of which any text argument is a file."""
 
 
-def wrap_importers(recorder: Recorder) -> None:
-    """Make every way from a file into the kernel tell `recorder` first. Before part modules load, since they may say
-    `from build123d import *`; once per process."""
+def wrap_importers() -> None:
+    """Make every way from a file into the kernel tell the recorder that is on. Before part modules load, since they may
+    say `from build123d import *`; once per process, and inherited by its children."""
     import importlib
 
     import build123d
@@ -215,24 +215,24 @@ def wrap_importers(recorder: Recorder) -> None:
         original = getattr(build123d, name, None)
         if original is None:
             continue
-        telling = _telling(recorder, original, 0)
+        telling = _telling(original, 0)
         for module in modules:
             if vars(module).get(name) is original:
                 setattr(module, name, telling)
     mesher = build123d.Mesher
-    mesher.read = _telling(recorder, mesher.read, 1)  # type: ignore[method-assign]
+    mesher.read = _telling(mesher.read, 1)  # type: ignore[method-assign]
     for module_name, class_name, method in _KERNEL_READERS:
         try:
             owner = getattr(importlib.import_module(module_name), class_name)
             original = getattr(owner, method)
             static = method.endswith("_s")
-            telling = _telling(recorder, original, None)
+            telling = _telling(original, None)
             setattr(owner, method, staticmethod(telling) if static else telling)
         except (ImportError, AttributeError, TypeError):  # this kernel has it not, or lets nobody wrap it
             continue
 
 
-def _telling(recorder: Recorder, function: Callable[..., Any], position: int | None) -> Callable[..., Any]:
+def _telling(function: Callable[..., Any], position: int | None) -> Callable[..., Any]:
     """`function`, which first notes the file it is given: argument `position`, or (None) any argument that is a path."""
 
     @functools.wraps(function)
@@ -240,7 +240,8 @@ def _telling(recorder: Recorder, function: Callable[..., Any], position: int | N
         given = (*arguments, *options.values()) if position is None else (*arguments[position : position + 1], *options.values())
         for value in given:
             if isinstance(value, (str, bytes, os.PathLike)):
-                recorder.note(value)
+                for recorder in _listening:
+                    recorder.note(value)
         return function(*arguments, **options)
 
     return telling

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 
 from thingc.diagnostics import Code, Note
 from thingc.resolve import overrides as said
 from thingc.resolve.layers import Layers
-from thingc.resolve.materials import target
 from thingc.resolve.model import At, Attach, Component, Material
 from thingc.resolve.parameters import fitting
 from thingc.resolve.parts import of_code, of_file
@@ -16,12 +15,11 @@ from thingc.resolve.scope import Found
 from thingc.resolve.table import Context, Node, Table
 from thingc.source import Path
 from thingc.spec.assembly import AssemblySpec, ComponentSpec
-from thingc.spec.materials import MaterialsSpec
 
-MAX_NESTING = 100
-"""Documents inside each other."""
+MAX_NESTING = 120
+"""Documents inside each other: a little more than `load` follows, which reports the usual case."""
 
-Nest = Callable[[Context, str, AssemblySpec, dict[str, Found]], Table]
+Nest = Callable[[Context, str, AssemblySpec, Mapping[str, Found]], Table]
 """Resolves a nested document with the values set for its parameters."""
 
 
@@ -33,7 +31,10 @@ def nodes(context: Context, table: Table, items: Iterable[Item[ComponentSpec]], 
         _define(context, node, nest)
         node.mounts = said.extra_mounts(node) if item.spec.mounts else {}
         if item.spec.mirror is not None:
-            node.scope.error(Code.NOT_YET, "`mirror` is not built yet", (*node.path, "mirror"), key=True, help="model the mirrored part for now")
+            node.scope.error(
+                Code.NOT_YET, "`mirror` is not built yet", (*node.path, "mirror"), key=True,
+                help="model the mirrored part for now",
+            )
         if not node.frame and node.definition is None:
             node.unsound = True
         leaves = node.table.occurrences if node.table is not None else 1
@@ -49,7 +50,8 @@ def _report_too_many(table: Table, node: Node, leaves: int) -> None:
     if any(other.path == node.path and other.unsound for name, other in table.nodes.items() if name != node.name):
         return
     node.scope.error(
-        Code.TOO_MANY, f"with `{node.name}` this assembly has {table.occurrences + leaves} occurrences; at most {MAX_OCCURRENCES} are possible",
+        Code.TOO_MANY,
+        f"with `{node.name}` this assembly has {table.occurrences + leaves} occurrences; at most {MAX_OCCURRENCES} are possible",
         node.path, key=True,
     )
 
@@ -67,32 +69,20 @@ def _define(context: Context, node: Node, nest: Nest) -> None:
 
 
 def _nested(context: Context, node: Node, text: str, nest: Nest) -> Table | None:
-    """The table of a nested document; None where it could not be read (reported) or stands inside itself (reported here)."""
+    """The table of a nested document; None where it could not be read or stands inside itself (both reported by `load`)."""
     scope, path = node.scope, (*node.path, "assembly")
-    relative = target(context, scope.document, text)
-    spec, document = context.specs.get(relative), context.documents.by_path.get(relative)
-    open_ = [name for name, _ in context.nesting]
-    if relative in open_:
-        hops = context.nesting[open_.index(relative):]
-        chain = " -> ".join(f"`{name}`" for name, _ in [*hops, (relative, None)])
-        scope.error(
-            Code.ASSEMBLY_CYCLE, f"an assembly cannot be inside itself: {chain}", path, help="take one of them out",
-            notes=[Note(message=f"`{name}` is nested here", span=span) for name, span in hops[1:]],
-        )
+    document = context.documents.named(scope.document, text)
+    if document is None or document.relative in context.nesting:
         return None
-    if document is None or spec is None:
-        return None
-    if isinstance(spec, MaterialsSpec):
-        scope.error(
-            Code.VALUE_KIND, f"`{relative}` is a document of materials; `assembly` names an assembly document", path,
-            help="list it under `materials` instead",
-        )
+    relative = document.relative
+    spec = context.specs.get(relative)
+    if not isinstance(spec, AssemblySpec):
         return None
     if len(context.nesting) >= MAX_NESTING:
         scope.error(Code.TOO_MANY, f"assemblies are nested more than {MAX_NESTING} deep", path)
         return None
     given = _given(context, node, relative, spec)
-    context.nesting.append((relative, scope.span(path)))
+    context.nesting.append(relative)
     try:
         return nest(context, relative, spec, given)
     finally:

@@ -18,8 +18,20 @@ from thingc.resolve.table import Table
 from thingc.source import MappingNode, Path, Span, node_at
 from thingc.spec.assembly import DriveSpec, JointSpec
 from thingc.units import (
-    ANGLE, ANGULAR_DAMPING, ANGULAR_STIFFNESS, ANGULAR_VELOCITY, FORCE, INERTIA, LENGTH, LINEAR_DAMPING, LINEAR_STIFFNESS, MASS,
-    NUMBER, TORQUE, VELOCITY, Dimension,
+    ANGLE,
+    ANGULAR_DAMPING,
+    ANGULAR_STIFFNESS,
+    ANGULAR_VELOCITY,
+    FORCE,
+    INERTIA,
+    LENGTH,
+    LINEAR_DAMPING,
+    LINEAR_STIFFNESS,
+    MASS,
+    NUMBER,
+    TORQUE,
+    VELOCITY,
+    Dimension,
 )
 
 _TURN = {
@@ -30,6 +42,8 @@ _SLIDE = {
     "effort": FORCE, "velocity": VELOCITY, "damping": LINEAR_DAMPING, "friction": FORCE, "armature": MASS,
     "stiffness": LINEAR_STIFFNESS,
 }
+
+_ENDLESS = "; a joint that turns without end is `continuous`"
 
 NO_LIMIT = Limit()
 NO_DYNAMICS = Dynamics()
@@ -159,12 +173,14 @@ def _limit(scope: Scope, item: Item[JointSpec], kind: JointKind, coordinate: Dim
             example = "{lower: -90 deg, upper: 90 deg}" if coordinate == ANGLE else "{lower: 0, upper: 20 mm}"
             scope.error(
                 Code.LIMIT, f"joint `{name}` is {kind.name} and needs {' and '.join(missing)}", path, key=True,
-                help=f"write for example `limit: {example}`" + ("; a joint that turns without end is `continuous`" if coordinate == ANGLE else ""),
+                help=f"write for example `limit: {example}`" + (_ENDLESS if coordinate == ANGLE else ""),
             )
         if low is not None and high is not None and lower is not None and upper is not None and not low < high:
+            fault = "are reversed" if low > high else "leave no room"
             shown_low, shown_high = scope.written(lower[1]), scope.written(upper[1])
             scope.error(
-                Code.LIMIT, f"limits of joint `{name}` are reversed: expected lower < upper, found `{shown_low}` and `{shown_high}`",
+                Code.LIMIT,
+                f"limits of joint `{name}` {fault}: expected lower < upper, found `{shown_low}` and `{shown_high}`",
                 lower[1], help="swap them" if low > high else "let the joint move, or make it `fixed`",
             )
             low = high = None
@@ -181,7 +197,8 @@ def _dynamics(scope: Scope, name: str, coordinate: Dimension, layers: Layers) ->
         return NO_DYNAMICS
     of = dimensions_of(coordinate)
     values = {
-        key: scope.number(*said, of[key], f"`dynamics.{key}` of joint `{name}`", least=0.0) if (said := layers.pick(key)) else None
+        key: scope.number(*said, of[key], f"`dynamics.{key}` of joint `{name}`",
+        least=0.0) if (said := layers.pick(key)) else None
         for key in ("damping", "friction", "armature", "stiffness")
     }
     return Dynamics(**values)
@@ -198,7 +215,8 @@ def _drive(table: Table, scope: Scope, name: str, coordinate: Dimension, layers:
             key: None if (raw := getattr(spec, key)) is None else scope.number(
                 raw, (*path, key), dimension, f"`drive.{key}` of joint `{name}`", least=0.0)
             for key, dimension in (
-                ("kp", NUMBER), ("kv", NUMBER), ("effort", of["effort"]), ("velocity", of["velocity"]), ("armature", of["armature"]),
+                ("kp", NUMBER), ("kv", NUMBER), ("effort", of["effort"]), ("velocity", of["velocity"]),
+                ("armature", of["armature"]),
             )
         }
         return Drive(component=None, kind=spec.kind, **values, origin=scope.origin(path))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Mapping
 from typing import Any
@@ -28,12 +27,12 @@ def in_scope(context: Context, scope: Scope, spec: AssemblySpec) -> dict[str, Ma
         return {name: material(scope, name, entry, ("materials", name)) for name, entry in spec.materials.items()}
     known: dict[str, Material | None] = {}
     seen: set[str] = set()
-    for index, text in enumerate(spec.materials):
-        relative = target(context, scope.document, text)
-        if relative in seen:
+    for text in spec.materials:
+        document = context.documents.named(scope.document, text)
+        if document is None or document.relative in seen:
             continue
-        seen.add(relative)
-        for name, entry in _of_document(context, scope, relative, ("materials", index)).items():
+        seen.add(document.relative)
+        for name, entry in _of_document(context, document).items():
             first = known.setdefault(name, entry)
             if first is not None and entry is not None and first is not entry:
                 context.report.add(
@@ -51,31 +50,19 @@ def unreadable(context: Context, scope: Scope, spec: AssemblySpec) -> bool:
     """Whether a material document of this one could not be read: then an unknown name is no news."""
     if isinstance(spec.materials, Mapping):
         return False
-    return any(not isinstance(context.specs.get(target(context, scope.document, text)), MaterialsSpec) for text in spec.materials)
+    named = [context.documents.named(scope.document, text) for text in spec.materials]
+    return any(document is None or not isinstance(context.specs.get(document.relative), MaterialsSpec) for document in named)
 
 
-def target(context: Context, document: Document, text: str) -> str:
-    """The path in the workspace that a path in a document means."""
-    return context.workspace.relative(os.path.normpath(os.path.join(os.path.dirname(document.path), text)))
-
-
-def _of_document(context: Context, asking: Scope, relative: str, path: Path) -> dict[str, Material | None]:
-    known = context.materials.get(relative)
-    if known is not None:
-        return known
-    spec, document = context.specs.get(relative), context.documents.by_path.get(relative)
-    known = context.materials[relative] = {}
-    if document is None or spec is None:
-        return known
-    if not isinstance(spec, MaterialsSpec):
-        asking.error(
-            Code.VALUE_KIND, f"`{relative}` is an assembly document; `materials` lists documents of materials", path,
-            help="its first line must be `thingc: materials/1`",
-        )
-        return known
-    scope = Scope(document=document, report=context.report, names={})
-    for name, entry in spec.materials.items():
-        known[name] = material(scope, name, entry, ("materials", name))
+def _of_document(context: Context, document: Document) -> dict[str, Material | None]:
+    known = context.materials.get(document.relative)
+    if known is None:
+        known = context.materials[document.relative] = {}
+        spec = context.specs.get(document.relative)
+        if isinstance(spec, MaterialsSpec):
+            scope = context.scope(document, {})
+            for name, entry in spec.materials.items():
+                known[name] = material(scope, name, entry, ("materials", name))
     return known
 
 

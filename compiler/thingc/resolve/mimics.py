@@ -36,7 +36,8 @@ def _mimic(table: Table, item: Item[JointSpec]) -> Mimic | None:
     coordinate = KINDS[joint.kind].coordinate
     if coordinate is None:
         scope.error(
-            Code.MIMIC, f"joint `{item.name}` is {joint.kind} and does not move: it cannot mimic", path, key=True, help="take it out",
+            Code.MIMIC, f"joint `{item.name}` is {joint.kind} and does not move: it cannot mimic", path, key=True,
+            help="take it out",
         )
         return None
     parts = references.words(scope, spec.joint, (*path, "joint"))
@@ -72,7 +73,9 @@ def _mimic(table: Table, item: Item[JointSpec]) -> Mimic | None:
     what = f"`mimic.multiplier` of joint `{item.name}`"
     if "multiplier" not in spec.model_fields_set and ratio != NUMBER:
         scope.error(
-            Code.DIMENSION, f"joint `{item.name}` and `{name}` differ in kind: `mimic` needs a `multiplier` that is {ratio.words}", path, key=True,
+            Code.DIMENSION,
+            f"joint `{item.name}` and `{name}` differ in kind: `mimic` needs a `multiplier` that is {ratio.words}", path,
+            key=True,
             help=f"write for example `multiplier: {ratio.example}`",
         )
         return None

@@ -38,10 +38,11 @@ def overrides(scope: Scope, layers: Layers) -> Overrides:
     mass, com, inertia = _mass(scope, layers), _com(scope, layers), _inertia(scope, layers)
     collision, visual, expect = layers.pick("collision"), layers.pick("visual"), layers.pick("expect")
     made = layers.sub("process")
-    if mass is com is inertia is collision is visual is expect is None and not made:
+    if all(one is None for one in (mass, com, inertia, collision, visual, expect)) and not made:
         return NONE_SAID
     return Overrides(
-        mass=mass, com=com, inertia=inertia, collision=collision[0] if collision else "hull", visual=visual[0] if visual else True,
+        mass=mass, com=com, inertia=inertia, collision=collision[0] if collision else "hull",
+        visual=visual[0] if visual else True,
         process=process(scope, made) if made else None, ignore_expectations=expect is not None,
     )
 

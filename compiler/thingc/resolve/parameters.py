@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 from thingc.diagnostics import Code, Note, Report, did_you_mean
@@ -25,9 +25,8 @@ def declared(context: Context, document: Document, spec: AssemblySpec) -> Declar
         values, broken = worked_out(document, spec, {}, context.report)
         known = Declared(values=values, broken=frozenset(broken))
         context.declared[document.relative] = known
-        scope = Scope(document=document, report=context.report, names=values, broken=known.broken)
-        for name, value in values.items():
-            _within(scope, spec, name, value, value, None)
+        scope = context.scope(document, values, known.broken)
+        check_bounds(scope, spec, values)
     return known
 
 
@@ -88,10 +87,11 @@ def _report_cycle(document: Document, spec: AssemblySpec, chain: list[str], plac
     start = chain.index(min(chain, key=order.index))
     turned = chain[start:] + chain[:start]
     shown = " -> ".join(f"`{step}`" for step in (*turned, turned[0]))
-    message = f"parameters depend on each other in a circle: {shown}" if len(chain) > 1 else f"parameter `{chain[0]}` depends on itself"
+    several = len(chain) > 1
+    message = f"parameters depend on each other in a circle: {shown}" if several else f"parameter `{chain[0]}` depends on itself"
     report.add(
         Code.PARAMETER_CYCLE, message, document.span(places[turned[0]]), path=f"parameters.{turned[0]}",
-        help="give one of them a value of its own" if len(chain) > 1 else "give it a value of its own",
+        help="give one of them a value of its own" if several else "give it a value of its own",
         notes=[Note(message=f"`{step}` is set here", span=document.span(places[step])) for step in turned[1:]],
     )
 
@@ -115,7 +115,7 @@ def fitting(
 ) -> dict[str, Found]:
     """Those of the values somebody sets that fit their parameters: known, of the same dimension, within the bounds."""
     table = declared(context, document, spec)
-    scope = Scope(document=document, report=context.report, names=table.values, broken=table.broken)
+    scope = context.scope(document, table.values, table.broken)
     sound: dict[str, Found] = {}
     for name, found in given.items():
         if name not in spec.parameters:
@@ -131,7 +131,7 @@ def fitting(
         if not _same_kind(own, found, scope, spec, name):
             _complain_kind(name, own, found, what, complain, note)
             continue
-        if _within(scope, spec, name, found, own, complain):
+        if _within(scope, spec, name, found, complain):
             sound[name] = found
     return sound
 
@@ -153,7 +153,9 @@ def _complain_kind(name: str, own: Found, found: Found, what: str, complain: Com
         complain(name, Code.DIMENSION, message, help=help, notes=notes)
     else:
         wanted = "`true` or `false`" if isinstance(own, bool) else "a text"
-        complain(name, Code.VALUE_KIND, f"{label} is {wanted}, found {kind_of(found)} (`{shortened(words_of(found))}`)", notes=notes)
+        complain(
+            name, Code.VALUE_KIND, f"{label} is {wanted}, found {kind_of(found)} (`{shortened(words_of(found))}`)", notes=notes,
+        )
 
 
 def _bounds(scope: Scope, spec: AssemblySpec, name: str) -> dict[str, Quantity]:
@@ -168,17 +170,12 @@ def _bounds(scope: Scope, spec: AssemblySpec, name: str) -> dict[str, Quantity]:
     return bounds
 
 
-def _within(scope: Scope, spec: AssemblySpec, name: str, value: Found, own: Found, complain: Complain | None) -> bool:
-    """Whether a value lies within its parameter's bounds; without `complain` it is the document's own, and so are its bounds."""
-    entry = spec.parameters[name]
-    if not isinstance(entry, ParameterSpec) or (entry.min is None and entry.max is None):
+def _within(scope: Scope, spec: AssemblySpec, name: str, value: Found, complain: Complain) -> bool:
+    """Whether a value that somebody sets lies within its parameter's bounds."""
+    if not isinstance(value, Quantity):
         return True
-    if complain is None:
-        return _own_within(scope, spec, name, value)
     for key, bound in _bounds(scope, spec, name).items():
-        if not isinstance(value, Quantity):
-            continue
-        if (value.value < bound.value) if key == "min" else (value.value > bound.value):
+        if bound.fits(value.dimension) and _beyond(key, value, bound):
             rule = "at least" if key == "min" else "at most"
             complain(
                 name, Code.OUT_OF_RANGE, f"parameter `{name}` must be {rule} {bound}, found `{value}`",
@@ -188,7 +185,19 @@ def _within(scope: Scope, spec: AssemblySpec, name: str, value: Found, own: Foun
     return True
 
 
-def _own_within(scope: Scope, spec: AssemblySpec, name: str, value: Found) -> bool:
+def _beyond(key: str, value: Quantity, bound: Quantity) -> bool:
+    return value.value < bound.value if key == "min" else value.value > bound.value
+
+
+def check_bounds(scope: Scope, spec: AssemblySpec, names: Iterable[str]) -> None:
+    """Report bounds that are none, and values of the document's own (given in `scope`) that lie beyond theirs."""
+    for name in names:
+        entry = spec.parameters[name]
+        if isinstance(entry, ParameterSpec) and (entry.min is not None or entry.max is not None):
+            _own_within(scope, spec, name, scope.names[name])
+
+
+def _own_within(scope: Scope, spec: AssemblySpec, name: str, value: Found) -> None:
     path: Path = ("parameters", name)
     entry = spec.parameters[name]
     if not isinstance(value, Quantity):
@@ -197,29 +206,26 @@ def _own_within(scope: Scope, spec: AssemblySpec, name: str, value: Found) -> bo
             Code.VALUE_KIND, f"`{key}` belongs to a parameter with a number; `{name}` is {kind_of(value)}", (*path, key),
             help="take it out", key=True,
         )
-        return False
+        return
     bounds = _bounds(scope, spec, name)
-    sound = True
     for key, bound in list(bounds.items()):
         if not bound.fits(value.dimension) and not value.fits(bound.dimension):
             scope.wrong_dimension(bound, (value.dimension,), f"`{key}` of parameter `{name}`", (*path, key))
             del bounds[key]
-            sound = False
     if len(bounds) == 2 and bounds["min"].value > bounds["max"].value:
         scope.error(
-            Code.OUT_OF_RANGE, f"`min` of parameter `{name}` is above its `max`: {bounds['min']} > {bounds['max']}", (*path, "min"),
+            Code.OUT_OF_RANGE, f"`min` of parameter `{name}` is above its `max`: {bounds['min']} > {bounds['max']}",
+            (*path, "min"),
             help="swap them", notes=[Note(message="`max` is set here", span=scope.span((*path, "max")))],
         )
-        return False
+        return
     for key, bound in bounds.items():
-        if (value.value < bound.value) if key == "min" else (value.value > bound.value):
+        if _beyond(key, value, bound):
             rule = "at least" if key == "min" else "at most"
             scope.error(
-                Code.OUT_OF_RANGE, f"parameter `{name}` must be {rule} {bound}, found `{scope.shown(value, (*path, 'value'))}`",
+                Code.OUT_OF_RANGE, f"parameter `{name}` must be {rule} {bound}, found {scope.shown(value, (*path, 'value'))}",
                 (*path, "value"), notes=[Note(message="the bound is set here", span=scope.span((*path, key)))],
             )
-            sound = False
-    return sound
 
 
 def from_command_line(
@@ -239,7 +245,7 @@ def from_command_line(
         try:
             found = _read(text, table.values.get(name))
         except (UnitError, ExpressionError) as error:
-            complain(name, Code.PARAMETER_OPTION, error.message, help=error.help)
+            complain(name, Code.PARAMETER_OPTION, f"parameter `{name}`: {error.message}", help=error.help)
             continue
         if isinstance(found, Expression):
             unknown = next((use.name for use in found.names if use.name not in spec.parameters), None)

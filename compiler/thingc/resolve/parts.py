@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 
 from thingc.diagnostics import Code, Note, did_you_mean, nearest
+from thingc.load.paths import PART_SUFFIXES
 from thingc.realize.record import ParameterSchema, PartDefinition, PartFailure, PartSchema, Value, definition_text
 from thingc.resolve.scope import Found, Scope, dimension_message, kind_of, words_of
 from thingc.resolve.table import Context, Node
@@ -12,9 +13,6 @@ from thingc.source import Path, Span
 from thingc.units import ANGLE, LENGTH, MASS, NUMBER, Quantity, shortened
 
 _DIMENSIONS = {"length": LENGTH, "angle": ANGLE, "mass": MASS, "ratio": NUMBER, "number": NUMBER, "count": NUMBER}
-
-SUFFIXES = (".step", ".stp", ".brep", ".stl", ".3mf", ".obj")
-"""Files that can be parts, in any case of letters."""
 
 _FAILURES = {
     "missing": Code.PART_MISSING, "refused": Code.PART_REFUSED, "raised": Code.PART_RAISED, "hung": Code.PART_HUNG,
@@ -71,15 +69,16 @@ def _given(node: Node, schema: PartSchema) -> dict[str, Value] | None:
             sound = False
         else:
             values[name] = value
-    for parameter in schema.parameters:
-        if parameter.required and parameter.name not in node.spec.params:
-            example = _DIMENSIONS[parameter.kind].example if parameter.kind in _DIMENSIONS else "..."
-            scope.error(
-                Code.MISSING_PARAMETER, f"`{schema.reference}` needs the parameter `{parameter.name}`, and nothing sets it",
-                (*node.path, "part"), help=f"write `params: {{{parameter.name}: {example}}}`", notes=_declared_at(schema),
-            )
-            sound = False
-    return values if sound else None
+    missing = [parameter for parameter in schema.parameters if parameter.required and parameter.name not in node.spec.params]
+    if missing:
+        named = " and ".join(f"`{parameter.name}`" for parameter in missing)
+        examples = (f"{one.name}: {_DIMENSIONS[one.kind].example if one.kind in _DIMENSIONS else '...'}" for one in missing)
+        s, them = ("s", "them") if len(missing) > 1 else ("", "it")
+        scope.error(
+            Code.MISSING_PARAMETER, f"`{schema.reference}` needs the parameter{s} {named}, and nothing sets {them}",
+            (*node.path, "part"), help=f"write `params: {{{', '.join(examples)}}}`", notes=_declared_at(schema),
+        )
+    return values if sound and not missing else None
 
 
 def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, found: Found, path: Path) -> Value | None:
@@ -94,12 +93,12 @@ def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, found
             return found
         if isinstance(found, Quantity) and literal and written is not None:
             return written.strip()
-        scope.error(Code.VALUE_KIND, f"{what} is a text, found {kind_of(found)} (`{scope.shown(found, path)}`)", path)
+        scope.error(Code.VALUE_KIND, f"{what} is a text, found {kind_of(found)} ({scope.shown(found, path)})", path)
         return None
     if parameter.kind == "flag":
         if isinstance(found, bool):
             return found
-        scope.error(Code.VALUE_KIND, f"{what} is `true` or `false`, found {kind_of(found)} (`{scope.shown(found, path)}`)", path)
+        scope.error(Code.VALUE_KIND, f"{what} is `true` or `false`, found {kind_of(found)} ({scope.shown(found, path)})", path)
         return None
     dimension = _DIMENSIONS[parameter.kind]
     if not isinstance(found, Quantity) or not found.fits(dimension):
@@ -110,7 +109,7 @@ def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, found
         return None
     value = found.value + 0.0
     if parameter.kind == "count" and value != int(value):
-        scope.error(Code.VALUE_KIND, f"{what} must be a whole number, found `{scope.shown(found, path)}`", path)
+        scope.error(Code.VALUE_KIND, f"{what} must be a whole number, found {scope.shown(found, path)}", path)
         return None
     least = 0.0 if parameter.kind == "count" and parameter.minimum is None else parameter.minimum
     for bound, broken, rule in (
@@ -118,8 +117,10 @@ def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, found
         (parameter.maximum, parameter.maximum is not None and value > parameter.maximum, "at most"),
     ):
         if broken and bound is not None:
+            shown = f"{bound * 100.0:g} %" if parameter.kind == "ratio" else str(Quantity(bound, dimension))
             scope.error(
-                Code.OUT_OF_RANGE, f"{what} must be {rule} {Quantity(bound, dimension)}, found `{scope.shown(found, path)}`", path,
+                Code.OUT_OF_RANGE, f"{what} must be {rule} {shown}, found {scope.shown(found, path)}",
+                path,
                 notes=_declared_at(schema),
             )
             return None
@@ -169,53 +170,21 @@ def _report_failure(context: Context, node: Node, reference: str, failure: PartF
         if help is not None and not help.startswith("did") and close is not None:
             help = f"did you mean `{close}`?"
     context.report.add(
-        _FAILURES.get(failure.kind, Code.PART_INVALID), f"part `{reference}`: {failure.message}", node.scope.span(path), help=help,
+        _FAILURES.get(failure.kind, Code.PART_INVALID), f"part `{reference}`: {failure.message}", node.scope.span(path),
+        help=help,
         path=f"{'.'.join(str(step) for step in path)}", notes=notes, detail=failure.detail,
     )
 
 
 def of_file(context: Context, node: Node, text: str) -> PartDefinition | None:
-    """The definition of a component that is a `file:`; None where the file cannot be used (reported)."""
-    scope, path = node.scope, (*node.path, "file")
-    posix = text.replace("\\", "/")
-    if os.path.isabs(posix) or (len(posix) > 1 and posix[1] == ":"):
-        scope.error(
-            Code.FILE_PART, f"the path `{text}` is absolute; paths are relative to the document", path,
-            help="copy the file into the workspace, and name it from there",
-        )
+    """The definition of a component that is a `file:`; None where the file cannot be used (which `load` has reported)."""
+    absolute = os.path.normpath(os.path.join(os.path.dirname(node.scope.document.path), text))
+    workspace = context.workspace
+    if os.path.isabs(text) or not workspace.contains(absolute) or not absolute.lower().endswith(PART_SUFFIXES):
         return None
-    folder = os.path.dirname(scope.document.path)
-    absolute = os.path.normpath(os.path.join(folder, posix))
-    if not context.workspace.contains(absolute):
-        scope.error(
-            Code.FILE_PART, f"`{text}` leaves the workspace", path, help="copy the file into the workspace, and name it from there",
-        )
-        return None
-    if not posix.lower().endswith(SUFFIXES):
-        scope.error(
-            Code.FILE_PART, f"`{text}` is no kind of file that can be a part", path,
-            help="parts are STEP (.step, .stp), BREP (.brep), STL (.stl), 3MF (.3mf) or OBJ (.obj) files",
-        )
-        return None
-    if not os.path.isfile(absolute):
-        near = _files_near(absolute)
-        base = os.path.basename(absolute)
-        close = nearest(base, near)
-        help = f"did you mean `{os.path.join(os.path.dirname(posix), close)}`?" if close is not None else did_you_mean(base, near, what="files")
-        scope.error(Code.FILE_PART, f"there is no file `{text}`", path, help=help)
-        return None
-    reference = context.workspace.relative(absolute)
+    reference = workspace.relative(absolute)
     key: tuple[str, tuple[tuple[str, Value], ...]] = (reference, ())
     known = context.parts.get(key)
-    if known is None:
+    if known is None and os.path.isfile(absolute):
         known = context.parts[key] = PartDefinition(reference=reference, kind="file", parameters=(), text=reference)
     return known
-
-
-def _files_near(absolute: str) -> list[str]:
-    """The files beside it that could be parts."""
-    try:
-        names = os.listdir(os.path.dirname(absolute))
-    except OSError:
-        return []
-    return sorted(name for name in names if name.lower().endswith(SUFFIXES))

@@ -53,7 +53,9 @@ def _attach(table: Table, node: Node) -> Attach | None:
     if to is None or mine is None:
         return None
     if to.path[0] == node.name:
-        scope.error(Code.PLACED_ON_ITSELF, f"`{node.name}` is attached to itself", to_path, help="name a mount of another component")
+        scope.error(
+            Code.PLACED_ON_ITSELF, f"`{node.name}` is attached to itself", to_path, help="name a mount of another component",
+        )
         return None
     return Attach(mount=mine, to=to, turn=turn, gap=gap, origin=scope.origin(path, key=True))
 
@@ -68,7 +70,9 @@ def _at(table: Table, node: Node) -> At | None:
     if to is None or pose is None:
         return None
     if to.path[0] == node.name:
-        scope.error(Code.PLACED_ON_ITSELF, f"`{node.name}` is placed in itself", (*path, "in"), help="name a frame of another component")
+        scope.error(
+            Code.PLACED_ON_ITSELF, f"`{node.name}` is placed in itself", (*path, "in"), help="name a frame of another component",
+        )
         return None
     return At(to=to, pose=pose, origin=scope.origin(path, key=True))
 
@@ -105,7 +109,7 @@ def check(table: Table, places: Places, *, unsure: bool) -> None:
         table.scope.error(
             Code.NO_BASE, "every component is placed on another one: the assembly has no base", ("components",), key=True,
             help=f"take the placement of one of them away, for example that of `{first_name}`",
-            notes=[Note(message=f"`{name}` is placed by {ways[0][0]}", span=ways[0][1]) for name, ways in list(places.items())[:4]],
+            notes=[Note(message=f"`{name}` is placed by {ways[0][0]}", span=ways[0][1]) for name, ways in [*places.items()][:4]],
         )
     if len(free) > 1:
         _report_bases(table, free)
@@ -114,17 +118,20 @@ def check(table: Table, places: Places, *, unsure: bool) -> None:
 
 
 def _report_bases(table: Table, free: list[str]) -> None:
-    shown = [f"`{name}`" for name in free]
-    named = f"{shown[0]} and {shown[1]}" if len(shown) == 2 else ", ".join(shown[:6]) + (f" and {len(shown) - 6} more" if len(shown) > 6 else "")
-    message = f"{len(free)} components are placed by nothing: {named}; only one, the base, may be"
+    shown = [f"`{name}`" for name in free[:6]]
+    rest = f" and {len(free) - 6} more" if len(free) > 6 else ""
+    message = f"{len(free)} components are placed by nothing: {', '.join(shown)}{rest}; only one, the base, may be"
     if len(free) == 2:
-        message = f"{named} are both placed by nothing; only one component, the base, may be"
+        message = f"{shown[0]} and {shown[1]} are both placed by nothing; only one component, the base, may be"
     second = table.nodes[free[1]]
     table.scope.report.add(
         Code.TWO_BASES, message, second.scope.span(second.path, key=True), path=f"components.{free[1]}",
         help="place the others with `attach`, `at` or as the child of a joint",
         notes=[
-            Note(message=f"`{name}` is placed by nothing, too", span=table.nodes[name].scope.span(table.nodes[name].path, key=True))
+            Note(
+                message=f"`{name}` is placed by nothing, too",
+                span=table.nodes[name].scope.span(table.nodes[name].path, key=True),
+            )
             for name in [free[0], *free[2:6]]
         ],
     )

@@ -41,7 +41,8 @@ def indexed(scope: Scope, text: str, path: Path, *, key: bool = False) -> str | 
     if not unknown:
         return filled
     if scope.index is None:
-        message, help = f"`{unknown[0]}` in `{text}` is an index, and nothing is repeated here", "add `repeat: {count: ...}`, or write the number"
+        message = f"`{unknown[0]}` in `{text}` is an index, and nothing is repeated here"
+        help = "add `repeat: {count: ...}`, or write the number"
     else:
         message, help = f"unknown index `{unknown[0]}` in `{text}`", f"the index of this repeat is `${scope.index[0]}`"
     scope.error(Code.REFERENCE, message, path, help=help, key=key)
@@ -58,7 +59,9 @@ def words(scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[st
     if wrong is None:
         return parts
     if GLOB.search(wrong):
-        scope.error(Code.REFERENCE, f"`{filled}` is a pattern, and one name is wanted here", path, help="write the name in full", key=key)
+        scope.error(
+            Code.REFERENCE, f"`{filled}` is a pattern, and one name is wanted here", path, help="write the name in full", key=key,
+        )
     else:
         scope.error(Code.REFERENCE, f"`{wrong}` in `{filled}` is no name", path, key=key)
     return None
@@ -196,7 +199,9 @@ def _mount_of(node: Node, scope: Scope, rest: tuple[str, ...], parts: tuple[str,
     if name == ORIGIN or name in node.mounts:
         return True
     if node.frame:
-        _report_mount(scope, f"frame `{node.name}`", name, [ORIGIN, *node.mounts], node.scope.span(node.path, key=True), path, key)
+        _report_mount(
+            scope, f"frame `{node.name}`", name, [ORIGIN, *node.mounts], node.scope.span(node.path, key=True), path, key,
+        )
         return False
     if node.table is None:
         return True
@@ -231,7 +236,9 @@ def _report_single(table: Table, scope: Scope, name: str, path: Path, key: bool)
     elif name in table.exports:
         message, help = f"`{name}` is what this document exports; here the mount itself is wanted", "write `component.mount`"
     else:
-        message, help = f"a mount is written `component.mount`, found `{name}`", did_you_mean(name, table.nodes, what="components")
+        message, help = f"a mount is written `component.mount`, found `{name}`", did_you_mean(
+            name, table.nodes, what="components",
+        )
         if nearest(name, table.nodes) is not None:
             help = f"{help[:-1]}, with one of its mounts after a `.`?"
     scope.error(Code.REFERENCE, message, path, help=help, key=key)

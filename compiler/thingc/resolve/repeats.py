@@ -32,7 +32,8 @@ class Item(Generic[Spec]):
     scope: Scope
 
 
-def unrolled(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: Iterable[str]) -> tuple[list[Item[Spec]], list[str]]:
+def unrolled(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: Iterable[str]) -> tuple[list[Item[Spec]],
+list[str]]:
     """The items of `components` or `joints` in document order, and the prefixes (`leg_`) of those that were too many or wrong.
 
     Names that clash are reported, and the first one stays.
@@ -60,7 +61,8 @@ def unrolled(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: 
             count = None
         if count is not None and total + count > MAX_OCCURRENCES:
             scope.error(
-                Code.TOO_MANY, f"with `{name}` the {section} of this document are {total + count}; at most {MAX_OCCURRENCES} are possible",
+                Code.TOO_MANY,
+                f"with `{name}` the {section} of this document are {total + count}; at most {MAX_OCCURRENCES} are possible",
                 (*path, "count"),
             )
             count = None
@@ -97,7 +99,9 @@ def check_names(scope: Scope, names: Iterable[tuple[str, Path, str]], *, reserve
     said: set[tuple[Path, Path]] = set()
     for name, path, what in names:
         if reserved and name in RESERVED:
-            scope.error(Code.RESERVED_NAME, f"`{name}` is reserved and cannot name {what}", path, key=True, help="choose another name")
+            scope.error(
+                Code.RESERVED_NAME, f"`{name}` is reserved and cannot name {what}", path, key=True, help="choose another name",
+            )
             continue
         first = seen.setdefault(name.lower(), (name, path, what))
         if first[1] == path or (first[1], path) in said:
@@ -106,9 +110,11 @@ def check_names(scope: Scope, names: Iterable[tuple[str, Path, str]], *, reserve
         note = [Note(message="the other one", span=scope.span(first[1], key=True))]
         if first[0] == name:
             scope.error(
-                Code.NAME_CLASH, f"`{name}` names both {first[2]} and {what}", path, key=True, help="rename one of them", notes=note,
+                Code.NAME_CLASH, f"`{name}` names both {first[2]} and {what}", path, key=True, help="rename one of them",
+                notes=note,
             )
         else:
             scope.error(
-                Code.NAME_CLASH, f"`{name}` and `{first[0]}` differ only in case", path, key=True, help="rename one of them", notes=note,
+                Code.NAME_CLASH, f"`{name}` and `{first[0]}` differ only in case", path, key=True, help="rename one of them",
+                notes=note,
             )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from thingc.diagnostics import Code, Note, Report
@@ -33,7 +33,8 @@ class Scope:
     """The names that expressions of a document (or of one item of a `repeat`) may use, and where to report.
 
     `broken` are names that were wrong and have been reported: what uses them is unsound, silently. `index` is the name
-    of the repeat's index and its value as it stands in references (`$i`).
+    of the repeat's index and its value as it stands in references (`$i`). `said`, shared by a whole run, keeps one
+    mistake in one place from being reported for every item of a repeat and every use of a nested document.
     """
 
     document: Document
@@ -41,6 +42,7 @@ class Scope:
     names: Mapping[str, Found]
     broken: frozenset[str] = NOTHING
     index: tuple[str, str] | None = None
+    said: set[tuple[str, Code, Path, bool]] = field(default_factory=set)
 
     def repeated(self, name: str, value: int) -> Scope:
         """The same inside one item of a `repeat`."""
@@ -67,7 +69,11 @@ class Scope:
         self, code: Code, message: str, path: Path, *, help: str | None = None, notes: Iterable[Note] = (), key: bool = False,
         span: Span | None = None,
     ) -> None:
-        """Report at the value (with `key` the key) at `path`; `span` where the place is narrower."""
+        """Report, once, at the value (with `key` the key) at `path`; `span` where the place is narrower."""
+        known = (self.document.relative, code, path, key)
+        if known in self.said:
+            return
+        self.said.add(known)
         self.report.add(code, message, span or self.document.span(path, key=key), help=help, notes=notes, path=dotted(path))
 
     # --- values ---------------------------------------------------------------------------------------------------
@@ -132,7 +138,7 @@ class Scope:
         elif most is not None and not value <= most:
             rule = f"at most {_bound(most, found.dimension)}"
         if rule is not None:
-            self.error(Code.OUT_OF_RANGE, f"{what} must be {rule}, found `{self.shown(found, path)}`", path)
+            self.error(Code.OUT_OF_RANGE, f"{what} must be {rule}, found {self.shown(found, path)}", path)
             return None
         return value
 
@@ -142,7 +148,7 @@ class Scope:
         if value is None:
             return None
         if value != int(value):
-            self.error(Code.VALUE_KIND, f"{what} must be a whole number, found `{self.shown(Quantity(value), path)}`", path)
+            self.error(Code.VALUE_KIND, f"{what} must be a whole number, found {self.shown(Quantity(value), path)}", path)
             return None
         return int(value)
 
@@ -158,14 +164,9 @@ class Scope:
         return None if translation is None or angles is None else placed(translation, angles)
 
     def shown(self, found: Found, path: Path) -> str:
-        """A value as messages quote it: as written, with its result where it is an expression."""
-        text = self.written(path)
-        if text is None:
-            return words_of(found)
-        text = text.strip()
-        if text.startswith("="):
-            return f"{shortened(text)}, which is {words_of(found)}"
-        return shortened(text)
+        """A value as messages quote it: as written, in backticks, with its result where it is an expression."""
+        text = (self.written(path) or words_of(found)).strip()
+        return f"`{shortened(text)}`, which is {words_of(found)}" if text.startswith("=") else f"`{shortened(text)}`"
 
     def wrong_dimension(self, found: Found, expected: tuple[Dimension, ...], what: str, path: Path) -> None:
         """Report a value of another dimension, naming both."""

@@ -5,16 +5,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
-from thingc.diagnostics import Report
+from thingc.diagnostics import Code, Report
 from thingc.realize.record import PartDefinition, PartFailure, PartSchema, Value
-from thingc.resolve.model import AssemblyDefinition, Component, ExtraMount, Joint, Material, NamedPose, Reference
-from thingc.resolve.scope import Found, Scope
-from thingc.source import Document, Path, Span
+from thingc.resolve.model import AssemblyDefinition, ExtraMount, Joint, Material, NamedPose, Reference
+from thingc.resolve.scope import NOTHING, Found, Scope
+from thingc.source import Document, Path
 
-if False:  # pragma: no cover - for type checkers only
+if TYPE_CHECKING:
     from thingc.load import Documents
-    from thingc.spec.assembly import AssemblySpec, ComponentSpec, JointSpec
+    from thingc.spec.assembly import AssemblySpec, ComponentSpec
     from thingc.spec.materials import MaterialsSpec
     from thingc.workspace import Workspace
 
@@ -99,7 +100,7 @@ class Context:
     """One run of `resolve`: its inputs, and what has been worked out or reported already.
 
     `tables` is keyed by document and canonical parameters (equal definitions are one object); `nesting` holds the
-    documents being resolved, outermost first, each with the span of the line that nested it.
+    documents being resolved, outermost first.
     """
 
     documents: Documents
@@ -109,7 +110,12 @@ class Context:
     report: Report
     tables: dict[tuple[str, tuple[tuple[str, Value], ...]], Table] = field(default_factory=dict)
     declared: dict[str, Declared] = field(default_factory=dict)
-    nesting: list[tuple[str, Span]] = field(default_factory=list)
+    nesting: list[str] = field(default_factory=list)
     parts: dict[tuple[str, tuple[tuple[str, Value], ...]], PartDefinition] = field(default_factory=dict)
     failed_parts: set[str] = field(default_factory=set)
     materials: dict[str, dict[str, Material | None]] = field(default_factory=dict)
+    said: set[tuple[str, Code, Path, bool]] = field(default_factory=set)
+
+    def scope(self, document: Document, names: Mapping[str, Found], broken: frozenset[str] = NOTHING) -> Scope:
+        """A scope that reports to this run."""
+        return Scope(document=document, report=self.report, names=names, broken=broken, said=self.said)

@@ -1,0 +1,8 @@
+"""Rooting: one robot per mode, a tree of bodies whose joints mean the same whatever its root."""
+
+from __future__ import annotations
+
+from thingc.robot.kinematics import body_poses, joint_names, link_names, mass_properties, motion, occurrence_poses
+from thingc.robot.rooting import in_link, root
+
+__all__ = ["body_poses", "in_link", "joint_names", "link_names", "mass_properties", "motion", "occurrence_poses", "root"]

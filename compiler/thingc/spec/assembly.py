@@ -9,9 +9,30 @@ from pydantic_core import PydanticCustomError
 
 from thingc.spec.base import Model
 from thingc.spec.fields import (
-    AccelerationField, AngleField, AnyQuantityField, ArmatureField, ColorField, CostField, CountField, DampingField, EffortField,
-    ForceField, FrictionField, InertiaField, JointValueField, LengthField, MassField, MultiplierField, Name, NumberField,
-    RatioField, RawField, ReferenceField, SpeedField, StiffnessField, TimeField, Vector3Acceleration, Vector3Angle, Vector3Length,
+    AngleField,
+    AnyQuantityField,
+    ArmatureField,
+    CostField,
+    CountField,
+    DampingField,
+    EffortField,
+    ForceField,
+    FrictionField,
+    InertiaField,
+    JointValueField,
+    LengthField,
+    MassField,
+    MultiplierField,
+    Name,
+    NumberField,
+    RawField,
+    ReferenceField,
+    SpeedField,
+    StiffnessField,
+    TimeField,
+    Vector3Acceleration,
+    Vector3Angle,
+    Vector3Length,
 )
 from thingc.spec.materials import MaterialSpec, ProcessSpec
 
@@ -176,7 +197,9 @@ class ComponentSpec(ComponentDefaults):
                         "write for example `part: arm:BasePlate`")
         if len(kinds) > 1:
             named = " and ".join(f"`{k}`" for k in kinds)
-            raise _rule(f"a component has exactly one of `part`, `file`, `assembly`, `frame`; here are {named}", "keep one of them")
+            raise _rule(
+                f"a component has exactly one of `part`, `file`, `assembly`, `frame`; here are {named}", "keep one of them",
+            )
         if self.params and self.part is None:
             raise _rule("`params` belongs to a `part`", "a nested assembly takes `parameters`" if self.assembly else "")
         if self.parameters and self.assembly is None:

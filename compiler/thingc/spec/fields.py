@@ -2,7 +2,7 @@
 
 Each is an `Annotated` type that pydantic validates with one function of ours (no unions, no regular expressions of its
 own), so that a wrong value is one error, in our words. The errors are `PydanticCustomError`s whose type is the word that
-`spec.validate` turns into a code, and whose context holds `message`, `help`, and `offset` and `end` (characters inside
+`spec.validation` turns into a code, and whose context holds `message`, `help`, and `offset` and `end` (characters inside
 the scalar) where a part of it is to blame.
 """
 
@@ -18,9 +18,32 @@ from pydantic_core import PydanticCustomError, core_schema
 from thingc.diagnostics import nearest
 from thingc.expressions import Expression, ExpressionError, parse_expression
 from thingc.units import (
-    ACCELERATION, ANGLE, ANGLE_PER_LENGTH, ANGULAR_DAMPING, ANGULAR_STIFFNESS, ANGULAR_VELOCITY, DENSITY, FORCE, INERTIA,
-    LENGTH, LENGTH_PER_ANGLE, LINEAR_DAMPING, LINEAR_STIFFNESS, MASS, NUMBER, TIME, TORQUE, VELOCITY, Dimension, Quantity,
-    UnitError, checked, parse_quantity, parse_vector, scan_number, shortened,
+    ACCELERATION,
+    ANGLE,
+    ANGLE_PER_LENGTH,
+    ANGULAR_DAMPING,
+    ANGULAR_STIFFNESS,
+    ANGULAR_VELOCITY,
+    DENSITY,
+    FORCE,
+    INERTIA,
+    LENGTH,
+    LENGTH_PER_ANGLE,
+    LINEAR_DAMPING,
+    LINEAR_STIFFNESS,
+    MASS,
+    NUMBER,
+    TIME,
+    TORQUE,
+    VELOCITY,
+    Dimension,
+    Quantity,
+    UnitError,
+    checked,
+    parse_quantity,
+    parse_vector,
+    scan_number,
+    shortened,
 )
 
 if TYPE_CHECKING:
@@ -49,15 +72,17 @@ class Checked:
         return {"pydantic_js_functions": [describe]}
 
 
-def fault(kind: str, message: str, *, help: str | None = None, offset: int | None = None, end: int | None = None) -> PydanticCustomError:
-    """An error for `spec.validate`, see the head of this module for its parts."""
+def fault(
+    kind: str, message: str, *, help: str | None = None, offset: int | None = None, end: int | None = None,
+) -> PydanticCustomError:
+    """An error for `spec.validation`, see the head of this module for its parts."""
     context: dict[str, Any] = {"message": message}
     if help:
         context["help"] = help
     if offset is not None:
         context["offset"] = offset
         context["end"] = offset + 1 if end is None else end
-    return PydanticCustomError(kind, "{message}", context)  # type: ignore[arg-type]
+    return PydanticCustomError(kind, "{message}", context)
 
 
 def found(value: object) -> str:
@@ -71,7 +96,8 @@ def found(value: object) -> str:
     if isinstance(value, (list, tuple)):
         return f"a list of {len(value)}"
     if isinstance(value, Mapping):
-        return "a mapping with " + ", ".join(f"`{shortened(str(key), 20)}`" for key in list(value)[:3]) if value else "an empty mapping"
+        keys = ", ".join(f"`{shortened(str(key), 20)}`" for key in list(value)[:3])
+        return f"a mapping with {keys}" if keys else "an empty mapping"
     return "nothing"
 
 
@@ -145,9 +171,9 @@ def quantity(*dimensions: Dimension, doc: str = "") -> Any:
     """
     words = doc or " or ".join(dimension.words for dimension in dimensions)
     examples = [dimension.example for dimension in dimensions]
+    schema = _schema(words, examples, NUMBER in dimensions)
     return Annotated[
-        Union[Quantity, Expression],
-        Checked(lambda value: read_value(value, dimensions, words, examples[0]), words, _schema(words, examples, NUMBER in dimensions)),
+        Union[Quantity, Expression], Checked(lambda value: read_value(value, dimensions, words, examples[0]), words, schema),
     ]
 
 
@@ -203,7 +229,7 @@ else:
 
 
 def _any_value(value: Any) -> Value | bool | str:
-    """A parameter's value: a quantity of any dimension, an expression, a flag, or text (what begins with a digit is a quantity)."""
+    """A parameter's value: a quantity of any dimension, an expression, a flag, or text (not beginning with a number)."""
     if isinstance(value, bool):
         return value
     if is_expression(value):
@@ -214,8 +240,7 @@ def _any_value(value: Any) -> Value | bool | str:
         try:
             return parse_quantity(value)
         except UnitError as error:
-            help = error.help or "a text that begins with a digit cannot be a parameter's value"
-            raise fault(error.kind, error.message, help=help if error.kind == "quantity" else error.help, offset=error.offset, end=error.end) from None
+            raise _of_unit(error) from None
     if isinstance(value, (int, float)):
         return _bare(value)
     raise fault("type", f"expected a quantity, an expression, true or false, or text, found {found(value)}")
@@ -224,9 +249,6 @@ def _any_value(value: Any) -> Value | bool | str:
 def _begins_with_number(text: str) -> bool:
     stripped = text.lstrip()
     return scan_number(stripped) is not None
-
-
-_GLOB = re.compile(r"[A-Za-z*?\[][\w.*?\[\]]*", re.ASCII)
 
 
 def _joint_value(value: Any) -> Value | str:
@@ -249,7 +271,8 @@ def _vector(dimension: Dimension) -> Any:
                 x, y, z = (checked(part, (dimension,), value) for part in parse_vector(value))
             except UnitError as error:
                 if error.kind == "unit" and error.offset is None:
-                    error = UnitError(error.message, kind="unit", help=f"write for example `{' '.join(value.split())} {unit}`")
+                    meant = f"{' '.join(value.split())} {unit}"
+                    error = UnitError(error.message, kind="unit", help=f"write for example `{meant}`")
                 raise _of_unit(error) from None
             return x, y, z
         if not isinstance(value, (list, tuple)):
@@ -279,10 +302,10 @@ def _vector(dimension: Dimension) -> Any:
 
 
 def _within(error: PydanticCustomError, path: tuple[str | int, ...]) -> PydanticCustomError:
-    """The fault of something inside the value, with its `path` there, so that `spec.validate` can point at it."""
+    """The fault of something inside the value, with its `path` there, so that `spec.validation` can point at it."""
     context = dict(error.context or {})
     context["path"] = path
-    return PydanticCustomError(error.type, "{message}", context)  # type: ignore[arg-type]
+    return PydanticCustomError(error.type, "{message}", context)
 
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
@@ -311,11 +334,11 @@ def _reference(value: Any) -> str:
     at = 0
     for word in value.split("."):
         if not _REFERENCE_WORD.fullmatch(word):
-            shown = f"`{shortened(word)}` in it is no name" if word else "a name is missing beside a `.`"
+            message = f"`{shortened(value)}` is no reference"
+            if word != value:
+                message += f": `{shortened(word)}` in it is no name" if word else ": a name is missing beside a `.`"
             help = "levels are separated by `.`" if "/" in word else None
-            raise fault(
-                "reference", f"`{shortened(value)}` is no reference: {shown}", help=help, offset=at, end=at + max(1, len(word)),
-            )
+            raise fault("reference", message, help=help, offset=at, end=at + max(1, len(word)))
         at += len(word) + 1
     return value
 
@@ -339,7 +362,8 @@ def _color(value: Any) -> str:
         raise fault("color", f"`{shortened(value)}` is no colour", help='write `"#rrggbb"` with hexadecimal digits')
     close = nearest(value, COLORS)
     raise fault(
-        "color", f"unknown colour `{shortened(value)}`", help=f"did you mean `{close}`?" if close else 'write a CSS name or `"#rrggbb"`',
+        "color", f"unknown colour `{shortened(value)}`",
+        help=f"did you mean `{close}`?" if close else 'write a CSS name or `"#rrggbb"`',
     )
 
 
@@ -379,8 +403,11 @@ def _cost(value: Any) -> str:
     """An amount and a currency, kept as written."""
     if isinstance(value, str) and _COST.fullmatch(value):
         return value
-    hint = f"write for example `{value} EUR`" if isinstance(value, (int, float)) and not isinstance(value, bool) else "write for example `12.50 EUR`"
-    raise fault("quantity" if isinstance(value, str) else "type", f"expected an amount and a currency, found {found(value)}", help=hint)
+    amount = value if isinstance(value, (int, float)) and not isinstance(value, bool) else "12.50"
+    raise fault(
+        "quantity" if isinstance(value, str) else "type", f"expected an amount and a currency, found {found(value)}",
+        help=f"write for example `{amount} EUR`",
+    )
 
 
 _ANY_SCHEMA = {

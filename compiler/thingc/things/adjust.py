@@ -43,7 +43,10 @@ def adjusted(thing: Thing, changes: Mapping[str, object]) -> Thing:
         return make(cls, own, adjustments)
     base = thing if own == construction.parameters else make(cls, own, adjustments)
     for family, parameter, change in pinned:
-        call = next(call for call in base._construction.calls if call.family is family)
+        call = next((call for call in _parents(base) if call.family is family), None)
+        if call is None:
+            message = f"`{cls.__name__}` with these parameters does not call the `__init__` that takes `{parameter.name}`"
+            raise CallError(message, owner=cls.__name__, parameter=parameter.name)
         value = _applied(parameter, change, call.values[parameter.name], cls.__name__)
         values = adjustments.setdefault(family, {})
         if value == call.given[parameter.name]:

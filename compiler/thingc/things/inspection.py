@@ -12,9 +12,9 @@ import types
 import typing
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias, Union
+from typing import Any, Literal, TypeAlias, Union, cast
 
-from build123d import Shape
+from build123d.topology import Shape
 
 from thingc.things.actuator import Actuator, sourced
 from thingc.things.construction import family_signature, make, wrapped
@@ -109,7 +109,7 @@ def build(part: PartLike, parameters: Mapping[str, object]) -> Thing:
     if isinstance(part, type) and issubclass(part, Thing):
         return make(part, family_signature(part).bind((), parameters), {})
     values = _signature(part).bind((), parameters)
-    maker: Callable[..., object] = part
+    maker = cast("Callable[..., object]", part)
     shape = maker(**values)
     if not isinstance(shape, Shape):
         raise TypeError(f"`{part.__name__}` must return a build123d shape, it returned {shape!r}")
@@ -166,8 +166,11 @@ def shapes_of(geometry: Geometry) -> tuple[Shape[Any], ...]:
     """What `result()` and its like returned, as a tuple of shapes; raises `TypeError` where it is something else."""
     if geometry is None:
         return ()
-    several = isinstance(geometry, Iterable) and not isinstance(geometry, Shape)
-    found: tuple[Any, ...] = tuple(geometry) if several else (geometry,)
+    found: tuple[Any, ...]
+    if isinstance(geometry, Shape) or not isinstance(geometry, Iterable):
+        found = (geometry,)
+    else:
+        found = tuple(geometry)
     for item in found:
         if not isinstance(item, Shape):
             raise TypeError(f"expected a build123d shape, found {item!r}")

@@ -12,18 +12,16 @@ from typing import Any
 from build123d import (
     Axis,
     BoundBox,
-    Builder,
     Joint,
     Location,
-    LocationList,
     Matrix,
     OrientedBoundBox,
     Plane,
-    Shape,
     ShapeList,
     Vector,
 )
-from build123d.topology import downcast
+from build123d.build_common import Builder, LocationList
+from build123d.topology import Shape, downcast
 
 from thingc.things.actuator import Actuator
 from thingc.things.mounts import MountPoint
@@ -149,7 +147,7 @@ def _moved(shape: Shape[Any], location: Location) -> Shape[Any]:
 
     build123d's `moved` copies the whole topology, some milliseconds for a servo; it is left to shapes in an assembly tree.
     """
-    if shape.parent is not None or shape.children or shape.joints:
+    if shape.parent is not None or shape.children or getattr(shape, "joints", None):
         return shape.moved(location)
     moved = shape.__class__.__new__(shape.__class__)
     for key, value in vars(shape).items():

@@ -149,11 +149,16 @@ def annotation_of(function: Callable[..., Any], annotation: object) -> Any:
     scope = _KNOWN | getattr(inner, "__globals__", {})
     cells = getattr(inner, "__closure__", None) or ()
     for name, cell in zip(inner.__code__.co_freevars if cells else (), cells):
-        scope[name] = cell.cell_contents
-    try:
-        return eval(annotation, scope)  # the author's own annotation, in the author's own module
-    except Exception as error:
-        raise SignatureError(f"its annotation `{annotation}` cannot be read: {error}") from None
+        try:
+            scope[name] = cell.cell_contents
+        except ValueError:  # a name of the enclosing function that has no value yet
+            continue
+    while isinstance(annotation, str):
+        try:
+            annotation = eval(annotation, scope)  # the author's own annotation, in the author's own module
+        except Exception as error:
+            raise SignatureError(f"its annotation `{annotation}` cannot be read: {error}") from None
+    return annotation
 
 
 def _kind_of_annotation(

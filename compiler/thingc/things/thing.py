@@ -6,7 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
-from build123d import Location, Shape
+from build123d import Location
+from build123d.topology import Shape
 
 from thingc.things.construction import Construction, Parameters, ThingType, shown
 from thingc.things.mounts import MountPoint, adopt, origin_of
@@ -110,7 +111,11 @@ class Thing(metaclass=ThingType):
         return None
 
     def __repr__(self) -> str:
-        return shown(type(self), self._construction.parameters)
+        family, adjustments = type(self), self._construction.adjustments
+        changed = [
+            f"{name}={value!r}" for parent in family.__mro__ for name, value in sorted(adjustments.get(parent, {}).items())
+        ]
+        return shown(family, self._construction.parameters) + (f" adjusted to {', '.join(changed)}" if changed else "")
 
     def __copy__(self) -> Self:
         return self

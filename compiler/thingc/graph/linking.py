@@ -44,9 +44,9 @@ def link(model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailu
         # Only of whole assemblies: what was left out may be what carries the mass, or what sits on the mount.
         faulty = [index for index, instance in enumerate(tree.leaves) if instance.leaf is not None and not instance.leaf.sound]
         check_links(links, link_of, occurrences, modes, faulty, findings)
-        shown = {(mount.occurrence, mount.mount) for mount in exported}
+        shown = {(mount.occurrence, mount.mount) for mount in exported if "/" not in mount.path}
         check_expectations(occurrences, mates, laid, shown, findings)
-        check_poses(model.poses, model.modes, joints, findings)
+    check_poses(model.poses, model.modes, joints, findings)
     at = spread(mates, neighbourhood(len(occurrences), mates), base, NO_POSE, {}) if base is not None else {}
     if base is None or findings.incomplete or len(at) != len(occurrences) or len(mates) != len(occurrences) - 1:
         if not findings.failed and not findings.earlier:

@@ -1,0 +1,105 @@
+"""What MuJoCo has accepted before, by content, so that it need not be asked again.
+
+Reading meshes takes most of MuJoCo's time with a model (200 of 220 ms for twelve parts), and one that it has taken once,
+it takes again: whether a mesh is fit depends on its bytes and on whether it is read as a surface, on nothing else. So a
+model whose limits, masses or poses were edited is compiled with a tetrahedron in the place of every mesh that is known.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import struct
+from collections.abc import Iterable, Mapping
+
+from thingc.emit.mjcf_geometry import MeshAsset
+from thingc.emit.mjcf_xml import Element
+from thingc.realize.store import Store
+
+MODEL, MESH = "mujoco-model", "mujoco-mesh"
+"""Kinds of documents in the store: a model, a mesh that a version of MuJoCo compiled without a word."""
+
+HARMLESS = frozenset({"condim", "friction", "gap", "group", "margin", "priority", "rgba", "solimp", "solmix", "solref"})
+"""Attributes of a geom that change nothing of what MuJoCo makes of its mesh."""
+
+_CORNERS = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+_SIDES = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
+
+
+class Known:
+    """The memory of one version of MuJoCo, kept in a store."""
+
+    def __init__(self, store: Store, version: str) -> None:
+        self.store = store
+        self.version = version
+
+    def model(self, texts: Iterable[str], meshes: Iterable[MeshAsset]) -> bool:
+        """Whether exactly these files were accepted together."""
+        return self.store.get_json(MODEL, self._model_key(texts, meshes)) is not None
+
+    def accept(self, texts: Iterable[str], meshes: Iterable[MeshAsset]) -> None:
+        """Remember a model, and the meshes in it."""
+        kept = list(meshes)
+        self.store.put_json(MODEL, self._model_key(texts, kept), True)
+        for mesh in kept:
+            if self.store.get_json(MESH, self._mesh_key(mesh)) is None:
+                self.store.put_json(MESH, self._mesh_key(mesh), True)
+
+    def data(self, models: Iterable[Element], meshes: Iterable[MeshAsset]) -> dict[str, bytes]:
+        """What MuJoCo shall read as each file: its bytes where it is not known, else a tetrahedron.
+
+        All bytes are the files' own when raw attributes may change what MuJoCo makes of meshes.
+        """
+        whole = any(_about_meshes(model) for model in models)
+        return {
+            mesh.file: (
+                self.store.read(mesh.stored.sha256)
+                if whole or self.store.get_json(MESH, self._mesh_key(mesh)) is None
+                else _tetrahedron(mesh.file)
+            )
+            for mesh in meshes
+        }
+
+    def _mesh_key(self, mesh: MeshAsset) -> str:
+        extension = mesh.file.rpartition(".")[2]
+        return f"{self.version} {mesh.stored.sha256} {extension} {'shell' if mesh.shell else 'solid'}"
+
+    def _model_key(self, texts: Iterable[str], meshes: Iterable[MeshAsset]) -> str:
+        content: list[object] = [self.version, list(texts), {mesh.file: mesh.stored.sha256 for mesh in meshes}]
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def mujoco_version() -> str:
+    """The version of the installed MuJoCo, from the name of its metadata folder, because importing it takes 0.1 s."""
+    from importlib.util import find_spec
+
+    spec = find_spec("mujoco")
+    for place in (spec.submodule_search_locations or ()) if spec is not None else ():
+        for name in sorted(os.listdir(os.path.dirname(place))):
+            found = re.fullmatch(r"mujoco-(.+)\.dist-info", name)
+            if found:
+                return found[1]
+    from importlib.metadata import version
+
+    return version("mujoco")
+
+
+def _about_meshes(model: Element) -> bool:
+    """Whether raw attributes touch meshes, or how they are read or used."""
+    sections: Mapping[str, Element] = {child.tag: child for child in model.children}
+    if any(element.raw for tag in ("compiler", "default") if tag in sections for element in sections[tag].walk()):
+        return True
+    return any(
+        element.tag == "mesh" or (element.tag == "geom" and not HARMLESS.issuperset(element.raw))
+        for element in model.walk() if element.raw
+    )
+
+
+def _tetrahedron(file: str) -> bytes:
+    if file.endswith(".obj"):
+        lines = [f"v {x} {y} {z}" for x, y, z in _CORNERS] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in _SIDES]
+        return "\n".join(lines).encode() + b"\n"
+    sides = (struct.pack("<12fH", 0, 0, 0, *(x for corner in side for x in _CORNERS[corner]), 0) for side in _SIDES)
+    return bytes(80) + struct.pack("<I", len(_SIDES)) + b"".join(sides)

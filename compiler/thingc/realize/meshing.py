@@ -1,0 +1,240 @@
+"""From B-rep to triangles: one watertight mesh per shape, and the files that are made of it.
+
+Vertices are joined along the kernel's own edges, not by distance: the two faces at an edge are cut at the same parameters
+but may lie a tolerance apart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from OCP.BRep import BRep_Tool
+from OCP.BRepMesh import BRepMesh_IncrementalMesh
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED
+from OCP.TopExp import TopExp_Explorer
+from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import TopoDS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+    from OCP.TopoDS import TopoDS_Shape
+
+
+@dataclass(frozen=True, slots=True)
+class Triangles:
+    """Vertices (n x 3, double) and triangles (m x 3 indices), counter-clockwise seen from outside."""
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+
+    @property
+    def closed(self) -> bool:
+        """Whether every edge is run through as often one way as the other: a surface without border, turned one way."""
+        if len(self.faces) == 0:
+            return False
+        a = self.faces.ravel()
+        b = self.faces[:, (1, 2, 0)].ravel()
+        count = len(self.vertices)
+        return bool(np.array_equal(np.sort(a * count + b), np.sort(b * count + a)))
+
+    @property
+    def volume(self) -> float:
+        """The volume enclosed, by the divergence theorem; negative when the triangles look inwards."""
+        if len(self.faces) == 0:
+            return 0.0
+        middle = self.vertices.mean(axis=0)
+        a, b, c = (self.vertices[self.faces[:, k]] - middle for k in range(3))
+        return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+
+    @property
+    def flat(self) -> bool:
+        """Whether it encloses nothing to speak of: less than 1e-9 of the cube on its diagonal."""
+        if len(self.vertices) == 0:
+            return True
+        diagonal = float(np.linalg.norm(self.vertices.max(axis=0) - self.vertices.min(axis=0)))
+        return abs(self.volume) <= 1e-9 * diagonal**3
+
+    def scaled(self, factor: float) -> Triangles:
+        """In another unit."""
+        return Triangles(self.vertices * factor, self.faces)
+
+    def outward(self) -> Triangles:
+        """Turned so that the volume is positive."""
+        return self if self.volume >= 0.0 else Triangles(self.vertices, self.faces[:, ::-1])
+
+
+def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
+    """Triangles of a shape [mm], at most `linear` [mm] off its surface and `angular` [rad] between neighbours."""
+    BRepMesh_IncrementalMesh(shape, linear, False, angular, False)
+    vertices: list[tuple[float, float, float]] = []
+    triangles: list[tuple[int, int, int]] = []
+    joined = _Joined()
+    edges = _ShapeIndex()
+    along: dict[int, list[int]] = {}
+    for found in _explore(shape, TopAbs_FACE):
+        face = TopoDS.Face(found)
+        location = TopLoc_Location()
+        mesh = BRep_Tool.Triangulation_s(face, location)
+        if mesh is None:
+            continue
+        offset = len(vertices) - 1  # the kernel counts from 1
+        moved = None if location.IsIdentity() else location.Transformation()
+        for index in range(1, mesh.NbNodes() + 1):
+            point = mesh.Node(index)
+            if moved is not None:
+                point = point.Transformed(moved)
+            vertices.append((point.X(), point.Y(), point.Z()))
+        turned = (face.Orientation() == TopAbs_REVERSED) != (moved is not None and moved.IsNegative())
+        for index in range(1, mesh.NbTriangles() + 1):
+            a, b, c = mesh.Triangle(index).Get()
+            triangles.append((a + offset, c + offset, b + offset) if turned else (a + offset, b + offset, c + offset))
+        for found_edge in _explore(face, TopAbs_EDGE):
+            edge = TopoDS.Edge(found_edge)
+            polygon = BRep_Tool.PolygonOnTriangulation_s(edge, mesh, location)
+            if polygon is None:
+                continue
+            nodes = [polygon.Node(index) + offset for index in range(1, polygon.NbNodes() + 1)]
+            if BRep_Tool.Degenerated_s(edge):
+                joined.join_all([*nodes])
+                continue
+            known = along.setdefault(edges.index(edge), nodes)
+            if len(known) == len(nodes):
+                for one, other in zip(known, nodes, strict=True):
+                    joined.join(one, other)
+    return _compact(np.array(vertices, dtype=np.float64).reshape(-1, 3), np.array(triangles, dtype=np.int64).reshape(-1, 3), joined)
+
+
+def _compact(vertices: NDArray[np.float64], faces: NDArray[np.int64], joined: _Joined) -> Triangles:
+    """Without the vertices that were joined to others and the triangles that shrank to a line."""
+    stands = np.arange(len(vertices))
+    for index in joined.parent:
+        stands[index] = joined.root(index)
+    return without_slivers(vertices, stands[faces])
+
+
+def without_slivers(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Triangles:
+    whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    faces = faces[whole]
+    used, renumbered = np.unique(faces.ravel(), return_inverse=True)
+    return Triangles(vertices[used], renumbered.reshape(-1, 3).astype(np.int64))
+
+
+def _explore(shape: TopoDS_Shape, kind: object) -> Iterator[TopoDS_Shape]:
+    explorer = TopExp_Explorer(shape, kind)  # type: ignore[arg-type]
+    while explorer.More():
+        yield explorer.Current()
+        explorer.Next()
+
+
+class _ShapeIndex:
+    """Numbers for shapes: the same one for the same shape at the same place, whichever way it is turned."""
+
+    def __init__(self) -> None:
+        self.buckets: dict[int, list[tuple[TopoDS_Shape, int]]] = {}
+        self.count = 0
+
+    def index(self, shape: TopoDS_Shape) -> int:
+        bucket = self.buckets.setdefault(hash(shape), [])
+        for held, number in bucket:
+            if held.IsSame(shape):
+                return number
+        self.count += 1
+        bucket.append((shape, self.count))
+        return self.count
+
+
+class _Joined:
+    """Vertices that are one (union-find; the lowest number stands for all)."""
+
+    def __init__(self) -> None:
+        self.parent: dict[int, int] = {}
+
+    def root(self, index: int) -> int:
+        parent = self.parent
+        top = index
+        while parent.get(top, top) != top:
+            top = parent[top]
+        while parent.get(index, index) != top:
+            parent[index], index = top, parent[index]
+        return top
+
+    def join(self, one: int, other: int) -> None:
+        a, b = self.root(one), self.root(other)
+        if a != b:
+            low, high = (a, b) if a < b else (b, a)
+            self.parent[high] = low
+            self.parent.setdefault(low, low)
+        elif one not in self.parent:
+            self.parent[one] = a
+
+    def join_all(self, indices: list[int]) -> None:
+        for index in indices[1:]:
+            self.join(indices[0], index)
+
+
+def together(meshes: list[Triangles]) -> Triangles:
+    """Several meshes as one, side by side."""
+    if len(meshes) == 1:
+        return meshes[0]
+    offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    return Triangles(
+        np.concatenate([mesh.vertices for mesh in meshes]) if meshes else np.zeros((0, 3)),
+        np.concatenate([mesh.faces + offset for mesh, offset in zip(meshes, offsets[:-1], strict=True)])
+        if meshes
+        else np.zeros((0, 3), dtype=np.int64),
+    )
+
+
+def hull(points: NDArray[np.float64]) -> Triangles | None:
+    """The convex hull of points (manifold3d), or None where they lie in a plane."""
+    from manifold3d import Manifold
+
+    mesh = Manifold.hull_points(np.ascontiguousarray(points, dtype=np.float64)).to_mesh64()
+    faces = np.asarray(mesh.tri_verts, dtype=np.int64)
+    if len(faces) == 0:
+        return None
+    made = Triangles(np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3], faces)
+    return None if made.flat else made.outward()
+
+
+# --- files ------------------------------------------------------------------------------------------------------------
+
+
+def rounded_for_stl(mesh: Triangles) -> Triangles:
+    """With vertices as the 32-bit numbers of an STL file leave them: those that become equal are one."""
+    single = mesh.vertices.astype(np.float32).astype(np.float64) + 0.0
+    unique, first, inverse = np.unique(single, axis=0, return_index=True, return_inverse=True)
+    return without_slivers(single, first[np.asarray(inverse).ravel()[mesh.faces]])
+
+
+def stl(mesh: Triangles) -> bytes:
+    """A binary STL file; the header says nothing that changes."""
+    corners = mesh.vertices[mesh.faces].astype("<f4")
+    wide = corners.astype(np.float64)
+    normals = np.cross(wide[:, 1] - wide[:, 0], wide[:, 2] - wide[:, 0])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    normals = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)
+    records = np.zeros(len(mesh.faces), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("count", "<u2")])
+    records["normal"] = normals + 0.0
+    records["corners"] = corners
+    return b"thingc".ljust(80, b"\0") + len(mesh.faces).to_bytes(4, "little") + records.tobytes()
+
+
+def obj(mesh: Triangles) -> bytes:
+    """A Wavefront OBJ file: vertices to 9 digits, triangles, no normals."""
+    vertices = ("v %.9g %.9g %.9g\n" * len(mesh.vertices)) % tuple((mesh.vertices + 0.0).ravel().tolist())
+    faces = ("f %d %d %d\n" * len(mesh.faces)) % tuple((mesh.faces + 1).ravel().tolist())
+    return (vertices + faces).encode()
+
+
+def read_stl(data: bytes) -> Triangles:
+    """A binary STL file, equal vertices joined: the inverse of `stl`."""
+    count = int.from_bytes(data[80:84], "little")
+    records = np.frombuffer(data, dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("count", "<u2")], count=count, offset=84)
+    corners = records["corners"].astype(np.float64).reshape(-1, 3)
+    unique, inverse = np.unique(corners, axis=0, return_inverse=True)
+    return without_slivers(unique, np.asarray(inverse).reshape(-1, 3).astype(np.int64))

@@ -1,0 +1,301 @@
+"""Models a part in a child of the worker: its Thing made, measured and meshed, its files put into the store."""
+
+from __future__ import annotations
+
+import io
+import os
+import warnings
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from thingc.realize import convert, meshing
+from thingc.realize.colors import hexadecimal, named
+from thingc.realize.fits import fit_all
+from thingc.realize.measure import Measures, measure, solids_of
+from thingc.realize.part_files import read_part
+from thingc.realize.record import (
+    Actuator, Expectation, Mesh, MountRecord, PartRecord, PartWarning, Stated, definition_text,
+)
+from thingc.realize.record_json import failure_to_json, mesh_to_json, record_to_json
+from thingc.realize.session import NoPart, Session, Surroundings, kind_of
+from thingc.realize.store import Store
+
+if TYPE_CHECKING:
+    from OCP.TopoDS import TopoDS_Shape
+
+NOTHING = 1e-9
+"""A volume [mm^3] below which a result counts as empty."""
+
+_ZERO = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tessellation:
+    """`linear` [mm], `angular` [rad]."""
+
+    linear: float
+    angular: float
+
+
+def model(definition: dict[str, Any], tessellation: Tessellation, around: Surroundings) -> dict[str, Any]:
+    """The record (or failure) of one part definition and what it read: `{"record" | "failure": ..., "reads": [...]}`.
+
+    `definition` has `kind`, `reference`, `text` and the canonical `parameters` (SI). Blobs go to the store.
+    """
+    store = Store(around.store)
+    text = definition["text"]
+    with Session(around) as session, warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            if definition["kind"] == "file":
+                record = _model_file(definition, tessellation, around, store)
+            else:
+                record = _model_code(definition, tessellation, session, store)
+            session.recorder.stop()
+            found = (*record.warnings, *_warnings(caught, session.own_files()))
+            answer = {"record": record_to_json(_with_warnings(record, found), around.root)}
+            return {**answer, "reads": session.reads(*(warning.file for warning in found))}
+        except BaseException as fault:
+            session.recorder.stop()
+            failure = session.failure(text, fault)
+            return {"failure": failure_to_json(failure, around.root), "reads": session.reads(failure.file)}
+
+
+def _with_warnings(record: PartRecord, found: tuple[PartWarning, ...]) -> PartRecord:
+    return replace(record, warnings=found)
+
+
+def _warnings(caught: list[warnings.WarningMessage], own: set[str]) -> list[PartWarning]:
+    """Warnings about the authors' own lines: what libraries say about themselves is none of their business."""
+    found = [
+        PartWarning(message=str(one.message), file=one.filename, line=one.lineno) for one in caught if one.filename in own
+    ]
+    return list(dict.fromkeys(found))
+
+
+def _model_code(definition: dict[str, Any], tessellation: Tessellation, session: Session, store: Store) -> PartRecord:
+    import inspect
+
+    from thingc.things import inspection
+
+    reference = definition["reference"]
+    part = session.part(reference)
+    kind_of(part, reference)
+    kinds = {parameter.name: parameter.kind for parameter in inspection.parameters_of(part)}
+    parameters = {name: convert.to_author(kinds.get(name, ""), value) for name, value in definition["parameters"].items()}
+    thing = inspection.build(part, parameters)
+    shapes = _shapes(thing.result, "result")
+    statements = inspection.statements_of(thing)
+    color, extra = _color(inspection.color_of(thing), [shape.color for shape in shapes])
+    actuator = inspection.actuator_of(thing)
+    try:
+        code = (inspect.getsourcefile(part) or "", inspect.getsourcelines(part)[1])
+    except (OSError, TypeError):
+        code = None
+    return _record(
+        definition["text"],
+        [shape.wrapped for shape in shapes],
+        tessellation,
+        store,
+        visual=[shape.wrapped for shape in _shapes(thing.visual, "visual")],
+        collision=[shape.wrapped for shape in _shapes(thing.collision, "collision")],
+        material=inspection.material_of(thing),
+        color=color,
+        mounts={
+            name: MountRecord(
+                pose=convert.pose(mount.location.wrapped.Transformation()), interface=mount.interface,
+                tolerance=None if mount.tolerance is None else convert.length(mount.tolerance),
+            )
+            for name, mount in inspection.mounts_of(thing).items()
+        },
+        references=inspection.references_of(thing),
+        expectations=tuple(_expectation(expected) for expected in inspection.expectations_of(thing)),
+        actuator=None if actuator is None else Actuator(
+            kind=actuator.kind, stall_torque=actuator.stall_torque, no_load_speed=actuator.no_load_speed,
+            gear_ratio=actuator.gear_ratio, rotor_inertia=actuator.rotor_inertia, kp=actuator.kp, kv=actuator.kv,
+            sources=dict(actuator.sources),
+        ),
+        mass=_stated(statements.mass), com=_stated(statements.centre, convert.vector),
+        matrix=_stated(statements.matrix, convert.matrix), density=_stated(statements.density),
+        bom=inspection.bom_of(thing), extra=extra, code=code,
+    )
+
+
+def _model_file(definition: dict[str, Any], tessellation: Tessellation, around: Surroundings, store: Store) -> PartRecord:
+    shapes, color = read_part(os.path.join(around.root, definition["reference"]))
+    return _record(definition["text"], shapes, tessellation, store, color=color)
+
+
+def _shapes(method: Callable[[], Any], name: str) -> tuple[Any, ...]:
+    from thingc.things.inspection import shapes_of
+
+    geometry = method()
+    try:
+        shapes = shapes_of(geometry)
+    except TypeError as fault:
+        raise NoPart("invalid", f"{name}() must return a build123d shape, several, or None: {fault}") from None
+    for shape in shapes:
+        if shape.wrapped is None:
+            raise NoPart("empty", f"{name}() returned an empty {type(shape).__name__}")
+    return shapes
+
+
+def _stated(statement: Any, converted: Callable[[Any], Any] = float) -> Stated | None:
+    return None if statement is None else Stated(value=converted(statement.value), source=statement.source)
+
+
+def _expectation(expected: Any) -> Expectation:
+    from thingc.things.inspection import parameters_of
+
+    family = expected.family
+    schemas = {parameter.name: parameter for parameter in parameters_of(family)}
+    values = {name: convert.to_si(schemas[name].kind, value) for name, value in expected.parameters.items() if name in schemas}
+    defaults = {name: convert.to_si(p.kind, p.default) for name, p in schemas.items() if not p.required}
+    text = definition_text(f"{family.__module__}:{family.__qualname__}", values, defaults)
+    return Expectation(mount=expected.mount, text=text, child_mount=expected.child_mount)
+
+
+def _color(stated: str | None, of_shapes: list[Any]) -> tuple[str | None, tuple[PartWarning, ...]]:
+    if stated is not None:
+        try:
+            return named(stated), ()
+        except ValueError:
+            return None, (PartWarning(message=f"`{stated}` is no colour: use a CSS name or `#rrggbb`"),)
+    colors = {hexadecimal(color) for color in of_shapes if color is not None}
+    return (colors.pop() if len(colors) == 1 else None), ()
+
+
+def _record(
+    text: str,
+    shapes: Sequence[TopoDS_Shape],
+    tessellation: Tessellation,
+    store: Store,
+    *,
+    visual: Sequence[TopoDS_Shape] = (),
+    collision: Sequence[TopoDS_Shape] = (),
+    material: str | None = None,
+    color: str | None = None,
+    mounts: dict[str, MountRecord] | None = None,
+    references: tuple[str, ...] = (),
+    expectations: tuple[Expectation, ...] = (),
+    actuator: Actuator | None = None,
+    mass: Stated | None = None,
+    com: Stated | None = None,
+    matrix: Stated | None = None,
+    density: Stated | None = None,
+    bom: dict[str, str] | None = None,
+    extra: tuple[PartWarning, ...] = (),
+    code: tuple[str, int] | None = None,
+) -> PartRecord:
+    """Measure and mesh the solids of `shapes` (none: a part without geometry) and put the files into the store."""
+    measures: Measures | None = None
+    meshes: dict[str, Mesh] = {}
+    fits = {}
+    brep = None
+    if shapes:
+        solid = solid_part(shapes)
+        measures = measure(solid)
+        if not measures.volume > NOTHING:
+            raise NoPart("empty", f"result() has a volume of {measures.volume:.3g} mm^3")
+        brep = store.put(written_brep(solid))  # before meshing, which would leave its triangles in it
+        mesh = _tessellated(solid, tessellation)
+        metres = mesh.scaled(1.0 / convert.MM)
+        round_about = meshing.hull(metres.vertices)
+        shown = _visual(visual, tessellation).scaled(1.0 / convert.MM) if visual else metres
+        meshes["visual"] = _stored(shown, meshing.obj(shown), store)
+        meshes["mesh"] = _stored_stl(metres, store)
+        meshes["hull"] = _stored_stl(round_about or metres, store)
+        meshes["print"] = _stored_stl(mesh, store)
+        if not meshes["print"].closed:
+            extra = (*extra, PartWarning(message="its mesh is not closed: the kernel left gaps between faces"))
+        fits = fit_all((round_about or metres).vertices, convert.unit_inertia(measures.inertia))
+    return PartRecord(
+        text=text, material=material, color=color,
+        volume=convert.volume(measures.volume) if measures else 0.0,
+        area=convert.area(measures.area) if measures else 0.0,
+        centre=convert.vector(measures.centre) if measures else (0.0, 0.0, 0.0),
+        inertia=convert.unit_inertia(measures.inertia) if measures else _ZERO,
+        box=(convert.vector(measures.box[0]), convert.vector(measures.box[1])) if measures else None,
+        mounts=mounts or {}, references=references, expectations=expectations, actuator=actuator,
+        mass=mass, com=com, matrix=matrix, density=density, bom=bom or {}, warnings=extra, fits=fits, meshes=meshes,
+        pieces=tuple(_pieces(collision, tessellation, store)), convex=(), brep=brep, code=code,
+    )
+
+
+def solid_part(shapes: Sequence[TopoDS_Shape]) -> TopoDS_Shape:
+    """The solids of shapes: one as it is, several as a compound. Raises `NoPart` where there are none."""
+    from OCP.BRep import BRep_Builder
+    from OCP.TopoDS import TopoDS_Compound
+
+    solids = [solid for shape in shapes for solid in solids_of(shape)]
+    if not solids:
+        kinds = ", ".join(sorted({str(shape.ShapeType()).rpartition("_")[2].lower() for shape in shapes}))
+        raise NoPart("empty", f"result() holds no solid, only {kinds}: zero volume")
+    if len(solids) == 1:
+        return solids[0]
+    builder = BRep_Builder()
+    compound = TopoDS_Compound()
+    builder.MakeCompound(compound)
+    for solid in solids:
+        builder.Add(compound, solid)
+    return compound
+
+
+def written_brep(shape: TopoDS_Shape) -> bytes:
+    """A shape in the kernel's binary format, without triangles."""
+    from OCP.BinTools import BinTools, BinTools_FormatVersion
+
+    stream = io.BytesIO()
+    BinTools.Write_s(shape, stream, False, False, BinTools_FormatVersion.BinTools_FormatVersion_CURRENT)
+    return stream.getvalue()
+
+
+def _tessellated(shape: TopoDS_Shape, tessellation: Tessellation) -> meshing.Triangles:
+    """Solid by solid, so that two solids that touch do not share an edge; each turned outwards."""
+    return meshing.together([
+        meshing.tessellate(solid, tessellation.linear, tessellation.angular).outward() for solid in solids_of(shape)
+    ])
+
+
+def _visual(shapes: Sequence[TopoDS_Shape], tessellation: Tessellation) -> meshing.Triangles:
+    mesh = meshing.together([meshing.tessellate(shape, tessellation.linear, tessellation.angular) for shape in shapes])
+    if len(mesh.faces) == 0:
+        raise NoPart("invalid", "visual() returned nothing that can be seen: expected faces or solids")
+    return mesh
+
+
+def _pieces(shapes: Sequence[TopoDS_Shape], tessellation: Tessellation, store: Store) -> Iterable[Mesh]:
+    solids = [solid for shape in shapes for solid in solids_of(shape)]
+    if shapes and not solids:
+        raise NoPart("invalid", "collision() returned no solid: expected convex solids")
+    for solid in solids:
+        mesh = meshing.tessellate(solid, tessellation.linear, tessellation.angular).scaled(1.0 / convert.MM)
+        yield _stored_stl(meshing.hull(mesh.vertices) or mesh, store)
+
+
+def _stored(mesh: meshing.Triangles, data: bytes, store: Store) -> Mesh:
+    return Mesh(
+        sha256=store.put(data), size=len(data), vertices=len(mesh.vertices), faces=len(mesh.faces), closed=mesh.closed,
+        flat=mesh.flat,
+    )
+
+
+def _stored_stl(mesh: meshing.Triangles, store: Store) -> Mesh:
+    rounded = meshing.rounded_for_stl(mesh)
+    return _stored(rounded, meshing.stl(rounded), store)
+
+
+def decompose(sha256: str, store: Store) -> list[Any]:
+    """Convex pieces of a mesh in the store (STL, metres) by CoACD, as STL files in metres, the same every time."""
+    import coacd
+
+    coacd.set_log_level("off")
+    mesh = meshing.read_stl(store.read(sha256))
+    pieces = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces), seed=0)
+    found = []
+    for vertices, _ in pieces:
+        made = meshing.hull(vertices)
+        if made is not None:
+            found.append(mesh_to_json(_stored_stl(made, store)))
+    return found

@@ -1,0 +1,183 @@
+"""Part schemas, records and failures as plain JSON values, as the store and the worker's pipe carry them.
+
+Files in the workspace are written relative to it (`root`), so that records can be shared between machines.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+from thingc.pose import Matrix, Pose, Vector
+from thingc.realize.record import (
+    Actuator, Expectation, Fit, Mesh, MountRecord, ParameterSchema, PartFailure, PartRecord, PartSchema, PartWarning, Stated,
+)
+
+
+def shortened(file: str | None, root: str) -> str | None:
+    """A file relative to the workspace, with `/`; as it is outside of it."""
+    if file is None:
+        return None
+    inside = os.path.join(root, "")
+    return file[len(inside) :].replace(os.sep, "/") if file.startswith(inside) else file
+
+
+def full(file: str | None, root: str) -> str | None:
+    """The inverse of `shortened`."""
+    return None if file is None else os.path.normpath(os.path.join(root, file))
+
+
+# --- schemas ----------------------------------------------------------------------------------------------------------
+
+
+def schema_to_json(schema: PartSchema, root: str) -> Any:
+    """The inverse of `schema_from_json`."""
+    return {
+        "reference": schema.reference, "kind": schema.kind, "doc": schema.doc, "material": schema.material,
+        "actuator": schema.actuator, "file": shortened(schema.file, root), "line": schema.line,
+        "parameters": [
+            [p.name, p.kind, p.required, p.default, p.minimum, p.maximum, list(p.choices), p.doc] for p in schema.parameters
+        ],
+    }
+
+
+def schema_from_json(value: Any, root: str) -> PartSchema:
+    """A part schema."""
+    return PartSchema(
+        reference=value["reference"], kind=value["kind"], doc=value["doc"], material=value["material"],
+        actuator=value["actuator"], file=full(value["file"], root) or "", line=value["line"],
+        parameters=tuple(
+            ParameterSchema(
+                name=name, kind=kind, required=required, default=default, minimum=minimum, maximum=maximum,
+                choices=tuple(choices), doc=doc,
+            )
+            for name, kind, required, default, minimum, maximum, choices, doc in value["parameters"]
+        ),
+    )
+
+
+# --- failures ---------------------------------------------------------------------------------------------------------
+
+
+def failure_to_json(failure: PartFailure, root: str) -> Any:
+    """The inverse of `failure_from_json`."""
+    return {
+        "subject": failure.subject, "kind": failure.kind, "message": failure.message, "file": shortened(failure.file, root),
+        "line": failure.line, "candidates": list(failure.candidates), "detail": failure.detail,
+    }
+
+
+def failure_from_json(value: Any, root: str) -> PartFailure:
+    """A failure."""
+    return PartFailure(
+        subject=value["subject"], kind=value["kind"], message=value["message"], file=full(value["file"], root),
+        line=value["line"], candidates=tuple(value["candidates"]), detail=value["detail"],
+    )
+
+
+# --- records ----------------------------------------------------------------------------------------------------------
+
+
+def record_to_json(record: PartRecord, root: str) -> Any:
+    """The inverse of `record_from_json`; without `convex`, which is kept apart."""
+    return {
+        "text": record.text, "material": record.material, "color": record.color, "volume": record.volume,
+        "area": record.area, "centre": list(record.centre), "inertia": record.inertia, "box": record.box,
+        "mounts": {name: [_pose(m.pose), m.interface, m.tolerance] for name, m in record.mounts.items()},
+        "mount_order": list(record.mounts),
+        "references": list(record.references),
+        "expectations": [[e.mount, e.text, e.child_mount] for e in record.expectations],
+        "actuator": None if record.actuator is None else _actuator(record.actuator),
+        "mass": _stated(record.mass), "com": _stated(record.com), "matrix": _stated(record.matrix),
+        "density": _stated(record.density), "bom": record.bom,
+        "warnings": [[w.message, shortened(w.file, root), w.line] for w in record.warnings],
+        "fits": {name: [f.shape, list(f.size), _pose(f.pose)] for name, f in record.fits.items()},
+        "meshes": {name: mesh_to_json(mesh) for name, mesh in record.meshes.items()},
+        "pieces": [mesh_to_json(mesh) for mesh in record.pieces],
+        "brep": record.brep,
+        "code": None if record.code is None else [shortened(record.code[0], root), record.code[1]],
+    }
+
+
+def record_from_json(value: Any, root: str) -> PartRecord:
+    """A part record, without convex pieces."""
+    box = value["box"]
+    code = value["code"]
+    return PartRecord(
+        text=value["text"], material=value["material"], color=value["color"], volume=value["volume"], area=value["area"],
+        centre=_vector(value["centre"]), inertia=_matrix(value["inertia"]),
+        box=None if box is None else (_vector(box[0]), _vector(box[1])),
+        mounts={
+            name: MountRecord(pose=_read_pose(value["mounts"][name][0]), interface=value["mounts"][name][1], tolerance=value["mounts"][name][2])
+            for name in value["mount_order"]
+        },
+        references=tuple(value["references"]),
+        expectations=tuple(Expectation(mount=m, text=t, child_mount=c) for m, t, c in value["expectations"]),
+        actuator=None if value["actuator"] is None else Actuator(**value["actuator"]),
+        mass=_read_stated(value["mass"]), com=_read_stated(value["com"]), matrix=_read_stated(value["matrix"]),
+        density=_read_stated(value["density"]), bom=value["bom"],
+        warnings=tuple(PartWarning(message=m, file=full(f, root), line=line) for m, f, line in value["warnings"]),
+        fits={name: Fit(shape=s, size=tuple(size), pose=_read_pose(p)) for name, (s, size, p) in value["fits"].items()},
+        meshes={name: mesh_from_json(mesh) for name, mesh in value["meshes"].items()},
+        pieces=tuple(mesh_from_json(mesh) for mesh in value["pieces"]),
+        convex=(),
+        brep=value["brep"],
+        code=None if code is None else (full(code[0], root) or "", code[1]),
+    )
+
+
+def blobs_of(value: Any) -> list[tuple[str, int | None]]:
+    """The blobs that a record's JSON needs: `(sha256, size)`, the size None where it is not known."""
+    found: list[tuple[str, int | None]] = [(mesh[0], mesh[1]) for mesh in (*value["meshes"].values(), *value["pieces"])]
+    return found if value["brep"] is None else [*found, (value["brep"], None)]
+
+
+def mesh_to_json(mesh: Mesh) -> Any:
+    """The inverse of `mesh_from_json`."""
+    return [mesh.sha256, mesh.size, mesh.vertices, mesh.faces, mesh.closed, mesh.flat]
+
+
+def mesh_from_json(value: Any) -> Mesh:
+    """A mesh file."""
+    sha256, size, vertices, faces, closed, flat = value
+    return Mesh(sha256=sha256, size=size, vertices=vertices, faces=faces, closed=closed, flat=flat)
+
+
+def _pose(pose: Pose) -> Any:
+    return [*pose.rotation[0], *pose.rotation[1], *pose.rotation[2], *pose.translation]
+
+
+def _read_pose(value: Any) -> Pose:
+    a, b, c, d, e, f, g, h, i, x, y, z = value
+    return Pose(rotation=((a, b, c), (d, e, f), (g, h, i)), translation=(x, y, z))
+
+
+def _vector(value: Any) -> Vector:
+    x, y, z = value
+    return (x, y, z)
+
+
+def _matrix(value: Any) -> Matrix:
+    a, b, c = value
+    return (_vector(a), _vector(b), _vector(c))
+
+
+def _stated(stated: Stated | None) -> Any:
+    return None if stated is None else [stated.value, stated.source]
+
+
+def _read_stated(value: Any) -> Stated | None:
+    if value is None:
+        return None
+    held, source = value
+    if isinstance(held, list):
+        held = _matrix(held) if isinstance(held[0], list) else _vector(held)
+    return Stated(value=held, source=source)
+
+
+def _actuator(actuator: Actuator) -> Any:
+    return {
+        "kind": actuator.kind, "stall_torque": actuator.stall_torque, "no_load_speed": actuator.no_load_speed,
+        "gear_ratio": actuator.gear_ratio, "rotor_inertia": actuator.rotor_inertia, "kp": actuator.kp, "kv": actuator.kv,
+        "sources": dict(actuator.sources),
+    }

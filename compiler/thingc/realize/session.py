@@ -1,0 +1,136 @@
+"""Where the authors' code runs: part modules loaded, reads recorded, and whatever goes wrong put into words."""
+
+from __future__ import annotations
+
+import importlib
+import traceback
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+from thingc.realize.loading import PartImporter
+from thingc.realize.part_files import BadPartFile
+from thingc.realize.reads import Recorder, state_of
+from thingc.realize.record import PartFailure
+
+
+class NoPart(Exception):
+    """A part that cannot be: `kind` as in `PartFailure`, and the words."""
+
+    def __init__(self, kind: str, message: str, candidates: Iterable[str] = ()) -> None:
+        super().__init__(message)
+        self.kind = kind
+        self.candidates = tuple(candidates)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Surroundings:
+    """What a request says about where it runs: the workspace's `root` and part folders, the files of the code that has a
+    key (`hashes`: SHA-256 by file), part packages without `__init__.py`, and the store."""
+
+    root: str
+    parts: tuple[str, ...]
+    hashes: dict[str, str]
+    plain: tuple[str, ...]
+    store: str
+
+
+@dataclass(slots=True)
+class Session:
+    """One request in its process: the importer and the recorder of reads, installed while it lasts."""
+
+    around: Surroundings
+    recorder: Recorder = field(init=False)
+    importer: PartImporter = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.importer = PartImporter(self.around.parts, self.around.hashes, self.around.plain)
+        self.recorder = Recorder(self.around.root, (self.around.store,))
+
+    def __enter__(self) -> Session:
+        from thingc.things import assets
+
+        self.importer.install()
+        self.recorder.start()
+        assets.install(self.recorder.note, (self.around.root,))
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        from thingc.things import assets
+
+        self.recorder.stop()
+        assets.install(None)
+        self.importer.remove()
+
+    def own_files(self) -> set[str]:
+        """The files that hold the authors' code."""
+        return {*self.around.hashes, *self.importer.loaded.values()}
+
+    def reads(self, *mentioned: str | None) -> list[tuple[str, str]]:
+        """What was read, and the files that an answer mentions by line (whose layout counts for that answer)."""
+        found = dict(self.recorder.reads(set(self.around.hashes)))
+        for file in mentioned:
+            if file is not None:
+                found[self.recorder.relative(file)] = state_of(file)
+        return sorted(found.items())
+
+    def part(self, reference: str) -> Any:
+        """The object that `module:Class` names. Raises `NoPart` when there is none, and whatever its module raises."""
+        module_name, _, name = reference.partition(":")
+        try:
+            module = importlib.import_module(module_name)
+        except ModuleNotFoundError as fault:
+            if fault.name is not None and (module_name == fault.name or module_name.startswith(fault.name + ".")):
+                raise NoPart("missing", f"there is no module `{module_name}`") from None
+            raise
+        found: Any = module
+        for step in name.split("."):
+            try:
+                found = getattr(found, step)
+            except AttributeError:
+                from thingc.things.inspection import is_part
+
+                known = [n for n, value in vars(module).items() if not n.startswith("_") and _is_own(value, module_name) and is_part(value)]
+                raise NoPart("missing", f"`{module_name}` has no `{name}`", sorted(known)) from None
+        return found
+
+    def failure(self, subject: str, fault: BaseException) -> PartFailure:
+        """What went wrong, in words, with the innermost place in the authors' files."""
+        from thingc.things.parameters import ParameterError, SignatureError
+
+        detail = "".join(traceback.format_exception(fault))
+        own = self.own_files()
+        places = [(frame.filename, frame.lineno) for frame in traceback.extract_tb(fault.__traceback__) if frame.filename in own]
+        if isinstance(fault, SyntaxError) and fault.filename in own:
+            places.append((str(fault.filename), fault.lineno))
+        file, line = places[-1] if places else (None, None)
+        kind, message = "raised", _words(fault)
+        candidates: tuple[str, ...] = ()
+        if isinstance(fault, NoPart):
+            kind, message, candidates = fault.kind, str(fault), fault.candidates
+        elif isinstance(fault, (SignatureError, BadPartFile)) or isinstance(fault, ParameterError) and not places:
+            kind, message = "invalid", str(fault)
+        return PartFailure(
+            subject=subject, kind=kind, message=message, file=file, line=line, candidates=candidates, detail=detail
+        )
+
+
+def _words(fault: BaseException) -> str:
+    text = fault.msg if isinstance(fault, SyntaxError) else str(fault)
+    return f"{type(fault).__name__}: {text}" if text else type(fault).__name__
+
+
+def _is_own(value: Any, module: str) -> bool:
+    return getattr(value, "__module__", None) == module
+
+
+def kind_of(part: Any, reference: str) -> str:
+    """`thing | shape | function`. Raises `NoPart` for anything else."""
+    from thingc.things.inspection import is_part
+
+    kind = is_part(part)
+    if kind is None:
+        raise NoPart(
+            "invalid", f"`{reference}` is no part: expected a Thing, a build123d shape class or a function that returns a shape"
+        )
+    return kind

@@ -1,0 +1,176 @@
+"""`python -m thingc.realize.worker`: the process that holds the CAD kernel.
+
+Requests and answers are lines of JSON on standard input and output. It imports build123d once and forks a child for each
+request; at the end of its input it ends at once, with all of its children. `--inline` runs requests in the process itself
+(systems without fork: one such worker per core); `--assemble` reads one request to write a STEP file and needs OCP only.
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+import os
+import selectors
+import signal
+import sys
+import time
+from collections import deque
+from collections.abc import Mapping
+from typing import Any
+
+
+def main(arguments: list[str]) -> None:
+    """Serve until the end of standard input. Never returns."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    sys.dont_write_bytecode = True
+    answers = os.dup(1)
+    nothing = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nothing, 1)
+    if "--assemble" in arguments:
+        _answer(answers, _safely(json.loads(sys.stdin.buffer.readline())))
+        os._exit(0)
+    if hasattr(os, "fork") and "--inline" not in arguments:
+        from thingc.realize.children import die_with_parent, live_without_parent
+
+        parent = os.getppid()
+        die_with_parent(parent)  # nobody watches standard input while the kernel is loaded
+        _load(answers)
+        if os.getppid() != parent:
+            os._exit(1)
+        live_without_parent()
+        _serve(answers, int(arguments[arguments.index("--jobs") + 1]) if "--jobs" in arguments else os.cpu_count() or 1)
+    else:
+        _load(answers)
+        for line in sys.stdin.buffer:
+            _answer(answers, _safely(json.loads(line)))
+    os._exit(0)
+
+
+def _load(answers: int) -> None:
+    """Import the kernel and everything requests need, once; what cannot be imported is said, and ends the worker."""
+    gc.disable()
+    try:
+        from thingc.realize.deferred import import_cheaply
+
+        import_cheaply("build123d")
+        import manifold3d  # noqa: F401
+
+        import thingc.realize.describing
+        import thingc.realize.modelling
+        import thingc.things.assets
+        import thingc.things.inspection  # noqa: F401
+        from thingc.realize.reads import wrap_importers
+
+        wrap_importers()
+    except BaseException as fault:
+        import traceback
+
+        _answer(answers, {"broken": f"{type(fault).__name__}: {fault}", "detail": traceback.format_exc()})
+        os._exit(1)
+    gc.freeze()
+    gc.enable()
+
+
+def _answer(descriptor: int, value: Mapping[str, Any]) -> None:
+    data = json.dumps(value).encode() + b"\n"
+    while data:
+        data = data[os.write(descriptor, data) :]
+
+
+def _safely(request: Mapping[str, Any]) -> dict[str, Any]:
+    try:
+        return {"id": request["id"], "answer": perform(request)}
+    except BaseException as fault:
+        import traceback
+
+        words = f"{type(fault).__name__}: {fault}"
+        return {"id": request["id"], "failed": "crashed", "words": words, "detail": traceback.format_exc()}
+
+
+def perform(request: Mapping[str, Any]) -> dict[str, Any]:
+    """Do what one request asks: `describe`, `model`, `decompose` or `assemble`."""
+    from thingc.realize.store import Store
+
+    operation = request["op"]
+    if operation == "assemble":
+        from thingc.realize.assembling import assemble
+
+        return assemble(request["name"], request["instances"], Store(request["store"]))
+    from thingc.realize.session import Surroundings
+
+    if operation == "decompose":
+        from thingc.realize.modelling import decompose
+
+        return {"pieces": decompose(request["mesh"], Store(request["store"]))}
+    around = Surroundings(
+        root=request["root"], parts=tuple(request["parts"]), hashes=dict(request["hashes"]), plain=tuple(request["plain"]),
+        store=request["store"],
+    )
+    if operation == "describe":
+        from thingc.realize.describing import describe
+
+        return describe(request["references"], around)
+    from thingc.realize.modelling import Tessellation, model
+
+    linear, angular = request["tessellation"]
+    return model(request["definition"], Tessellation(linear=linear, angular=angular), around)
+
+
+def _serve(answers: int, jobs: int) -> None:
+    """The server: at most `jobs` children at once, each with its deadline."""
+    from thingc.realize.children import Child, kill_group, start
+
+    waiting: deque[dict[str, Any]] = deque()
+    running: dict[int, Child] = {}
+    selector = selectors.DefaultSelector()
+    selector.register(0, selectors.EVENT_READ)
+    received = bytearray()
+
+    def finish(child: Child, *, hung: bool = False) -> None:
+        selector.unregister(child.pipe)
+        del running[child.pipe]
+        _answer(answers, child.end(hung=hung))
+
+    try:
+        while True:
+            while waiting and len(running) < jobs:
+                request = waiting.popleft()
+                _prepare(request)
+                child = start(request, perform, [0, answers, *running])
+                running[child.pipe] = child
+                selector.register(child.pipe, selectors.EVENT_READ)
+            now = time.monotonic()
+            for child in [child for child in running.values() if child.deadline <= now]:
+                finish(child, hung=True)
+            rest = min((child.deadline for child in running.values()), default=None)
+            for key, _ in selector.select(None if rest is None else max(0.0, rest - time.monotonic())):
+                if key.fd == 0:
+                    data = os.read(0, 1 << 20)
+                    if not data:
+                        return
+                    received += data
+                    *lines, remainder = received.split(b"\n")
+                    received = bytearray(remainder)
+                    waiting.extend(json.loads(line) for line in lines)
+                elif key.fd in running:
+                    child = running[key.fd]
+                    if not child.read() or child.answered:
+                        finish(child)
+    except BrokenPipeError:
+        return
+    finally:
+        for child in running.values():
+            kill_group(child.process)
+        os._exit(0)
+
+
+def _prepare(request: Mapping[str, Any]) -> None:
+    """What children would each do again: compile the part files (without running them), load the packages they import."""
+    from thingc.realize.loading import compile_ahead
+
+    for file, sha256 in request.get("hashes", {}).items():
+        compile_ahead(file, sha256)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

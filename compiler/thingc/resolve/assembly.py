@@ -1,0 +1,113 @@
+"""One assembly document with its parameters: the order in which its sections are resolved."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from itertools import chain
+
+from thingc.diagnostics import Code
+from thingc.expressions import CONSTANTS, FUNCTIONS, Expression
+from thingc.realize.record import definition_text
+from thingc.resolve import references
+from thingc.resolve.components import components, nodes
+from thingc.resolve.joints import joints
+from thingc.resolve.layers import Layers
+from thingc.resolve.materials import in_scope, unreadable
+from thingc.resolve.mimics import mimics
+from thingc.resolve.model import AssemblyDefinition, LinkName
+from thingc.resolve.modes import modes, simulation
+from thingc.resolve.parameters import canonical, check_bounds, declared, worked_out
+from thingc.resolve.placement import Places, check, own_placements
+from thingc.resolve.poses import poses
+from thingc.resolve.raw import raw
+from thingc.resolve.repeats import check_names, unrolled
+from thingc.resolve.scope import Found, Scope
+from thingc.resolve.table import Context, Table
+from thingc.source import Path
+from thingc.spec.assembly import AssemblySpec
+
+
+def resolved(
+    context: Context, relative: str, spec: AssemblySpec, given: Mapping[str, Found | Expression], *, top: bool = False,
+) -> Table:
+    """The table of a document, its `definition` filled in; equal parameters of one document give the same table.
+
+    Only of the top document are modes and simulation worked out: a parent does not use them.
+    """
+    document = context.documents.by_path[relative]
+    own = declared(context, document, spec)
+    values, broken = (dict(own.values), set(own.broken)) if not given else worked_out(document, spec, given, context.report)
+    parameters = canonical(values)
+    key = (relative, parameters)
+    known = context.tables.get(key)
+    if known is not None:
+        return known
+    scope = context.scope(document, values, frozenset(broken))
+    if given:
+        check_bounds(scope, spec, [name for name in values if name not in given])
+    table = Table(
+        document=document, spec=spec, scope=scope, parameters=parameters,
+        text=definition_text(spec.name, dict(parameters), dict(canonical(own.values))),
+    )
+    context.tables[key] = table
+    _check_names(scope, spec)
+    table.materials = in_scope(context, scope, spec)
+    parts, table.unbuilt = unrolled(scope, "components", spec.components, spec.parameters)
+    moving, table.unbuilt_joints = unrolled(scope, "joints", spec.joints, spec.parameters)
+    check_names(scope, chain(
+        ((item.name, item.path, "a component") for item in parts),
+        ((name, ("mounts", name), "an exported mount") for name in spec.mounts),
+    ))
+    check_names(scope, ((item.name, item.path, "a joint") for item in moving))
+    nodes(context, table, parts, resolved)
+    places: Places = {}
+    placements = own_placements(table, places)
+    unsure = joints(table, moving, places)
+    mimics(table, moving)
+    check(table, places, unsure=unsure)
+    _exports(table, scope)
+    links = tuple(_links(table, scope))
+    poses(table, scope)
+    if spec.sensors:
+        scope.error(Code.NOT_YET, "`sensors` are not built yet", ("sensors",), key=True, help="take them out for now")
+    made = components(table, placements, unreadable=unreadable(context, scope, spec))
+    table.definition = AssemblyDefinition(
+        document=relative, name=spec.name, description=spec.description, parameters=parameters, text=table.text,
+        materials={name: one for name, one in table.materials.items() if one is not None}, components=made,
+        joints=tuple(joint for joint in table.joints.values() if joint is not None), links=links,
+        mounts={name: one for name, one in table.exports.items() if one is not None},
+        poses=tuple(pose for pose in table.poses.values() if pose is not None), modes=modes(table, scope) if top else (),
+        simulation=simulation(scope, Layers(((spec.simulation, ("simulation",)),))) if top and spec.simulation else {},
+        raw=raw(scope, spec.raw), origin=scope.origin(("name",)),
+    )
+    return table
+
+
+def _check_names(scope: Scope, spec: AssemblySpec) -> None:
+    """The names of everything that is not unrolled."""
+    for name in spec.parameters:
+        if name in CONSTANTS or name in FUNCTIONS:
+            scope.error(
+                Code.RESERVED_NAME, f"`{name}` means something in expressions and cannot name a parameter", ("parameters", name),
+                key=True, help="choose another name",
+            )
+    sections: tuple[tuple[str, Mapping[str, object], str, bool], ...] = (
+        ("parameters", spec.parameters, "a parameter", False), ("links", spec.links, "a link", True),
+        ("poses", spec.poses, "a pose", False), ("modes", spec.modes, "a mode", False),
+        ("materials", spec.materials if isinstance(spec.materials, Mapping) else {}, "a material", False),
+    )
+    for section, entries, what, reserved in sections:
+        check_names(scope, ((name, (section, name), what) for name in entries), reserved=reserved)
+
+
+def _exports(table: Table, scope: Scope) -> None:
+    for name, text in table.spec.mounts.items():
+        table.exports[name] = references.mount(table, scope, text, ("mounts", name))
+
+
+def _links(table: Table, scope: Scope) -> Iterator[LinkName]:
+    for name, text in table.spec.links.items():
+        path: Path = ("links", name)
+        found = references.component(table, scope, text, path)
+        if found is not None:
+            yield LinkName(name=name, component=found[0], origin=scope.origin(path, key=True))

@@ -1,0 +1,286 @@
+"""Modes: `extends` merged, names worked out, numbers in SI. Which link a root means is `graph`'s business."""
+
+from __future__ import annotations
+
+from fnmatch import fnmatchcase
+from itertools import product
+
+from thingc.diagnostics import Code, Note, did_you_mean
+from thingc.pose import NO_POSE, Pose, Vector
+from thingc.resolve import references
+from thingc.resolve.layers import Layers
+from thingc.resolve.model import Mode, Reference
+from thingc.resolve.references import GLOB
+from thingc.resolve.scope import Scope
+from thingc.resolve.table import Table
+from thingc.source import Path
+from thingc.spec.assembly import ModeSpec
+from thingc.units import ACCELERATION, FORCE, NUMBER, TIME
+
+GRAVITY: dict[str, Vector] = {"floor": (0.0, 0.0, -9.81), "wall": (-9.81, 0.0, 0.0), "ceiling": (0.0, 0.0, 9.81)}
+"""Gravity [m/s^2] in the world frame by its word: what the robot stands on, clings to or hangs from."""
+
+
+def modes(table: Table, scope: Scope) -> tuple[Mode, ...]:
+    """The modes of the document, or the one that a document without modes has. One that is wrong is left out (reported)."""
+    spec = table.spec
+    if not spec.modes:
+        if table.base is None:
+            return ()
+        origin = table.nodes[table.base].scope.origin(table.nodes[table.base].path, key=True)
+        return (Mode(
+            name="default", root=Reference(path=(table.base,), mount=None, origin=origin), base="fixed", at=NO_POSE,
+            gravity=GRAVITY["floor"], pose=None, poses=tuple(table.poses), actuators=None, exclude=(), adhesion=(), simulation={},
+            origin=origin,
+        ),)
+    circular = _circular(scope, spec.modes)
+    made: list[Mode] = []
+    for name in spec.modes:
+        layers = _layers(scope, spec.modes, name, circular)
+        found = _mode(table, scope, name, layers)
+        if found is not None:
+            made.append(found)
+    return tuple(made)
+
+
+def _circular(scope: Scope, specs: dict[str, ModeSpec]) -> set[str]:
+    """The modes that extend themselves, each circle reported once."""
+    circular: set[str] = set()
+    done: set[str] = set()
+    for start in specs:
+        chain: list[str] = []
+        name: str | None = start
+        while name is not None and name in specs and name not in done and name not in chain:
+            chain.append(name)
+            name = specs[name].extends
+        if name is not None and name in chain:
+            circle = chain[chain.index(name):]
+            circular.update(circle)
+            shown = " -> ".join(f"`{step}`" for step in (*circle, circle[0]))
+            scope.error(
+                Code.EXTENDS_CYCLE,
+                f"modes extend each other in a circle: {shown}" if len(circle) > 1 else f"mode `{name}` extends itself",
+                ("modes", circle[0], "extends"), help="let one of them extend none" if len(circle) > 1 else "take `extends` out",
+                notes=[
+                    Note(message=f"`{step}` extends here", span=scope.span(("modes", step, "extends"))) for step in circle[1:]
+                ],
+            )
+        done.update(chain)
+    return circular
+
+
+def _layers(scope: Scope, specs: dict[str, ModeSpec], name: str, circular: set[str]) -> Layers | None:
+    """The mode over what it extends; None where that cannot be told (reported)."""
+    items: list[tuple[ModeSpec, Path]] = []
+    step: str | None = name
+    while step is not None:
+        if step in circular:
+            return None
+        if step not in specs:
+            last = items[-1][1]
+            if len(items) == 1:
+                others = [one for one in specs if one != name]
+                scope.error(
+                    Code.UNKNOWN_MODE, f"there is no mode `{step}` to extend", (*last, "extends"),
+                    help=did_you_mean(step, others, what="modes"),
+                )
+            return None
+        items.append((specs[step], ("modes", step)))
+        step = specs[step].extends
+    return Layers(tuple(items))
+
+
+def _mode(table: Table, scope: Scope, name: str, layers: Layers | None) -> Mode | None:
+    if layers is None:
+        return None
+    for key in ("hold", "cut"):
+        said = layers.pick(key)
+        if said is not None and said[1][1] == name:
+            scope.error(
+                Code.NOT_YET, f"`{key}` is not built yet: loops come later", said[1], key=True, help="take it out for now",
+            )
+    base = layers.pick("base")
+    kind: str = base[0] if base else "fixed"
+    if kind in ("planar", "ball") and base is not None:
+        if base[1][1] == name:
+            scope.error(Code.NOT_YET, f"a `{kind}` base is not built yet", base[1], help="use `fixed`, `held` or `free` for now")
+        kind = "free"
+    at = _at(scope, layers)
+    gravity = _gravity(scope, layers)
+    pose = _pose(table, scope, layers)
+    poses = _poses(table, scope, layers)
+    actuators = _actuators(table, scope, layers)
+    contacts = layers.sub("contacts")
+    exclude = _exclude(table, scope, contacts)
+    adhesion = _adhesion(table, scope, contacts)
+    stepped = simulation(scope, layers.sub("simulation"))
+    root = layers.pick("root")
+    if root is None:
+        scope.error(
+            Code.NO_ROOT, f"mode `{name}` needs a `root`", ("modes", name), key=True,
+            help=f"write for example `root: {table.base or next(iter(table.nodes), 'plate')}`",
+        )
+        return None
+    reference = references.root(table, scope, *root)
+    if reference is None:
+        return None
+    return Mode(
+        name=name, root=reference, base=kind, at=at, gravity=gravity, pose=pose,
+        poses=((pose,) if pose else ()) + tuple(one for one in poses if one != pose), actuators=actuators, exclude=exclude,
+        adhesion=adhesion, simulation=stepped, origin=scope.origin(("modes", name), key=True),
+    )
+
+
+def _at(scope: Scope, layers: Layers) -> Pose:
+    at = layers.sub("at")
+    if not at:
+        return NO_POSE
+    zero = ((0, 0, 0), ())
+    xyz, rpy = at.pick("xyz") or zero, at.pick("rpy") or zero
+    return scope.pose(*xyz, *rpy) or NO_POSE
+
+
+def _gravity(scope: Scope, layers: Layers) -> Vector:
+    said = layers.pick("gravity")
+    if said is None:
+        return GRAVITY["floor"]
+    if isinstance(said[0], str):
+        return GRAVITY[said[0]]
+    return scope.vector(*said, ACCELERATION, "`gravity`") or GRAVITY["floor"]
+
+
+def _pose(table: Table, scope: Scope, layers: Layers) -> str | None:
+    said = layers.pick("pose")
+    if said is None:
+        return None
+    name, path = said
+    if name in table.poses:
+        return str(name)
+    scope.error(Code.UNKNOWN_POSE, f"there is no pose `{name}`", path, help=did_you_mean(name, table.poses, what="poses"))
+    return None
+
+
+def _poses(table: Table, scope: Scope, layers: Layers) -> tuple[str, ...]:
+    said = layers.pick("poses")
+    if said is None:
+        return tuple(table.poses)
+    names, path = said
+    found: list[str] = []
+    for index, name in enumerate(names):
+        if name not in table.poses:
+            scope.error(
+                Code.UNKNOWN_POSE, f"there is no pose `{name}`", (*path, index),
+                help=did_you_mean(name, table.poses, what="poses"),
+            )
+        elif name not in found:
+            found.append(name)
+    return tuple(found)
+
+
+def _actuators(table: Table, scope: Scope, layers: Layers) -> tuple[str, ...] | None:
+    """Paths (with `/`) of the driven joints that are present, in document order."""
+    said = layers.pick("actuators")
+    if said is None:
+        return None
+    patterns, path = said
+    joints = dict(table.all_joints())
+    driven = [name for name, joint in joints.items() if joint is not None and joint.drive is not None]
+    chosen: set[str] = set()
+    for index, pattern in enumerate(patterns):
+        at = (*path, index)
+        if pattern in joints:
+            joint = joints[pattern]
+            if joint is not None and joint.drive is None:
+                scope.error(
+                    Code.DRIVE, f"joint `{pattern}` has no `drive`: it is no actuator", at, help="give the joint a `drive`",
+                )
+            chosen.add(pattern)
+            continue
+        fitting = [name for name in driven if fnmatchcase(name, pattern)]
+        chosen.update(fitting)
+        if fitting or table.unsure_joints():
+            continue
+        if GLOB.search(pattern):
+            scope.error(
+                Code.NO_MATCH, f"pattern `{pattern}` fits no driven joint", at,
+                help=did_you_mean(pattern, driven, what="driven joints"),
+            )
+        else:
+            scope.error(
+                Code.UNKNOWN_JOINT, f"there is no joint `{pattern}`", at,
+                help=did_you_mean(pattern, driven, what="driven joints"),
+            )
+    return tuple(name.replace(".", "/") for name in driven if name in chosen)
+
+
+def _exclude(table: Table, scope: Scope, contacts: Layers) -> tuple[tuple[Reference, Reference], ...]:
+    said = contacts.pick("exclude")
+    if said is None:
+        return ()
+    pairs: dict[frozenset[str], tuple[Reference, Reference]] = {}
+    for index, entry in enumerate(said[0]):
+        sides: list[list[str]] = []
+        for side, text in enumerate(entry):
+            sides.append(_components(table, scope, text, (*said[1], index, side)))
+        origin = scope.origin((*said[1], index))
+        for first, second in product(*sides):
+            if first != second:
+                one, other = (
+                    Reference(path=tuple(name.split(".")), mount=None, origin=origin) for name in (first, second)
+                )
+                pairs.setdefault(frozenset((first, second)), (one, other))
+    return tuple(pairs.values())
+
+
+def _components(table: Table, scope: Scope, text: str, path: Path) -> list[str]:
+    """The components that a name or pattern fits."""
+    if not GLOB.search(text):
+        found = references.component(table, scope, text, path)
+        return [".".join(found[0].path)] if found is not None else []
+    names = [name for name, _ in references.matching(table, text)]
+    if not names and not table.unbuilt:
+        scope.error(
+            Code.NO_MATCH, f"pattern `{text}` fits no component", path, help=did_you_mean(text, table.nodes, what="components"),
+        )
+    return names
+
+
+def _adhesion(table: Table, scope: Scope, contacts: Layers) -> tuple[tuple[Reference, float], ...]:
+    """Force [N] per mount, key by key over what the mode extends."""
+    merged: dict[str, tuple[object, Path]] = {}
+    for model, path in reversed(contacts.items):
+        for text, raw in getattr(model, "adhesion", {}).items():
+            merged[text] = (raw, (*path, "adhesion", text))
+    found: list[tuple[Reference, float]] = []
+    for text, (raw, path) in merged.items():
+        if text in table.exports:
+            shown = table.exports[text]
+            reference = None if shown is None else Reference(
+                path=shown.path, mount=shown.mount, origin=scope.origin(path, key=True),
+            )
+        else:
+            reference = references.mount(table, scope, text, path, key=True)
+        force = scope.number(raw, path, FORCE, "an adhesion", above=0.0)
+        if reference is not None and force is not None:
+            found.append((reference, force))
+    return tuple(found)
+
+
+def simulation(scope: Scope, layers: Layers) -> dict[str, float | str]:
+    """`timestep` [s], `integrator`, `cone`, `impratio`, as far as they are written."""
+    settings: dict[str, float | str] = {}
+    timestep = layers.pick("timestep")
+    if timestep is not None:
+        value = scope.number(*timestep, TIME, "`timestep`", above=0.0)
+        if value is not None:
+            settings["timestep"] = value
+    for key in ("integrator", "cone"):
+        said = layers.pick(key)
+        if said is not None:
+            settings[key] = str(said[0])
+    impratio = layers.pick("impratio")
+    if impratio is not None:
+        value = scope.number(*impratio, NUMBER, "`impratio`", above=0.0)
+        if value is not None:
+            settings["impratio"] = value
+    return settings

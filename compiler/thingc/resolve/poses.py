@@ -1,0 +1,179 @@
+"""Poses: names and patterns of joints, values, and poses of nested documents.
+
+Where several keys mean one joint, an exact joint name wins over a pattern, and a pattern over a nested document's pose;
+of equals the one written last wins.
+"""
+
+from __future__ import annotations
+
+from fnmatch import fnmatchcase
+from typing import Any
+
+from thingc.diagnostics import Code, did_you_mean, nearest
+from thingc.joints import KINDS
+from thingc.resolve import references
+from thingc.resolve.model import Joint, NamedPose
+from thingc.resolve.references import GLOB
+from thingc.resolve.scope import Scope
+from thingc.resolve.table import Table
+from thingc.source import Origin, Path
+
+Joints = dict[str, Joint | None]
+Settings = dict[str, tuple[float, Origin]]
+"""By joint path (with `/`): q, and where it is written."""
+
+
+def poses(table: Table, scope: Scope) -> None:
+    """Fill `table.poses`; keys that are wrong are reported and left out."""
+    if not table.spec.poses:
+        return
+    known: Joints = dict(table.all_joints())
+    for name, entries in table.spec.poses.items():
+        path: Path = ("poses", name)
+        layers: tuple[Settings, Settings, Settings] = ({}, {}, {})  # nested poses, patterns, exact names
+        for key, raw in entries.items():
+            at = (*path, key)
+            if key in known:
+                _set(scope, known, [key], raw, at, layers[2], exact=True)
+            elif isinstance(raw, str):
+                _use(table, scope, key, raw, at, layers[0])
+            elif GLOB.search(key):
+                _pattern(table, scope, known, key, raw, at, layers[1])
+            else:
+                _report_unknown(table, scope, known, key, at)
+        merged: Settings = {**layers[0], **layers[1], **layers[2]}
+        in_order = {path_: merged[path_] for one in known if (path_ := one.replace(".", "/")) in merged}
+        table.poses[name] = NamedPose(
+            name=name, values={joint: q for joint, (q, _) in in_order.items()},
+            origins={joint: origin for joint, (_, origin) in in_order.items()}, origin=scope.origin(path, key=True),
+        )
+
+
+def _set(scope: Scope, known: Joints, names: list[str], raw: Any, path: Path, into: Settings, *, exact: bool) -> None:
+    for name in names:
+        joint = known[name]
+        if joint is None:
+            continue
+        coordinate = KINDS[joint.kind].coordinate
+        if coordinate is None:
+            scope.error(
+                Code.POSE, f"joint `{name}` is {joint.kind} and has no coordinate to set", path, key=True, help="take it out",
+            )
+            continue
+        if joint.mimic is not None:
+            scope.error(
+                Code.POSE, f"joint `{name}` mimics `{joint.mimic.joint}`: a pose cannot set it", path, key=True,
+                help=f"set `{name.rpartition('.')[0] + '.' if '.' in name else ''}{joint.mimic.joint}`",
+            )
+            continue
+        what = f"the value of joint `{name}`" if exact else f"the value of joint `{name}`, which the pattern fits,"
+        if isinstance(raw, str):
+            scope.error(
+                Code.POSE, f"joint `{name}` takes {coordinate.words} (such as {coordinate.example}), found the text `{raw}`",
+                path,
+                help=f"an expression begins with `=`: `={raw}`" if raw in scope.names else None,
+            )
+            continue
+        value = scope.number(raw, path, coordinate, what)
+        if value is not None:
+            into[name.replace(".", "/")] = (value, scope.origin(path))
+
+
+def _movable(joint: Joint | None) -> bool:
+    return joint is not None and joint.mimic is None and KINDS[joint.kind].coordinate is not None
+
+
+def _pattern(table: Table, scope: Scope, known: Joints, key: str, raw: Any, path: Path, into: Settings) -> None:
+    fitting = [name for name in known if fnmatchcase(name, key)]
+    movable = [name for name in fitting if _movable(known[name])]
+    if movable:
+        _set(scope, known, movable, raw, path, into, exact=False)
+    elif any(known[name] is None for name in fitting) or table.unsure_joints():
+        return
+    elif fitting:
+        scope.error(
+            Code.NO_MATCH, f"pattern `{key}` fits no joint that a pose can set", path, key=True,
+            help=f"`{fitting[0]}` moves with another joint or not at all",
+        )
+    else:
+        scope.error(
+            Code.NO_MATCH, f"pattern `{key}` fits no joint", path, key=True,
+            help=did_you_mean(key, [name for name in known if _movable(known[name])], what="joints"),
+        )
+
+
+def _use(table: Table, scope: Scope, key: str, pose: str, path: Path, into: Settings) -> None:
+    """`leg_*: folded`: the pose `folded` of the documents nested as `leg_0`, `leg_1`, ..."""
+    matched = references.matching(table, key)
+    assemblies = [(name, node) for name, node in matched if node.spec.assembly is not None]
+    if not assemblies:
+        nested = [name for name, node in table.all_nodes() if node.table is not None]
+        if table.unbuilt:
+            return
+        if matched:
+            message, help = f"`{key}` is no nested assembly: it has no pose `{pose}`", did_you_mean(
+                key, nested, what="nested assemblies",
+            )
+            scope.error(Code.POSE, message, path, key=True, help=help)
+        elif GLOB.search(key):
+            scope.error(
+                Code.NO_MATCH, f"pattern `{key}` fits no nested assembly", path, key=True,
+                help=did_you_mean(key, nested, what="nested assemblies"),
+            )
+        else:
+            joints = [name for name, joint in table.all_joints() if _movable(joint)]
+            scope.error(
+                Code.UNKNOWN_JOINT, f"there is no joint and no nested assembly `{key}`", path, key=True,
+                help=did_you_mean(key, [*joints, *nested], what="joints and nested assemblies"),
+            )
+        return
+    lacking: list[str] = []
+    for name, node in assemblies:
+        inner = node.table
+        if inner is None:
+            continue
+        if pose not in inner.spec.poses:
+            lacking.append(name)
+            if len(lacking) == 1:
+                scope.error(
+                    Code.UNKNOWN_POSE, f"`{name}` (`{inner.document.relative}`) has no pose `{pose}`", path,
+                    help=did_you_mean(pose, inner.spec.poses, what="poses"),
+                )
+            continue
+        found = inner.poses.get(pose)
+        if found is None:
+            continue
+        prefix = name.replace(".", "/")
+        for joint, q in found.values.items():
+            into[f"{prefix}/{joint}"] = (q, (*found.origins[joint], *scope.origin(path)))
+
+
+def _report_unknown(table: Table, scope: Scope, known: Joints, key: str, path: Path) -> None:
+    first = key.partition(".")[0]
+    node = table.nodes.get(first)
+    if table.unbuilt_joints and any(key.startswith(prefix) for prefix in table.unbuilt_joints):
+        return
+    if (node is not None and node.spec.assembly is not None and node.table is None) or any(
+        first.startswith(prefix) for prefix in table.unbuilt
+    ):
+        return
+    names = [name for name, joint in known.items() if _movable(joint)]
+    if node is not None and "." not in key:
+        if node.table is not None:
+            message, help = f"`{key}` is a nested assembly: its value is the name of one of its poses", did_you_mean(
+                "", node.table.spec.poses, what="poses")
+        else:
+            message, help = f"`{key}` is a component, not a joint", did_you_mean(key, names, what="joints")
+        scope.error(Code.POSE, message, path, key=True, help=help)
+        return
+    repeated = table.spec.joints.get(key)
+    if repeated is not None and repeated.repeat is not None:
+        scope.error(
+            Code.UNKNOWN_JOINT, f"there is no joint `{key}`", path, key=True,
+            help=f"`{key}` is repeated: write `{key}_0`, or `{key}_*`",
+        )
+        return
+    help = did_you_mean(key, names, what="joints")
+    if nearest(key, names) is None and len(names) > 12:
+        help = did_you_mean(key, [name for name in names if name.startswith(first)] or names, what="joints")
+    scope.error(Code.UNKNOWN_JOINT, f"there is no joint `{key}`", path, key=True, help=help)

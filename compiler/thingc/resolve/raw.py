@@ -1,0 +1,58 @@
+"""Raw attributes: handed on to one target as they are, with the place where they are written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from thingc.diagnostics import Code, did_you_mean
+from thingc.resolve.model import RawAttribute
+from thingc.resolve.scope import Scope
+from thingc.source import Path
+
+TARGETS = ("mjcf",)
+"""Targets that take raw attributes."""
+
+_LATER = ("sdf", "urdf", "usd")
+
+
+def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:
+    """Every attribute under `raw:`, in document order; those of an unknown target are reported."""
+    found: list[RawAttribute] = []
+    for target, attributes in written.items():
+        path: Path = ("raw", target)
+        if target not in TARGETS:
+            if target in _LATER:
+                scope.error(
+                    Code.NOT_YET, f"raw attributes for `{target}` are not built yet", path, key=True,
+                    help="take them out for now",
+                )
+            else:
+                scope.error(
+                    Code.RAW_TARGET, f"there is no target `{target}`", path, key=True,
+                    help=did_you_mean(target, TARGETS, what="targets"),
+                )
+            continue
+        if not isinstance(attributes, Mapping):
+            scope.error(
+                Code.VALUE_KIND, f"raw attributes of `{target}` are a mapping, found `{_text(attributes)}`", path,
+                help=f"write for example `{target}: {{joint: {{yaw: {{solreflimit: 0.01 1}}}}}}`",
+            )
+            continue
+        found.extend(_flattened(scope, target, attributes, path, ()))
+    return tuple(found)
+
+
+def _flattened(scope: Scope, target: str, node: Any, path: Path, keys: tuple[str, ...]) -> Iterator[RawAttribute]:
+    if isinstance(node, Mapping):
+        for key, child in node.items():
+            yield from _flattened(scope, target, child, (*path, key), (*keys, key))
+    else:
+        yield RawAttribute(target=target, path=keys, value=_text(node), origin=scope.origin(path))
+
+
+def _text(value: object) -> str:
+    """A scalar as MuJoCo writes it."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return value if isinstance(value, str) else repr(value)

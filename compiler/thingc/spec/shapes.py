@@ -1,0 +1,126 @@
+"""What the document models say of a value, read from their annotations: is it a mapping, a list, a choice, a field?
+
+pydantic's errors tell where in a model something is wrong; the place in the document, the near names and the words for
+what was expected come from here.
+"""
+
+from __future__ import annotations
+
+import types
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel
+
+from thingc.diagnostics import nearest
+from thingc.spec.fields import Checked
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shape:
+    """One annotation, looked at.
+
+    `kind` is `model`, `dict`, `list`, `literal`, `field` (a type of `spec.fields`), `text`, `flag`, `number` or `union`;
+    `model` the class, `members` the types of dict values, list items or the branches of a union, `choices` those of a
+    literal, `field` the checker, `annotation` the whole.
+    """
+
+    kind: str
+    annotation: Any
+    model: type[BaseModel] | None = None
+    members: tuple[Any, ...] = ()
+    choices: tuple[Any, ...] = ()
+    field: Checked | None = None
+
+    @property
+    def words(self) -> str:
+        """What is expected, in the words of documents."""
+        if self.kind == "model":
+            assert self.model is not None
+            keys = model_keys(self.model)
+            own = [key for key in keys if key in self.model.__annotations__]
+            named = [key for key, (_, required) in keys.items() if required] or (own or list(keys))[:3]
+            return "a mapping with " + ", ".join(f"`{key}`" for key in named)
+        if self.kind == "literal":
+            return one_of([spoken(choice) for choice in self.choices])
+        if self.kind == "field":
+            assert self.field is not None
+            return self.field.words
+        if self.kind == "union":
+            return " or ".join(shape_of(member).words for member in self.members)
+        return {"dict": "a mapping", "list": "a list", "text": "text", "flag": "true or false", "number": "a number"}[self.kind]
+
+
+def shape_of(annotation: Any, metadata: Sequence[Any] = ()) -> Shape:
+    """The shape of an annotation (of a model's field with its `metadata`); `None` beside a type does not count."""
+    for extra in metadata:
+        if isinstance(extra, Checked):
+            return Shape(kind="field", annotation=annotation, field=extra)
+    origin = get_origin(annotation)
+    arguments = get_args(annotation)
+    if origin is Annotated:
+        inner = shape_of(arguments[0], arguments[1:])
+        return Shape(
+            kind=inner.kind, annotation=annotation, model=inner.model, members=inner.members, choices=inner.choices,
+            field=inner.field,
+        )
+    if origin in (Union, types.UnionType):
+        members = tuple(argument for argument in arguments if argument is not type(None))
+        return shape_of(members[0]) if len(members) == 1 else Shape(kind="union", annotation=annotation, members=members)
+    if origin is Literal:
+        return Shape(kind="literal", annotation=annotation, choices=arguments)
+    if origin is dict:
+        return Shape(kind="dict", annotation=annotation, members=(arguments[1],))
+    if origin is list:
+        return Shape(kind="list", annotation=annotation, members=(arguments[0],))
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return Shape(kind="model", annotation=annotation, model=annotation)
+    return Shape(kind={str: "text", bool: "flag"}.get(annotation, "number"), annotation=annotation)
+
+
+def model_keys(model: type[BaseModel]) -> dict[str, tuple[Shape, bool]]:
+    """The keys of a mapping that a model describes, in its order: what each takes and whether it is required."""
+    return {
+        field.alias or name: (shape_of(field.annotation, field.metadata), field.is_required())
+        for name, field in model.model_fields.items()
+    }
+
+
+def branch_of(shape: Shape, value: Any) -> Shape | None:
+    """The branch of a union that a person who wrote `value` meant; None where no branch takes such a thing."""
+    branches = [shape_of(member) for member in shape.members]
+    if isinstance(value, dict):
+        fitting = [branch for branch in branches if branch.kind in ("model", "dict")]
+        return max(fitting, key=lambda branch: _likeness(branch, value)) if fitting else None
+    if isinstance(value, list):
+        return next((branch for branch in branches if branch.kind in ("list", "field")), None)
+    if isinstance(value, str):
+        literal = next((branch for branch in branches if branch.kind == "literal"), None)
+        if literal is not None and (len(branches) == 1 or value.isidentifier() or _takes_no_text(branches)):
+            return literal
+        return next((branch for branch in branches if branch.kind in ("field", "text")), literal)
+    return next((branch for branch in branches if branch.kind in ("field", "flag", "number")), None)
+
+
+def _takes_no_text(branches: list[Shape]) -> bool:
+    return not any(branch.kind in ("field", "text") for branch in branches)
+
+
+def _likeness(branch: Shape, value: dict[str, Any]) -> float:
+    """How many keys of `value` a branch knows; a near name is half a key."""
+    if branch.model is None:
+        return 0.25
+    known = model_keys(branch.model)
+    return sum(1.0 if key in known else 0.5 if nearest(key, known) else 0.0 for key in value)
+
+
+def one_of(words: Sequence[str]) -> str:
+    """`a`, `b` or `c`."""
+    quoted = [f"`{word}`" for word in words]
+    return quoted[0] if len(quoted) == 1 else ", ".join(quoted[:-1]) + " or " + quoted[-1]
+
+
+def spoken(choice: Any) -> str:
+    """A choice as a document writes it."""
+    return {True: "true", False: "false"}[choice] if isinstance(choice, bool) else str(choice)

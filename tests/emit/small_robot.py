@@ -1,0 +1,234 @@
+"""A robot built by hand from the contract types: a plate, two servos, two equal braces, a nested hand, a board, a marker.
+
+    plate -- yaw (revolute) -- bracket = servo -- lift (prismatic) -- hand/palm = hand/cap, board, marker, motor
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Mapping
+from dataclasses import replace
+
+from thingc.diagnostics import Report
+from thingc.emit.request import EmitRequest
+from thingc.graph.types import (
+    Assembly,
+    Definition,
+    Hag,
+    JointEdge,
+    Link,
+    LinkedMode,
+    Mate,
+    MountFrame,
+    Occurrence,
+    RootChoice,
+)
+from thingc.inertia import MassProperties
+from thingc.pose import NO_POSE, Pose, placed
+from thingc.realize.record import Mesh, PartDefinition, PartRecord, Value, definition_text
+from thingc.realize.store import Store
+from thingc.resolve.model import (
+    AssemblyDefinition,
+    BomEntry,
+    Component,
+    Dynamics,
+    Limit,
+    Material,
+    NamedPose,
+    Overrides,
+    Process,
+)
+from thingc.robot import root
+from thingc.robot.types import Robot
+from thingc.source import Span
+from thingc.workspace import Workspace
+
+DOCUMENT = "/w/arm.yaml"
+ORDER = ("plate", "servo_a", "brace_a", "servo_b", "brace_b", "hand/palm", "hand/cap", "board", "marker", "motor")
+
+
+def span(line: int) -> Span:
+    return Span(file=DOCUMENT, line=line, column=3, end_line=line, end_column=9)
+
+
+def box_stl(x: float, y: float, z: float) -> bytes:
+    """A closed box as binary STL (12 triangles, outward), from the origin."""
+    corners = [(x * (k & 1), y * (k >> 1 & 1), z * (k >> 2)) for k in range(8)]
+    quads = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
+    faces = [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))]
+    data = b"hand built".ljust(80) + struct.pack("<I", len(faces))
+    for face in faces:
+        data += struct.pack("<12fH", 0.0, 0.0, 0.0, *(value for k in face for value in corners[k]), 0)
+    return data
+
+
+def part(
+    reference: str, values: Mapping[str, Value] | None = None, defaults: Mapping[str, Value] | None = None,
+) -> PartDefinition:
+    parameters = {**(defaults or {}), **(values or {})}
+    text = definition_text(reference, parameters, dict(defaults or {}))
+    kind = "file" if "/" in reference else "code"
+    return PartDefinition(reference=reference, kind=kind, parameters=tuple(sorted(parameters.items())), text=text)
+
+
+def record(store: Store, text: str, size: tuple[float, float, float] | None, bom: dict[str, str] | None = None) -> PartRecord:
+    """A box of a size [mm], or a Thing without geometry."""
+    data = box_stl(*size) if size else b""
+    mesh = Mesh(sha256=store.put(data), size=len(data), vertices=8, faces=12, closed=True, flat=False)
+    return PartRecord(
+        text=text, material="petg", color=None, volume=math.prod(size) * 1e-9 if size else 0.0, area=0.0, centre=(0.0, 0.0, 0.0),
+        inertia=((0.0,) * 3,) * 3, box=((0.0, 0.0, 0.0), tuple(v / 1000 for v in size)) if size else None,  # type: ignore[arg-type]
+        mounts={}, references=(), expectations=(), actuator=None, mass=None, com=None, matrix=None, density=None, bom=bom or {},
+        warnings=(), fits={}, meshes={"print": mesh, "visual": mesh} if size else {}, pieces=(), convex=(),
+        brep=store.put(b"brep of " + text.encode()) if size else None, code=("parts/arm.py", 3),
+    )
+
+
+def petg(kind: str | None = "fdm") -> Material:
+    return Material(
+        name="petg", density=1270.0, color="#e6e6fa", slide=None, torsion=None, roll=None,
+        process=Process(kind=kind) if kind else None, origin=(span(90),),
+    )
+
+
+def occurrence(
+    index: int, path: str, definition: PartDefinition | None, made: PartRecord | None, *, mass: float = 0.0,
+    source: str = "derived", material: Material | None = None, bom: BomEntry | None = None, overrides: Overrides | None = None,
+) -> Occurrence:
+    origin = (span(10 + index),)
+    component = Component(
+        name=path.rpartition("/")[2], definition=definition, frame=definition is None, placement=None, material=material,
+        overrides=overrides or Overrides(), mounts={}, bom=bom or BomEntry(), origin=origin,
+    )
+    if definition is None:
+        known = Definition(text="frame", reference="frame", kind="frame")
+    else:
+        kind = "part" if definition.kind == "code" else "file"
+        known = Definition(text=definition.text, reference=definition.reference, kind=kind)
+    return Occurrence(
+        path=path, index=index, definition=known, component=component, record=made, material=material,
+        color="#e6e6fa" if made is not None else None, overrides=component.overrides, bom=component.bom,
+        properties=MassProperties(mass=mass), mass_source=source, mounts={"origin": MountFrame(pose=NO_POSE)}, origin=origin,
+    )
+
+
+def occurrences(store: Store) -> tuple[Occurrence, ...]:
+    brace = part("arm:Brace", {"length": 0.12}, {"length": 0.1})
+    servo, plate, palm, cap = (part(name) for name in ("stock:XM430", "arm:Plate", "arm:Palm", "arm:Cap"))
+    motor = part("cad/motor.step")
+    servo_record = record(store, servo.text, (28.5, 46.5, 34.0), {"make": "buy", "supplier": "Robotis", "cost": "289 EUR"})
+    brace_record = record(store, brace.text, (120, 30, 4))
+    plastic = petg()
+    return (
+        occurrence(0, "plate", plate, record(store, plate.text, (100, 100, 6)), mass=0.0762, material=plastic),
+        occurrence(1, "servo_a", servo, servo_record, mass=0.082, source="vendor"),
+        occurrence(2, "brace_a", brace, brace_record, mass=0.018288, material=plastic),
+        occurrence(3, "servo_b", servo, servo_record, mass=0.082, source="vendor"),
+        occurrence(4, "brace_b", brace, brace_record, mass=0.018288, material=plastic),
+        occurrence(5, "hand/palm", palm, record(store, palm.text, (40, 40, 8)), mass=0.016256, material=plastic),
+        occurrence(6, "hand/cap", cap, record(store, cap.text, (20, 20, 5)), mass=0.00254, material=plastic),
+        occurrence(7, "board", None, None, mass=0.012, source="measured"),
+        occurrence(8, "marker", None, None),
+        occurrence(9, "motor", motor, record(store, motor.text, (30, 30, 50)), mass=0.2, source="measured", material=petg(None)),
+    )
+
+
+YAW = JointEdge(
+    path="yaw", kind="revolute", limit=Limit(lower=-2.0, upper=2.0), dynamics=Dynamics(), offset=0.3, mimic=None, actuator=None,
+    origin=(span(40),),
+)
+LIFT = replace(YAW, path="hand/lift", kind="prismatic", offset=0.01, limit=Limit(lower=0.0, upper=0.05))
+
+X_PLATE_J = placed((0.01, 0.02, 0.03), (0.2, -0.4, 1.1))
+X_J_BRACKET = placed((-0.02, 0.0, 0.05), (1.4, 0.3, -0.2))
+X_BRACE_J = placed((0.1, -0.03, 0.0), (-0.7, 0.5, 0.1))
+X_J_PALM = placed((0.0, 0.01, 0.02), (0.1, 2.2, 0.6))
+X_SERVO_BRACE = placed((0.0, 0.03, 0.01), (0.0, 0.0, 0.5))
+
+
+def motion(kind: str, value: float) -> Pose:
+    return placed((0, 0, 0), (0, 0, value)) if kind == "revolute" else Pose(translation=(0.0, 0.0, value))
+
+
+def mates() -> tuple[Mate, ...]:
+    """yaw: plate to servo_a; servo_a = brace_a; lift: brace_a to hand/palm; the others rigid, on the palm."""
+    def mate(parent: int, child: int, X_PJ: Pose, X_JC: Pose, joint: JointEdge | None = None) -> Mate:
+        return Mate(
+            parent=parent, child=child, parent_mount="a", child_mount="b", X_PJ=X_PJ, X_JC=X_JC, joint=joint, origin=(span(50),),
+        )
+
+    return (
+        mate(0, 1, X_PLATE_J, X_J_BRACKET, YAW),
+        mate(1, 2, NO_POSE, X_SERVO_BRACE),
+        mate(2, 5, X_BRACE_J, X_J_PALM, LIFT),
+        *(mate(5, k, NO_POSE, placed((0.01 * k, 0, 0), (0, 0, 0))) for k in (3, 4, 6, 7, 8, 9)),
+    )
+
+
+def links() -> tuple[Link, ...]:
+    def link(name: str, index: int, members: tuple[int, ...], poses: tuple[Pose, ...]) -> Link:
+        return Link(
+            name=name, index=index, frame=members[0], members=members, poses=poses, properties=MassProperties(mass=1.0),
+            origin=(span(1),),
+        )
+
+    on_palm = tuple(mate for mate in mates() if mate.parent == 5)
+    return (
+        link("base", 0, (0,), (NO_POSE,)),
+        link("servo_a", 1, (1, 2), (NO_POSE, X_SERVO_BRACE)),
+        link("palm", 2, (5, *(mate.child for mate in on_palm)), (NO_POSE, *(mate.X_JC for mate in on_palm))),
+    )
+
+
+def modes() -> tuple[LinkedMode, ...]:
+    """Rooted at each link, with each kind of base."""
+    def mode(name: str, occurrence: int, path: str, base: str) -> LinkedMode:
+        return LinkedMode(
+            name=name, root=RootChoice(occurrence=occurrence, mount=None, path=path), base=base,
+            at=placed((0.1, 0.2, 0.5), (0.3, 0.0, 0.1)), gravity=(0.0, 0.0, -9.81), poses=("start", "home"), actuators=None,
+            exclude=(), adhesion={}, simulation={}, origin=(span(60),),
+        )
+
+    return (
+        mode("bench", 0, "plate/origin", "fixed"),
+        mode("drawing", 5, "hand/palm/origin", "held"),
+        mode("adrift", 1, "servo_a/origin", "free"),
+    )
+
+
+def assembly(store: Store) -> Assembly:
+    things = occurrences(store)
+    definition = AssemblyDefinition(
+        document="arm.yaml", name="arm", description="", parameters=(), text="arm", materials={}, components=(), joints=(),
+        links=(), mounts={}, poses=(), modes=(), simulation={}, raw=(), origin=(span(1),),
+    )
+    pose = [
+        NamedPose(name=name, values=values, origins={}, origin=(span(70),))
+        for name, values in (("home", {"yaw": 1.0}), ("start", {"hand/lift": 0.02, "yaw": -0.5}))
+    ]
+    return Assembly(
+        name="arm", definition=definition, hag=Hag(root="arm", definitions=(), edges=()), base=0, occurrences=things,
+        mates=mates(), links=links(), link_of=(0, 1, 1, 2, 2, 2, 2, 2, 2, 2),
+        rest=tuple(placed((0.1 * k, 0, 0), (0, 0, 0.2 * k)) for k in range(len(things))), exported=(), poses=tuple(pose),
+        modes=modes(), adhesions=(), raw=(),
+    )
+
+
+def robots(whole: Assembly) -> tuple[Robot, ...]:
+    """Every mode, by the real pass."""
+    report = Report()
+    found = [root(whole, mode, report) for mode in whole.modes]
+    assert report.diagnostics == []
+    return tuple(robot for robot in found if robot is not None)
+
+
+def request(whole: Assembly, store: Store, geometry: object = None) -> EmitRequest:
+    """What an emitter is asked with; only `step` needs the geometry service."""
+    workspace = Workspace(
+        root="/w", parts=("/w/parts",), packages=(), build="/w/build", part_timeout=120.0, linear=1e-4, angular=0.17,
+    )
+    return EmitRequest(
+        assembly=whole, robots=robots(whole), store=store, geometry=geometry, workspace=workspace,  # type: ignore[arg-type]
+        report=Report(),
+    )

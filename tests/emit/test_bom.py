@@ -1,0 +1,123 @@
+"""The bill of materials against counts by hand."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from emit.small_robot import assembly, petg, request
+from thingc.emit.bom import COLUMNS, emit, items, make_of
+from thingc.graph.types import Assembly
+from thingc.realize.store import Store
+from thingc.resolve.model import BomEntry, Overrides, Process
+
+
+@pytest.fixture
+def whole(tmp_path: Path) -> Assembly:
+    return assembly(Store(str(tmp_path)))
+
+
+def changed(whole: Assembly, path: str, **more: object) -> Assembly:
+    return replace(whole, occurrences=tuple(replace(o, **more) if o.path == path else o for o in whole.occurrences))  # type: ignore[arg-type]
+
+
+def written(whole: Assembly, tmp_path: Path) -> tuple[str, list[dict[str, object]]]:
+    files = emit(request(whole, Store(str(tmp_path)))).files
+    assert list(files) == ["bom.csv", "bom.json"]
+    table, entries = files["bom.csv"], files["bom.json"]
+    assert isinstance(table, bytes) and isinstance(entries, bytes)
+    return table.decode(), json.loads(entries)
+
+
+def test_the_whole_table(whole: Assembly, tmp_path: Path) -> None:
+    table, _ = written(whole, tmp_path)
+    assert table == """\
+number,name,definition,quantity,make,material,mass,mass_source,supplier,cost
+1,Plate,arm:Plate,1,print,petg,0.0762,derived,,
+2,Brace,arm:Brace(length=0.12),2,print,petg,0.018288,derived,,
+3,Palm,arm:Palm,1,print,petg,0.016256,derived,,
+4,Cap,arm:Cap,1,print,petg,0.00254,derived,,
+5,motor,cad/motor.step,1,print,petg,0.2,measured,,
+6,XM430,stock:XM430,2,buy,,0.082,vendor,Robotis,289 EUR
+7,board,frame,1,buy,,0.012,measured,,
+"""
+
+
+def test_json_says_the_same(whole: Assembly, tmp_path: Path) -> None:
+    table, entries = written(whole, tmp_path)
+    rows = list(csv.DictReader(io.StringIO(table)))
+    assert [list(entry) for entry in entries] == [list(COLUMNS)] * len(rows)
+    assert [{k: "" if v is None else str(v) for k, v in entry.items()} for entry in entries] == rows
+    assert isinstance(entries[0]["quantity"], int) and isinstance(entries[0]["mass"], float)
+    assert entries[0]["supplier"] is None
+
+
+def test_nothing_is_lost_or_counted_twice(whole: Assembly) -> None:
+    rows = items(whole)
+    assert sum(row.quantity for row in rows) == len(whole.occurrences) - 1, "the marker alone is nothing to have in hand"
+    mass = sum(row.quantity * row.mass for row in rows)
+    assert mass == pytest.approx(sum(o.properties.mass for o in whole.occurrences), rel=1e-12)
+
+
+@pytest.mark.parametrize("more", [
+    {"material": replace(petg(), name="steel")},
+    {"properties": None},
+    {"mass_source": "measured"},
+    {"bom": BomEntry(supplier="a friend")},
+    {"bom": BomEntry(make="machine")},
+    {"bom": BomEntry(number="B-7")},
+])
+def test_what_differs_is_another_row(whole: Assembly, more: dict[str, object]) -> None:
+    brace = next(o for o in whole.occurrences if o.path == "brace_b")
+    if "properties" in more:
+        more = {"properties": replace(brace.properties, mass=0.5)}
+    rows = [row for row in items(changed(whole, "brace_b", **more)) if row.name == "Brace"]
+    assert [row.quantity for row in rows] == [1, 1]
+
+
+def test_make(whole: Assembly) -> None:
+    def make(path: str, **more: object) -> str:
+        return make_of(next(o for o in changed(whole, path, **more).occurrences if o.path == path))
+
+    assert make("plate") == "print"
+    assert make("plate", material=None) == "print", "it has a print file, so it can be printed"
+    assert make("plate", material=petg("CNC")) == "machine"
+    assert make("plate", material=petg("sls")) == "print"
+    assert make("plate", overrides=Overrides(process=Process(kind="milling"))) == "machine"
+    assert make("plate", overrides=Overrides(process=Process(walls=4)), material=petg("laser")) == "machine", "merged"
+    assert make("plate", bom=BomEntry(make="buy")) == "buy"
+    assert make("servo_a") == "buy", "the Thing says so"
+    assert make("servo_a", bom=BomEntry(make="print")) == "print", "the document beats the Thing"
+    assert make("board") == "buy"
+    assert make("board", bom=BomEntry(make="machine")) == "machine"
+
+
+def test_numbers_of_the_document(whole: Assembly) -> None:
+    whole = changed(whole, "hand/cap", bom=BomEntry(number="2"))
+    whole = changed(whole, "board", bom=BomEntry(number="E-100"))
+    assert [(row.number, row.name) for row in items(whole)] == [
+        ("1", "Plate"), ("3", "Brace"), ("4", "Palm"), ("2", "Cap"), ("5", "motor"), ("6", "XM430"), ("E-100", "board"),
+    ]
+
+
+def test_a_marker_with_an_entry_is_something(whole: Assembly) -> None:
+    whole = changed(whole, "marker", bom=BomEntry(supplier="sticker shop"))
+    assert [(row.name, row.make, row.mass) for row in items(whole) if row.name == "marker"] == [("marker", "buy", 0.0)]
+
+
+def test_a_name_that_the_thing_states(whole: Assembly) -> None:
+    servo = next(o for o in whole.occurrences if o.path == "servo_a")
+    assert servo.record is not None
+    stated = replace(servo.record, bom={**servo.record.bom, "name": "XM430-W350-R"})
+    assert "XM430-W350-R" in [row.name for row in items(changed(whole, "servo_a", record=stated))]
+
+
+def test_awkward_words_survive_the_csv(whole: Assembly, tmp_path: Path) -> None:
+    awkward = 'Müller, "Söhne"\nGmbH; Köln'
+    table, _ = written(changed(whole, "board", bom=BomEntry(supplier=awkward)), tmp_path)
+    assert [row["supplier"] for row in csv.DictReader(io.StringIO(table, newline=""))][-1] == awkward

@@ -1,0 +1,140 @@
+"""The assembly graph as an indented tree, DOT and Mermaid: nothing lost, everything escaped."""
+
+from __future__ import annotations
+
+import html
+import re
+from itertools import pairwise
+
+import pytest
+
+from emit.graphs import NASTY, SCREW, XM430, arm, awkward, graph, walker
+from thingc.emit import hag
+from thingc.graph.types import Hag
+
+NASTY_SHOWN = NASTY.replace("\x07", "\ufffd").replace("\ud800", "\ufffd")
+
+
+def unrolled(graph: Hag, node: str) -> dict[str, int]:
+    """How often each definition stands below `node`, counted by walking the whole tree."""
+    found: dict[str, int] = {}
+    for edge in graph.edges:
+        if edge.parent == node:
+            for text, number in [(edge.child, 1), *unrolled(graph, edge.child).items()]:
+                found[text] = found.get(text, 0) + number
+    return found
+
+
+@pytest.mark.parametrize("drawn", [arm(), walker(), awkward()], ids=["arm", "walker", "awkward"])
+def test_quantities(drawn: Hag) -> None:
+    counted = hag.quantities(drawn)
+    assert counted.pop(drawn.root) == 1
+    assert counted == unrolled(drawn, drawn.root)
+    assert hag.quantities(arm())[XM430] == 4 and hag.quantities(arm())[SCREW] == 10
+
+
+def test_the_tree() -> None:
+    drawn = graph("bot", [
+        ("bot", "bot.yaml", "assembly"), ("leg(n=2)", "leg.yaml", "assembly"), ("w:Foot", "w:Foot", "part"),
+        ("w:Hub", "w:Hub", "part"), ("frame", "frame", "frame"),
+    ], [
+        ("bot", "w:Hub", "hub", "", None),
+        ("bot", "leg(n=2)", "left", "hip -> hub.left", "hip_left"),
+        ("bot", "leg(n=2)", "right", "hip -> hub.right", "hip_right"),
+        ("bot", "frame", "imu", "in hub.top", None),
+        ("leg(n=2)", "w:Foot", "foot_0", "top -> a_0.end_0", None),
+        ("leg(n=2)", "w:Foot", "foot_1", "top -> a_1.end_0", None),
+        ("leg(n=2)", "w:Foot", "foot_2", "top -> a_2.end_0", None),
+        ("leg(n=2)", "w:Foot", "toe", "top -> foot_2.end", "toe"),
+    ])
+    assert hag.text(drawn) == """\
+bot
+├── hub                    w:Hub
+├── left                   leg(n=2)             joint hip_left: hip -> hub.left
+│   ├── foot_0 ... foot_2  w:Foot               top -> a_*.end_*
+│   └── toe                w:Foot               joint toe: top -> foot_2.end
+├── right                  leg(n=2) (as above)  joint hip_right: hip -> hub.right
+└── imu                    frame                in hub.top
+
+5 definitions, 12 components:
+  2 x leg(n=2) (assembly)
+  8 x w:Foot
+  1 x w:Hub
+  1 x frame (frame)
+"""
+
+
+def test_a_lone_assembly() -> None:
+    assert hag.text(graph("bot", [("bot", "bot.yaml", "assembly")], [])) == "bot\n"
+
+
+def strings(text: str) -> list[str]:
+    """The quoted strings of a DOT document as Graphviz reads labels: `\\"` and `\\\\` and `\\n` mean one character,
+    and entities are read as in HTML."""
+    found = re.findall(r'"((?:[^"\\]|\\.)*)"', text, flags=re.DOTALL)
+    plain = [re.sub(r"\\(.)", lambda match: "\n" if match[1] == "n" else match[1], string) for string in found]
+    return [html.unescape(string) for string in plain]
+
+
+@pytest.mark.parametrize("drawn", [arm(), walker(), awkward()], ids=["arm", "walker", "awkward"])
+def test_dot_has_every_definition_and_every_component(drawn: Hag) -> None:
+    text = hag.dot(drawn)
+    outside = re.sub(r'"(?:[^"\\]|\\.)*"', "", text, flags=re.DOTALL)
+    assert '"' not in outside and outside.count("{") == outside.count("}") == 1, "every string ends where it should"
+    found = re.findall(r'^  (n\d+) \[label=("(?:[^"\\]|\\.)*")', text, flags=re.MULTILINE)
+    nodes = {name: strings(label)[0] for name, label in found}
+    assert list(nodes.values()) == [hag.clean(d.text) for d in drawn.definitions]
+    edges = re.findall(r'^  (n\d+) -> (n\d+) \[label=("(?:[^"\\]|\\.)*")', text, flags=re.MULTILINE)
+    assert [(nodes[a], nodes[b], strings(label)[0]) for a, b, label in edges] == [
+        (hag.clean(e.parent), hag.clean(e.child), "\n".join(filter(None, (e.component, hag.how(e))))) for e in drawn.edges
+    ]
+
+
+def test_awkward_dot() -> None:
+    assert NASTY_SHOWN in strings(hag.dot(awkward()))
+
+
+def read_mermaid(text: str) -> str:
+    """A quoted Mermaid label as it is shown."""
+    assert not re.search(r'["<`\\]|&(?!amp)', text.replace("<br/>", ""))
+    return re.sub(r"#(\d+);", lambda match: chr(int(match[1])), text.replace("<br/>", "\n"))
+
+
+@pytest.mark.parametrize("drawn", [arm(), walker(), awkward()], ids=["arm", "walker", "awkward"])
+def test_mermaid_has_every_definition_and_every_pair(drawn: Hag) -> None:
+    lines = hag.mermaid(drawn).splitlines()
+    assert lines[0] == "flowchart LR"
+    nodes = {}
+    for line in lines:
+        match = re.fullmatch(r'  (n\d+)[\[(/]+"([^"]*)"[\])/]+:::(\w+)', line)
+        if match:
+            nodes[match[1]] = read_mermaid(match[2])
+    assert list(nodes.values()) == [hag.clean(d.text) for d in drawn.definitions]
+    edges = [match for line in lines if (match := re.fullmatch(r'  (n\d+) -->\|"([^"]*)"\| (n\d+)', line))]
+    pairs = {(nodes[match[1]], nodes[match[3]]) for match in edges}
+    assert pairs == {(hag.clean(e.parent), hag.clean(e.child)) for e in drawn.edges}
+    assert len(edges) == len({(e.parent, e.child) for e in drawn.edges})
+    assert len(lines) == 1 + len(nodes) + len(edges) + 4, "every line is understood"
+
+
+def test_mermaid_lists_the_components() -> None:
+    text = read_mermaid(next(line for line in hag.mermaid(arm()).splitlines() if "yaw_servo: " in line).split('"')[1])
+    assert text.split("\n") == [
+        "yaw_servo: back -> plate.servo_seat", "shoulder_servo: front -> bracket.seat", "elbow_servo: back -> humerus.upper",
+        "wrist_servo: back -> forearm.upper",
+    ]
+
+
+def test_what_a_repeat_made_is_one_entry() -> None:
+    screws = [edge for edge in arm().edges if edge.component.startswith("screw_")]
+    assert hag.entries(screws) == [("screw_0 ... screw_7", "head -> plate.hole_*")]
+    assert hag.entries(screws[:2]) == [("screw_0", "head -> plate.hole_0"), ("screw_1", "head -> plate.hole_1")]
+    assert hag.entries([screws[0], *screws[2:]]) == [
+        ("screw_0", "head -> plate.hole_0"), ("screw_2 ... screw_7", "head -> plate.hole_*"),
+    ]
+    assert all(a.component < b.component for a, b in pairwise(screws))
+
+
+def test_the_same_text_every_time() -> None:
+    for write in (hag.text, hag.dot, hag.mermaid, hag.svg):
+        assert write(walker()) == write(walker())

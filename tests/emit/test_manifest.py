@@ -1,0 +1,106 @@
+"""The manifest: hashes by hashlib, places relative to the workspace, the same bytes for the same input."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from emit.small_robot import assembly, request, span
+from thingc.emit import bom, jsontext, modes, stl
+from thingc.emit.artifact import Content, Loss, Stored
+from thingc.emit.manifest import DISTRIBUTIONS, Choice, manifest, versions
+from thingc.output import verify, write_build
+from thingc.realize.store import Store
+
+LOSSES = (
+    Loss(target="mjcf", mode="bench", path="yaw", what="velocity limit", how="carried as custom data", span=span(40)),
+    Loss(target="step", mode=None, path="motor", what="a mesh", how="omitted", span=None),
+)
+
+
+def made(store: Store, files: dict[str, Content], documents: dict[str, str], parameters: dict[str, str]) -> bytes:
+    whole = assembly(store)
+    return manifest(
+        whole, document="arm.yaml", documents=documents, files=files, losses=LOSSES, workspace=request(whole, store).workspace,
+        choice=Choice(modes=("bench",), emit=("stl", "bom"), parameters=parameters),
+    )
+
+
+def test_a_real_build(tmp_path: Path) -> None:
+    store = Store(str(tmp_path / "store"))
+    asked = request(assembly(store), store)
+    files = stl.emit(asked).files | bom.emit(asked).files | modes.emit(asked).files
+    text = made(store, files, {"arm.yaml": "0" * 64}, {"reach": "120 mm"})
+    folder = Path(write_build(str(tmp_path), "arm", {**files, "manifest.json": text}, store, "arm.yaml"))
+    found = json.loads((folder / "manifest.json").read_bytes())
+    on_disk = {str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest() for p in folder.rglob("*") if p.is_file()}
+    del on_disk["manifest.json"]
+    assert found["files"] == on_disk
+    assert list(found["files"]) == sorted(on_disk)
+    assert len(on_disk) == 8, "five printed definitions, two tables and the modes"
+    assert verify(str(folder)) == found
+
+
+def test_every_entry(tmp_path: Path) -> None:
+    store = Store(str(tmp_path))
+    found: dict[str, Any] = json.loads(made(store, {"bom.csv": b"x"}, {"materials.yaml": "b", "arm.yaml": "a"}, {"reach": "1 m"}))
+    assert list(found) == ["name", "document", "choice", "versions", "documents", "files", "occurrences", "losses"]
+    assert found["name"] == "arm" and found["document"] == "arm.yaml"
+    assert found["choice"] == {"modes": ["bench"], "emit": ["stl", "bom"], "parameters": {"reach": "1 m"}}
+    assert found["documents"] == {"arm.yaml": "a", "materials.yaml": "b"}
+    assert found["occurrences"][2] == {
+        "path": "brace_a", "definition": "arm:Brace(length=0.12)", "link": "servo_a", "mass": 0.018288, "mass_source": "derived",
+    }
+    assert [o["path"] for o in found["occurrences"]] == [o.path for o in assembly(store).occurrences]
+    assert found["losses"] == [
+        {"target": "mjcf", "mode": "bench", "path": "yaw", "what": "velocity limit", "how": "carried as custom data",
+         "file": "arm.yaml", "line": 40},
+        {"target": "step", "mode": None, "path": "motor", "what": "a mesh", "how": "omitted", "file": None, "line": None},
+    ]
+
+
+def test_the_same_bytes(tmp_path: Path) -> None:
+    store = Store(str(tmp_path))
+    sha256 = store.put(b"x")
+    one = made(store, {"a": b"1", "b": Stored(sha256=sha256, size=1)}, {"x": "1", "y": "2"}, {"p": "1", "q": "2"})
+    two = made(store, {"b": b"x", "a": b"1"}, {"y": "2", "x": "1"}, {"q": "2", "p": "1"})
+    assert one == two
+    assert str(tmp_path).encode() not in one and b"/w/" not in one
+
+
+def test_it_cannot_list_itself(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"^manifest\.json cannot list itself$"):
+        made(Store(str(tmp_path)), {"manifest.json": b""}, {}, {})
+
+
+def test_versions_are_what_importlib_says() -> None:
+    found = versions()
+    assert found.pop("python").count(".") == 2
+    expected = {}
+    for name in DISTRIBUTIONS:
+        try:
+            expected[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    assert found == expected
+    assert {"build123d", "mujoco"} <= set(found)
+
+
+class TestJson:
+    def test_it_is_json(self) -> None:
+        value = {"a": [1, 2.5, None, True, "ü\n\"\\"], "rows": [[1.0, 0.1], [0.30000000000000004, 1e-9]], "empty": {}, "none": [],
+                 "deep": {"x": [{"y": [1]}]}}
+        assert json.loads(jsontext.encode(value)) == value
+
+    def test_a_matrix_has_a_row_per_line(self) -> None:
+        assert jsontext.encode({"X": ((1.0, -0.0), (0.0, 1.0))}) == b'{\n  "X": [\n    [1.0, 0.0],\n    [0.0, 1.0]\n  ]\n}\n'
+
+    @pytest.mark.parametrize("value", [float("nan"), float("inf"), [-float("inf")]])
+    def test_what_json_cannot_say(self, value: object) -> None:
+        with pytest.raises(ValueError, match="not JSON compliant"):
+            jsontext.encode({"x": value})

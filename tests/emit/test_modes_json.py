@@ -1,0 +1,159 @@
+"""`modes.json`: forward kinematics from it alone, against the mate graph and against MuJoCo."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from emit.small_robot import LIFT, YAW, assembly, request
+from thingc.emit.modes import emit
+from thingc.graph.types import Assembly
+from thingc.realize.store import Store
+
+Matrix = NDArray[np.float64]
+MODES = ("bench", "drawing", "adrift")
+
+
+@pytest.fixture
+def whole(tmp_path: Path) -> Assembly:
+    return assembly(Store(str(tmp_path)))
+
+
+@pytest.fixture
+def modes(whole: Assembly, tmp_path: Path) -> dict[str, Any]:
+    files = emit(request(whole, Store(str(tmp_path)))).files
+    assert list(files) == ["modes.json"]
+    data = files["modes.json"]
+    assert isinstance(data, bytes)
+    found: dict[str, Any] = json.loads(data)
+    return found
+
+
+def turn(axis: Matrix, angle: float) -> Matrix:
+    """Rodrigues' formula."""
+    x, y, z = axis
+    K = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    X = np.eye(4)
+    X[:3, :3] = np.eye(3) + math.sin(angle) * K + (1 - math.cos(angle)) * K @ K
+    return X
+
+
+def shift(along: Matrix) -> Matrix:
+    X = np.eye(4)
+    X[:3, 3] = along
+    return X
+
+
+def from_mates(whole: Assembly, q: dict[str, float]) -> dict[int, Matrix]:
+    """Poses of occurrences in the base, straight from the mate graph."""
+    poses = {0: np.eye(4)}
+    for mate in whole.mates:
+        X = np.array(mate.X_PJ.rows())
+        if mate.joint is not None:
+            value = q[mate.joint.path] + mate.joint.offset
+            z = np.array([0.0, 0.0, 1.0])
+            X = X @ (turn(z, value) if mate.joint.kind == "revolute" else shift(value * z))
+        poses[mate.child] = poses[mate.parent] @ X @ np.array(mate.X_JC.rows())
+    return poses
+
+
+def from_json(mode: dict[str, Any], q: dict[str, float]) -> dict[str, Matrix]:
+    """Poses of links in the root link as a reader of the file works them out."""
+    at_zero = {link["name"]: np.array(link["X_root_link"]) for link in mode["links"]}
+    poses = {mode["links"][0]["name"]: np.eye(4)}
+    for joint in mode["joints"]:
+        axis, X_PJ = np.array(joint["axis"]), np.array(joint["X_PJ"])
+        moved = turn(axis, q[joint["name"]]) if joint["kind"] == "hinge" else shift(axis * q[joint["name"]])
+        X_PL = np.linalg.inv(at_zero[joint["parent"]]) @ at_zero[joint["child"]]
+        poses[joint["child"]] = poses[joint["parent"]] @ X_PJ @ moved @ np.linalg.inv(X_PJ) @ X_PL
+    return poses
+
+
+@pytest.mark.parametrize("name", MODES)
+def test_kinematics_agree_with_the_mate_graph(whole: Assembly, modes: dict[str, Any], name: str) -> None:
+    random = np.random.default_rng(3)
+    for _ in range(20):
+        q = {"yaw": random.uniform(-3, 3), "hand/lift": random.uniform(-0.1, 0.1)}
+        mates, links = from_mates(whole, q), from_json(modes[name], q)
+        frames = {link.name: mates[link.frame] for link in whole.links}
+        assert set(links) == set(frames)
+        first = modes[name]["links"][0]["name"]
+        for link, found in links.items():
+            np.testing.assert_allclose(found, np.linalg.inv(frames[first]) @ frames[link], atol=1e-12)
+
+
+def mjcf_of(mode: dict[str, Any]) -> mujoco.MjModel:
+    """A model from nothing but the file: bodies at q = 0, joints where `X_PJ` and `axis` put them."""
+    at_zero = {link["name"]: np.array(link["X_root_link"]) for link in mode["links"]}
+    by_child = {joint["child"]: joint for joint in mode["joints"]}
+    spec = mujoco.MjSpec()
+    bodies: dict[str, Any] = {}
+    for link in mode["links"]:
+        name = link["name"]
+        joint = by_child.get(name)
+        above = bodies[joint["parent"]] if joint else spec.worldbody
+        X = np.linalg.inv(at_zero[joint["parent"]]) @ at_zero[name] if joint else np.eye(4)
+        quat = np.empty(4)
+        mujoco.mju_mat2Quat(quat, X[:3, :3].flatten())
+        body = above.add_body(name=name, pos=X[:3, 3], quat=quat, mass=1.0, inertia=[1, 1, 1], explicitinertial=True)
+        bodies[name] = body
+        if joint is None:
+            if mode["base"] == "free":
+                body.add_freejoint(name="root")
+            continue
+        kind = {"hinge": mujoco.mjtJoint.mjJNT_HINGE, "slide": mujoco.mjtJoint.mjJNT_SLIDE}[joint["kind"]]
+        anchor = np.linalg.inv(X) @ np.array(joint["X_PJ"])
+        np.testing.assert_allclose(anchor[:3, :3], np.eye(3), atol=1e-12)
+        body.add_joint(name=joint["name"], type=kind, axis=joint["axis"], pos=anchor[:3, 3])
+    return spec.compile()
+
+
+@pytest.mark.parametrize("name", MODES)
+def test_mujoco_has_the_same_addresses_and_poses(whole: Assembly, modes: dict[str, Any], name: str) -> None:
+    mode = modes[name]
+    model = mjcf_of(mode)
+    data = mujoco.MjData(model)
+    q = {"yaw": 0.7, "hand/lift": -0.03}
+    for joint in mode["joints"]:
+        assert joint["qpos"] == model.joint(joint["name"]).qposadr[0]
+        assert joint["dof"] == model.joint(joint["name"]).dofadr[0]
+        data.qpos[joint["qpos"]] = q[joint["name"]]
+    assert [model.body(k + 1).name for k in range(model.nbody - 1)] == [link["name"] for link in mode["links"]]
+    mujoco.mj_kinematics(model, data)
+    mates = from_mates(whole, q)
+    frames = {link.name: mates[link.frame] for link in whole.links}
+    first = mode["links"][0]["name"]
+    for link in frames:
+        expected = np.linalg.inv(frames[first]) @ frames[link]
+        np.testing.assert_allclose(data.body(link).xpos, expected[:3, 3], atol=1e-12)
+        np.testing.assert_allclose(data.body(link).xmat.reshape(3, 3), expected[:3, :3], atol=1e-12)
+
+
+def test_what_is_said_of_each_mode(modes: dict[str, Any]) -> None:
+    assert list(modes) == ["bench", "drawing", "adrift"]
+    assert {name: (mode["root"], mode["base"], mode["links"][0]["name"]) for name, mode in modes.items()} == {
+        "bench": ("plate/origin", "fixed", "base"), "drawing": ("hand/palm/origin", "held", "palm"),
+        "adrift": ("servo_a/origin", "free", "servo_a"),
+    }
+    for mode in modes.values():
+        assert list(mode) == ["root", "base", "gravity", "links", "joints", "holds", "poses"]
+        assert mode["gravity"] == [0.0, 0.0, -9.81]
+        assert mode["holds"] == {}
+        assert list(mode["poses"].items()) == [
+            ("start", {"yaw": -0.5, "hand/lift": 0.02}), ("home", {"yaw": 1.0, "hand/lift": 0.0}),
+        ]
+        for joint in mode["joints"]:
+            assert list(joint) == ["name", "kind", "parent", "child", "X_PJ", "axis", "offset", "reversed", "qpos", "dof"]
+            assert joint["offset"] == {"yaw": YAW.offset, "hand/lift": LIFT.offset}[joint["name"]]
+    reversed_ = {name: {joint["name"]: joint["reversed"] for joint in mode["joints"]} for name, mode in modes.items()}
+    assert reversed_ == {
+        "bench": {"yaw": False, "hand/lift": False}, "drawing": {"yaw": True, "hand/lift": True},
+        "adrift": {"yaw": True, "hand/lift": False},
+    }

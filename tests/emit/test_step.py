@@ -1,0 +1,138 @@
+"""The STEP file of an assembly, written by the real geometry service and read back by the CAD kernel."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from emit.small_robot import assembly, occurrence, part, request
+from thingc.emit.artifact import Loss, Stored
+from thingc.emit.step import emit
+from thingc.graph.types import Assembly
+from thingc.pose import NO_POSE, placed
+from thingc.realize.record import PartDefinition, PartRecord
+from thingc.realize.service import GeometryService
+from thingc.realize.store import Store
+from thingc.workspace import Workspace
+
+PARTS = '''
+from build123d import Box
+from thingc import Thing, Length
+
+class Block(Thing):
+    """A block, 10 mm by 20 mm by `height`."""
+
+    def __init__(self, height: Length = 30):
+        super().__init__(material="petg")
+        self.body = Box(10, 20, height)
+
+    def result(self):
+        return self.body
+'''
+
+READ = """
+import json, sys
+from build123d import import_step
+whole = import_step(sys.argv[1])
+leaves = [s for s in [whole, *whole.descendants] if not s.children]
+json.dump([{
+    "label": s.label, "above": [a.label for a in s.path[:-1]], "volume": s.volume, "centre": list(s.center()),
+    "color": list(s.color)[:3] if s.color is not None else None,
+} for s in leaves], sys.stdout)
+"""
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Any:
+    root = tmp_path_factory.mktemp("workspace")
+    (root / "parts").mkdir()
+    (root / "parts" / "blocks.py").write_text(PARTS)
+    workspace = Workspace(
+        root=str(root), parts=(str(root / "parts"),), packages=(), build=str(root / "build"), part_timeout=120.0, linear=1e-4,
+        angular=0.17,
+    )
+    with GeometryService(workspace, Store(shared_store), jobs=1, timeout=120.0) as geometry:
+        yield geometry
+
+
+def blocks(store: Store, service: GeometryService) -> Assembly:
+    """Two equal blocks and a tall one (in `hand`), each in its own pose; a frame in between."""
+    short, tall = part("blocks:Block", {"height": 0.03}, {"height": 0.03}), part("blocks:Block", {"height": 0.05}, {"height": 0.03})
+    records = service.realize([short, tall])
+
+    def block(index: int, path: str, definition: PartDefinition, color: str) -> Any:
+        found = records[definition.text]
+        assert isinstance(found, PartRecord), found
+        return replace(occurrence(index, path, definition, found, mass=0.01), color=color)
+
+    return replace(
+        assembly(store),
+        occurrences=(
+            block(0, "left", short, "#ff0000"), occurrence(1, "marker", None, None), block(2, "right", short, "#0000ff"),
+            block(3, "hand/tall", tall, "#00ff00"),
+        ),
+        rest=(NO_POSE, NO_POSE, placed((0.1, 0, 0), (0, 0, 0)), placed((0.0, 0.2, 0.0), (1.5707963267948966, 0, 0))),
+        link_of=(0, 0, 0, 0), mates=(), modes=(), links=(),
+    )
+
+
+def test_what_a_cad_program_reads(service: GeometryService, shared_store: str, tmp_path: Path) -> None:
+    store = Store(shared_store)
+    made = emit(request(blocks(store, service), store, service))
+    assert list(made.files) == ["step/arm.step"] and made.losses == ()
+    written = made.files["step/arm.step"]
+    assert isinstance(written, Stored)
+    data = store.read(written.sha256)
+    assert len(data) == written.size
+    assert data.count(b"MANIFOLD_SOLID_BREP(") == 2, "equal definitions share their shape"
+    (tmp_path / "arm.step").write_bytes(data)
+    done = subprocess.run(
+        [sys.executable, "-c", READ, str(tmp_path / "arm.step")], capture_output=True, text=True, check=True, env=dict(os.environ),
+    )
+    leaves = {"/".join([*leaf["above"][1:], leaf["label"]]): leaf for leaf in json.loads(done.stdout)}
+    assert set(leaves) == {"left", "right", "hand/tall"}
+    assert {name: leaf["volume"] for name, leaf in leaves.items()} == pytest.approx(
+        {"left": 6000, "right": 6000, "hand/tall": 10000}, rel=1e-9
+    )
+    for name, centre in (("left", (0, 0, 0)), ("right", (100, 0, 0)), ("hand/tall", (0, 200, 0))):
+        assert leaves[name]["centre"] == pytest.approx(centre, abs=1e-6)
+    for name, color in (("left", (1, 0, 0)), ("right", (0, 0, 1)), ("hand/tall", (0, 1, 0))):
+        assert leaves[name]["color"] == pytest.approx(color, abs=0.01)
+
+
+def test_the_same_bytes(service: GeometryService, shared_store: str) -> None:
+    store = Store(shared_store)
+    whole = blocks(store, service)
+    assert emit(request(whole, store, service)).files == emit(request(whole, store, service)).files
+
+
+def test_nothing_with_geometry_is_no_file(tmp_path: Path) -> None:
+    store = Store(str(tmp_path))
+    whole = assembly(store)
+    frames = replace(whole, occurrences=tuple(o if o.record is None else replace(o, record=None) for o in whole.occurrences))
+    made = emit(request(frames, store))
+    assert made.files == {}
+    assert made.losses == (Loss(
+        target="step", mode=None, path="arm", what="nothing in the robot has geometry", how="omitted",
+        span=whole.definition.origin[0],
+    ),)
+
+
+def test_a_mesh_cannot_stand_in_it(tmp_path: Path) -> None:
+    store = Store(str(tmp_path))
+    whole = assembly(store)
+    meshes = replace(whole, occurrences=tuple(
+        o if o.record is None else replace(o, record=replace(o.record, brep=None)) for o in whole.occurrences
+    ))
+    made = emit(request(meshes, store))
+    assert made.files == {}
+    assert [(loss.path, loss.what) for loss in made.losses[-2:]] == [
+        ("motor", "`cad/motor.step` is a mesh without exact surfaces"), ("arm", "nothing in the robot has exact geometry"),
+    ]

@@ -1,0 +1,93 @@
+"""Print files: one per made definition, millimetres, closed, outward."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import trimesh
+
+from emit.small_robot import assembly, part, request
+from thingc.diagnostics import Code
+from thingc.emit.artifact import Loss, Stored
+from thingc.emit.stl import emit
+from thingc.graph.types import Assembly, Definition
+from thingc.realize.store import Store
+from thingc.resolve.model import BomEntry
+
+BRACE = f"stl/arm.Brace-{hashlib.sha256(b'arm:Brace(length=0.12)').hexdigest()[:8]}.stl"
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    return Store(str(tmp_path))
+
+
+def changed(whole: Assembly, path: str, **more: object) -> Assembly:
+    return replace(whole, occurrences=tuple(replace(o, **more) if o.path == path else o for o in whole.occurrences))  # type: ignore[arg-type]
+
+
+def test_one_file_per_definition_that_is_not_bought(store: Store) -> None:
+    asked = request(assembly(store), store)
+    made = emit(asked)
+    assert list(made.files) == [BRACE, "stl/arm.Cap.stl", "stl/arm.Palm.stl", "stl/arm.Plate.stl", "stl/cad.motor.step.stl"]
+    assert made.losses == () and asked.report.diagnostics == []
+
+
+def test_the_files_are_solids_in_millimetres(store: Store, tmp_path: Path) -> None:
+    made = emit(request(assembly(store), store)).files[BRACE]
+    assert isinstance(made, Stored)
+    data = store.read(made.sha256)
+    assert len(data) == made.size
+    (tmp_path / "brace.stl").write_bytes(data)
+    mesh = trimesh.load_mesh(tmp_path / "brace.stl")
+    assert mesh.is_watertight and mesh.is_winding_consistent
+    assert mesh.volume == pytest.approx(120 * 30 * 4)
+    assert list(mesh.extents) == [120, 30, 4]
+
+
+def test_bought_by_the_document(store: Store) -> None:
+    whole = changed(assembly(store), "plate", bom=BomEntry(make="buy"))
+    assert "stl/arm.Plate.stl" not in emit(request(whole, store)).files
+
+
+def test_a_definition_is_printed_if_any_occurrence_is_not_bought(store: Store) -> None:
+    whole = changed(assembly(store), "brace_a", bom=BomEntry(make="buy"))
+    assert BRACE in emit(request(whole, store)).files
+    assert BRACE not in emit(request(changed(whole, "brace_b", bom=BomEntry(make="buy")), store)).files
+    printed_servo = changed(assembly(store), "servo_b", bom=BomEntry(make="print"))
+    assert "stl/stock.XM430.stl" in emit(request(printed_servo, store)).files
+
+
+def test_an_open_mesh_is_a_loss(store: Store) -> None:
+    whole = assembly(store)
+    motor = next(o for o in whole.occurrences if o.path == "motor")
+    assert motor.record is not None
+    mesh = replace(motor.record.meshes["print"], closed=False)
+    made = emit(request(changed(whole, "motor", record=replace(motor.record, meshes={"print": mesh})), store))
+    assert "stl/cad.motor.step.stl" in made.files
+    assert made.losses == (Loss(
+        target="stl", mode=None, path="motor", how="approximated", span=motor.origin[0],
+        what="the surface of `cad/motor.step` is not closed, so it encloses no volume to print",
+    ),)
+
+
+def test_two_definitions_of_one_file_name(store: Store) -> None:
+    whole = assembly(store)
+    other = part("cad.Motor/step")
+    cap = next(o for o in whole.occurrences if o.path == "hand/cap")
+    whole = changed(
+        whole, "hand/cap", component=replace(cap.component, definition=other),
+        definition=Definition(text=other.text, reference=other.reference, kind="file"),
+    )
+    asked = request(whole, store)
+    emit(asked)
+    (said,) = asked.report.diagnostics
+    assert said.code is Code.SAME_FILE
+    assert said.message == "`cad/motor.step` and `cad.Motor/step` would both be written as `stl/cad.motor.step.stl`"
+    assert said.help == "rename one of the two files"
+    assert said.span is not None and said.span.line == 19
+    (note,) = said.notes
+    assert note.message == "`cad.Motor/step` is used here" and note.span == cap.origin[0]

@@ -1,0 +1,247 @@
+"""Resolved models and part records made by hand, and the mating formulas written out once more in numpy.
+
+Nothing here calls the code under test: poses go in as `Pose.from_rows` of numpy matrices and come out the same way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from thingc.diagnostics import Report, Severity
+from thingc.graph import link
+from thingc.graph.types import Assembly
+from thingc.pose import Pose
+from thingc.realize.record import (
+    Actuator, Expectation, MountRecord, PartDefinition, PartFailure, PartRecord, PartWarning, Stated,
+)
+from thingc.resolve.model import (
+    AssemblyDefinition, At, Attach, BomEntry, Component, Drive, Dynamics, ExtraMount, Joint, Limit, LinkName, Material, Mimic,
+    Mode, NamedPose, Overrides, Process, RawAttribute, Reference, StatedValue,
+)
+from thingc.source import Origin, Span
+
+Array = Any
+FILE = "/robots/robot.yaml"
+MATE = np.array([[0, -1, 0, 0], [-1, 0, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]], dtype=float)
+
+
+def where(line: int, file: str = FILE) -> Origin:
+    return (Span(file=file, line=line, column=3, end_line=line, end_column=9),)
+
+
+# --- matrices, written from the formulas of the semantics ----------------------------------------------------------
+
+
+def rz(angle: float) -> Array:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+
+
+def ry(angle: float) -> Array:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, 0, s, 0], [0, 1, 0, 0], [-s, 0, c, 0], [0, 0, 0, 1]])
+
+
+def rx(angle: float) -> Array:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[1, 0, 0, 0], [0, c, -s, 0], [0, s, c, 0], [0, 0, 0, 1]])
+
+
+def t(x: float, y: float, z: float) -> Array:
+    out = np.eye(4)
+    out[:3, 3] = (x, y, z)
+    return out
+
+
+def inv(matrix: Array) -> Array:
+    return np.linalg.inv(matrix)
+
+
+def motion(kind: str, q: float) -> Array:
+    return {"revolute": rz, "continuous": rz, "prismatic": lambda d: t(0, 0, d), "fixed": lambda _: np.eye(4)}[kind](q)
+
+
+def mated(X_PA: Array, X_CB: Array, *, turn: float = 0.0, gap: float = 0.0, kind: str = "fixed", q: float = 0.0, offset: float = 0.0) -> Array:
+    """X_PC = X_PA Rz(turn) Tz(gap) X_J(q + offset) M inv(X_CB)."""
+    return X_PA @ rz(turn) @ t(0, 0, gap) @ motion(kind, q + offset) @ MATE @ inv(X_CB)
+
+
+def as_pose(matrix: Array) -> Pose:
+    return Pose.from_rows(np.asarray(matrix).tolist())
+
+
+def as_matrix(pose: Pose) -> Array:
+    return np.array(pose.rows())
+
+
+# --- parts ---------------------------------------------------------------------------------------------------------
+
+
+def box_inertia(size: tuple[float, float, float]) -> Array:
+    """Of a box at density 1, about its centre [m^5]: V/12 (b^2 + c^2) and so on."""
+    a, b, c = size
+    return np.diag([b * b + c * c, a * a + c * c, a * a + b * b]) * (a * b * c / 12.0)
+
+
+def box(
+    name: str, size: tuple[float, float, float] = (0.1, 0.06, 0.04), *, centre: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    mounts: Mapping[str, Array] | None = None, material: str | None = "petg", **over: Any,
+) -> PartRecord:
+    """A box of exact volume, area, centre and inertia."""
+    a, b, c = size
+    plain = {"color": None, "references": (), "expectations": (), "actuator": None, "mass": None, "com": None, "matrix": None,
+             "density": None, "bom": {}, "warnings": (), "fits": {}, "meshes": {}, "pieces": (), "convex": (), "brep": None,
+             "code": ("/robots/parts/boxes.py", 12)}
+    low = tuple(m - s / 2 for m, s in zip(centre, size))
+    high = tuple(m + s / 2 for m, s in zip(centre, size))
+    return PartRecord(**{
+        **plain, "text": name, "material": material, "volume": a * b * c, "area": 2 * (a * b + b * c + a * c), "centre": centre,
+        "inertia": tuple(tuple(row) for row in box_inertia(size).tolist()), "box": (low, high),
+        "mounts": {key: MountRecord(pose=as_pose(matrix)) for key, matrix in (mounts or {}).items()}, **over,
+    })
+
+
+def bare(name: str, **over: Any) -> PartRecord:
+    """A Thing without geometry."""
+    zero = ((0.0, 0.0, 0.0),) * 3
+    return box(name, **{"material": None, "volume": 0.0, "area": 0.0, "inertia": zero, "box": None, **over})
+
+
+def part(text: str, **parameters: Any) -> PartDefinition:
+    return PartDefinition(reference=text.split("(")[0], kind="code", parameters=tuple(sorted(parameters.items())), text=text)
+
+
+def material(name: str, density: float | None = 1000.0, *, color: str | None = None, process: Process | None = None) -> Material:
+    return Material(name=name, density=density, color=color, slide=None, torsion=None, roll=None, process=process, origin=where(400))
+
+
+PETG = material("petg")
+
+# --- documents -----------------------------------------------------------------------------------------------------
+
+
+def ref(text: str, line: int = 1) -> Reference:
+    """`hand.cap.pen` is the mount `pen` of `hand.cap`."""
+    *path, mount = text.split(".")
+    return Reference(path=tuple(path), mount=mount, origin=where(line))
+
+
+def whole(text: str, line: int = 1) -> Reference:
+    """`hand.cap` is the component itself."""
+    return Reference(path=tuple(text.split(".")), mount=None, origin=where(line))
+
+
+def attach(mine: str, to: str, *, turn: float = 0.0, gap: float = 0.0, line: int = 1) -> Attach:
+    """`mine` with the component's own name in front."""
+    return Attach(mount=ref(mine, line), to=ref(to, line), turn=turn, gap=gap, origin=where(line))
+
+
+def laid(to: str, matrix: Array, *, line: int = 1) -> At:
+    return At(to=ref(to, line), pose=as_pose(matrix), origin=where(line))
+
+
+def component(name: str, definition: PartDefinition | AssemblyDefinition | str | None, placement: Attach | At | None = None, *, line: int = 1, frame: bool = False, material: Material | None = None, mounts: Mapping[str, Array] | None = None, bom: BomEntry | None = None, **overrides: Any) -> Component:
+    return Component(
+        name=name, definition=part(definition) if isinstance(definition, str) else definition, frame=frame, placement=placement,
+        material=material, overrides=Overrides(**overrides), bom=bom or BomEntry(), origin=where(line),
+        mounts={key: ExtraMount(pose=as_pose(m), interface=None, origin=where(line + 1)) for key, m in (mounts or {}).items()},
+    )
+
+
+def stated(*value: float, source: str = "stated", line: int = 1) -> StatedValue:
+    return StatedValue(value=tuple(value), source=source, origin=where(line))
+
+
+def joint(
+    name: str, parent: str, child: str, kind: str = "revolute", *, lower: float | None = -3.0, upper: float | None = 3.0,
+    effort: float | None = None, velocity: float | None = None, turn: float = 0.0, gap: float = 0.0, offset: float = 0.0,
+    drive: Drive | None = None, mimic: Mimic | None = None, line: int = 1, **dynamics: float,
+) -> Joint:
+    moves = kind in ("revolute", "prismatic")
+    return Joint(
+        name=name, kind=kind, parent=ref(parent, line), child=ref(child, line),
+        limit=Limit(lower=lower if moves else None, upper=upper if moves else None, effort=effort, velocity=velocity),
+        dynamics=Dynamics(**dynamics), turn=turn, gap=gap, offset=offset, drive=drive, mimic=mimic, origin=where(line),
+        spans={"limit.effort": where(line + 1)[0]},
+    )
+
+
+def mimic(leader: str, multiplier: float, offset: float = 0.0) -> Mimic:
+    return Mimic(joint=leader, multiplier=multiplier, offset=offset, origin=where(1))
+
+
+def pose(name: str, line: int = 300, **values: float) -> NamedPose:
+    """Joint paths with `__` for `/`."""
+    by_path = {key.replace("__", "/"): value for key, value in values.items()}
+    origins = {key: where(line + 1 + k) for k, key in enumerate(by_path)}
+    return NamedPose(name=name, values=by_path, origins=origins, origin=where(line))
+
+
+def mode(name: str, root: Reference, base: str = "fixed", *, at: Array | None = None, line: int = 200, **over: Any) -> Mode:
+    plain = {"gravity": (0.0, 0.0, -9.81), "pose": None, "poses": (), "actuators": None, "exclude": (), "adhesion": (),
+             "simulation": {}}
+    return Mode(**{**plain, "name": name, "root": root, "base": base, "at": as_pose(np.eye(4) if at is None else at), "origin": where(line), **over})
+
+
+def assembly(
+    name: str, components: Iterable[Component], joints: Iterable[Joint] = (), *, materials: Iterable[Material] = (PETG,),
+    links: Mapping[str, str] | None = None, mounts: Mapping[str, str] | None = None, poses: Iterable[NamedPose] = (),
+    modes: Iterable[Mode] | None = None, raw: Iterable[tuple[tuple[str, ...], str]] = (), document: str | None = None, text: str | None = None,
+    line: int = 100,
+) -> AssemblyDefinition:
+    inside = tuple(components)
+    bases = [c.name for c in inside if c.placement is None]
+    return AssemblyDefinition(
+        document=document or f"{name}.yaml", name=name, description="", parameters=(), text=text or name,
+        materials={m.name: m for m in materials}, components=inside, joints=tuple(joints),
+        links=tuple(LinkName(name=key, component=whole(value), origin=where(line + 10 + k)) for k, (key, value) in enumerate((links or {}).items())),
+        mounts={key: ref(value, line + 20 + k) for k, (key, value) in enumerate((mounts or {}).items())},
+        poses=tuple(poses), modes=tuple(modes) if modes is not None else (mode("default", whole(bases[0])),), simulation={},
+        raw=tuple(RawAttribute(target="mjcf", path=path, value=value, origin=where(line + 30)) for path, value in raw),
+        origin=where(line),
+    )
+
+
+# --- running -------------------------------------------------------------------------------------------------------
+
+
+def linked(model: AssemblyDefinition, *records: PartRecord) -> Assembly:
+    """The assembly of a model that nothing is wrong with."""
+    report = Report()
+    found = link(model, {record.text: record for record in records}, report)
+    assert [d.message for d in report.diagnostics] == []
+    assert found is not None
+    return found
+
+
+def faults(model: AssemblyDefinition, *records: PartRecord | PartFailure) -> Report:
+    """The report of a model that has errors."""
+    report = Report()
+    found = link(model, {r.subject if isinstance(r, PartFailure) else r.text: r for r in records}, report)
+    assert found is None
+    assert report.failed
+    return report
+
+
+def said(report: Report) -> list[tuple[str, str, str | None, int | None]]:
+    """(code name, message, help, line) of every diagnostic."""
+    return [(d.code.name, d.message, d.help, d.span.line if d.span else None) for d in report.diagnostics]
+
+
+def warnings(model: AssemblyDefinition, *records: PartRecord) -> Report:
+    """The report of a model that links, with warnings only."""
+    report = Report()
+    assert link(model, {record.text: record for record in records}, report) is not None
+    assert all(d.severity is Severity.WARNING for d in report.diagnostics)
+    return report
+
+
+__all__ = [
+    "FILE", "MATE", "PETG", "Actuator", "Drive", "Expectation", "Reference", "PartFailure", "PartWarning", "Process", "Stated", "as_matrix",
+    "as_pose", "assembly", "attach", "bare", "box", "box_inertia", "component", "faults", "inv", "joint", "laid", "linked",
+    "mated", "material", "mimic", "mode", "motion", "part", "pose", "ref", "rx", "ry", "rz", "said", "stated", "t", "warnings",
+    "where", "whole",
+]

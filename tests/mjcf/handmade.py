@@ -1,0 +1,328 @@
+"""Robots made by hand for the MJCF emitter: boxes and cylinders whose every number is known without thingc.
+
+Bodies are given as plain 4 x 4 matrices (numpy), so that the tests' own chains of matrices are the oracle.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from thingc.diagnostics import Report
+from thingc.emit.request import EmitRequest
+from thingc.graph.types import (
+    ActuatorModel, Adhesion, Assembly, Definition, Hag, JointEdge, Link, LinkedMode, Mate, MountFrame, Occurrence, RootChoice,
+)
+from thingc.inertia import MassProperties
+from thingc.pose import NO_POSE, Pose
+from thingc.realize.record import Fit, Mesh, PartDefinition, PartRecord
+from thingc.realize.store import Store
+from thingc.resolve.model import (
+    AssemblyDefinition, BomEntry, Component, Dynamics, Limit, Material, Mimic, NamedPose, Overrides, RawAttribute,
+)
+from thingc.robot.types import Body, CoreJoint, Keyframe, Robot, Site
+from thingc.source import Origin, Span
+
+FILE = "/somewhere/robot.yaml"
+
+
+def at(line: int) -> Origin:
+    """The origin of something on a line of the document."""
+    return (Span(file=FILE, line=line, column=3, end_line=line, end_column=9),)
+
+
+def pose(matrix: Any) -> Pose:
+    return Pose.from_rows(np.asarray(matrix).tolist())
+
+
+def matrix(xyz: Any = (0.0, 0.0, 0.0), rotation: Any = None) -> np.ndarray:
+    out = np.eye(4)
+    out[:3, 3] = xyz
+    if rotation is not None:
+        out[:3, :3] = rotation
+    return out
+
+
+def spin(axis: Any, angle: float) -> np.ndarray:
+    """Rodrigues' formula."""
+    x, y, z = np.asarray(axis) / np.linalg.norm(axis)
+    k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * k @ k
+
+
+# --- parts --------------------------------------------------------------------------------------------------------
+
+_CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
+_CUBE_FACES = ((0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3))
+
+
+def box_vertices(low: Any, high: Any) -> np.ndarray:
+    return np.asarray(low) + _CUBE * (np.asarray(high) - np.asarray(low))
+
+
+def obj(vertices: Any, faces: Any) -> bytes:
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in np.asarray(vertices).tolist()]
+    return "\n".join([*lines, *(f"f {a + 1} {b + 1} {c + 1}" for a, b, c in faces)]).encode() + b"\n"
+
+
+def stl(vertices: Any, faces: Any) -> bytes:
+    points = np.asarray(vertices)
+    out = [b"\0" * 80, struct.pack("<I", len(faces))]
+    for face in faces:
+        out.append(struct.pack("<12fH", 0, 0, 0, *points[list(face)].ravel(), 0))
+    return b"".join(out)
+
+
+def kept(store: Store, data: bytes, vertices: int, faces: int, *, closed: bool = True, flat: bool = False) -> Mesh:
+    return Mesh(sha256=store.put(data), size=len(data), vertices=vertices, faces=faces, closed=closed, flat=flat)
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part with its analytic mass properties at a density [kg/m^3] of 1000."""
+
+    definition: PartDefinition
+    record: PartRecord
+    properties: MassProperties
+
+
+def box_part(store: Store, low: Any, high: Any, **changes: Any) -> Part:
+    """A box from corner to corner [m] in the part's own frame: not centred, so that re-centring shows."""
+    low, high = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
+    size, vertices = high - low, box_vertices(low, high)
+    volume = float(np.prod(size))
+    mass = 1000.0 * volume
+    moments = [mass / 12 * (float(size @ size) - float(s * s)) for s in size]
+    text = f"boxes:Box(high={high.tolist()!r}, low={low.tolist()!r})"
+    flat = bool((size == 0).any())
+    return _part(
+        store, text, "boxes:Box", vertices, _CUBE_FACES, mass, (low + high) / 2, np.diag(moments), (low, high),
+        Fit(shape="box", size=tuple((size / 2).tolist()), pose=pose(matrix((low + high) / 2))), flat=flat, **changes,
+    )
+
+
+def cylinder_part(store: Store, radius: float, length: float, **changes: Any) -> Part:
+    """A cylinder [m] along z about the origin; its mesh has 24 sides."""
+    angles = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    ring = np.stack([radius * np.cos(angles), radius * np.sin(angles)], axis=1)
+    half = length / 2
+    vertices = np.vstack([np.c_[ring, np.full(24, -half)], np.c_[ring, np.full(24, half)], [[0, 0, -half], [0, 0, half]]])
+    faces = [f for k in range(24) for f in (
+        (k, (k + 1) % 24, 24 + (k + 1) % 24), (k, 24 + (k + 1) % 24, 24 + k), (48, (k + 1) % 24, k), (49, 24 + k, 24 + (k + 1) % 24)
+    )]
+    mass = 1000.0 * np.pi * radius**2 * length
+    across = mass * (3 * radius**2 + length**2) / 12
+    box = (np.array([-radius, -radius, -half]), np.array([radius, radius, half]))
+    return _part(
+        store, f"boxes:Rod(length={length!r}, radius={radius!r})", "boxes:Rod", vertices, faces, mass, np.zeros(3),
+        np.diag([across, across, mass * radius**2 / 2]), box, Fit(shape="cylinder", size=(radius, half), pose=NO_POSE), **changes,
+    )
+
+
+def _part(
+    store: Store, text: str, reference: str, vertices: Any, faces: Any, mass: float, centre: Any, inertia: Any, box: Any, fit: Fit,
+    *, flat: bool = False, **changes: Any,
+) -> Part:
+    solid = stl(vertices, faces)
+    count = (len(vertices), len(faces))
+    record = PartRecord(
+        text=text, material=None, color=None, volume=mass / 1000, area=0.0, centre=tuple(centre.tolist()), inertia=_rows(inertia),
+        box=(tuple(box[0].tolist()), tuple(box[1].tolist())), mounts={}, references=(), expectations=(), actuator=None, mass=None,
+        com=None, matrix=None, density=None, bom={}, warnings=(), fits={fit.shape: fit},
+        meshes={
+            "visual": kept(store, obj(vertices, faces), *count, flat=flat), "hull": kept(store, solid, *count, flat=flat),
+            "mesh": kept(store, solid, *count, flat=flat), "print": kept(store, solid, *count, flat=flat),
+        },
+        pieces=(), convex=(), brep=None, code=None,
+    )
+    return Part(
+        definition=PartDefinition(reference=reference, kind="code", parameters=(), text=text),
+        record=replace(record, **changes),
+        properties=MassProperties(mass=mass, centre=tuple(centre.tolist()), inertia=_rows(inertia)),
+    )
+
+
+def _rows(m: Any) -> Any:
+    return tuple(tuple(row) for row in np.asarray(m, dtype=float).tolist())
+
+
+# --- robots -------------------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Piece:
+    """An occurrence: its path, its part and its pose in its link."""
+
+    path: str
+    part: Part
+    pose: np.ndarray = field(default_factory=lambda: np.eye(4))
+    material: Material | None = None
+    color: str | None = None
+    overrides: Overrides = field(default_factory=Overrides)
+
+
+@dataclass
+class Segment:
+    """A body of the tree: its pieces, its parent's index, its pose there at q = 0, and its joint."""
+
+    name: str
+    pieces: list[Piece]
+    parent: int | None = None
+    pose: np.ndarray = field(default_factory=lambda: np.eye(4))
+    joint: str | None = None
+    kind: str = "hinge"
+    axis: Any = (0.0, 0.0, 1.0)
+    anchor: Any = (0.0, 0.0, 0.0)
+    limit: Limit = field(default_factory=Limit)
+    dynamics: Dynamics = field(default_factory=Dynamics)
+    mimic: Mimic | None = None
+    actuator: ActuatorModel | None = None
+
+
+def material(name: str = "petg", **values: Any) -> Material:
+    blank = {"density": 1000.0, "color": None, "slide": None, "torsion": None, "roll": None, "process": None, "origin": at(90)}
+    return Material(name=name, **{**blank, **values})
+
+
+def drive(kind: str = "position", **values: Any) -> ActuatorModel:
+    blank = {"kp": 20.0 if kind == "position" else None, "kv": None, "effort": None, "velocity": None, "origin": at(70)}
+    return ActuatorModel(kind=kind, **{**blank, **values})
+
+
+def raw(line: int, path: str, value: str) -> RawAttribute:
+    return RawAttribute(target="mjcf", path=tuple(path.split(" ")), value=value, origin=at(line))
+
+
+def total(properties: Any) -> MassProperties:
+    """Bodies of one frame as one, by numpy: the oracle of `inertia.total`."""
+    mass = sum(p.mass for p in properties)
+    centre = sum(p.mass * np.array(p.centre) for p in properties) / mass
+    inertia = np.zeros((3, 3))
+    for p in properties:
+        d = np.array(p.centre) - centre
+        inertia += np.array(p.inertia) + p.mass * (d @ d * np.eye(3) - np.outer(d, d))
+    return MassProperties(mass=float(mass), centre=tuple(centre.tolist()), inertia=_rows((inertia + inertia.T) / 2))
+
+
+def moved(properties: MassProperties, x: np.ndarray) -> MassProperties:
+    r = x[:3, :3]
+    centre = r @ np.array(properties.centre) + x[:3, 3]
+    return MassProperties(mass=properties.mass, centre=tuple(centre.tolist()), inertia=_rows(r @ np.array(properties.inertia) @ r.T))
+
+
+@dataclass
+class Made:
+    """A robot in one or more modes, from the same segments."""
+
+    segments: list[Segment]
+    name: str = "arm"
+    sites: tuple[tuple[str, int, np.ndarray], ...] = ()
+    keyframes: tuple[tuple[str, dict[str, float]], ...] = ()
+    excluded: tuple[tuple[int, int], ...] = ()
+    adhesions: tuple[tuple[str, str, float], ...] = ()  # path, occurrence's path, force
+    control: dict[str, float] = field(default_factory=dict)
+    raw: tuple[RawAttribute, ...] = ()
+    simulation: dict[str, float | str] = field(default_factory=dict)
+    present: tuple[str, ...] | None = None
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+
+    def assembly(self) -> Assembly:
+        occurrences: list[Occurrence] = []
+        links: list[Link] = []
+        for index, segment in enumerate(self.segments):
+            members = []
+            for piece in segment.pieces:
+                members.append(len(occurrences))
+                occurrences.append(self.occurrence(len(occurrences), piece))
+            bodies = [moved(piece.part.properties, piece.pose) for piece in segment.pieces]
+            links.append(Link(
+                name=segment.name, index=index, frame=members[0] if members else 0, members=tuple(members),
+                poses=tuple(pose(piece.pose) for piece in segment.pieces),
+                properties=total(bodies) if sum(b.mass for b in bodies) > 0 else MassProperties(mass=0.0), origin=at(10 + index),
+            ))
+        paths = {o.path: o.index for o in occurrences}
+        mates = tuple(
+            Mate(
+                parent=0, child=0, parent_mount="a", child_mount="b", X_PJ=NO_POSE, X_JC=NO_POSE, origin=at(30),
+                joint=JointEdge(
+                    path=s.joint, kind="revolute", limit=s.limit, dynamics=s.dynamics, offset=0.0, mimic=s.mimic,
+                    actuator=s.actuator, origin=at(30),
+                ),
+            )
+            for s in self.segments if s.joint is not None
+        )
+        definition = AssemblyDefinition(
+            document="robots/arm.yaml", name=self.name, description="", parameters=(), text=self.name, materials={}, components=(),
+            joints=(), links=(), mounts={}, poses=(), modes=(), simulation={"timestep": 0.001}, raw=self.raw, origin=at(1),
+        )
+        return Assembly(
+            name=self.name, definition=definition, hag=Hag(root=self.name, definitions=(), edges=()), base=0,
+            occurrences=tuple(occurrences), mates=mates, links=tuple(links),
+            link_of=tuple(i for i, s in enumerate(self.segments) for _ in s.pieces), rest=(), exported=(),
+            poses=tuple(NamedPose(name=n, values=q, origins={}, origin=at(60)) for n, q in self.keyframes), modes=(),
+            adhesions=tuple(
+                Adhesion(path=path, occurrence=paths[occurrence], mount="sole", force=force)
+                for path, occurrence, force in self.adhesions
+            ),
+            raw=self.raw,
+        )
+
+    def occurrence(self, index: int, piece: Piece) -> Occurrence:
+        component = Component(
+            name=piece.path.split("/")[-1], definition=piece.part.definition, frame=False, placement=None, material=piece.material,
+            overrides=piece.overrides, mounts={}, bom=BomEntry(), origin=at(20 + index),
+        )
+        definition = Definition(text=piece.part.definition.text, reference=piece.part.definition.reference, kind="part")
+        return Occurrence(
+            path=piece.path, index=index, definition=definition, component=component, record=piece.part.record,
+            material=piece.material, color=piece.color, overrides=piece.overrides, bom=BomEntry(), properties=piece.part.properties,
+            mass_source="derived", mounts={"origin": MountFrame(pose=NO_POSE)}, origin=at(20 + index),
+        )
+
+    def robot(self, assembly: Assembly, name: str = "bench", base: str = "fixed") -> Robot:
+        mode = LinkedMode(
+            name=name, root=RootChoice(occurrence=0, mount=None, path="plate/origin"), base=base, at=NO_POSE, gravity=self.gravity,
+            poses=(), actuators=None, exclude=(), adhesion=self.control, simulation=self.simulation, origin=at(50),
+        )
+        bodies = []
+        for index, s in enumerate(self.segments):
+            joint = None
+            if s.joint is not None:
+                joint = CoreJoint(
+                    path=s.joint, kind=s.kind, axis=tuple(map(float, s.axis)), anchor=tuple(map(float, s.anchor)), reversed=False,
+                    offset=0.0, limit=s.limit, dynamics=s.dynamics, mimic=s.mimic, actuator=s.actuator, mate=0, origin=at(30 + index),
+                )
+            bodies.append(Body(link=index, parent=s.parent, X_PL=pose(s.pose), joint=joint))
+        present = tuple(s.joint for s in self.segments if s.joint is not None and s.actuator is not None)
+        return Robot(
+            name=name, mode=mode, assembly=assembly, base=base, gravity=self.gravity, bodies=tuple(bodies),
+            sites=tuple(Site(path=p, body=b, pose=pose(x), origin=at(80)) for p, b, x in self.sites), excluded=self.excluded,
+            keyframes=tuple(Keyframe(name=n, q=q, origin=at(60 + k)) for k, (n, q) in enumerate(self.keyframes)),
+            present=present if self.present is None else self.present, adhesion=self.control,
+        )
+
+    def request(self, store: Store, *modes: tuple[str, str]) -> EmitRequest:
+        """A request of modes, each `(name, base)`."""
+        assembly = self.assembly()
+        robots = tuple(self.robot(assembly, name, base) for name, base in modes or (("bench", "fixed"),))
+        return EmitRequest(
+            assembly=assembly, robots=robots, store=store, geometry=None, workspace=None, report=Report(),  # type: ignore[arg-type]
+        )
+
+    def placed(self, q: dict[str, float]) -> list[np.ndarray]:
+        """Where every link stands in the world: the chain of matrices by hand (`X_PL` then the motion about the anchor)."""
+        found: list[np.ndarray] = []
+        for s in self.segments:
+            x = (np.eye(4) if s.parent is None else found[s.parent]) @ s.pose
+            if s.joint is not None:
+                value, anchor = q.get(s.joint, 0.0), np.asarray(s.anchor, dtype=float)
+                unit = np.asarray(s.axis) / np.linalg.norm(s.axis)
+                if s.kind == "hinge":
+                    x = x @ matrix(anchor) @ matrix(rotation=spin(unit, value)) @ matrix(-anchor)
+                else:
+                    x = x @ matrix(unit * value)
+            found.append(x)
+        return found

@@ -1,0 +1,336 @@
+"""What MuJoCo says against a model is shown where its cause was written."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import pytest
+from mjcf.handmade import Made, Piece, Segment, box_part, drive, kept, raw
+from mjcf.test_mjcf_model import arm, load
+
+from thingc.diagnostics import Diagnostic
+from thingc.emit.mjcf import emit
+from thingc.realize.store import Store
+from thingc.resolve.model import Overrides
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    return Store(str(tmp_path / "store"))
+
+
+def said(made: Made, store: Store, *modes: tuple[str, str]) -> list[tuple[str, str, int | None, str]]:
+    """Code, severity, line and message of everything that emitting says, in the order of the document."""
+    request = made.request(store, *modes)
+    emit(request)
+    return [(d.code.code, d.severity.value, d.span.line if d.span else None, d.message) for d in request.report.ordered()]
+
+
+def hints(made: Made, store: Store) -> list[Diagnostic]:
+    request = made.request(store)
+    emit(request)
+    return request.report.ordered()
+
+
+def test_raw_attributes_arrive(store: Store) -> None:
+    made = arm(store)
+    made.adhesions = (("forearm/sole", "hand/cap", 300.0),)
+    made.raw = (
+        raw(101, "joint yaw solreflimit", "0.03 1"), raw(102, "joint hand.pitch damping", "0.7"),
+        raw(103, "geom hand/cap:collision solref", "0.015 1"), raw(104, "option iterations", "7"),
+        raw(105, "option flag warmstart", "disable"), raw(106, "body bracket gravcomp", "1"), raw(107, "actuator yaw kp", "33"),
+        raw(108, "actuator forearm/sole gain", "2"), raw(109, "default collision geom margin", "0.001"),
+        raw(110, "default arm joint armature", "0.123"), raw(111, "site tip size", "0.02"), raw(112, "size memory", "1M"),
+        raw(113, "material petg_e6e6fa shininess", "0.25"), raw(114, "mesh boxes/Box-4c4c8075_hull maxhullvert", "6"),
+        raw(115, "key home time", "1.5"), raw(116, "visual global offwidth", "1920"),
+    )
+    model = load(made.request(store))
+    assert list(model.jnt_solref[model.joint("yaw").id]) == [0.03, 1.0]
+    assert model.joint("hand/pitch").damping[0] == 0.7
+    assert list(model.geom("hand/cap:collision").solref) == [0.015, 1.0]
+    assert model.opt.iterations == 7
+    assert model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_WARMSTART
+    assert model.body_gravcomp[model.body("bracket").id] == 1.0
+    assert model.actuator("yaw").gainprm[0] == 33.0
+    assert model.actuator("forearm/sole").gainprm[0] == 2.0
+    assert model.geom("tip:collision").margin == 0.001 and model.geom("tip").margin == 0.0
+    assert model.joint("slider").armature[0] == 0.123 and model.joint("yaw").armature[0] == 0.01
+    assert model.site("tip").size[0] == 0.02
+    assert model.material("petg_e6e6fa").shininess == 0.25
+    assert model.key("home").time == 1.5
+    assert model.vis.global_.offwidth == 1920
+
+
+def test_raw_attributes_that_mujoco_refuses(store: Store) -> None:
+    """All of them in one run, each at its own line, in MuJoCo's words."""
+    made = arm(store)
+    made.raw = (
+        raw(101, "joint yaw solreflimt", "0.03 1"), raw(102, "joint hand/pitch range", "a b"), raw(103, "joint yaw limited", "perhaps"),
+        raw(104, "option iterations", "many"), raw(105, "body bracket sleep", "1 2"), raw(106, "joint yaw damping", "0.3"),
+        raw(107, "default collision geom solref", "x"), raw(108, "option flag contract", "disable"),
+        raw(109, "geom plate:collision mesh", "nothing"),
+    )
+    assert said(made, store, ("bench", "fixed"), ("adrift", "free")) == [
+        ("TC702", "error", 101, "MuJoCo refuses `solreflimt` of joint `yaw`: unrecognized attribute: 'solreflimt'"),
+        ("TC702", "error", 102, "MuJoCo refuses `range` of joint `hand/pitch`: bad format in attribute 'range'"),
+        ("TC702", "error", 103, "MuJoCo refuses `limited` of joint `yaw`: invalid keyword: 'perhaps'"),
+        ("TC702", "error", 104, "MuJoCo refuses `iterations` of `option`: bad format in attribute 'iterations'"),
+        ("TC702", "error", 105, "MuJoCo refuses `sleep` of body `bracket`: invalid keyword: '1 2'"),
+        ("TC702", "error", 107, "MuJoCo refuses `solref` of `geom`: bad format in attribute 'solref'"),
+        ("TC702", "error", 108, "MuJoCo refuses `contract` of `flag`: unrecognized attribute: 'contract'"),
+        ("TC702", "error", 109, "MuJoCo refuses `mesh` of geom `plate:collision`: mesh 'nothing' not found in geom 1"),
+    ]
+
+
+def test_a_raw_value_that_only_the_compiler_refuses(store: Store) -> None:
+    """MuJoCo's words name the joint, not the attribute: of three raw attributes there, the one to blame is found."""
+    made = arm(store)
+    made.raw = (raw(101, "joint yaw damping", "1"), raw(102, "joint yaw axis", "0 0 0"), raw(103, "joint yaw margin", "0.1"))
+    assert said(made, store) == [("TC702", "error", 102, "MuJoCo refuses `axis` of joint `yaw`: axis too small in joint")]
+
+
+def test_a_keyframe_that_does_not_fit(store: Store) -> None:
+    """An error that MuJoCo gives without a line: found by its name."""
+    made = arm(store)
+    made.raw = (raw(101, "key home qpos", "1 2 3 4"),)
+    assert said(made, store) == [
+        ("TC702", "error", 101, "MuJoCo refuses `qpos` of key `home`: keyframe 'home': invalid qpos size, expected 3, got 4"),
+    ]
+
+
+def test_what_no_raw_attribute_caused(store: Store) -> None:
+    """A mesh of noise in the store: the error is at the occurrence that first uses it."""
+    made = arm(store)
+    part = made.segments[2].pieces[0].part
+    broken = kept(store, b"nothing that is a mesh\n", 4, 4)
+    made.segments[3].pieces[0].part = replace(
+        part, definition=replace(part.definition, text="boxes:Box(high=9)"),
+        record=replace(part.record, text="boxes:Box(high=9)", meshes={**part.record.meshes, "visual": broken}),
+    )
+    found = said(made, store)
+    assert [(code, severity, line) for code, severity, line, _ in found] == [("TC702", "error", 24)]
+    assert found[0][3].startswith("MuJoCo refuses mesh `boxes.Box-")
+
+
+def test_innocent_raw_attributes_are_not_blamed(store: Store) -> None:
+    made = arm(store)
+    made.segments[1].axis = (0.0, 0.0, 0.0)
+    made.raw = (raw(101, "joint yaw margin", "0.1"), raw(102, "option iterations", "20"))
+    found = said(made, store)
+    assert found == [("TC702", "error", 31, "MuJoCo refuses joint `yaw`: axis too small in joint")]
+
+
+def test_an_inertia_that_mujoco_refuses_is_at_the_link(store: Store) -> None:
+    made = arm(store)
+    request = made.request(store)
+    properties = request.assembly.links[2].properties
+    object.__setattr__(request.assembly.links[2], "properties", replace(properties, mass=1e-20))
+    emit(request)
+    assert [(d.span.line if d.span else None, d.path, d.message) for d in request.report.ordered()] == [
+        (12, "forearm", "MuJoCo refuses body `forearm`: mass and inertia of moving bodies must be larger than mjMINVAL"),
+    ]
+
+
+def test_warnings(store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
+    """At the raw attribute that they name; every time, though nothing changed; nothing printed, no log in the folder."""
+    monkeypatch.chdir(tmp_path)
+    made = arm(store)
+    made.raw = (raw(101, "option iterations", "20"), raw(102, "statistic meaninertia", "2"))
+    for _ in range(2):
+        assert said(made, store) == [
+            (
+                "TC703", "warning", 102,
+                "MuJoCo warns of `meaninertia` of `statistic`: statistic attribute 'meaninertia' is deprecated and will be removed "
+                "in a future release: it does not affect simulation",
+            ),
+        ]
+    assert not (tmp_path / "MUJOCO_LOG.TXT").exists()
+    assert capfd.readouterr() == ("", "")
+
+
+def test_the_users_warning_handler_stays(store: Store) -> None:
+    heard: list[str] = []
+    mujoco.set_mju_user_warning(heard.append)
+    try:
+        before = mujoco.get_mju_user_warning()
+        emit(arm(store).request(store))
+        assert mujoco.get_mju_user_warning() is before
+    finally:
+        mujoco.set_mju_user_warning(None)
+
+
+UNKNOWN = [
+    ("joint yow damping", "`mjcf` has no joint `yow`", "did you mean `yaw`?"),
+    ("joint hand/pich damping", "`mjcf` has no joint `hand/pich`", "did you mean `hand/pitch`?"),
+    ("jiont yaw damping", "raw attributes of `jiont` are not known", "did you mean `joint`?"),
+    ("geom hand/cap:colision solref", "`mjcf` has no geom `hand/cap:colision`", "did you mean `hand/cap:collision`?"),
+    ("body q gravcomp", "`mjcf` has no body `q`", "known bodies: `bracket`, `forearm`, `plate`, `tip`"),
+    ("default colision geom solref", "`mjcf` has no class `colision`", "did you mean `collision`?"),
+    ("joint damping", "`raw.mjcf.joint.damping` should name an attribute of one joint", "write `joint: {NAME: {ATTRIBUTE: VALUE}}`"),
+    ("option", "`raw.mjcf.option` should name an attribute of `option`", "write `option: {ATTRIBUTE: VALUE}`"),
+    (
+        "default collision solref", "`raw.mjcf.default.collision.solref` should name an attribute in a default class",
+        "write `default: {CLASS: {ELEMENT: {ATTRIBUTE: VALUE}}}`",
+    ),
+]
+
+
+@pytest.mark.parametrize(("path", "message", "hint"), UNKNOWN)
+def test_raw_attributes_of_nothing(store: Store, path: str, message: str, hint: str) -> None:
+    made = arm(store)
+    made.raw = (raw(101, path, "1"),)
+    assert [(d.code.code, d.span.line if d.span else None, d.message, d.help) for d in hints(made, store)] == [
+        ("TC701", 101, message, hint)
+    ]
+
+
+def test_raw_attributes_of_what_only_other_modes_have(store: Store) -> None:
+    """A drive that no chosen mode has, the joint of a free base, a keyframe of another mode: no error, no effect."""
+    made = arm(store)
+    made.present = ("slider",)
+    made.raw = (raw(101, "actuator yaw kp", "33"), raw(102, "joint root group", "2"))
+    assert said(made, store) == []
+    assert said(made, store, ("adrift", "free")) == []
+
+
+def test_raw_attributes_of_other_targets_are_left_alone(store: Store) -> None:
+    made = arm(store)
+    made.raw = (replace(raw(101, "joint nothing damping", "1"), target="urdf"),)
+    assert said(made, store) == []
+
+
+def test_raw_names_of_a_nested_document(store: Store) -> None:
+    """`link` puts the nested document's path before every name, of things that are no occurrence too."""
+    made = arm(store)
+    made.raw = (
+        raw(101, "default hand/collision geom margin", "0.002"), raw(102, "option hand/flag warmstart", "disable"),
+        raw(103, "material hand/petg_e6e6fa shininess", "0.25"), raw(104, "joint hand/pitch damping", "0.4"),
+    )
+    model = load(made.request(store))
+    assert model.geom("tip:collision").margin == 0.002
+    assert model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_WARMSTART
+    assert model.material("petg_e6e6fa").shininess == 0.25
+    assert model.joint("hand/pitch").damping[0] == 0.4
+
+
+MISSING = [
+    ("part", "`a` (boxes:Box) asks for `collision: part`, but its Thing has no `collision()`"),
+    ("decompose", "`a` (boxes:Box) asks for `collision: decompose`, but there is no convex decomposition of it"),
+    ("capsule", "`a` (boxes:Box) asks for `collision: capsule`, but no capsule could be fitted to it"),
+]
+
+
+@pytest.mark.parametrize(("choice", "message"), MISSING)
+def test_collision_that_is_not_there(store: Store, choice: str, message: str) -> None:
+    made = Made(segments=[Segment("a", [Piece("a", plain(store), overrides=Overrides(collision=choice))])])
+    assert said(made, store) == [("TC704", "error", 20, message)]
+
+
+def plain(store: Store) -> object:
+    part = box_part(store, (0, 0, 0), (0.1, 0.1, 0.1))
+    return replace(part, definition=replace(part.definition, text="boxes:Box"))
+
+
+def test_a_collision_mesh_that_is_too_large(store: Store) -> None:
+    part = plain(store)
+    huge = replace(part.record.meshes["mesh"], faces=200_001)  # type: ignore[attr-defined]
+    record = replace(part.record, meshes={**part.record.meshes, "mesh": huge})  # type: ignore[attr-defined]
+    made = Made(segments=[Segment("a", [Piece("a", replace(part, record=record), overrides=Overrides(collision="mesh"))])])  # type: ignore[type-var]
+    assert said(made, store) == [
+        ("TC705", "error", 20, "`a` (boxes:Box) has a collision mesh of 200001 faces, and MuJoCo reads at most 200000"),
+    ]
+
+
+def test_two_definitions_of_one_file_name(store: Store) -> None:
+    one, other = plain(store), plain(store)
+    one = replace(one, definition=replace(one.definition, reference="a/b.step", text="a/b.step"))  # type: ignore
+    other = replace(other, definition=replace(other.definition, reference="a.b.step", text="a.b.step"))  # type: ignore
+    made = Made(segments=[Segment("a", [Piece("a", one), Piece("b", other)])])  # type: ignore[arg-type]
+    assert said(made, store) == [
+        ("TC751", "error", 21, "`a.b.step` and `a/b.step` would both be written as `mjcf/assets/a.b.step.obj`"),
+    ]
+
+
+# --- what need not be asked again ------------------------------------------------------------------------------------
+
+
+def compiled(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """The sizes of the asset files of every compilation from now on."""
+    from thingc.emit import mjcf_check
+
+    counted: list[int] = []
+    true = mjcf_check.attempt
+
+    def counting(text: str, files: dict[str, bytes]) -> mjcf_check.Verdict:
+        counted.append(sum(len(data) for name, data in files.items() if not name.endswith(".xml")))
+        return true(text, files)
+
+    monkeypatch.setattr(mjcf_check, "attempt", counting)
+    return counted
+
+
+def test_a_model_is_compiled_once(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    counted = compiled(monkeypatch)
+    made = arm(store)
+    modes = (("bench", "fixed"), ("adrift", "free"))
+    assert said(made, store, *modes) == []
+    assert len(counted) == 2
+    assert said(made, store, *modes) == []
+    assert len(counted) == 2
+    made.segments[1].limit = replace(made.segments[1].limit, upper=2.5)
+    assert said(made, store, *modes) == []
+    assert len(counted) == 4
+    assert counted[2] < counted[0] / 3, "meshes that are known are not read again"
+
+
+def test_a_new_mesh_is_read(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One part changed into noise after everything was known: that one is read, and refused."""
+    made = arm(store)
+    assert said(made, store) == []
+    part = made.segments[0].pieces[0].part
+    broken = kept(store, b"v 0 0 0\nf 1 1 1\n", 4, 4)
+    made.segments[0].pieces[0].part = replace(part, record=replace(part.record, meshes={**part.record.meshes, "visual": broken}))
+    assert [(code, line) for code, _, line, _ in said(made, store)] == [("TC702", 20)]
+
+
+def test_raw_attributes_of_meshes_are_tried_on_the_mesh(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = arm(store)
+    assert said(made, store) == []
+    counted = compiled(monkeypatch)
+    made.raw = (raw(101, "mesh boxes.Box-4c4c8075_hull scale", "1 1 0"),)
+    found = said(made, store)
+    assert [(code, line) for code, _, line, _ in found] == [("TC702", 101)]
+    assert counted[0] > 5000
+
+
+def test_an_unchanged_model_needs_no_mujoco(store: Store, tmp_path: Path) -> None:
+    """Nothing of MuJoCo or numpy is imported when there is nothing to ask."""
+    emit(arm(store).request(store))
+    program = (
+        "import sys; sys.path[:0] = sys.argv[2:]\n"
+        "import pickle\n"
+        "request = pickle.load(open(sys.argv[1], 'rb'))\n"
+        "from thingc.emit.mjcf import emit\n"
+        "emit(request); assert not request.report.diagnostics, request.report.diagnostics\n"
+        "print([name for name in ('mujoco', 'numpy') if name in sys.modules])\n"
+    )
+    kept_request = tmp_path / "request.pickle"
+    kept_request.write_bytes(pickle.dumps(arm(store).request(store)))
+    tests = str(Path(__file__).resolve().parent.parent)
+    run = subprocess.run(
+        [sys.executable, "-c", program, str(kept_request), tests, *sys.path[1:]], capture_output=True, text=True, timeout=60,
+        env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
+    )
+    assert (run.stdout, run.returncode) == ("[]\n", 0), run.stderr
+
+
+def test_a_velocity_drive_may_have_no_gain(store: Store) -> None:
+    made = arm(store)
+    made.segments[2].actuator = drive("velocity")
+    assert said(made, store) == []

@@ -1,0 +1,517 @@
+"""MuJoCo as the reader of what we write: every number is compared with one worked out by hand or by numpy."""
+
+from __future__ import annotations
+
+import itertools
+import os
+
+import mujoco
+import numpy as np
+import pytest
+from mjcf.handmade import (
+    Made, Piece, Segment, box_part, box_vertices, cylinder_part, drive, matrix, material, moved, obj, spin, stl, kept, total,
+)
+
+from thingc.diagnostics import as_json
+from thingc.emit.mjcf import emit
+from thingc.emit.request import EmitRequest
+from thingc.realize.record import Fit
+from thingc.pose import NO_POSE
+from thingc.realize.store import Store
+from thingc.resolve.model import Dynamics, Limit, Mimic, Overrides
+
+NEAR = 1e-9
+
+
+@pytest.fixture
+def store(tmp_path: object) -> Store:
+    return Store(f"{tmp_path}/store")
+
+
+def load(request: EmitRequest, mode: str = "bench") -> mujoco.MjModel:
+    """The model of a mode, loaded by MuJoCo, without a word from either compiler."""
+    artifacts = emit(request)
+    assert as_json(request.report.ordered()) == []
+    return load_from(request, artifacts.files, mode)
+
+
+def load_from(request: EmitRequest, files: dict, mode: str) -> mujoco.MjModel:
+    assets = {p.removeprefix("mjcf/assets/"): request.store.read(c.sha256) for p, c in files.items() if "/assets/" in p}
+    said: list[str] = []
+    mujoco.set_mju_user_warning(said.append)
+    try:
+        model = mujoco.MjModel.from_xml_string(files[f"mjcf/{request.assembly.name}_{mode}.xml"].decode(), assets)
+    finally:
+        mujoco.set_mju_user_warning(None)
+    assert said == []
+    return model
+
+
+def arm(store: Store) -> Made:
+    """Plate, yaw, pitch with an off-centre anchor, and a slide; two pieces on one link; poses askew."""
+    plate, rod = box_part(store, (-0.1, -0.08, 0.0), (0.1, 0.05, 0.02)), cylinder_part(store, 0.02, 0.1)
+    brick = box_part(store, (0.0, 0.01, -0.02), (0.06, 0.05, 0.07))
+    tilt = spin((1, 2, 3), 0.7)
+    return Made(
+        segments=[
+            Segment("plate", [Piece("plate", plate, color="#e6e6fa", material=material())]),
+            Segment(
+                "bracket", [Piece("bracket", rod), Piece("hand/cap", brick, matrix((0.01, 0.02, 0.03), tilt))], parent=0,
+                pose=matrix((0.02, 0.0, 0.07), spin((0, 0, 1), 0.4)), joint="yaw", limit=Limit(lower=-2.6, upper=2.6, effort=4.1, velocity=4.8),
+                dynamics=Dynamics(damping=0.02, friction=0.05, armature=0.01), actuator=drive(kp=20.0, kv=0.5, effort=4.1, velocity=4.8),
+            ),
+            Segment(
+                "forearm", [Piece("forearm", brick, matrix((0.0, 0.0, 0.1), spin((0, 1, 0), 1.1)))], parent=1,
+                pose=matrix((0.0, 0.03, 0.08), spin((3, -1, 0.5), 2.0)), joint="hand/pitch", axis=np.array((1, -2, 0.5)) / np.sqrt(5.25),
+                anchor=(0.01, -0.02, 0.03), limit=Limit(lower=-1.0, upper=2.0), actuator=drive("velocity", kv=3.0, effort=2.0, velocity=6.0),
+            ),
+            Segment(
+                "tip", [Piece("tip", rod)], parent=2, pose=matrix((0.0, 0.0, 0.2), spin((0, 1, 1), -0.9)), joint="slider", kind="slide",
+                axis=(0.6, 0.0, -0.8), limit=Limit(lower=0.0, upper=0.05), dynamics=Dynamics(stiffness=12.0),
+                actuator=drive("motor", effort=7.0),
+            ),
+        ],
+        sites=(("tip", 3, matrix((0, 0, 0.05), tilt)), ("plate/origin", 0, np.eye(4))),
+        keyframes=(("home", {"yaw": 0.5, "hand/pitch": -0.6, "slider": 0.02}), ("folded", {"yaw": 0.0, "hand/pitch": 1.9, "slider": 0.0})),
+        excluded=((0, 1), (1, 2), (2, 3)),
+    )
+
+
+POSES = ({}, {"yaw": 0.5, "hand/pitch": -0.6, "slider": 0.02}, {"yaw": -2.1, "hand/pitch": 1.7, "slider": 0.05})
+
+
+@pytest.mark.parametrize("base", ["fixed", "held", "free"])
+@pytest.mark.parametrize("q", POSES)
+def test_forward_kinematics(store: Store, base: str, q: dict[str, float]) -> None:
+    made = arm(store)
+    made.segments[0].pose = matrix((0.3, -0.2, 0.5), spin((1, 1, 0.2), 1.3))
+    model = load(made.request(store, ("bench", base)))
+    data = mujoco.MjData(model)
+    for path, value in q.items():
+        data.joint(path).qpos = value
+    mujoco.mj_forward(model, data)
+    placed = made.placed(q)
+    for link, expected in zip(made.segments, placed, strict=True):
+        body = data.body(link.name)
+        np.testing.assert_allclose(body.xpos, expected[:3, 3], atol=NEAR)
+        np.testing.assert_allclose(body.xmat.reshape(3, 3), expected[:3, :3], atol=NEAR)
+    for path, link, local in made.sites:
+        expected = placed[link] @ local
+        np.testing.assert_allclose(data.site(path).xpos, expected[:3, 3], atol=NEAR)
+        np.testing.assert_allclose(data.site(path).xmat.reshape(3, 3), expected[:3, :3], atol=NEAR)
+
+
+@pytest.mark.parametrize("suffix", ["", ":collision"])
+def test_every_vertex_lands_where_the_part_stands(store: Store, suffix: str) -> None:
+    """MuJoCo moves meshes to their own centre and axes: the vertices must come out in the world all the same."""
+    made = arm(store)
+    q = POSES[1]
+    model = load(made.request(store))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    low, high = np.array([0.0, 0.01, -0.02]), np.array([0.06, 0.05, 0.07])
+    for path, link, local in (("hand/cap", 1, made.segments[1].pieces[1].pose), ("forearm", 2, made.segments[2].pieces[0].pose)):
+        geom = model.geom(path + suffix)
+        mesh = model.mesh(geom.dataid[0])
+        raw = model.mesh_vert[mesh.vertadr[0] : mesh.vertadr[0] + mesh.vertnum[0]]
+        found = raw @ data.geom(path + suffix).xmat.reshape(3, 3).T + data.geom(path + suffix).xpos
+        world = made.placed(q)[link] @ local
+        expected = box_vertices(low, high) @ world[:3, :3].T + world[:3, 3]
+        # MuJoCo keeps vertices as 32-bit floats.
+        distance = np.linalg.norm(found[:, None] - expected[None], axis=2)
+        assert distance.min(axis=0).max() < 1e-7
+        assert distance.min(axis=1).max() < 1e-7
+
+
+@pytest.mark.parametrize("base", ["fixed", "held", "free"])
+def test_masses_and_inertias(store: Store, base: str) -> None:
+    made = arm(store)
+    model = load(made.request(store, ("bench", base)))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    whole = []
+    for segment, x in zip(made.segments, made.placed({}), strict=True):
+        own = total([moved(p.part.properties, p.pose) for p in segment.pieces])
+        whole.append(moved(own, x))
+        body = model.body(segment.name)
+        np.testing.assert_allclose(body.mass, own.mass, rtol=NEAR)
+        np.testing.assert_allclose(body.ipos, own.centre, atol=NEAR)
+        r = np.zeros(9)
+        mujoco.mju_quat2Mat(r, body.iquat)
+        r = r.reshape(3, 3)
+        np.testing.assert_allclose(r @ np.diag(body.inertia) @ r.T, own.inertia, rtol=NEAR, atol=NEAR * np.max(own.inertia))
+    robot = total(whole)
+    np.testing.assert_allclose(model.body_mass.sum(), robot.mass, rtol=NEAR)
+    np.testing.assert_allclose(data.subtree_com[0], robot.centre, atol=NEAR)
+
+
+def test_mass_matrix_against_kinetic_energy(store: Store) -> None:
+    """qM by finite differences of our own matrices: T = sum of m v^2 / 2 + w I w / 2 over the links."""
+    made = arm(store)
+    model = load(made.request(store))
+    data = mujoco.MjData(model)
+    names = ["yaw", "hand/pitch", "slider"]
+    q = dict(zip(names, (0.7, 1.2, 0.01), strict=True))
+    data.qpos[:] = list(q.values())
+    mujoco.mj_forward(model, data)
+    found = np.zeros((3, 3))
+    mujoco.mj_fullM(model, data, found)
+    step = 1e-6
+    jacobians = []
+    for name in names:
+        plus, minus = (made.placed({**q, name: q[name] + s}) for s in (step, -step))
+        jacobians.append((plus, minus))
+    expected = np.diag([0.01, 0.0, 0.0])
+    for index, segment in enumerate(made.segments):
+        own = total([moved(p.part.properties, p.pose) for p in segment.pieces])
+        x = made.placed(q)[index]
+        inertia = x[:3, :3] @ np.array(own.inertia) @ x[:3, :3].T
+        v, w = [], []
+        for plus, minus in jacobians:
+            v.append(((plus[index] - minus[index]) @ [*own.centre, 1.0])[:3] / (2 * step))
+            skew = (plus[index][:3, :3] - minus[index][:3, :3]) / (2 * step) @ x[:3, :3].T
+            w.append(np.array([skew[2, 1], skew[0, 2], skew[1, 0]]))
+        for i, j in itertools.product(range(3), repeat=2):
+            expected[i, j] += own.mass * v[i] @ v[j] + w[i] @ inertia @ w[j]
+    np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-10)
+
+
+def test_bases(store: Store) -> None:
+    made = arm(store)
+    made.segments[0].pose = matrix((0.1, 0.2, 0.3), spin((0, 1, 0), 0.5))
+    request = made.request(store, ("bench", "fixed"), ("drawing", "held"), ("adrift", "free"))
+    artifacts = emit(request)
+    fixed, held, free = (load_from(request, artifacts.files, mode) for mode in ("bench", "drawing", "adrift"))
+    assert (fixed.nq, fixed.nv, fixed.nmocap) == (3, 3, 0)
+    assert (held.nq, held.nv, held.nmocap) == (3, 3, 1)
+    assert (free.nq, free.nv, free.nmocap) == (10, 9, 0)
+    assert held.body("plate").mocapid == 0
+    assert free.joint("root").type == mujoco.mjtJoint.mjJNT_FREE
+    assert fixed.body_mass.sum() == held.body_mass.sum() == free.body_mass.sum()
+    half = 0.25
+    quat = [np.cos(half), 0.0, np.sin(half), 0.0]
+    np.testing.assert_allclose(free.key("home").qpos, [0.1, 0.2, 0.3, *quat, 0.5, -0.6, 0.02], atol=1e-15)
+    np.testing.assert_allclose(held.key("home").mpos, [0.1, 0.2, 0.3], atol=1e-15)
+    np.testing.assert_allclose(held.key("home").mquat, quat, atol=1e-15)
+    np.testing.assert_allclose(free.qpos0, [0.1, 0.2, 0.3, *quat, 0.0, 0.0, 0.0], atol=1e-15)
+    data = mujoco.MjData(held)
+    mujoco.mj_resetDataKeyframe(held, data, 0)
+    data.mocap_pos[0] = [1.0, 2.0, 3.0]
+    mujoco.mj_forward(held, data)
+    np.testing.assert_allclose(data.body("plate").xpos, [1.0, 2.0, 3.0])
+
+
+@pytest.mark.parametrize("base", ["fixed", "held", "free"])
+def test_steps_without_a_warning(store: Store, base: str, tmp_path: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(str(tmp_path))
+    model = load(arm(store).request(store, ("bench", base)))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    for _ in range(200):
+        mujoco.mj_step(model, data)
+    assert np.isfinite(data.qpos).all()
+    assert not data.warning.number.any()
+    assert "MUJOCO_LOG.TXT" not in os.listdir(str(tmp_path))
+
+
+def test_joints_and_drives(store: Store) -> None:
+    model = load(arm(store).request(store))
+    yaw, pitch, slider = (model.joint(n) for n in ("yaw", "hand/pitch", "slider"))
+    assert yaw.type == mujoco.mjtJoint.mjJNT_HINGE and slider.type == mujoco.mjtJoint.mjJNT_SLIDE
+    np.testing.assert_array_equal(yaw.range, [-2.6, 2.6])
+    assert yaw.limited and (yaw.damping[0], yaw.frictionloss[0], yaw.armature[0]) == (0.02, 0.05, 0.01)
+    assert slider.stiffness[0] == 12.0
+    assert not model.jnt_actfrclimited.any()
+    np.testing.assert_array_equal(model.actuator("yaw").ctrlrange, [-2.6, 2.6])
+    np.testing.assert_array_equal(model.actuator("yaw").forcerange, [-4.1, 4.1])
+    np.testing.assert_array_equal(model.actuator("yaw").gainprm[:1], [20.0])
+    np.testing.assert_array_equal(model.actuator("yaw").biasprm[:3], [0.0, -20.0, -0.5])
+    np.testing.assert_array_equal(model.actuator("hand/pitch").ctrlrange, [-6.0, 6.0])
+    np.testing.assert_array_equal(model.actuator("hand/pitch").forcerange, [-2.0, 2.0])
+    np.testing.assert_array_equal(model.actuator("slider").ctrlrange, [-7.0, 7.0])
+    assert [model.actuator(i).name for i in range(model.nu)] == ["yaw", "hand/pitch", "slider"]
+    # ctrl: the angle for a position drive, 0 for the others.
+    np.testing.assert_array_equal(model.key("home").ctrl, [0.5, 0.0, 0.0])
+    assert [model.key(i).name for i in range(model.nkey)] == ["home", "folded"]
+    assert model.numeric("yaw:velocity").data == [4.8]
+
+
+def test_a_joint_without_a_drive(store: Store) -> None:
+    """No limits: it turns for ever. Its effort limit stands on the joint, an absent drive is not in `ctrl`, one limit is one."""
+    made = arm(store)
+    made.segments[1].limit = Limit(effort=1.5)
+    made.segments[2].limit = Limit(lower=-0.5)
+    made.present = ("slider",)
+    model = load(made.request(store))
+    assert not model.joint("yaw").limited
+    np.testing.assert_array_equal(model.jnt_actfrcrange[model.joint("yaw").id], [-1.5, 1.5])
+    np.testing.assert_array_equal(model.joint("hand/pitch").range, [-0.5, 1e6])
+    assert model.nu == 1
+    np.testing.assert_array_equal(model.key("home").ctrl, [0.0])
+
+
+def test_an_effort_of_nothing_is_a_limit(store: Store) -> None:
+    """MuJoCo reads a range `0 0` as none at all."""
+    made = arm(store)
+    made.segments[1].actuator = drive(effort=0.0)
+    made.segments[1].limit = Limit(lower=-1.0, upper=1.0, effort=0.0)
+    model = load(made.request(store))
+    data = mujoco.MjData(model)
+    data.ctrl[0] = 1.0
+    mujoco.mj_forward(model, data)
+    assert abs(data.actuator("yaw").force[0]) < 1e-9
+
+
+def test_mimic_follows(store: Store) -> None:
+    made = arm(store)
+    made.segments[2].mimic = Mimic(joint="yaw", multiplier=-0.5, offset=0.3, origin=())
+    made.segments[2].actuator = None
+    made.segments[1].actuator = drive(kp=50.0, kv=5.0)
+    made.gravity = (0.0, 0.0, 0.0)
+    made.keyframes = (("home", {"yaw": 0.4, "hand/pitch": 0.1, "slider": 0.0}),)
+    model = load(made.request(store))
+    assert model.neq == 1 and model.eq(0).name == "hand/pitch:mimic"
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    for _ in range(3000):
+        mujoco.mj_step(model, data)
+    assert abs(data.joint("yaw").qpos[0]) > 0.1
+    np.testing.assert_allclose(data.joint("hand/pitch").qpos, 0.3 - 0.5 * data.joint("yaw").qpos, atol=2e-3)
+
+
+def test_names_and_classes_of_geoms(store: Store) -> None:
+    made = arm(store)
+    made.segments[0].pieces[0].material = material(slide=0.4)
+    model = load(made.request(store))
+    names = [model.geom(i).name for i in range(model.ngeom)]
+    assert names == [n for p in ("plate", "bracket", "hand/cap", "forearm", "tip") for n in (p, f"{p}:collision")]
+    for name in names:
+        geom = model.geom(name)
+        collides = name.endswith(":collision")
+        assert (geom.group[0], bool(geom.contype[0]), bool(geom.conaffinity[0])) == (3 if collides else 2, collides, collides)
+    np.testing.assert_allclose(model.geom("plate").matid, model.material("petg_e6e6fa").id)
+    np.testing.assert_allclose(model.material("petg_e6e6fa").rgba, [230 / 255, 230 / 255, 250 / 255, 1.0], rtol=1e-6)
+    np.testing.assert_allclose(model.geom("plate:collision").friction, [0.4, 0.005, 0.0001])
+    assert model.nmesh == 6  # three definitions of parts, each drawn and touched, however often they are used
+
+
+def test_friction_of_the_document_counts_on_the_floor(store: Store) -> None:
+    """MuJoCo's rule is the larger of two, and its floor has 1: the document's 0.1 must win."""
+    made = Made(segments=[Segment("sled", [Piece("sled", box_part(store, (-0.1, -0.1, -0.05), (0.1, 0.1, 0.05)),
+                                                  material=material(slide=0.1))])])
+    request = made.request(store, ("bench", "free"))
+    files = emit(request).files
+    assets = {p.removeprefix("mjcf/assets/"): store.read(c.sha256) for p, c in files.items() if "/assets/" in p}
+    assets["arm_bench.xml"] = files["mjcf/arm_bench.xml"]
+    model = mujoco.MjModel.from_xml_string(files["mjcf/scene_bench.xml"].decode(), assets)
+    data = mujoco.MjData(model)
+    data.qpos[2] = 0.0499
+    mujoco.mj_forward(model, data)
+    assert data.ncon > 0
+    np.testing.assert_allclose([c.friction[0] for c in data.contact], 0.1)
+
+
+def test_torsional_and_rolling_friction_act(store: Store) -> None:
+    part = box_part(store, (0, 0, 0), (0.1, 0.1, 0.1))
+    made = Made(segments=[Segment("a", [
+        Piece("a", part, material=material(slide=0.4, torsion=0.02)), Piece("b", part, material=material(roll=0.003)),
+    ])])
+    model = load(made.request(store))
+    np.testing.assert_allclose(model.geom("a:collision").friction, [0.4, 0.02, 0.0001])
+    assert model.geom("a:collision").condim == 4
+    np.testing.assert_allclose(model.geom("b:collision").friction, [1.0, 0.005, 0.003])
+    assert model.geom("b:collision").condim == 6
+
+
+def test_neighbours_do_not_touch(store: Store) -> None:
+    """Four boxes within each other: only the pairs that are not excluded touch, in every mode the same."""
+    part = box_part(store, (-0.1, -0.1, -0.1), (0.1, 0.1, 0.1))
+    made = Made(
+        segments=[
+            Segment(n, [Piece(n, part)], parent=p, joint=j, pose=matrix((0.01, 0, 0)))
+            for n, p, j in (("a", None, None), ("b", 0, "j1"), ("c", 1, "j2"), ("d", 2, "j3"))
+        ],
+        excluded=((0, 1), (1, 2), (2, 3), (0, 3)),
+    )
+    request = made.request(store, ("bench", "fixed"), ("adrift", "free"))
+    files = emit(request).files
+    for mode in ("bench", "adrift"):
+        model = load_from(request, files, mode)
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        pairs = {tuple(sorted(model.body(model.geom_bodyid[g]).name for g in c.geom)) for c in data.contact}
+        assert pairs == {("a", "c"), ("b", "d")}
+
+
+def test_magnets(store: Store) -> None:
+    """One adhesion actuator per magnet in every mode, on the link that carries it; the mode says how hard it pulls."""
+    made = arm(store)
+    made.adhesions = (("forearm/sole", "hand/cap", 300.0), ("tip/sole", "tip", 0.0))
+    made.control = {"forearm/sole": 120.0}
+    model = load(made.request(store))
+    magnet = model.actuator("forearm/sole")
+    assert model.actuator_trntype[magnet.id] == mujoco.mjtTrn.mjTRN_BODY
+    assert model.body(magnet.trnid[0]).name == "bracket"
+    np.testing.assert_array_equal(magnet.ctrlrange, [0.0, 300.0])
+    assert magnet.gainprm[0] == 1.0
+    np.testing.assert_array_equal(model.key("home").ctrl, [0.5, 0.0, 0.0, 120.0, 0.0])
+
+
+def test_a_magnet_named_like_a_joint(store: Store) -> None:
+    made = arm(store)
+    made.adhesions = (("hand/pitch", "hand/cap", 300.0),)
+    model = load(made.request(store))
+    assert model.actuator("hand/pitch:adhesion").ctrlrange[1] == 300.0
+
+
+def test_a_magnet_holds_what_it_says(store: Store) -> None:
+    """A 1 kg block under a ceiling plate, 20 N of magnet: it hangs with the magnet, and falls without."""
+    block = box_part(store, (-0.05, -0.05, -0.05), (0.05, 0.05, 0.05))
+    plate = box_part(store, (-0.5, -0.5, 0.0), (0.5, 0.5, 0.02))
+    made = Made(
+        segments=[
+            Segment("plate", [Piece("plate", plate, matrix((0, 0, 0.05)))]),
+            Segment("block", [Piece("block", block)], parent=0, joint="drop", kind="slide", axis=(0, 0, 1)),
+        ],
+        adhesions=(("block/top", "block", 20.0),), keyframes=(("home", {"drop": 0.0}),),
+    )
+    height = {}
+    for force in (0.0, 20.0):
+        made.control = {"block/top": force}
+        model = load(made.request(store))
+        data = mujoco.MjData(model)
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        for _ in range(300):
+            mujoco.mj_step(model, data)
+        height[force] = float(data.qpos[0])
+    assert height[0.0] < -0.3
+    assert abs(height[20.0]) < 5e-3
+
+
+def test_options(store: Store) -> None:
+    made = arm(store)
+    made.simulation = {"integrator": "rk4", "cone": "elliptic", "impratio": 10.0}
+    made.gravity = (-9.81, 0.0, 0.0)
+    model = load(made.request(store))
+    assert model.opt.timestep == 0.001  # the document's, which the mode does not override
+    assert model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
+    assert model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
+    assert model.opt.impratio == 10.0
+    np.testing.assert_array_equal(model.opt.gravity, [-9.81, 0.0, 0.0])
+
+
+def test_fitted_shapes_stand_where_the_part_stands(store: Store) -> None:
+    made = arm(store)
+    brick = made.segments[2].pieces[0]
+    brick.overrides = Overrides(collision="box")
+    made.segments[3].pieces[0].overrides = Overrides(collision="cylinder")
+    made.segments[0].pieces[0].overrides = Overrides(collision="none", visual=False)
+    model = load(made.request(store))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    box = data.geom("forearm:collision")
+    centre = made.placed({})[2] @ brick.pose @ [0.03, 0.03, 0.025, 1.0]
+    np.testing.assert_allclose(box.xpos, centre[:3], atol=NEAR)
+    np.testing.assert_allclose(box.xmat.reshape(3, 3), (made.placed({})[2] @ brick.pose)[:3, :3], atol=NEAR)
+    np.testing.assert_allclose(model.geom("forearm:collision").size, [0.03, 0.02, 0.045])
+    assert model.geom("tip:collision").type == mujoco.mjtGeom.mjGEOM_CYLINDER
+    np.testing.assert_allclose(model.geom("tip:collision").size[:2], [0.02, 0.05])
+    assert "plate" not in [model.geom(i).name for i in range(model.ngeom)]
+
+
+def test_pieces(store: Store) -> None:
+    """`part` and `decompose`: one geom per piece, numbered from the second."""
+    faces = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (0, 2, 3))
+    corners = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]])
+    solids = tuple(kept(store, stl(corners + [k * 0.2, 0, 0], faces), 4, 4) for k in range(3))
+    part = box_part(store, (0, 0, 0), (0.1, 0.1, 0.1), pieces=solids[:2], convex=solids)
+    made = Made(segments=[Segment("a", [
+        Piece("a", part, overrides=Overrides(collision="part")), Piece("b", part, overrides=Overrides(collision="decompose")),
+    ])])
+    model = load(made.request(store))
+    names = [model.geom(i).name for i in range(model.ngeom)]
+    assert names == ["a", "a:collision", "a:collision_1", "b", "b:collision", "b:collision_1", "b:collision_2"]
+
+
+def test_flat_and_open_meshes_are_surfaces(store: Store) -> None:
+    """A decal: MuJoCo draws it, cannot touch with it, and the loss is listed."""
+    decal = box_part(store, (0, 0, 0), (0.1, 0.1, 0.0))
+    made = arm(store)
+    made.segments[0].pieces.append(Piece("decal", decal))
+    request = made.request(store)
+    artifacts = emit(request)
+    model = load_from(request, artifacts.files, "bench")
+    names = [model.geom(i).name for i in range(model.ngeom)]
+    assert "decal" in names and "decal:collision" not in names
+    found = [(loss.path, loss.how, loss.what) for loss in artifacts.losses if loss.path == "decal"]
+    assert found == [
+        ("decal", "omitted", "its contacts: the points of its collision mesh lie in one plane, and MuJoCo needs a solid to touch")
+    ]
+
+
+def test_losses(store: Store) -> None:
+    made = arm(store)
+    made.segments[2].pieces[0].overrides = Overrides(collision="mesh")
+    artifacts = emit(made.request(store, ("bench", "fixed"), ("adrift", "free")))
+    assert [(x.target, x.mode, x.path, x.what, x.how, x.span.line if x.span else None) for x in artifacts.losses] == [
+        ("mjcf", None, "forearm", "its collision mesh: MuJoCo touches the convex hull of a mesh", "approximated", 23),
+        ("mjcf", None, "yaw", "its velocity limit of 4.8 rad/s", "carried as custom data", 31),
+    ]
+
+
+def test_a_plate_of_no_thickness_moves(store: Store) -> None:
+    """A + B = C of its principal moments, to the last bit in no frame but its own: MuJoCo must take it all the same."""
+    thin = box_part(store, (-0.1, -0.2, 0.0), (0.1, 0.2, 1e-9))
+    for angle in np.linspace(0.1, 3.0, 7):
+        made = Made(segments=[
+            Segment("base", [Piece("base", cylinder_part(store, 0.1, 0.1))]),
+            Segment("sheet", [Piece("sheet", thin, matrix((0, 0, 0.3), spin((1, angle, 0.3), angle)), overrides=Overrides(
+                collision="none", visual=False))], parent=0, joint="j"),
+        ])
+        heavy = made.request(store)
+        link = heavy.assembly.links[1]
+        object.__setattr__(link, "properties", moved(scaled(thin.properties, 1e6), made.segments[1].pieces[0].pose))
+        model = load(heavy)
+        r = np.zeros(9)
+        mujoco.mju_quat2Mat(r, model.body("sheet").iquat)
+        found = r.reshape(3, 3) @ np.diag(model.body("sheet").inertia) @ r.reshape(3, 3).T
+        np.testing.assert_allclose(found, link.properties.inertia, atol=NEAR * np.max(link.properties.inertia))
+
+
+def scaled(properties: object, by: float) -> object:
+    return properties.with_mass(properties.mass * by)  # type: ignore[attr-defined]
+
+
+def test_a_link_without_mass_that_never_moves(store: Store) -> None:
+    part = box_part(store, (0, 0, 0), (0.1, 0.1, 0.1))
+    made = Made(segments=[
+        Segment("stand", []), Segment("arm", [Piece("arm", part)], parent=0, joint="j"),
+    ])
+    model = load(made.request(store))
+    assert model.body("stand").mass == 0.0
+    np.testing.assert_allclose(model.body_mass.sum(), 1.0)
+
+
+def test_a_point_mass_that_never_moves(store: Store) -> None:
+    made = arm(store)
+    request = made.request(store)
+    link = request.assembly.links[0]
+    object.__setattr__(link, "properties", type(link.properties)(mass=0.25, centre=(0.0, 0.0, 0.1)))
+    assert load(request).body("plate").mass == 0.25
+
+
+@pytest.mark.parametrize("name", ["main", "visual", "collision", "arm"])
+def test_a_robot_named_like_a_class(store: Store, name: str) -> None:
+    made = arm(store)
+    made.name = name
+    assert load(made.request(store)).nbody == 5
+
+
+def test_fit_with_a_pose(store: Store) -> None:
+    """A sphere whose centre is not the part's origin."""
+    part = box_part(store, (0, 0, 0), (0.1, 0.1, 0.1), fits={"sphere": Fit(shape="sphere", size=(0.09,), pose=NO_POSE)})
+    made = Made(segments=[Segment("a", [Piece("a", part, overrides=Overrides(collision="sphere"))])])
+    model = load(made.request(store))
+    assert model.geom("a:collision").type == mujoco.mjtGeom.mjGEOM_SPHERE
+    assert model.geom("a:collision").size[0] == 0.09

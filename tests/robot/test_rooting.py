@@ -1,0 +1,245 @@
+"""Two boxes and a hinge in several modes, and what else a `Robot` says, against matrices written by hand."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from graph.builder import (
+    MATE, Actuator, Drive, as_matrix, as_pose, assembly, attach, box, component, inv, joint, laid, linked, mimic, mode, pose, ref,
+    rx, ry, rz, t, whole,
+)
+from thingc.diagnostics import Report
+from thingc.graph.types import Assembly
+from thingc.pose import Vector
+from thingc.robot import body_poses, joint_names, link_names, mass_properties, occurrence_poses, root
+from thingc.robot.types import Robot
+
+SEAT = t(0.04, 0.0, 0.02) @ ry(0.3)
+HOLE = t(-0.05, 0.01, 0.0) @ rx(1.2)
+SOLE = t(0.0, 0.0, -0.02) @ rx(math.pi)
+BASE = box("p:Base", mounts={"seat": SEAT, "sole": SOLE})
+ARM = box("p:Arm", (0.2, 0.03, 0.03), centre=(0.1, 0.0, 0.0), mounts={"hole": HOLE, "tip": t(0.2, 0, 0) @ ry(math.pi / 2)})
+AT = t(0.3, -0.2, 0.1) @ rz(0.5) @ ry(-0.2) @ rx(0.1)
+
+
+def robots(found: Assembly) -> dict[str, Robot]:
+    report = Report()
+    made = {m.name: root(found, m, report) for m in found.modes}
+    assert report.diagnostics == []
+    return {name: robot for name, robot in made.items() if robot is not None}
+
+
+def hinge(kind: str = "revolute") -> Assembly:
+    return linked(assembly(
+        "two", [component("base", "p:Base"), component("arm", "p:Arm")],
+        [joint("j", "base.seat", "arm.hole", kind, turn=0.7, gap=0.003, offset=0.25, damping=0.1)], modes=[
+            mode("bench", whole("base"), "fixed", at=AT), mode("by_tip", ref("arm.tip"), "held", at=AT),
+            mode("adrift", whole("arm"), "free", at=AT), mode("standing", ref("base.sole"), at=AT),
+        ],
+    ), BASE, ARM)
+
+
+def relative(kind: str, q: float) -> np.ndarray:
+    """X_base_arm by the formula."""
+    moved = rz(q + 0.25) if kind != "prismatic" else t(0, 0, q + 0.25)
+    return SEAT @ rz(0.7) @ t(0, 0, 0.003) @ moved @ MATE @ inv(HOLE)
+
+
+@pytest.mark.parametrize("kind", ["revolute", "continuous", "prismatic"])
+@pytest.mark.parametrize("q", [0.0, 0.6, -1.3])
+def test_where_everything_is_in_the_world(kind: str, q: float) -> None:
+    found = robots(hinge(kind))
+    X_BA = relative(kind, q)
+    expected = {
+        "bench": (AT, AT @ X_BA),
+        "by_tip": (AT @ MATE @ inv(t(0.2, 0, 0) @ ry(math.pi / 2)) @ inv(X_BA), AT @ MATE @ inv(t(0.2, 0, 0) @ ry(math.pi / 2))),
+        "adrift": (AT @ inv(X_BA), AT),
+        "standing": (AT @ MATE @ inv(SOLE), AT @ MATE @ inv(SOLE) @ X_BA),
+    }
+    for name, (base, arm) in expected.items():
+        placed = occurrence_poses(found[name], {"j": q})
+        assert as_matrix(placed[0]) == pytest.approx(base, abs=1e-13), name
+        assert as_matrix(placed[1]) == pytest.approx(arm, abs=1e-13), name
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+def test_the_joint_as_the_tree_crosses_it(kind: str) -> None:
+    """The axis and anchor, in the child body's own frame, reproduce the motion when written with scipy's rotations."""
+    from scipy.spatial.transform import Rotation
+
+    for name, robot in robots(hinge(kind)).items():
+        body = robot.bodies[1]
+        core = body.joint
+        assert core is not None
+        backwards = name in ("by_tip", "adrift")
+        assert core.reversed is backwards
+        assert core.kind == ("hinge" if kind == "revolute" else "slide")
+        assert (core.path, core.offset, core.dynamics.damping) == ("j", 0.25, 0.1)
+        assert np.linalg.norm(core.axis) == pytest.approx(1.0, abs=1e-15)
+        for q in (0.8, -0.4):
+            own = np.eye(4)
+            if kind == "revolute":
+                own[:3, :3] = Rotation.from_rotvec(np.array(core.axis) * q).as_matrix()
+                own[:3, 3] = np.array(core.anchor) - own[:3, :3] @ np.array(core.anchor)
+            else:
+                own[:3, 3] = np.array(core.axis) * q
+            expected = inv(relative(kind, q)) if backwards else relative(kind, q)
+            assert as_matrix(body.X_PL) @ own == pytest.approx(expected, abs=1e-13)
+
+
+def test_the_axis_lies_on_the_mount_in_the_child_and_is_negated_backwards() -> None:
+    found = robots(hinge())
+    forward, backward = found["bench"].bodies[1].joint, found["adrift"].bodies[1].joint
+    assert forward is not None
+    assert backward is not None
+    assert np.array(forward.axis) == pytest.approx(-HOLE[:3, 2])  # the mate opposes the z axes
+    assert np.array(forward.anchor) == pytest.approx((HOLE @ [0, 0, 0.003, 1])[:3] * 0 + (HOLE @ [0, 0, 0, 1])[:3])
+    assert np.array(backward.axis) == pytest.approx(-SEAT[:3, 2])
+    assert np.array(backward.anchor) == pytest.approx((SEAT @ [0, 0, 0.003, 1])[:3])
+
+
+def test_no_negative_zeros_are_written() -> None:
+    model = assembly("two", [component("base", "p:Base"), component("arm", "p:Arm")], [joint("j", "base.origin", "arm.origin")],
+                     modes=[mode("m", whole("arm"))])
+    core = robots(linked(model, BASE, ARM))["m"].bodies[1].joint
+    assert core is not None
+    assert [math.copysign(1, x) for x in core.axis] == [1, 1, -1]
+
+
+def test_world_poses_start_from_another_base_pose_when_asked() -> None:
+    robot = robots(hinge())["adrift"]
+    moved = t(1, 2, 3) @ rz(1.0)
+    placed = body_poses(robot, {"j": 0.2}, as_pose(moved))
+    assert as_matrix(placed[0]) == pytest.approx(moved)
+    assert as_matrix(placed[1]) == pytest.approx(moved @ inv(relative("revolute", 0.2)), abs=1e-13)
+
+
+def test_totals_are_the_same_in_every_mode() -> None:
+    found = hinge()
+    for robot in robots(found).values():
+        q = {"j": 0.9}
+        got = mass_properties(robot, q)
+        frame = as_matrix(occurrence_poses(robot, q, as_pose(np.eye(4)))[0])
+        X_BA = relative("revolute", 0.9)
+        m1, m2 = 1000 * 0.1 * 0.06 * 0.04, 1000 * 0.2 * 0.03 * 0.03
+        centre = (m1 * np.zeros(3) + m2 * (X_BA @ [0.1, 0, 0, 1])[:3]) / (m1 + m2)
+        assert got.mass == pytest.approx(m1 + m2, rel=1e-14)
+        assert np.array(got.centre) == pytest.approx((frame @ [*centre, 1])[:3], abs=1e-13)
+
+
+# --- a bigger one --------------------------------------------------------------------------------------------------
+
+SERVO = Actuator(kind="position", stall_torque=4.1, kp=20.0)
+HUB = box("p:Hub", mounts={f"m{k}": rz(k * math.pi / 3) @ t(0.1, 0, 0) @ ry(math.pi / 2) for k in range(6)}, actuator=SERVO)
+ROD = box("p:Rod", (0.02, 0.02, 0.2), mounts={"low": t(0, 0, -0.1) @ rx(math.pi), "high": t(0, 0, 0.1)})
+
+
+def leg() -> object:
+    return assembly(
+        "leg", [component("thigh", "p:Rod"), component("shin", "p:Rod"), component("eye", None, laid("shin.high", t(0, 0, 0.01)), frame=True)],
+        [joint("knee", "thigh.high", "shin.low", drive=Drive(component=None, kind="position", kp=5.0))], mounts={"sole": "shin.high", "hip": "thigh.low"},
+    )
+
+
+def spider() -> Assembly:
+    one = leg()
+    return linked(assembly(
+        "spider", [component("leg_b", one), component("hub", "p:Hub"), component("leg_a", one), component("lid", "p:Rod", attach("lid.low", "hub.m5"))],
+        [joint("swing_a", "hub.m0", "leg_a.hip", drive=Drive(component=whole("hub"))), joint("swing_b", "hub.m1", "leg_b.hip", mimic=mimic("swing_a", -1.0))],
+        mounts={"top": "lid.high"}, poses=[pose("home", swing_a=0.4, leg_a__knee=0.2), pose("low", leg_b__knee=-0.5)], modes=[
+            mode("stand", whole("hub"), poses=("low", "home")),
+            mode("foot", ref("leg_a.sole"), "held", poses=("home",), actuators=("leg_b/knee", "swing_a"), exclude=((whole("leg_a"), whole("leg_b")),), adhesion=((ref("leg_a.sole"), 30.0),)),
+            mode("eye", whole("leg_b.eye"), "free"),
+        ],
+    ), HUB, ROD)
+
+
+def test_bodies_are_depth_first_in_document_order() -> None:
+    found = spider()
+    assert [link.name for link in found.links] == ["leg_b/thigh", "leg_b/shin", "hub", "leg_a/thigh", "leg_a/shin"]
+    made = robots(found)
+    assert link_names(made["stand"]) == ("hub", "leg_b/thigh", "leg_b/shin", "leg_a/thigh", "leg_a/shin")
+    assert [b.parent for b in made["stand"].bodies] == [None, 0, 1, 0, 3]
+    assert link_names(made["foot"]) == ("leg_a/shin", "leg_a/thigh", "hub", "leg_b/thigh", "leg_b/shin")
+    assert [b.parent for b in made["foot"].bodies] == [None, 0, 1, 2, 3]
+    assert joint_names(made["foot"]) == ("leg_a/knee", "swing_a", "swing_b", "leg_b/knee")
+    assert [b.joint.reversed for b in made["foot"].bodies[1:] if b.joint] == [True, True, False, False]
+    assert [b.joint.mimic.joint for b in made["foot"].bodies if b.joint and b.joint.mimic] == ["swing_a"]
+
+
+def test_sites_are_the_same_in_every_mode_but_for_the_body() -> None:
+    found = spider()
+    made = robots(found)
+    names = ["top", "leg_b/sole", "leg_b/hip", "leg_a/sole", "leg_a/hip", "leg_b/eye", "leg_a/eye", "hub/origin", "leg_b/eye/origin"]
+    for robot in made.values():
+        assert [site.path for site in robot.sites] == names
+        q = {"swing_a": 0.3, "leg_a/knee": 0.5}
+        bodies, parts = body_poses(robot, q), occurrence_poses(robot, q)
+        by_path = {o.path: parts[o.index] for o in found.occurrences}
+        world = {site.path: as_matrix(bodies[site.body] @ site.pose) for site in robot.sites}
+        assert world["leg_a/sole"] == pytest.approx(as_matrix(by_path["leg_a/shin"]) @ t(0, 0, 0.1), abs=1e-13)
+        assert world["leg_b/eye"] == pytest.approx(as_matrix(by_path["leg_b/shin"]) @ t(0, 0, 0.11), abs=1e-13)
+        assert world["hub/origin"] == pytest.approx(as_matrix(by_path["hub"]), abs=1e-13)
+        assert world["top"] == pytest.approx(as_matrix(by_path["lid"]) @ t(0, 0, 0.1), abs=1e-13)
+
+
+def test_a_mount_root_faces_the_ground() -> None:
+    robot = robots(spider())["foot"]
+    site = next(s for s in robot.sites if s.path == "leg_a/sole")
+    assert as_matrix(body_poses(robot, {})[site.body] @ site.pose) == pytest.approx(MATE, abs=1e-15)
+
+
+def test_neighbours_are_excluded_alike_in_every_mode() -> None:
+    found = spider()
+    neighbours = [("leg_b/thigh", "leg_b/shin"), ("leg_b/thigh", "hub"), ("leg_a/thigh", "leg_a/shin"), ("hub", "leg_a/thigh")]
+    for name, robot in robots(found).items():
+        names = link_names(robot)
+        pairs = [(names[a], names[b]) for a, b in robot.excluded]
+        own = [] if name != "foot" else [("leg_b/thigh", "leg_a/thigh"), ("leg_b/shin", "leg_a/thigh"), ("leg_b/thigh", "leg_a/shin"), ("leg_b/shin", "leg_a/shin")]
+        assert set(pairs) == {*neighbours, *own}
+        assert len(set(pairs)) == len(pairs)
+        assert pairs[:4] == [("hub", "leg_a/thigh"), ("leg_b/thigh", "hub"), ("leg_b/thigh", "leg_b/shin"), ("leg_a/thigh", "leg_a/shin")]
+
+
+def test_keyframes_have_every_joint_in_joint_order() -> None:
+    made = robots(spider())
+    assert [k.name for k in made["stand"].keyframes] == ["low", "home"]
+    home = made["foot"].keyframes[0]
+    assert list(home.q.items()) == [("swing_a", 0.4), ("swing_b", -0.4), ("leg_b/knee", 0.0), ("leg_a/knee", 0.2)]
+    assert made["eye"].keyframes == ()
+
+
+def test_actuators_and_adhesion_of_a_mode() -> None:
+    made = robots(spider())
+    assert made["stand"].present == ("swing_a", "leg_b/knee", "leg_a/knee")
+    assert made["foot"].present == ("swing_a", "leg_b/knee")
+    assert (made["stand"].adhesion, made["foot"].adhesion) == ({"leg_a/sole": 0.0}, {"leg_a/sole": 30.0})
+    assert [robot.base for robot in made.values()] == ["fixed", "held", "free"]
+    assert made["eye"].gravity == (0.0, 0.0, -9.81)
+
+
+def test_a_long_chain_needs_no_recursion() -> None:
+    count = 2500
+    chain = [component(f"c{k}", "p:Rod") for k in range(count)]
+    joints = [joint(f"j{k}", f"c{k - 1}.high", f"c{k}.low") for k in range(1, count)]
+    found = linked(assembly("a", chain, joints, modes=[mode("middle", whole(f"c{count // 2}"))]), ROD)
+    robot = robots(found)["middle"]
+    assert len(robot.bodies) == count
+    ends = occurrence_poses(robot, {})
+    assert np.linalg.norm(np.subtract(ends[0].translation, ends[-1].translation)) == pytest.approx(0.2 * (count - 1), rel=1e-9)
+    for a, b in pairwise(ends[:5]):
+        step: Vector = b.translation
+        assert np.linalg.norm(np.subtract(step, a.translation)) == pytest.approx(0.2, rel=1e-9)
+
+
+def test_a_link_out_of_reach_is_a_diagnostic() -> None:
+    import dataclasses
+
+    found = dataclasses.replace(hinge(), mates=())
+    report = Report()
+    assert root(found, found.modes[0], report) is None
+    assert [d.message for d in report.diagnostics] == ["link `arm` does not hang together with the root of mode `bench`"]
