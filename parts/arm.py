@@ -144,10 +144,10 @@ class RotorBrace(Thing):
         self.servo_seat = MountPoint(Pos(0, length, 0) * xm430.bottom.location * MATE, interface="x430-bottom")
         self.next_servo: XM430 = self.servo_seat.align(xm430.bottom)
 
-        self.inner = self.rotor_seat.location.position.Z
-        self.end = self.servo_seat.location.position.Y
-        self.width = xm430.p.horn_diameter + 1.5 * thickness
-        room = self.end - thickness - _swing(xm430) - PLAY
+        inner = self.rotor_seat.location.position.Z
+        end = self.servo_seat.location.position.Y
+        width = xm430.p.horn_diameter + 1.5 * thickness
+        room = end - thickness - _swing(xm430) - PLAY
         assert room >= 0.5, (
             f"a brace of {length:g} mm with legs of {thickness:g} mm runs into the servo that turns it: "
             f"make it {0.5 - room:.2f} mm longer or thinner"
@@ -155,22 +155,18 @@ class RotorBrace(Thing):
         nearer = (self.next_servo.screw_bottom_left_front, self.next_servo.screw_bottom_right_front)
         screws = [hole(thickness) for hole in (*self.turning_servo.screws_horn, *nearer)]
         plug = xm430.adjust(boss_diameter__add=6 * PLAY).boss_hull(2 * thickness)
-        solids = [*self._legs(), _gusset(self.width, self.end - thickness, self.inner, min(room, 7.0))]
-        self.body = solids[0].fuse(*solids[1:]).cut(plug, *(screw.clearance_hull for screw in screws)).solid()
+        along = _tongue(width, end, inner, thickness)
+        across = Pos(0, end - thickness / 2, PLAY) * _block(width, thickness, inner + thickness - PLAY)
+        self.legs = [along, across, _gusset(width, end - thickness, inner, min(room, 7.0))]
+        self.body = along.fuse(*self.legs[1:]).cut(plug, *(screw.clearance_hull for screw in screws)).solid()
 
     def result(self) -> Solid:
         """Both legs and the gusset between them, with their holes."""
         return self.body
 
     def collision(self) -> list[Solid]:
-        """The leg along the servo and the leg across, without holes."""
-        return self._legs()
-
-    def _legs(self) -> list[Solid]:
-        thickness = self.p.thickness
-        along = _tongue(self.width, self.end, self.inner, thickness)
-        across = Pos(0, self.end - thickness / 2, PLAY) * _block(self.width, thickness, self.inner + thickness - PLAY)
-        return [along, across]
+        """The leg along the servo, the leg across and the gusset, without holes."""
+        return self.legs
 
 
 class OmegaCap(Thing):
@@ -256,10 +252,10 @@ class Hand(Thing):
         self.cap_seat = MountPoint(outside * omega.seat.location * MATE, interface="omega")
         self.cap: OmegaCap = self.cap_seat.align(omega.seat)
 
-        self.inner = self.rotor_seat.location.position.Z
-        self.end = clearance + front
-        self.width = max(xm430.p.horn_diameter + 1.5 * thickness, omega.p.width)
-        self.low, self.high = -omega.half_width, max(omega.half_width, self.inner + thickness)
+        inner = self.rotor_seat.location.position.Z
+        end = clearance + front
+        width = max(xm430.p.horn_diameter + 1.5 * thickness, omega.p.width)
+        low, high = -omega.half_width, max(omega.half_width, inner + thickness)
         room = clearance - _swing(xm430) - PLAY
         assert room >= 0.5, (
             f"a hand with a clearance of {clearance:g} mm runs into the wrist servo: it takes {clearance + 0.5 - room:.2f} mm"
@@ -267,22 +263,18 @@ class Hand(Thing):
         plug = xm430.adjust(boss_diameter__add=6 * PLAY).boss_hull(2 * thickness)
         holes = [plug, *(hole(thickness).clearance_hull for hole in self.servo.screws_horn)]
         holes += [self.cap.fixing(k, front).tapped_hull for k in (0, 1)]
-        solids = [*self._legs(), _gusset(self.width, clearance, self.inner, min(room, 7.0))]
-        self.body = solids[0].fuse(*solids[1:]).cut(*holes).solid()
+        along = _tongue(width, end, inner, thickness)
+        across = Pos(0, end - front / 2, low) * _block(width, front, high - low)
+        self.legs = [along, across, _gusset(width, clearance, inner, min(room, 7.0))]
+        self.body = along.fuse(*self.legs[1:]).cut(*holes).solid()
 
     def result(self) -> Solid:
         """The L with its gusset and holes."""
         return self.body
 
     def collision(self) -> list[Solid]:
-        """The leg beside the servo and the plate across, without holes."""
-        return self._legs()
-
-    def _legs(self) -> list[Solid]:
-        front = self.p.front
-        along = _tongue(self.width, self.end, self.inner, self.p.thickness)
-        across = Pos(0, self.end - front / 2, self.low) * _block(self.width, front, self.high - self.low)
-        return [along, across]
+        """The leg beside the servo, the plate across and the gusset, without holes."""
+        return self.legs
 
 
 class PenDummy(Thing):

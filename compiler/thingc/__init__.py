@@ -11,6 +11,10 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from thingc.api import Compiled as Compiled
+    from thingc.api import CompiledMode as CompiledMode
+    from thingc.api import CompileError as CompileError
+    from thingc.api import compile as compile
     from thingc.things.actuator import Actuator as Actuator
     from thingc.things.assets import asset as asset
     from thingc.things.mounts import MountPoint as MountPoint
@@ -27,6 +31,9 @@ if TYPE_CHECKING:
 _EXPORTS = {
     "Actuator": "thingc.things.actuator",
     "Angle": "thingc.things.parameters",
+    "CompileError": "thingc.api",
+    "Compiled": "thingc.api",
+    "CompiledMode": "thingc.api",
     "Count": "thingc.things.parameters",
     "Length": "thingc.things.parameters",
     "Mass": "thingc.things.parameters",
@@ -37,6 +44,7 @@ _EXPORTS = {
     "Thing": "thingc.things.thing",
     "TransformResolver": "thingc.things.resolver",
     "asset": "thingc.things.assets",
+    "compile": "thingc.api",
 }
 """Exported name to the module that has it (PEP 562)."""
 

@@ -98,7 +98,6 @@ class Code(Enum):
     POSE = ("TC334", "bad pose", "A pose sets joints that move by themselves, with values of their dimension.")
     OVERRIDE = ("TC335", "override of an assembly", "Write the override on a component of the nested document.")
     RAW_TARGET = ("TC336", "unknown target", "Raw attributes go to `mjcf`.")
-    NOT_A_PART = ("TC337", "not a part", "Name a component that is a part.")
     JOINT_FIELD = ("TC338", "key that this joint has no use for", "Take the key out, or choose another joint type.")
     LIBRARY = ("TC339", "library cannot be read", "Install the library, or write the material out.")
     # --- TC4xx: parts (realize) ------------------------------------------------------------------------------------
@@ -132,6 +131,7 @@ class Code(Enum):
     COLLISION_MISSING = ("TC704", "no such collision shape", "Choose another `collision`, or give the Thing a `collision()`.")
     MESH_TOO_LARGE = ("TC705", "mesh too large for MuJoCo", "Choose `collision: hull`, or a coarser `mesh` for the workspace.")
     LOSS_DENIED = ("TC706", "a target cannot say this", "Leave it out of the document, or build without --deny-loss.")
+    STEP_FAILED = ("TC752", "the STEP file could not be written", "Leave `step` out with --emit, or change the part that is named.")
     SAME_FILE = ("TC751", "two definitions make one file name", "Rename one of the two part files.")
     # --- TC8xx: folders and files (driver, command line) -----------------------------------------------------------
     COMMAND_LINE = ("TC801", "wrong command line", "`thingc COMMAND --help` shows what it takes.")

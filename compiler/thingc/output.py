@@ -19,7 +19,6 @@ import functools
 import hashlib
 import json
 import os
-import shutil
 import stat
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Protocol
@@ -305,6 +304,10 @@ def _delete(path: str) -> None:
     if os.path.islink(path) or os.path.isfile(path):
         os.unlink(path)
         return
+    if not os.path.lexists(path):
+        return
+    import shutil  # late: it imports every compression library, and a build that changes nothing deletes nothing
+
     shutil.rmtree(path, ignore_errors=True)
     if os.path.lexists(path):  # somebody took write permission away from a folder
         with contextlib.suppress(OSError):

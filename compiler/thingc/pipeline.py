@@ -7,8 +7,9 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from thingc.diagnostics import Report, did_you_mean
@@ -58,6 +59,7 @@ class Compilation:
         self.document = os.path.abspath(document)
         self.options = options
         self.report = Report()
+        self._started = time.time_ns()
         self.workspace: Workspace | None = None
         self.documents: Documents | None = None
         self.assembly: Assembly | None = None
@@ -113,15 +115,23 @@ class Compilation:
         """Why each part was modelled or reused, by definition text."""
         return self._geometry.decisions if self._geometry is not None else {}
 
-    def inputs(self) -> dict[str, str | None]:
-        """Everything that this run has read, by absolute path, with its content's digest (see `stamp.state_of`)."""
+    def inputs(self) -> dict[str, str | None] | None:
+        """Everything that this run has read, by absolute path, with its content's digest (see `stamp.state_of`).
+
+        None where a file changed while the run was reading: nobody knows which content its answer is of.
+        """
+        from thingc.stamp import state_of
+
         found: dict[str, str | None] = {}
         if self.workspace is not None:
             found.update(self.workspace.inputs)
         if self.documents is not None:
             found.update({document.path: document.sha256 for document in self.documents.by_path.values()})
         if self._geometry is not None:
-            found.update(self._geometry.inputs())
+            found.update({path: state_of(path) for path in self._geometry.inputs if path not in found})
+        for path, state in found.items():
+            if state is not None and os.stat(path).st_mtime_ns >= self._started:
+                return None
         return found
 
     def run(self, modes: Sequence[str] = ()) -> None:
@@ -171,7 +181,14 @@ class Compilation:
             assembly=self.assembly, robots=self.robots, store=self.store, geometry=self.geometry, workspace=self.workspace,
             report=self.report,
         )
-        return {target: emitter(target)(request) for target in targets}
+        artifacts = {target: emitter(target)(request) for target in targets}
+        if "mjcf" in artifacts:
+            # What run-time mode switching needs states addresses in the MJCF models, so the two go together.
+            from thingc.emit import modes
+
+            mjcf = artifacts["mjcf"]
+            artifacts["mjcf"] = replace(mjcf, files={**mjcf.files, **modes.emit(request).files})
+        return artifacts
 
 
 def _decomposed(model: AssemblyDefinition) -> frozenset[str]:

@@ -62,9 +62,14 @@ def key_of(command: str, document: str, choice: Mapping[str, object]) -> str:
 
 
 def save(
-    store: Store, key: str, inputs: Mapping[str, str | None], diagnostics: Sequence[Diagnostic], answer: Mapping[str, object]
+    store: Store, key: str, inputs: Mapping[str, str | None] | None, diagnostics: Sequence[Diagnostic], answer: Mapping[str, object]
 ) -> None:
-    """Remember a finished run: its inputs by absolute path (see `state_of`), what it said, and what it answered."""
+    """Remember a finished run: its inputs by absolute path (see `state_of`), what it said, and what it answered.
+
+    Without inputs (they changed under the run) nothing is remembered.
+    """
+    if inputs is None:
+        return
     store.put_json(
         "stamp",
         key,

@@ -9,6 +9,7 @@ X-540 (XM540-W270, horn HN13-N101, idler HN13-I101).
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import pi
@@ -32,7 +33,7 @@ FLIP = Location((0, 0, 0), (0, 180, 0))
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drawing:
     """The dimensions of a model [mm]. x is to the left, y to the top (the short end, next to the output), z to the front
-    (the horn), from the output axis at half depth. A `circle` is the diameter through the centres of holes."""
+    (the horn), from the output axis at half depth (`middle`). A `circle` is the diameter through the centres of holes."""
 
     axis_to_top: float
     axis_to_bottom: float
@@ -52,7 +53,7 @@ class Drawing:
     side_span_z: float
     front_to_axis: float
     front_span: float
-    top_to_front: float
+    top_to_middle: float
     top_span: float
     bottom_span_x: float
     bottom_span_z: float
@@ -155,8 +156,8 @@ class XSeries(Thing):
         self.screw_right_bottom_rear = self._body_hole((-side, far, -along), (0, -90, 0))
         self.screw_front_left = self._body_hole((d.front_span / 2, -d.front_to_axis, front), (0, 0, 0))
         self.screw_front_right = self._body_hole((-d.front_span / 2, -d.front_to_axis, front), (0, 0, 0))
-        self.screw_top_left = self._body_hole((d.top_span / 2, top, front - d.top_to_front), (-90, 0, 0))
-        self.screw_top_right = self._body_hole((-d.top_span / 2, top, front - d.top_to_front), (-90, 0, 0))
+        self.screw_top_left = self._body_hole((d.top_span / 2, top, d.top_to_middle), (-90, 0, 0))
+        self.screw_top_right = self._body_hole((-d.top_span / 2, top, d.top_to_middle), (-90, 0, 0))
         across, along = d.bottom_span_x / 2, d.bottom_span_z / 2
         self.screw_bottom_left_front = self._body_hole((across, bottom, along), (90, 0, 0))
         self.screw_bottom_left_rear = self._body_hole((across, bottom, -along), (90, 0, 0))
@@ -179,6 +180,10 @@ class XSeries(Thing):
         horn, behind = Pos(0, 0, self.horn_z), Pos(0, 0, self.idler_z)
         self.screws_horn = [_hole(horn * spot, d.horn_screw, d.horn_thickness) for spot in circle]
         self.screws_idler = [_hole(behind * spot * FLIP, d.horn_screw, d.idler_thickness) for spot in circle if idler]
+
+    @abstractmethod
+    def mass(self) -> tuple[float, str]:
+        """The vendor's mass [kg] and its source; a model states it."""
 
     def case_hull(self) -> Solid:
         """The case without holes, horn and idler."""
@@ -239,7 +244,7 @@ class XM430(XSeries):
         horn_circle=16.0, horn_holes=8, horn_screw="M2",
         body_screw="M2.5", body_hole_depth=3.0,
         side_to_axis=4.0, side_span_y=24.0, side_span_z=12.0,
-        front_to_axis=8.0, front_span=22.0, top_to_front=11.0, top_span=16.0, bottom_span_x=16.0, bottom_span_z=12.0,
+        front_to_axis=8.0, front_span=22.0, top_to_middle=6.0, top_span=16.0, bottom_span_x=16.0, bottom_span_z=12.0,
         interface="x430",
     )
     actuator = servo_drive(
@@ -262,7 +267,7 @@ class XM540(XSeries):
     10.6 N m and no-load speed 30 rpm. Drawing X-540: horn and idler 26 mm with 8 x M2.5 on a circle of 22 mm.
 
     The rotor's inertia is that of the XM430-W350 scaled as between similar motors, with the fifth power of the width of
-    the case; nobody has published a fit.
+    the case: an estimate until somebody measures one.
 
     Args:
         idler: whether the idler is mounted on the back
@@ -274,7 +279,7 @@ class XM540(XSeries):
         horn_circle=22.0, horn_holes=8, horn_screw="M2.5",
         body_screw="M2.5", body_hole_depth=4.0,
         side_to_axis=6.0, side_span_y=32.0, side_span_z=16.0,
-        front_to_axis=10.5, front_span=27.0, top_to_front=14.0, top_span=20.0, bottom_span_x=20.0, bottom_span_z=16.0,
+        front_to_axis=10.5, front_span=27.0, top_to_middle=8.0, top_span=20.0, bottom_span_x=20.0, bottom_span_z=16.0,
         interface="x540",
     )
     actuator = servo_drive(

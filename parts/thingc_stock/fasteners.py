@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 from functools import cache
 from importlib import resources
+from math import sqrt
 from typing import Annotated, Literal
 
 from build123d import Axis, Face, Location, Plane, Pos, RegularPolygon, Solid, Wire, extrude
@@ -36,7 +37,7 @@ class Screw(Thing):
         fit: of the clearance hole
     """
 
-    bom = {"make": "buy", "number": "ISO 4762"}
+    bom = {"make": "buy"}
 
     def __init__(
         self,
@@ -77,10 +78,11 @@ class Screw(Thing):
         return Solid.make_cylinder(self.tap_diameter / 2, self.p.length, Plane((0, 0, -self.p.length)))
 
     def result(self) -> Solid:
-        """Head, shank and socket, without threads."""
+        """Head with its socket, and the thread as the cylinder of its pitch diameter (ISO 724), which has its volume."""
+        pitch_diameter = self.diameter - 3 * sqrt(3) / 8 * self.pitch
         top = Pos(0, 0, self.head_height)
         socket = extrude(top * RegularPolygon(self.socket_width / 2, 6, major_radius=False), -self.socket_depth)
-        return (self.body_hull - socket).solid()
+        return self._hull(pitch_diameter, self.head_diameter, self.head_height).cut(socket).solid()
 
     def collision(self) -> list[Solid]:
         """The head and the shank, each convex."""

@@ -29,7 +29,7 @@ ROOMS: dict[str, set[str]] = {
     "emit": BASE | {"resolve", "realize", "joints", "graph", "robot"},
     "output": BASE | {"realize", "emit"},
     "stamp": BASE | {"realize"},
-    "pipeline": BASE | {"load", "spec", "realize", "resolve", "joints", "graph", "robot", "emit"},
+    "pipeline": BASE | {"stamp", "load", "spec", "realize", "resolve", "joints", "graph", "robot", "emit"},
     "api": BASE | {"pipeline", "realize", "graph", "robot", "emit"},
     "cli": BASE | {"pipeline", "realize", "graph", "robot", "emit", "output", "stamp", "resolve"},
     "__init__": {"things", "api"},

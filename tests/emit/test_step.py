@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -13,6 +12,7 @@ from typing import Any
 import pytest
 
 from emit.small_robot import assembly, occurrence, part, request
+from thingc.diagnostics import Code
 from thingc.emit.artifact import Loss, Stored
 from thingc.emit.step import emit
 from thingc.graph.types import Assembly
@@ -37,16 +37,7 @@ class Block(Thing):
         return self.body
 '''
 
-READ = """
-import json, sys
-from build123d import import_step
-whole = import_step(sys.argv[1])
-leaves = [s for s in [whole, *whole.descendants] if not s.children]
-json.dump([{
-    "label": s.label, "above": [a.label for a in s.path[:-1]], "volume": s.volume, "centre": list(s.center()),
-    "color": list(s.color)[:3] if s.color is not None else None,
-} for s in leaves], sys.stdout)
-"""
+READER = Path(__file__).with_name("read_step.py")
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +55,8 @@ def service(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Any:
 
 def blocks(store: Store, service: GeometryService) -> Assembly:
     """Two equal blocks and a tall one (in `hand`), each in its own pose; a frame in between."""
-    short, tall = part("blocks:Block", {"height": 0.03}, {"height": 0.03}), part("blocks:Block", {"height": 0.05}, {"height": 0.03})
+    usual = {"height": 0.03}
+    short, tall = part("blocks:Block", {}, usual), part("blocks:Block", {"height": 0.05}, usual)
     records = service.realize([short, tall])
 
     def block(index: int, path: str, definition: PartDefinition, color: str) -> Any:
@@ -94,23 +86,41 @@ def test_what_a_cad_program_reads(service: GeometryService, shared_store: str, t
     assert data.count(b"MANIFOLD_SOLID_BREP(") == 2, "equal definitions share their shape"
     (tmp_path / "arm.step").write_bytes(data)
     done = subprocess.run(
-        [sys.executable, "-c", READ, str(tmp_path / "arm.step")], capture_output=True, text=True, check=True, env=dict(os.environ),
+        [sys.executable, str(READER), str(tmp_path / "arm.step")], capture_output=True, text=True,
     )
-    leaves = {"/".join([*leaf["above"][1:], leaf["label"]]): leaf for leaf in json.loads(done.stdout)}
-    assert set(leaves) == {"left", "right", "hand/tall"}
-    assert {name: leaf["volume"] for name, leaf in leaves.items()} == pytest.approx(
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout.splitlines()[-1])
+    assert found["name"] == "arm"
+    leaves = found["leaves"]
+    assert {path: leaf["definition"] for path, leaf in leaves.items()} == {
+        "left": "blocks:Block", "right": "blocks:Block", "hand/tall": "blocks:Block(height=0.05)",
+    }
+    assert {path: leaf["volume"] for path, leaf in leaves.items()} == pytest.approx(
         {"left": 6000, "right": 6000, "hand/tall": 10000}, rel=1e-9
     )
-    for name, centre in (("left", (0, 0, 0)), ("right", (100, 0, 0)), ("hand/tall", (0, 200, 0))):
-        assert leaves[name]["centre"] == pytest.approx(centre, abs=1e-6)
-    for name, color in (("left", (1, 0, 0)), ("right", (0, 0, 1)), ("hand/tall", (0, 1, 0))):
-        assert leaves[name]["color"] == pytest.approx(color, abs=0.01)
+    for path, centre in (("left", (0, 0, 0)), ("right", (100, 0, 0)), ("hand/tall", (0, 200, 0))):
+        assert leaves[path]["centre"] == pytest.approx(centre, abs=1e-6)
+    for path, color in (("left", (1, 0, 0)), ("right", (0, 0, 1)), ("hand/tall", (0, 1, 0))):
+        assert leaves[path]["color"] == pytest.approx(color, abs=0.01)
 
 
 def test_the_same_bytes(service: GeometryService, shared_store: str) -> None:
     store = Store(shared_store)
     whole = blocks(store, service)
     assert emit(request(whole, store, service)).files == emit(request(whole, store, service)).files
+
+
+def test_what_the_kernel_cannot_write(service: GeometryService, tmp_path: Path) -> None:
+    """The hand-built robot's B-reps are no B-reps."""
+    store = Store(str(tmp_path))
+    asked = request(assembly(store), store, service)
+    made = emit(asked)
+    assert made.files == {}
+    (said,) = asked.report.diagnostics
+    assert said.code is Code.STEP_FAILED
+    assert said.message.startswith("the STEP file of `arm` could not be written: ")
+    assert "Traceback" not in said.message and said.detail
+    assert said.help == "name the targets that are wanted with --emit, without `step`"
 
 
 def test_nothing_with_geometry_is_no_file(tmp_path: Path) -> None:

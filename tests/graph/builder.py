@@ -15,11 +15,36 @@ from thingc.graph import link
 from thingc.graph.types import Assembly
 from thingc.pose import Pose
 from thingc.realize.record import (
-    Actuator, Expectation, MountRecord, PartDefinition, PartFailure, PartRecord, PartWarning, Stated,
+    Actuator,
+    Expectation,
+    MountRecord,
+    PartDefinition,
+    PartFailure,
+    PartRecord,
+    PartWarning,
+    Stated,
 )
 from thingc.resolve.model import (
-    AssemblyDefinition, At, Attach, BomEntry, Component, Drive, Dynamics, ExtraMount, Joint, Limit, LinkName, Material, Mimic,
-    Mode, NamedPose, Overrides, Process, RawAttribute, Reference, StatedValue,
+    AssemblyDefinition,
+    At,
+    Attach,
+    BomEntry,
+    Component,
+    Drive,
+    Dynamics,
+    ExtraMount,
+    Joint,
+    Limit,
+    LinkName,
+    Material,
+    Mimic,
+    Mode,
+    NamedPose,
+    Overrides,
+    Process,
+    RawAttribute,
+    Reference,
+    StatedValue,
 )
 from thingc.source import Origin, Span
 
@@ -64,7 +89,9 @@ def motion(kind: str, q: float) -> Array:
     return {"revolute": rz, "continuous": rz, "prismatic": lambda d: t(0, 0, d), "fixed": lambda _: np.eye(4)}[kind](q)
 
 
-def mated(X_PA: Array, X_CB: Array, *, turn: float = 0.0, gap: float = 0.0, kind: str = "fixed", q: float = 0.0, offset: float = 0.0) -> Array:
+def mated(
+    X_PA: Array, X_CB: Array, *, turn: float = 0.0, gap: float = 0.0, kind: str = "fixed", q: float = 0.0, offset: float = 0.0
+) -> Array:
     """X_PC = X_PA Rz(turn) Tz(gap) X_J(q + offset) M inv(X_CB)."""
     return X_PA @ rz(turn) @ t(0, 0, gap) @ motion(kind, q + offset) @ MATE @ inv(X_CB)
 
@@ -87,21 +114,50 @@ def box_inertia(size: tuple[float, float, float]) -> Array:
 
 
 def box(
-    name: str, size: tuple[float, float, float] = (0.1, 0.06, 0.04), *, centre: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    mounts: Mapping[str, Array] | None = None, material: str | None = "petg", **over: Any,
+    name: str,
+    size: tuple[float, float, float] = (0.1, 0.06, 0.04),
+    *,
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    mounts: Mapping[str, Array] | None = None,
+    material: str | None = "petg",
+    **over: Any,
 ) -> PartRecord:
     """A box of exact volume, area, centre and inertia."""
     a, b, c = size
-    plain = {"color": None, "references": (), "expectations": (), "actuator": None, "mass": None, "com": None, "matrix": None,
-             "density": None, "bom": {}, "warnings": (), "fits": {}, "meshes": {}, "pieces": (), "convex": (), "brep": None,
-             "code": ("/robots/parts/boxes.py", 12)}
+    plain = {
+        "color": None,
+        "references": (),
+        "expectations": (),
+        "actuator": None,
+        "mass": None,
+        "com": None,
+        "matrix": None,
+        "density": None,
+        "bom": {},
+        "warnings": (),
+        "fits": {},
+        "meshes": {},
+        "pieces": (),
+        "convex": (),
+        "brep": None,
+        "code": ("/robots/parts/boxes.py", 12),
+    }
     low = tuple(m - s / 2 for m, s in zip(centre, size))
     high = tuple(m + s / 2 for m, s in zip(centre, size))
-    return PartRecord(**{
-        **plain, "text": name, "material": material, "volume": a * b * c, "area": 2 * (a * b + b * c + a * c), "centre": centre,
-        "inertia": tuple(tuple(row) for row in box_inertia(size).tolist()), "box": (low, high),
-        "mounts": {key: MountRecord(pose=as_pose(matrix)) for key, matrix in (mounts or {}).items()}, **over,
-    })
+    return PartRecord(
+        **{
+            **plain,
+            "text": name,
+            "material": material,
+            "volume": a * b * c,
+            "area": 2 * (a * b + b * c + a * c),
+            "centre": centre,
+            "inertia": tuple(tuple(row) for row in box_inertia(size).tolist()),
+            "box": (low, high),
+            "mounts": {key: MountRecord(pose=as_pose(matrix)) for key, matrix in (mounts or {}).items()},
+            **over,
+        }
+    )
 
 
 def bare(name: str, **over: Any) -> PartRecord:
@@ -115,7 +171,9 @@ def part(text: str, **parameters: Any) -> PartDefinition:
 
 
 def material(name: str, density: float | None = 1000.0, *, color: str | None = None, process: Process | None = None) -> Material:
-    return Material(name=name, density=density, color=color, slide=None, torsion=None, roll=None, process=process, origin=where(400))
+    return Material(
+        name=name, density=density, color=color, slide=None, torsion=None, roll=None, process=process, origin=where(400)
+    )
 
 
 PETG = material("petg")
@@ -143,10 +201,27 @@ def laid(to: str, matrix: Array, *, line: int = 1) -> At:
     return At(to=ref(to, line), pose=as_pose(matrix), origin=where(line))
 
 
-def component(name: str, definition: PartDefinition | AssemblyDefinition | str | None, placement: Attach | At | None = None, *, line: int = 1, frame: bool = False, material: Material | None = None, mounts: Mapping[str, Array] | None = None, bom: BomEntry | None = None, **overrides: Any) -> Component:
+def component(
+    name: str,
+    definition: PartDefinition | AssemblyDefinition | str | None,
+    placement: Attach | At | None = None,
+    *,
+    line: int = 1,
+    frame: bool = False,
+    material: Material | None = None,
+    mounts: Mapping[str, Array] | None = None,
+    bom: BomEntry | None = None,
+    **overrides: Any,
+) -> Component:
     return Component(
-        name=name, definition=part(definition) if isinstance(definition, str) else definition, frame=frame, placement=placement,
-        material=material, overrides=Overrides(**overrides), bom=bom or BomEntry(), origin=where(line),
+        name=name,
+        definition=part(definition) if isinstance(definition, str) else definition,
+        frame=frame,
+        placement=placement,
+        material=material,
+        overrides=Overrides(**overrides),
+        bom=bom or BomEntry(),
+        origin=where(line),
         mounts={key: ExtraMount(pose=as_pose(m), interface=None, origin=where(line + 1)) for key, m in (mounts or {}).items()},
     )
 
@@ -156,15 +231,37 @@ def stated(*value: float, source: str = "stated", line: int = 1) -> StatedValue:
 
 
 def joint(
-    name: str, parent: str, child: str, kind: str = "revolute", *, lower: float | None = -3.0, upper: float | None = 3.0,
-    effort: float | None = None, velocity: float | None = None, turn: float = 0.0, gap: float = 0.0, offset: float = 0.0,
-    drive: Drive | None = None, mimic: Mimic | None = None, line: int = 1, **dynamics: float,
+    name: str,
+    parent: str,
+    child: str,
+    kind: str = "revolute",
+    *,
+    lower: float | None = -3.0,
+    upper: float | None = 3.0,
+    effort: float | None = None,
+    velocity: float | None = None,
+    turn: float = 0.0,
+    gap: float = 0.0,
+    offset: float = 0.0,
+    drive: Drive | None = None,
+    mimic: Mimic | None = None,
+    line: int = 1,
+    **dynamics: float,
 ) -> Joint:
     moves = kind in ("revolute", "prismatic")
     return Joint(
-        name=name, kind=kind, parent=ref(parent, line), child=ref(child, line),
+        name=name,
+        kind=kind,
+        parent=ref(parent, line),
+        child=ref(child, line),
         limit=Limit(lower=lower if moves else None, upper=upper if moves else None, effort=effort, velocity=velocity),
-        dynamics=Dynamics(**dynamics), turn=turn, gap=gap, offset=offset, drive=drive, mimic=mimic, origin=where(line),
+        dynamics=Dynamics(**dynamics),
+        turn=turn,
+        gap=gap,
+        offset=offset,
+        drive=drive,
+        mimic=mimic,
+        origin=where(line),
         spans={"limit.effort": where(line + 1)[0]},
     )
 
@@ -181,25 +278,62 @@ def pose(name: str, line: int = 300, **values: float) -> NamedPose:
 
 
 def mode(name: str, root: Reference, base: str = "fixed", *, at: Array | None = None, line: int = 200, **over: Any) -> Mode:
-    plain = {"gravity": (0.0, 0.0, -9.81), "pose": None, "poses": (), "actuators": None, "exclude": (), "adhesion": (),
-             "simulation": {}}
-    return Mode(**{**plain, "name": name, "root": root, "base": base, "at": as_pose(np.eye(4) if at is None else at), "origin": where(line), **over})
+    plain = {
+        "gravity": (0.0, 0.0, -9.81),
+        "pose": None,
+        "poses": (),
+        "actuators": None,
+        "exclude": (),
+        "adhesion": (),
+        "simulation": {},
+    }
+    return Mode(
+        **{
+            **plain,
+            "name": name,
+            "root": root,
+            "base": base,
+            "at": as_pose(np.eye(4) if at is None else at),
+            "origin": where(line),
+            **over,
+        }
+    )
 
 
 def assembly(
-    name: str, components: Iterable[Component], joints: Iterable[Joint] = (), *, materials: Iterable[Material] = (PETG,),
-    links: Mapping[str, str] | None = None, mounts: Mapping[str, str] | None = None, poses: Iterable[NamedPose] = (),
-    modes: Iterable[Mode] | None = None, raw: Iterable[tuple[tuple[str, ...], str]] = (), document: str | None = None, text: str | None = None,
+    name: str,
+    components: Iterable[Component],
+    joints: Iterable[Joint] = (),
+    *,
+    materials: Iterable[Material] = (PETG,),
+    links: Mapping[str, str] | None = None,
+    mounts: Mapping[str, str] | None = None,
+    poses: Iterable[NamedPose] = (),
+    modes: Iterable[Mode] | None = None,
+    raw: Iterable[tuple[tuple[str, ...], str]] = (),
+    document: str | None = None,
+    text: str | None = None,
     line: int = 100,
 ) -> AssemblyDefinition:
     inside = tuple(components)
     bases = [c.name for c in inside if c.placement is None]
     return AssemblyDefinition(
-        document=document or f"{name}.yaml", name=name, description="", parameters=(), text=text or name,
-        materials={m.name: m for m in materials}, components=inside, joints=tuple(joints),
-        links=tuple(LinkName(name=key, component=whole(value), origin=where(line + 10 + k)) for k, (key, value) in enumerate((links or {}).items())),
+        document=document or f"{name}.yaml",
+        name=name,
+        description="",
+        parameters=(),
+        text=text or name,
+        materials={m.name: m for m in materials},
+        components=inside,
+        joints=tuple(joints),
+        links=tuple(
+            LinkName(name=key, component=whole(value), origin=where(line + 10 + k))
+            for k, (key, value) in enumerate((links or {}).items())
+        ),
         mounts={key: ref(value, line + 20 + k) for k, (key, value) in enumerate((mounts or {}).items())},
-        poses=tuple(poses), modes=tuple(modes) if modes is not None else (mode("default", whole(bases[0])),), simulation={},
+        poses=tuple(poses),
+        modes=tuple(modes) if modes is not None else (mode("default", whole(bases[0])),),
+        simulation={},
         raw=tuple(RawAttribute(target="mjcf", path=path, value=value, origin=where(line + 30)) for path, value in raw),
         origin=where(line),
     )
@@ -240,8 +374,49 @@ def warnings(model: AssemblyDefinition, *records: PartRecord) -> Report:
 
 
 __all__ = [
-    "FILE", "MATE", "PETG", "Actuator", "Drive", "Expectation", "Reference", "PartFailure", "PartWarning", "Process", "Stated", "as_matrix",
-    "as_pose", "assembly", "attach", "bare", "box", "box_inertia", "component", "faults", "inv", "joint", "laid", "linked",
-    "mated", "material", "mimic", "mode", "motion", "part", "pose", "ref", "rx", "ry", "rz", "said", "stated", "t", "warnings",
-    "where", "whole",
+    "FILE",
+    "MATE",
+    "PETG",
+    "Actuator",
+    "Array",
+    "Component",
+    "Drive",
+    "Expectation",
+    "Joint",
+    "PartFailure",
+    "PartRecord",
+    "PartWarning",
+    "Process",
+    "Reference",
+    "Stated",
+    "as_matrix",
+    "as_pose",
+    "assembly",
+    "attach",
+    "bare",
+    "box",
+    "box_inertia",
+    "component",
+    "faults",
+    "inv",
+    "joint",
+    "laid",
+    "linked",
+    "mated",
+    "material",
+    "mimic",
+    "mode",
+    "motion",
+    "part",
+    "pose",
+    "ref",
+    "rx",
+    "ry",
+    "rz",
+    "said",
+    "stated",
+    "t",
+    "warnings",
+    "where",
+    "whole",
 ]

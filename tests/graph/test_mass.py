@@ -8,8 +8,32 @@ import numpy as np
 import pytest
 
 from graph.builder import (
-    PETG, Actuator, Drive, Process, Stated, assembly, attach, bare, box, box_inertia, component, faults, joint, laid, linked,
-    mated, material, mode, rx, ry, rz, said, stated, t, warnings, whole,
+    PETG,
+    Actuator,
+    Drive,
+    Process,
+    Stated,
+    assembly,
+    attach,
+    bare,
+    box,
+    box_inertia,
+    component,
+    faults,
+    joint,
+    laid,
+    linked,
+    mated,
+    material,
+    mode,
+    rx,
+    ry,
+    rz,
+    said,
+    stated,
+    t,
+    warnings,
+    whole,
 )
 from thingc.graph.types import Assembly, Occurrence
 
@@ -126,14 +150,29 @@ def test_a_documents_inertia_is_taken_as_it_is() -> None:
 
 
 def test_frames_and_things_without_geometry() -> None:
-    model = assembly("a", [
-        component("part", "p:Box"), component("dot", None, laid("part.origin", np.eye(4)), frame=True),
-        component("board", None, laid("part.origin", t(0, 0, 0.1)), frame=True, mass=stated(0.012, source="measured"), com=stated(0.0, 0.0, 0.01)),
-        component("mark", "p:Mark", attach("mark.origin", "part.origin")),
-    ])
+    model = assembly(
+        "a",
+        [
+            component("part", "p:Box"),
+            component("dot", None, laid("part.origin", np.eye(4)), frame=True),
+            component(
+                "board",
+                None,
+                laid("part.origin", t(0, 0, 0.1)),
+                frame=True,
+                mass=stated(0.012, source="measured"),
+                com=stated(0.0, 0.0, 0.01),
+            ),
+            component("mark", "p:Mark", attach("mark.origin", "part.origin")),
+        ],
+    )
     found = linked(model, box("p:Box", SIZE), bare("p:Mark"))
     assert [(o.properties.mass, o.mass_source) for o in found.occurrences] == [
-        (pytest.approx(MASS), "derived"), (0.0, "derived"), (0.012, "measured"), (0.0, "derived")]
+        (pytest.approx(MASS), "derived"),
+        (0.0, "derived"),
+        (0.012, "measured"),
+        (0.0, "derived"),
+    ]
     link = found.links[0].properties
     assert link.mass == pytest.approx(MASS + 0.012)
     assert link.centre == pytest.approx((0, 0, 0.012 * 0.11 / (MASS + 0.012)))
@@ -161,10 +200,15 @@ def parallel_axis(assembly: Assembly, frames: dict[int, np.ndarray]) -> tuple[fl
 def test_a_link_sums_its_members_in_the_frame_it_is_named_after() -> None:
     seat, back, cap = t(0.05, 0.01, 0.02) @ ry(0.7), t(-0.03, 0.02, -0.02) @ rx(2.0), t(0.1, 0, 0) @ rz(0.3)
     record = box("p:Box", SIZE, centre=(0.01, 0.02, -0.01), mounts={"seat": seat, "back": back, "cap": cap})
-    model = assembly("a", [
-        component("one", "p:Box"), component("two", "p:Box", attach("two.back", "one.seat"), mass=stated(0.7)),
-        component("three", "p:Box", attach("three.back", "two.cap")),
-    ], links={"body": "two"})
+    model = assembly(
+        "a",
+        [
+            component("one", "p:Box"),
+            component("two", "p:Box", attach("two.back", "one.seat"), mass=stated(0.7)),
+            component("three", "p:Box", attach("three.back", "two.cap")),
+        ],
+        links={"body": "two"},
+    )
     found = linked(model, record)
     two, three = mated(seat, back), mated(cap, back)
     frames = {0: np.linalg.inv(two), 1: np.eye(4), 2: three}
@@ -186,15 +230,26 @@ def test_a_link_sums_its_members_in_the_frame_it_is_named_after() -> None:
 def test_neither_material_nor_mass() -> None:
     model = assembly("a", [component("humerus", "p:Box", line=7)])
     assert said(faults(model, box("p:Box", material=None))) == [
-        ("NO_MATERIAL", "`humerus` (`p:Box`) has neither a material nor a mass", "add `material:` (known materials: `petg`) or `mass:`", 7)]
+        (
+            "NO_MATERIAL",
+            "`humerus` (`p:Box`) has neither a material nor a mass",
+            "add `material:` (known materials: `petg`) or `mass:`",
+            7,
+        )
+    ]
 
 
 def test_default_material_that_is_not_in_scope() -> None:
     model = assembly("a", [component("humerus", "p:Box", line=7)])
     report = faults(model, box("p:Box", material="pteg"))
     assert said(report) == [
-        ("UNKNOWN_MATERIAL", "`humerus` (`p:Box`) is made of `pteg` by default, which is not among the materials of `a`",
-         "did you mean `petg`?", 7)]
+        (
+            "UNKNOWN_MATERIAL",
+            "`humerus` (`p:Box`) is made of `pteg` by default, which is not among the materials of `a`",
+            "did you mean `petg`?",
+            7,
+        )
+    ]
     note = report.diagnostics[0].notes[0]
     assert note.message == "`p:Box` is written here"
     assert note.span is not None
@@ -204,37 +259,64 @@ def test_default_material_that_is_not_in_scope() -> None:
 def test_default_material_that_is_not_in_scope_and_not_needed() -> None:
     model = assembly("a", [component("humerus", "p:Box", mass=stated(0.1), line=7)])
     assert said(warnings(model, box("p:Box", material="abs"))) == [
-        ("UNKNOWN_MATERIAL", "`humerus` (`p:Box`) is made of `abs` by default, which is not among the materials of `a`",
-         "known materials: `petg`", 7)]
+        (
+            "UNKNOWN_MATERIAL",
+            "`humerus` (`p:Box`) is made of `abs` by default, which is not among the materials of `a`",
+            "known materials: `petg`; list a document that has it under `materials:`, or write `material:` here",
+            7,
+        )
+    ]
 
 
 def test_material_without_density() -> None:
     model = assembly("a", [component("humerus", "p:Box", line=7)], materials=[material("petg", None)])
     assert said(faults(model, box("p:Box"))) == [
-        ("NO_MATERIAL", "`humerus` is made of `petg`, which has no density", "add `density:` to `petg`, or `mass:` to `humerus`", 7)]
+        (
+            "NO_MATERIAL",
+            "`humerus` is made of `petg`, which has no density",
+            "add `density:` to `petg`, or `mass:` to `humerus`",
+            7,
+        )
+    ]
 
 
 @pytest.mark.parametrize(("process", "missing"), [(Process(infill=0.2), "walls"), (Process(infill=0.2, walls=2), "line_width")])
 def test_infill_that_cannot_be_estimated(process: Process, missing: str) -> None:
     model = assembly("a", [component("humerus", "p:Box", process=process, line=7)])
     assert said(faults(model, box("p:Box"))) == [
-        ("INFILL", f"`humerus` is printed with an infill, but its process has no `{missing}`",
-         f"add `{missing}` to the `process` of the material or of the component, or write `infill: 100 %`", 7)]
+        (
+            "INFILL",
+            f"`humerus` is printed with an infill, but its process has no `{missing}`",
+            f"add `{missing}` to the `process` of the material or of the component, or write `infill: 100 %`",
+            7,
+        )
+    ]
 
 
 def test_inertia_that_no_solid_has() -> None:
     model = assembly("a", [component("humerus", "p:Box", line=7, inertia=stated(1e-4, 1e-4, 3e-4, 0, 0, 0, line=9))])
     assert said(faults(model, box("p:Box"))) == [
-        ("NOT_PHYSICAL", "the inertia of `humerus` is not physical: its largest principal moment 0.0003 kg m^2 is above the sum "
-         "of the other two (0.0001 + 0.0001), which no solid can have",
-         "inertia is about the centre of mass, in component axes: check units and signs", 9)]
+        (
+            "NOT_PHYSICAL",
+            "the inertia of `humerus` is not physical: its largest principal moment 0.0003 kg m^2 is above the sum "
+            "of the other two (0.0001 + 0.0001), which no solid can have",
+            "inertia is about the centre of mass, in component axes: check units and signs",
+            9,
+        )
+    ]
 
 
 def test_matrix_of_a_thing_that_no_solid_has() -> None:
     matrix = ((1e-4, 0.0, 0.0), (0.0, -1e-4, 0.0), (0.0, 0.0, 1e-4))
     assert said(faults(assembly("a", [component("humerus", "p:Box", line=7)]), box("p:Box", matrix=Stated(value=matrix)))) == [
-        ("NOT_PHYSICAL", "the inertia that `p:Box` states is not physical: its principal moments are -0.0001, 0.0001, 0.0001 kg m^2, "
-         "and all must be above 0", "`matrix_of_inertia()` is about the centre of mass, in Thing axes, in kg m^2", 7)]
+        (
+            "NOT_PHYSICAL",
+            "the inertia that `p:Box` states is not physical: its principal moments are -0.0001, 0.0001, 0.0001 kg m^2, "
+            "and all must be above 0",
+            "`matrix_of_inertia()` is about the centre of mass, in Thing axes, in kg m^2",
+            7,
+        )
+    ]
 
 
 SWING = box("p:Box", SIZE, mounts={"top": t(0, 0, 0.02), "low": rx(np.pi) @ t(0, 0, 0.02)})
@@ -242,42 +324,70 @@ SWING = box("p:Box", SIZE, mounts={"top": t(0, 0, 0.02), "low": rx(np.pi) @ t(0,
 
 def test_moving_link_without_mass() -> None:
     model = assembly(
-        "a", [component("plate", "p:Box"), component("dot", None, frame=True, line=9), component("dash", None, laid("dot.origin", np.eye(4)), frame=True)],
-        [joint("j", "plate.top", "dot.origin")], modes=[mode("bench", whole("plate"))],
+        "a",
+        [
+            component("plate", "p:Box"),
+            component("dot", None, frame=True, line=9),
+            component("dash", None, laid("dot.origin", np.eye(4)), frame=True),
+        ],
+        [joint("j", "plate.top", "dot.origin")],
+        modes=[mode("bench", whole("plate"))],
     )
     assert said(faults(model, SWING)) == [
-        ("MASSLESS", "link `dot` moves in mode `bench` and has no mass (components `dot`, `dash`)",
-         "give one of its components `mass:` (and `inertia:` where it has no geometry), or attach it to another link", 9)]
+        (
+            "MASSLESS",
+            "link `dot` moves in mode `bench` and has no mass (components `dot`, `dash`)",
+            "give one of its components `mass:` (and `inertia:` where it has no geometry), or attach it to another link",
+            9,
+        )
+    ]
 
 
 def test_moving_link_without_inertia() -> None:
     model = assembly(
-        "a", [component("plate", "p:Box"), component("dot", None, frame=True, line=9, mass=stated(0.1))],
-        [joint("j", "plate.top", "dot.origin")], modes=[mode("bench", whole("plate"))],
+        "a",
+        [component("plate", "p:Box"), component("dot", None, frame=True, line=9, mass=stated(0.1))],
+        [joint("j", "plate.top", "dot.origin")],
+        modes=[mode("bench", whole("plate"))],
     )
     assert said(faults(model, SWING)) == [
-        ("NOT_PHYSICAL", "link `dot` moves in mode `bench` and its inertia is not physical: its principal moments are 0, 0, 0 kg m^2, "
-         "and all must be above 0 (component `dot`)", "give a component with geometry a mass, or state `inertia:` on one of them", 9)]
+        (
+            "NOT_PHYSICAL",
+            "link `dot` moves in mode `bench` and its inertia is not physical: its principal moments are 0, 0, 0 kg m^2, "
+            "and all must be above 0 (component `dot`)",
+            "give a component with geometry a mass, or state `inertia:` on one of them",
+            9,
+        )
+    ]
 
 
 def test_a_massless_link_may_be_held_in_every_mode() -> None:
     def model(base: str) -> object:
         return assembly(
-            "a", [component("dot", None, frame=True, line=9), component("arm", "p:Box")], [joint("j", "dot.origin", "arm.top")],
+            "a",
+            [component("dot", None, frame=True, line=9), component("arm", "p:Box")],
+            [joint("j", "dot.origin", "arm.top")],
             modes=[mode("bench", whole("dot")), mode("held", whole("dot"), base)],
         )
 
     linked(model("held"), SWING)  # type: ignore[arg-type]
     assert said(faults(model("free"), SWING))[0][:2] == (  # type: ignore[arg-type]
-        "MASSLESS", "link `dot` moves in mode `held` and has no mass (component `dot`)")
+        "MASSLESS",
+        "link `dot` moves in mode `held` and has no mass (component `dot`)",
+    )
 
 
 def test_one_massless_definition_is_said_once() -> None:
-    leg = assembly("leg", [component("hip", "p:Box"), component("toe", None, frame=True, line=9)], [joint("j", "hip.top", "toe.origin")])
-    model = assembly("a", [component("body", "p:Box")] + [component(f"leg_{k}", leg, attach(f"leg_{k}.hip.low", "body.top")) for k in range(6)])
+    leg = assembly(
+        "leg", [component("hip", "p:Box"), component("toe", None, frame=True, line=9)], [joint("j", "hip.top", "toe.origin")]
+    )
+    model = assembly(
+        "a", [component("body", "p:Box")] + [component(f"leg_{k}", leg, attach(f"leg_{k}.hip.low", "body.top")) for k in range(6)]
+    )
     report = faults(model, SWING)
     assert [d.message for d in report.diagnostics] == [
-        "link `leg_0/toe` moves in mode `default` and has no mass (component `leg_0/toe`)"]
+        "link `leg_0/toe` moves in mode `default` and has no mass (component `leg_0/toe`)"
+    ]
     assert [n.message for n in report.diagnostics[0].notes] == ["nested from here"]
 
 
@@ -288,7 +398,8 @@ SERVO = Actuator(kind="position", stall_torque=4.1, no_load_speed=4.8, gear_rati
 
 def driven(drive: Drive, servo: Actuator | None = SERVO, **over: object) -> tuple[object, ...]:
     model = assembly(
-        "a", [component("servo", "p:Servo"), component("arm", "p:Box")],
+        "a",
+        [component("servo", "p:Servo"), component("arm", "p:Box")],
         [joint("yaw", "servo.top", "arm.top", drive=drive, line=20, **over)],  # type: ignore[arg-type]
     )
     return model, box("p:Servo", mounts={"top": t(0, 0, 0.02)}, actuator=servo), SWING
@@ -304,7 +415,12 @@ def test_a_drive_fills_in_what_the_joint_leaves_open() -> None:
     written = linked(*driven(Drive(component=whole("servo")), effort=3.0, velocity=2.0, armature=0.5)).mates[0].joint  # type: ignore[arg-type]
     assert written is not None
     assert written.actuator is not None
-    assert (written.limit.effort, written.limit.velocity, written.dynamics.armature, written.actuator.effort) == (3.0, 2.0, 0.5, 3.0)
+    assert (written.limit.effort, written.limit.velocity, written.dynamics.armature, written.actuator.effort) == (
+        3.0,
+        2.0,
+        0.5,
+        3.0,
+    )
 
 
 def test_an_inline_drive() -> None:
@@ -316,21 +432,36 @@ def test_an_inline_drive() -> None:
 
 def test_effort_above_the_actuators() -> None:
     assert said(warnings(*driven(Drive(component=whole("servo")), effort=5.0))) == [  # type: ignore[arg-type]
-        ("EFFORT", "joint `yaw` asks for 5 N*m, and its actuator gives at most 4.1 N*m",
-         "lower `limit.effort`, or drive the joint by a stronger actuator", 21)]
+        (
+            "EFFORT",
+            "joint `yaw` asks for 5 N*m, and its actuator gives at most 4.1 N*m",
+            "lower `limit.effort`, or drive the joint by a stronger actuator",
+            21,
+        )
+    ]
 
 
 def test_a_drive_without_an_actuator() -> None:
     model, _, swing = driven(Drive(component=whole("arm", 33)))
     report = faults(model, box("p:Servo", mounts={"top": t(0, 0, 0.02)}, actuator=SERVO), swing)  # type: ignore[arg-type]
     assert said(report) == [
-        ("NO_ACTUATOR", "joint `yaw` is driven by `arm` (`p:Box`), which declares no actuator",
-         "known components with an actuator: `servo`", 33)]
+        (
+            "NO_ACTUATOR",
+            "joint `yaw` is driven by `arm` (`p:Box`), which declares no actuator",
+            "known components with an actuator: `servo`",
+            33,
+        )
+    ]
     assert report.diagnostics[0].notes[0].message == "`p:Box` is written here"
 
 
 def test_a_position_drive_without_a_gain() -> None:
     weak = Actuator(kind="position", stall_torque=4.1)
     assert said(faults(*driven(Drive(component=whole("servo"), origin=()), weak))) == [  # type: ignore[arg-type]
-        ("NO_GAIN", "joint `yaw` is driven to a position, and its actuator states no gain `kp`",
-         "state `kp` in the Thing's `Actuator`, or drive inline: `drive: {kind: position, kp: 20}`", 20)]
+        (
+            "NO_GAIN",
+            "joint `yaw` is driven to a position, and its actuator states no gain `kp`",
+            "state `kp` in the Thing's `Actuator`, or drive inline: `drive: {kind: position, kp: 20}`",
+            20,
+        )
+    ]

@@ -8,8 +8,27 @@ import numpy as np
 import pytest
 
 from graph.builder import (
-    MATE, Reference, as_matrix, assembly, attach, bare, box, component, inv, joint, laid, linked, mated, mimic, mode, rx, ry,
-    rz, t, where, whole,
+    MATE,
+    Reference,
+    as_matrix,
+    assembly,
+    attach,
+    bare,
+    box,
+    component,
+    inv,
+    joint,
+    laid,
+    linked,
+    mated,
+    mimic,
+    mode,
+    rx,
+    ry,
+    rz,
+    t,
+    where,
+    whole,
 )
 from thingc.graph import coordinates, joints_of, poses
 from thingc.graph.types import Assembly
@@ -24,9 +43,13 @@ def at(found: Assembly, path: str, q: dict[str, float] | None = None) -> np.ndar
 
 
 def test_attach_is_the_mate_with_turn_and_gap() -> None:
-    model = assembly("a", [
-        component("plate", "p:Plate"), component("servo", "p:Servo", attach("servo.back", "plate.seat", turn=0.3, gap=0.002)),
-    ])
+    model = assembly(
+        "a",
+        [
+            component("plate", "p:Plate"),
+            component("servo", "p:Servo", attach("servo.back", "plate.seat", turn=0.3, gap=0.002)),
+        ],
+    )
     found = linked(model, box("p:Plate", mounts={"seat": SEAT}), box("p:Servo", mounts={"back": BACK}))
     assert at(found, "servo") == pytest.approx(SEAT @ rz(0.3) @ t(0, 0, 0.002) @ MATE @ inv(BACK), abs=1e-14)
     assert found.rest == poses(found, {})
@@ -46,10 +69,14 @@ def test_mated_faces_look_at_each_other() -> None:
 
 def test_at_is_plain() -> None:
     local = t(0.1, -0.2, 0.3) @ rz(0.5) @ ry(0.2) @ rx(0.1)
-    model = assembly("a", [
-        component("plate", "p:Plate"), component("imu", None, laid("plate.seat", local), frame=True),
-        component("led", None, laid("plate.origin", local), frame=True),
-    ])
+    model = assembly(
+        "a",
+        [
+            component("plate", "p:Plate"),
+            component("imu", None, laid("plate.seat", local), frame=True),
+            component("led", None, laid("plate.origin", local), frame=True),
+        ],
+    )
     found = linked(model, box("p:Plate", mounts={"seat": SEAT}))
     assert at(found, "imu") == pytest.approx(SEAT @ local)
     assert at(found, "led") == pytest.approx(local)
@@ -60,7 +87,8 @@ def test_at_is_plain() -> None:
 @pytest.mark.parametrize("q", [0.0, 0.4, -1.1])
 def test_joints_move_after_turn_and_gap_and_before_the_mate(kind: str, q: float) -> None:
     model = assembly(
-        "a", [component("plate", "p:Plate"), component("arm", "p:Arm")],
+        "a",
+        [component("plate", "p:Plate"), component("arm", "p:Arm")],
         [joint("j", "plate.seat", "arm.back", kind, turn=0.3, gap=0.002, offset=0.2)],
     )
     found = linked(model, box("p:Plate", mounts={"seat": SEAT}), box("p:Arm", mounts={"back": BACK}))
@@ -71,7 +99,9 @@ def test_joints_move_after_turn_and_gap_and_before_the_mate(kind: str, q: float)
 
 def test_a_fixed_joint_fuses() -> None:
     model = assembly(
-        "a", [component("plate", "p:Plate"), component("arm", "p:Arm")], [joint("j", "plate.seat", "arm.back", "fixed", turn=0.3)],
+        "a",
+        [component("plate", "p:Plate"), component("arm", "p:Arm")],
+        [joint("j", "plate.seat", "arm.back", "fixed", turn=0.3)],
     )
     found = linked(model, box("p:Plate", mounts={"seat": SEAT}), box("p:Arm", mounts={"back": BACK}))
     assert at(found, "arm") == pytest.approx(mated(SEAT, BACK, turn=0.3))
@@ -82,8 +112,10 @@ def test_a_fixed_joint_fuses() -> None:
 def hand(joint_line: int = 50) -> object:
     """A nested assembly with a joint inside: `cap` is the base, `finger` turns on it and carries the exported `tip`."""
     return assembly(
-        "hand", [component("cap", "p:Cap"), component("finger", "p:Finger")],
-        [joint("knuckle", "cap.top", "finger.root", line=joint_line)], mounts={"tip": "finger.end", "grip": "cap.grip"},
+        "hand",
+        [component("cap", "p:Cap"), component("finger", "p:Finger")],
+        [joint("knuckle", "cap.top", "finger.root", line=joint_line)],
+        mounts={"tip": "finger.end", "grip": "cap.grip"},
     )
 
 
@@ -95,32 +127,44 @@ INNER = mated(SEAT, BACK, kind="revolute")
 
 @pytest.mark.parametrize("mine", ["hand.grip", "hand.cap.grip"])
 def test_a_nested_assembly_is_attached_by_a_mount_it_exports_or_one_inside(mine: str) -> None:
-    found = linked(assembly("a", [component("plate", "p:Plate"), component("hand", hand(), attach(mine, "plate.seat"))]), PLATE, CAP, FINGER)
+    found = linked(
+        assembly("a", [component("plate", "p:Plate"), component("hand", hand(), attach(mine, "plate.seat"))]), PLATE, CAP, FINGER
+    )
     assert [o.path for o in found.occurrences] == ["plate", "hand/cap", "hand/finger"]
     assert at(found, "hand/cap") == pytest.approx(mated(SEAT, BACK), abs=1e-14)
     assert at(found, "hand/finger", {"hand/knuckle": 0.7}) == pytest.approx(
-        mated(SEAT, BACK) @ mated(SEAT, BACK, kind="revolute", q=0.7), abs=1e-14)
+        mated(SEAT, BACK) @ mated(SEAT, BACK, kind="revolute", q=0.7), abs=1e-14
+    )
 
 
 def test_a_nested_assembly_attached_beyond_its_joint_fixes_that_link() -> None:
-    found = linked(assembly("a", [component("plate", "p:Plate"), component("hand", hand(), attach("hand.tip", "plate.seat"))]), PLATE, CAP, FINGER)
+    found = linked(
+        assembly("a", [component("plate", "p:Plate"), component("hand", hand(), attach("hand.tip", "plate.seat"))]),
+        PLATE,
+        CAP,
+        FINGER,
+    )
     end = t(0.0, 0.0, 0.08) @ rx(0.2)
     for q in (0.0, 0.9):
         finger = mated(SEAT, end)
         assert at(found, "hand/finger", {"hand/knuckle": q}) == pytest.approx(finger, abs=1e-14)
         assert at(found, "hand/cap", {"hand/knuckle": q}) == pytest.approx(
-            finger @ inv(mated(SEAT, BACK, kind="revolute", q=q)), abs=1e-14)
+            finger @ inv(mated(SEAT, BACK, kind="revolute", q=q)), abs=1e-14
+        )
     assert [link.members for link in found.links] == [(0, 2), (1,)]
 
 
 def test_a_joint_on_a_nested_mount_and_things_on_it() -> None:
     model = assembly(
-        "a", [
-            component("plate", "p:Plate"), component("hand", hand()),
+        "a",
+        [
+            component("plate", "p:Plate"),
+            component("hand", hand()),
             component("dot", None, laid("hand.finger.end", t(0, 0, 0.01)), frame=True),
             component("dot2", None, laid("hand.tip", t(0, 0, 0.01)), frame=True),
             component("dot3", None, laid("hand.origin", t(0, 0, 0.01)), frame=True),
-        ], [joint("wrist", "plate.seat", "hand.grip")],
+        ],
+        [joint("wrist", "plate.seat", "hand.grip")],
     )
     found = linked(model, PLATE, CAP, FINGER)
     q = {"wrist": 0.3, "hand/knuckle": -0.4}
@@ -135,17 +179,24 @@ def test_a_joint_on_a_nested_mount_and_things_on_it() -> None:
 def test_the_frame_of_an_assembly_is_that_of_its_base_at_every_depth() -> None:
     outer = assembly("outer", [component("deep", hand()), component("lid", "p:Plate", attach("lid.side", "deep.cap.top"))])
     local = t(0.3, 0, 0) @ rz(0.2)
-    found = linked(assembly("a", [component("plate", "p:Plate"), component("o", outer, laid("plate.origin", local))]), PLATE, CAP, FINGER)
+    found = linked(
+        assembly("a", [component("plate", "p:Plate"), component("o", outer, laid("plate.origin", local))]), PLATE, CAP, FINGER
+    )
     assert at(found, "o/deep/cap") == pytest.approx(local)
     assert [o.path for o in found.occurrences] == ["plate", "o/deep/cap", "o/deep/finger", "o/lid"]
     assert [m.path for m in found.exported] == ["o/deep/tip", "o/deep/grip"]
 
 
 def test_a_base_written_last_and_several_components_on_one_mount() -> None:
-    model = assembly("a", [
-        component("b", "p:Plate", attach("b.side", "base.seat")), component("c", "p:Plate", attach("c.seat", "base.seat")),
-        component("base", "p:Plate"),
-    ], modes=[mode("m", whole("base"))])
+    model = assembly(
+        "a",
+        [
+            component("b", "p:Plate", attach("b.side", "base.seat")),
+            component("c", "p:Plate", attach("c.seat", "base.seat")),
+            component("base", "p:Plate"),
+        ],
+        modes=[mode("m", whole("base"))],
+    )
     found = linked(model, PLATE)
     assert found.base == 2
     assert at(found, "base") == pytest.approx(np.eye(4))
@@ -154,12 +205,15 @@ def test_a_base_written_last_and_several_components_on_one_mount() -> None:
 
 
 def test_mounts_that_the_document_adds() -> None:
-    model = assembly("a", [
-        component("plate", "p:Plate", mounts={"shaft": t(0, 0, 0.5)}),
-        component("hand", hand(), attach("hand.lug", "plate.shaft"), mounts={"lug": t(0.01, 0, 0) @ rx(1.0)}),
-        component("imu", None, laid("plate.origin", np.eye(4)), frame=True, mounts={"lens": t(0, 0.1, 0)}),
-        component("dot", None, laid("imu.lens", np.eye(4)), frame=True),
-    ])
+    model = assembly(
+        "a",
+        [
+            component("plate", "p:Plate", mounts={"shaft": t(0, 0, 0.5)}),
+            component("hand", hand(), attach("hand.lug", "plate.shaft"), mounts={"lug": t(0.01, 0, 0) @ rx(1.0)}),
+            component("imu", None, laid("plate.origin", np.eye(4)), frame=True, mounts={"lens": t(0, 0.1, 0)}),
+            component("dot", None, laid("imu.lens", np.eye(4)), frame=True),
+        ],
+    )
     found = linked(model, PLATE, CAP, FINGER)
     assert at(found, "hand/cap") == pytest.approx(t(0, 0, 0.5) @ MATE @ inv(t(0.01, 0, 0) @ rx(1.0)), abs=1e-14)
     assert at(found, "dot") == pytest.approx(t(0, 0.1, 0))
@@ -170,21 +224,32 @@ def test_mounts_that_the_document_adds() -> None:
 
 def test_an_exported_mount_of_an_exported_mount() -> None:
     outer = assembly("outer", [component("h", hand())], mounts={"point": "h.tip"})
-    model = assembly("a", [component("o", outer), component("dot", None, laid("o.point", np.eye(4)), frame=True)], mounts={"far": "o.point"})
+    model = assembly(
+        "a", [component("o", outer), component("dot", None, laid("o.point", np.eye(4)), frame=True)], mounts={"far": "o.point"}
+    )
     found = linked(model, CAP, FINGER)
     assert at(found, "dot", {"o/h/knuckle": 0.2}) == pytest.approx(
-        mated(SEAT, BACK, kind="revolute", q=0.2) @ t(0, 0, 0.08) @ rx(0.2), abs=1e-14)
+        mated(SEAT, BACK, kind="revolute", q=0.2) @ t(0, 0, 0.08) @ rx(0.2), abs=1e-14
+    )
     assert [(m.path, m.occurrence, m.mount) for m in found.exported] == [
-        ("far", 1, "end"), ("o/point", 1, "end"), ("o/h/tip", 1, "end"), ("o/h/grip", 0, "grip")]
+        ("far", 1, "end"),
+        ("o/point", 1, "end"),
+        ("o/h/tip", 1, "end"),
+        ("o/h/grip", 0, "grip"),
+    ]
 
 
 def test_two_uses_of_one_definition_have_two_joints() -> None:
     """The prototype shared the state of a joint between the uses of its definition."""
     leg = hand()
-    model = assembly("a", [
-        component("plate", "p:Plate"), component("front", leg, attach("front.grip", "plate.seat")),
-        component("rear", leg, attach("rear.grip", "plate.side")),
-    ])
+    model = assembly(
+        "a",
+        [
+            component("plate", "p:Plate"),
+            component("front", leg, attach("front.grip", "plate.seat")),
+            component("rear", leg, attach("rear.grip", "plate.side")),
+        ],
+    )
     found = linked(model, PLATE, CAP, FINGER)
     assert [j.path for j in joints_of(found)] == ["front/knuckle", "rear/knuckle"]
     q = {"front/knuckle": 0.5, "rear/knuckle": -0.25}
@@ -198,7 +263,9 @@ def test_two_uses_of_one_definition_have_two_joints() -> None:
 
 def test_mimic_follows_along_chains_and_is_named_by_path() -> None:
     inner = assembly(
-        "hand", [component("cap", "p:Cap"), component("a", "p:Finger"), component("b", "p:Finger"), component("c", "p:Finger")], [
+        "hand",
+        [component("cap", "p:Cap"), component("a", "p:Finger"), component("b", "p:Finger"), component("c", "p:Finger")],
+        [
             joint("third", "cap.grip", "c.root", mimic=mimic("second", 2.0, 0.1), lower=None, upper=None),
             joint("first", "cap.top", "a.root"),
             joint("second", "cap.top", "b.root", mimic=mimic("first", -1.0), lower=None, upper=None),
@@ -213,7 +280,11 @@ def test_mimic_follows_along_chains_and_is_named_by_path() -> None:
 
 
 def test_origins_carry_the_chain_of_documents() -> None:
-    deep = assembly("hand", [component("cap", "p:Cap", line=5), component("finger", "p:Finger", line=6)], [joint("j", "cap.top", "finger.root", line=7)])
+    deep = assembly(
+        "hand",
+        [component("cap", "p:Cap", line=5), component("finger", "p:Finger", line=6)],
+        [joint("j", "cap.top", "finger.root", line=7)],
+    )
     found = linked(assembly("a", [component("h", deep, line=30)]), CAP, FINGER)
     assert [s.line for s in found.occurrences[1].origin] == [6, 30]
     assert [s.line for s in joints_of(found)[0].origin] == [7, 30]
@@ -222,7 +293,9 @@ def test_origins_carry_the_chain_of_documents() -> None:
 
 def test_a_component_reference_without_a_mount_is_its_origin() -> None:
     placement = laid("plate.seat", np.eye(4))
-    bare_reference = type(placement)(to=Reference(path=("plate",), mount=None, origin=where(1)), pose=placement.pose, origin=where(1))
+    bare_reference = type(placement)(
+        to=Reference(path=("plate",), mount=None, origin=where(1)), pose=placement.pose, origin=where(1)
+    )
     found = linked(assembly("a", [component("plate", "p:Plate"), component("dot", None, bare_reference, frame=True)]), PLATE)
     assert at(found, "dot") == pytest.approx(np.eye(4))
 
@@ -263,5 +336,9 @@ def test_a_chain_of_thousands_needs_no_recursion() -> None:
 
 
 def test_thing_without_geometry_is_an_occurrence() -> None:
-    found = linked(assembly("a", [component("plate", "p:Plate"), component("mark", "p:Mark", attach("mark.origin", "plate.seat"))]), PLATE, bare("p:Mark"))
+    found = linked(
+        assembly("a", [component("plate", "p:Plate"), component("mark", "p:Mark", attach("mark.origin", "plate.seat"))]),
+        PLATE,
+        bare("p:Mark"),
+    )
     assert found.occurrences[1].properties.mass == 0.0

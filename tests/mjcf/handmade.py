@@ -14,14 +14,34 @@ import numpy as np
 from thingc.diagnostics import Report
 from thingc.emit.request import EmitRequest
 from thingc.graph.types import (
-    ActuatorModel, Adhesion, Assembly, Definition, Hag, JointEdge, Link, LinkedMode, Mate, MountFrame, Occurrence, RootChoice,
+    ActuatorModel,
+    Adhesion,
+    Assembly,
+    Definition,
+    Hag,
+    JointEdge,
+    Link,
+    LinkedMode,
+    Mate,
+    MountFrame,
+    Occurrence,
+    RootChoice,
 )
 from thingc.inertia import MassProperties
 from thingc.pose import NO_POSE, Pose
 from thingc.realize.record import Fit, Mesh, PartDefinition, PartRecord
 from thingc.realize.store import Store
 from thingc.resolve.model import (
-    AssemblyDefinition, BomEntry, Component, Dynamics, Limit, Material, Mimic, NamedPose, Overrides, RawAttribute,
+    AssemblyDefinition,
+    BomEntry,
+    Component,
+    Dynamics,
+    Limit,
+    Material,
+    Mimic,
+    NamedPose,
+    Overrides,
+    RawAttribute,
 )
 from thingc.robot.types import Body, CoreJoint, Keyframe, Robot, Site
 from thingc.source import Origin, Span
@@ -56,7 +76,20 @@ def spin(axis: Any, angle: float) -> np.ndarray:
 # --- parts --------------------------------------------------------------------------------------------------------
 
 _CUBE = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
-_CUBE_FACES = ((0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3))
+_CUBE_FACES = (
+    (0, 1, 3),
+    (0, 3, 2),
+    (4, 6, 7),
+    (4, 7, 5),
+    (0, 4, 5),
+    (0, 5, 1),
+    (2, 3, 7),
+    (2, 7, 6),
+    (0, 2, 6),
+    (0, 6, 4),
+    (1, 5, 7),
+    (1, 7, 3),
+)
 
 
 def box_vertices(low: Any, high: Any) -> np.ndarray:
@@ -99,8 +132,18 @@ def box_part(store: Store, low: Any, high: Any, **changes: Any) -> Part:
     text = f"boxes:Box(high={high.tolist()!r}, low={low.tolist()!r})"
     flat = bool((size == 0).any())
     return _part(
-        store, text, "boxes:Box", vertices, _CUBE_FACES, mass, (low + high) / 2, np.diag(moments), (low, high),
-        Fit(shape="box", size=tuple((size / 2).tolist()), pose=pose(matrix((low + high) / 2))), flat=flat, **changes,
+        store,
+        text,
+        "boxes:Box",
+        vertices,
+        _CUBE_FACES,
+        mass,
+        (low + high) / 2,
+        np.diag(moments),
+        (low, high),
+        Fit(shape="box", size=tuple((size / 2).tolist()), pose=pose(matrix((low + high) / 2))),
+        flat=flat,
+        **changes,
     )
 
 
@@ -110,33 +153,81 @@ def cylinder_part(store: Store, radius: float, length: float, **changes: Any) ->
     ring = np.stack([radius * np.cos(angles), radius * np.sin(angles)], axis=1)
     half = length / 2
     vertices = np.vstack([np.c_[ring, np.full(24, -half)], np.c_[ring, np.full(24, half)], [[0, 0, -half], [0, 0, half]]])
-    faces = [f for k in range(24) for f in (
-        (k, (k + 1) % 24, 24 + (k + 1) % 24), (k, 24 + (k + 1) % 24, 24 + k), (48, (k + 1) % 24, k), (49, 24 + k, 24 + (k + 1) % 24)
-    )]
+    faces = [
+        f
+        for k in range(24)
+        for f in (
+            (k, (k + 1) % 24, 24 + (k + 1) % 24),
+            (k, 24 + (k + 1) % 24, 24 + k),
+            (48, (k + 1) % 24, k),
+            (49, 24 + k, 24 + (k + 1) % 24),
+        )
+    ]
     mass = 1000.0 * np.pi * radius**2 * length
     across = mass * (3 * radius**2 + length**2) / 12
     box = (np.array([-radius, -radius, -half]), np.array([radius, radius, half]))
     return _part(
-        store, f"boxes:Rod(length={length!r}, radius={radius!r})", "boxes:Rod", vertices, faces, mass, np.zeros(3),
-        np.diag([across, across, mass * radius**2 / 2]), box, Fit(shape="cylinder", size=(radius, half), pose=NO_POSE), **changes,
+        store,
+        f"boxes:Rod(length={length!r}, radius={radius!r})",
+        "boxes:Rod",
+        vertices,
+        faces,
+        mass,
+        np.zeros(3),
+        np.diag([across, across, mass * radius**2 / 2]),
+        box,
+        Fit(shape="cylinder", size=(radius, half), pose=NO_POSE),
+        **changes,
     )
 
 
 def _part(
-    store: Store, text: str, reference: str, vertices: Any, faces: Any, mass: float, centre: Any, inertia: Any, box: Any, fit: Fit,
-    *, flat: bool = False, **changes: Any,
+    store: Store,
+    text: str,
+    reference: str,
+    vertices: Any,
+    faces: Any,
+    mass: float,
+    centre: Any,
+    inertia: Any,
+    box: Any,
+    fit: Fit,
+    *,
+    flat: bool = False,
+    **changes: Any,
 ) -> Part:
     solid = stl(vertices, faces)
     count = (len(vertices), len(faces))
     record = PartRecord(
-        text=text, material=None, color=None, volume=mass / 1000, area=0.0, centre=tuple(centre.tolist()), inertia=_rows(inertia),
-        box=(tuple(box[0].tolist()), tuple(box[1].tolist())), mounts={}, references=(), expectations=(), actuator=None, mass=None,
-        com=None, matrix=None, density=None, bom={}, warnings=(), fits={fit.shape: fit},
+        text=text,
+        material=None,
+        color=None,
+        volume=mass / 1000,
+        area=0.0,
+        centre=tuple(centre.tolist()),
+        inertia=_rows(inertia),
+        box=(tuple(box[0].tolist()), tuple(box[1].tolist())),
+        mounts={},
+        references=(),
+        expectations=(),
+        actuator=None,
+        mass=None,
+        com=None,
+        matrix=None,
+        density=None,
+        bom={},
+        warnings=(),
+        fits={fit.shape: fit},
         meshes={
-            "visual": kept(store, obj(vertices, faces), *count, flat=flat), "hull": kept(store, solid, *count, flat=flat),
-            "mesh": kept(store, solid, *count, flat=flat), "print": kept(store, solid, *count, flat=flat),
+            "visual": kept(store, obj(vertices, faces), *count, flat=flat),
+            "hull": kept(store, solid, *count, flat=flat),
+            "mesh": kept(store, solid, *count, flat=flat),
+            "print": kept(store, solid, *count, flat=flat),
         },
-        pieces=(), convex=(), brep=None, code=None,
+        pieces=(),
+        convex=(),
+        brep=None,
+        code=None,
     )
     return Part(
         definition=PartDefinition(reference=reference, kind="code", parameters=(), text=text),
@@ -210,7 +301,9 @@ def total(properties: Any) -> MassProperties:
 def moved(properties: MassProperties, x: np.ndarray) -> MassProperties:
     r = x[:3, :3]
     centre = r @ np.array(properties.centre) + x[:3, 3]
-    return MassProperties(mass=properties.mass, centre=tuple(centre.tolist()), inertia=_rows(r @ np.array(properties.inertia) @ r.T))
+    return MassProperties(
+        mass=properties.mass, centre=tuple(centre.tolist()), inertia=_rows(r @ np.array(properties.inertia) @ r.T)
+    )
 
 
 @dataclass
@@ -238,31 +331,71 @@ class Made:
                 members.append(len(occurrences))
                 occurrences.append(self.occurrence(len(occurrences), piece))
             bodies = [moved(piece.part.properties, piece.pose) for piece in segment.pieces]
-            links.append(Link(
-                name=segment.name, index=index, frame=members[0] if members else 0, members=tuple(members),
-                poses=tuple(pose(piece.pose) for piece in segment.pieces),
-                properties=total(bodies) if sum(b.mass for b in bodies) > 0 else MassProperties(mass=0.0), origin=at(10 + index),
-            ))
+            links.append(
+                Link(
+                    name=segment.name,
+                    index=index,
+                    frame=members[0] if members else 0,
+                    members=tuple(members),
+                    poses=tuple(pose(piece.pose) for piece in segment.pieces),
+                    properties=total(bodies) if sum(b.mass for b in bodies) > 0 else MassProperties(mass=0.0),
+                    origin=at(10 + index),
+                )
+            )
         paths = {o.path: o.index for o in occurrences}
         mates = tuple(
             Mate(
-                parent=0, child=0, parent_mount="a", child_mount="b", X_PJ=NO_POSE, X_JC=NO_POSE, origin=at(30),
+                parent=0,
+                child=0,
+                parent_mount="a",
+                child_mount="b",
+                X_PJ=NO_POSE,
+                X_JC=NO_POSE,
+                origin=at(30),
                 joint=JointEdge(
-                    path=s.joint, kind="revolute", limit=s.limit, dynamics=s.dynamics, offset=0.0, mimic=s.mimic,
-                    actuator=s.actuator, origin=at(30),
+                    path=s.joint,
+                    kind="revolute",
+                    limit=s.limit,
+                    dynamics=s.dynamics,
+                    offset=0.0,
+                    mimic=s.mimic,
+                    actuator=s.actuator,
+                    origin=at(30),
                 ),
             )
-            for s in self.segments if s.joint is not None
+            for s in self.segments
+            if s.joint is not None
         )
         definition = AssemblyDefinition(
-            document="robots/arm.yaml", name=self.name, description="", parameters=(), text=self.name, materials={}, components=(),
-            joints=(), links=(), mounts={}, poses=(), modes=(), simulation={"timestep": 0.001}, raw=self.raw, origin=at(1),
+            document="robots/arm.yaml",
+            name=self.name,
+            description="",
+            parameters=(),
+            text=self.name,
+            materials={},
+            components=(),
+            joints=(),
+            links=(),
+            mounts={},
+            poses=(),
+            modes=(),
+            simulation={"timestep": 0.001},
+            raw=self.raw,
+            origin=at(1),
         )
         return Assembly(
-            name=self.name, definition=definition, hag=Hag(root=self.name, definitions=(), edges=()), base=0,
-            occurrences=tuple(occurrences), mates=mates, links=tuple(links),
-            link_of=tuple(i for i, s in enumerate(self.segments) for _ in s.pieces), rest=(), exported=(),
-            poses=tuple(NamedPose(name=n, values=q, origins={}, origin=at(60)) for n, q in self.keyframes), modes=(),
+            name=self.name,
+            definition=definition,
+            hag=Hag(root=self.name, definitions=(), edges=()),
+            base=0,
+            occurrences=tuple(occurrences),
+            mates=mates,
+            links=tuple(links),
+            link_of=tuple(i for i, s in enumerate(self.segments) for _ in s.pieces),
+            rest=(),
+            exported=(),
+            poses=tuple(NamedPose(name=n, values=q, origins={}, origin=at(60)) for n, q in self.keyframes),
+            modes=(),
             adhesions=tuple(
                 Adhesion(path=path, occurrence=paths[occurrence], mount="sole", force=force)
                 for path, occurrence, force in self.adhesions
@@ -272,36 +405,79 @@ class Made:
 
     def occurrence(self, index: int, piece: Piece) -> Occurrence:
         component = Component(
-            name=piece.path.split("/")[-1], definition=piece.part.definition, frame=False, placement=None, material=piece.material,
-            overrides=piece.overrides, mounts={}, bom=BomEntry(), origin=at(20 + index),
+            name=piece.path.split("/")[-1],
+            definition=piece.part.definition,
+            frame=False,
+            placement=None,
+            material=piece.material,
+            overrides=piece.overrides,
+            mounts={},
+            bom=BomEntry(),
+            origin=at(20 + index),
         )
         definition = Definition(text=piece.part.definition.text, reference=piece.part.definition.reference, kind="part")
         return Occurrence(
-            path=piece.path, index=index, definition=definition, component=component, record=piece.part.record,
-            material=piece.material, color=piece.color, overrides=piece.overrides, bom=BomEntry(), properties=piece.part.properties,
-            mass_source="derived", mounts={"origin": MountFrame(pose=NO_POSE)}, origin=at(20 + index),
+            path=piece.path,
+            index=index,
+            definition=definition,
+            component=component,
+            record=piece.part.record,
+            material=piece.material,
+            color=piece.color,
+            overrides=piece.overrides,
+            bom=BomEntry(),
+            properties=piece.part.properties,
+            mass_source="derived",
+            mounts={"origin": MountFrame(pose=NO_POSE)},
+            origin=at(20 + index),
         )
 
     def robot(self, assembly: Assembly, name: str = "bench", base: str = "fixed") -> Robot:
         mode = LinkedMode(
-            name=name, root=RootChoice(occurrence=0, mount=None, path="plate/origin"), base=base, at=NO_POSE, gravity=self.gravity,
-            poses=(), actuators=None, exclude=(), adhesion=self.control, simulation=self.simulation, origin=at(50),
+            name=name,
+            root=RootChoice(occurrence=0, mount=None, path="plate/origin"),
+            base=base,
+            at=NO_POSE,
+            gravity=self.gravity,
+            poses=(),
+            actuators=None,
+            exclude=(),
+            adhesion=self.control,
+            simulation=self.simulation,
+            origin=at(50),
         )
         bodies = []
         for index, s in enumerate(self.segments):
             joint = None
             if s.joint is not None:
                 joint = CoreJoint(
-                    path=s.joint, kind=s.kind, axis=tuple(map(float, s.axis)), anchor=tuple(map(float, s.anchor)), reversed=False,
-                    offset=0.0, limit=s.limit, dynamics=s.dynamics, mimic=s.mimic, actuator=s.actuator, mate=0, origin=at(30 + index),
+                    path=s.joint,
+                    kind=s.kind,
+                    axis=tuple(map(float, s.axis)),
+                    anchor=tuple(map(float, s.anchor)),
+                    reversed=False,
+                    offset=0.0,
+                    limit=s.limit,
+                    dynamics=s.dynamics,
+                    mimic=s.mimic,
+                    actuator=s.actuator,
+                    mate=0,
+                    origin=at(30 + index),
                 )
             bodies.append(Body(link=index, parent=s.parent, X_PL=pose(s.pose), joint=joint))
         present = tuple(s.joint for s in self.segments if s.joint is not None and s.actuator is not None)
         return Robot(
-            name=name, mode=mode, assembly=assembly, base=base, gravity=self.gravity, bodies=tuple(bodies),
-            sites=tuple(Site(path=p, body=b, pose=pose(x), origin=at(80)) for p, b, x in self.sites), excluded=self.excluded,
+            name=self.name,
+            mode=mode,
+            assembly=assembly,
+            base=base,
+            gravity=self.gravity,
+            bodies=tuple(bodies),
+            sites=tuple(Site(path=p, body=b, pose=pose(x), origin=at(80)) for p, b, x in self.sites),
+            excluded=self.excluded,
             keyframes=tuple(Keyframe(name=n, q=q, origin=at(60 + k)) for k, (n, q) in enumerate(self.keyframes)),
-            present=present if self.present is None else self.present, adhesion=self.control,
+            present=present if self.present is None else self.present,
+            adhesion=self.control,
         )
 
     def request(self, store: Store, *modes: tuple[str, str]) -> EmitRequest:
@@ -309,7 +485,12 @@ class Made:
         assembly = self.assembly()
         robots = tuple(self.robot(assembly, name, base) for name, base in modes or (("bench", "fixed"),))
         return EmitRequest(
-            assembly=assembly, robots=robots, store=store, geometry=None, workspace=None, report=Report(),  # type: ignore[arg-type]
+            assembly=assembly,
+            robots=robots,
+            store=store,
+            geometry=None,
+            workspace=None,
+            report=Report(),  # type: ignore[arg-type]
         )
 
     def placed(self, q: dict[str, float]) -> list[np.ndarray]:

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import mujoco
 import pytest
+
 from mjcf.handmade import Made, Piece, Segment, box_part, drive, kept, raw
 from mjcf.test_mjcf_model import arm, load
-
 from thingc.diagnostics import Diagnostic
 from thingc.emit.mjcf import emit
 from thingc.realize.store import Store
@@ -42,13 +42,22 @@ def test_raw_attributes_arrive(store: Store) -> None:
     made = arm(store)
     made.adhesions = (("forearm/sole", "hand/cap", 300.0),)
     made.raw = (
-        raw(101, "joint yaw solreflimit", "0.03 1"), raw(102, "joint hand.pitch damping", "0.7"),
-        raw(103, "geom hand/cap:collision solref", "0.015 1"), raw(104, "option iterations", "7"),
-        raw(105, "option flag warmstart", "disable"), raw(106, "body bracket gravcomp", "1"), raw(107, "actuator yaw kp", "33"),
-        raw(108, "actuator forearm/sole gain", "2"), raw(109, "default collision geom margin", "0.001"),
-        raw(110, "default arm joint armature", "0.123"), raw(111, "site tip size", "0.02"), raw(112, "size memory", "1M"),
-        raw(113, "material petg_e6e6fa shininess", "0.25"), raw(114, "mesh boxes/Box-4c4c8075_hull maxhullvert", "6"),
-        raw(115, "key home time", "1.5"), raw(116, "visual global offwidth", "1920"),
+        raw(101, "joint yaw solreflimit", "0.03 1"),
+        raw(102, "joint hand.pitch damping", "0.7"),
+        raw(103, "geom hand/cap:collision solref", "0.015 1"),
+        raw(104, "option iterations", "7"),
+        raw(105, "option flag warmstart", "disable"),
+        raw(106, "body bracket gravcomp", "1"),
+        raw(107, "actuator yaw kp", "33"),
+        raw(108, "actuator forearm/sole gain", "2"),
+        raw(109, "default collision geom margin", "0.001"),
+        raw(110, "default arm joint armature", "0.123"),
+        raw(111, "site tip size", "0.02"),
+        raw(112, "size memory", "1M"),
+        raw(113, "material petg_e6e6fa shininess", "0.25"),
+        raw(114, "mesh boxes/Box-4c4c8075_hull maxhullvert", "6"),
+        raw(115, "key home time", "1.5"),
+        raw(116, "visual global offwidth", "1920"),
     )
     model = load(made.request(store))
     assert list(model.jnt_solref[model.joint("yaw").id]) == [0.03, 1.0]
@@ -71,9 +80,14 @@ def test_raw_attributes_that_mujoco_refuses(store: Store) -> None:
     """All of them in one run, each at its own line, in MuJoCo's words."""
     made = arm(store)
     made.raw = (
-        raw(101, "joint yaw solreflimt", "0.03 1"), raw(102, "joint hand/pitch range", "a b"), raw(103, "joint yaw limited", "perhaps"),
-        raw(104, "option iterations", "many"), raw(105, "body bracket sleep", "1 2"), raw(106, "joint yaw damping", "0.3"),
-        raw(107, "default collision geom solref", "x"), raw(108, "option flag contract", "disable"),
+        raw(101, "joint yaw solreflimt", "0.03 1"),
+        raw(102, "joint hand/pitch range", "a b"),
+        raw(103, "joint yaw limited", "perhaps"),
+        raw(104, "option iterations", "many"),
+        raw(105, "body bracket sleep", "1 2"),
+        raw(106, "joint yaw damping", "0.3"),
+        raw(107, "default collision geom solref", "x"),
+        raw(108, "option flag contract", "disable"),
         raw(109, "geom plate:collision mesh", "nothing"),
     )
     assert said(made, store, ("bench", "fixed"), ("adrift", "free")) == [
@@ -95,6 +109,15 @@ def test_a_raw_value_that_only_the_compiler_refuses(store: Store) -> None:
     assert said(made, store) == [("TC702", "error", 102, "MuJoCo refuses `axis` of joint `yaw`: axis too small in joint")]
 
 
+def test_unknown_and_refused_in_one_run(store: Store) -> None:
+    made = arm(store)
+    made.raw = (raw(101, "joint yow damping", "1"), raw(102, "joint yaw damping", "much"))
+    assert said(made, store) == [
+        ("TC701", "error", 101, "`mjcf` has no joint `yow`"),
+        ("TC702", "error", 102, "MuJoCo refuses `damping` of joint `yaw`: bad format in attribute 'damping'"),
+    ]
+
+
 def test_a_keyframe_that_does_not_fit(store: Store) -> None:
     """An error that MuJoCo gives without a line: found by its name."""
     made = arm(store)
@@ -110,7 +133,8 @@ def test_what_no_raw_attribute_caused(store: Store) -> None:
     part = made.segments[2].pieces[0].part
     broken = kept(store, b"nothing that is a mesh\n", 4, 4)
     made.segments[3].pieces[0].part = replace(
-        part, definition=replace(part.definition, text="boxes:Box(high=9)"),
+        part,
+        definition=replace(part.definition, text="boxes:Box(high=9)"),
         record=replace(part.record, text="boxes:Box(high=9)", meshes={**part.record.meshes, "visual": broken}),
     )
     found = said(made, store)
@@ -145,9 +169,11 @@ def test_warnings(store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     for _ in range(2):
         assert said(made, store) == [
             (
-                "TC703", "warning", 102,
-                "MuJoCo warns of `meaninertia` of `statistic`: statistic attribute 'meaninertia' is deprecated and will be removed "
-                "in a future release: it does not affect simulation",
+                "TC703",
+                "warning",
+                102,
+                "MuJoCo warns of `meaninertia` of `statistic`: statistic attribute 'meaninertia' is deprecated and will be "
+                "removed in a future release: it does not affect simulation",
             ),
         ]
     assert not (tmp_path / "MUJOCO_LOG.TXT").exists()
@@ -172,10 +198,15 @@ UNKNOWN = [
     ("geom hand/cap:colision solref", "`mjcf` has no geom `hand/cap:colision`", "did you mean `hand/cap:collision`?"),
     ("body q gravcomp", "`mjcf` has no body `q`", "known bodies: `bracket`, `forearm`, `plate`, `tip`"),
     ("default colision geom solref", "`mjcf` has no class `colision`", "did you mean `collision`?"),
-    ("joint damping", "`raw.mjcf.joint.damping` should name an attribute of one joint", "write `joint: {NAME: {ATTRIBUTE: VALUE}}`"),
+    (
+        "joint damping",
+        "`raw.mjcf.joint.damping` should name an attribute of one joint",
+        "write `joint: {NAME: {ATTRIBUTE: VALUE}}`",
+    ),
     ("option", "`raw.mjcf.option` should name an attribute of `option`", "write `option: {ATTRIBUTE: VALUE}`"),
     (
-        "default collision solref", "`raw.mjcf.default.collision.solref` should name an attribute in a default class",
+        "default collision solref",
+        "`raw.mjcf.default.collision.solref` should name an attribute in a default class",
         "write `default: {CLASS: {ELEMENT: {ATTRIBUTE: VALUE}}}`",
     ),
 ]
@@ -209,8 +240,10 @@ def test_raw_names_of_a_nested_document(store: Store) -> None:
     """`link` puts the nested document's path before every name, of things that are no occurrence too."""
     made = arm(store)
     made.raw = (
-        raw(101, "default hand/collision geom margin", "0.002"), raw(102, "option hand/flag warmstart", "disable"),
-        raw(103, "material hand/petg_e6e6fa shininess", "0.25"), raw(104, "joint hand/pitch damping", "0.4"),
+        raw(101, "default hand/collision geom margin", "0.002"),
+        raw(102, "option hand/flag warmstart", "disable"),
+        raw(103, "material hand/petg_e6e6fa shininess", "0.25"),
+        raw(104, "joint hand/pitch damping", "0.4"),
     )
     model = load(made.request(store))
     assert model.geom("tip:collision").margin == 0.002
@@ -324,7 +357,10 @@ def test_an_unchanged_model_needs_no_mujoco(store: Store, tmp_path: Path) -> Non
     kept_request.write_bytes(pickle.dumps(arm(store).request(store)))
     tests = str(Path(__file__).resolve().parent.parent)
     run = subprocess.run(
-        [sys.executable, "-c", program, str(kept_request), tests, *sys.path[1:]], capture_output=True, text=True, timeout=60,
+        [sys.executable, "-c", program, str(kept_request), tests, *sys.path[1:]],
+        capture_output=True,
+        text=True,
+        timeout=60,
         env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"},
     )
     assert (run.stdout, run.returncode) == ("[]\n", 0), run.stderr

@@ -8,15 +8,28 @@ import os
 import mujoco
 import numpy as np
 import pytest
-from mjcf.handmade import (
-    Made, Piece, Segment, box_part, box_vertices, cylinder_part, drive, matrix, material, moved, obj, spin, stl, kept, total,
-)
 
+from mjcf.handmade import (
+    Made,
+    Piece,
+    Segment,
+    box_part,
+    box_vertices,
+    cylinder_part,
+    drive,
+    kept,
+    material,
+    matrix,
+    moved,
+    spin,
+    stl,
+    total,
+)
 from thingc.diagnostics import as_json
 from thingc.emit.mjcf import emit
 from thingc.emit.request import EmitRequest
-from thingc.realize.record import Fit
 from thingc.pose import NO_POSE
+from thingc.realize.record import Fit
 from thingc.realize.store import Store
 from thingc.resolve.model import Dynamics, Limit, Mimic, Overrides
 
@@ -56,23 +69,44 @@ def arm(store: Store) -> Made:
         segments=[
             Segment("plate", [Piece("plate", plate, color="#e6e6fa", material=material())]),
             Segment(
-                "bracket", [Piece("bracket", rod), Piece("hand/cap", brick, matrix((0.01, 0.02, 0.03), tilt))], parent=0,
-                pose=matrix((0.02, 0.0, 0.07), spin((0, 0, 1), 0.4)), joint="yaw", limit=Limit(lower=-2.6, upper=2.6, effort=4.1, velocity=4.8),
-                dynamics=Dynamics(damping=0.02, friction=0.05, armature=0.01), actuator=drive(kp=20.0, kv=0.5, effort=4.1, velocity=4.8),
+                "bracket",
+                [Piece("bracket", rod), Piece("hand/cap", brick, matrix((0.01, 0.02, 0.03), tilt))],
+                parent=0,
+                pose=matrix((0.02, 0.0, 0.07), spin((0, 0, 1), 0.4)),
+                joint="yaw",
+                limit=Limit(lower=-2.6, upper=2.6, effort=4.1, velocity=4.8),
+                dynamics=Dynamics(damping=0.02, friction=0.05, armature=0.01),
+                actuator=drive(kp=20.0, kv=0.5, effort=4.1, velocity=4.8),
             ),
             Segment(
-                "forearm", [Piece("forearm", brick, matrix((0.0, 0.0, 0.1), spin((0, 1, 0), 1.1)))], parent=1,
-                pose=matrix((0.0, 0.03, 0.08), spin((3, -1, 0.5), 2.0)), joint="hand/pitch", axis=np.array((1, -2, 0.5)) / np.sqrt(5.25),
-                anchor=(0.01, -0.02, 0.03), limit=Limit(lower=-1.0, upper=2.0), actuator=drive("velocity", kv=3.0, effort=2.0, velocity=6.0),
+                "forearm",
+                [Piece("forearm", brick, matrix((0.0, 0.0, 0.1), spin((0, 1, 0), 1.1)))],
+                parent=1,
+                pose=matrix((0.0, 0.03, 0.08), spin((3, -1, 0.5), 2.0)),
+                joint="hand/pitch",
+                axis=np.array((1, -2, 0.5)) / np.sqrt(5.25),
+                anchor=(0.01, -0.02, 0.03),
+                limit=Limit(lower=-1.0, upper=2.0),
+                actuator=drive("velocity", kv=3.0, effort=2.0, velocity=6.0),
             ),
             Segment(
-                "tip", [Piece("tip", rod)], parent=2, pose=matrix((0.0, 0.0, 0.2), spin((0, 1, 1), -0.9)), joint="slider", kind="slide",
-                axis=(0.6, 0.0, -0.8), limit=Limit(lower=0.0, upper=0.05), dynamics=Dynamics(stiffness=12.0),
+                "tip",
+                [Piece("tip", rod)],
+                parent=2,
+                pose=matrix((0.0, 0.0, 0.2), spin((0, 1, 1), -0.9)),
+                joint="slider",
+                kind="slide",
+                axis=(0.6, 0.0, -0.8),
+                limit=Limit(lower=0.0, upper=0.05),
+                dynamics=Dynamics(stiffness=12.0),
                 actuator=drive("motor", effort=7.0),
             ),
         ],
         sites=(("tip", 3, matrix((0, 0, 0.05), tilt)), ("plate/origin", 0, np.eye(4))),
-        keyframes=(("home", {"yaw": 0.5, "hand/pitch": -0.6, "slider": 0.02}), ("folded", {"yaw": 0.0, "hand/pitch": 1.9, "slider": 0.0})),
+        keyframes=(
+            ("home", {"yaw": 0.5, "hand/pitch": -0.6, "slider": 0.02}),
+            ("folded", {"yaw": 0.0, "hand/pitch": 1.9, "slider": 0.0}),
+        ),
         excluded=((0, 1), (1, 2), (2, 3)),
     )
 
@@ -298,8 +332,11 @@ def test_names_and_classes_of_geoms(store: Store) -> None:
 
 def test_friction_of_the_document_counts_on_the_floor(store: Store) -> None:
     """MuJoCo's rule is the larger of two, and its floor has 1: the document's 0.1 must win."""
-    made = Made(segments=[Segment("sled", [Piece("sled", box_part(store, (-0.1, -0.1, -0.05), (0.1, 0.1, 0.05)),
-                                                  material=material(slide=0.1))])])
+    made = Made(
+        segments=[
+            Segment("sled", [Piece("sled", box_part(store, (-0.1, -0.1, -0.05), (0.1, 0.1, 0.05)), material=material(slide=0.1))])
+        ]
+    )
     request = made.request(store, ("bench", "free"))
     files = emit(request).files
     assets = {p.removeprefix("mjcf/assets/"): store.read(c.sha256) for p, c in files.items() if "/assets/" in p}
@@ -314,9 +351,17 @@ def test_friction_of_the_document_counts_on_the_floor(store: Store) -> None:
 
 def test_torsional_and_rolling_friction_act(store: Store) -> None:
     part = box_part(store, (0, 0, 0), (0.1, 0.1, 0.1))
-    made = Made(segments=[Segment("a", [
-        Piece("a", part, material=material(slide=0.4, torsion=0.02)), Piece("b", part, material=material(roll=0.003)),
-    ])])
+    made = Made(
+        segments=[
+            Segment(
+                "a",
+                [
+                    Piece("a", part, material=material(slide=0.4, torsion=0.02)),
+                    Piece("b", part, material=material(roll=0.003)),
+                ],
+            )
+        ]
+    )
     model = load(made.request(store))
     np.testing.assert_allclose(model.geom("a:collision").friction, [0.4, 0.02, 0.0001])
     assert model.geom("a:collision").condim == 4
@@ -374,7 +419,8 @@ def test_a_magnet_holds_what_it_says(store: Store) -> None:
             Segment("plate", [Piece("plate", plate, matrix((0, 0, 0.05)))]),
             Segment("block", [Piece("block", block)], parent=0, joint="drop", kind="slide", axis=(0, 0, 1)),
         ],
-        adhesions=(("block/top", "block", 20.0),), keyframes=(("home", {"drop": 0.0}),),
+        adhesions=(("block/top", "block", 20.0),),
+        keyframes=(("home", {"drop": 0.0}),),
     )
     height = {}
     for force in (0.0, 20.0):
@@ -426,9 +472,17 @@ def test_pieces(store: Store) -> None:
     corners = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]])
     solids = tuple(kept(store, stl(corners + [k * 0.2, 0, 0], faces), 4, 4) for k in range(3))
     part = box_part(store, (0, 0, 0), (0.1, 0.1, 0.1), pieces=solids[:2], convex=solids)
-    made = Made(segments=[Segment("a", [
-        Piece("a", part, overrides=Overrides(collision="part")), Piece("b", part, overrides=Overrides(collision="decompose")),
-    ])])
+    made = Made(
+        segments=[
+            Segment(
+                "a",
+                [
+                    Piece("a", part, overrides=Overrides(collision="part")),
+                    Piece("b", part, overrides=Overrides(collision="decompose")),
+                ],
+            )
+        ]
+    )
     model = load(made.request(store))
     names = [model.geom(i).name for i in range(model.ngeom)]
     assert names == ["a", "a:collision", "a:collision_1", "b", "b:collision", "b:collision_1", "b:collision_2"]
@@ -464,11 +518,24 @@ def test_a_plate_of_no_thickness_moves(store: Store) -> None:
     """A + B = C of its principal moments, to the last bit in no frame but its own: MuJoCo must take it all the same."""
     thin = box_part(store, (-0.1, -0.2, 0.0), (0.1, 0.2, 1e-9))
     for angle in np.linspace(0.1, 3.0, 7):
-        made = Made(segments=[
-            Segment("base", [Piece("base", cylinder_part(store, 0.1, 0.1))]),
-            Segment("sheet", [Piece("sheet", thin, matrix((0, 0, 0.3), spin((1, angle, 0.3), angle)), overrides=Overrides(
-                collision="none", visual=False))], parent=0, joint="j"),
-        ])
+        made = Made(
+            segments=[
+                Segment("base", [Piece("base", cylinder_part(store, 0.1, 0.1))]),
+                Segment(
+                    "sheet",
+                    [
+                        Piece(
+                            "sheet",
+                            thin,
+                            matrix((0, 0, 0.3), spin((1, angle, 0.3), angle)),
+                            overrides=Overrides(collision="none", visual=False),
+                        )
+                    ],
+                    parent=0,
+                    joint="j",
+                ),
+            ]
+        )
         heavy = made.request(store)
         link = heavy.assembly.links[1]
         object.__setattr__(link, "properties", moved(scaled(thin.properties, 1e6), made.segments[1].pieces[0].pose))
@@ -485,9 +552,12 @@ def scaled(properties: object, by: float) -> object:
 
 def test_a_link_without_mass_that_never_moves(store: Store) -> None:
     part = box_part(store, (0, 0, 0), (0.1, 0.1, 0.1))
-    made = Made(segments=[
-        Segment("stand", []), Segment("arm", [Piece("arm", part)], parent=0, joint="j"),
-    ])
+    made = Made(
+        segments=[
+            Segment("stand", []),
+            Segment("arm", [Piece("arm", part)], parent=0, joint="j"),
+        ]
+    )
     model = load(made.request(store))
     assert model.body("stand").mass == 0.0
     np.testing.assert_allclose(model.body_mass.sum(), 1.0)

@@ -6,13 +6,13 @@ Sources: emanual.robotis.com/docs/en/dxl/x/xm430-w350 and .../xm540-w270 ("Speci
 
 from __future__ import annotations
 
-from math import cos, hypot, pi, radians, sin
+from math import cos, pi, radians, sin
 
 import pytest
 from build123d import Vector
 
 from thingc import ParameterError
-from thingc_stock.dynamixel import XM430, XM540
+from thingc_stock.dynamixel import XM430, XM540, XSeries
 
 SIZES = {XM430: (28.5, 46.5, 34.0), XM540: (33.5, 58.5, 44.0)}
 OUTER = {  # axis to the top face; horn and idler: diameter, thickness; circle and thread of their 8 holes
@@ -177,9 +177,10 @@ def test_adjust_gives_play_on_each_side_and_leaves_the_rest(model):
     assert tuple(roomy.left.location.position)[0] == pytest.approx(width / 2 + 0.1)
     assert tuple(servo.left.location.position)[0] == pytest.approx(width / 2)
     assert tuple(roomy.rotor.location.position) == pytest.approx((0, 0, depth / 2 + OUTER[model][2] + 0.3))
-    for name, (mouth, _) in HOLES[model].items():
-        moved = getattr(roomy, f"screw_{name}")(0.0).seat.location.position - Vector(mouth)
-        assert hypot(moved.X, moved.Y, moved.Z) < 0.31, name
+    for name, (mouth, out) in HOLES[model].items():  # each hole moves with its face and stays in line with the servo's
+        mouth_there = getattr(roomy, f"screw_{name}")(0.0).seat.location.position
+        play = abs(Vector(out).dot(Vector(0.1, 0.2, 0.3)))
+        assert tuple(mouth_there) == pytest.approx(tuple(Vector(mouth) + Vector(out) * play), abs=1e-9), name
     assert roomy.boss_hull(1.0).volume == pytest.approx(pi / 4 * (servo.p.boss_diameter + 1) ** 2)
 
 
@@ -202,5 +203,13 @@ def test_collision_pieces_are_convex_and_hold_the_servo(model, solids, pieces):
 def test_the_idler_lies_in_its_hull():
     servo = XM430()
     rim = servo.idler_hull(2.0)
+    box = rim.bounding_box()
     assert rim.volume == pytest.approx(pi / 4 * 19.5**2 * 2.0)
-    assert [tuple(corner)[2] for corner in (rim.bounding_box().min, rim.bounding_box().max)] == pytest.approx([-19, -17], abs=1e-6)
+    assert [tuple(box.min)[2], tuple(box.max)[2]] == pytest.approx([-19, -17], abs=1e-6)
+
+
+def test_the_family_itself_is_no_part():
+    from thingc.things.inspection import is_part
+
+    assert is_part(XSeries) is None
+    assert is_part(XM430) == is_part(XM540) == "thing"

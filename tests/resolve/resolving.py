@@ -12,6 +12,7 @@ from thingc.load import load
 from thingc.realize.record import ParameterSchema, PartFailure, PartSchema
 from thingc.resolve import resolve
 from thingc.resolve.model import AssemblyDefinition, Component, Joint, Mode, NamedPose
+from thingc.source import Span
 from thingc.spec import validate
 from thingc.workspace import Workspace
 
@@ -38,6 +39,11 @@ SCHEMAS: dict[str, PartSchema | PartFailure] = {
         ParameterSchema(name="teeth", kind="choice", required=False, default=8, choices=(8, 16, 32)),
     ),
     "arm:Rod": schema("arm:Rod", ParameterSchema(name="length", kind="length", required=True, default=None)),
+    "arm:Two": schema(
+        "arm:Two",
+        ParameterSchema(name="length", kind="length", required=True, default=None),
+        ParameterSchema(name="tilt", kind="angle", required=True, default=None),
+    ),
     "arm:Servo": schema("arm:Servo", actuator=True),
     "arm:Gone": PartFailure(
         subject="arm:Gone", kind="missing", message="module `arm` has no class `Gone`", candidates=("Plate", "Brace", "Gome"),
@@ -59,12 +65,19 @@ class Outcome:
 
     @property
     def said(self) -> list[str]:
-        """`TC305 arm.yaml:7:12 message | help`, in the order of places."""
+        """`TC305 arm.yaml:7:12 message | help`, in the order of places; notes below, with `+`."""
         lines = []
         for d in self.report.ordered():
-            place = f"{Path(d.span.file).relative_to(self.root)}:{d.span.line}:{d.span.column} " if d.span else f"({d.path}) "
-            lines.append(f"{d.code.code} {place}{d.message}" + (f" | {d.help}" if d.help else ""))
+            place = self._place(d.span) if d.span else f"({d.path})"
+            lines.append(f"{d.code.code} {place} {d.message}" + (f" | {d.help}" if d.help else ""))
+            lines.extend(f"+ {self._place(note.span)} {note.message}" for note in d.notes)
         return lines
+
+    def _place(self, span: Span | None) -> str:
+        if span is None:
+            return "-"
+        file = Path(span.file)
+        return f"{file.relative_to(self.root) if file.is_relative_to(self.root) else file}:{span.line}:{span.column}"
 
     @property
     def good(self) -> AssemblyDefinition:

@@ -9,8 +9,28 @@ import numpy as np
 import pytest
 
 from graph.builder import (
-    MATE, Actuator, Drive, as_matrix, as_pose, assembly, attach, box, component, inv, joint, laid, linked, mimic, mode, pose, ref,
-    rx, ry, rz, t, whole,
+    MATE,
+    Actuator,
+    Drive,
+    as_matrix,
+    as_pose,
+    assembly,
+    attach,
+    box,
+    component,
+    inv,
+    joint,
+    laid,
+    linked,
+    mimic,
+    mode,
+    pose,
+    ref,
+    rx,
+    ry,
+    rz,
+    t,
+    whole,
 )
 from thingc.diagnostics import Report
 from thingc.graph.types import Assembly
@@ -34,13 +54,21 @@ def robots(found: Assembly) -> dict[str, Robot]:
 
 
 def hinge(kind: str = "revolute") -> Assembly:
-    return linked(assembly(
-        "two", [component("base", "p:Base"), component("arm", "p:Arm")],
-        [joint("j", "base.seat", "arm.hole", kind, turn=0.7, gap=0.003, offset=0.25, damping=0.1)], modes=[
-            mode("bench", whole("base"), "fixed", at=AT), mode("by_tip", ref("arm.tip"), "held", at=AT),
-            mode("adrift", whole("arm"), "free", at=AT), mode("standing", ref("base.sole"), at=AT),
-        ],
-    ), BASE, ARM)
+    return linked(
+        assembly(
+            "two",
+            [component("base", "p:Base"), component("arm", "p:Arm")],
+            [joint("j", "base.seat", "arm.hole", kind, turn=0.7, gap=0.003, offset=0.25, damping=0.1)],
+            modes=[
+                mode("bench", whole("base"), "fixed", at=AT),
+                mode("by_tip", ref("arm.tip"), "held", at=AT),
+                mode("adrift", whole("arm"), "free", at=AT),
+                mode("standing", ref("base.sole"), at=AT),
+            ],
+        ),
+        BASE,
+        ARM,
+    )
 
 
 def relative(kind: str, q: float) -> np.ndarray:
@@ -97,14 +125,18 @@ def test_the_axis_lies_on_the_mount_in_the_child_and_is_negated_backwards() -> N
     assert forward is not None
     assert backward is not None
     assert np.array(forward.axis) == pytest.approx(-HOLE[:3, 2])  # the mate opposes the z axes
-    assert np.array(forward.anchor) == pytest.approx((HOLE @ [0, 0, 0.003, 1])[:3] * 0 + (HOLE @ [0, 0, 0, 1])[:3])
+    assert np.array(forward.anchor) == pytest.approx(HOLE[:3, 3])
     assert np.array(backward.axis) == pytest.approx(-SEAT[:3, 2])
     assert np.array(backward.anchor) == pytest.approx((SEAT @ [0, 0, 0.003, 1])[:3])
 
 
 def test_no_negative_zeros_are_written() -> None:
-    model = assembly("two", [component("base", "p:Base"), component("arm", "p:Arm")], [joint("j", "base.origin", "arm.origin")],
-                     modes=[mode("m", whole("arm"))])
+    model = assembly(
+        "two",
+        [component("base", "p:Base"), component("arm", "p:Arm")],
+        [joint("j", "base.origin", "arm.origin")],
+        modes=[mode("m", whole("arm"))],
+    )
     core = robots(linked(model, BASE, ARM))["m"].bodies[1].joint
     assert core is not None
     assert [math.copysign(1, x) for x in core.axis] == [1, 1, -1]
@@ -140,22 +172,51 @@ ROD = box("p:Rod", (0.02, 0.02, 0.2), mounts={"low": t(0, 0, -0.1) @ rx(math.pi)
 
 def leg() -> object:
     return assembly(
-        "leg", [component("thigh", "p:Rod"), component("shin", "p:Rod"), component("eye", None, laid("shin.high", t(0, 0, 0.01)), frame=True)],
-        [joint("knee", "thigh.high", "shin.low", drive=Drive(component=None, kind="position", kp=5.0))], mounts={"sole": "shin.high", "hip": "thigh.low"},
+        "leg",
+        [
+            component("thigh", "p:Rod"),
+            component("shin", "p:Rod"),
+            component("eye", None, laid("shin.high", t(0, 0, 0.01)), frame=True),
+        ],
+        [joint("knee", "thigh.high", "shin.low", drive=Drive(component=None, kind="position", kp=5.0))],
+        mounts={"sole": "shin.high", "hip": "thigh.low"},
     )
 
 
 def spider() -> Assembly:
     one = leg()
-    return linked(assembly(
-        "spider", [component("leg_b", one), component("hub", "p:Hub"), component("leg_a", one), component("lid", "p:Rod", attach("lid.low", "hub.m5"))],
-        [joint("swing_a", "hub.m0", "leg_a.hip", drive=Drive(component=whole("hub"))), joint("swing_b", "hub.m1", "leg_b.hip", mimic=mimic("swing_a", -1.0))],
-        mounts={"top": "lid.high"}, poses=[pose("home", swing_a=0.4, leg_a__knee=0.2), pose("low", leg_b__knee=-0.5)], modes=[
-            mode("stand", whole("hub"), poses=("low", "home")),
-            mode("foot", ref("leg_a.sole"), "held", poses=("home",), actuators=("leg_b/knee", "swing_a"), exclude=((whole("leg_a"), whole("leg_b")),), adhesion=((ref("leg_a.sole"), 30.0),)),
-            mode("eye", whole("leg_b.eye"), "free"),
-        ],
-    ), HUB, ROD)
+    return linked(
+        assembly(
+            "spider",
+            [
+                component("leg_b", one),
+                component("hub", "p:Hub"),
+                component("leg_a", one),
+                component("lid", "p:Rod", attach("lid.low", "hub.m5")),
+            ],
+            [
+                joint("swing_a", "hub.m0", "leg_a.hip", drive=Drive(component=whole("hub"))),
+                joint("swing_b", "hub.m1", "leg_b.hip", mimic=mimic("swing_a", -1.0)),
+            ],
+            mounts={"top": "lid.high"},
+            poses=[pose("home", swing_a=0.4, leg_a__knee=0.2), pose("low", leg_b__knee=-0.5)],
+            modes=[
+                mode("stand", whole("hub"), poses=("low", "home")),
+                mode(
+                    "foot",
+                    ref("leg_a.sole"),
+                    "held",
+                    poses=("home",),
+                    actuators=("leg_b/knee", "swing_a"),
+                    exclude=((whole("leg_a"), whole("leg_b")),),
+                    adhesion=((ref("leg_a.sole"), 30.0),),
+                ),
+                mode("eye", whole("leg_b.eye"), "free"),
+            ],
+        ),
+        HUB,
+        ROD,
+    )
 
 
 def test_bodies_are_depth_first_in_document_order() -> None:
@@ -174,7 +235,17 @@ def test_bodies_are_depth_first_in_document_order() -> None:
 def test_sites_are_the_same_in_every_mode_but_for_the_body() -> None:
     found = spider()
     made = robots(found)
-    names = ["top", "leg_b/sole", "leg_b/hip", "leg_a/sole", "leg_a/hip", "leg_b/eye", "leg_a/eye", "hub/origin", "leg_b/eye/origin"]
+    names = [
+        "top",
+        "leg_b/sole",
+        "leg_b/hip",
+        "leg_a/sole",
+        "leg_a/hip",
+        "leg_b/eye",
+        "leg_a/eye",
+        "hub/origin",
+        "leg_b/eye/origin",
+    ]
     for robot in made.values():
         assert [site.path for site in robot.sites] == names
         q = {"swing_a": 0.3, "leg_a/knee": 0.5}
@@ -199,10 +270,24 @@ def test_neighbours_are_excluded_alike_in_every_mode() -> None:
     for name, robot in robots(found).items():
         names = link_names(robot)
         pairs = [(names[a], names[b]) for a, b in robot.excluded]
-        own = [] if name != "foot" else [("leg_b/thigh", "leg_a/thigh"), ("leg_b/shin", "leg_a/thigh"), ("leg_b/thigh", "leg_a/shin"), ("leg_b/shin", "leg_a/shin")]
+        own = (
+            []
+            if name != "foot"
+            else [
+                ("leg_b/thigh", "leg_a/thigh"),
+                ("leg_b/shin", "leg_a/thigh"),
+                ("leg_b/thigh", "leg_a/shin"),
+                ("leg_b/shin", "leg_a/shin"),
+            ]
+        )
         assert set(pairs) == {*neighbours, *own}
         assert len(set(pairs)) == len(pairs)
-        assert pairs[:4] == [("hub", "leg_a/thigh"), ("leg_b/thigh", "hub"), ("leg_b/thigh", "leg_b/shin"), ("leg_a/thigh", "leg_a/shin")]
+        assert pairs[:4] == [
+            ("hub", "leg_a/thigh"),
+            ("leg_b/thigh", "hub"),
+            ("leg_b/thigh", "leg_b/shin"),
+            ("leg_a/thigh", "leg_a/shin"),
+        ]
 
 
 def test_keyframes_have_every_joint_in_joint_order() -> None:

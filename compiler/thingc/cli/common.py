@@ -111,13 +111,11 @@ def require_document(path: str) -> None:
 
 
 def show_progress(what: str, done: int, total: int) -> None:
-    """One line per part on standard error; on a terminal they overwrite each other."""
+    """How far it is, on standard error: one line that counts on a terminal, else one at the start and one at the end."""
     if sys.stderr.isatty():
-        sys.stderr.write(f"\r\x1b[K  modelling {done}/{total}  {what[:100]}")
-        if done == total:
-            sys.stderr.write("\r\x1b[K")
-    else:
-        sys.stderr.write(f"modelled {what} ({done}/{total})\n")
+        sys.stderr.write(f"\r\x1b[K{what} parts: {done} of {total}" if done < total else "\r\x1b[K")
+    elif done in (0, total):
+        sys.stderr.write(f"{what} parts: {done} of {total}\n")
     sys.stderr.flush()
 
 

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from thingc import __version__
 from thingc.emit import jsontext
 from thingc.emit.artifact import MANIFEST, Content, Loss, Stored
 from thingc.graph.types import Assembly
@@ -17,8 +18,8 @@ from thingc.graph.types import Assembly
 if TYPE_CHECKING:
     from thingc.workspace import Workspace
 
-DISTRIBUTIONS = ("thingc", "build123d", "cadquery-ocp-novtk", "cadquery-ocp", "mujoco")
-"""Installed distributions whose version changes what a build holds; one that is not installed is left out."""
+DISTRIBUTIONS = ("build123d", "cadquery-ocp-novtk", "cadquery-ocp", "mujoco")
+"""Installed distributions whose version changes what a build holds, besides our own; one that is not installed is left out."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,7 +96,7 @@ def sha256_of(content: Content) -> str:
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python and of `DISTRIBUTIONS` as installed, by name; the first on the import path counts.
+    """Versions of Python, thingc and `DISTRIBUTIONS` as installed, by name; the first on the import path counts.
 
     Read from the names of the `NAME-VERSION.dist-info` folders ("Recording installed projects", PyPA specifications):
     `importlib.metadata` finds the same, but importing it takes longer than writing everything else.
@@ -111,6 +112,7 @@ def versions() -> dict[str, str]:
             name, dash, version = entry.removesuffix(".dist-info").rpartition("-")
             if dash and entry.endswith(".dist-info") and _normal(name) in wanted:
                 found.setdefault(wanted[_normal(name)], version)
+    found["thingc"] = __version__
     found["python"] = ".".join(map(str, sys.version_info[:3]))
     return dict(sorted(found.items()))
 

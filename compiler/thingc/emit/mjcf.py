@@ -22,19 +22,18 @@ def emit(request: EmitRequest) -> Artifacts:
     losses: dict[Loss, None] = dict.fromkeys(geometry.losses)
     candidates: list[mjcf_check.Candidate] = []
     for robot, model in zip(robots, models, strict=True):
-        stem = f"{assembly.name}_{robot.name}"
-        heading = f"Written by thingc from {assembly.definition.document}, mode {robot.name}."
+        stem = f"{assembly.name}_{robot.mode.name}"
+        heading = f"Written by thingc from {assembly.definition.document}, mode {robot.mode.name}."
         written = write(model, heading)
         scene = write(mjcf_scene.scene(robot, model, f"{stem}.xml"), heading)
         files[f"mjcf/{stem}.xml"] = written.text.encode()
-        files[f"mjcf/scene_{robot.name}.xml"] = scene.text.encode()
+        files[f"mjcf/scene_{robot.mode.name}.xml"] = scene.text.encode()
         losses |= dict.fromkeys(mjcf_model.losses(robot))
         candidates.append(mjcf_check.Candidate(
-            mode=robot.name, file=f"{stem}.xml", root=model, heading=heading, model=written, scene=scene,
+            mode=robot.mode.name, file=f"{stem}.xml", root=model, heading=heading, model=written, scene=scene,
             origin=robot.mode.origin,
         ))
-    if not report.failed:
-        mjcf_check.check(candidates, geometry.meshes, request.store, report)
+    mjcf_check.check(candidates, geometry.meshes, request.store, report)
     if not report.failed:
         for candidate in candidates:
             model_text = candidate.model.text.encode()

@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 from thingc.emit.artifact import Loss
+from thingc.emit.mjcf_drives import NOTHING, both_ways, drive_attributes, joint_range
 from thingc.emit.mjcf_geometry import Geometry, Shape
+from thingc.emit.mjcf_inertial import inertial
 from thingc.emit.mjcf_xml import Element, number, numbers, pose_attributes
-from thingc.graph.types import ActuatorModel, Link, Occurrence
-from thingc.inertia import ZERO, Matrix, physical_fault, principal_moments
+from thingc.graph.types import Link, Occurrence
 from thingc.pose import Pose
-from thingc.resolve.model import Limit
 from thingc.robot.types import CoreJoint, Robot
 
 FREE_JOINT = "root"
 """The name of a free base's joint."""
-
-UNBOUNDED = 1e6
-"""Where a joint is limited on one side only, the other side of its `range` [rad or m]: MuJoCo takes both or none."""
-
-NOTHING = 1e-12
-"""A range of 0 [N, N m, rad/s or m/s] is written as wide as this."""
 
 INTEGRATORS = {"euler": "Euler", "rk4": "RK4", "implicit": "implicit", "implicitfast": "implicitfast"}
 RESERVED_CLASSES = frozenset({"main", "visual", "collision"})
@@ -34,7 +28,7 @@ def losses(robot: Robot) -> tuple[Loss, ...]:
     found: list[Loss] = []
     for joint in _joints(robot):
         if joint.limit.velocity is not None:
-            what = f"its velocity limit of {number(joint.limit.velocity)} {'rad/s' if joint.kind == 'hinge' else 'm/s'}"
+            what = f"its velocity limit of {joint.limit.velocity:.6g} {'rad/s' if joint.kind == 'hinge' else 'm/s'}"
             span = next(iter(joint.origin), None)
             found.append(
                 Loss(target="mjcf", mode=None, path=joint.path, what=what, how="carried as custom data", span=span)
@@ -54,13 +48,6 @@ def adhesion_name(robot: Robot, path: str) -> str:
     return f"{path}:adhesion" if taken else path
 
 
-def joint_range(limit: Limit) -> tuple[float, float] | None:
-    """Both limits [rad or m], None where there is none."""
-    if limit.lower is None and limit.upper is None:
-        return None
-    return (-UNBOUNDED if limit.lower is None else limit.lower, UNBOUNDED if limit.upper is None else limit.upper)
-
-
 def _joints(robot: Robot) -> list[CoreJoint]:
     return [body.joint for body in robot.bodies if body.joint is not None]
 
@@ -76,7 +63,7 @@ class _Builder:
         self.joints = {joint.path: joint for joint in _joints(robot)}
         self.driven = [path for path in robot.present if path in self.joints and self.joints[path].actuator is not None]
         self.root = Element(
-            tag="mujoco", attributes={"model": f"{self.assembly.name}_{robot.name}"}, origin=robot.mode.origin
+            tag="mujoco", attributes={"model": f"{self.assembly.name}_{robot.mode.name}"}, origin=robot.mode.origin
         )
 
     def build(self) -> Element:
@@ -149,7 +136,7 @@ class _Builder:
             element = (world if body.parent is None else made[body.parent]).add("body", attributes, link.origin)
             made.append(element)
             if link.properties.mass > 0.0:
-                element.add("inertial", _inertial(link), link.origin)
+                element.add("inertial", inertial(link), link.origin)
             if body.parent is None and self.robot.base == "free":
                 element.add("freejoint", {"name": FREE_JOINT}, self.robot.mode.origin)
             if body.joint is not None:
@@ -172,7 +159,7 @@ class _Builder:
         if bounds is not None:
             attributes["range"] = numbers(bounds)
         if joint.limit.effort is not None and joint.path not in self.driven:
-            attributes["actuatorfrcrange"] = _both_ways(joint.limit.effort)
+            attributes["actuatorfrcrange"] = both_ways(joint.limit.effort)
         dynamics = joint.dynamics
         for name, value in (
             ("stiffness", dynamics.stiffness), ("damping", dynamics.damping), ("frictionloss", dynamics.friction),
@@ -221,7 +208,7 @@ class _Builder:
         for path in self.driven:
             joint, drive = self.joints[path], self.joints[path].actuator
             if drive is not None:
-                section.add(drive.kind, {"name": path, "joint": path, **_drive(joint, drive)}, drive.origin)
+                section.add(drive.kind, {"name": path, "joint": path, **drive_attributes(joint, drive)}, drive.origin)
         body_of = {body.link: index for index, body in enumerate(self.robot.bodies)}
         for magnet in self.assembly.adhesions:
             link = self.links[body_of[self.assembly.link_of[magnet.occurrence]]]
@@ -248,37 +235,6 @@ class _Builder:
         """Whether a joint's control is a position."""
         drive = self.joints[path].actuator
         return drive is not None and drive.kind == "position"
-
-
-def _drive(joint: CoreJoint, drive: ActuatorModel) -> dict[str, str]:
-    """Gains and ranges: of a position drive the joint's range, of a velocity drive its velocity limit, of a motor its
-    effort. The joint's effort limit has the drive's as its default and counts where both are written."""
-    effort = joint.limit.effort if joint.limit.effort is not None else drive.effort
-    velocity = joint.limit.velocity if joint.limit.velocity is not None else drive.velocity
-    attributes: dict[str, str] = {}
-    if drive.kind == "motor":
-        attributes["gear"] = "1"
-        if effort is not None:
-            attributes["ctrlrange"] = _both_ways(effort)
-        return attributes
-    if drive.kind == "position" and drive.kp is not None:
-        attributes["kp"] = number(drive.kp)
-    if drive.kv is not None:
-        attributes["kv"] = number(drive.kv)
-    bounds = joint_range(joint.limit)
-    if drive.kind == "position" and bounds is not None:
-        attributes["ctrlrange"] = numbers(bounds)
-    elif drive.kind == "velocity" and velocity is not None:
-        attributes["ctrlrange"] = _both_ways(velocity)
-    if effort is not None:
-        attributes["forcerange"] = _both_ways(effort)
-    return attributes
-
-
-def _both_ways(bound: float) -> str:
-    """A range around 0. MuJoCo reads `0 0` as no limit at all, so that a bound of nothing is almost nothing."""
-    wide = max(bound, NOTHING)
-    return numbers((-wide, wide))
 
 
 def _shape(shape: Shape, pose: Pose) -> dict[str, str]:
@@ -320,33 +276,3 @@ def _rgba(color: str) -> str:
     digits = color.removeprefix("#")
     channels = [int(digits[k : k + 2], 16) / 255.0 for k in range(0, len(digits), 2)]
     return numbers(channels if len(channels) == 4 else [*channels, 1.0])
-
-
-def _inertial(link: Link) -> dict[str, str]:
-    """Mass, centre and inertia about the centre, in the link's frame.
-
-    A link that never moves may have an inertia that no solid has (a mass at a point): MuJoCo refuses to find its
-    principal axes, and nothing depends on it, so it gets none.
-    """
-    properties = link.properties
-    inertia = properties.inertia
-    attributes = {"pos": numbers(properties.centre), "mass": number(properties.mass)}
-    if inertia == ZERO or physical_fault(inertia) is not None:
-        return {**attributes, "diaginertia": "0 0 0"}
-    i = _within_triangle(inertia)
-    return {**attributes, "fullinertia": numbers((i[0][0], i[1][1], i[2][2], i[0][1], i[0][2], i[1][2]))}
-
-
-def _within_triangle(a: Matrix) -> Matrix:
-    """The same inertia, of a flat body lifted by a 1e-12 part: MuJoCo demands A + B >= C of the principal moments to the
-    last bit after finding them, and a plate has A + B = C."""
-    low, middle, high = principal_moments(a)
-    short = high - low - middle
-    if short < -1e-12 * high:
-        return a
-    lift = max(short, 0.0) + 1e-12 * high
-    return (
-        (a[0][0] + lift, a[0][1], a[0][2]),
-        (a[1][0], a[1][1] + lift, a[1][2]),
-        (a[2][0], a[2][1], a[2][2] + lift),
-    )

@@ -17,7 +17,7 @@ def scene(robot: Robot, model: Element, file: str) -> Element:
     What is stated before the `include` a raw attribute may override. The floor is z = 0 of the world, where a mode's root
     is mated, so on a wall or a ceiling the plane is that wall or ceiling.
     """
-    root = Element(tag="mujoco", attributes={"model": f"{robot.assembly.name}_{robot.name} scene"}, origin=robot.mode.origin)
+    root = Element(tag="mujoco", attributes={"model": f"{robot.assembly.name}_{robot.mode.name} scene"}, origin=robot.mode.origin)
     box = bounds(robot)
     if box is not None:
         low, high = box

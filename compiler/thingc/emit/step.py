@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from thingc.diagnostics import Code
 from thingc.emit.artifact import Artifacts, Loss, Stored
 from thingc.emit.request import EmitRequest
 from thingc.realize.record import Placed
@@ -11,8 +12,11 @@ def emit(request: EmitRequest) -> Artifacts:
     """One STEP file: instances named by occurrence path, coloured, their shape shared per definition.
 
     The geometry service writes it (that needs the CAD kernel). A part whose geometry has no B-rep (a mesh) cannot
-    stand in it and is a loss; a robot without any geometry has no file, which is a loss too.
+    stand in it and is a loss; a robot without any geometry has no file, which is a loss too. What the kernel cannot
+    write is an error of the document.
     """
+    from thingc.realize.service import AssemblyFailed
+
     assembly = request.assembly
     instances: list[Placed] = []
     losses: list[Loss] = []
@@ -46,7 +50,14 @@ def emit(request: EmitRequest) -> Artifacts:
         what = "nothing in the robot has exact geometry" if losses else "nothing in the robot has geometry"
         whole = Loss(target="step", mode=None, path=assembly.name, what=what, how="omitted", span=origin[0] if origin else None)
         return Artifacts(files={}, losses=(*losses, whole))
-    written = request.geometry.assemble(assembly.name, instances)
+    try:
+        written = request.geometry.assemble(assembly.name, instances)
+    except AssemblyFailed as fault:
+        request.report.add(
+            Code.STEP_FAILED, f"the STEP file of `{assembly.name}` could not be written: {fault.reason}", assembly.definition.origin,
+            help="name the targets that are wanted with --emit, without `step`", detail=fault.detail,
+        )
+        return Artifacts(files={}, losses=tuple(losses))
     return Artifacts(
         files={f"step/{assembly.name}.step": Stored(sha256=written.sha256, size=written.size)}, losses=tuple(losses)
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 
-from thingc.diagnostics import Code, Note, did_you_mean
+from thingc.diagnostics import Code, Note, did_you_mean, nearest
 from thingc.graph.findings import Findings, line_of, noted, written_at
 from thingc.graph.mass import NOTHING, Density, Weighed, incomplete_infill, merged, stated_inertia, weigh
 from thingc.graph.types import Definition, MountFrame
@@ -19,14 +19,15 @@ FRAME = Definition(text="frame", reference="frame", kind="frame")
 """The one definition of every component without geometry."""
 
 _FAILED = {
-    "raised": (Code.PART_RAISED, "{part} raised an exception: {words}"),
-    "hung": (Code.PART_HUNG, "{part} took too long: {words}"),
-    "crashed": (Code.PART_CRASHED, "{part} crashed the interpreter: {words}"),
-    "empty": (Code.PART_EMPTY, "{part} has no volume: {words}"),
-    "refused": (Code.PART_REFUSED, "{part} is refused: {words}"),
-    "missing": (Code.PART_MISSING, "{part} is not there: {words}"),
-    "invalid": (Code.PART_INVALID, "{part} is not valid: {words}"),
+    "raised": (Code.PART_RAISED, "raised an exception", "change its `params`, or mend the part file"),
+    "hung": (Code.PART_HUNG, "took too long", "mend the part, or allow more time with `--part-timeout`"),
+    "crashed": (Code.PART_CRASHED, "crashed the interpreter", "change its `params`, or what the part asks of the CAD kernel"),
+    "empty": (Code.PART_EMPTY, "has no volume", "let `result()` return a solid, or None for a part without geometry"),
+    "refused": (Code.PART_REFUSED, "is refused", "take a part from the workspace's `parts` folders or its `packages`"),
+    "missing": (Code.PART_MISSING, "is not there", "write `module:Class` with a module on the part path and a class in it"),
+    "invalid": (Code.PART_INVALID, "is not valid", "mend the part file"),
 }
+"""By kind of failure: the code, the words that follow the part, and what to do."""
 _SHOWN_PLACES = 8
 
 
@@ -71,7 +72,7 @@ class Leaves:
             component, path, origin = users[0]
             if not isinstance(failure, PartFailure) or not isinstance(component.definition, PartDefinition):
                 continue
-            code, words = _FAILED.get(failure.kind, _FAILED["invalid"])
+            code, what, help = _FAILED.get(failure.kind, _FAILED["invalid"])
             notes = [note for other, _, place in users[1:_SHOWN_PLACES] for note in noted(f"`{other.name}` is one, too", place)]
             if len(users) > _SHOWN_PLACES:
                 notes.append(Note(message=f"and {len(users) - _SHOWN_PLACES} more components"))
@@ -80,8 +81,9 @@ class Leaves:
                 notes.append(Note(message=f"its parameters, in SI: {given}"))
             if failure.file is not None:
                 notes.append(Note(message="in the part file, here", span=line_of(failure.file, failure.line or 1)))
-            message = words.format(part=f"`{text}`", words=failure.message)
-            help = did_you_mean(failure.subject, failure.candidates, what="parts") if failure.candidates else None
+            message = f"`{path}` (`{text}`) {what}: {failure.message}"
+            if failure.candidates:
+                help = did_you_mean(failure.subject, failure.candidates, what="parts")
             self._findings.error(code, message, origin, path=path, notes=notes, detail=failure.detail, help=help)
 
     def _work_out(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> Leaf | None:
@@ -153,11 +155,14 @@ class Leaves:
         needs_density = record is not None and record.volume > 0.0 and record.mass is None and overrides.mass is None
         if record is not None and unknown:
             say = findings.error if weighed is None else findings.warn
+            hint = did_you_mean(record.material or "", scope.materials, what="materials")
+            if nearest(record.material or "", scope.materials) is None:
+                hint += "; list a document that has it under `materials:`, or write `material:` here"
             say(
                 Code.UNKNOWN_MATERIAL,
                 f"`{component.name}` (`{record.text}`) is made of `{record.material}` by default, "
                 f"which is not among the materials of `{scope.name}`",
-                origin, path=path, help=did_you_mean(record.material or "", scope.materials, what="materials"),
+                origin, path=path, help=hint,
                 notes=written_at(f"`{record.text}`", record.code),
             )
         elif weighed is None and record is not None and material is None:

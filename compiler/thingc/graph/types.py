@@ -8,7 +8,16 @@ from thingc.inertia import MassProperties
 from thingc.pose import Pose
 from thingc.realize.record import PartRecord
 from thingc.resolve.model import (
-    AssemblyDefinition, BomEntry, Component, Dynamics, Limit, Material, Mimic, NamedPose, Overrides, RawAttribute,
+    AssemblyDefinition,
+    BomEntry,
+    Component,
+    Dynamics,
+    Limit,
+    Material,
+    Mimic,
+    NamedPose,
+    Overrides,
+    RawAttribute,
 )
 from thingc.source import Origin
 

@@ -55,7 +55,7 @@ def decode(file: str, data: bytes, report: Report) -> Source | None:
     top = Span(file=file, line=1, column=1, end_line=1, end_column=1)
     if len(data) > MAX_BYTES:
         report.add(
-            Code.TOO_LARGE, f"the file has {len(data)} bytes; at most {MAX_BYTES} are read", top, help="split the document",
+            Code.TOO_LARGE, f"the file has more than {MAX_BYTES} bytes, which is the bound", top, help="split the document",
         )
         return None
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):

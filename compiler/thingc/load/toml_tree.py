@@ -281,6 +281,10 @@ _TWICE = ("overwrite", "twice", "mutate", "Duplicate", "namespace")
 def _report_error(error: Exception, root: Syntax, places: _Places, report: Report) -> None:
     """Say a fault that tomllib found, where, and what was probably meant."""
     source = places.source
+    if isinstance(error, RecursionError):
+        start = _bracket_beyond(source.text)
+        report.add(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", source.span(start, start + 1))
+        return
     found = _PLACE.search(str(error))
     words = str(error)[: found.start()] if found else str(error)
     index = len(source.text.rstrip())
@@ -296,10 +300,21 @@ def _report_error(error: Exception, root: Syntax, places: _Places, report: Repor
     report.add(Code.SYNTAX, message, source.span(index, end), help=help)
 
 
+def _bracket_beyond(text: str) -> int:
+    """Where the brackets of a text that is broken, too, first nest beyond the bound (those in strings count)."""
+    level = 0
+    for at, character in enumerate(text):
+        level += character in "[{"
+        level -= character in "]}"
+        if level > MAX_LEVELS:
+            return at
+    return 0
+
+
 def _in_words(words: str, source: Source, index: int) -> tuple[str, str | None]:
     """tomllib's words as ours, with a hint where the line shows what was meant."""
     line = source.line(source.line_at(min(index, max(0, len(source.text) - 1))))
-    meant = re.match(r"\s*([\w.-]+)\s*=\s*([^\"'\[{#\s][^#]*?)\s*(?:#.*)?$", line)
+    meant = re.match(r"\s*([\w.-]+)\s*=\s*(?!.*\w\s*= )([^\"'\[{#\s][^#]*?)\s*(?:#.*)?$", line)
     if words.startswith("Expected '=' after a key"):
         return "expected `=` after the key", "TOML writes `key = value`"
     if words == "Invalid value" or words.startswith("Expected newline or end of document"):
@@ -315,6 +330,4 @@ def _in_words(words: str, source: Source, index: int) -> tuple[str, str | None]:
         return "a list is not closed", "add `]`, or `,` between the items"
     if "Unclosed inline table" in words:
         return "an inline table is not closed", "add `}`, or `,` between the entries; it stands on one line"
-    if isinstance(words, str) and "recursion" in words:
-        return "the values nest too deeply", None
     return f"not well-formed TOML: {words[:1].lower()}{words[1:]}", None

@@ -51,6 +51,8 @@ def explain(source: Source, *, problem: str, at: int, context: str, began: int) 
             message=f"a space is missing after `{key}:`", start=start, end=start + len(key) + 1 + len(value),
             help=f"write `{shortened(f'{key}: {value}')}`",
         )
+    if text[at : at + 1] == ":" and text[:at].rstrip(" ")[-1:] in ("", "\n", "\r", "{", ","):
+        return SyntaxFault(message="a key is missing before the `:`", start=at, end=at + 1)
     if "flow mapping" in context or "flow sequence" in context or "flow node" in context:
         return _in_flow(source, at, began, "flow mapping" in context)
     if "mapping values are not allowed" in problem:

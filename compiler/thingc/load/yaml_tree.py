@@ -286,7 +286,7 @@ class _Builder:
             return node.value, node.span
         if node.text == "":
             start = event.start_mark.index
-            self.report.add(Code.KEY_NOT_TEXT, "a key is missing before the `:`", self.source.span(start, start + 1))
+            self.report.add(Code.KEY_NOT_TEXT, "a key is missing before the `:`", self.source.span(start, start))
             return None
         what = "the number" if not isinstance(node.value, (bool, type(None))) else "the word"
         self.report.add(

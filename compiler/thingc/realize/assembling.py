@@ -84,13 +84,14 @@ def _fill(document: Any, name: str, instances: list[dict[str, Any]], store: Stor
         return groups[path]
 
     for instance in instances:
-        if instance["brep"] not in definitions:
+        shared = f"{instance['definition']} {instance['brep']}"
+        if shared not in definitions:
             label = shapes.AddShape(_read(store, instance["brep"]), False)
             _name(label, instance["definition"])
-            definitions[instance["brep"]] = label
+            definitions[shared] = label
         outer, _, own = instance["path"].rpartition("/")
         placed = TopLoc_Location(transformation(_pose(instance["pose"])))
-        component = shapes.AddComponent(group(outer), definitions[instance["brep"]], placed)
+        component = shapes.AddComponent(group(outer), definitions[shared], placed)
         _name(component, own)
         if instance["color"] is not None:
             red, green, blue = (int(instance["color"][i : i + 2], 16) / 255.0 for i in (1, 3, 5))

@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-KEPT = 65536
+KEPT = 8192
 """How many bytes of the end of a child's standard error are looked at."""
 
 
@@ -125,7 +125,7 @@ def start(
     if process == 0:
         status = 1
         try:
-            os.setsid()
+            os.setpgid(0, 0)
             if sys.platform != "linux":
                 _watch(server)
             die_with_parent(server)

@@ -132,19 +132,19 @@ class Finder:
         """Names of the modules in the part folders (two levels), for near-name hints."""
         found: set[str] = set()
         for folder in self.parts:
-            for name in _listed(folder):
+            for name in listed(folder):
                 path = os.path.join(folder, name)
                 if name.endswith(".py") and name[:-3].isidentifier():
                     found.add(name[:-3])
                 elif name.isidentifier() and os.path.isdir(path):
-                    inner = [entry for entry in _listed(path) if entry.endswith(".py")]
+                    inner = [entry for entry in listed(path) if entry.endswith(".py")]
                     if "__init__.py" in inner:
                         found.add(name)
                     found.update(f"{name}.{entry[:-3]}" for entry in inner if entry[:-3].isidentifier() and entry != "__init__.py")
         return sorted(found)
 
 
-def _listed(folder: str) -> list[str]:
+def listed(folder: str) -> list[str]:
     try:
         return sorted(os.listdir(folder))
     except OSError:

@@ -93,9 +93,9 @@ class Recorder:
         held = self.states.get(full)
         if held is not None and not (listed and held == "folder"):
             return
-        if os.path.realpath(full).startswith(self._excluded):
-            return
-        with self._quietly():
+        with self._quietly():  # looking must not be seen as looking
+            if os.path.realpath(full).startswith(self._excluded):
+                return
             self.states[full] = state_of(full, listed=listed)
 
     def note_written(self, path: Any) -> None:

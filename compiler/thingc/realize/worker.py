@@ -7,7 +7,9 @@ request; at the end of its input it ends at once, with all of its children. `--i
 
 from __future__ import annotations
 
+import contextlib
 import gc
+import importlib
 import json
 import os
 import selectors
@@ -26,18 +28,19 @@ def main(arguments: list[str]) -> None:
     answers = os.dup(1)
     nothing = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nothing, 1)
+    parent = int(arguments[arguments.index("--parent") + 1]) if "--parent" in arguments else os.getppid()
+    if hasattr(os, "fork"):
+        from thingc.realize.children import die_with_parent, live_without_parent
+
+        die_with_parent(parent)  # nobody watches standard input while the kernel is loaded
     if "--assemble" in arguments:
         _answer(answers, _safely(json.loads(sys.stdin.buffer.readline())))
         os._exit(0)
     if hasattr(os, "fork") and "--inline" not in arguments:
-        from thingc.realize.children import die_with_parent, live_without_parent
-
-        parent = os.getppid()
-        die_with_parent(parent)  # nobody watches standard input while the kernel is loaded
         _load(answers)
+        live_without_parent()  # from here on the end of standard input does it; the parent's thread may end before
         if os.getppid() != parent:
             os._exit(1)
-        live_without_parent()
         _serve(answers, int(arguments[arguments.index("--jobs") + 1]) if "--jobs" in arguments else os.cpu_count() or 1)
     else:
         _load(answers)
@@ -69,6 +72,7 @@ def _load(answers: int) -> None:
         os._exit(1)
     gc.freeze()
     gc.enable()
+    _answer(answers, {"ready": True})
 
 
 def _answer(descriptor: int, value: Mapping[str, Any]) -> None:
@@ -170,6 +174,10 @@ def _prepare(request: Mapping[str, Any]) -> None:
 
     for file, sha256 in request.get("hashes", {}).items():
         compile_ahead(file, sha256)
+    for name in request.get("preload", ()):
+        if name not in sys.modules:
+            with contextlib.suppress(Exception):
+                importlib.import_module(name)
 
 
 if __name__ == "__main__":

@@ -39,21 +39,15 @@ def nodes(context: Context, table: Table, items: Iterable[Item[ComponentSpec]], 
             node.unsound = True
         leaves = node.table.occurrences if node.table is not None else 1
         if table.occurrences + leaves > MAX_OCCURRENCES:
-            _report_too_many(table, node, leaves)
+            if not context.overfull:  # documents around this one are too large for the same reason
+                context.overfull = True
+                node.scope.error(
+                    Code.TOO_MANY, f"with `{node.name}` this assembly has {table.occurrences + leaves} occurrences; "
+                    f"at most {MAX_OCCURRENCES} are possible", node.path, key=True,
+                )
             node.definition, node.table, node.unsound = None, None, True
             continue
         table.occurrences += leaves
-
-
-def _report_too_many(table: Table, node: Node, leaves: int) -> None:
-    """Once for all items of a repeat."""
-    if any(other.path == node.path and other.unsound for name, other in table.nodes.items() if name != node.name):
-        return
-    node.scope.error(
-        Code.TOO_MANY,
-        f"with `{node.name}` this assembly has {table.occurrences + leaves} occurrences; at most {MAX_OCCURRENCES} are possible",
-        node.path, key=True,
-    )
 
 
 def _define(context: Context, node: Node, nest: Nest) -> None:

@@ -32,13 +32,16 @@ from thingc.units import (
     TORQUE,
     VELOCITY,
     Dimension,
+    Quantity,
 )
 
 _TURN = {
+    "lower": ANGLE, "upper": ANGLE, "kp": NUMBER, "kv": NUMBER,
     "effort": TORQUE, "velocity": ANGULAR_VELOCITY, "damping": ANGULAR_DAMPING, "friction": TORQUE, "armature": INERTIA,
     "stiffness": ANGULAR_STIFFNESS,
 }
 _SLIDE = {
+    "lower": LENGTH, "upper": LENGTH, "kp": NUMBER, "kv": NUMBER,
     "effort": FORCE, "velocity": VELOCITY, "damping": LINEAR_DAMPING, "friction": FORCE, "armature": MASS,
     "stiffness": LINEAR_STIFFNESS,
 }
@@ -50,8 +53,31 @@ NO_DYNAMICS = Dynamics()
 
 
 def dimensions_of(coordinate: Dimension) -> dict[str, Dimension]:
-    """The dimension of effort, velocity, damping, friction, armature and stiffness of a joint with this coordinate."""
+    """The dimension of every value of a joint with this coordinate, by key."""
     return _TURN if coordinate == ANGLE else _SLIDE
+
+
+def _said(scope: Scope, layers: Layers, key: str, coordinate: Dimension) -> tuple[Any, Path] | None:
+    """What is written for a key. A default of the document that is meant for turns is none for slides, and the other way."""
+    said = layers.pick(key)
+    if said is not None and said[1][0] == "defaults":
+        own, other = (_TURN, _SLIDE) if coordinate == ANGLE else (_SLIDE, _TURN)
+        found = scope.value(*said)
+        if isinstance(found, Quantity) and not found.fits(own[key]) and found.fits(other[key]):
+            return None
+    return said
+
+
+def _values(
+    scope: Scope, name: str, coordinate: Dimension, section: str, layers: Layers, keys: tuple[str, ...],
+) -> dict[str, float | None]:
+    """The values of keys that are at least 0; None where nothing is written or it is wrong (reported)."""
+    of = dimensions_of(coordinate)
+    values: dict[str, float | None] = {}
+    for key in keys:
+        said = _said(scope, layers, key, coordinate)
+        values[key] = scope.number(*said, of[key], f"`{section}.{key}` of joint `{name}`", least=0.0) if said else None
+    return values
 
 
 def joints(table: Table, items: Iterable[Item[JointSpec]], places: Places) -> bool:
@@ -156,7 +182,7 @@ def _collect(node: Any, prefix: str, spans: dict[str, Span]) -> None:
 
 def _limit(scope: Scope, item: Item[JointSpec], kind: JointKind, coordinate: Dimension, layers: Layers) -> Limit:
     name, path = item.name, item.path
-    lower, upper = layers.pick("lower"), layers.pick("upper")
+    lower, upper = (_said(scope, layers, key, coordinate) for key in ("lower", "upper"))
     low = high = None
     if kind.limits == "none":
         for key, said in (("lower", lower), ("upper", upper)):
@@ -177,31 +203,20 @@ def _limit(scope: Scope, item: Item[JointSpec], kind: JointKind, coordinate: Dim
             )
         if low is not None and high is not None and lower is not None and upper is not None and not low < high:
             fault = "are reversed" if low > high else "leave no room"
-            shown_low, shown_high = scope.written(lower[1]), scope.written(upper[1])
+            shown = [scope.shown(Quantity(q, coordinate), said[1]) for q, said in ((low, lower), (high, upper))]
             scope.error(
-                Code.LIMIT,
-                f"limits of joint `{name}` {fault}: expected lower < upper, found `{shown_low}` and `{shown_high}`",
+                Code.LIMIT, f"limits of joint `{name}` {fault}: expected lower < upper, found {' and '.join(shown)}",
                 lower[1], help="swap them" if low > high else "let the joint move, or make it `fixed`",
             )
             low = high = None
-    of = dimensions_of(coordinate)
-    values = {
-        key: scope.number(*said, of[key], f"`limit.{key}` of joint `{name}`", least=0.0) if (said := layers.pick(key)) else None
-        for key in ("effort", "velocity")
-    }
-    return Limit(lower=low, upper=high, **values)
+    return Limit(lower=low, upper=high, **_values(scope, name, coordinate, "limit", layers, ("effort", "velocity")))
 
 
 def _dynamics(scope: Scope, name: str, coordinate: Dimension, layers: Layers) -> Dynamics:
     if not layers:
         return NO_DYNAMICS
-    of = dimensions_of(coordinate)
-    values = {
-        key: scope.number(*said, of[key], f"`dynamics.{key}` of joint `{name}`",
-        least=0.0) if (said := layers.pick(key)) else None
-        for key in ("damping", "friction", "armature", "stiffness")
-    }
-    return Dynamics(**values)
+    keys = ("damping", "friction", "armature", "stiffness")
+    return Dynamics(**_values(scope, name, coordinate, "dynamics", layers, keys))
 
 
 def _drive(table: Table, scope: Scope, name: str, coordinate: Dimension, layers: Layers) -> Drive | None:
@@ -210,15 +225,8 @@ def _drive(table: Table, scope: Scope, name: str, coordinate: Dimension, layers:
         return None
     spec, path = said
     if isinstance(spec, DriveSpec):
-        of = dimensions_of(coordinate)
-        values = {
-            key: None if (raw := getattr(spec, key)) is None else scope.number(
-                raw, (*path, key), dimension, f"`drive.{key}` of joint `{name}`", least=0.0)
-            for key, dimension in (
-                ("kp", NUMBER), ("kv", NUMBER), ("effort", of["effort"]), ("velocity", of["velocity"]),
-                ("armature", of["armature"]),
-            )
-        }
+        written = Layers(((spec, path),))
+        values = _values(scope, name, coordinate, "drive", written, ("kp", "kv", "effort", "velocity", "armature"))
         return Drive(component=None, kind=spec.kind, **values, origin=scope.origin(path))
     found = references.component(table, scope, spec, path)
     if found is None:

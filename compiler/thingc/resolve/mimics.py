@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
-from thingc.diagnostics import Code, Note, did_you_mean
+from thingc.diagnostics import Code, Note
 from thingc.joints import KINDS
 from thingc.resolve import references
 from thingc.resolve.model import Mimic
@@ -48,12 +48,12 @@ def _mimic(table: Table, item: Item[JointSpec]) -> Mimic | None:
         if len(parts) > 1:
             scope.error(
                 Code.MIMIC, f"`mimic.joint` names a joint of the same document, found `{name}`", (*path, "joint"),
-                help=did_you_mean(name, [one for one in table.joints if one != item.name], what="joints"),
+                help=references.suggested(name, [one for one in table.joints if one != item.name], what="joints"),
             )
         elif not any(name.startswith(prefix) for prefix in table.unbuilt_joints):
             scope.error(
                 Code.UNKNOWN_JOINT, f"this document has no joint `{name}`", (*path, "joint"),
-                help=did_you_mean(name, [one for one in table.joints if one != item.name], what="joints"),
+                help=references.suggested(name, [one for one in table.joints if one != item.name], what="joints"),
             )
         return None
     if name == item.name:

@@ -46,7 +46,8 @@ class Process:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Material:
-    """A material in scope. `density` [kg/m^3]; `color` `#rrggbb` or `#rrggbbaa`; `slide` the sliding friction (torsional and rolling likewise)."""
+    """A material in scope. `density` [kg/m^3]; `color` `#rrggbb` or `#rrggbbaa`; `slide` the sliding friction (torsional and
+    rolling likewise)."""
 
     name: str
     density: float | None

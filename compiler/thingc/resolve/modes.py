@@ -5,12 +5,12 @@ from __future__ import annotations
 from fnmatch import fnmatchcase
 from itertools import product
 
-from thingc.diagnostics import Code, Note, did_you_mean
+from thingc.diagnostics import Code, Note
 from thingc.pose import NO_POSE, Pose, Vector
 from thingc.resolve import references
 from thingc.resolve.layers import Layers
 from thingc.resolve.model import Mode, Reference
-from thingc.resolve.references import GLOB
+from thingc.resolve.references import GLOB, suggested
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Table
 from thingc.source import Path
@@ -82,7 +82,7 @@ def _layers(scope: Scope, specs: dict[str, ModeSpec], name: str, circular: set[s
                 others = [one for one in specs if one != name]
                 scope.error(
                     Code.UNKNOWN_MODE, f"there is no mode `{step}` to extend", (*last, "extends"),
-                    help=did_you_mean(step, others, what="modes"),
+                    help=suggested(step, others, what="modes"),
                 )
             return None
         items.append((specs[step], ("modes", step)))
@@ -156,7 +156,7 @@ def _pose(table: Table, scope: Scope, layers: Layers) -> str | None:
     name, path = said
     if name in table.poses:
         return str(name)
-    scope.error(Code.UNKNOWN_POSE, f"there is no pose `{name}`", path, help=did_you_mean(name, table.poses, what="poses"))
+    scope.error(Code.UNKNOWN_POSE, f"there is no pose `{name}`", path, help=suggested(name, table.poses, what="poses"))
     return None
 
 
@@ -170,7 +170,7 @@ def _poses(table: Table, scope: Scope, layers: Layers) -> tuple[str, ...]:
         if name not in table.poses:
             scope.error(
                 Code.UNKNOWN_POSE, f"there is no pose `{name}`", (*path, index),
-                help=did_you_mean(name, table.poses, what="poses"),
+                help=suggested(name, table.poses, what="poses"),
             )
         elif name not in found:
             found.append(name)
@@ -203,12 +203,12 @@ def _actuators(table: Table, scope: Scope, layers: Layers) -> tuple[str, ...] | 
         if GLOB.search(pattern):
             scope.error(
                 Code.NO_MATCH, f"pattern `{pattern}` fits no driven joint", at,
-                help=did_you_mean(pattern, driven, what="driven joints"),
+                help=suggested(pattern, driven, what="driven joints"),
             )
         else:
             scope.error(
                 Code.UNKNOWN_JOINT, f"there is no joint `{pattern}`", at,
-                help=did_you_mean(pattern, driven, what="driven joints"),
+                help=suggested(pattern, driven, what="driven joints"),
             )
     return tuple(name.replace(".", "/") for name in driven if name in chosen)
 
@@ -240,7 +240,7 @@ def _components(table: Table, scope: Scope, text: str, path: Path) -> list[str]:
     names = [name for name, _ in references.matching(table, text)]
     if not names and not table.unbuilt:
         scope.error(
-            Code.NO_MATCH, f"pattern `{text}` fits no component", path, help=did_you_mean(text, table.nodes, what="components"),
+            Code.NO_MATCH, f"pattern `{text}` fits no component", path, help=suggested(text, table.nodes, what="components"),
         )
     return names
 

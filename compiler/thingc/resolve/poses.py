@@ -9,11 +9,11 @@ from __future__ import annotations
 from fnmatch import fnmatchcase
 from typing import Any
 
-from thingc.diagnostics import Code, did_you_mean, nearest
+from thingc.diagnostics import Code
 from thingc.joints import KINDS
 from thingc.resolve import references
 from thingc.resolve.model import Joint, NamedPose
-from thingc.resolve.references import GLOB
+from thingc.resolve.references import GLOB, suggested
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Table
 from thingc.source import Origin, Path
@@ -98,7 +98,7 @@ def _pattern(table: Table, scope: Scope, known: Joints, key: str, raw: Any, path
     else:
         scope.error(
             Code.NO_MATCH, f"pattern `{key}` fits no joint", path, key=True,
-            help=did_you_mean(key, [name for name in known if _movable(known[name])], what="joints"),
+            help=suggested(key, [name for name in known if _movable(known[name])], what="joints"),
         )
 
 
@@ -111,20 +111,20 @@ def _use(table: Table, scope: Scope, key: str, pose: str, path: Path, into: Sett
         if table.unbuilt:
             return
         if matched:
-            message, help = f"`{key}` is no nested assembly: it has no pose `{pose}`", did_you_mean(
+            message, help = f"`{key}` is no nested assembly: it has no pose `{pose}`", suggested(
                 key, nested, what="nested assemblies",
             )
             scope.error(Code.POSE, message, path, key=True, help=help)
         elif GLOB.search(key):
             scope.error(
                 Code.NO_MATCH, f"pattern `{key}` fits no nested assembly", path, key=True,
-                help=did_you_mean(key, nested, what="nested assemblies"),
+                help=suggested(key, nested, what="nested assemblies"),
             )
         else:
             joints = [name for name, joint in table.all_joints() if _movable(joint)]
             scope.error(
                 Code.UNKNOWN_JOINT, f"there is no joint and no nested assembly `{key}`", path, key=True,
-                help=did_you_mean(key, [*joints, *nested], what="joints and nested assemblies"),
+                help=suggested(key, [*joints, *nested], what="joints and nested assemblies"),
             )
         return
     lacking: list[str] = []
@@ -137,7 +137,7 @@ def _use(table: Table, scope: Scope, key: str, pose: str, path: Path, into: Sett
             if len(lacking) == 1:
                 scope.error(
                     Code.UNKNOWN_POSE, f"`{name}` (`{inner.document.relative}`) has no pose `{pose}`", path,
-                    help=did_you_mean(pose, inner.spec.poses, what="poses"),
+                    help=suggested(pose, inner.spec.poses, what="poses"),
                 )
             continue
         found = inner.poses.get(pose)
@@ -160,10 +160,10 @@ def _report_unknown(table: Table, scope: Scope, known: Joints, key: str, path: P
     names = [name for name, joint in known.items() if _movable(joint)]
     if node is not None and "." not in key:
         if node.table is not None:
-            message, help = f"`{key}` is a nested assembly: its value is the name of one of its poses", did_you_mean(
+            message, help = f"`{key}` is a nested assembly: its value is the name of one of its poses", suggested(
                 "", node.table.spec.poses, what="poses")
         else:
-            message, help = f"`{key}` is a component, not a joint", did_you_mean(key, names, what="joints")
+            message, help = f"`{key}` is a component, not a joint", suggested(key, names, what="joints")
         scope.error(Code.POSE, message, path, key=True, help=help)
         return
     repeated = table.spec.joints.get(key)
@@ -173,7 +173,6 @@ def _report_unknown(table: Table, scope: Scope, known: Joints, key: str, path: P
             help=f"`{key}` is repeated: write `{key}_0`, or `{key}_*`",
         )
         return
-    help = did_you_mean(key, names, what="joints")
-    if nearest(key, names) is None and len(names) > 12:
-        help = did_you_mean(key, [name for name in names if name.startswith(first)] or names, what="joints")
+    beside = [name for name in names if name.startswith(f"{first}.")] if "." in key else names
+    help = suggested(key, beside or names, what="joints")
     scope.error(Code.UNKNOWN_JOINT, f"there is no joint `{key}`", path, key=True, help=help)

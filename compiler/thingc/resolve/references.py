@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from fnmatch import fnmatchcase
+from itertools import islice
 
 from thingc.diagnostics import Code, Note, did_you_mean, nearest
 from thingc.resolve.model import AssemblyDefinition, Reference
@@ -18,6 +20,9 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 _INDEX = re.compile(r"\$(?:\{([A-Za-z][A-Za-z0-9_]*)\}|([A-Za-z][A-Za-z0-9_]*))", re.ASCII)
 GLOB = re.compile(r"[*?\[]")
 """A character that makes a pattern of a name."""
+
+MAX_SUGGESTED = 2000
+"""Names that a misspelled one is compared with."""
 
 
 def indexed(scope: Scope, text: str, path: Path, *, key: bool = False) -> str | None:
@@ -147,6 +152,11 @@ def matching(table: Table, pattern: str) -> list[tuple[str, Node]]:
     return level
 
 
+def suggested(name: str, names: Iterable[str], *, what: str) -> str:
+    """`did_you_mean` among the first names only: comparing with each of 100 000 would take seconds per mistake."""
+    return did_you_mean(name, islice(names, MAX_SUGGESTED), what=what)
+
+
 def _unbuilt(prefixes: list[str], name: str) -> bool:
     return any(name.startswith(prefix) or name == prefix[:-1] for prefix in prefixes)
 
@@ -218,7 +228,7 @@ def _mount_of(node: Node, scope: Scope, rest: tuple[str, ...], parts: tuple[str,
     if _unbuilt(node.table.unbuilt, name):
         return False
     names = [*node.table.exports, ORIGIN, *node.mounts]
-    help = did_you_mean(name, names, what="mounts that it exports")
+    help = suggested(name, names, what="mounts that it exports")
     if nearest(name, names) is None:
         help += "; or export it there under `mounts:`"
     scope.error(
@@ -236,17 +246,17 @@ def _report_single(table: Table, scope: Scope, name: str, path: Path, key: bool)
     elif name in table.exports:
         message, help = f"`{name}` is what this document exports; here the mount itself is wanted", "write `component.mount`"
     else:
-        message, help = f"a mount is written `component.mount`, found `{name}`", did_you_mean(
+        message, help = f"a mount is written `component.mount`, found `{name}`", suggested(
             name, table.nodes, what="components",
         )
-        if nearest(name, table.nodes) is not None:
+        if nearest(name, islice(table.nodes, MAX_SUGGESTED)) is not None:
             help = f"{help[:-1]}, with one of its mounts after a `.`?"
     scope.error(Code.REFERENCE, message, path, help=help, key=key)
 
 
 def _report_mount(scope: Scope, what: str, name: str, known: list[str], place: Span, path: Path, key: bool) -> None:
     scope.error(
-        Code.UNKNOWN_MOUNT, f"{what} has no mount `{name}`", path, help=did_you_mean(name, known, what="mounts"), key=key,
+        Code.UNKNOWN_MOUNT, f"{what} has no mount `{name}`", path, help=suggested(name, known, what="mounts"), key=key,
         notes=[Note(message="it is written here", span=place)],
     )
 
@@ -275,7 +285,7 @@ def _report_component(
         return
     scope.error(
         Code.UNKNOWN_COMPONENT, f"{what} has no component `{name}`", path,
-        help=did_you_mean(name, inner.nodes, what="components"), key=key,
+        help=suggested(name, inner.nodes, what="components"), key=key,
     )
 
 

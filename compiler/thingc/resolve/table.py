@@ -100,7 +100,7 @@ class Context:
     """One run of `resolve`: its inputs, and what has been worked out or reported already.
 
     `tables` is keyed by document and canonical parameters (equal definitions are one object); `nesting` holds the
-    documents being resolved, outermost first.
+    documents being resolved, outermost first; `said` is that of every scope; `overfull`: too many occurrences were reported.
     """
 
     documents: Documents
@@ -115,6 +115,7 @@ class Context:
     failed_parts: set[str] = field(default_factory=set)
     materials: dict[str, dict[str, Material | None]] = field(default_factory=dict)
     said: set[tuple[str, Code, Path, bool]] = field(default_factory=set)
+    overfull: bool = False
 
     def scope(self, document: Document, names: Mapping[str, Found], broken: frozenset[str] = NOTHING) -> Scope:
         """A scope that reports to this run."""

@@ -1,0 +1,209 @@
+"""The client's end of the pipe: starts worker processes, sends requests, gathers answers, and leaves nothing alive."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import queue
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+GRACE = 15.0
+"""How long [s] after a request's own deadline the worker may be silent before it is given up itself."""
+LOADING = 120.0
+"""How long [s] a worker may take to load the kernel."""
+
+CAN_FORK = hasattr(os, "fork")
+
+
+class WorkerBroken(Exception):
+    """The worker cannot start: the kernel does not load. `detail` has the traceback."""
+
+    def __init__(self, message: str, detail: str = "") -> None:
+        super().__init__(message)
+        self.detail = detail
+
+
+@dataclass(slots=True)
+class _Process:
+    """A worker process and what it has been asked."""
+
+    process: subprocess.Popen[bytes]
+    capacity: int
+    deadline: float
+    asked: dict[int, Mapping[str, Any]] = field(default_factory=dict)
+    ready: bool = False
+
+
+class Workers:
+    """Worker processes for requests of one service: one that forks, where the system can, else one per job.
+
+    Nothing is started before it is needed. `close` ends them all, and so does the end of this process.
+    """
+
+    def __init__(self, jobs: int, *, forking: bool = CAN_FORK) -> None:
+        self.jobs = max(1, jobs)
+        self.forking = forking
+        self._processes: list[_Process] = []
+        self._answers: queue.SimpleQueue[tuple[_Process, bytes]] = queue.SimpleQueue()
+        self._number = 0
+
+    @property
+    def running(self) -> bool:
+        """Whether a worker has been started and not ended."""
+        return bool(self._processes)
+
+    def warm(self) -> None:
+        """Start the workers without waiting for them: they load the kernel while the caller does something else."""
+        wanted = 1 if self.forking else self.jobs
+        while len(self._processes) < wanted:
+            flags = ["--jobs", str(self.jobs)] if self.forking else ["--inline"]
+            self._processes.append(self._start(flags, self.jobs if self.forking else 1))
+
+    def run(self, requests: Sequence[Mapping[str, Any]]) -> Iterator[tuple[Mapping[str, Any], dict[str, Any]]]:
+        """Every request with its answer, in the order they come: `{"answer": ...}` or `{"failed", "words", "detail"}`.
+
+        A request has `op` and `timeout` [s]. Raises `WorkerBroken` when no worker can be had.
+        """
+        waiting = deque(requests)
+        under_way = 0
+        lost = 0
+        while waiting or under_way:
+            self.warm()
+            for worker in self._processes:
+                limit = len(waiting) if self.forking else worker.capacity - len(worker.asked)
+                while waiting and limit > 0:
+                    limit -= 1
+                    request = waiting.popleft()
+                    self._send(worker, request)
+                    under_way += 1
+            try:
+                worker, line = self._answers.get(timeout=max(0.05, min(w.deadline for w in self._processes) - time.monotonic()))
+            except queue.Empty:
+                worker, line = min(self._processes, key=lambda w: w.deadline), b""
+                if worker.deadline > time.monotonic():
+                    continue
+                failed = {"failed": "hung", "words": "", "detail": ""}
+            else:
+                if worker not in self._processes:
+                    continue
+                failed = {"failed": "crashed", "words": "the worker process ended", "detail": ""}
+            if not line:
+                self._end(worker)
+                under_way -= len(worker.asked)
+                lost += 1
+                if self.forking and lost <= 1:  # the server itself was lost: nobody knows why, so once more
+                    waiting.extendleft(reversed(list(worker.asked.values())))
+                else:
+                    for request in worker.asked.values():
+                        yield request, dict(failed)
+                continue
+            answer = json.loads(line)
+            if "broken" in answer:
+                self.close()
+                raise WorkerBroken(answer["broken"], answer.get("detail", ""))
+            if "ready" in answer:
+                worker.ready = True
+                self._put_off(worker)
+                continue
+            request = worker.asked.pop(answer.pop("id"))
+            self._put_off(worker)
+            under_way -= 1
+            yield request, answer
+
+    def close(self) -> None:
+        """End all workers and wait until they are gone."""
+        ended, self._processes = self._processes, []
+        for worker in ended:
+            with contextlib.suppress(OSError):
+                worker.process.stdin.close()  # type: ignore[union-attr]
+        for worker in ended:
+            if not self.forking or worker.asked:
+                worker.process.kill()
+            try:
+                worker.process.wait(5.0)
+            except subprocess.TimeoutExpired:
+                worker.process.kill()
+                worker.process.wait()
+
+    def _end(self, worker: _Process) -> None:
+        self._processes.remove(worker)
+        worker.process.kill()
+        worker.process.wait()
+
+    def _send(self, worker: _Process, request: Mapping[str, Any]) -> None:
+        self._number += 1
+        worker.asked[self._number] = request
+        self._put_off(worker)
+        data = json.dumps({"id": self._number, **request}).encode() + b"\n"
+        with contextlib.suppress(OSError):  # it ended: its reader says so
+            worker.process.stdin.write(data)  # type: ignore[union-attr]
+            worker.process.stdin.flush()  # type: ignore[union-attr]
+
+    def _put_off(self, worker: _Process) -> None:
+        """The worker gave a sign of life, or got work: until when the next sign must come.
+
+        A forking worker keeps the deadlines of its children itself, so that one of them answers within a timeout.
+        """
+        longest = max((float(request["timeout"]) for request in worker.asked.values()), default=0.0)
+        worker.deadline = time.monotonic() + longest + (GRACE if self.forking else 0.0) + (0.0 if worker.ready else LOADING)
+
+    def _start(self, flags: Sequence[str], capacity: int) -> _Process:
+        process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "thingc.realize.worker", "--parent", str(os.getpid()), *flags],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment(), close_fds=True,
+            start_new_session=True,
+        )
+        worker = _Process(process=process, capacity=capacity, deadline=time.monotonic() + LOADING)
+        threading.Thread(target=_gather, args=(worker, self._answers.put), daemon=True).start()
+        return worker
+
+
+def _gather(worker: _Process, put: Callable[[tuple[_Process, bytes]], None]) -> None:
+    """Lines as they come; an empty one at the end."""
+    stream = worker.process.stdout
+    if stream is not None:
+        with contextlib.suppress(OSError, ValueError):
+            for line in stream:
+                put((worker, line))
+    put((worker, b""))
+
+
+def environment() -> dict[str, str]:
+    """The fixed environment of workers: what a part computes must not depend on who runs it."""
+    kept = ("HOME", "USERPROFILE", "SYSTEMROOT", "TEMP", "TMP", "TMPDIR", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "VIRTUAL_ENV")
+    found = {name: os.environ[name] for name in kept if name in os.environ}
+    found.update({
+        "PATH": os.defpath, "LC_ALL": "C.UTF-8", "PYTHONHASHSEED": "0", "PYTHONUTF8": "1", "TZ": "UTC",
+        "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1",
+    })
+    own = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+    from thingc.realize.modules import is_installed
+
+    if not is_installed(os.path.join(own, "")):
+        found["PYTHONPATH"] = own
+    return found
+
+
+def once(flags: Sequence[str], request: Mapping[str, Any]) -> dict[str, Any]:
+    """One request to a short-lived worker of its own (`--assemble`): its answer, as `Workers.run` gives it."""
+    try:
+        done = subprocess.run(
+            [sys.executable, "-P", "-m", "thingc.realize.worker", "--parent", str(os.getpid()), *flags],
+            input=json.dumps({"id": 0, **request}).encode() + b"\n",
+            stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment(), timeout=float(request["timeout"]) + LOADING,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return {"failed": "hung", "words": "", "detail": ""}
+    if not done.stdout.endswith(b"\n"):
+        return {"failed": "crashed", "words": f"the worker process ended with {done.returncode}", "detail": ""}
+    answer: dict[str, Any] = json.loads(done.stdout)
+    return answer

@@ -1,0 +1,22 @@
+"""Where a part was when its process died or was stopped: read off what the interpreter wrote with its last breath."""
+
+from __future__ import annotations
+
+import os
+import re
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from thingc.workspace import Workspace
+
+_FRAME = re.compile(r'^\s*File "(?P<file>.+?)", line (?P<line>\d+)', re.MULTILINE)
+
+
+def place_of(trace: str, workspace: Workspace) -> tuple[str | None, int | None]:
+    """The innermost `(file, line)` of a part folder in what `faulthandler` wrote (most recent call first)."""
+    folders = tuple(os.path.join(folder, "") for folder in workspace.parts)
+    # of several threads, and of a trace before the last, the one that was written last counts
+    for match in _FRAME.finditer(trace[max(trace.rfind("most recent call first"), 0) :]):
+        if match["file"].startswith(folders):
+            return match["file"], int(match["line"])
+    return None, None

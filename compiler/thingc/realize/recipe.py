@@ -1,0 +1,85 @@
+"""What a result is made of: labelled ingredients, whose digest is the key, and the words for what changed between two."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from thingc.realize.codekey import Code
+from thingc.realize.record import PartDefinition, Value
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recipe:
+    """Ingredients by label (`class arm:RotorBrace`, `parameter length`, `version build123d`) and the key they make."""
+
+    ingredients: dict[str, str]
+
+    @property
+    def key(self) -> str:
+        """The SHA-256 of the ingredients, hexadecimal."""
+        text = json.dumps(self.ingredients, sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+def describe_recipe(reference: str, code: Code | None, versions: Mapping[str, str]) -> Recipe:
+    """Of a part schema: the code with its docstrings, and versions. `code` None: the part of an installed package."""
+    return Recipe(ingredients={"part": reference, **versions, **(code.documented if code is not None else {})})
+
+
+def model_recipe(
+    definition: PartDefinition, code: Code | None, versions: Mapping[str, str], tessellation: tuple[float, float]
+) -> Recipe:
+    """Of a part record. `tessellation` is linear [m] and angular [rad]."""
+    parameters = {f"parameter {name}": _shown(value) for name, value in definition.parameters}
+    return Recipe(
+        ingredients={
+            "part": definition.reference, "definition": definition.text, **versions,
+            **(code.ingredients if code is not None else {}), **parameters,
+            "mirror": repr(definition.mirror), "mesh linear": repr(tessellation[0]), "mesh angular": repr(tessellation[1]),
+        }
+    )
+
+
+def _shown(value: Value) -> str:
+    return f"{type(value).__name__} {value!r}"
+
+
+def difference(old: Mapping[str, str], new: Mapping[str, str], module: str) -> str:
+    """In words, what changed between two sets of ingredients of a part of `module`; at most three things are named."""
+    changed = sorted(label for label in old.keys() | new.keys() if old.get(label) != new.get(label))
+    named = [label for label in changed if label.partition(" ")[0] in ("class", "function", "value")]
+    # a name says more than the fact that its file was read whole, or that statements stand in another order
+    rest = [label for label in changed if label not in named and not (named and label.startswith(("whole file", "order of", "import")))]
+    found = list(dict.fromkeys(_phrase(label, old, new, module) for label in (*named, *rest)))
+    if not found:
+        return "nothing that it depends on changed"
+    more = f" and {len(found) - 3} more" if len(found) > 3 else ""
+    return "; ".join(found[:3]) + more
+
+
+def _phrase(label: str, old: Mapping[str, str], new: Mapping[str, str], module: str) -> str:
+    kind, _, rest = label.partition(" ")
+    verb = "is new" if label not in old else "is gone" if label not in new else "changed"
+    if kind in ("class", "function", "value"):
+        where, _, name = rest.partition(":")
+        return f"{kind} {rest} {verb}" if where == module else f"helper module `{where}` changed: {kind} `{name}`{'' if verb == 'changed' else ' ' + verb}"
+    if kind == "version" and rest == "thingc":
+        return "thingc changed"
+    if kind == "version":
+        return f"{rest} changed from {old.get(label, 'nothing')} to {new.get(label, 'nothing')}"
+    if kind == "parameter":
+        return f"parameter `{rest}` {verb}"
+    if kind == "mesh":
+        return f"the {rest} tolerance of meshes changed"
+    if label == "file":
+        return f"file {new.get('part', old.get('part'))} changed"
+    if label.startswith("whole file "):
+        return f"module `{rest.rpartition(' ')[2]}` changed"
+    if label.startswith(("statement of ", "order of statements of ")):
+        return f"a statement of module `{label.rpartition(' ')[2]}` {verb}"
+    if kind == "import":
+        return f"an import of module `{rest.partition(':')[0]}` changed"
+    return f"{label} {verb}"

@@ -1,0 +1,115 @@
+"""Answers kept in the store: by recipe, and under each recipe by the files that were read.
+
+One recipe may have several answers, each with its reads; the one whose reads are all still as they were is the answer.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from thingc.realize.reads import state_of
+from thingc.realize.recipe import Recipe
+from thingc.realize.store import Store
+
+CANDIDATES = 8
+"""How many answers are kept under one recipe; the oldest goes first."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Kept:
+    """An answer from the store and the reads it depends on."""
+
+    value: Any
+    reads: tuple[tuple[str, str], ...]
+
+
+class Results:
+    """The answers for one workspace (`root`). Files are read once per service: a state that was seen stays."""
+
+    def __init__(self, store: Store, root: str) -> None:
+        self.store = store
+        self.root = root
+        self.consulted: set[str] = set()
+        self._states: dict[tuple[str, bool], str] = {}
+        self._last: dict[str, str] | None = None
+
+    def state(self, path: str, like: str) -> str:
+        """What lies at `path` (relative to the workspace, or absolute); `like` is a state that tells how to look."""
+        listed = like.startswith("folder:")
+        absolute = os.path.normpath(os.path.join(self.root, path))
+        self.consulted.add(absolute)
+        if (absolute, listed) not in self._states:
+            self._states[absolute, listed] = state_of(absolute, listed=listed)
+        return self._states[absolute, listed]
+
+    def find(self, kind: str, key: str, usable: Callable[[Any], bool] = lambda _: True) -> Kept | None:
+        """The answer under a recipe's key whose reads match and which is `usable`, or None."""
+        for candidate in self._candidates(kind, key):
+            if all(self.state(path, state) == state for path, state in candidate["reads"]) and usable(candidate["value"]):
+                return Kept(value=candidate["value"], reads=tuple((path, state) for path, state in candidate["reads"]))
+        return None
+
+    def keep(self, kind: str, recipe: Recipe, value: Any, reads: list[Any]) -> None:
+        """Keep an answer, before the others of its recipe."""
+        plain = [list(read) for read in reads]
+        for path, _ in plain:
+            self.consulted.add(os.path.normpath(os.path.join(self.root, path)))
+        others = [candidate for candidate in self._candidates(kind, recipe.key) if candidate["reads"] != plain]
+        self.store.put_json(kind, recipe.key, [{"reads": plain, "value": value}, *others[: CANDIDATES - 1]])
+
+    def _candidates(self, kind: str, key: str) -> list[Any]:
+        found = self.store.get_json(kind, key)
+        return found if isinstance(found, list) else []
+
+    # --- what was built last, for `thingc why` ----------------------------------------------------------------------
+
+    def last(self, text: str) -> Recipe | None:
+        """The recipe that a definition had when it was last realized in this workspace."""
+        key = self._last_keys().get(text)
+        ingredients = self.store.get_json("recipe", key) if key is not None else None
+        return Recipe(ingredients=ingredients) if isinstance(ingredients, dict) else None
+
+    def known_texts(self) -> frozenset[str]:
+        """The definitions that have been realized in this workspace."""
+        return frozenset(self._last_keys())
+
+    def remember(self, recipes: Mapping[str, Recipe]) -> None:
+        """Note what was realized now; nothing is written when it is what was realized before."""
+        known = self._last_keys()
+        changed = {text: recipe for text, recipe in recipes.items() if known.get(text) != recipe.key}
+        if not changed:
+            return
+        for recipe in changed.values():
+            self.store.put_json("recipe", recipe.key, recipe.ingredients)
+        self._last = {**known, **{text: recipe.key for text, recipe in changed.items()}}
+        self.store.put_json("last", self.root, self._last)
+
+    def changed_read(self, key: str) -> str | None:
+        """In words, what keeps the newest answer under a recipe from being the answer."""
+        for candidate in self._candidates("record", key)[:1]:
+            changed = [
+                (path, state, now)
+                for path, state in candidate["reads"]
+                if (now := self.state(path, state)) != state
+            ]
+            if changed:
+                words = [_words(path, state, now) for path, state, now in changed]
+                return "; ".join(words[:3]) + (f" and {len(words) - 3} more" if len(words) > 3 else "")
+        return None
+
+    def _last_keys(self) -> dict[str, str]:
+        if self._last is None:
+            found = self.store.get_json("last", self.root)
+            self._last = found if isinstance(found, dict) else {}
+        return self._last
+
+
+def _words(path: str, state: str, now: str) -> str:
+    if state.startswith("folder:") and now.startswith("folder:"):
+        return f"folder {path} holds other files"
+    if state == "absent":
+        return f"file {path} appeared"
+    return f"file {path} is gone" if now == "absent" else f"file {path} changed"

@@ -1,0 +1,446 @@
+"""The geometry service: what the passes ask for parts. Answers from the store where it can, else through workers.
+
+With nothing new to model no process is started and nothing heavy is imported.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from thingc.realize.codekey import Code, Sources, code_of, defined_in
+from thingc.realize.modules import Finder
+from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema, Placed
+from thingc.realize.recipe import Recipe, describe_recipe, difference, model_recipe
+from thingc.realize.record_json import (
+    blobs_of, failure_from_json, full, mesh_from_json, record_from_json, schema_from_json,
+)
+from thingc.realize.results import Kept, Results
+from thingc.realize.store import Store
+from thingc.realize.versions import KERNEL, compiler_version, platform_versions, versions_of
+
+if TYPE_CHECKING:
+    from thingc.emit.artifact import Stored
+    from thingc.realize.client import Workers
+    from thingc.workspace import Workspace
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Decision:
+    """Why a part was modelled, or not: `reason` in words (`class arm:RotorBrace changed`)."""
+
+    text: str
+    reused: bool
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Task:
+    """A request for the worker and what its answer is for."""
+
+    subject: str
+    recipe: Recipe
+    request: dict[str, Any]
+    reason: str = ""
+
+
+class GeometryService:
+    """Part schemas, part records and STEP files for one workspace. A context manager: leaving it ends its workers.
+
+    `jobs` parts are modelled at once, each for at most `timeout` [s]; `on_progress(what, done, total)` hears of it.
+    `modelled` and `reused` are the definition texts of parts made and of parts found, `decisions` says why;
+    `inputs` are the absolute paths of all files and folders that decided about answers, there or not.
+    Raises `StoreUnusable` where the store cannot be written and something has to be.
+    """
+
+    def __init__(
+        self, workspace: Workspace, store: Store, jobs: int, timeout: float, on_progress: Progress | None = None
+    ) -> None:
+        self.workspace = workspace
+        self.store = store
+        self.timeout = timeout
+        self.modelled: list[str] = []
+        self.reused: list[str] = []
+        self.decisions: dict[str, Decision] = {}
+        self._jobs = jobs
+        self._on_progress = on_progress
+        self._workers: Workers | None = None
+        self._sources = Sources(Finder(workspace.parts), store)
+        self._results = Results(store, workspace.root)
+        self._codes: dict[str, Code | None | PartFailure] = {}
+        self._mesh = (workspace.linear, workspace.angular)
+        self._versions_known: dict[tuple[str, ...], dict[str, str]] = {}
+
+    def __enter__(self) -> GeometryService:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    @property
+    def inputs(self) -> frozenset[str]:
+        """Absolute paths of everything in folders and packages tracked by content that the answers depend on."""
+        return frozenset(self._sources.finder.probed | self._results.consulted)
+
+    def warm(self) -> None:
+        """Start the worker without waiting for it: it loads the kernel while the caller does something else."""
+        self._worker_pool().warm()
+
+    def close(self) -> None:
+        """End the workers; nothing of them is alive afterwards."""
+        if self._workers is not None:
+            self._workers.close()
+            self._workers = None
+
+    # --- describe ------------------------------------------------------------------------------------------------
+
+    def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
+        """What each `module:Class` takes, by reference."""
+        found: dict[str, PartSchema | PartFailure] = {}
+        tasks: dict[str, list[_Task]] = {}
+        for reference in dict.fromkeys(references):
+            code = self._code(reference)
+            if isinstance(code, PartFailure):
+                found[reference] = code
+                continue
+            recipe = describe_recipe(reference, code, self._versions(code))
+            kept = self._results.find("schema", recipe.key)
+            if kept is not None:
+                found[reference] = self._schema(reference, kept.value, code)
+                continue
+            request = {"op": "describe", "references": [reference], **self._around(code)}
+            tasks.setdefault(reference.partition(":")[0], []).append(_Task(subject=reference, recipe=recipe, request=request))
+        # one child per module: what the classes of a file share is loaded once
+        self._describe_in_workers([group for group in tasks.values()], found)
+        return found
+
+    def _describe_in_workers(self, groups: list[list[_Task]], found: dict[str, PartSchema | PartFailure]) -> None:
+        if not groups:
+            return
+        requests = []
+        for index, group in enumerate(groups):
+            hashes = {file: sha for task in group for file, sha in task.request["hashes"].items()}
+            request = {**group[0].request, "references": [task.subject for task in group], "hashes": hashes, "group": index}
+            requests.append(request)
+        alone: list[list[_Task]] = []
+        for request, answer in self._run(requests):
+            group = groups[request["group"]]
+            if "failed" in answer:
+                if len(group) > 1:  # one of them: ask for each by itself
+                    alone.extend([task] for task in group)
+                else:
+                    found[group[0].subject] = self._broken(group[0].subject, answer)
+                continue
+            given = answer["answer"]
+            for task in group:
+                value = given["answers"][task.subject]
+                # code loaded for another class of the group is no read of this one
+                self._results.keep("schema", task.recipe, value, given["reads"])
+                found[task.subject] = self._schema(task.subject, value, self._code(task.subject))
+        self._describe_in_workers(alone, found)
+
+    def _schema(self, reference: str, value: Any, code: Code | None | PartFailure) -> PartSchema | PartFailure:
+        if "failure" in value:
+            return failure_from_json(value["failure"], self.workspace.root)
+        schema = schema_from_json(value["schema"], self.workspace.root)
+        if isinstance(code, Code) and code.place is not None:  # comments move lines, and rebuild nothing
+            schema = replace(schema, file=code.place[0], line=code.place[1])
+        return schema
+
+    # --- realize -------------------------------------------------------------------------------------------------
+
+    def realize(
+        self, definitions: Sequence[PartDefinition], convex: Collection[str] = ()
+    ) -> dict[str, PartRecord | PartFailure]:
+        """The record of each definition, by text; with convex pieces for the texts in `convex`."""
+        found: dict[str, PartRecord | PartFailure] = {}
+        tasks: list[_Task] = []
+        unique = {definition.text: definition for definition in definitions}
+        recipes: dict[str, Recipe] = {}
+        for text, definition in unique.items():
+            prepared = self._prepare(definition)
+            if isinstance(prepared, PartFailure):
+                found[text] = prepared
+                continue
+            recipe, code, request = prepared
+            recipes[text] = recipe
+            kept = self._results.find("record", recipe.key, self._whole)
+            if kept is not None:
+                self._decide(text, True, "nothing that it depends on changed")
+                found[text] = self._record(kept.value, code)
+            else:
+                reason = self._why(definition, recipe)
+                tasks.append(_Task(subject=text, recipe=recipe, request=request, reason=reason))
+        by_text = {task.subject: task for task in tasks}
+        for request, answer in self._run([task.request for task in tasks], "modelling"):
+            task = by_text[request["definition"]["text"]]
+            self._decide(task.subject, False, task.reason)
+            if "failed" in answer:
+                found[task.subject] = self._broken(task.subject, answer)
+                continue
+            given = answer["answer"]
+            reads = given.pop("reads")
+            self._results.keep("record", task.recipe, given, reads)
+            found[task.subject] = self._record(given, self._code_of_definition(unique[task.subject]))
+        self._results.remember({text: recipe for text, recipe in recipes.items() if isinstance(found[text], PartRecord)})
+        self._decompose(found, convex)
+        return {text: found[text] for text in unique}
+
+    def _prepare(self, definition: PartDefinition) -> tuple[Recipe, Code | None, dict[str, Any]] | PartFailure:
+        code: Code | None = None
+        extra: dict[str, str] = {}
+        if definition.kind == "file":
+            state = self._file_state(definition)
+            if isinstance(state, PartFailure):
+                return state
+            extra["file"] = state
+        else:
+            checked = self._code(definition.reference)
+            if isinstance(checked, PartFailure):
+                return replace(checked, subject=definition.text)
+            code = checked
+        recipe = model_recipe(definition, code, {**self._versions(code), **extra}, self._mesh)
+        request = {
+            "op": "model",
+            "definition": {
+                "kind": definition.kind, "reference": definition.reference, "text": definition.text,
+                "parameters": dict(definition.parameters),
+            },
+            "tessellation": [self._mesh[0] * 1000.0, self._mesh[1]],
+            **self._around(code),
+        }
+        return recipe, code, request
+
+    def _file_state(self, definition: PartDefinition) -> str | PartFailure:
+        path = os.path.join(self.workspace.root, definition.reference)
+        if os.path.isabs(definition.reference) or not self.workspace.contains(path):
+            return PartFailure(
+                subject=definition.text, kind="refused", message=f"`{definition.reference}` is outside of the workspace"
+            )
+        state = self._results.state(definition.reference, "file:")
+        if not state.startswith("file:"):
+            folder = os.path.dirname(definition.reference)
+            from thingc.realize.modules import listed
+
+            near = [os.path.join(folder, name).replace(os.sep, "/") for name in listed(os.path.dirname(path))]
+            return PartFailure(
+                subject=definition.text, kind="missing", message=f"there is no file `{definition.reference}`",
+                candidates=tuple(name for name in near if name.lower().endswith((".step", ".stp", ".brep", ".stl", ".3mf", ".obj"))),
+            )
+        return state
+
+    def _whole(self, value: Any) -> bool:
+        """Whether everything a kept record speaks of is in the store."""
+        return "failure" in value or all(self.store.has(sha256, size) for sha256, size in blobs_of(value["record"]))
+
+    def _record(self, value: Any, code: Code | None) -> PartRecord | PartFailure:
+        if "failure" in value:
+            return failure_from_json(value["failure"], self.workspace.root)
+        record = record_from_json(value["record"], self.workspace.root)
+        return replace(record, code=code.place) if code is not None and code.place is not None else record
+
+    def _decide(self, text: str, reused: bool, reason: str) -> None:
+        if text not in self.decisions or not reused:
+            (self.reused if reused else self.modelled).append(text)
+            if not reused and text in self.reused:
+                self.reused.remove(text)
+            self.decisions[text] = Decision(text=text, reused=reused, reason=reason)
+
+    def _why(self, definition: PartDefinition, recipe: Recipe) -> str:
+        last = self._results.last(definition.text)
+        if last is None:
+            others = self._results.known_texts()
+            family = definition.reference + "("
+            if any(text == definition.reference or text.startswith(family) for text in others):
+                return "parameters are new"
+            return "first time"
+        if last.key == recipe.key:
+            return self._results.changed_read(recipe.key) or "its files were missing from the store"
+        return difference(last.ingredients, recipe.ingredients, definition.reference.partition(":")[0])
+
+    def _decompose(self, found: dict[str, PartRecord | PartFailure], convex: Collection[str]) -> None:
+        """Convex pieces, kept by the mesh they are made of: asking for them models nothing anew."""
+        wanted: dict[str, list[str]] = {}
+        for text in sorted(convex):
+            record = found.get(text)
+            if isinstance(record, PartRecord) and "mesh" in record.meshes:
+                wanted.setdefault(record.meshes["mesh"].sha256, []).append(text)
+        version = "".join(versions_of(["coacd", "manifold3d"], self.store).values()) if wanted else ""
+        pieces: dict[str, Any] = {}
+        requests = []
+        for mesh in wanted:
+            kept = self.store.get_json("convex", f"{version} {mesh}")
+            if kept is not None and all(self.store.has(piece[0], piece[1]) for piece in kept):
+                pieces[mesh] = kept
+            else:
+                requests.append({"op": "decompose", "mesh": mesh, "store": self.store.root, "timeout": self.timeout})
+        for request, answer in self._run(requests, "decomposing"):
+            if "failed" in answer:
+                for text in wanted[request["mesh"]]:
+                    found[text] = self._broken(text, answer)
+                continue
+            pieces[request["mesh"]] = answer["answer"]["pieces"]
+            self.store.put_json("convex", f"{version} {request['mesh']}", pieces[request["mesh"]])
+        for mesh, made in pieces.items():
+            for text in wanted[mesh]:
+                record = found[text]
+                if isinstance(record, PartRecord):
+                    found[text] = replace(record, convex=tuple(mesh_from_json(piece) for piece in made))
+
+    # --- assemble ------------------------------------------------------------------------------------------------
+
+    def assemble(self, name: str, instances: Sequence[Placed]) -> Stored:
+        """The STEP file of an assembly, kept by everything in it: the same placements and colours are written once.
+
+        Raises `AssemblyFailed` where the kernel cannot write it.
+        """
+        from thingc.emit.artifact import Stored
+
+        listed = [
+            {
+                "path": one.path, "definition": one.definition, "brep": one.brep, "color": one.color,
+                "pose": [entry for row in one.pose.rotation for entry in row] + list(one.pose.translation),
+            }
+            for one in instances
+        ]
+        key = repr([name, sorted(self._versions(None).items()), listed])
+        kept = self.store.get_json("step", key)
+        if kept is not None and self.store.has(kept["sha256"], kept["size"]):
+            return Stored(sha256=kept["sha256"], size=kept["size"])
+        request = {"op": "assemble", "name": name, "instances": listed, "store": self.store.root, "timeout": self.timeout}
+        if self._workers is not None and self._workers.running:
+            (_, answer), *_ = list(self._run([request]))
+        else:
+            from thingc.realize.client import once
+
+            self.store.check()
+            answer = once(["--assemble"], request)
+        if "answer" not in answer:
+            raise AssemblyFailed(name, answer.get("words") or answer["failed"], answer.get("detail", ""))
+        made = answer["answer"]
+        self.store.put_json("step", key, made)
+        return Stored(sha256=made["sha256"], size=made["size"])
+
+    # --- code, versions, workers -----------------------------------------------------------------------------------
+
+    def _code(self, reference: str) -> Code | None | PartFailure:
+        """The code of `module:Class`; None for an installed package; or why it may not or cannot be loaded."""
+        if reference not in self._codes:
+            self._codes[reference] = self._read_code(reference)
+        return self._codes[reference]
+
+    def _code_of_definition(self, definition: PartDefinition) -> Code | None:
+        code = self._code(definition.reference) if definition.kind != "file" else None
+        return code if isinstance(code, Code) else None
+
+    def _read_code(self, reference: str) -> Code | None | PartFailure:
+        module_name, colon, name = reference.partition(":")
+        if not colon or not all(part.isidentifier() for part in (*module_name.split("."), *name.split("."))):
+            return PartFailure(subject=reference, kind="invalid", message=f"`{reference}` is no part reference: expected `module:Class`")
+        finder = self._sources.finder
+        module = finder.find(module_name)
+        top = module_name.partition(".")[0]
+        allowed = module.workspace or top in self.workspace.packages
+        if not allowed and (module.kind != "absent" or finder.find(top).kind == "installed"):
+            return PartFailure(
+                subject=reference, kind="refused",
+                message=f"`{module_name}` is neither in a part folder nor in a package that the workspace allows",
+                candidates=tuple(self.workspace.packages),
+            )
+        if module.kind == "installed":
+            return None
+        if module.kind == "absent" or module.file is None:
+            known = (*finder.part_modules(), *self.workspace.packages)
+            return PartFailure(
+                subject=reference, kind="missing", message=f"there is no module `{module_name}`", candidates=known
+            )
+        known, more = defined_in(module_name, self._sources)
+        first = name.partition(".")[0]
+        from thingc.realize.codekey import binds
+
+        if not more and not binds(module_name, first, self._sources):
+            return PartFailure(
+                subject=reference, kind="missing", message=f"`{module_name}` has no `{first}`", file=module.file, candidates=known
+            )
+        return code_of(reference, self._sources)
+
+    def _versions(self, code: Code | None) -> dict[str, str]:
+        used = (*KERNEL, *(code.installed if code is not None else self.workspace.packages))
+        key = tuple(sorted(set(used) - {"thingc"}))
+        if key not in self._versions_known:
+            self._versions_known[key] = {**platform_versions(), **compiler_version(), **versions_of(key, self.store)}
+        return self._versions_known[key]
+
+    def _around(self, code: Code | None) -> dict[str, Any]:
+        """What a request says about where it runs."""
+        modules = code.modules if code is not None else {}
+        installed = code.installed if code is not None else set()
+        return {
+            "root": self.workspace.root, "parts": list(self.workspace.parts), "store": self.store.root, "timeout": self.timeout,
+            "hashes": {file: code.hashes[name] for name, file in modules.items() if file and name in code.hashes} if code else {},
+            "plain": sorted(name for name, file in modules.items() if file is None),
+            "preload": sorted(installed & set(self.workspace.packages)),
+        }
+
+    def _worker_pool(self) -> Workers:
+        if self._workers is None:
+            from thingc.realize.client import Workers
+
+            self.store.check()
+            self._workers = Workers(self._jobs)
+        return self._workers
+
+    def _run(self, requests: Sequence[dict[str, Any]], what: str = "") -> Any:
+        """Answers of the workers as they come; a kernel that does not load fails every request."""
+        if not requests:
+            return
+        from thingc.realize.client import WorkerBroken
+
+        done = 0
+        self._progress(what, done, len(requests))
+        answered: set[int] = set()
+        try:
+            for request, answer in self._worker_pool().run(requests):
+                done += 1
+                answered.add(id(request))
+                self._progress(what, done, len(requests))
+                yield request, answer
+        except WorkerBroken as fault:
+            for request in requests:
+                if id(request) not in answered:
+                    yield request, {"failed": "crashed", "words": f"the CAD kernel does not load: {fault}", "detail": fault.detail}
+
+    def _progress(self, what: str, done: int, total: int) -> None:
+        if self._on_progress is not None and what:
+            self._on_progress(what, done, total)
+
+    def _broken(self, subject: str, answer: dict[str, Any]) -> PartFailure:
+        """A part that ended its worker. Such failures are not kept: the next run tries again."""
+        from thingc.realize.crash import place_of
+
+        file, line = place_of(answer.get("detail", ""), self.workspace)
+        if answer["failed"] == "hung":
+            message = f"it was not done after {self.timeout:g} s"
+        else:
+            message = answer["words"]
+        return PartFailure(
+            subject=subject, kind=answer["failed"], message=message, file=full(file, self.workspace.root), line=line,
+            detail=answer.get("detail") or None,
+        )
+
+
+class AssemblyFailed(Exception):
+    """The kernel could not write the STEP file of the assembly `name`: `reason` in words, `detail` the traceback."""
+
+    def __init__(self, name: str, reason: str, detail: str = "") -> None:
+        super().__init__(f"the STEP file of {name} could not be written: {reason}")
+        self.name = name
+        self.reason = reason
+        self.detail = detail
+
+
+__all__ = ["AssemblyFailed", "Decision", "GeometryService", "Kept"]

@@ -1,0 +1,199 @@
+"""What `link` says of parts: those that failed, those that warn, and those put where another one was expected."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from graph.builder import (
+    Expectation,
+    PartFailure,
+    PartWarning,
+    assembly,
+    attach,
+    box,
+    component,
+    faults,
+    joint,
+    laid,
+    linked,
+    rx,
+    said,
+    t,
+    warnings,
+)
+from thingc.diagnostics import Report
+from thingc.realize.record import PartRecord
+from thingc.resolve.model import AssemblyDefinition, Component
+
+PLATE = box("p:Plate", mounts={"servo_seat": t(0, 0, 0.02), "foot": rx(np.pi) @ t(0, 0, 0.02)})
+CAP = box("p:Cap", mounts={"top": t(0, 0, 0.02), "foot": rx(np.pi) @ t(0, 0, 0.02)})
+
+
+def notes(report: Report, index: int = 0) -> list[tuple[str, str | None, int | None]]:
+    return [
+        (n.message, n.span.file if n.span else None, n.span.line if n.span else None) for n in report.diagnostics[index].notes
+    ]
+
+
+def hand(**exported: str) -> AssemblyDefinition:
+    return assembly("hand", [component("cap", "p:Cap")], mounts=exported, line=60)
+
+
+# --- parts ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("kind", "code", "words", "help"),
+    [
+        (
+            "raised",
+            "PART_RAISED",
+            "`pen` (`p:Pen(length=-0.1)`) raised an exception: length must be above 0",
+            "change its `params`, or mend the part file",
+        ),
+        (
+            "hung",
+            "PART_HUNG",
+            "`pen` (`p:Pen(length=-0.1)`) took too long: length must be above 0",
+            "mend the part, or allow more time with `--part-timeout`",
+        ),
+        (
+            "crashed",
+            "PART_CRASHED",
+            "`pen` (`p:Pen(length=-0.1)`) crashed the interpreter: length must be above 0",
+            "change its `params`, or what the part asks of the CAD kernel",
+        ),
+        (
+            "empty",
+            "PART_EMPTY",
+            "`pen` (`p:Pen(length=-0.1)`) has no volume: length must be above 0",
+            "let `result()` return a solid, or None for a part without geometry",
+        ),
+        (
+            "refused",
+            "PART_REFUSED",
+            "`pen` (`p:Pen(length=-0.1)`) is refused: length must be above 0",
+            "take a part from the workspace's `parts` folders or its `packages`",
+        ),
+        (
+            "missing",
+            "PART_MISSING",
+            "`pen` (`p:Pen(length=-0.1)`) is not there: length must be above 0",
+            "write `module:Class` with a module on the part path and a class in it",
+        ),
+        ("invalid", "PART_INVALID", "`pen` (`p:Pen(length=-0.1)`) is not valid: length must be above 0", "mend the part file"),
+    ],
+)
+def test_a_part_that_failed_is_said_once(kind: str, code: str, words: str, help: str) -> None:
+    from graph.builder import part
+
+    pen = part("p:Pen(length=-0.1)", length=-0.1, diameter=0.015)
+    inner = assembly("hand", [component("pen", pen, line=41)])
+    model = assembly(
+        "a",
+        [
+            component("plate", "p:Plate"),
+            component("pen", pen, attach("pen.foot", "plate.foot"), line=5),
+            component("spare", pen, attach("spare.foot", "plate.nowhere_near", line=7), line=6),
+            component("h", inner, attach("h.pen.foot", "plate.foot"), line=8),
+            component("h2", inner, attach("h2.pen.foot", "plate.foot"), line=9),
+        ],
+    )
+    failure = PartFailure(
+        subject="p:Pen(length=-0.1)",
+        kind=kind,
+        message="length must be above 0",
+        file="/robots/parts/p.py",
+        line=31,
+        detail="Traceback ...",
+    )
+    report = faults(model, PLATE, failure)
+    assert said(report)[0] == (code, words, help, 5)
+    assert notes(report) == [
+        ("`spare` is one, too", "/robots/robot.yaml", 6),
+        ("`pen` is one, too", "/robots/robot.yaml", 41),
+        ("its parameters, in SI: diameter=0.015, length=-0.1", None, None),
+        ("in the part file, here", "/robots/parts/p.py", 31),
+    ]
+    assert report.diagnostics[0].detail == "Traceback ..."
+    assert report.diagnostics[0].path == "pen"
+    assert [d.message for d in report.diagnostics[1:]] == ["`plate` (`p:Plate`) has no mount `nowhere_near`"]
+
+
+def test_warnings_of_a_part_are_said_once() -> None:
+    odd = box(
+        "p:Plate",
+        mounts={"foot": t(0, 0, 0.02)},
+        warnings=(PartWarning(message="a fillet failed", file="/robots/parts/p.py", line=9),),
+    )
+    model = assembly("a", [component("one", "p:Plate", line=3), component("two", "p:Plate", attach("two.foot", "one.foot"))])
+    report = warnings(model, odd)
+    assert said(report) == [("PART_WARNING", "`p:Plate`: a fillet failed", None, 3)]
+    assert notes(report) == [("in the part file, here", "/robots/parts/p.py", 9)]
+
+
+# --- expectations --------------------------------------------------------------------------------------------------
+
+BOARD = box(
+    "p:Board",
+    mounts={"cap_seat": t(0, 0, 0.02), "foot": rx(np.pi)},
+    expectations=(Expectation(mount="cap_seat", text="p:Cap", child_mount="foot"),),
+)
+
+
+def board(*others: Component, **over: object) -> tuple[AssemblyDefinition, PartRecord, PartRecord, PartRecord]:
+    return assembly("a", [component("board", "p:Board", line=3, **over), *others]), BOARD, CAP, PLATE  # type: ignore[arg-type]
+
+
+def test_expectations_that_are_met() -> None:
+    linked(*board(component("cap", "p:Cap", attach("cap.foot", "board.cap_seat"))))
+    linked(
+        assembly("a", [component("cap", "p:Cap"), component("board", "p:Board", attach("board.cap_seat", "cap.foot"))]),
+        BOARD,
+        CAP,
+    )
+    linked(
+        assembly("a", [component("board", "p:Board"), component("cap", "p:Cap")], [joint("j", "board.cap_seat", "cap.foot")]),
+        BOARD,
+        CAP,
+    )
+    linked(
+        assembly("a", [component("board", "p:Board"), component("h", hand(), attach("h.cap.foot", "board.cap_seat"))]), BOARD, CAP
+    )
+
+
+def test_expectations_that_are_not_met() -> None:
+    help = "put `p:Cap` there by its mount `foot`, or write `expect: ignore` on `board`"
+    assert said(warnings(*board())) == [("EXPECTATION", "`board.cap_seat` was cut for `p:Cap`, and nothing sits there", help, 3)]
+    plain = component("cap", "p:Cap", laid("board.cap_seat", np.eye(4)), line=5)
+    assert said(warnings(*board(plain)))[0][1] == "`board.cap_seat` was cut for `p:Cap`, and nothing sits there"
+    other = warnings(*board(component("lid", "p:Plate", attach("lid.foot", "board.cap_seat"), line=5)))
+    assert said(other) == [("EXPECTATION", "`board.cap_seat` was cut for `p:Cap`, but `lid` (`p:Plate`) sits there", help, 5)]
+    assert notes(other) == [("`board` is here", "/robots/robot.yaml", 3)]
+    turned = warnings(*board(component("cap", "p:Cap", attach("cap.top", "board.cap_seat"), line=5)))
+    assert said(turned) == [
+        ("EXPECTATION", "`board.cap_seat` was cut for `p:Cap` by its mount `foot`, but `cap` sits there by `top`", help, 5)
+    ]
+
+
+def test_other_parameters_are_another_part() -> None:
+    wide = box("p:Cap(width=0.2)", mounts={"foot": rx(np.pi)})
+    model = assembly(
+        "a", [component("board", "p:Board"), component("cap", "p:Cap(width=0.2)", attach("cap.foot", "board.cap_seat"), line=5)]
+    )
+    assert (
+        said(warnings(model, BOARD, wide))[0][1]
+        == "`board.cap_seat` was cut for `p:Cap`, but `cap` (`p:Cap(width=0.2)`) sits there"
+    )
+
+
+def test_expectations_that_are_not_asked_for() -> None:
+    linked(*board(ignore_expectations=True))
+    linked(*board(component("lid", "p:Plate", attach("lid.foot", "board.cap_seat"), ignore_expectations=True)))
+    shown = assembly("a", [component("board", "p:Board")], mounts={"seat": "board.cap_seat"})
+    linked(shown, BOARD)  # whoever nests this assembly puts the cap there
+    nested = assembly("b", [component("plate", "p:Plate"), component("h", shown, attach("h.board.foot", "plate.foot"))])
+    assert [d.message for d in warnings(nested, BOARD, PLATE).diagnostics] == [
+        "`board.cap_seat` was cut for `p:Cap`, and nothing sits there"
+    ]

@@ -1,0 +1,173 @@
+"""The documents of `assemblies/` through the whole compiler, against the hand-written chain of `conftest.py`."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from math import radians
+
+import numpy as np
+import pytest
+
+from .conftest import POSES, ROOT, matrix, put_together
+
+ARM = str(ROOT / "assemblies" / "arm.yaml")
+JOINTS = ("yaw", "shoulder", "elbow", "wrist")
+
+
+def compiled(document, store, **parameters):
+    """The compilation, run; it must have nothing to say."""
+    from thingc.diagnostics import as_text
+    from thingc.pipeline import Compilation, Options
+
+    compilation = Compilation(document, Options(store=store, jobs=2, parameters=parameters))
+    compilation.run()
+    assert not compilation.report.diagnostics, as_text(compilation.report.ordered())
+    assert compilation.assembly is not None
+    return compilation
+
+
+@pytest.fixture(scope="module")
+def arm(shared_store):
+    """The arm as its document says."""
+    with compiled(ARM, shared_store) as compilation:
+        yield compilation
+
+
+@pytest.fixture(scope="module")
+def models(arm):
+    """Mode to its compiled MuJoCo model."""
+    import mujoco
+
+    files = dict(arm.emit(["mjcf"])["mjcf"].files)
+    read = {path: arm.store.read(c.sha256) if hasattr(c, "sha256") else c for path, c in files.items()}
+    assets = {path.removeprefix("mjcf/assets/"): data for path, data in read.items() if path.startswith("mjcf/assets/")}
+    return {
+        mode: mujoco.MjModel.from_xml_string(read[f"mjcf/arm_{mode}.xml"].decode(), assets)
+        for mode in ("bench", "drawing", "adrift")
+    }
+
+
+def rest(compilation):
+    """Every occurrence's pose at q = 0 in the plate's frame [mm]."""
+    assembly = compilation.assembly
+    poses = {}
+    for occurrence in assembly.occurrences:
+        pose = np.array(assembly.rest[occurrence.index].rows())
+        pose[:3, 3] *= 1000
+        poses[occurrence.path] = pose
+    return poses
+
+
+@pytest.mark.parametrize(("reach", "pen"), [(100, 15), (60, 6), (200, 30)])
+def test_every_part_stands_where_the_chain_puts_it(shared_store, reach, pen):
+    with compiled(ARM, shared_store, reach=f"{reach} mm", pen_diameter=f"{pen} mm") as compilation:
+        found = rest(compilation)
+    expected = put_together((0, 0, 0, 0), reach, pen)
+    assert set(found) == set(expected) | {"bus_board"}
+    for path, part in expected.items():
+        assert np.allclose(found[path], part.pose, atol=1e-9), path
+
+
+def test_the_board_is_behind_the_bracket(arm):
+    from arm import YawPitchBracket
+
+    board = rest(arm)["bus_board"]
+    bracket = put_together((0, 0, 0, 0))["bracket"].pose
+    lifted = np.eye(4)
+    lifted[2, 3] = 4
+    assert np.allclose(board, bracket @ matrix(YawPitchBracket().board.location) @ lifted, atol=1e-9)
+    assert board[0, 3] < -14.25 - 4  # outside the cradle's rear wall
+
+
+def test_poses_of_the_document_are_those_checked_for_collisions(arm):
+    poses = {pose.name: tuple(pose.values.get(joint, 0.0) for joint in JOINTS) for pose in arm.assembly.poses}
+    assert poses == {name: pytest.approx([radians(angle) for angle in q]) for name, q in POSES.items()}
+
+
+def test_links_masses_and_sources(arm):
+    assembly = arm.assembly
+    assert [link.name for link in assembly.links] == ["base_link", "bracket", "humerus", "forearm", "hand_link"]
+    mass = {occurrence.path: (occurrence.properties.mass, occurrence.mass_source) for occurrence in assembly.occurrences}
+    for servo in ("yaw_servo", "shoulder_servo", "elbow_servo", "wrist_servo"):
+        assert mass[servo] == (0.082, "vendor")
+    assert mass["bus_board"] == (0.012, "measured")
+    assert {mass[path][1] for path in ("plate", "bracket", "humerus", "hand/fixture", "hand/cap")} == {"estimated"}
+    assert {mass[path][1] for path in ("hand/pen", "hand/cap_screw_0", "plate_screw_3")} == {"derived"}
+    # Printed parts weigh what a slicer says of parts of this size: between 15 % infill alone and full.
+    for path, part in put_together((0, 0, 0, 0)).items():
+        if mass[path][1] == "estimated":
+            full = part.thing.result().volume * 1e-9 * 1270
+            assert 0.3 * full < mass[path][0] <= full * (1 + 1e-9), path
+    assert 0.4 < assembly.properties.mass < 0.55
+
+
+def test_in_bench_the_yaw_axis_is_up_and_the_tip_at_home_is_above_the_plate(models):
+    import mujoco
+
+    model = models["bench"]
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("home").id)
+    mujoco.mj_forward(model, data)
+    assert data.joint("yaw").xaxis == pytest.approx([0, 0, 1], abs=1e-12)
+    assert data.joint("yaw").xanchor[:2] == pytest.approx([0, 0], abs=1e-12)
+    arm = put_together(POSES["home"])
+    tip = arm["hand/pen"].pose @ np.array([0, 0, 60, 1])
+    assert data.site("tip").xpos * 1000 == pytest.approx(tip[:3], abs=1e-6)
+    assert data.site("tip").xpos[2] > 0.010
+
+
+def test_the_drives_are_those_of_the_servos(models):
+    model = models["bench"]
+    for joint in JOINTS:
+        actuator = model.actuator(joint)
+        assert actuator.gainprm[0] == pytest.approx(18.875596, rel=1e-6)
+        assert actuator.biasprm[1:3] == pytest.approx([-18.875596, -0.85113296], rel=1e-6)
+        assert actuator.forcerange == pytest.approx([-4.1, 4.1])
+        assert model.joint(joint).armature[0] == pytest.approx(0.045, rel=1e-12)
+
+
+def test_every_contact_within_the_arm_is_confirmed_by_the_exact_meshes(models, meshes):
+    """At every pose, in every mode: a contact that MuJoCo reports between two parts is one that their exact meshes have,
+    too (0.05 mm of room for the tessellation)."""
+    import mujoco
+
+    for mode, model in models.items():
+        data = mujoco.MjData(model)
+        for pose, q in POSES.items():
+            mujoco.mj_resetDataKeyframe(model, data, model.key(pose).id)
+            mujoco.mj_forward(model, data)
+            parts = put_together(q)
+            reported = {
+                tuple(sorted(model.geom(geom).name.partition(":")[0] for geom in (contact.geom1, contact.geom2)))
+                for contact in data.contact
+            }
+            for one, other in reported:
+                a, b = (meshes(parts[path].thing).transform(parts[path].pose[:3]) for path in (one, other))
+                assert a.min_gap(b, 1.0) < 0.05, (mode, pose, one, other)
+            touching = {
+                tuple(sorted((one, other)))
+                for one, other in combinations(("plate", "humerus", "forearm", "hand/fixture", "hand/pen"), 2)
+                if (meshes(parts[one].thing).transform(parts[one].pose[:3])
+                    ^ meshes(parts[other].thing).transform(parts[other].pose[:3])).volume() > 1e-3
+            }
+            assert touching <= reported
+
+
+def test_the_arm_holds_its_home_pose(models):
+    """The drives are strong enough for the arm: from home it settles within 3 degrees of it in a second."""
+    import mujoco
+
+    model = models["bench"]
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("home").id)
+    for _ in range(500):
+        mujoco.mj_step(model, data)
+    assert np.degrees(np.abs(data.qpos - [radians(angle) for angle in POSES["home"]])).max() < 3
+    assert np.abs(data.qvel).max() < 0.05
+    assert all(warning.number == 0 for warning in data.warning)
+
+
+def test_the_end_effector_is_a_robot_of_its_own(shared_store):
+    with compiled(str(ROOT / "assemblies" / "end_effector.yaml"), shared_store, pen_diameter="9 mm") as compilation:
+        assert [o.path for o in compilation.assembly.occurrences] == ["fixture", "cap", "cap_screw_0", "cap_screw_1", "pen"]
+        assert [mount.path for mount in compilation.assembly.exported] == ["seat", "tip"]

@@ -1,0 +1,218 @@
+"""Components: part parameters, materials, overrides, placements, and what stays out of the model when it is wrong."""
+
+from __future__ import annotations
+
+import builtins
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from resolve.resolving import run
+from thingc.realize.record import PartDefinition
+from thingc.resolve import part_definitions
+from thingc.resolve.model import At, Attach, BomEntry, Overrides, Process
+
+ARM = """
+thingc: assembly/1
+name: arm
+parameters: {reach: 100 mm, fill: 15 %}
+materials: [materials.yaml]
+defaults:
+  component: {material: petg, collision: box, process: {walls: 4, infill: =fill}, bom: {supplier: us, make: print}}
+components:
+  plate: {part: "arm:Plate"}
+  brace:
+    part: arm:Brace
+    params:
+      {length: =reach / 4, tilt: 90 deg, holes: =2 * 3, fill: 50 %, weight: 5 g, scale: 3, open: true, label: 12 mm, size: M2,
+       teeth: 16}
+    attach: {mount: back, to: plate.seat, turn: 90 deg, gap: =reach / 100}
+    material: steel
+    mass: 12 g
+    com: [1 mm, 0, =reach]
+    inertia: {value: {ixx: 1 kg*m^2, iyy: 2 kg*m^2, izz: 2.5 kg*m^2, ixz: -0.1 kg*m^2}, source: vendor}
+    collision: none
+    visual: false
+    process: {walls: 2}
+    expect: ignore
+    bom: {number: X1, cost: 12.50 EUR, make: buy}
+    mounts: {shaft: {xyz: 0 0 4 mm, rpy: 0 0 90 deg, interface: horn}}
+  board:
+    frame: true
+    mass: {value: 12 g, source: measured}
+    at: {in: brace.shaft, xyz: 1 2 3 mm, rpy: 0 90 0 deg}
+"""
+MATERIALS = """
+thingc: materials/1
+materials:
+  petg:
+    density: 1270 kg/m^3
+    color: lavender
+    friction: {slide: 0.4, torsion: 5 mm}
+    process: {kind: fdm, walls: 3, line_width: 0.45 mm, layer: 0.2 mm, top: 4, bottom: 5, infill: 15 %}
+  steel: {base: "bd_materials:stainless", color: "#888"}
+  light: {base: "bd_materials:pla", density: 500 kg/m^3}
+"""
+
+
+def test_everything_a_component_says(tmp_path: Path) -> None:
+    outcome = run(tmp_path, {"arm.yaml": ARM, "materials.yaml": MATERIALS})
+    assert outcome.said == []
+    plate, brace, board = (outcome.component(name) for name in ("plate", "brace", "board"))
+
+    assert isinstance(plate.definition, PartDefinition) and plate.definition.parameters == ()
+    assert plate.placement is None
+    assert plate.material is not None and plate.material.name == "petg"
+    assert plate.overrides == Overrides(collision="box", process=Process(walls=4, infill=0.15))
+    assert plate.bom == BomEntry(supplier="us", make="print")
+
+    assert isinstance(brace.definition, PartDefinition)
+    assert brace.definition.parameters == (
+        ("fill", 0.5), ("holes", 6), ("label", "12 mm"), ("length", 0.025), ("open", True), ("scale", 3.0), ("size", "M2"),
+        ("teeth", 16), ("tilt", math.pi / 2), ("weight", 0.005),
+    )
+    assert type(dict(brace.definition.parameters)["holes"]) is int
+    assert type(dict(brace.definition.parameters)["scale"]) is float
+    assert brace.definition.text == (
+        "arm:Brace(fill=0.5, holes=6, label='12 mm', length=0.025, open=True, scale=3.0, size='M2', teeth=16, "
+        "tilt=1.5707963267948966, weight=0.005)"
+    )
+    placement = brace.placement
+    assert isinstance(placement, Attach)
+    assert (placement.mount.text, placement.to.text) == ("brace.back", "plate.seat")
+    assert placement.turn == math.pi / 2 and placement.gap == 0.001
+    assert brace.material is not None and brace.material.name == "steel"
+    over = brace.overrides
+    assert over.mass is not None and over.mass.value == (0.012,) and over.mass.source == "stated"
+    assert over.com is not None and over.com.value == (0.001, 0.0, 0.1) and over.com.source == "stated"
+    assert over.inertia is not None and over.inertia.value == (1.0, 2.0, 2.5, 0.0, -0.1, 0.0) and over.inertia.source == "vendor"
+    assert (over.collision, over.visual, over.ignore_expectations) == ("none", False, True)
+    assert over.process == Process(walls=2, infill=0.15)
+    assert brace.bom == BomEntry(number="X1", supplier="us", cost="12.50 EUR", make="buy")
+    shaft = brace.mounts["shaft"]
+    assert shaft.interface == "horn" and shaft.pose.translation == (0.0, 0.0, 0.004)
+    assert shaft.pose.rotation == ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+
+    assert board.frame and board.definition is None and board.material is None
+    assert board.overrides.mass is not None and board.overrides.mass.source == "measured"
+    assert board.overrides.collision == "hull"  # the defaults are for parts
+    assert isinstance(board.placement, At) and board.placement.to.text == "brace.shaft"
+    assert board.placement.pose.translation == (0.001, 0.002, 0.003)
+    assert board.placement.pose.rotation == ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0))  # +90 deg about y
+
+
+def test_materials(tmp_path: Path) -> None:
+    scope = run(tmp_path, {"arm.yaml": ARM, "materials.yaml": MATERIALS}).good.materials
+    petg, steel, light = scope["petg"], scope["steel"], scope["light"]
+    assert (petg.density, petg.color, petg.slide, petg.torsion, petg.roll) == (1270.0, "#e6e6fa", 0.4, 0.005, None)
+    assert petg.process == Process(kind="fdm", walls=3, line_width=0.00045, layer=0.0002, top=4, bottom=5, infill=0.15)
+    import bd_materials
+
+    assert steel.density == bd_materials.resolve("stainless").material.density and steel.color == "#888888"
+    assert light.density == 500.0
+
+
+def test_a_library_that_is_not_installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = builtins.__import__
+
+    def without(name: str, *rest: Any, **more: Any) -> Any:
+        if name == "bd_materials":
+            raise ImportError(name)
+        return real(name, *rest, **more)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    outcome = run(tmp_path, """
+        thingc: assembly/1
+        name: arm
+        materials: {s: {base: "bd_materials:pla"}}
+        components: {a: {part: "arm:Plate"}}
+        """)
+    assert outcome.said == [
+        "TC339 arm.yaml:3:23 `bd_materials:pla` needs the package `bd_materials`, which is not installed"
+        " | install it, or write `density` and `color` instead of `base`",
+    ]
+
+
+def test_places_of_what_the_defaults_say(tmp_path: Path) -> None:
+    outcome = run(tmp_path, """
+        thingc: assembly/1
+        name: arm
+        defaults: {component: {mass: 5 g}}
+        components:
+          plate: {part: "arm:Plate"}
+        """)
+    mass = outcome.component("plate").overrides.mass
+    assert mass is not None and (mass.origin[0].line, mass.origin[0].column) == (3, 30)
+    assert (outcome.component("plate").origin[0].line, outcome.component("plate").origin[0].column) == (5, 3)
+
+
+def test_what_is_wrong_has_no_definition_and_the_rest_stays(tmp_path: Path) -> None:
+    outcome = run(tmp_path, """
+        thingc: assembly/1
+        name: arm
+        components:
+          plate: {part: "arm:Plate"}
+          bad: {part: "arm:Brace", params: {length: 3 deg}, attach: {a: plate.b}}
+          on_bad: {part: "arm:Plate", attach: {a: bad.b}}
+          eye: {frame: true, at: {in: plat.top}}
+          lost: {part: "arm:Plate", attach: {a: plat.b}}
+        """)
+    assert len(outcome.said) == 3
+    by_name = {name: outcome.component(name) for name in ("plate", "bad", "on_bad", "eye", "lost")}
+    assert [name for name, c in by_name.items() if c.definition is not None] == ["plate", "on_bad"]
+    assert by_name["eye"].frame is False
+    assert [name for name, c in by_name.items() if c.placement is not None] == ["on_bad"]
+
+
+def test_file_parts(tmp_path: Path) -> None:
+    (tmp_path / "cad").mkdir()
+    (tmp_path / "cad" / "motor.STEP").write_text("")
+    outcome = run(tmp_path, {"robots/arm.yaml": """
+        thingc: assembly/1
+        name: arm
+        components:
+          a: {file: ../cad/motor.STEP, mounts: {shaft: {}}}
+          b: {file: ../robots/../cad/motor.STEP, attach: {shaft: a.shaft}, mounts: {shaft: {}}}
+        """})
+    definitions = part_definitions(outcome.good)
+    assert definitions == (PartDefinition(reference="cad/motor.STEP", kind="file", parameters=(), text="cad/motor.STEP"),)
+
+
+def test_a_file_part_that_load_has_refused_says_nothing_more(tmp_path: Path) -> None:
+    (tmp_path / "w").mkdir()
+    outcome = run(tmp_path / "w", """
+        thingc: assembly/1
+        name: arm
+        components:
+          a: {part: "arm:Plate"}
+          b: {file: ../motor.step, attach: {origin: a.x}}
+          c: {file: /etc/motor.step, attach: {origin: b.x}}
+          d: {file: motor.txt, attach: {origin: b.x}}
+        """)
+    assert [line.split()[0] for line in outcome.said] == ["TC114", "TC114", "TC115"]
+
+
+def test_part_definitions_come_once_in_document_order(tmp_path: Path) -> None:
+    outcome = run(tmp_path, {
+        "arm.yaml": """
+            thingc: assembly/1
+            name: arm
+            components:
+              first: {part: "arm:Brace"}
+              hand: {assembly: hand.yaml, attach: {origin: first.x}}
+              hand2: {assembly: hand.yaml, attach: {origin: first.x}}
+              same: {part: "arm:Brace", params: {length: 80 mm}, attach: {a: first.x}}
+              last: {part: "arm:Servo", attach: {a: first.x}}
+            """,
+        "hand.yaml": """
+            thingc: assembly/1
+            name: hand
+            components:
+              cap: {part: "arm:Plate"}
+              pen: {part: "arm:Brace", params: {length: 20 mm}, attach: {a: cap.x}}
+            """,
+    })
+    assert [d.text for d in part_definitions(outcome.good)] == ["arm:Brace", "arm:Plate", "arm:Brace(length=0.02)", "arm:Servo"]
+    assert outcome.component("first").definition is outcome.component("same").definition

@@ -1,0 +1,204 @@
+"""Quantities: pint is the oracle of values and dimensions, the messages are exact."""
+
+from __future__ import annotations
+
+import math
+from decimal import Decimal
+from fractions import Fraction
+
+import pint
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from thingc.units import (
+    ANGLE, ANGULAR_DAMPING, ANGULAR_VELOCITY, DENSITY, FORCE, FREQUENCY, INERTIA, LENGTH, LENGTH_PER_ANGLE, MASS, NUMBER, TIME,
+    TORQUE, UNITS, Dimension, Quantity, UnitError, checked, fits, parse_quantity, parse_vector,
+)
+
+PINT = pint.UnitRegistry(non_int_type=Fraction)
+OURS_IN_PINT = {
+    "%": "percent", "rev": "turn", "t": "metric_ton", "kgf": "kilogram_force", "lbf": "pound_force", "ozf": "ounce_force",
+    "in": "inch", "us": "microsecond", "h": "hour", "um": "micrometer",
+}
+COMPOUND = [
+    "N*m", "mN*m", "N*mm", "kgf*cm", "ozf*in", "kg*m^2", "g*cm^2", "kg/m^3", "g/cm^3", "m/s^2", "mm/s", "rad/s", "deg/s", "N*m/rad",
+    "N*m*s/rad", "N*s/m", "mm/rad", "rad/m", "J/deg", "W", "kN/mm",
+]
+
+
+def oracle(unit: str) -> tuple[float, Dimension]:
+    """Value in SI base units and dimension of one of a unit, by pint (which counts an angle as a number)."""
+    words, angle = [], 0
+    sign = 1
+    for piece in unit.replace("/", " / ").replace("*", " * ").split():
+        if piece in "*/":
+            sign = -1 if piece == "/" else 1
+            words.append(piece)
+            continue
+        name, _, power = piece.partition("^")
+        words.append(OURS_IN_PINT.get(name, name) + (f"**{power}" if power else ""))
+        if name in ("rad", "mrad", "deg", "rev", "rpm"):
+            angle += sign * int(power or 1)
+    quantity = PINT.Quantity(Fraction(1), PINT.parse_units("".join(words))).to_base_units()
+    found = quantity.dimensionality
+    return float(quantity.magnitude), Dimension(
+        length=int(found.get("[length]", 0)), mass=int(found.get("[mass]", 0)), time=int(found.get("[time]", 0)), angle=angle,
+    )
+
+
+@pytest.mark.parametrize("unit", [*UNITS, *COMPOUND])
+def test_every_unit_is_what_pint_says(unit: str) -> None:
+    value, dimension = oracle(unit)
+    ours = parse_quantity(f"1 {unit}")
+    assert ours.value == pytest.approx(value, rel=1e-15)
+    assert ours.dimension == dimension
+
+
+@given(st.decimals(min_value=-10**9, max_value=10**9, allow_nan=False, places=7), st.sampled_from(["mm", "g", "kg/m^3", "N*m", "us", "in", "%"]))
+def test_conversion_is_correctly_rounded(number: Decimal, unit: str) -> None:
+    scale = {"mm": Fraction(1, 1000), "g": Fraction(1, 1000), "kg/m^3": Fraction(1), "N*m": Fraction(1), "us": Fraction(1, 10**6),
+             "in": Fraction(254, 10000), "%": Fraction(1, 100)}[unit]
+    assert parse_quantity(f"{number:f} {unit}").value == float(Fraction(number) * scale)
+
+
+@given(st.floats(min_value=-1e300, max_value=1e300))
+def test_a_number_written_with_repr_is_read_back(value: float) -> None:
+    assert parse_quantity(repr(value)) == Quantity(value + 0.0)
+    assert parse_quantity(f"{value!r} m") == Quantity(value + 0.0, LENGTH)
+
+
+def test_values_that_a_double_must_hit_exactly() -> None:
+    assert parse_quantity("72 mm").value == 0.072
+    assert parse_quantity("0.1 mm").value == 1e-4
+    assert parse_quantity("90 deg").value == math.pi / 2
+    assert parse_quantity("180 deg").value == math.pi
+    assert parse_quantity("1 rev").value == 2 * math.pi
+    assert parse_quantity("15 %") == Quantity(0.15)
+    assert parse_quantity("60 rpm").value == 2 * math.pi
+    assert str(parse_quantity("-0 mm").value) == "0.0"
+
+
+@given(st.integers(min_value=-3600, max_value=3600))
+def test_degrees_are_rounded_once(degrees: int) -> None:
+    from mpmath import mp, mpf
+
+    with mp.workdps(60):
+        assert parse_quantity(f"{degrees} deg").value == float(mpf(degrees) * mp.pi / 180)
+
+
+@pytest.mark.parametrize("text", ["4.1 N*m", "4.1 N * m", "4.1N*m", " 4.1  N* m ", "4.1 m*N", "4.1 N·m", "4.1 J", "4100 N*mm", "+4.1e0 N*m"])
+def test_ways_to_write_one_torque(text: str) -> None:
+    assert parse_quantity(text) == Quantity(4.1, TORQUE)
+
+
+@pytest.mark.parametrize(("text", "dimension"), [
+    ("1 kg*m^2", INERTIA), ("1 kg*m**2", INERTIA), ("1 kg*m²", INERTIA), ("1 m^-3*kg", DENSITY), ("1 mm/rad", LENGTH_PER_ANGLE),
+    ("1 rad/s", ANGULAR_VELOCITY), ("1 Hz", FREQUENCY), ("1 N*m*s/rad", ANGULAR_DAMPING), ("1 kg*m/s^2", FORCE),
+])
+def test_dimensions_of_products(text: str, dimension: Dimension) -> None:
+    assert parse_quantity(text).dimension == dimension
+
+
+@pytest.mark.parametrize(("text", "message", "kind", "place"), [
+    ("12 mmm", "unknown unit `mmm`; did you mean `mm`?", "unit", (3, 6)),
+    ("4 Nm", "unknown unit `Nm`; did you mean `N*m`?", "unit", (2, 4)),
+    ("30 degrees", "unknown unit `degrees`; did you mean `deg`?", "unit", (3, 10)),
+    ("30 °", "unknown unit `°`; did you mean `deg`?", "unit", (3, 4)),
+    ("3 kg/mmm^3", "unknown unit `mmm`; did you mean `mm`?", "unit", (5, 8)),
+    ("3 xyzzy", "unknown unit `xyzzy`", "unit", (2, 7)),
+    ("5 m*", "expected a unit after `m*`, found nothing", "unit", (4, 5)),
+    ("5 m/3", "expected a unit after `m/`, found `3`", "unit", (4, 5)),
+    ("5 mm + 3", "expected the end after `5 mm`, found `+ 3`", "quantity", (4, 8)),
+    ("5 mm 3", "expected the end after `5 mm`, found `3`", "quantity", (4, 6)),
+    ("5 6 mm", "expected a unit after `5`, found `6 mm`", "quantity", (2, 6)),
+    ("5 m^99", "the power 99 of `m` is out of range (-12 to 12)", "quantity", (3, 6)),
+    ("1e999 m", "the number `1e999` is too large", "quantity", (0, 5)),
+    ("1_000 mm", "expected a number, found `1_000 mm`", "quantity", None),
+    ("long", "expected a number with a unit, found `long`", "quantity", None),
+    ("", "expected a number with a unit, found ``", "quantity", None),
+    ("inf mm", "expected a number with a unit, found `inf mm`", "quantity", None),
+    ("nan", "expected a number with a unit, found `nan`", "quantity", None),
+    ("1 " + "*".join(["m"] * 13), "a unit of more than 12 factors", "unit", (2, 26)),
+    ("1" * 1001, "a quantity of 1001 characters is too long (at most 1000)", "quantity", None),
+])
+def test_what_is_said(text: str, message: str, kind: str, place: tuple[int, int] | None) -> None:
+    with pytest.raises(UnitError) as caught:
+        parse_quantity(text)
+    assert caught.value.message == message
+    assert caught.value.kind == kind
+    assert (caught.value.offset, caught.value.end) == (place or (None, None))
+
+
+@pytest.mark.parametrize(("text", "expected", "message", "help"), [
+    ("30", (ANGLE,), "an angle needs a unit, found `30`", "write `30 deg` or `30 rad`"),
+    ("120", (LENGTH,), "a length needs a unit, found `120`", "write `120 mm` or `120 m`"),
+    ("3", (TORQUE, FORCE), "a torque or a force needs a unit, found `3`", "write `3 N*m`"),
+    ("120 g", (LENGTH,), "expected a length (such as 120 mm), found a mass (`120 g`)", None),
+    ("30 deg", (NUMBER,), "expected a number (such as 2), found an angle (`30 deg`)", None),
+    ("10 rad/s", (FREQUENCY,), "expected a frequency (such as 50 Hz), found an angular velocity (`10 rad/s`)", None),
+    ("1 m^2*kg*s", (LENGTH,), "expected a length (such as 120 mm), found a quantity in kg*m^2*s (`1 m^2*kg*s`)", None),
+])
+def test_wrong_dimensions_name_both(text: str, expected: tuple[Dimension, ...], message: str, help: str | None) -> None:
+    with pytest.raises(UnitError) as caught:
+        checked(parse_quantity(text), expected, text)
+    assert caught.value.message == message
+    assert caught.value.help == help
+
+
+def test_angle_counts_only_where_there_is_no_mass() -> None:
+    assert fits(parse_quantity("1 N*m*s").dimension, ANGULAR_DAMPING)
+    assert fits(parse_quantity("1 N*m/rad").dimension, TORQUE)
+    assert not fits(NUMBER, ANGLE)
+    assert not fits(ANGLE, NUMBER)
+    assert not fits(FREQUENCY, ANGULAR_VELOCITY)
+    assert not fits(LENGTH_PER_ANGLE, LENGTH)
+    assert parse_quantity("0").fits(LENGTH)
+    assert not parse_quantity("0 g").fits(LENGTH)
+    assert not parse_quantity("1").fits(ANGLE)
+
+
+def test_vectors() -> None:
+    assert parse_vector("0 120 -30 mm") == (Quantity(0.0, LENGTH), Quantity(0.12, LENGTH), Quantity(-0.03, LENGTH))
+    assert [part.value for part in parse_vector("0 0 -9.81 m/s^2")] == [0.0, 0.0, -9.81]
+    assert parse_vector("0 0 0") == (Quantity(0.0),) * 3
+
+
+@pytest.mark.parametrize(("text", "message"), [
+    ("0 120 mm", "expected three numbers and a unit, found two numbers (`0 120 mm`)"),
+    ("1 2 3 4 mm", "expected three numbers and a unit, found 4 numbers (`1 2 3 4 mm`)"),
+    ("mm", "expected three numbers and a unit, found `mm`"),
+    ("1 2 3 mm 4", "expected the end after `1 2 3 mm`, found `4`"),
+    ("1 mm 2 mm 3 mm", "expected three numbers and a unit, found one number (`1 mm 2 mm 3 mm`)"),
+    ("1 2 3 mm*x", "unknown unit `x`"),
+])
+def test_what_is_said_of_vectors(text: str, message: str) -> None:
+    with pytest.raises(UnitError) as caught:
+        parse_vector(text)
+    assert caught.value.message == message
+
+
+@pytest.mark.parametrize(("text", "shown"), [
+    ("0.1 m", "100 mm"), ("30 deg", "30 deg"), ("120 g", "120 g"), ("2.5 kg", "2.5 kg"), ("4.1 N*m", "4.1 N*m"), ("2 ms", "0.002 s"),
+    ("1270 kg/m^3", "1270 kg/m^3"), ("2", "2"), ("3 m/s", "3 m/s"), ("2 Hz", "2 1/s"),
+])
+def test_quantities_in_messages(text: str, shown: str) -> None:
+    assert str(parse_quantity(text)) == shown
+
+
+@given(st.text(max_size=30))
+def test_any_text_is_a_quantity_or_an_error(text: str) -> None:
+    try:
+        assert math.isfinite(parse_quantity(text).value)
+    except UnitError as error:
+        assert error.offset is None or 0 <= error.offset <= len(text)
+
+
+@given(st.lists(st.sampled_from([*UNITS, "*", "/", "^", "2", "-3", " ", "1.5", "e3", "(", "°", "²"]), max_size=12))
+def test_any_mixture_of_units_is_a_quantity_or_an_error(pieces: list[str]) -> None:
+    for read in (parse_quantity, parse_vector):
+        try:
+            read("1 " + "".join(pieces))
+        except UnitError as error:
+            assert error.message
+    assert TIME != MASS
