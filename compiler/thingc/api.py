@@ -34,11 +34,11 @@ class CompiledMode:
     @property
     def name(self) -> str:
         """The mode's name."""
-        return self.robot.name
+        return self.robot.mode.name
 
     def mjcf(self) -> str:
         """The MuJoCo model as XML, the same bytes that a build writes; its meshes are `assets()`."""
-        return self.files[f"mjcf/{self.robot.assembly.name}_{self.robot.name}.xml"].decode()
+        return self.files[f"mjcf/{self.robot.assembly.name}_{self.name}.xml"].decode()
 
     def assets(self) -> dict[str, bytes]:
         """The meshes that `mjcf()` names, as `mujoco.MjModel.from_xml_string(xml, assets)` takes them."""
@@ -96,7 +96,7 @@ def compile(  # noqa: A001  (`thingc.compile` is the name people look for)
         return Compiled(
             name=assembly.name,
             assembly=assembly,
-            modes={robot.name: CompiledMode(robot=robot, files=files) for robot in compilation.robots},
+            modes={robot.mode.name: CompiledMode(robot=robot, files=files) for robot in compilation.robots},
             diagnostics=tuple(compilation.report.ordered()),
             modelled=tuple(compilation.modelled),
             reused=tuple(compilation.reused),

@@ -235,7 +235,7 @@ def _explained(
     table = node_at(tree, prefix) if tree is not None else None
     if not isinstance(table, MappingNode):
         return None
-    kind = document_kind(table, report)
+    kind = document_kind(table, report, usual="workspace")
     if kind is None:
         return None
     if kind != "workspace":

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-import json, sys
+import json
+import sys
+
 from OCP.BRepGProp import BRepGProp
+from OCP.collections import Sequence_TDF_Label
 from OCP.GProp import GProp_GProps
 from OCP.Quantity import Quantity_Color, Quantity_TypeOfColor
 from OCP.STEPCAFControl import STEPCAFControl_Reader
 from OCP.TCollection import TCollection_ExtendedString
-from OCP.TDF import TDF_Label, TDF_LabelSequence
 from OCP.TDataStd import TDataStd_Name
+from OCP.TDF import TDF_Label
 from OCP.TDocStd import TDocStd_Document
-from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
 from OCP.TopLoc import TopLoc_Location
+from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
 
 reader = STEPCAFControl_Reader()
 reader.SetNameMode(True)
@@ -27,7 +30,7 @@ def name(label):
     return found.Get().ToExtString() if label.FindAttribute(TDataStd_Name.GetID_s(), found) else ""
 
 def walk(label, path, place):
-    parts = TDF_LabelSequence()
+    parts = Sequence_TDF_Label()
     XCAFDoc_ShapeTool.GetComponents_s(label, parts, False)
     for k in range(1, parts.Length() + 1):
         part, target = parts.Value(k), TDF_Label()
@@ -45,7 +48,7 @@ def walk(label, path, place):
             "color": list(color.Values(Quantity_TypeOfColor.Quantity_TOC_sRGB)) if colored else None,
         }
 
-free = TDF_LabelSequence()
+free = Sequence_TDF_Label()
 shapes.GetFreeShapes(free)
 (root,) = [free.Value(k) for k in range(1, free.Length() + 1)]
 json.dump({"name": name(root), "leaves": dict(walk(root, [], TopLoc_Location()))}, sys.stdout)

@@ -370,3 +370,28 @@ def test_a_velocity_drive_may_have_no_gain(store: Store) -> None:
     made = arm(store)
     made.segments[2].actuator = drive("velocity")
     assert said(made, store) == []
+
+
+def test_a_chain_longer_than_mujoco_reads(store: Store) -> None:
+    """Its XML reader stops at 500 levels: that is said, and nothing of ours runs out of stack."""
+    part = plain(store)
+
+    def chain(count: int) -> Made:
+        return Made(
+            segments=[
+                Segment(f"s{k}", [Piece(f"p{k}", part)], parent=k - 1 if k else None, joint=f"j{k}" if k else None)  # type: ignore[arg-type]
+                for k in range(count)
+            ],
+            excluded=tuple((k, k + 1) for k in range(count - 1)),
+        )
+
+    assert said(chain(400), store) == []
+    found = said(chain(1500), store)
+    assert [(code, severity, message) for code, severity, _, message in found] == [
+        (
+            "TC702",
+            "error",
+            "MuJoCo refuses body `s496`: its XML reader says XML_ELEMENT_DEPTH_EXCEEDED (it reads 500 levels: a chain of links "
+            "is too long)",
+        )
+    ]

@@ -46,9 +46,15 @@ SCHEMAS: dict[str, PartSchema | PartFailure] = {
     ),
     "arm:Servo": schema("arm:Servo", actuator=True),
     "arm:Gone": PartFailure(
-        subject="arm:Gone", kind="missing", message="module `arm` has no class `Gone`", candidates=("Plate", "Brace", "Gome"),
+        subject="arm:Gone", kind="missing", message="`arm` has no `Gone`", file="/parts/arm.py",
+        candidates=("Plate", "Brace", "Gome"),
     ),
-    "os:system": PartFailure(subject="os:system", kind="refused", message="the module `os` is not on the part path"),
+    "amr:Plate": PartFailure(subject="amr:Plate", kind="missing", message="there is no module `amr`", candidates=("arm", "legs")),
+    "os:system": PartFailure(
+        subject="os:system", kind="refused",
+        message="`os` is neither in a part folder nor in a package that the workspace allows",
+        candidates=("thingc_stock", "bd_warehouse"),
+    ),
     "arm:Bad": PartFailure(
         subject="arm:Bad", kind="raised", message="NameError: name 'Boks' is not defined", file="/parts/arm.py", line=12,
     ),

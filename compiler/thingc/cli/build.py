@@ -141,7 +141,7 @@ def _write(
         document=document,
         documents={path: d.sha256 for path, d in documents.by_path.items()},
         choice=Choice(
-            modes=tuple(robot.name for robot in compilation.robots), emit=targets, parameters=dict(compilation.options.parameters)
+            modes=tuple(robot.mode.name for robot in compilation.robots), emit=targets, parameters=dict(compilation.options.parameters)
         ),
         files=files,
         losses=losses,

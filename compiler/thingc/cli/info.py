@@ -76,7 +76,7 @@ def as_data(assembly: Assembly, robots: tuple[Robot, ...]) -> dict[str, object]:
             }
             for o in assembly.occurrences
         ],
-        "modes": {robot.name: mode_data(robot) for robot in robots},
+        "modes": {robot.mode.name: mode_data(robot) for robot in robots},
     }
 
 
@@ -117,7 +117,7 @@ def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> str:
     for robot in robots:
         data = mode_data(robot)
         lines.append("")
-        lines.append(f"mode {robot.name}: root {data['root']}, base {robot.base}")
+        lines.append(f"mode {robot.mode.name}: root {data['root']}, base {robot.base}")
         for body in robot.bodies:
             name = assembly.links[body.link].name
             if body.joint is None or body.parent is None:

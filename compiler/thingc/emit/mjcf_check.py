@@ -156,8 +156,8 @@ def _say(
                 return
     subject = "the model" if place is None or place.tag == "mujoco" else place.label
     origin = place.origin if place is not None and place.origin else candidate.origin
-    path = place.attributes.get("name") if place is not None else None
-    report.add(code, f"MuJoCo {verb} {subject}: {_words(text)}", origin, path=path, severity=severity)
+    name_of = place.attributes.get("name") if place is not None else None
+    report.add(code, f"MuJoCo {verb} {subject}: {_words(text)}", origin, path=name_of, severity=severity)
 
 
 def _place(text: str, written: Written) -> Element | None:
@@ -176,5 +176,9 @@ def _place(text: str, written: Written) -> Element | None:
 
 def _words(text: str) -> str:
     """MuJoCo's words without what only makes sense beside the XML."""
+    parser = re.search(r"Error=(XML_\w+)", text)
+    if parser is not None:
+        deep = " (it reads 500 levels: a chain of links is too long)" if parser[1] == "XML_ELEMENT_DEPTH_EXCEEDED" else ""
+        return f"its XML reader says {parser[1]}{deep}"
     first = next((line for line in text.splitlines() if line.strip()), "no reason given")
     return re.sub(r"^(?:(?:XML )?Error: |Schema violation: |error )+", "", first.strip()).rstrip(".")

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from thingc.emit.mjcf_xml import number, numbers
 from thingc.graph.types import Link
-from thingc.inertia import ZERO, Matrix, physical_fault, principal_moments
+from thingc.inertia import ZERO, physical_fault, principal_moments
+from thingc.pose import Matrix
 
 
 def inertial(link: Link) -> dict[str, str]:

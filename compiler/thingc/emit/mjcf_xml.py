@@ -45,10 +45,12 @@ class Element:
         return next((child for child in self.children if child.tag == tag), None)
 
     def walk(self) -> Iterator[Element]:
-        """This element and all below it, in the order written."""
-        yield self
-        for child in self.children:
-            yield from child.walk()
+        """This element and all below it, in the order written (without recursion: a chain of links may be long)."""
+        waiting = [self]
+        while waiting:
+            element = waiting.pop()
+            yield element
+            waiting.extend(reversed(element.children))
 
     @property
     def label(self) -> str:
@@ -112,24 +114,23 @@ def write(root: Element, heading: str) -> Written:
     """The document: one element per line, two spaces per level, a blank line between sections; `heading` is a comment."""
     text: list[str] = [f"<!-- {heading.replace('--', '- -')} -->"]
     lines: list[Element | None] = [None]
-    _write(root, "", text, lines)
-    return Written(text="\n".join(text) + "\n", lines=tuple(lines))
-
-
-def _write(element: Element, indent: str, text: list[str], lines: list[Element | None]) -> None:
-    attributes = "".join(f' {name}="{_escaped(value)}"' for name, value in element.attributes.items())
-    lines.append(element)
-    if not element.children:
-        text.append(f"{indent}<{element.tag}{attributes}/>")
-        return
-    text.append(f"{indent}<{element.tag}{attributes}>")
-    for index, child in enumerate(element.children):
-        if not indent and index:
-            text.append("")
+    waiting: list[tuple[Element | str, str]] = [(root, "")]
+    while waiting:
+        element, indent = waiting.pop()
+        if isinstance(element, str):
+            text.append(element)
             lines.append(None)
-        _write(child, indent + "  ", text, lines)
-    text.append(f"{indent}</{element.tag}>")
-    lines.append(None)
+            continue
+        attributes = "".join(f' {name}="{_escaped(value)}"' for name, value in element.attributes.items())
+        text.append(f"{indent}<{element.tag}{attributes}{'>' if element.children else '/>'}")
+        lines.append(element)
+        if element.children:
+            waiting.append((f"{indent}</{element.tag}>", ""))
+        for child in reversed(element.children):
+            waiting.append((child, indent + "  "))
+            if element is root and child is not element.children[0]:
+                waiting.append(("", ""))
+    return Written(text="\n".join(text) + "\n", lines=tuple(lines))
 
 
 _ESCAPES = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"})

@@ -54,8 +54,11 @@ def emit(request: EmitRequest) -> Artifacts:
         written = request.geometry.assemble(assembly.name, instances)
     except AssemblyFailed as fault:
         request.report.add(
-            Code.STEP_FAILED, f"the STEP file of `{assembly.name}` could not be written: {fault.reason}", assembly.definition.origin,
-            help="name the targets that are wanted with --emit, without `step`", detail=fault.detail,
+            Code.STEP_FAILED,
+            f"the STEP file of `{assembly.name}` could not be written: {fault.reason}",
+            assembly.definition.origin,
+            help="name the targets that are wanted with --emit, without `step`",
+            detail=fault.detail,
         )
         return Artifacts(files={}, losses=tuple(losses))
     return Artifacts(

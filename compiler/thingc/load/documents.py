@@ -86,10 +86,10 @@ def read_tree(path: str, data: bytes, report: Report) -> MappingNode | None:
         return tree
     empty = tree is None or (isinstance(tree, ScalarNode) and tree.value is None)
     if empty and len(report.diagnostics) == before:
-        report.add(Code.NOT_A_MAPPING, "the document is empty", source.span(0, 0), help="begin with `thingc: assembly/1`")
+        report.add(Code.NOT_A_MAPPING, "the document is empty", source.span(0, 0), help=f"begin with `{head_line(path)}`")
     elif tree is not None and not empty:
         found = "a list" if isinstance(tree, SequenceNode) else "text"
-        span, help = tree.span, "begin with `thingc: assembly/1`"
+        span, help = tree.span, f"begin with `{head_line(path)}`"
         if isinstance(tree, ScalarNode) and (missing := re.match(r"([A-Za-z_]\w*):(\S+)", tree.text)):
             help = f"a space is missing after the `:`: `{missing.group(1)}: {missing.group(2)}`"
         report.add(Code.NOT_A_MAPPING, f"a document is a mapping, found {found}", span, help=help)
@@ -192,8 +192,18 @@ class _Reader:
         return found
 
 
-def document_kind(tree: MappingNode, report: Report) -> str | None:
-    """The kind that a document's `thingc:` key states; None when it has been reported that it states none we know."""
+def head_line(path: str, kind: str = "assembly") -> str:
+    """How a document of a kind begins, in the format of the file."""
+    head = f"{kind}/{KINDS[kind]}"
+    return f'thingc = "{head}"' if path.lower().endswith(".toml") else f"thingc: {head}"
+
+
+def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly") -> str | None:
+    """The kind that a document's `thingc:` key states; None when it has been reported that it states none we know.
+
+    `usual` is the kind that hints show.
+    """
+    file = tree.span.file
     node = tree.entries.get("thingc")
     if node is None:
         first = next(iter(tree.keys), None)
@@ -204,14 +214,14 @@ def document_kind(tree: MappingNode, report: Report) -> str | None:
             where = tree.keys[first] if first is not None else tree.span
             report.add(
                 Code.HEADER, "the key `thingc`, which says kind and version, is missing", where,
-                help="begin with `thingc: assembly/1`",
+                help=f"begin with `{head_line(file, usual)}`",
             )
         return None
     value = node.value if isinstance(node, ScalarNode) else None
     if not isinstance(value, str):
         report.add(
             Code.HEADER, "`thingc` says kind and version as text", tree.keys["thingc"] if value is None else node.span,
-            help="write for example `thingc: assembly/1`",
+            help=f"write for example `{head_line(file, usual)}`",
         )
         return None
     kind, slash, version = value.partition("/")
@@ -223,7 +233,7 @@ def document_kind(tree: MappingNode, report: Report) -> str | None:
         return None
     if version != KINDS[kind]:
         message = f"unknown version `{shortened(version)}` of `{kind}`" if slash else f"the version of `{kind}` is missing"
-        report.add(Code.HEADER, message, node.span, help=f"write `thingc: {kind}/{KINDS[kind]}`")
+        report.add(Code.HEADER, message, node.span, help=f"write `{head_line(file, kind)}`")
         return None
     return kind
 

@@ -113,12 +113,10 @@ def live_without_parent() -> None:
         ctypes.CDLL(None, use_errno=True).prctl(1, 0, 0, 0, 0)
 
 
-def start(
-    request: Mapping[str, Any], run: Callable[[Mapping[str, Any]], dict[str, Any]], close: list[int]
-) -> Child:
+def start(request: Mapping[str, Any], run: Callable[[Mapping[str, Any]], dict[str, Any]], close: list[int]) -> Child:
     """Fork a child that runs `run(request)` and writes the answer as one line. `close`: descriptors it must not hold."""
     reader, writer = os.pipe()
-    errors = tempfile.TemporaryFile()
+    errors = tempfile.TemporaryFile()  # noqa: SIM115: it lives as long as the child
     server = os.getpid()
     timeout = float(request["timeout"])
     process = os.fork()

@@ -125,7 +125,7 @@ class Workers:
             with contextlib.suppress(OSError):
                 worker.process.stdin.close()  # type: ignore[union-attr]
         for worker in ended:
-            if not self.forking or worker.asked:
+            if not (self.forking and worker.ready):  # one that is still loading does not listen; it has no children
                 worker.process.kill()
             try:
                 worker.process.wait(5.0)

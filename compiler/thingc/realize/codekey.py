@@ -8,17 +8,23 @@ bound twice, a module used as an object) the whole file counts. Installed packag
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 from thingc.realize.code_facts import (
-    DYNAMIC_MODULES, HARMLESS_SUBMODULES, FileFacts, Import, Unit, as_json, facts_key, from_json, read_facts,
+    DYNAMIC_MODULES,
+    HARMLESS_SUBMODULES,
+    FileFacts,
+    Import,
+    Unit,
+    as_json,
+    facts_key,
+    from_json,
 )
 from thingc.realize.modules import Finder, Module
+from thingc.realize.store import Store, StoreUnusable
 
-if TYPE_CHECKING:
-    from thingc.realize.store import Store
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceFile:
@@ -66,9 +72,12 @@ class Sources:
         if kept is not None:
             facts = from_json(kept)
         else:
+            from thingc.realize.code_reader import read_facts
+
             facts = read_facts(source)
             if self.store is not None:
-                self.store.put_json("facts", facts_key(sha256), as_json(facts))
+                with contextlib.suppress(StoreUnusable):  # kept for speed only
+                    self.store.put_json("facts", facts_key(sha256), as_json(facts))
         binders: dict[str, list[int]] = {}
         changers: dict[str, list[int]] = {}
         for index, unit in enumerate(facts.units):
@@ -87,7 +96,7 @@ class Code:
     """What a part's code is made of.
 
     `ingredients` are labelled digests (`class arm:RotorBrace`), `documented` the same with docstrings; `installed` the
-    top-level names of installed packages it uses; `modules` the files of the content-tracked modules that are loaded
+    top-level names of installed packages it uses, `loaded` their modules; `modules` the files of the content-tracked modules that are loaded
     for it (None: a folder without `__init__.py`), `hashes` the SHA-256 of each file as read; `place` is
     `(file, line)` of the class.
     """
@@ -95,6 +104,7 @@ class Code:
     ingredients: dict[str, str] = field(default_factory=dict)
     documented: dict[str, str] = field(default_factory=dict)
     installed: set[str] = field(default_factory=set)
+    loaded: set[str] = field(default_factory=set)
     modules: dict[str, str | None] = field(default_factory=dict)
     hashes: dict[str, str] = field(default_factory=dict)
     place: tuple[str, int] | None = None
@@ -172,6 +182,7 @@ class _Walk:
         top = name.partition(".")[0]
         if module.kind == "installed":
             self.code.installed.add(top)
+            self.code.loaded.add(name)
             return
         if module.kind == "absent":
             if self.sources.finder.find(top).kind != "installed":
@@ -319,9 +330,11 @@ class _Walk:
                 self.use(module, names)
 
     def _imports_dynamically(self, source: SourceFile, unit: Unit) -> bool:
+        roots = {chain.partition(".")[0] for chain in unit.uses}
+        binding = [source.facts.units[index] for root in sorted(roots) for index in source.binders.get(root, [])]
         aliases = {
             found.alias: found
-            for other in (unit, *(source.facts.units[i] for chain in unit.uses for i in source.binders.get(chain.split(".")[0], [])))
+            for other in (unit, *binding)
             for found in other.imports
         }
         for chain in unit.uses:

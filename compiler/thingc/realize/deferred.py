@@ -121,7 +121,10 @@ class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         self.session = session
         self.made: list[str] = []
 
-    def find_spec(self, fullname: str, path: Sequence[str] | None, target: Any = None) -> importlib.machinery.ModuleSpec | None:
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: Any = None
+    ) -> importlib.machinery.ModuleSpec | None:
+        """A stand-in for the packages that are put off; None for everything else."""
         if fullname.partition(".")[0] not in self.session.packages:
             return None
         return importlib.machinery.ModuleSpec(fullname, self, is_package=True)
@@ -133,7 +136,7 @@ class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
         return module
 
     def exec_module(self, module: types.ModuleType) -> None:
-        pass
+        """A stand-in has no code."""
 
 
 def import_cheaply(name: str, packages: frozenset[str] = SELDOM_USED) -> types.ModuleType:

@@ -136,5 +136,5 @@ def _axes(inertia: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _pose(frame: NDArray[np.float64], origin: NDArray[np.float64]) -> Pose:
     rows = (frame + 0.0).tolist()
-    x, y, z = (float(value) + 0.0 for value in origin)
+    x, y, z = (float(value) if abs(value) > 1e-12 else 0.0 for value in origin)
     return Pose(rotation=(tuple(rows[0]), tuple(rows[1]), tuple(rows[2])), translation=(x, y, z))

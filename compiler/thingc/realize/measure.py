@@ -55,17 +55,25 @@ def measure(shape: TopoDS_Shape) -> Measures:
         part = GProp_GProps()
         BRepGProp.SurfaceProperties_s(solid, part, ACCURACY)
         surface.Add(part)
+    box = bounding_box(shape)
     centre = whole.CentreOfMass()
     about = whole.MatrixOfInertia()
     rows = [[about.Value(i, j) for j in (1, 2, 3)] for i in (1, 2, 3)]
-    xy, xz, yz = ((rows[i][j] + rows[j][i]) / 2.0 for i, j in ((0, 1), (0, 2), (1, 2)))
+    largest = max(rows[0][0], rows[1][1], rows[2][2])
+    xy, xz, yz = (_clean((rows[i][j] + rows[j][i]) / 2.0, largest) for i, j in ((0, 1), (0, 2), (1, 2)))
+    size = max(high - low for low, high in zip(*box, strict=True))
     return Measures(
         volume=whole.Mass(),
         area=surface.Mass(),
-        centre=(centre.X(), centre.Y(), centre.Z()),
+        centre=(_clean(centre.X(), size), _clean(centre.Y(), size), _clean(centre.Z(), size)),
         inertia=((rows[0][0], xy, xz), (xy, rows[1][1], yz), (xz, yz, rows[2][2])),
-        box=bounding_box(shape),
+        box=box,
     )
+
+
+def _clean(value: float, size: float) -> float:
+    """Zero for what is rounding: 1e-14 of the part's size."""
+    return 0.0 if abs(value) <= 1e-14 * size else value
 
 
 def bounding_box(shape: TopoDS_Shape) -> tuple[Vector, Vector]:

@@ -105,7 +105,9 @@ def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
             if len(known) == len(nodes):
                 for one, other in zip(known, nodes, strict=True):
                     joined.join(one, other)
-    return _compact(np.array(vertices, dtype=np.float64).reshape(-1, 3), np.array(triangles, dtype=np.int64).reshape(-1, 3), joined)
+    return _compact(
+        np.array(vertices, dtype=np.float64).reshape(-1, 3), np.array(triangles, dtype=np.int64).reshape(-1, 3), joined
+    )
 
 
 def _compact(vertices: NDArray[np.float64], faces: NDArray[np.int64], joined: _Joined) -> Triangles:
@@ -117,6 +119,7 @@ def _compact(vertices: NDArray[np.float64], faces: NDArray[np.int64], joined: _J
 
 
 def without_slivers(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Triangles:
+    """Without triangles that name a vertex twice, and without vertices that no triangle names."""
     whole = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
     faces = faces[whole]
     used, renumbered = np.unique(faces.ravel(), return_inverse=True)
@@ -124,7 +127,7 @@ def without_slivers(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> 
 
 
 def _explore(shape: TopoDS_Shape, kind: object) -> Iterator[TopoDS_Shape]:
-    explorer = TopExp_Explorer(shape, kind)  # type: ignore[arg-type]
+    explorer = TopExp_Explorer(shape, kind)
     while explorer.More():
         yield explorer.Current()
         explorer.Next()
@@ -204,6 +207,9 @@ def hull(points: NDArray[np.float64]) -> Triangles | None:
 # --- files ------------------------------------------------------------------------------------------------------------
 
 
+_STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("count", "<u2")])
+
+
 def rounded_for_stl(mesh: Triangles) -> Triangles:
     """With vertices as the 32-bit numbers of an STL file leave them: those that become equal are one."""
     single = mesh.vertices.astype(np.float32).astype(np.float64) + 0.0
@@ -218,7 +224,7 @@ def stl(mesh: Triangles) -> bytes:
     normals = np.cross(wide[:, 1] - wide[:, 0], wide[:, 2] - wide[:, 0])
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0.0)
-    records = np.zeros(len(mesh.faces), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("count", "<u2")])
+    records = np.zeros(len(mesh.faces), dtype=_STL)
     records["normal"] = normals + 0.0
     records["corners"] = corners
     return b"thingc".ljust(80, b"\0") + len(mesh.faces).to_bytes(4, "little") + records.tobytes()
@@ -234,7 +240,7 @@ def obj(mesh: Triangles) -> bytes:
 def read_stl(data: bytes) -> Triangles:
     """A binary STL file, equal vertices joined: the inverse of `stl`."""
     count = int.from_bytes(data[80:84], "little")
-    records = np.frombuffer(data, dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("count", "<u2")], count=count, offset=84)
+    records = np.frombuffer(data, dtype=_STL, count=count, offset=84)
     corners = records["corners"].astype(np.float64).reshape(-1, 3)
     unique, inverse = np.unique(corners, axis=0, return_inverse=True)
     return without_slivers(unique, np.asarray(inverse).reshape(-1, 3).astype(np.int64))

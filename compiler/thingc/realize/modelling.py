@@ -15,7 +15,14 @@ from thingc.realize.fits import fit_all
 from thingc.realize.measure import Measures, measure, solids_of
 from thingc.realize.part_files import read_part
 from thingc.realize.record import (
-    Actuator, Expectation, Mesh, MountRecord, PartRecord, PartWarning, Stated, definition_text,
+    Actuator,
+    Expectation,
+    Mesh,
+    MountRecord,
+    PartRecord,
+    PartWarning,
+    Stated,
+    definition_text,
 )
 from thingc.realize.record_json import failure_to_json, mesh_to_json, record_to_json
 from thingc.realize.session import NoPart, Session, Surroundings, kind_of

@@ -140,11 +140,16 @@ class Finder:
                     inner = [entry for entry in listed(path) if entry.endswith(".py")]
                     if "__init__.py" in inner:
                         found.add(name)
-                    found.update(f"{name}.{entry[:-3]}" for entry in inner if entry[:-3].isidentifier() and entry != "__init__.py")
+                    own = [entry[:-3] for entry in inner if entry[:-3].isidentifier() and entry != "__init__.py"]
+                    found.update(f"{name}.{entry}" for entry in own)
         return sorted(found)
 
 
+_PYTHONS_OWN = (importlib.machinery.PathFinder, importlib.machinery.BuiltinImporter, importlib.machinery.FrozenImporter)
+
+
 def listed(folder: str) -> list[str]:
+    """The names in a folder, sorted; none where it cannot be read."""
     try:
         return sorted(os.listdir(folder))
     except OSError:
@@ -156,7 +161,7 @@ def _on_path(name: str) -> Module | None:
     specification = importlib.machinery.PathFinder.find_spec(name, list(import_path()))
     if specification is None or specification.origin is None and specification.submodule_search_locations:
         for finder in sys.meta_path:
-            if not getattr(finder, "of_parts", False) and finder not in (importlib.machinery.PathFinder, importlib.machinery.BuiltinImporter, importlib.machinery.FrozenImporter):
+            if not getattr(finder, "of_parts", False) and finder not in _PYTHONS_OWN:
                 try:
                     own = finder.find_spec(name, None)
                 except Exception:

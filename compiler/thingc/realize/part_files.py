@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from thingc.realize.meshing import Triangles, without_slivers, read_stl, together
+from thingc.realize.meshing import Triangles, read_stl, together, without_slivers
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -52,7 +52,8 @@ def difference(old: Mapping[str, str], new: Mapping[str, str], module: str) -> s
     changed = sorted(label for label in old.keys() | new.keys() if old.get(label) != new.get(label))
     named = [label for label in changed if label.partition(" ")[0] in ("class", "function", "value")]
     # a name says more than the fact that its file was read whole, or that statements stand in another order
-    rest = [label for label in changed if label not in named and not (named and label.startswith(("whole file", "order of", "import")))]
+    implied = ("whole file", "order of", "import")
+    rest = [label for label in changed if label not in named and not (named and label.startswith(implied))]
     found = list(dict.fromkeys(_phrase(label, old, new, module) for label in (*named, *rest)))
     if not found:
         return "nothing that it depends on changed"
@@ -65,7 +66,9 @@ def _phrase(label: str, old: Mapping[str, str], new: Mapping[str, str], module: 
     verb = "is new" if label not in old else "is gone" if label not in new else "changed"
     if kind in ("class", "function", "value"):
         where, _, name = rest.partition(":")
-        return f"{kind} {rest} {verb}" if where == module else f"helper module `{where}` changed: {kind} `{name}`{'' if verb == 'changed' else ' ' + verb}"
+        if where == module:
+            return f"{kind} {rest} {verb}"
+        return f"helper module `{where}` changed: {kind} `{name}`{'' if verb == 'changed' else ' ' + verb}"
     if kind == "version" and rest == "thingc":
         return "thingc changed"
     if kind == "version":

@@ -10,7 +10,17 @@ from typing import Any
 
 from thingc.pose import Matrix, Pose, Vector
 from thingc.realize.record import (
-    Actuator, Expectation, Fit, Mesh, MountRecord, ParameterSchema, PartFailure, PartRecord, PartSchema, PartWarning, Stated,
+    Actuator,
+    Expectation,
+    Fit,
+    Mesh,
+    MountRecord,
+    ParameterSchema,
+    PartFailure,
+    PartRecord,
+    PartSchema,
+    PartWarning,
+    Stated,
 )
 
 
@@ -108,8 +118,9 @@ def record_from_json(value: Any, root: str) -> PartRecord:
         centre=_vector(value["centre"]), inertia=_matrix(value["inertia"]),
         box=None if box is None else (_vector(box[0]), _vector(box[1])),
         mounts={
-            name: MountRecord(pose=_read_pose(value["mounts"][name][0]), interface=value["mounts"][name][1], tolerance=value["mounts"][name][2])
+            name: MountRecord(pose=_read_pose(pose), interface=interface, tolerance=tolerance)
             for name in value["mount_order"]
+            for pose, interface, tolerance in (value["mounts"][name],)
         },
         references=tuple(value["references"]),
         expectations=tuple(Expectation(mount=m, text=t, child_mount=c) for m, t, c in value["expectations"]),

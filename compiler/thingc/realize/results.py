@@ -5,6 +5,7 @@ One recipe may have several answers, each with its reads; the one whose reads ar
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -12,7 +13,7 @@ from typing import Any
 
 from thingc.realize.reads import state_of
 from thingc.realize.recipe import Recipe
-from thingc.realize.store import Store
+from thingc.realize.store import Store, StoreUnusable
 
 CANDIDATES = 8
 """How many answers are kept under one recipe; the oldest goes first."""
@@ -27,12 +28,16 @@ class Kept:
 
 
 class Results:
-    """The answers for one workspace (`root`). Files are read once per service: a state that was seen stays."""
+    """The answers for one workspace (`root`). Files are read once per service: a state that was seen stays.
+
+    `consulted` are the absolute paths looked at; `met` the reads of the answers given, with their states.
+    """
 
     def __init__(self, store: Store, root: str) -> None:
         self.store = store
         self.root = root
         self.consulted: set[str] = set()
+        self.met: dict[str, str] = {}
         self._states: dict[tuple[str, bool], str] = {}
         self._last: dict[str, str] | None = None
 
@@ -49,12 +54,14 @@ class Results:
         """The answer under a recipe's key whose reads match and which is `usable`, or None."""
         for candidate in self._candidates(kind, key):
             if all(self.state(path, state) == state for path, state in candidate["reads"]) and usable(candidate["value"]):
+                self.met.update((path, state) for path, state in candidate["reads"])
                 return Kept(value=candidate["value"], reads=tuple((path, state) for path, state in candidate["reads"]))
         return None
 
     def keep(self, kind: str, recipe: Recipe, value: Any, reads: list[Any]) -> None:
         """Keep an answer, before the others of its recipe."""
         plain = [list(read) for read in reads]
+        self.met.update((path, state) for path, state in plain)
         for path, _ in plain:
             self.consulted.add(os.path.normpath(os.path.join(self.root, path)))
         others = [candidate for candidate in self._candidates(kind, recipe.key) if candidate["reads"] != plain]
@@ -63,6 +70,17 @@ class Results:
     def _candidates(self, kind: str, key: str) -> list[Any]:
         found = self.store.get_json(kind, key)
         return found if isinstance(found, list) else []
+
+    def note_files(self, files: Mapping[str, str]) -> None:
+        """Remember what the files that parts depend on were like (`path` in the workspace or absolute: state)."""
+        if self.store.get_json("files", self.root) != dict(files):
+            with contextlib.suppress(StoreUnusable):
+                self.store.put_json("files", self.root, dict(files))
+
+    def files_changed(self) -> bool:
+        """Whether a file that parts depended on in the last run is another now; also True when there was no last run."""
+        files = self.store.get_json("files", self.root)
+        return not isinstance(files, dict) or any(self.state(path, state) != state for path, state in files.items())
 
     # --- what was built last, for `thingc why` ----------------------------------------------------------------------
 
@@ -82,10 +100,11 @@ class Results:
         changed = {text: recipe for text, recipe in recipes.items() if known.get(text) != recipe.key}
         if not changed:
             return
-        for recipe in changed.values():
-            self.store.put_json("recipe", recipe.key, recipe.ingredients)
         self._last = {**known, **{text: recipe.key for text, recipe in changed.items()}}
-        self.store.put_json("last", self.root, self._last)
+        with contextlib.suppress(StoreUnusable):  # what is reused from a read-only store is not worth an error
+            for recipe in changed.values():
+                self.store.put_json("recipe", recipe.key, recipe.ingredients)
+            self.store.put_json("last", self.root, self._last)
 
     def changed_read(self, key: str) -> str | None:
         """In words, what keeps the newest answer under a recipe from being the answer."""

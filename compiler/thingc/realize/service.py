@@ -10,21 +10,30 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from thingc.realize.codekey import Code, Sources, code_of, defined_in
-from thingc.realize.modules import Finder
-from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema, Placed
+from thingc.realize.codekey import Code
+from thingc.realize.modules import listed
+from thingc.realize.part_code import PartCode
 from thingc.realize.recipe import Recipe, describe_recipe, difference, model_recipe
+from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema, Placed
 from thingc.realize.record_json import (
-    blobs_of, failure_from_json, full, mesh_from_json, record_from_json, schema_from_json,
+    blobs_of,
+    failure_from_json,
+    full,
+    mesh_from_json,
+    record_from_json,
+    schema_from_json,
 )
 from thingc.realize.results import Kept, Results
 from thingc.realize.store import Store
-from thingc.realize.versions import KERNEL, compiler_version, platform_versions, versions_of
+from thingc.realize.versions import versions_of
 
 if TYPE_CHECKING:
     from thingc.emit.artifact import Stored
     from thingc.realize.client import Workers
     from thingc.workspace import Workspace
+
+FILES = (".step", ".stp", ".brep", ".brp", ".stl", ".3mf", ".obj")
+"""Suffixes of files that can be parts."""
 
 Progress = Callable[[str, int, int], None]
 
@@ -54,11 +63,13 @@ class GeometryService:
     `jobs` parts are modelled at once, each for at most `timeout` [s]; `on_progress(what, done, total)` hears of it.
     `modelled` and `reused` are the definition texts of parts made and of parts found, `decisions` says why;
     `inputs` are the absolute paths of all files and folders that decided about answers, there or not.
+    `workers` are those of somebody else, who also ends them (many services in one long-lived process).
     Raises `StoreUnusable` where the store cannot be written and something has to be.
     """
 
     def __init__(
-        self, workspace: Workspace, store: Store, jobs: int, timeout: float, on_progress: Progress | None = None
+        self, workspace: Workspace, store: Store, jobs: int, timeout: float, on_progress: Progress | None = None,
+        workers: Workers | None = None,
     ) -> None:
         self.workspace = workspace
         self.store = store
@@ -68,12 +79,11 @@ class GeometryService:
         self.decisions: dict[str, Decision] = {}
         self._jobs = jobs
         self._on_progress = on_progress
-        self._workers: Workers | None = None
-        self._sources = Sources(Finder(workspace.parts), store)
+        self._workers = workers
+        self._lent = workers is not None
+        self._parts = PartCode(workspace, store)
         self._results = Results(store, workspace.root)
-        self._codes: dict[str, Code | None | PartFailure] = {}
         self._mesh = (workspace.linear, workspace.angular)
-        self._versions_known: dict[tuple[str, ...], dict[str, str]] = {}
 
     def __enter__(self) -> GeometryService:
         return self
@@ -84,15 +94,23 @@ class GeometryService:
     @property
     def inputs(self) -> frozenset[str]:
         """Absolute paths of everything in folders and packages tracked by content that the answers depend on."""
-        return frozenset(self._sources.finder.probed | self._results.consulted)
+        return frozenset(self._parts.probed | self._results.consulted)
 
     def warm(self) -> None:
         """Start the worker without waiting for it: it loads the kernel while the caller does something else."""
         self._worker_pool().warm()
 
+    def anticipate(self) -> None:
+        """`warm` when a file that parts depend on has changed since the last run in this workspace, or there was none.
+
+        Worth calling before the documents are read: what the kernel takes to load is the longest part of a build.
+        """
+        if self._results.files_changed():
+            self.warm()
+
     def close(self) -> None:
         """End the workers; nothing of them is alive afterwards."""
-        if self._workers is not None:
+        if self._workers is not None and not self._lent:
             self._workers.close()
             self._workers = None
 
@@ -103,11 +121,11 @@ class GeometryService:
         found: dict[str, PartSchema | PartFailure] = {}
         tasks: dict[str, list[_Task]] = {}
         for reference in dict.fromkeys(references):
-            code = self._code(reference)
+            code = self._parts.code(reference)
             if isinstance(code, PartFailure):
                 found[reference] = code
                 continue
-            recipe = describe_recipe(reference, code, self._versions(code))
+            recipe = describe_recipe(reference, code, self._parts.versions(code))
             kept = self._results.find("schema", recipe.key)
             if kept is not None:
                 found[reference] = self._schema(reference, kept.value, code)
@@ -115,7 +133,7 @@ class GeometryService:
             request = {"op": "describe", "references": [reference], **self._around(code)}
             tasks.setdefault(reference.partition(":")[0], []).append(_Task(subject=reference, recipe=recipe, request=request))
         # one child per module: what the classes of a file share is loaded once
-        self._describe_in_workers([group for group in tasks.values()], found)
+        self._describe_in_workers(list(tasks.values()), found)
         return found
 
     def _describe_in_workers(self, groups: list[list[_Task]], found: dict[str, PartSchema | PartFailure]) -> None:
@@ -140,7 +158,7 @@ class GeometryService:
                 value = given["answers"][task.subject]
                 # code loaded for another class of the group is no read of this one
                 self._results.keep("schema", task.recipe, value, given["reads"])
-                found[task.subject] = self._schema(task.subject, value, self._code(task.subject))
+                found[task.subject] = self._schema(task.subject, value, self._parts.code(task.subject))
         self._describe_in_workers(alone, found)
 
     def _schema(self, reference: str, value: Any, code: Code | None | PartFailure) -> PartSchema | PartFailure:
@@ -187,6 +205,7 @@ class GeometryService:
             self._results.keep("record", task.recipe, given, reads)
             found[task.subject] = self._record(given, self._code_of_definition(unique[task.subject]))
         self._results.remember({text: recipe for text, recipe in recipes.items() if isinstance(found[text], PartRecord)})
+        self._results.note_files({**self._parts.files(), **self._results.met})
         self._decompose(found, convex)
         return {text: found[text] for text in unique}
 
@@ -199,11 +218,11 @@ class GeometryService:
                 return state
             extra["file"] = state
         else:
-            checked = self._code(definition.reference)
+            checked = self._parts.code(definition.reference)
             if isinstance(checked, PartFailure):
                 return replace(checked, subject=definition.text)
             code = checked
-        recipe = model_recipe(definition, code, {**self._versions(code), **extra}, self._mesh)
+        recipe = model_recipe(definition, code, {**self._parts.versions(code), **extra}, self._mesh)
         request = {
             "op": "model",
             "definition": {
@@ -224,12 +243,10 @@ class GeometryService:
         state = self._results.state(definition.reference, "file:")
         if not state.startswith("file:"):
             folder = os.path.dirname(definition.reference)
-            from thingc.realize.modules import listed
-
             near = [os.path.join(folder, name).replace(os.sep, "/") for name in listed(os.path.dirname(path))]
             return PartFailure(
                 subject=definition.text, kind="missing", message=f"there is no file `{definition.reference}`",
-                candidates=tuple(name for name in near if name.lower().endswith((".step", ".stp", ".brep", ".stl", ".3mf", ".obj"))),
+                candidates=tuple(name for name in near if name.lower().endswith(FILES)),
             )
         return state
 
@@ -307,7 +324,7 @@ class GeometryService:
             }
             for one in instances
         ]
-        key = repr([name, sorted(self._versions(None).items()), listed])
+        key = repr([name, sorted(self._parts.versions(None).items()), listed])
         kept = self.store.get_json("step", key)
         if kept is not None and self.store.has(kept["sha256"], kept["size"]):
             return Stored(sha256=kept["sha256"], size=kept["size"])
@@ -325,66 +342,15 @@ class GeometryService:
         self.store.put_json("step", key, made)
         return Stored(sha256=made["sha256"], size=made["size"])
 
-    # --- code, versions, workers -----------------------------------------------------------------------------------
-
-    def _code(self, reference: str) -> Code | None | PartFailure:
-        """The code of `module:Class`; None for an installed package; or why it may not or cannot be loaded."""
-        if reference not in self._codes:
-            self._codes[reference] = self._read_code(reference)
-        return self._codes[reference]
+    # --- workers -----------------------------------------------------------------------------------
 
     def _code_of_definition(self, definition: PartDefinition) -> Code | None:
-        code = self._code(definition.reference) if definition.kind != "file" else None
+        code = self._parts.code(definition.reference) if definition.kind != "file" else None
         return code if isinstance(code, Code) else None
-
-    def _read_code(self, reference: str) -> Code | None | PartFailure:
-        module_name, colon, name = reference.partition(":")
-        if not colon or not all(part.isidentifier() for part in (*module_name.split("."), *name.split("."))):
-            return PartFailure(subject=reference, kind="invalid", message=f"`{reference}` is no part reference: expected `module:Class`")
-        finder = self._sources.finder
-        module = finder.find(module_name)
-        top = module_name.partition(".")[0]
-        allowed = module.workspace or top in self.workspace.packages
-        if not allowed and (module.kind != "absent" or finder.find(top).kind == "installed"):
-            return PartFailure(
-                subject=reference, kind="refused",
-                message=f"`{module_name}` is neither in a part folder nor in a package that the workspace allows",
-                candidates=tuple(self.workspace.packages),
-            )
-        if module.kind == "installed":
-            return None
-        if module.kind == "absent" or module.file is None:
-            known = (*finder.part_modules(), *self.workspace.packages)
-            return PartFailure(
-                subject=reference, kind="missing", message=f"there is no module `{module_name}`", candidates=known
-            )
-        known, more = defined_in(module_name, self._sources)
-        first = name.partition(".")[0]
-        from thingc.realize.codekey import binds
-
-        if not more and not binds(module_name, first, self._sources):
-            return PartFailure(
-                subject=reference, kind="missing", message=f"`{module_name}` has no `{first}`", file=module.file, candidates=known
-            )
-        return code_of(reference, self._sources)
-
-    def _versions(self, code: Code | None) -> dict[str, str]:
-        used = (*KERNEL, *(code.installed if code is not None else self.workspace.packages))
-        key = tuple(sorted(set(used) - {"thingc"}))
-        if key not in self._versions_known:
-            self._versions_known[key] = {**platform_versions(), **compiler_version(), **versions_of(key, self.store)}
-        return self._versions_known[key]
 
     def _around(self, code: Code | None) -> dict[str, Any]:
         """What a request says about where it runs."""
-        modules = code.modules if code is not None else {}
-        installed = code.installed if code is not None else set()
-        return {
-            "root": self.workspace.root, "parts": list(self.workspace.parts), "store": self.store.root, "timeout": self.timeout,
-            "hashes": {file: code.hashes[name] for name, file in modules.items() if file and name in code.hashes} if code else {},
-            "plain": sorted(name for name, file in modules.items() if file is None),
-            "preload": sorted(installed & set(self.workspace.packages)),
-        }
+        return {**self._parts.around(code), "store": self.store.root, "timeout": self.timeout}
 
     def _worker_pool(self) -> Workers:
         if self._workers is None:
@@ -410,9 +376,10 @@ class GeometryService:
                 self._progress(what, done, len(requests))
                 yield request, answer
         except WorkerBroken as fault:
+            failed = {"failed": "crashed", "words": f"the CAD kernel does not load: {fault}", "detail": fault.detail}
             for request in requests:
                 if id(request) not in answered:
-                    yield request, {"failed": "crashed", "words": f"the CAD kernel does not load: {fault}", "detail": fault.detail}
+                    yield request, failed
 
     def _progress(self, what: str, done: int, total: int) -> None:
         if self._on_progress is not None and what:

@@ -90,15 +90,18 @@ class Session:
             except AttributeError:
                 from thingc.things.inspection import is_part
 
-                known = [n for n, value in vars(module).items() if not n.startswith("_") and _is_own(value, module_name) and is_part(value)]
-                raise NoPart("missing", f"`{module_name}` has no `{name}`", sorted(known)) from None
+                known = sorted(
+                    own for own, value in vars(module).items()
+                    if not own.startswith("_") and getattr(value, "__module__", None) == module_name and is_part(value)
+                )
+                raise NoPart("missing", f"`{module_name}` has no `{name}`", known) from None
         return found
 
     def failure(self, subject: str, fault: BaseException) -> PartFailure:
         """What went wrong, in words, with the innermost place in the authors' files."""
         from thingc.things.parameters import ParameterError, SignatureError
 
-        detail = "".join(traceback.format_exception(fault))
+        detail: str | None = "".join(traceback.format_exception(fault))
         own = self.own_files()
         places = [(frame.filename, frame.lineno) for frame in traceback.extract_tb(fault.__traceback__) if frame.filename in own]
         if isinstance(fault, SyntaxError) and fault.filename in own:
@@ -107,7 +110,7 @@ class Session:
         kind, message = "raised", _words(fault)
         candidates: tuple[str, ...] = ()
         if isinstance(fault, NoPart):
-            kind, message, candidates = fault.kind, str(fault), fault.candidates
+            kind, message, candidates, detail = fault.kind, str(fault), fault.candidates, None
         elif isinstance(fault, (SignatureError, BadPartFile)) or isinstance(fault, ParameterError) and not places:
             kind, message = "invalid", str(fault)
         return PartFailure(
@@ -118,10 +121,6 @@ class Session:
 def _words(fault: BaseException) -> str:
     text = fault.msg if isinstance(fault, SyntaxError) else str(fault)
     return f"{type(fault).__name__}: {text}" if text else type(fault).__name__
-
-
-def _is_own(value: Any, module: str) -> bool:
-    return getattr(value, "__module__", None) == module
 
 
 def kind_of(part: Any, reference: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import platform
@@ -9,17 +10,16 @@ import re
 import sys
 from collections.abc import Iterable
 from functools import cache
-from typing import TYPE_CHECKING
 
 from thingc.realize.modules import import_path, is_installed
-
-if TYPE_CHECKING:
-    from thingc.realize.store import Store
+from thingc.realize.store import Store, StoreUnusable
 
 KERNEL = ("build123d", "OCP", "numpy", "manifold3d")
 """Top-level packages that every record depends on."""
 
-_DISTRIBUTIONS = {"OCP": ("cadquery_ocp", "cadquery_ocp_novtk"), "sklearn": ("scikit_learn",), "yaml": ("pyyaml",), "PIL": ("pillow",)}
+_DISTRIBUTIONS = {
+    "OCP": ("cadquery_ocp", "cadquery_ocp_novtk"), "sklearn": ("scikit_learn",), "yaml": ("pyyaml",), "PIL": ("pillow",),
+}
 _METADATA = re.compile(r"(?P<name>[^-]+)-(?P<version>.+)\.(dist-info|egg-info)$")
 
 
@@ -29,7 +29,8 @@ def versions_of(names: Iterable[str], store: Store | None = None) -> dict[str, s
     unknown: list[str] = []
     for name in sorted(set(names) - sys.stdlib_module_names):
         candidates = _DISTRIBUTIONS.get(name, (name.lower().replace("-", "_").replace(".", "_"),))
-        versions = [f"{one} {_installed()[one]}" if len(candidates) > 1 else _installed()[one] for one in candidates if one in _installed()]
+        held = [one for one in candidates if one in _installed()]
+        versions = [f"{one} {_installed()[one]}" if len(candidates) > 1 else _installed()[one] for one in held]
         if versions:
             found[f"version {name}"] = ", ".join(versions)
         else:
@@ -95,5 +96,6 @@ def _by_import_name(store: Store | None) -> dict[str, str]:
         for name, distributions in metadata.packages_distributions().items()
     }
     if store is not None:
-        store.put_json("packages", key, table)
+        with contextlib.suppress(StoreUnusable):  # kept for speed only
+            store.put_json("packages", key, table)
     return table

@@ -71,6 +71,7 @@ def _load(answers: int) -> None:
         _answer(answers, {"broken": f"{type(fault).__name__}: {fault}", "detail": traceback.format_exc()})
         os._exit(1)
     gc.freeze()
+    gc.set_threshold(100_000, 20, 100)  # meshes are many small tuples
     gc.enable()
     _answer(answers, {"ready": True})
 

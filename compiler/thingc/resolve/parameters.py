@@ -50,9 +50,10 @@ def worked_out(
 
     def work_out(name: str) -> None:
         raw, path = own(name)
-        # Every name that it uses has been settled; the others stand in `names` only to be suggested for a misspelled one.
-        names = {other: values.get(other, False) for other in spec.parameters}
-        scope = Scope(document=document, report=report, names=names, broken=frozenset(broken))
+        names: Mapping[str, Found] = values  # every parameter that it uses is there, or broken
+        if isinstance(raw, Expression) and any(use.name not in spec.parameters for use in raw.names):
+            names = {other: values.get(other, False) for other in spec.parameters}  # to be suggested for the unknown name
+        scope = Scope(document=document, report=report, names=names, broken=broken)
         found = scope.value(raw, path)
         if found is None:
             broken.add(name)

@@ -162,13 +162,15 @@ def _report_failure(context: Context, node: Node, reference: str, failure: PartF
     if failure.file is not None and failure.line is not None:
         place = Span(file=failure.file, line=failure.line, column=1, end_line=failure.line, end_column=2)
         notes.append(Note(message="raised here" if failure.kind == "raised" else "here", span=place))
+    module = reference.partition(":")[0]
     help = None
-    if failure.kind == "missing":
-        module, _, name = reference.partition(":")
-        help = did_you_mean(name or module, failure.candidates, what="names") if failure.candidates else None
-        close = nearest(module, failure.candidates)
-        if help is not None and not help.startswith("did") and close is not None:
-            help = f"did you mean `{close}`?"
+    if failure.kind == "refused":
+        allowed = ", ".join(f"`{package}`" for package in failure.candidates)
+        help = f"parts come from the part folders of the workspace{' and from ' + allowed if allowed else ''}"
+    elif failure.candidates and failure.file is None:
+        help = did_you_mean(module, failure.candidates, what="modules")
+    elif failure.candidates:
+        help = did_you_mean(reference, [f"{module}:{name}" for name in failure.candidates], what="parts")
     context.report.add(
         _FAILURES.get(failure.kind, Code.PART_INVALID), f"part `{reference}`: {failure.message}", node.scope.span(path),
         help=help,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -40,7 +40,7 @@ class Scope:
     document: Document
     report: Report
     names: Mapping[str, Found]
-    broken: frozenset[str] = NOTHING
+    broken: Set[str] = NOTHING
     index: tuple[str, str] | None = None
     said: set[tuple[str, Code, Path, bool]] = field(default_factory=set)
 

@@ -75,7 +75,7 @@ def _report_empty(document: Document, report: Report) -> frozenset[Path]:
     for path, node in walk(document.tree):
         if isinstance(node, ScalarNode) and node.value is None:
             paths.add(path)
-            named = next((f"`{step}`" for step in reversed(path) if isinstance(step, str)), "the document")
+            named = next((f"`{shortened(step)}`" for step in reversed(path) if isinstance(step, str)), "the document")
             help = "write a value after the colon, or remove the key"
             key = document.span(path, key=True)
             comment = re.match(r":?\s+(#[0-9a-fA-F]{3,8})\b", _line(document, key.end_line)[key.end_column - 1 :])

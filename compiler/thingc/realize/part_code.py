@@ -1,0 +1,96 @@
+"""May a part be loaded, where is its code, and what does that code depend on: all before anything is imported."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from thingc.realize.codekey import Code, Sources, binds, code_of, defined_in
+from thingc.realize.modules import Finder
+from thingc.realize.record import PartFailure
+from thingc.realize.record_json import shortened
+from thingc.realize.store import Store
+from thingc.realize.versions import KERNEL, compiler_version, platform_versions, versions_of
+
+if TYPE_CHECKING:
+    from thingc.workspace import Workspace
+
+
+class PartCode:
+    """The code of parts of one workspace, each read once."""
+
+    def __init__(self, workspace: Workspace, store: Store) -> None:
+        self.workspace = workspace
+        self.store = store
+        self._sources = Sources(Finder(workspace.parts), store)
+        self._codes: dict[str, Code | None | PartFailure] = {}
+        self._known_versions: dict[tuple[str, ...], dict[str, str]] = {}
+
+    @property
+    def probed(self) -> set[str]:
+        """Absolute paths that decided which file a module is, there or not."""
+        return self._sources.finder.probed
+
+    def code(self, reference: str) -> Code | None | PartFailure:
+        """The code of `module:Class`; None for an installed package; or why it may not or cannot be loaded."""
+        if reference not in self._codes:
+            self._codes[reference] = self._read_code(reference)
+        return self._codes[reference]
+
+    def _read_code(self, reference: str) -> Code | None | PartFailure:
+        module_name, colon, name = reference.partition(":")
+        if not colon or not all(part.isidentifier() for part in (*module_name.split("."), *name.split("."))):
+            message = f"`{reference}` is no part reference: expected `module:Class`"
+            return PartFailure(subject=reference, kind="invalid", message=message)
+        finder = self._sources.finder
+        module = finder.find(module_name)
+        top = module_name.partition(".")[0]
+        allowed = module.workspace or top in self.workspace.packages
+        if not allowed and (module.kind != "absent" or finder.find(top).kind == "installed"):
+            return PartFailure(
+                subject=reference, kind="refused",
+                message=f"`{module_name}` is neither in a part folder nor in a package that the workspace allows",
+                candidates=tuple(self.workspace.packages),
+            )
+        if module.kind == "installed":
+            return None
+        if module.kind == "absent" or module.file is None:
+            known = (*finder.part_modules(), *self.workspace.packages)
+            return PartFailure(
+                subject=reference, kind="missing", message=f"there is no module `{module_name}`", candidates=known
+            )
+        known, more = defined_in(module_name, self._sources)
+        first = name.partition(".")[0]
+        if not more and not binds(module_name, first, self._sources):
+            return PartFailure(
+                subject=reference, kind="missing", message=f"`{module_name}` has no `{first}`", file=module.file, candidates=known
+            )
+        return code_of(reference, self._sources)
+
+    def versions(self, code: Code | None) -> dict[str, str]:
+        """Versions of everything installed that the code uses (None: of what the workspace allows), and of thingc."""
+        used = (*KERNEL, *(code.installed if code is not None else self.workspace.packages))
+        key = tuple(sorted(set(used) - {"thingc"}))
+        if key not in self._known_versions:
+            self._known_versions[key] = {**platform_versions(), **compiler_version(), **versions_of(key, self.store)}
+        return self._known_versions[key]
+
+    def around(self, code: Code | None) -> dict[str, Any]:
+        """What a request to the worker says of the code: the workspace's folders, the files that have a key (SHA-256 by
+        file), part packages without `__init__.py`, and installed packages worth loading before the fork."""
+        modules = code.modules if code is not None else {}
+        loaded = code.loaded if code is not None else set()
+        return {
+            "root": self.workspace.root, "parts": list(self.workspace.parts),
+            "hashes": {file: code.hashes[name] for name, file in modules.items() if file and name in code.hashes}
+            if code is not None else {},
+            "plain": sorted(name for name, file in modules.items() if file is None),
+            "preload": sorted(name for name in loaded if name.partition(".")[0] in self.workspace.packages),
+        }
+
+    def files(self) -> dict[str, str]:
+        """The files of all code read so far (in the workspace relative to it) with their states, as `reads` has them."""
+        code = [code for code in self._codes.values() if isinstance(code, Code)]
+        return {
+            shortened(file, self.workspace.root) or file: f"file:{one.hashes[name]}"
+            for one in code for name, file in one.modules.items() if file is not None and name in one.hashes
+        }

@@ -1,0 +1,187 @@
+"""Finding and reading the workspace of a document."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from thingc.diagnostics import Code, Report
+from thingc.workspace import Workspace, _explained, _read
+
+
+def find(document: Path) -> tuple[Workspace | None, Report]:
+    report = Report()
+    return Workspace.find(str(document), report), report
+
+
+def test_without_a_file_it_is_the_documents_own_folder(tmp_path: Path) -> None:
+    workspace, report = find(tmp_path / "a.yaml")
+    assert not report.diagnostics
+    assert workspace is not None
+    assert workspace == Workspace(
+        root=str(tmp_path), parts=(), packages=("thingc_stock", "bd_warehouse"), build=str(tmp_path / "build"), part_timeout=120.0,
+        linear=1e-4, angular=math.radians(10), origin=None,
+    )
+    (tmp_path / "parts").mkdir()
+    again, _ = find(tmp_path / "a.yaml")
+    assert again is not None
+    assert again.parts == (str(tmp_path / "parts"),)
+
+
+def test_the_nearest_file_above_counts(tmp_path: Path) -> None:
+    for folder in ("p/q/deep", "p/q/models", "p/parts"):
+        (tmp_path / folder).mkdir(parents=True)
+    (tmp_path / "p/thingc.toml").write_text('thingc = "workspace/1"\n')
+    (tmp_path / "p/pyproject.toml").write_text("[tool.thingc\n")  # not looked at: thingc.toml is nearer
+    outer, report = find(tmp_path / "p/q/deep/a.yaml")
+    assert not report.diagnostics
+    assert outer is not None
+    assert outer.root == str(tmp_path / "p")
+    assert outer.parts == (str(tmp_path / "p/parts"),)
+    (tmp_path / "p/q/pyproject.toml").write_text(
+        '[project]\nname = "x"\n[tool.thingc]\nthingc = "workspace/1"\nparts = ["models", "."]\npackages = []\nbuild = "out/b"\n'
+        'part_timeout = "2 min"\nmesh = {linear = "0.5 mm", angular = "20 deg"}\n'
+    )
+    inner, report = find(tmp_path / "p/q/deep/a.yaml")
+    assert not report.diagnostics
+    assert inner is not None
+    assert (inner.root, inner.parts, inner.packages) == (
+        str(tmp_path / "p/q"), (str(tmp_path / "p/q/models"), str(tmp_path / "p/q")), (),
+    )
+    assert (inner.build, inner.part_timeout, inner.linear) == (str(tmp_path / "p/q/out/b"), 120.0, 0.0005)
+    assert inner.angular == pytest.approx(math.radians(20), rel=1e-15)
+
+
+def test_a_project_without_our_table_is_none_of_ours(tmp_path: Path) -> None:
+    (tmp_path / "sub").mkdir()
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    for text in ("[project]\n", "broken = = toml\n", "# thingc\n[tool.other]\n", "broken = = thingc\n"):
+        (tmp_path / "sub/pyproject.toml").write_text(text)
+        workspace, report = find(tmp_path / "sub/a.yaml")
+        assert not report.diagnostics
+        assert workspace is not None
+        assert workspace.root == str(tmp_path)
+
+
+def test_inputs_are_everything_that_was_looked_at(tmp_path: Path) -> None:
+    (tmp_path / "p/q").mkdir(parents=True)
+    text = b'thingc = "workspace/1"\n'
+    (tmp_path / "p/thingc.toml").write_bytes(text)
+    (tmp_path / "p/q/pyproject.toml").write_bytes(b"[project]\n")
+    workspace, _ = find(tmp_path / "p/q/a.yaml")
+    assert workspace is not None
+    assert workspace.inputs == {
+        str(tmp_path / "p/q/thingc.toml"): None, str(tmp_path / "p/q/pyproject.toml"): hashlib.sha256(b"[project]\n").hexdigest(),
+        str(tmp_path / "p/thingc.toml"): hashlib.sha256(text).hexdigest(), str(tmp_path / "p/parts"): None,
+    }
+
+
+def test_relative_and_contains_resolve_links(tmp_path: Path) -> None:
+    (tmp_path / "real/in").mkdir(parents=True)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "real")
+    (tmp_path / "real/escape").symlink_to(tmp_path / "out")
+    workspace, _ = find(tmp_path / "link/a.yaml")
+    assert workspace is not None
+    assert workspace.root == str(tmp_path / "link")
+    assert workspace.relative(str(tmp_path / "link/in/x.yaml")) == "in/x.yaml"
+    assert workspace.relative(str(tmp_path / "real/in/x.yaml")) == "in/x.yaml"
+    assert workspace.contains(str(tmp_path / "real/in/new.yaml"))
+    assert workspace.contains(str(tmp_path / "link"))
+    assert not workspace.contains(str(tmp_path / "link/escape/x"))
+    assert not workspace.contains(str(tmp_path / "link/../out"))
+    assert not workspace.contains(str(tmp_path / "real-too"))
+
+
+HEAD = 'thingc = "workspace/1"\n'
+
+
+@pytest.mark.parametrize(("text", "code", "message", "help", "place"), [
+    ("parts = []\n", Code.HEADER, "the key `thingc`, which says kind and version, is missing",
+     'begin with `thingc = "workspace/1"`', (1, 1)),
+    ('thingc = "workspace/2"\n', Code.HEADER, "unknown version `2` of `workspace`", 'write `thingc = "workspace/1"`', (1, 10)),
+    ('thingc = "assembly/1"\n', Code.WRONG_KIND, "expected a document of kind `workspace`, found `assembly`",
+     'write `thingc = "workspace/1"`', (1, 10)),
+    (HEAD + 'part = ["parts"]\n', Code.UNKNOWN_KEY, "unknown key `part`", "did you mean `parts`?", (2, 1)),
+    (HEAD + 'parts = "parts"\n', Code.WRONG_TYPE, "expected a list, found text `parts`", "write `[parts]`", (2, 9)),
+    (HEAD + "parts = [3]\n", Code.WRONG_TYPE, "expected text, found the number `3`", 'write `"3"`', (2, 10)),
+    (HEAD + 'parts = ["prts"]\n', Code.WORKSPACE_FOLDER, "there is no folder `prts`", "did you mean `parts`?", (2, 10)),
+    (HEAD + 'parts = ["../x"]\n', Code.OUTSIDE_WORKSPACE, "`../x` leaves the workspace", "name a folder below this file", (2, 10)),
+    (HEAD + 'parts = ["/x"]\n', Code.OUTSIDE_WORKSPACE, "`/x` is an absolute path", "write it relative to this file", (2, 10)),
+    (HEAD + 'build = "/tmp/x"\n', Code.OUTSIDE_WORKSPACE, "`/tmp/x` is an absolute path", "write it relative to this file", (2, 9)),
+    (HEAD + "part_timeout = 120\n", Code.BAD_UNIT, "a time needs a unit, found `120`", "write `120 s` or `120 ms`", (2, 16)),
+    (HEAD + 'part_timeout = "2 mm"\n', Code.WRONG_DIMENSION, "expected a time (such as 2 ms), found a length (`2 mm`)", None, (2, 16)),
+    (HEAD + 'part_timeout = "-2 s"\n', Code.BAD_QUANTITY, "expected a value above 0, found `-2 s`", None, (2, 16)),
+    (HEAD + 'part_timeout = "=2 s"\n', Code.BAD_EXPRESSION, "a workspace has no parameters: write the value", None, (2, 16)),
+    (HEAD + 'mesh = {liner = "1 mm"}\n', Code.UNKNOWN_KEY, "unknown key `liner` in `mesh`", "did you mean `linear`?", (2, 9)),
+    (HEAD + 'mesh = {linear = "1 mmm"}\n', Code.BAD_UNIT, "unknown unit `mmm`; did you mean `mm`?", None, (2, 21)),
+    (HEAD + "mesh = 3\n", Code.WRONG_TYPE, "expected a mapping with `linear`, `angular`, found the number `3`", None, (2, 8)),
+    (HEAD + "a b\n", Code.SYNTAX, "expected `=` after the key", "TOML writes `key = value`", (2, 3)),
+])
+def test_what_is_said(tmp_path: Path, text: str, code: Code, message: str, help: str | None, place: tuple[int, int]) -> None:
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "thingc.toml").write_text(text)
+    workspace, report = find(tmp_path / "a.yaml")
+    assert workspace is None
+    assert [(d.code, d.message, d.help, d.span and (d.span.line, d.span.column)) for d in report.diagnostics] == [
+        (code, message, help, place)
+    ]
+
+
+def test_faults_of_a_table_of_pyproject_have_their_place(tmp_path: Path) -> None:
+    (tmp_path / "pyproject.toml").write_text('[project]\n\n[tool.thingc]\nthingc = "workspace/1"\nbild = "x"\n')
+    workspace, report = find(tmp_path / "a.yaml")
+    assert workspace is None
+    (found,) = report.diagnostics
+    assert found.span is not None
+    assert (found.message, found.span.line, found.span.column) == ("unknown key `bild`", 5, 1)
+    (tmp_path / "pyproject.toml").write_text("[tool.thingc]\nthingc = workspace/1\n")
+    assert find(tmp_path / "a.yaml")[1].diagnostics[0].code is Code.SYNTAX
+
+
+_texts = st.sampled_from(["parts", ".", "none", "../x", "/x", "", "parts/../parts"])
+_times = st.sampled_from(["120 s", "2 min", "0 s", "-1 s", "=3 s", "5", "2 mm", "x"])
+
+
+@settings(deadline=None, max_examples=120)
+@given(
+    parts=st.none() | st.lists(_texts, max_size=2) | st.just("parts"), build=st.none() | _texts | st.just(3), timeout=st.none() | _times | st.just(5),
+    mesh=st.none() | st.fixed_dictionaries({}, optional={"linear": st.sampled_from(["1 mm", "1 deg"]), "angular": st.sampled_from(["5 deg", "0 deg"]), "x": st.just("1")}),
+)
+def test_the_plain_reading_is_the_models_reading(
+    tmp_path_factory: pytest.TempPathFactory, parts: object, build: object, timeout: object, mesh: object,
+) -> None:
+    """The quick path and the document model accept the same files and read the same from them."""
+    import tomlkit
+
+    table = {"parts": parts, "build": build, "part_timeout": timeout, "mesh": mesh}
+    text = HEAD + tomlkit.dumps({key: value for key, value in table.items() if value is not None})
+    folder = tmp_path_factory.mktemp("w")
+    (folder / "parts").mkdir()
+    path = str(folder / "thingc.toml")
+    quick, exact = Report(), Report()
+    first = _read(path, text.encode(), str(folder), {}, quick)
+    second = _explained(path, text.encode(), str(folder), (), {}, exact)
+    assert (first is None) == (second is None), text
+    assert quick.diagnostics == exact.diagnostics
+    if first is not None and second is not None:
+        assert (first.parts, first.build, first.part_timeout, first.linear, first.angular) == (
+            second.parts, second.build, second.part_timeout, second.linear, second.angular,
+        )
+
+
+def test_reading_a_good_file_needs_neither_models_nor_positions(tmp_path: Path) -> None:
+    (tmp_path / "thingc.toml").write_text(HEAD + 'part_timeout = "60 s"\n')
+    program = (
+        "import sys; from thingc.workspace import Workspace; from thingc.diagnostics import Report; "
+        f"assert Workspace.find({str(tmp_path / 'a.yaml')!r}, Report()).part_timeout == 60.0; "
+        "print(sorted({'pydantic', 'yaml', 'tree_sitter'} & set(sys.modules)))"
+    )
+    assert subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.strip() == "[]"

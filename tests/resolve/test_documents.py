@@ -1,0 +1,183 @@
+"""Several documents: TOML beside YAML, deep nesting, circles, and input that must never raise."""
+
+from __future__ import annotations
+
+import random
+import re
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from resolve.resolving import run
+from resolve.test_joints_and_modes import FILES
+from resolve.test_wrong_documents import CASES
+from thingc.resolve.model import AssemblyDefinition
+
+YAML = """
+thingc: assembly/1
+name: arm
+description: the same twice
+parameters:
+  reach: {value: 100 mm, min: 60 mm}
+  legs: 2
+materials: {petg: {density: 1270 kg/m^3, color: lavender}}
+defaults: {component: {material: petg}, joint: {dynamics: {damping: 0.02 N*m*s/rad}}}
+components:
+  plate: {part: "arm:Plate"}
+  brace: {part: "arm:Brace", params: {length: =reach / 2, holes: 3, open: true}}
+  leg: {part: "arm:Plate", repeat: {count: =legs}, attach: {top: plate.hip_$i}}
+  eye: {frame: true, at: {in: plate.top, xyz: [0, 1 mm, =reach]}}
+joints:
+  yaw: {type: revolute, parent: plate.axle, child: brace.hub, limit: {lower: -90 deg, upper: 90 deg}, turn: 90 deg}
+mounts: {tip: brace.end}
+poses: {home: {yaw: 30 deg}}
+modes: {bench: {root: plate, pose: home}, drawing: {root: tip, base: held}}
+simulation: {timestep: 2 ms}
+raw: {mjcf: {joint: {yaw: {group: 3}}}}
+"""
+TOML = """
+thingc = "assembly/1"
+name = "arm"
+description = "the same twice"
+[parameters]
+reach = {value = "100 mm", min = "60 mm"}
+legs = 2
+[materials.petg]
+density = "1270 kg/m^3"
+color = "lavender"
+[defaults]
+component.material = "petg"
+joint.dynamics.damping = "0.02 N*m*s/rad"
+[components.plate]
+part = "arm:Plate"
+[components.brace]
+part = "arm:Brace"
+params = {length = "=reach / 2", holes = 3, open = true}
+[components.leg]
+part = "arm:Plate"
+repeat.count = "=legs"
+attach = {top = "plate.hip_$i"}
+[components.eye]
+frame = true
+at = {in = "plate.top", xyz = [0, "1 mm", "=reach"]}
+[joints.yaw]
+type = "revolute"
+parent = "plate.axle"
+child = "brace.hub"
+limit = {lower = "-90 deg", upper = "90 deg"}
+turn = "90 deg"
+[mounts]
+tip = "brace.end"
+[poses.home]
+yaw = "30 deg"
+[modes]
+bench = {root = "plate", pose = "home"}
+drawing = {root = "tip", base = "held"}
+[simulation]
+timestep = "2 ms"
+[raw.mjcf.joint.yaw]
+group = 3
+"""
+
+
+def plain(value: Any) -> Any:
+    """A model without its places."""
+    if is_dataclass(value) and not isinstance(value, type):
+        skipped = ("origin", "origins", "spans", "document")
+        return {f.name: plain(getattr(value, f.name)) for f in fields(value) if f.name not in skipped}
+    if isinstance(value, dict):
+        return {key: plain(one) for key, one in value.items()}
+    if isinstance(value, tuple):
+        return [plain(one) for one in value]
+    return value
+
+
+def test_toml_says_what_yaml_says(tmp_path: Path) -> None:
+    yaml, toml = run(tmp_path, {"arm.yaml": YAML}).good, run(tmp_path, {"arm.toml": TOML}).good
+    assert plain(yaml) == plain(toml)
+    assert len(yaml.components) == 5 and yaml.modes[1].root.text == "brace.end"
+
+
+def test_two_runs_give_equal_models(tmp_path: Path) -> None:
+    assert run(tmp_path, FILES).good == run(tmp_path, FILES).good
+
+
+def chain(length: int) -> dict[str, str]:
+    files = {}
+    for k in range(length):
+        inner = f"assembly: d{k + 1}.yaml" if k < length - 1 else 'part: "arm:Plate"'
+        files[f"d{k}.yaml"] = f"""
+            thingc: assembly/1
+            name: d{k}
+            components:
+              a: {{{inner}}}
+              b: {{part: "arm:Plate", attach: {{x: a.x}}}}
+              c: {{part: "arm:Plate"}}
+            joints: {{j: {{type: continuous, parent: a.x, child: c.y}}}}
+            mounts: {{x: b.x}}
+            poses: {{p: {{"*": 1 deg}}}}
+            """
+    return files
+
+
+def test_a_hundred_documents_deep(tmp_path: Path) -> None:
+    outcome = run(tmp_path, chain(100))
+    assert len(outcome.good.poses[0].values) == 100
+    assert max(outcome.good.poses[0].values, key=len).count("/") == 99
+
+
+def test_more_than_that_is_an_error_and_not_a_crash(tmp_path: Path) -> None:
+    outcome = run(tmp_path, chain(140))
+    assert [line.split(" ", 1)[0] for line in outcome.said] == ["TC108"]
+
+
+def test_a_circle_of_documents_ends(tmp_path: Path) -> None:
+    outcome = run(tmp_path, {
+        f"{name}.yaml": f"""
+            thingc: assembly/1
+            name: {name}
+            components:
+              a: {{part: "arm:Plate"}}
+              n: {{assembly: {other}.yaml, attach: {{origin: a.x}}}}
+            mounts: {{deep: n.n.n.a.x}}
+            poses: {{p: {{n: p, "n.*": 3 deg, n.n.j: 2 deg}}}}
+            """
+        for name, other in (("one", "two"), ("two", "three"), ("three", "one"))
+    })
+    assert [line.split(" ", 1)[0] for line in outcome.said if line[0] != "+"] == ["TC116"]
+
+
+SCALARS = [
+    "3 mm", "0", "-1", "true", "=1 / 0", "=nothing", "=[", "~", "plate", "a.b.c.d", "hand.tip", "*", "x_$i", "{}", "[]", "1e400", "30 deg",
+    "=reach", "[1, 2, 3]", "\"\"", "open", "origin", "{a: b}", "hand", "plate.origin", "=i",
+]
+
+
+@settings(max_examples=250, deadline=None)
+@given(st.integers(0, 10**9))
+def test_nothing_written_makes_the_pass_raise(tmp_path_factory: pytest.TempPathFactory, seed: int) -> None:
+    """Documents with values swapped for others, keys dropped and renamed: a report, never an exception."""
+    chance = random.Random(seed)
+    files = dict(FILES if chance.random() < 0.5 else {"arm.yaml": YAML})
+    if chance.random() < 0.3:
+        files = dict(chance.choice(list(CASES.values()))[0])
+    for name, text in files.items():
+        for _ in range(chance.randint(0, 4)):
+            words = list(re.finditer(r"(?<=: )[^:{}\[\],\n]+", text))
+            if not words:
+                break
+            word = chance.choice(words)
+            text = text[: word.start()] + chance.choice([*SCALARS, chance.choice(words).group()]) + text[word.end():]
+        if chance.random() < 0.3:
+            lines = text.split("\n")
+            del lines[chance.randrange(len(lines))]
+            text = "\n".join(lines)
+        files[name] = text
+    options = {chance.choice(["reach", "stop", "nothing"]): chance.choice(SCALARS)} if chance.random() < 0.3 else {}
+    outcome = run(tmp_path_factory.mktemp("fuzz"), files, options)
+    assert outcome.model is None or isinstance(outcome.model, AssemblyDefinition)
+    assert outcome.said or outcome.model is not None
