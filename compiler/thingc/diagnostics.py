@@ -139,6 +139,7 @@ class Code(Enum):
     PARAMETER_OPTION = ("TC803", "bad -p", "Write -p 'NAME=VALUE' with a parameter of the document, as the document would.")
     STRANGERS = ("TC804", "strangers in the build folder", "Move the named files away, or build elsewhere with -o.")
     OUTPUT = ("TC805", "cannot write", "Make room, or choose a folder that can be written with -o or --store.")
+    PART_UNREADABLE = ("TC807", "a part file that does not load", "Mend the part file at the line named.")
     NOT_AN_ASSEMBLY = ("TC806", "not an assembly", "Build the assembly document that uses this one.")
 
     def __init__(self, code: str, title: str, cure: str) -> None:

@@ -78,26 +78,16 @@ class Compilation:
     def store(self) -> Store:
         """The content-addressed store of this compilation."""
         if self._store is None:
-            from thingc.realize.store import Store, default_root
-
-            self._store = Store(self.options.store or default_root())
+            self._store = store_of(self.options)
         return self._store
 
     @property
     def geometry(self) -> GeometryService:
         """The door to the CAD kernel; only there once a workspace has been found."""
         if self._geometry is None:
-            from thingc.realize.service import GeometryService
-
             if self.workspace is None:
                 raise RuntimeError("the geometry service belongs to a workspace, and none was found")
-            self._geometry = GeometryService(
-                self.workspace,
-                self.store,
-                jobs=self.options.jobs or os.cpu_count() or 1,
-                timeout=self.options.part_timeout or self.workspace.part_timeout,
-                on_progress=self.options.progress,
-            )
+            self._geometry = geometry_of(self.workspace, self.options, self.store)
         return self._geometry
 
     @property
@@ -189,6 +179,26 @@ class Compilation:
             mjcf = artifacts["mjcf"]
             artifacts["mjcf"] = replace(mjcf, files={**mjcf.files, **modes.emit(request).files})
         return artifacts
+
+
+def store_of(options: Options) -> Store:
+    """The store that the options name, else the user's."""
+    from thingc.realize.store import Store, default_root
+
+    return Store(options.store or default_root())
+
+
+def geometry_of(workspace: Workspace, options: Options, store: Store | None = None) -> GeometryService:
+    """The geometry service of a workspace; close it."""
+    from thingc.realize.service import GeometryService
+
+    return GeometryService(
+        workspace,
+        store or store_of(options),
+        jobs=options.jobs or os.cpu_count() or 1,
+        timeout=options.part_timeout or workspace.part_timeout,
+        on_progress=options.progress,
+    )
 
 
 def _decomposed(model: AssemblyDefinition) -> frozenset[str]:

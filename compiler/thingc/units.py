@@ -1,7 +1,7 @@
 """Quantities: numbers with a dimension, read from text such as `120 mm`, `4.1 N*m` or `1270 kg/m^3`.
 
 A fixed table of units, no prefixes by rule: what is not in the table is an error with a hint. Conversion is exact
-decimal arithmetic on integers, rounded once, so `72 mm` is 0.072 and `90 deg` is pi/2 to the last bit.
+decimal arithmetic on integers, rounded once, so `72 mm` is 0.072 to the last bit.
 """
 
 from __future__ import annotations
@@ -210,6 +210,8 @@ UNITS: dict[str, Unit] = {
 }
 """Every unit that may be written. `in`, `ft`, `lb`, `lbf` are the international ones (exact by definition)."""
 
+_DEGREE = UNITS["deg"]
+
 _MEANT = {
     "Nm": "N*m", "mNm": "mN*m", "Nmm": "N*mm", "Ncm": "N*cm", "kgcm": "kgf*cm", "kgm2": "kg*m^2", "µm": "um", "μm": "um",
     "micron": "um", "microns": "um", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm", "millimetres": "mm",
@@ -255,11 +257,13 @@ def exact(number: str) -> tuple[int, int]:
 def converted(number: str, unit: Unit) -> float:
     """The SI value of `number` (decimal text) of a unit: exact, rounded once (division of integers is).
 
+    Plain degrees are the double that `math.radians` gives, which is what everybody else's program computes for them
+    and what `math.degrees` turns back best; it may differ from the exact value in its last bit.
     Raises UnitError (`quantity`) where no finite double can hold it.
     """
     numerator, denominator = exact(number)
     try:
-        value = (numerator * unit[0]) / (denominator * unit[1])
+        value = math.radians(numerator / denominator) if unit == _DEGREE else (numerator * unit[0]) / (denominator * unit[1])
     except OverflowError:
         raise UnitError(f"the number `{shortened(number)}` is too large", offset=0, end=len(number)) from None
     return value + 0.0  # -0 is 0

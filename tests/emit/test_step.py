@@ -17,7 +17,7 @@ from thingc.emit.artifact import Loss, Stored
 from thingc.emit.step import emit
 from thingc.graph.types import Assembly
 from thingc.pose import NO_POSE, placed
-from thingc.realize.record import PartDefinition, PartRecord
+from thingc.realize.record import PartDefinition, PartRecord, Value
 from thingc.realize.service import GeometryService
 from thingc.realize.store import Store
 from thingc.workspace import Workspace
@@ -29,7 +29,7 @@ from thingc import Thing, Length
 class Block(Thing):
     """A block, 10 mm by 20 mm by `height`."""
 
-    def __init__(self, height: Length = 30):
+    def __init__(self, height: Length = 30, engraved: str = ""):
         super().__init__(material="petg")
         self.body = Box(10, 20, height)
 
@@ -55,8 +55,8 @@ def service(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Any:
 
 def blocks(store: Store, service: GeometryService) -> Assembly:
     """Two equal blocks and a tall one (in `hand`), each in its own pose; a frame in between."""
-    usual = {"height": 0.03}
-    short, tall = part("blocks:Block", {}, usual), part("blocks:Block", {"height": 0.05}, usual)
+    usual: dict[str, Value] = {"height": 0.03, "engraved": ""}
+    short, tall = part("blocks:Block", {}, usual), part("blocks:Block", {"height": 0.05, "engraved": "M3 x 8"}, usual)
     records = service.realize([short, tall])
 
     def block(index: int, path: str, definition: PartDefinition, color: str) -> Any:
@@ -89,11 +89,12 @@ def test_what_a_cad_program_reads(service: GeometryService, shared_store: str, t
         [sys.executable, str(READER), str(tmp_path / "arm.step")], capture_output=True, text=True,
     )
     assert done.returncode == 0, done.stderr
+    assert "ERR" not in done.stdout + done.stderr, "the kernel reads it without complaint"
     found = json.loads(done.stdout.splitlines()[-1])
     assert found["name"] == "arm"
     leaves = found["leaves"]
     assert {path: leaf["definition"] for path, leaf in leaves.items()} == {
-        "left": "blocks:Block", "right": "blocks:Block", "hand/tall": "blocks:Block(height=0.05)",
+        "left": "blocks:Block", "right": "blocks:Block", "hand/tall": "blocks:Block(engraved=M3 x 8, height=0.05)",
     }
     assert {path: leaf["volume"] for path, leaf in leaves.items()} == pytest.approx(
         {"left": 6000, "right": 6000, "hand/tall": 10000}, rel=1e-9

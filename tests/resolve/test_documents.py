@@ -152,7 +152,8 @@ def test_a_circle_of_documents_ends(tmp_path: Path) -> None:
 
 
 SCALARS = [
-    "3 mm", "0", "-1", "true", "=1 / 0", "=nothing", "=[", "~", "plate", "a.b.c.d", "hand.tip", "*", "x_$i", "{}", "[]", "1e400", "30 deg",
+    "3 mm", "0", "-1", "true", "=1 / 0", "=nothing", "=[", "~", "plate", "a.b.c.d", "hand.tip", "*", "x_$i",
+    "{}", "[]", "1e400", "30 deg",
     "=reach", "[1, 2, 3]", "\"\"", "open", "origin", "{a: b}", "hand", "plate.origin", "=i",
 ]
 

@@ -155,7 +155,7 @@ def test_one_fault_of_an_assembly(
     ("{part: a:B, repeat: {count: -1}}", Code.BAD_QUANTITY, "expected a whole number from 0 on, found the number `-1`", None, "-1"),
     ("{part: a:B, bom: {cost: 12.50}}", Code.WRONG_TYPE, "expected an amount and a currency, found the number `12.5`", "write for example `12.5 EUR`", "12.50"),
     ("{part: a:B, bom: {make: made}}", Code.UNKNOWN_CHOICE, "expected `buy`, `print` or `machine`, found text `made`", None, "made"),
-    ("{part: a:B, process: {infill: 15 mm}}", Code.WRONG_DIMENSION, "expected a number or a percentage (such as 2), found a length (`15 mm`)", None, "15 mm"),
+    ("{part: a:B, process: {infill: 15 mm}}", Code.WRONG_DIMENSION, "expected a number (such as 2), found a length (`15 mm`)", None, "15 mm"),
 ])
 def test_one_fault_of_a_component(
     tmp_path: Path, body: str, code: Code, message: str, help: str | None, written: str,
@@ -278,7 +278,7 @@ def test_part_references_in_the_order_written(tmp_path: Path) -> None:
     )
     found = part_references(validate(documents, report), documents)
     assert [(name, Path(span.file).name, span.line, span.column) for name, span in found] == [
-        ("a:B", "a.yaml", 4, 13), ("c.d:E", "a.yaml", 6, 13), ("f:G", "b.yaml", 3, 23),
+        ("a:B", "a.yaml", 4, 13), ("c.d:E", "a.yaml", 6, 13), ("f:G", "b.yaml", 3, 24),
     ]
 
 

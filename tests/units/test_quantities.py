@@ -12,8 +12,27 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from thingc.units import (
-    ANGLE, ANGULAR_DAMPING, ANGULAR_VELOCITY, DENSITY, FORCE, FREQUENCY, INERTIA, LENGTH, LENGTH_PER_ANGLE, MASS, NUMBER, TIME,
-    TORQUE, UNITS, Dimension, Quantity, UnitError, checked, fits, parse_quantity, parse_vector,
+    ANGLE,
+    ANGULAR_DAMPING,
+    ANGULAR_VELOCITY,
+    DENSITY,
+    FORCE,
+    FREQUENCY,
+    INERTIA,
+    LENGTH,
+    LENGTH_PER_ANGLE,
+    MASS,
+    NUMBER,
+    TIME,
+    TORQUE,
+    UNITS,
+    Dimension,
+    Quantity,
+    UnitError,
+    checked,
+    fits,
+    parse_quantity,
+    parse_vector,
 )
 
 PINT = pint.UnitRegistry(non_int_type=Fraction)
@@ -80,11 +99,18 @@ def test_values_that_a_double_must_hit_exactly() -> None:
 
 
 @given(st.integers(min_value=-3600, max_value=3600))
-def test_degrees_are_rounded_once(degrees: int) -> None:
+def test_degrees_are_those_of_every_other_program(degrees: int) -> None:
+    assert parse_quantity(f"{degrees} deg").value == math.radians(degrees)
+
+
+@given(st.integers(min_value=-3600, max_value=3600), st.sampled_from([("rpm", 30), ("rev", Fraction(1, 2)), ("deg/s", 180)]))
+def test_other_turns_are_rounded_once(number: int, unit: tuple[str, int | Fraction]) -> None:
     from mpmath import mp, mpf
 
     with mp.workdps(60):
-        assert parse_quantity(f"{degrees} deg").value == float(mpf(degrees) * mp.pi / 180)
+        scale = Fraction(unit[1])
+        expected = float(mpf(number) * mp.pi * scale.denominator / scale.numerator)
+    assert parse_quantity(f"{number} {unit[0]}").value == expected
 
 
 @pytest.mark.parametrize("text", ["4.1 N*m", "4.1 N * m", "4.1N*m", " 4.1  N* m ", "4.1 m*N", "4.1 N·m", "4.1 J", "4100 N*mm", "+4.1e0 N*m"])

@@ -39,7 +39,8 @@ def emit(request: EmitRequest) -> Artifacts:
         instances.append(
             Placed(
                 path=occurrence.path,
-                definition=occurrence.definition.text,
+                # the kernel's own reader stumbles over a quotation mark in a product's name (OCCT 8.0: "Incorrect Syntax")
+                definition=occurrence.definition.text.replace("'", ""),
                 brep=record.brep,
                 pose=assembly.rest[occurrence.index],
                 color=occurrence.color,

@@ -116,7 +116,7 @@ def live_without_parent() -> None:
 def start(request: Mapping[str, Any], run: Callable[[Mapping[str, Any]], dict[str, Any]], close: list[int]) -> Child:
     """Fork a child that runs `run(request)` and writes the answer as one line. `close`: descriptors it must not hold."""
     reader, writer = os.pipe()
-    errors = tempfile.TemporaryFile()  # noqa: SIM115: it lives as long as the child
+    errors = tempfile.TemporaryFile()  # noqa: SIM115 (it lives as long as the child)
     server = os.getpid()
     timeout = float(request["timeout"])
     process = os.fork()

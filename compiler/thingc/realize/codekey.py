@@ -96,9 +96,9 @@ class Code:
     """What a part's code is made of.
 
     `ingredients` are labelled digests (`class arm:RotorBrace`), `documented` the same with docstrings; `installed` the
-    top-level names of installed packages it uses, `loaded` their modules; `modules` the files of the content-tracked modules that are loaded
-    for it (None: a folder without `__init__.py`), `hashes` the SHA-256 of each file as read; `place` is
-    `(file, line)` of the class.
+    top-level names of installed packages it uses, `loaded` their modules; `modules` the files of the content-tracked
+    modules that are loaded for it (None: a folder without `__init__.py`), `hashes` the SHA-256 of each file as read;
+    `place` is `(file, line)` of the class.
     """
 
     ingredients: dict[str, str] = field(default_factory=dict)

@@ -114,6 +114,12 @@ class GeometryService:
             self._workers.close()
             self._workers = None
 
+    def catalogue(self) -> list[str]:
+        """`module:Class` of every public class in the part folders and in the allowed packages tracked by content."""
+        from thingc.realize.catalogue import classes_in_reach
+
+        return classes_in_reach(self._sources, self.workspace.packages)
+
     # --- describe ------------------------------------------------------------------------------------------------
 
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:

@@ -1,0 +1,185 @@
+"""`thingc parts`: every Thing in reach, what it takes and where it can be held."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import sys
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from thingc.cli import common
+from thingc.diagnostics import Code, Diagnostic, Report, Severity, did_you_mean
+from thingc.realize.record import ParameterSchema, PartDefinition, PartFailure, PartRecord, PartSchema, Value
+
+if TYPE_CHECKING:
+    from thingc.realize.service import GeometryService
+
+EPILOG = """\
+The Things of the workspace of this folder: of its part folders, and of the packages that it allows. Lengths are in
+millimetres and angles in degrees, as a part's author writes them; a document gives them their unit.
+
+  thingc parts
+  thingc parts arm:RotorBrace
+  thingc parts --format json | jq '.parts[].reference'
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `parts`."""
+    parser.epilog = EPILOG
+    parser.add_argument("part", metavar="PART", nargs="*", help="only these, as module:Class or module")
+    parser.add_argument("-C", "--workspace", metavar="DIR", default=".", help="the workspace of this folder (default: the current one)")
+    common.add_format(parser)
+    common.add_geometry(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Prints the list; a part that cannot be described is a diagnostic, and the others are listed all the same."""
+    from thingc.pipeline import geometry_of
+    from thingc.workspace import Workspace
+
+    report = Report()
+    listed: list[tuple[PartSchema, PartRecord | None]] = []
+    try:
+        options = common.options_of(arguments)
+        if not os.path.isdir(arguments.workspace):
+            raise common.WrongCommandLine(f"`{arguments.workspace}` is no folder", "name the folder of a workspace")
+        workspace = Workspace.find(os.path.join(arguments.workspace, "thingc.toml"), report)
+        if workspace is not None:
+            with geometry_of(workspace, options) as geometry:
+                listed = _listed(geometry, arguments.part, report)
+        found = report.ordered()
+    except common.WrongCommandLine as fault:
+        found = [fault.diagnostic]
+    if arguments.format == "json":
+        common.print_json(found, parts=[_as_data(schema, record) for schema, record in listed])
+    else:
+        common.print_text(found, stream=sys.stderr, debug=arguments.debug)
+        print("\n\n".join(_as_text(schema, record) for schema, record in listed))
+    return common.exit_code(found)
+
+
+def _listed(
+    geometry: GeometryService, wanted: list[str], report: Report
+) -> list[tuple[PartSchema, PartRecord | None]]:
+    references = geometry.catalogue()
+    if wanted:
+        known = {*references, *(reference.partition(":")[0] for reference in references)}
+        for word in wanted:
+            if word not in known:
+                raise common.WrongCommandLine(f"there is no part `{word}` in reach", did_you_mean(word, known, what="parts"))
+        references = [r for r in references if r in wanted or r.partition(":")[0] in wanted]
+    schemas: list[PartSchema] = []
+    for reference, answer in geometry.describe(references).items():
+        if isinstance(answer, PartSchema):
+            if answer.kind == "thing":
+                schemas.append(answer)
+        elif answer.kind not in ("invalid", "missing"):
+            # A class that is no part is not missed here; a module that does not load is.
+            report.diagnostics.append(_failed(reference, answer))
+    definitions = {schema.reference: _default(schema) for schema in schemas}
+    records = geometry.realize([definition for definition in definitions.values() if definition is not None])
+    listed: list[tuple[PartSchema, PartRecord | None]] = []
+    for schema in schemas:
+        record = records.get(schema.reference)
+        listed.append((schema, record if isinstance(record, PartRecord) else None))
+    return listed
+
+
+def _failed(reference: str, failure: PartFailure) -> Diagnostic:
+    place = f" ({failure.file}:{failure.line})" if failure.file and failure.line else ""
+    return Diagnostic(
+        code=Code.PART_UNREADABLE, severity=Severity.ERROR, message=f"`{reference}` cannot be described: {failure.message}{place}",
+        path=reference, detail=failure.detail,
+    )
+
+
+def _default(schema: PartSchema) -> PartDefinition | None:
+    """The member of the family with every parameter at its default, or None where one has none."""
+    values: list[tuple[str, Value]] = []
+    for parameter in schema.parameters:
+        if parameter.default is None:
+            return None
+        values.append((parameter.name, parameter.default))
+    return PartDefinition(
+        reference=schema.reference, kind="code", parameters=tuple(sorted(values)), text=schema.reference, mirror=None
+    )
+
+
+def _as_data(schema: PartSchema, record: PartRecord | None) -> dict[str, object]:
+    return {
+        "reference": schema.reference,
+        "doc": schema.doc,
+        "material": schema.material,
+        "actuator": schema.actuator,
+        "parameters": [
+            {
+                "name": p.name, "kind": p.kind, "required": p.required, "default": p.default, "minimum": p.minimum,
+                "maximum": p.maximum, "choices": list(p.choices), "doc": p.doc,
+            }
+            for p in schema.parameters
+        ],
+        "mounts": None if record is None else {
+            name: {"pose": [list(row) for row in mount.pose.rows()], "interface": mount.interface}
+            for name, mount in sorted(record.mounts.items())
+        },
+    }
+
+
+def _as_text(schema: PartSchema, record: PartRecord | None) -> str:
+    lines = [schema.reference]
+    first = schema.doc.strip().partition("\n")[0]
+    if first:
+        lines.append(f"  {first}")
+    for p in schema.parameters:
+        lines.append(f"  {p.name}: {_kind(p)}{_range(p)}" + (f"  {p.doc}" if p.doc else ""))
+    if schema.material:
+        lines.append(f"  material: {schema.material} unless the document says otherwise")
+    if schema.actuator:
+        lines.append("  has an actuator: a joint's `drive` may name it")
+    if record is None:
+        lines.append("  mounts: not known for its default parameters")
+    elif record.mounts:
+        lines.append(f"  mounts: {', '.join(_runs(record.mounts))}")
+    return "\n".join(lines)
+
+
+def _kind(p: ParameterSchema) -> str:
+    kind = " | ".join(str(c) for c in p.choices) if p.choices else p.kind
+    return f"{kind}, required" if p.required else f"{kind} = {_shown(p.kind, p.default)}"
+
+
+def _range(p: ParameterSchema) -> str:
+    if p.minimum is None and p.maximum is None:
+        return ""
+    low = "" if p.minimum is None else f"from {_shown(p.kind, p.minimum)}"
+    high = "" if p.maximum is None else f"to {_shown(p.kind, p.maximum)}"
+    return f" ({' '.join(word for word in (low, high) if word)})"
+
+
+def _shown(kind: str, value: Value | None) -> str:
+    """A canonical value as a document would have it."""
+    if isinstance(value, float):
+        if kind == "length":
+            return f"{value * 1000.0:.12g} mm"
+        if kind == "angle":
+            return f"{math.degrees(value):.12g} deg"
+        if kind == "mass":
+            return f"{value:.12g} kg"
+        return f"{value:.12g}"
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _runs(names: Iterable[str]) -> list[str]:
+    """Mount names, with the members of a list (`hip_0`, `hip_1`, ...) as one."""
+    lists: dict[str, int] = {}
+    plain: list[str] = []
+    for name in names:
+        stem, _, index = name.rpartition("_")
+        if stem and index.isdigit():
+            lists[stem] = lists.get(stem, 0) + 1
+        else:
+            plain.append(name)
+    return sorted([*plain, *(f"{stem}_0 ... {stem}_{count - 1}" if count > 1 else f"{stem}_0" for stem, count in lists.items())])

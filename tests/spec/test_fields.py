@@ -1,0 +1,98 @@
+"""The types of fields: what good values become."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import pytest
+import webcolors
+from hypothesis import given
+from hypothesis import strategies as st
+from pydantic import TypeAdapter, ValidationError
+
+from thingc.expressions import Expression
+from thingc.spec import fields
+from thingc.spec.colors import COLORS
+from thingc.units import ANGLE, LENGTH, LENGTH_PER_ANGLE, Quantity
+
+
+def value(name: str, raw: Any) -> Any:
+    return TypeAdapter(getattr(fields, name)).validate_python(raw, strict=True)
+
+
+@pytest.mark.parametrize(("name", "raw", "expected"), [
+    ("LengthField", "120 mm", Quantity(0.12, LENGTH)), ("LengthField", 0, Quantity(0.0)), ("LengthField", 0.0, Quantity(0.0)),
+    ("LengthField", "0", Quantity(0.0)), ("AngleField", "180 deg", Quantity(math.pi, ANGLE)), ("RatioField", "15 %", Quantity(0.15)),
+    ("RatioField", 0.15, Quantity(0.15)), ("NumberField", 3, Quantity(3.0)), ("NumberField", "3", Quantity(3.0)),
+    ("MultiplierField", "10 mm/rad", Quantity(0.01, LENGTH_PER_ANGLE)), ("MultiplierField", -1, Quantity(-1.0)),
+    ("AnyQuantityField", True, True), ("AnyQuantityField", "petg", "petg"), ("AnyQuantityField", 6, Quantity(6.0)),
+    ("AnyQuantityField", "5 mm", Quantity(0.005, LENGTH)), ("AnyQuantityField", "-5 mm", Quantity(-0.005, LENGTH)),
+    ("AnyQuantityField", "x430-horn", "x430-horn"), ("AnyQuantityField", "", ""),
+    ("JointValueField", "30 deg", Quantity(math.pi / 6, ANGLE)), ("JointValueField", "20 mm", Quantity(0.02, LENGTH)),
+    ("JointValueField", 0, Quantity(0.0)), ("JointValueField", "folded", "folded"),
+    ("Vector3Length", "0 120 30 mm", (Quantity(0.0, LENGTH), Quantity(0.12, LENGTH), Quantity(0.03, LENGTH))),
+    ("Vector3Length", ["10 mm", 0, "4 mm"], (Quantity(0.01, LENGTH), Quantity(0.0), Quantity(0.004, LENGTH))),
+    ("Vector3Angle", "0 0 0", (Quantity(0.0),) * 3),
+    ("Name", "base_link2", "base_link2"), ("ReferenceField", "hand.cap.pen", "hand.cap.pen"), ("ReferenceField", "body.hip_$i", "body.hip_$i"),
+    ("ReferenceField", "leg_*.knee", "leg_*.knee"), ("ReferenceField", "leg_$i", "leg_$i"), ("ReferenceField", "plate", "plate"),
+    ("ColorField", "Lavender", "#e6e6fa"), ("ColorField", "#888", "#888888"), ("ColorField", "#12AbcD", "#12abcd"),
+    ("CountField", 6, 6), ("CountField", 6.0, 6), ("CountField", 0, 0), ("CostField", "12.50 EUR", "12.50 EUR"), ("CostField", "3 USD", "3 USD"),
+    ("RawField", {"a": {"b": "0.01 1", "c": 1.5}}, {"a": {"b": "0.01 1", "c": 1.5}}), ("RawField", False, False),
+])
+def test_good_values(name: str, raw: Any, expected: Any) -> None:
+    found = value(name, raw)
+    assert found == expected
+    assert type(found) is type(expected)
+
+
+@pytest.mark.parametrize("name", ["LengthField", "AnyQuantityField", "JointValueField", "CountField", "NumberField", "InertiaField"])
+def test_expressions_stand_anywhere(name: str) -> None:
+    found = value(name, "=reach / 2")
+    assert isinstance(found, Expression)
+    assert found.text == "=reach / 2"
+
+
+def test_expressions_in_vectors() -> None:
+    found = value("Vector3Length", ["=reach", 0, "4 mm"])
+    assert isinstance(found[0], Expression)
+
+
+def test_an_expression_is_no_short_vector() -> None:
+    with pytest.raises(ValidationError) as caught:
+        value("Vector3Length", "=reach")
+    assert caught.value.errors()[0]["ctx"]["message"] == "expected three values, each a length, found text `=reach`"
+
+
+@given(st.text(max_size=12))
+def test_names_are_what_the_language_says(text: str) -> None:
+    import re
+
+    good = re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", text, re.ASCII) is not None
+    try:
+        assert value("Name", text) == text
+        assert good
+    except ValidationError:
+        assert not good
+
+
+def test_colours_are_those_of_css() -> None:
+    assert {name: webcolors.name_to_hex(name) for name in webcolors.names("css3")} == {
+        name: digits for name, digits in COLORS.items() if name != "rebeccapurple"
+    }
+
+
+_anything = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=15),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=4), inner, max_size=3), max_leaves=6,
+)
+
+
+@given(st.sampled_from([name for name in dir(fields) if name.endswith("Field") or name.startswith("Vector3") or name == "Name"]), _anything)
+def test_any_value_is_taken_or_refused_in_words(name: str, raw: Any) -> None:
+    try:
+        value(name, raw)
+    except ValidationError as error:
+        (entry,) = error.errors(include_url=False)
+        assert entry["ctx"]["message"]
+        assert "\n" not in entry["ctx"]["message"]

@@ -1,0 +1,102 @@
+"""The JSON Schemas for editors: committed, current, and agreeing with the compiler."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+
+from thingc.diagnostics import Report
+from thingc.load.documents import read_tree
+from thingc.spec.schema import json_schema, text_of, write
+from thingc.spec.validation import MODELS
+
+ROOT = Path(__file__).resolve().parents[2]
+KINDS = sorted(MODELS)
+DOCUMENTS = sorted(path for folder in ("assemblies", ".") for path in (ROOT / folder).glob("**/*" if folder != "." else "*")
+                   if path.suffix in (".yaml", ".yml", ".toml") and path.name != "pyproject.toml" and not path.name.startswith("."))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_committed_schema_is_current(kind: str) -> None:
+    committed = (ROOT / "schemas" / f"{kind}-1.json").read_text(encoding="utf-8")
+    assert committed == text_of(kind), "run `python -m thingc.spec.schema`"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_it_is_a_schema(kind: str) -> None:
+    schema = json_schema(kind)
+    jsonschema.Draft202012Validator.check_schema(schema)
+    assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
+    assert schema["title"] == f"thingc {kind} document, version 1"
+    assert '"null"' not in json.dumps(schema)
+
+
+def test_write_makes_the_files(tmp_path: Path) -> None:
+    assert sorted(Path(path).name for path in write(str(tmp_path))) == [f"{kind}-1.json" for kind in KINDS]
+    assert (tmp_path / "assembly-1.json").read_text() == (ROOT / "schemas" / "assembly-1.json").read_text()
+
+
+def test_every_field_has_a_title_or_a_description() -> None:
+    for kind in KINDS:
+        schema = json_schema(kind)
+        for name, definition in {**schema.get("$defs", {}), kind: schema}.items():
+            for key, field in definition.get("properties", {}).items():
+                assert field.get("title") or field.get("description") or "$ref" in field, f"{name}.{key}"
+
+
+def test_docstrings_are_descriptions_also_of_inherited_fields() -> None:
+    definitions = json_schema("assembly")["$defs"]
+    assert definitions["ComponentSpec"]["properties"]["material"]["description"] == "A material in scope."
+    assert definitions["ComponentSpec"]["properties"]["part"]["description"] == "A Thing or shape as `module:Class`."
+    assert definitions["AtSpec"]["properties"]["rpy"]["description"].startswith("Extrinsic roll, pitch, yaw, as in URDF. Three values")
+    assert definitions["LimitSpec"]["properties"]["effort"]["examples"] == ["4.1 N*m", "300 N", "=reach / 2"]
+
+
+def plain(path: Path) -> dict[str, Any]:
+    report = Report()
+    tree = read_tree(str(path), path.read_bytes(), report)
+    assert tree is not None
+    assert not report.diagnostics
+    value = tree.plain()
+    assert isinstance(value, dict)
+    return value
+
+
+@pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
+def test_every_document_of_the_repository_fits_its_schema(path: Path) -> None:
+    document = plain(path)
+    kind = document["thingc"].partition("/")[0]
+    jsonschema.Draft202012Validator(json_schema(kind)).validate(document)
+
+
+GOOD = {"thingc": "assembly/1", "name": "x", "components": {"p": {"part": "a:B"}}}
+
+
+@pytest.mark.parametrize("change", [
+    {"nme": "x"}, {"name": "my arm"}, {"components": {}}, {"components": {"2p": {"part": "a:B"}}}, {"name": 5}, {"thingc": "assembly/2"},
+    {"components": {"p": {"part": "a:B", "mass": 5}}}, {"components": {"p": {"part": "a:B", "mass": "5"}}}, {"description": None},
+    {"components": {"p": {"part": "a:B", "mass": {"value": "5 g"}}}}, {"components": {"p": {"part": "a:B", "collision": "hul"}}},
+    {"joints": {"j": {"type": "revolute", "parent": "a.b"}}}, {"modes": {"b": {"at": {"xyz": ["0 mm", 0]}}}},
+    {"components": {"p": {"part": "a:B", "com": [1, 2, 3]}}}, {"modes": {"b": {"contacts": {"exclude": [["a"]]}}}},
+])
+def test_an_editor_marks_what_the_compiler_refuses(change: dict[str, Any]) -> None:
+    validator = jsonschema.Draft202012Validator(json_schema("assembly"))
+    validator.validate(GOOD)
+    with pytest.raises(jsonschema.ValidationError):
+        validator.validate({**GOOD, **change})
+
+
+def test_an_editor_accepts_what_the_compiler_accepts() -> None:
+    validator = jsonschema.Draft202012Validator(json_schema("assembly"))
+    for change in (
+        {"$schema": "../schemas/assembly-1.json"}, {"parameters": {"a": "5 mm", "b": {"value": 3, "min": 0}, "c": True, "d": "=a"}},
+        {"materials": {"m": {"density": "5 kg/m^3"}}}, {"modes": {"b": {"gravity": "0 0 -9.81 m/s^2"}}}, {"modes": {"b": {"gravity": "wall"}}},
+        {"components": {"p": {"part": "a:B", "mass": "5 g", "com": [0, "=a", "1 mm"], "attach": {"back": "q.seat"}}}},
+        {"components": {"p": {"part": "a:B", "mass": {"value": "=m", "source": "vendor"}, "repeat": {"count": "=n"}}}},
+        {"raw": {"mjcf": {"a": {"b": 1}}}}, {"poses": {"h": {"j": 0, "leg_*": "folded", "k": "30 deg"}}},
+    ):
+        validator.validate({**GOOD, **change})
