@@ -39,8 +39,10 @@ def said(report: Report) -> list[tuple[Code, str, str | None, tuple[str, int, in
 def test_documents_are_followed_and_read_once(tmp_path: Path) -> None:
     documents, report = read(tmp_path, {
         "thingc.toml": 'thingc = "workspace/1"\n',
-        "robots/a.yaml": HEAD + "materials: [../m.yaml]\ncomponents:\n  l: {assembly: sub/b.toml}\n  r: {assembly: sub/b.toml}\n  t: {assembly: c.yml}\n",
-        "robots/sub/b.toml": 'thingc = "assembly/1"\nname = "b"\nmaterials = ["../../m.yaml"]\n[components.x]\nassembly = "../c.yml"\n',
+        "robots/a.yaml": HEAD + "materials: [../m.yaml]\ncomponents:\n"
+        "  l: {assembly: sub/b.toml}\n  r: {assembly: sub/b.toml}\n  t: {assembly: c.yml}\n",
+        "robots/sub/b.toml": 'thingc = "assembly/1"\nname = "b"\nmaterials = ["../../m.yaml"]\n'
+        '[components.x]\nassembly = "../c.yml"\n',
         "robots/c.yml": HEAD + "components: {p: {part: a:B}}\n",
         "m.yaml": "thingc: materials/1\nmaterials: {}\n",
     }, "robots/a.yaml")
@@ -67,8 +69,10 @@ def test_paths_are_relative_to_the_document_that_names_them(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize(("line", "code", "message", "help", "place"), [
-    ("materials: [material.yaml]", Code.MISSING_FILE, "there is no file `material.yaml`", "did you mean `materials.yaml`?", (3, 13)),
-    ("components: {x: {assembly: nest/b.yaml}}", Code.MISSING_FILE, "there is no file `nest/b.yaml`", "there is no folder `nest/` here", (3, 28)),
+    ("materials: [material.yaml]", Code.MISSING_FILE, "there is no file `material.yaml`", "did you mean `materials.yaml`?",
+     (3, 13)),
+    ("components: {x: {assembly: nest/b.yaml}}", Code.MISSING_FILE, "there is no file `nest/b.yaml`",
+     "there is no folder `nest/` here", (3, 28)),
     ("components: {x: {assembly: /etc/b.yaml}}", Code.OUTSIDE_WORKSPACE, "`/etc/b.yaml` is an absolute path",
      "write it relative to this document, inside the workspace", (3, 28)),
     ("components: {x: {assembly: ~/b.yaml}}", Code.OUTSIDE_WORKSPACE, "`~/b.yaml` is an absolute path",
@@ -81,7 +85,8 @@ def test_paths_are_relative_to_the_document_that_names_them(tmp_path: Path) -> N
      "move the file into the folder of `thingc.toml`, or put a `thingc.toml` into a folder above both", (3, 24)),
     ("components: {x: {file: link/motor.step}}", Code.OUTSIDE_WORKSPACE, "`link/motor.step` leaves the workspace",
      "move the file into the folder of `thingc.toml`, or put a `thingc.toml` into a folder above both", (3, 24)),
-    ("components: {x: {file: motr.step}}", Code.MISSING_FILE, "there is no file `motr.step`", "did you mean `motor.step`?", (3, 24)),
+    ("components: {x: {file: motr.step}}", Code.MISSING_FILE, "there is no file `motr.step`", "did you mean `motor.step`?",
+     (3, 24)),
     ("components: {x: {file: motor.iges}}", Code.FILE_TYPE,
      "expected a file of a part (.step, .stp, .brep, .stl, .3mf, .obj), found `motor.iges`", None, (3, 24)),
     ("components: {x: {assembly: motor.step}}", Code.FILE_TYPE,
@@ -90,7 +95,8 @@ def test_paths_are_relative_to_the_document_that_names_them(tmp_path: Path) -> N
     ("components: {x: {assembly: ''}}", Code.MISSING_FILE, "expected the path of an assembly document, found ``", None, (3, 28)),
     ("components: {x: {assembly: materials.yaml}}", Code.WRONG_KIND,
      "expected an assembly document, found `materials.yaml` of kind `materials`", None, (3, 28)),
-    ("materials: [other.yaml]", Code.WRONG_KIND, "expected a materials document, found `other.yaml` of kind `assembly`", None, (3, 13)),
+    ("materials: [other.yaml]", Code.WRONG_KIND, "expected a materials document, found `other.yaml` of kind `assembly`", None,
+     (3, 13)),
 ])
 def test_what_is_said_of_paths(
     tmp_path: Path, line: str, code: Code, message: str, help: str | None, place: tuple[int, int],
@@ -100,7 +106,8 @@ def test_what_is_said_of_paths(
     (inside / "folder.yaml").mkdir(parents=True)
     (inside / "link").symlink_to(outside)
     _, report = read(inside, {
-        "a.yaml": HEAD + line + "\n", "materials.yaml": "thingc: materials/1\nmaterials: {}\n", "motor.step": "x", "motor.iges": "x",
+        "a.yaml": HEAD + line + "\n", "materials.yaml": "thingc: materials/1\nmaterials: {}\n", "motor.step": "x",
+        "motor.iges": "x",
         "other.yaml": HEAD + "components: {p: {part: a:B}}\n",
     })
     found = said(report)
@@ -128,7 +135,8 @@ def test_a_cycle_is_the_whole_chain_with_every_hop(tmp_path: Path) -> None:
         "c.yaml": HEAD + "components:\n  z:\n    assembly: b.yaml\n",
     })
     assert said(report) == [
-        (Code.DOCUMENT_CYCLE, "`b.yaml` nests itself: b.yaml -> c.yaml -> b.yaml", "an assembly cannot be a part of itself", ("b.yaml", 5, 17)),
+        (Code.DOCUMENT_CYCLE, "`b.yaml` nests itself: b.yaml -> c.yaml -> b.yaml", "an assembly cannot be a part of itself",
+         ("b.yaml", 5, 17)),
     ]
     notes = report.diagnostics[0].notes
     assert [(n.message, n.span and (Path(n.span.file).name, n.span.line, n.span.column)) for n in notes] == [
@@ -160,7 +168,8 @@ def test_a_chain_that_is_too_long(tmp_path: Path) -> None:
     ("words\n", Code.NOT_A_MAPPING, "a document is a mapping, found text", "begin with `thingc: assembly/1`", (1, 1)),
     ("thingc:assembly/1\n", Code.NOT_A_MAPPING, "a document is a mapping, found text",
      "a space is missing after the `:`: `thingc: assembly/1`", (1, 1)),
-    ("name: x\n", Code.HEADER, "the key `thingc`, which says kind and version, is missing", "begin with `thingc: assembly/1`", (1, 1)),
+    ("name: x\n", Code.HEADER, "the key `thingc`, which says kind and version, is missing", "begin with `thingc: assembly/1`",
+     (1, 1)),
     ("{}\n", Code.HEADER, "the key `thingc`, which says kind and version, is missing", "begin with `thingc: assembly/1`", (1, 1)),
     ("thing: assembly/1\n", Code.HEADER, "expected the key `thingc`, found `thing`", "did you mean `thingc`?", (1, 1)),
     ("thingc: asembly/1\n", Code.HEADER, "unknown kind of document `asembly`", "did you mean `assembly`?", (1, 9)),
@@ -170,7 +179,8 @@ def test_a_chain_that_is_too_long(tmp_path: Path) -> None:
     ("thingc: assembly/2\n", Code.HEADER, "unknown version `2` of `assembly`", "write `thingc: assembly/1`", (1, 9)),
     ("thingc: 1\n", Code.HEADER, "`thingc` says kind and version as text", "write for example `thingc: assembly/1`", (1, 9)),
     ("thingc:\n", Code.HEADER, "`thingc` says kind and version as text", "write for example `thingc: assembly/1`", (1, 1)),
-    ("thingc: materials/1\nmaterials: {}\n", Code.WRONG_KIND, "expected a document of kind `assembly`, found `materials`", None, (1, 9)),
+    ("thingc: materials/1\nmaterials: {}\n", Code.WRONG_KIND, "expected a document of kind `assembly`, found `materials`", None,
+     (1, 9)),
 ])
 def test_heads(tmp_path: Path, text: str, code: Code, message: str, help: str | None, place: tuple[int, int]) -> None:
     documents, report = read(tmp_path, {"a.yaml": text})

@@ -67,7 +67,8 @@ def test_values_are_those_of_tomllib() -> None:
 
 @pytest.mark.parametrize(("path", "key", "written"), [
     (("thingc",), False, '"assembly/1"'), (("thingc",), True, "thingc"), (("name",), False, '"ärm"'),
-    (("parameters",), True, "parameters"), (("parameters", "reach", "min"), False, '"60 mm"'), (("parameters", "reach", "min"), True, "min"),
+    (("parameters",), True, "parameters"), (("parameters", "reach", "min"), False, '"60 mm"'), (("parameters", "reach", "min"),
+     True, "min"),
     (("parameters", "pen diameter"), True, '"pen diameter"'), (("parameters", "pen diameter"), False, "'15 mm'"),
     (("components", "plate"), True, "plate"), (("components", "plate", "at", "in"), True, "in"),
     (("components", "plate", "at", "in"), False, '"bracket.board"'), (("components", "plate", "at", "xyz", 2), False, "4.5"),
@@ -108,12 +109,15 @@ def test_carriage_returns_and_a_byte_order_mark_change_no_place() -> None:
     assert [(p, n.span) for p, n in walk(windows)] == [(p, n.span) for p, n in walk(unix)]
 
 
-_keys = st.one_of(st.from_regex(r"[A-Za-z0-9_-]{1,6}", fullmatch=True), st.text(st.characters(min_codepoint=32, max_codepoint=0x3FF, exclude_characters="\x7f", exclude_categories=["Cc", "Cs"]), max_size=5))
+_keys = st.one_of(st.from_regex(r"[A-Za-z0-9_-]{1,6}", fullmatch=True),
+    st.text(st.characters(min_codepoint=32, max_codepoint=0x3FF, exclude_characters="\x7f", exclude_categories=["Cc", "Cs"]),
+        max_size=5))
 _leaves = st.one_of(
     st.booleans(), st.integers(-10**9, 10**9), st.floats(-1e9, 1e9),
     st.text(st.characters(max_codepoint=0x2FF, exclude_characters="\r", exclude_categories=["Cs", "Cc"]), max_size=10),
 )
-_values = st.recursive(_leaves, lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(_keys, inner, max_size=3)), max_leaves=12)
+_values = st.recursive(_leaves, lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(_keys, inner, max_size=3)),
+    max_leaves=12)
 
 
 @settings(deadline=None, max_examples=150)
@@ -137,17 +141,22 @@ def test_what_tomlkit_writes_is_read_back(value: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize(("text", "code", "message", "help", "place"), [
     ("a = 1\na = 2\n", Code.DUPLICATE_KEY, "the key `a` is written twice", "remove or rename one of them", (2, 1, 2, 2)),
-    ("[a]\nb = 1\n[a]\nc = 2\n", Code.DUPLICATE_KEY, "the key `a` is written twice", "remove or rename one of them", (3, 2, 3, 3)),
+    ("[a]\nb = 1\n[a]\nc = 2\n", Code.DUPLICATE_KEY, "the key `a` is written twice", "remove or rename one of them",
+     (3, 2, 3, 3)),
     ("x = {a = 1, a = 2}\n", Code.DUPLICATE_KEY, "the key `a` is written twice", "remove or rename one of them", (1, 13, 1, 14)),
     ("a.b = 1\na.b = 2\n", Code.DUPLICATE_KEY, "the key `b` is written twice", "remove or rename one of them", (2, 3, 2, 4)),
     ("a = 1\n[a.b]\n", Code.DUPLICATE_KEY, "the key `a` is written twice", "remove or rename one of them", (2, 2, 2, 3)),
-    ("d = 2026-11-20\n", Code.DATE, "expected text or a number, found the date or time `2026-11-20`", 'if it is text write `"2026-11-20"`', (1, 5, 1, 15)),
-    ("d = 12:30:00\n", Code.DATE, "expected text or a number, found the date or time `12:30:00`", 'if it is text write `"12:30:00"`', (1, 5, 1, 13)),
+    ("d = 2026-11-20\n", Code.DATE, "expected text or a number, found the date or time `2026-11-20`",
+     'if it is text write `"2026-11-20"`', (1, 5, 1, 15)),
+    ("d = 12:30:00\n", Code.DATE, "expected text or a number, found the date or time `12:30:00`",
+     'if it is text write `"12:30:00"`', (1, 5, 1, 13)),
     ("d = inf\n", Code.NOT_FINITE, "expected a finite number, found `inf`", None, (1, 5, 1, 8)),
     ("d = [1, nan]\n", Code.NOT_FINITE, "expected a finite number, found `nan`", None, (1, 9, 1, 12)),
     ("d = 1e999\n", Code.NOT_FINITE, "expected a finite number, found `1e999`", None, (1, 5, 1, 10)),
-    ("length = 120 mm\n", Code.SYNTAX, "`120 mm` is no TOML value", 'text and quantities need quotes: `length = "120 mm"`', (1, 14, 1, 15)),
-    ("part = arm:Plate # x\n", Code.SYNTAX, "`arm:Plate` is no TOML value", 'text and quantities need quotes: `part = "arm:Plate"`', (1, 8, 1, 9)),
+    ("length = 120 mm\n", Code.SYNTAX, "`120 mm` is no TOML value", 'text and quantities need quotes: `length = "120 mm"`',
+     (1, 14, 1, 15)),
+    ("part = arm:Plate # x\n", Code.SYNTAX, "`arm:Plate` is no TOML value",
+     'text and quantities need quotes: `part = "arm:Plate"`', (1, 8, 1, 9)),
     ("name: arm\n", Code.SYNTAX, "expected `=` after the key", "TOML writes `key = value`", (1, 5, 1, 6)),
     ("a = \n", Code.SYNTAX, "expected a value", "text and quantities need quotes", (1, 5, 1, 5)),
     ("a = \"x\nb = 1\n", Code.SYNTAX, "the text is not closed", 'add the closing `"`', (1, 7, 1, 7)),
@@ -204,4 +213,5 @@ def _same_verdict(text: str) -> None:
     assert node is not None, [d.message for d in report.diagnostics]
     if not report.diagnostics:
         assert node.plain() == value
-        assert all(not isinstance(n, ScalarNode) or not isinstance(n.value, float) or math.isfinite(n.value) for _, n in walk(node))
+        assert all(not isinstance(n, ScalarNode) or not isinstance(n.value, float) or math.isfinite(n.value) for _,
+            n in walk(node))

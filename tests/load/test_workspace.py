@@ -26,7 +26,8 @@ def test_without_a_file_it_is_the_documents_own_folder(tmp_path: Path) -> None:
     assert not report.diagnostics
     assert workspace is not None
     assert workspace == Workspace(
-        root=str(tmp_path), parts=(), packages=("thingc_stock", "bd_warehouse"), build=str(tmp_path / "build"), part_timeout=120.0,
+        root=str(tmp_path), parts=(), packages=("thingc_stock", "bd_warehouse"), build=str(tmp_path / "build"),
+            part_timeout=120.0,
         linear=1e-4, angular=math.radians(10), origin=None,
     )
     (tmp_path / "parts").mkdir()
@@ -113,11 +114,14 @@ HEAD = 'thingc = "workspace/1"\n'
     (HEAD + 'parts = "parts"\n', Code.WRONG_TYPE, "expected a list, found text `parts`", "write `[parts]`", (2, 9)),
     (HEAD + "parts = [3]\n", Code.WRONG_TYPE, "expected text, found the number `3`", 'write `"3"`', (2, 10)),
     (HEAD + 'parts = ["prts"]\n', Code.WORKSPACE_FOLDER, "there is no folder `prts`", "did you mean `parts`?", (2, 10)),
-    (HEAD + 'parts = ["../x"]\n', Code.OUTSIDE_WORKSPACE, "`../x` leaves the workspace", "name a folder below this file", (2, 10)),
+    (HEAD + 'parts = ["../x"]\n', Code.OUTSIDE_WORKSPACE, "`../x` leaves the workspace", "name a folder below this file",
+     (2, 10)),
     (HEAD + 'parts = ["/x"]\n', Code.OUTSIDE_WORKSPACE, "`/x` is an absolute path", "write it relative to this file", (2, 10)),
-    (HEAD + 'build = "/tmp/x"\n', Code.OUTSIDE_WORKSPACE, "`/tmp/x` is an absolute path", "write it relative to this file", (2, 9)),
+    (HEAD + 'build = "/tmp/x"\n', Code.OUTSIDE_WORKSPACE, "`/tmp/x` is an absolute path", "write it relative to this file",
+     (2, 9)),
     (HEAD + "part_timeout = 120\n", Code.BAD_UNIT, "a time needs a unit, found `120`", "write `120 s` or `120 ms`", (2, 16)),
-    (HEAD + 'part_timeout = "2 mm"\n', Code.WRONG_DIMENSION, "expected a time (such as 2 ms), found a length (`2 mm`)", None, (2, 16)),
+    (HEAD + 'part_timeout = "2 mm"\n', Code.WRONG_DIMENSION, "expected a time (such as 2 ms), found a length (`2 mm`)", None,
+     (2, 16)),
     (HEAD + 'part_timeout = "-2 s"\n', Code.BAD_QUANTITY, "expected a value above 0, found `-2 s`", None, (2, 16)),
     (HEAD + 'part_timeout = "=2 s"\n', Code.BAD_EXPRESSION, "a workspace has no parameters: write the value", None, (2, 16)),
     (HEAD + 'mesh = {liner = "1 mm"}\n', Code.UNKNOWN_KEY, "unknown key `liner` in `mesh`", "did you mean `linear`?", (2, 9)),
@@ -152,8 +156,11 @@ _times = st.sampled_from(["120 s", "2 min", "0 s", "-1 s", "=3 s", "5", "2 mm", 
 
 @settings(deadline=None, max_examples=120)
 @given(
-    parts=st.none() | st.lists(_texts, max_size=2) | st.just("parts"), build=st.none() | _texts | st.just(3), timeout=st.none() | _times | st.just(5),
-    mesh=st.none() | st.fixed_dictionaries({}, optional={"linear": st.sampled_from(["1 mm", "1 deg"]), "angular": st.sampled_from(["5 deg", "0 deg"]), "x": st.just("1")}),
+    parts=st.none() | st.lists(_texts, max_size=2) | st.just("parts"), build=st.none() | _texts | st.just(3),
+        timeout=st.none() | _times | st.just(5),
+    mesh=st.none() | st.fixed_dictionaries({},
+        optional={"linear": st.sampled_from(["1 mm", "1 deg"]), "angular": st.sampled_from(["5 deg", "0 deg"]),
+            "x": st.just("1")}),
 )
 def test_the_plain_reading_is_the_models_reading(
     tmp_path_factory: pytest.TempPathFactory, parts: object, build: object, timeout: object, mesh: object,

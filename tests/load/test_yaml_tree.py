@@ -274,10 +274,12 @@ def test_the_pure_parser_gives_the_same_trees(monkeypatch: pytest.MonkeyPatch) -
             assert [(path, n.span) for path, n in walk(ours)] == [(path, n.span) for path, n in walk(other)], name
 
 
-_keys = st.from_regex(r"[A-Za-z][A-Za-z0-9_]{0,6}", fullmatch=True).filter(lambda key: key.lower() not in ("null", "true", "false"))
+_keys = st.from_regex(r"[A-Za-z][A-Za-z0-9_]{0,6}",
+    fullmatch=True).filter(lambda key: key.lower() not in ("null", "true", "false"))
 _leaves = st.one_of(
     st.booleans(), st.integers(-10**6, 10**6), st.floats(-1e6, 1e6).map(lambda x: round(x, 3)),
-    st.text(st.characters(min_codepoint=32, max_codepoint=0x17F, exclude_characters="\x7f\x85\xa0\xad", exclude_categories=["Cc", "Cs"]), max_size=12),
+    st.text(st.characters(min_codepoint=32, max_codepoint=0x17F, exclude_characters="\x7f\x85\xa0\xad",
+        exclude_categories=["Cc", "Cs"]), max_size=12),
     st.sampled_from(["=reach / 2", "120 mm", "yes", "on", "1e-3", "0o17", "", "~", "a: b", "# x", "- x", "*x", "arm:Plate"]),
 )
 _values = st.recursive(
@@ -313,25 +315,32 @@ def only(report: Report) -> tuple[Code, str, str | None, tuple[int, int, int, in
     ("a: {: x}\n", Code.SYNTAX, "a key is missing before the `:`", None, (1, 5, 1, 6)),
     ("a:\n  : x\n", Code.SYNTAX, "a key is missing before the `:`", None, (2, 3, 2, 4)),
     ("?\n: x\n", Code.KEY_NOT_TEXT, "a key is missing before the `:`", None, (1, 2, 1, 2)),
-    ("? [a, b]\n: c\n", Code.KEY_NOT_TEXT, "a key must be text, found a list", "text that begins with `{` or `[` needs quotes", (1, 3, 1, 9)),
+    ("? [a, b]\n: c\n", Code.KEY_NOT_TEXT, "a key must be text, found a list", "text that begins with `{` or `[` needs quotes",
+     (1, 3, 1, 9)),
     ("a: !!int 3\n", Code.TAG, "tags such as `!!int` have no meaning here", "remove it", (1, 4, 1, 9)),
     ("a: !foo {b: c}\n", Code.TAG, "tags such as `!foo` have no meaning here", "remove it", (1, 4, 1, 8)),
-    ("a: &x {b: 1}\nc:\n  <<: *x\n", Code.ALIAS, "`<<` merges nothing: YAML 1.2 has no merge keys", "write the keys out, or use `defaults:`", (3, 3, 3, 5)),
-    ("a: *b\n", Code.ALIAS, "`*b` is an alias of an unknown anchor", 'a value that begins with `*` needs quotes: `"*b..."`', (1, 4, 1, 6)),
+    ("a: &x {b: 1}\nc:\n  <<: *x\n", Code.ALIAS, "`<<` merges nothing: YAML 1.2 has no merge keys",
+     "write the keys out, or use `defaults:`", (3, 3, 3, 5)),
+    ("a: *b\n", Code.ALIAS, "`*b` is an alias of an unknown anchor", 'a value that begins with `*` needs quotes: `"*b..."`',
+     (1, 4, 1, 6)),
     ("a: &bed 1\nc: *bad\n", Code.ALIAS, "`*bad` is an alias of an unknown anchor", "did you mean `bed`?", (2, 4, 2, 8)),
     ("a: &x [1, *x]\n", Code.ALIAS, "`*x` stands inside the value that it names", None, (1, 11, 1, 13)),
-    ("poses:\n  *_knee : 3 deg\n", Code.ALIAS, "`*_knee` is an alias of an unknown anchor", 'a key that begins with `*` needs quotes: `"*_knee"`', (2, 3, 2, 9)),
+    ("poses:\n  *_knee : 3 deg\n", Code.ALIAS, "`*_knee` is an alias of an unknown anchor",
+     'a key that begins with `*` needs quotes: `"*_knee"`', (2, 3, 2, 9)),
     ("a: .inf\n", Code.NOT_FINITE, "expected a finite number, found `.inf`", None, (1, 4, 1, 8)),
     ("a: -.INF\n", Code.NOT_FINITE, "expected a finite number, found `-.INF`", None, (1, 4, 1, 9)),
     ("a: .nan\n", Code.NOT_FINITE, "expected a finite number, found `.nan`", None, (1, 4, 1, 8)),
     ("a: 1e999\n", Code.NOT_FINITE, "expected a finite number, found `1e999`", None, (1, 4, 1, 9)),
     ("a: " + "9" * 5000 + "\n", Code.NOT_FINITE, "expected a finite number, found `" + "9" * 57 + "...`", None, (1, 4, 1, 5004)),
-    ("a: 1\n---\nb: 2\n", Code.SEVERAL_DOCUMENTS, "a second document begins here; a file holds one", "move it to a file of its own", (2, 1, 2, 4)),
+    ("a: 1\n---\nb: 2\n", Code.SEVERAL_DOCUMENTS, "a second document begins here; a file holds one",
+     "move it to a file of its own", (2, 1, 2, 4)),
     ("%YAML 1.1\n---\na: 1\n", Code.SYNTAX, "documents are YAML 1.2, found `%YAML 1.1`", "remove the line", (1, 1, 1, 6)),
     ("{length: =min(a, 80 mm)}\n", Code.EXPRESSION_COMMA,
-     "the comma ends the expression: inside `{}` and `[]` an expression with a comma needs quotes", 'write `"=min(a, 80 mm)"`', (1, 10, 1, 24)),
+     "the comma ends the expression: inside `{}` and `[]` an expression with a comma needs quotes", 'write `"=min(a, 80 mm)"`',
+     (1, 10, 1, 24)),
     ("xyz: [0, =max(a, min(b, c), 1), 3 mm]\n", Code.EXPRESSION_COMMA,
-     "the comma ends the expression: inside `{}` and `[]` an expression with a comma needs quotes", 'write `"=max(a, min(b, c), 1)"`', (1, 10, 1, 31)),
+     "the comma ends the expression: inside `{}` and `[]` an expression with a comma needs quotes",
+     'write `"=max(a, min(b, c), 1)"`', (1, 10, 1, 31)),
 ])
 def test_what_is_said(text: str, code: Code, message: str, help: str | None, place: tuple[int, int, int, int]) -> None:
     _, report = read(text)
@@ -361,7 +370,8 @@ def test_what_can_be_mended_is(text: str, value: Any) -> None:
     assert node.plain() == value
 
 
-@pytest.mark.parametrize("text", ['{length: "=min(a, 80 mm)"}\n', "length: =min(a, 80 mm)\n", "{a: =(b), c: =min(d)}\n", "[=a, =b]\n"])
+@pytest.mark.parametrize("text",
+    ['{length: "=min(a, 80 mm)"}\n', "length: =min(a, 80 mm)\n", "{a: =(b), c: =min(d)}\n", "[=a, =b]\n"])
 def test_expressions_that_are_whole(text: str) -> None:
     assert not read(text)[1].diagnostics
 
@@ -377,14 +387,18 @@ def test_expressions_that_are_whole(text: str) -> None:
     ("a: [1, 2\nc: 2\n", "the `[` opened here is not closed with `]`", "add `]`", (1, 4, 1, 5)),
     ("a: [1, 2}\n", "the `[` opened here is not closed with `]`", "add `]`", (1, 4, 1, 5)),
     ("a: {b: 1", "the `{` opened here is not closed with `}`", "add `}`", (1, 4, 1, 5)),
-    ("a: {b: \"x\" y}\n", "expected `,` or `}`, found `y`", "text with `,`, `:` or quotes inside needs quotes around it", (1, 12, 1, 13)),
-    ("doc: axis: to axis\n", "a second `:` in one value", "text that holds `: ` needs quotes; a nested mapping begins on a line of its own", (1, 10, 1, 11)),
+    ("a: {b: \"x\" y}\n", "expected `,` or `}`, found `y`", "text with `,`, `:` or quotes inside needs quotes around it",
+     (1, 12, 1, 13)),
+    ("doc: axis: to axis\n", "a second `:` in one value",
+     "text that holds `: ` needs quotes; a nested mapping begins on a line of its own", (1, 10, 1, 11)),
     ("a: 1\nwords\nb: 2\n", "expected `key: value`, found `words`", "a `:` and a space come after a key", (2, 1, 2, 6)),
     ("a: @x\n", "`@` cannot begin a value", "put the value in quotes", (1, 4, 1, 5)),
     ("a: `x`\n", "``` cannot begin a value", "put the value in quotes", (1, 4, 1, 5)),
     ("a: %x\n", "`%` cannot begin a value", "put the value in quotes", (1, 4, 1, 5)),
-    ("poses: {*: 3 deg}\n", "`*` cannot begin a value", 'a name that begins with `*` or `&` needs quotes: `"*_knee"`', (1, 9, 1, 10)),
-    ("a: 1\n  b: 2\n", "a second `:` in one value", "text that holds `: ` needs quotes; a nested mapping begins on a line of its own", (2, 4, 2, 5)),
+    ("poses: {*: 3 deg}\n", "`*` cannot begin a value", 'a name that begins with `*` or `&` needs quotes: `"*_knee"`',
+     (1, 9, 1, 10)),
+    ("a: 1\n  b: 2\n", "a second `:` in one value",
+     "text that holds `: ` needs quotes; a nested mapping begins on a line of its own", (2, 4, 2, 5)),
     ("a:\n    b: 1\n  c: 2\n", "this line does not continue the mapping above it",
      "keys of one mapping begin in one column, and text with quotes inside is quoted whole", (3, 3, 3, 4)),
     ("a: \"x\" y\n", "this line does not continue the mapping above it",

@@ -210,3 +210,24 @@ def test_raw_links_and_mounts(tmp_path: Path) -> None:
     assert line[model.raw[0].origin[0].column - 1 :].startswith("0.01 1")
     assert [(link.name, link.component.text) for link in model.links] == [("base_link", "body"), ("tip_link", "hand.cap")]
     assert {name: mount.text for name, mount in model.mounts.items()} == {"palm": "hand.tip"}
+
+
+def test_a_wrong_value_in_a_pose_leaves_no_joint_beyond_its_limits(tmp_path: Path) -> None:
+    """Else `link` would say of each that 0 is outside its limits, which nobody wrote."""
+    outcome = run(tmp_path, """
+        thingc: assembly/1
+        name: arm
+        components:
+          a: {part: "arm:Plate"}
+          b: {part: "arm:Plate"}
+          c: {part: "arm:Plate"}
+        joints:
+          up: {type: prismatic, parent: a.x, child: b.y, limit: {lower: 5 mm, upper: 20 mm}}
+          down: {type: revolute, parent: a.x, child: c.y, limit: {lower: -20 deg, upper: -10 deg}}
+        poses:
+          typo: {upp: 7 mm, down: -15 deg}
+          fine: {up: 6 mm}
+        """)
+    assert len(outcome.said) == 1
+    assert outcome.pose("typo").values == pytest.approx({"up": 0.005, "down": math.radians(-15)})
+    assert outcome.pose("fine").values == {"up": 0.006}

@@ -173,3 +173,21 @@ def test_the_index_is_filled_in_wherever_it_stands(index: str, value: int, befor
     for written in (f"{before}${index}{after}", f"{before}${{{index}}}{after}"):
         assert indexed(scope, written, ()) == f"{before}{value}{after}"
     assert indexed(scope, f"{before}$Q{after}", ()) is None and len(report.diagnostics) == 1
+
+
+def test_a_repeated_joint_mimics_the_one_of_its_index(tmp_path: Path) -> None:
+    outcome = run(tmp_path, """
+        thingc: assembly/1
+        name: arm
+        components:
+          body: {part: "arm:Plate"}
+          a: {part: "arm:Plate", repeat: {count: 2}}
+          b: {part: "arm:Plate", repeat: {count: 2}}
+        joints:
+          hip: {type: continuous, repeat: {count: 2}, parent: body.x, child: a_$i.y}
+          knee: {type: continuous, repeat: {count: 2}, parent: a_$i.x, child: b_$i.y,
+                 mimic: {joint: hip_$i, multiplier: =-1 - i}}
+        """)
+    assert outcome.said == []
+    found = [outcome.joint(f"knee_{k}").mimic for k in range(2)]
+    assert [(mimic.joint, mimic.multiplier) for mimic in found if mimic] == [("hip_0", -1.0), ("hip_1", -2.0)]

@@ -23,7 +23,8 @@ def value(name: str, raw: Any) -> Any:
 
 @pytest.mark.parametrize(("name", "raw", "expected"), [
     ("LengthField", "120 mm", Quantity(0.12, LENGTH)), ("LengthField", 0, Quantity(0.0)), ("LengthField", 0.0, Quantity(0.0)),
-    ("LengthField", "0", Quantity(0.0)), ("AngleField", "180 deg", Quantity(math.pi, ANGLE)), ("RatioField", "15 %", Quantity(0.15)),
+    ("LengthField", "0", Quantity(0.0)), ("AngleField", "180 deg", Quantity(math.pi, ANGLE)), ("RatioField", "15 %",
+     Quantity(0.15)),
     ("RatioField", 0.15, Quantity(0.15)), ("NumberField", 3, Quantity(3.0)), ("NumberField", "3", Quantity(3.0)),
     ("MultiplierField", "10 mm/rad", Quantity(0.01, LENGTH_PER_ANGLE)), ("MultiplierField", -1, Quantity(-1.0)),
     ("AnyQuantityField", True, True), ("AnyQuantityField", "petg", "petg"), ("AnyQuantityField", 6, Quantity(6.0)),
@@ -34,10 +35,12 @@ def value(name: str, raw: Any) -> Any:
     ("Vector3Length", "0 120 30 mm", (Quantity(0.0, LENGTH), Quantity(0.12, LENGTH), Quantity(0.03, LENGTH))),
     ("Vector3Length", ["10 mm", 0, "4 mm"], (Quantity(0.01, LENGTH), Quantity(0.0), Quantity(0.004, LENGTH))),
     ("Vector3Angle", "0 0 0", (Quantity(0.0),) * 3),
-    ("Name", "base_link2", "base_link2"), ("ReferenceField", "hand.cap.pen", "hand.cap.pen"), ("ReferenceField", "body.hip_$i", "body.hip_$i"),
+    ("Name", "base_link2", "base_link2"), ("ReferenceField", "hand.cap.pen", "hand.cap.pen"), ("ReferenceField", "body.hip_$i",
+     "body.hip_$i"),
     ("ReferenceField", "leg_*.knee", "leg_*.knee"), ("ReferenceField", "leg_$i", "leg_$i"), ("ReferenceField", "plate", "plate"),
     ("ColorField", "Lavender", "#e6e6fa"), ("ColorField", "#888", "#888888"), ("ColorField", "#12AbcD", "#12abcd"),
-    ("CountField", 6, 6), ("CountField", 6.0, 6), ("CountField", 0, 0), ("CostField", "12.50 EUR", "12.50 EUR"), ("CostField", "3 USD", "3 USD"),
+    ("CountField", 6, 6), ("CountField", 6.0, 6), ("CountField", 0, 0), ("CostField", "12.50 EUR", "12.50 EUR"), ("CostField",
+     "3 USD", "3 USD"),
     ("RawField", {"a": {"b": "0.01 1", "c": 1.5}}, {"a": {"b": "0.01 1", "c": 1.5}}), ("RawField", False, False),
 ])
 def test_good_values(name: str, raw: Any, expected: Any) -> None:
@@ -46,7 +49,8 @@ def test_good_values(name: str, raw: Any, expected: Any) -> None:
     assert type(found) is type(expected)
 
 
-@pytest.mark.parametrize("name", ["LengthField", "AnyQuantityField", "JointValueField", "CountField", "NumberField", "InertiaField"])
+@pytest.mark.parametrize("name",
+    ["LengthField", "AnyQuantityField", "JointValueField", "CountField", "NumberField", "InertiaField"])
 def test_expressions_stand_anywhere(name: str) -> None:
     found = value(name, "=reach / 2")
     assert isinstance(found, Expression)
@@ -88,7 +92,10 @@ _anything = st.recursive(
 )
 
 
-@given(st.sampled_from([name for name in dir(fields) if name.endswith("Field") or name.startswith("Vector3") or name == "Name"]), _anything)
+_fields = [name for name in dir(fields) if name.endswith("Field") or name.startswith("Vector3") or name == "Name"]
+
+
+@given(st.sampled_from(_fields), _anything)
 def test_any_value_is_taken_or_refused_in_words(name: str, raw: Any) -> None:
     try:
         value(name, raw)

@@ -17,7 +17,8 @@ from thingc.spec.validation import MODELS
 ROOT = Path(__file__).resolve().parents[2]
 KINDS = sorted(MODELS)
 DOCUMENTS = sorted(path for folder in ("assemblies", ".") for path in (ROOT / folder).glob("**/*" if folder != "." else "*")
-                   if path.suffix in (".yaml", ".yml", ".toml") and path.name != "pyproject.toml" and not path.name.startswith("."))
+                   if path.suffix in (".yaml", ".yml",
+                       ".toml") and path.name != "pyproject.toml" and not path.name.startswith("."))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -52,7 +53,8 @@ def test_docstrings_are_descriptions_also_of_inherited_fields() -> None:
     definitions = json_schema("assembly")["$defs"]
     assert definitions["ComponentSpec"]["properties"]["material"]["description"] == "A material in scope."
     assert definitions["ComponentSpec"]["properties"]["part"]["description"] == "A Thing or shape as `module:Class`."
-    assert definitions["AtSpec"]["properties"]["rpy"]["description"].startswith("Extrinsic roll, pitch, yaw, as in URDF. Three values")
+    rpy = definitions["AtSpec"]["properties"]["rpy"]["description"]
+    assert rpy.startswith("Extrinsic roll, pitch, yaw, as in URDF. Three values, each an angle")
     assert definitions["LimitSpec"]["properties"]["effort"]["examples"] == ["4.1 N*m", "300 N", "=reach / 2"]
 
 
@@ -77,7 +79,8 @@ GOOD = {"thingc": "assembly/1", "name": "x", "components": {"p": {"part": "a:B"}
 
 
 @pytest.mark.parametrize("change", [
-    {"nme": "x"}, {"name": "my arm"}, {"components": {}}, {"components": {"2p": {"part": "a:B"}}}, {"name": 5}, {"thingc": "assembly/2"},
+    {"nme": "x"}, {"name": "my arm"}, {"components": {}}, {"components": {"2p": {"part": "a:B"}}}, {"name": 5},
+    {"thingc": "assembly/2"},
     {"components": {"p": {"part": "a:B", "mass": 5}}}, {"components": {"p": {"part": "a:B", "mass": "5"}}}, {"description": None},
     {"components": {"p": {"part": "a:B", "mass": {"value": "5 g"}}}}, {"components": {"p": {"part": "a:B", "collision": "hul"}}},
     {"joints": {"j": {"type": "revolute", "parent": "a.b"}}}, {"modes": {"b": {"at": {"xyz": ["0 mm", 0]}}}},
@@ -93,8 +96,10 @@ def test_an_editor_marks_what_the_compiler_refuses(change: dict[str, Any]) -> No
 def test_an_editor_accepts_what_the_compiler_accepts() -> None:
     validator = jsonschema.Draft202012Validator(json_schema("assembly"))
     for change in (
-        {"$schema": "../schemas/assembly-1.json"}, {"parameters": {"a": "5 mm", "b": {"value": 3, "min": 0}, "c": True, "d": "=a"}},
-        {"materials": {"m": {"density": "5 kg/m^3"}}}, {"modes": {"b": {"gravity": "0 0 -9.81 m/s^2"}}}, {"modes": {"b": {"gravity": "wall"}}},
+        {"$schema": "../schemas/assembly-1.json"},
+        {"parameters": {"a": "5 mm", "b": {"value": 3, "min": 0}, "c": True, "d": "=a"}},
+        {"materials": {"m": {"density": "5 kg/m^3"}}}, {"modes": {"b": {"gravity": "0 0 -9.81 m/s^2"}}},
+        {"modes": {"b": {"gravity": "wall"}}},
         {"components": {"p": {"part": "a:B", "mass": "5 g", "com": [0, "=a", "1 mm"], "attach": {"back": "q.seat"}}}},
         {"components": {"p": {"part": "a:B", "mass": {"value": "=m", "source": "vendor"}, "repeat": {"count": "=n"}}}},
         {"raw": {"mjcf": {"a": {"b": 1}}}}, {"poses": {"h": {"j": 0, "leg_*": "folded", "k": "30 deg"}}},

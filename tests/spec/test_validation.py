@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import textwrap
 from pathlib import Path
 
@@ -30,16 +31,19 @@ def read(folder: Path, text: str, others: dict[str, str] | None = None, name: st
 
 def said(report: Report) -> list[tuple[Code, str, str | None, tuple[int, int, int]]]:
     return [
-        (d.code, d.message, d.help, (d.span.line, d.span.column, d.span.end_column)) for d in report.ordered() if d.span is not None
+        (d.code, d.message, d.help,
+         (d.span.line, d.span.column, d.span.end_column)) for d in report.ordered() if d.span is not None
     ]
 
 
 @pytest.mark.parametrize(("line", "code", "message", "help", "written"), [
     # names of keys
     ("descripton: x", Code.UNKNOWN_KEY, "unknown key `descripton`", "did you mean `description`?", "descripton"),
-    ("links: {b-c: p}", Code.BAD_NAME, "`b-c` is no name: a letter, then letters, digits and `_`", "write for example `b_c`", "b-c"),
+    ("links: {b-c: p}", Code.BAD_NAME, "`b-c` is no name: a letter, then letters, digits and `_`", "write for example `b_c`",
+     "b-c"),
     ("mounts: {2nd: p.x}", Code.BAD_NAME, "`2nd` is no name: a letter, then letters, digits and `_`", None, "2nd"),
-    ("simulation: {timesteps: 2 ms}", Code.UNKNOWN_KEY, "unknown key `timesteps` in `simulation`", "did you mean `timestep`?", "timesteps"),
+    ("simulation: {timesteps: 2 ms}", Code.UNKNOWN_KEY, "unknown key `timesteps` in `simulation`", "did you mean `timestep`?",
+     "timesteps"),
     ("simulation: {timestep: 2 ms, timesteps: 1 ms}", Code.UNKNOWN_KEY, "unknown key `timesteps` in `simulation`",
      "`timestep` is already here", "timesteps"),
     ("simulation: {xyzzy: 1}", Code.UNKNOWN_KEY, "unknown key `xyzzy` in `simulation`",
@@ -51,10 +55,12 @@ def said(report: Report) -> list[tuple[Code, str, str | None, tuple[int, int, in
     ("materials: m.yaml", Code.WRONG_TYPE, "expected a list or a mapping, found text `m.yaml`", "write `[m.yaml]`", "m.yaml"),
     ("materials: [3]", Code.WRONG_TYPE, "expected text, found the number `3`", 'write `"3"`', "3"),
     ("poses: {home: 3}", Code.WRONG_TYPE, "expected a mapping, found the number `3`", None, "3"),
-    ("simulation: fast", Code.WRONG_TYPE, "expected a mapping with `timestep`, `integrator`, `cone`, found text `fast`", None, "fast"),
+    ("simulation: fast", Code.WRONG_TYPE, "expected a mapping with `timestep`, `integrator`, `cone`, found text `fast`", None,
+     "fast"),
     ("modes: {b: root:plate}", Code.WRONG_TYPE, "expected a mapping with `root`, `base`, `at`, found text `root:plate`",
      "a space is missing after the `:`: `root: plate`", "root:plate"),
-    ("raw: {mjcf: {a: [1]}}", Code.WRONG_TYPE, "expected text, a number, true or false, or a mapping, found a list of 1", None, "[1]"),
+    ("raw: {mjcf: {a: [1]}}", Code.WRONG_TYPE, "expected text, a number, true or false, or a mapping, found a list of 1", None,
+     "[1]"),
     # choices
     ("simulation: {cone: eliptic}", Code.UNKNOWN_CHOICE, "expected `pyramidal` or `elliptic`, found text `eliptic`",
      "did you mean `elliptic`?", "eliptic"),
@@ -64,40 +70,53 @@ def said(report: Report) -> list[tuple[Code, str, str | None, tuple[int, int, in
     ("simulation: {timestep: 2}", Code.BAD_UNIT, "a time needs a unit, found `2`", "write `2 s` or `2 ms`", "2"),
     ("simulation: {timestep: 2 mss}", Code.BAD_UNIT, "unknown unit `mss`; did you mean `ms`?", None, "mss"),
     ("simulation: {timestep: '2 mss'}", Code.BAD_UNIT, "unknown unit `mss`; did you mean `ms`?", None, "mss"),
-    ("simulation: {timestep: 2 mm}", Code.WRONG_DIMENSION, "expected a time (such as 2 ms), found a length (`2 mm`)", None, "2 mm"),
+    ("simulation: {timestep: 2 mm}", Code.WRONG_DIMENSION, "expected a time (such as 2 ms), found a length (`2 mm`)", None,
+     "2 mm"),
     ("simulation: {timestep: fast}", Code.BAD_QUANTITY, "expected a time (such as `2 ms`), found text `fast`",
      "an expression begins with `=`: `=fast`", "fast"),
     ("simulation: {timestep: true}", Code.WRONG_TYPE, "expected a time (such as `2 ms`), found `true`", None, "true"),
     ("simulation: {timestep: [1]}", Code.WRONG_TYPE, "expected a time (such as `2 ms`), found a list of 1", None, "[1]"),
     ("simulation: {timestep: =2 * (3}", Code.BAD_EXPRESSION, "the `(` opened here is never closed", "add `)`", "("),
     ("simulation: {timestep: =2 mss}", Code.BAD_UNIT, "unknown unit `mss`; did you mean `ms`?", None, "mss"),
-    ("simulation: {impratio: 2 mm}", Code.WRONG_DIMENSION, "expected a number (such as 2), found a length (`2 mm`)", None, "2 mm"),
-    ("poses: {home: {yaw: 30}}", Code.BAD_UNIT, "an angle or a length needs a unit, found `30`", "write `30 deg` or `30 rad`", "30"),
-    ("poses: {home: {yaw: 3 g}}", Code.WRONG_DIMENSION, "expected an angle or a length (such as 30 deg or 120 mm), found a mass (`3 g`)", None, "3 g"),
+    ("simulation: {impratio: 2 mm}", Code.WRONG_DIMENSION, "expected a number (such as 2), found a length (`2 mm`)", None,
+     "2 mm"),
+    ("poses: {home: {yaw: 30}}", Code.BAD_UNIT, "an angle or a length needs a unit, found `30`", "write `30 deg` or `30 rad`",
+     "30"),
+    ("poses: {home: {yaw: 3 g}}", Code.WRONG_DIMENSION,
+     "expected an angle or a length (such as 30 deg or 120 mm), found a mass (`3 g`)", None, "3 g"),
     ("parameters: {a: 5 mmm}", Code.BAD_UNIT, "unknown unit `mmm`; did you mean `mm`?", None, "mmm"),
-    ("parameters: {a: [1]}", Code.WRONG_TYPE, "expected a quantity, an expression, true or false, or text, found a list of 1", None, "[1]"),
+    ("parameters: {a: [1]}", Code.WRONG_TYPE, "expected a quantity, an expression, true or false, or text, found a list of 1",
+     None, "[1]"),
     ("parameters: {a: {value: 5 mmm, min: 1}}", Code.BAD_UNIT, "unknown unit `mmm`; did you mean `mm`?", None, "mmm"),
     ("parameters: {a: {valu: 5 mm}}", Code.UNKNOWN_KEY, "unknown key `valu` in `parameters.a`", "did you mean `value`?", "valu"),
     # vectors
     ("modes: {b: {at: {xyz: 0 0}}}", Code.BAD_QUANTITY, "expected three numbers and a unit, found two numbers (`0 0`)",
      "write for example `0 120 30 mm` or `[0, 120 mm, 30 mm]`", "0 0"),
-    ("modes: {b: {at: {xyz: 0 0 4}}}", Code.BAD_UNIT, "a length needs a unit, found `0 0 4`", "write for example `0 0 4 mm`", "0 0 4"),
-    ("modes: {b: {at: {xyz: 0 0 4 g}}}", Code.WRONG_DIMENSION, "expected a length (such as 120 mm), found a mass (`0 0 4 g`)", None, "0 0 4 g"),
+    ("modes: {b: {at: {xyz: 0 0 4}}}", Code.BAD_UNIT, "a length needs a unit, found `0 0 4`", "write for example `0 0 4 mm`",
+     "0 0 4"),
+    ("modes: {b: {at: {xyz: 0 0 4 g}}}", Code.WRONG_DIMENSION, "expected a length (such as 120 mm), found a mass (`0 0 4 g`)",
+     None, "0 0 4 g"),
     ("modes: {b: {at: {xyz: [0, 1 mm]}}}", Code.WRONG_LENGTH, "expected three values, each a length, found a list of 2",
      "write for example `[120 mm, 0, 0]`", "[0, 1 mm]"),
-    ("modes: {b: {at: {xyz: [0, 1 mm, 2 g]}}}", Code.WRONG_DIMENSION, "expected a length (such as 120 mm), found a mass (`2 g`)", None, "2 g"),
+    ("modes: {b: {at: {xyz: [0, 1 mm, 2 g]}}}", Code.WRONG_DIMENSION,
+     "expected a length (such as 120 mm), found a mass (`2 g`)", None, "2 g"),
     ("modes: {b: {at: {xyz: 5}}}", Code.WRONG_TYPE, "expected three values, each a length, found the number `5`",
      "write for example `0 120 30 mm` or `[120 mm, 0, 0]`", "5"),
     # unions: one diagnostic, of the branch that was meant
-    ("modes: {b: {gravity: flor}}", Code.UNKNOWN_CHOICE, "expected `floor`, `wall` or `ceiling`, found text `flor`", "did you mean `floor`?", "flor"),
+    ("modes: {b: {gravity: flor}}", Code.UNKNOWN_CHOICE, "expected `floor`, `wall` or `ceiling`, found text `flor`",
+     "did you mean `floor`?", "flor"),
     ("modes: {b: {gravity: 0 0 9.81 m/s}}", Code.WRONG_DIMENSION,
      "expected an acceleration (such as 9.81 m/s^2), found a velocity (`0 0 9.81 m/s`)", None, "0 0 9.81 m/s"),
-    ("modes: {b: {gravity: [0, 0, 9.81]}}", Code.BAD_UNIT, "an acceleration needs a unit, found `9.81`", "write `9.81 m/s^2`", "9.81"),
-    ("modes: {b: {hold: {a.b: their}}}", Code.UNKNOWN_CHOICE, "expected `here`, found text `their`", "did you mean `here`?", "their"),
-    ("modes: {b: {hold: {a.b: {xyy: 0 0 0}}}}", Code.UNKNOWN_KEY, "unknown key `xyy` in `modes.b.hold.a.b`", "did you mean `xyz`?", "xyy"),
+    ("modes: {b: {gravity: [0, 0, 9.81]}}", Code.BAD_UNIT, "an acceleration needs a unit, found `9.81`", "write `9.81 m/s^2`",
+     "9.81"),
+    ("modes: {b: {hold: {a.b: their}}}", Code.UNKNOWN_CHOICE, "expected `here`, found text `their`", "did you mean `here`?",
+     "their"),
+    ("modes: {b: {hold: {a.b: {xyy: 0 0 0}}}}", Code.UNKNOWN_KEY, "unknown key `xyy` in `modes.b.hold.a.b`",
+     "did you mean `xyz`?", "xyy"),
     # lists
     ("modes: {b: {contacts: {exclude: [[a]]}}}", Code.WRONG_LENGTH, "expected a list of 2, found a list of 1", None, "[a]"),
-    ("modes: {b: {contacts: {exclude: [[a, b, c]]}}}", Code.WRONG_LENGTH, "expected a list of 2, found a list of 3", None, "[a, b, c]"),
+    ("modes: {b: {contacts: {exclude: [[a, b, c]]}}}", Code.WRONG_LENGTH, "expected a list of 2, found a list of 3", None,
+     "[a, b, c]"),
     ("modes: {b: {poses: home}}", Code.WRONG_TYPE, "expected a list, found text `home`", "write `[home]`", "home"),
     # references
     ("links: {b: a/b}", Code.BAD_REFERENCE, "`a/b` is no reference", "levels are separated by `.`", "a/b"),
@@ -128,7 +147,8 @@ def test_one_fault_of_an_assembly(
 @pytest.mark.parametrize(("body", "code", "message", "help", "written"), [
     ("{}", Code.BROKEN_RULE, "a component needs one of `part`, `file`, `assembly` or `frame: true`; none is here",
      "write for example `part: arm:BasePlate`", "c"),
-    ("{part: a:B, frame: true}", Code.BROKEN_RULE, "a component has exactly one of `part`, `file`, `assembly`, `frame`; here are `part` and `frame`",
+    ("{part: a:B, frame: true}", Code.BROKEN_RULE,
+     "a component has exactly one of `part`, `file`, `assembly`, `frame`; here are `part` and `frame`",
      "keep one of them", "c"),
     ("words", Code.WRONG_TYPE, "expected a mapping with `part`, `file`, `assembly`, found text `words`", None, "words"),
     ("{prt: a:B}", Code.UNKNOWN_KEY, "unknown key `prt` in `components.c`", "did you mean `part`?", "prt"),
@@ -136,7 +156,8 @@ def test_one_fault_of_an_assembly(
     ("{part: a:B, visual: 1}", Code.WRONG_TYPE, "expected true or false, found the number `1`", None, "1"),
     ("{frame: false}", Code.UNKNOWN_CHOICE, "expected `true`, found `false`", None, "false"),
     ("{part: a:B, mass: 3}", Code.BAD_UNIT, "a mass needs a unit, found `3`", "write `3 g` or `3 kg`", "3"),
-    ("{part: a:B, mass: {value: 3 mm, source: vendor}}", Code.WRONG_DIMENSION, "expected a mass (such as 120 g), found a length (`3 mm`)", None, "3 mm"),
+    ("{part: a:B, mass: {value: 3 mm, source: vendor}}", Code.WRONG_DIMENSION,
+     "expected a mass (such as 120 g), found a length (`3 mm`)", None, "3 mm"),
     ("{part: a:B, mass: {value: 3 g}}", Code.MISSING_KEY, "`components.c.mass` needs the key `source`",
      "`source` takes `measured`, `vendor` or `estimated`", "mass"),
     ("{part: a:B, mass: [3 g]}", Code.WRONG_TYPE, "expected a mass (such as `120 g`), found a list of 1", None, "[3 g]"),
@@ -144,18 +165,27 @@ def test_one_fault_of_an_assembly(
      "`izz` takes a moment of inertia", "inertia"),
     ("{part: a:B, inertia: {value: {ixx: 1 g, iyy: 0, izz: 0}, source: vendor}}", Code.WRONG_DIMENSION,
      "expected a moment of inertia (such as 0.01 kg*m^2), found a mass (`1 g`)", None, "1 g"),
-    ("{part: a:B, inertia: {ixx: 0, iyy: 0, izz: 0, ixy: 5}}", Code.BAD_UNIT, "a moment of inertia needs a unit, found `5`", "write `5 kg*m^2`", "5"),
+    ("{part: a:B, inertia: {ixx: 0, iyy: 0, izz: 0, ixy: 5}}", Code.BAD_UNIT, "a moment of inertia needs a unit, found `5`",
+     "write `5 kg*m^2`", "5"),
     ("{part: a:B, inertia: 5}", Code.WRONG_TYPE,
      "expected a mapping with `value`, `source` or a mapping with `ixx`, `iyy`, `izz`, found the number `5`", None, "5"),
-    ("{part: a:B, com: [0, 0]}", Code.WRONG_LENGTH, "expected three values, each a length, found a list of 2", "write for example `[120 mm, 0, 0]`", "[0, 0]"),
-    ("{part: a:B, attach: {back: 3}}", Code.WRONG_TYPE, "expected a reference such as `plate.servo_seat`, found the number `3`", None, "3"),
-    ("{part: a:B, attach: {mount: x, to: y.z, tun: 3 deg}}", Code.UNKNOWN_KEY, "unknown key `tun` in `components.c.attach`", "did you mean `turn`?", "tun"),
-    ("{part: a:B, attach: back}", Code.WRONG_TYPE, "expected a mapping with `mount`, `to` or a mapping, found text `back`", None, "back"),
+    ("{part: a:B, com: [0, 0]}", Code.WRONG_LENGTH, "expected three values, each a length, found a list of 2",
+     "write for example `[120 mm, 0, 0]`", "[0, 0]"),
+    ("{part: a:B, attach: {back: 3}}", Code.WRONG_TYPE, "expected a reference such as `plate.servo_seat`, found the number `3`",
+     None, "3"),
+    ("{part: a:B, attach: {mount: x, to: y.z, tun: 3 deg}}", Code.UNKNOWN_KEY, "unknown key `tun` in `components.c.attach`",
+     "did you mean `turn`?", "tun"),
+    ("{part: a:B, attach: back}", Code.WRONG_TYPE, "expected a mapping with `mount`, `to` or a mapping, found text `back`",
+     None, "back"),
     ("{part: a:B, repeat: {count: 2.5}}", Code.BAD_QUANTITY, "expected a whole number, found the number `2.5`", None, "2.5"),
-    ("{part: a:B, repeat: {count: -1}}", Code.BAD_QUANTITY, "expected a whole number from 0 on, found the number `-1`", None, "-1"),
-    ("{part: a:B, bom: {cost: 12.50}}", Code.WRONG_TYPE, "expected an amount and a currency, found the number `12.5`", "write for example `12.5 EUR`", "12.50"),
-    ("{part: a:B, bom: {make: made}}", Code.UNKNOWN_CHOICE, "expected `buy`, `print` or `machine`, found text `made`", None, "made"),
-    ("{part: a:B, process: {infill: 15 mm}}", Code.WRONG_DIMENSION, "expected a number (such as 2), found a length (`15 mm`)", None, "15 mm"),
+    ("{part: a:B, repeat: {count: -1}}", Code.BAD_QUANTITY, "expected a whole number from 0 on, found the number `-1`", None,
+     "-1"),
+    ("{part: a:B, bom: {cost: 12.50}}", Code.WRONG_TYPE, "expected an amount and a currency, found the number `12.5`",
+     "write for example `12.5 EUR`", "12.50"),
+    ("{part: a:B, bom: {make: made}}", Code.UNKNOWN_CHOICE, "expected `buy`, `print` or `machine`, found text `made`", None,
+     "made"),
+    ("{part: a:B, process: {infill: 15 mm}}", Code.WRONG_DIMENSION, "expected a number (such as 2), found a length (`15 mm`)",
+     None, "15 mm"),
 ])
 def test_one_fault_of_a_component(
     tmp_path: Path, body: str, code: Code, message: str, help: str | None, written: str,
@@ -172,10 +202,12 @@ def test_one_fault_of_a_component(
 
 @pytest.mark.parametrize(("body", "code", "message", "written"), [
     ("{type: revolut, parent: a.b, child: c.d}", Code.UNKNOWN_CHOICE,
-     "expected `fixed`, `revolute`, `continuous`, `prismatic`, `cylindrical`, `universal`, `ball`, `planar` or `screw`, found text `revolut`", "revolut"),
+     "expected `fixed`, `revolute`, `continuous`, `prismatic`, `cylindrical`, `universal`, `ball`, `planar` or `screw`, "
+     "found text `revolut`", "revolut"),
     ("{type: fixed, parent: a.b}", Code.MISSING_KEY, "`joints.j` needs the key `child`", "j"),
     ("{type: fixed, parent: a.b, chld: c.d}", Code.UNKNOWN_KEY, "unknown key `chld` in `joints.j`", "chld"),
-    ("{type: fixed, parent: a.b, child: c.d, drive: {kind: position}}", Code.BROKEN_RULE, "a position drive needs `kp`; none is here", "drive"),
+    ("{type: fixed, parent: a.b, child: c.d, drive: {kind: position}}", Code.BROKEN_RULE,
+     "a position drive needs `kp`; none is here", "drive"),
     ("{type: fixed, parent: a.b, child: c.d, drive: {kind: motr}}", Code.UNKNOWN_CHOICE,
      "expected `position`, `velocity` or `motor`, found text `motr`", "motr"),
     ("{type: fixed, parent: a.b, child: c.d, limit: {effort: 3 kg}}", Code.WRONG_DIMENSION,
@@ -183,7 +215,8 @@ def test_one_fault_of_a_component(
     ("{type: fixed, parent: a.b, child: c.d, limit: {velocity: 50 Hz}}", Code.WRONG_DIMENSION,
      "expected an angular velocity or a velocity (such as 46 rpm or 0.5 m/s), found a frequency (`50 Hz`)", "50 Hz"),
     ("{type: fixed, parent: a.b, child: c.d, mimic: {joint: j, multiplier: 3 g}}", Code.WRONG_DIMENSION,
-     "expected a number or a length per angle or an angle per length (such as 2 or 10 mm/rad or 10 rad/m), found a mass (`3 g`)", "3 g"),
+     "expected a number or a length per angle or an angle per length (such as 2 or 10 mm/rad or 10 rad/m), "
+     "found a mass (`3 g`)", "3 g"),
 ])
 def test_one_fault_of_a_joint(tmp_path: Path, body: str, code: Code, message: str, written: str) -> None:
     text = f"{HEAD}joints:\n  j: {body}\n"
@@ -248,7 +281,8 @@ def test_everything_wrong_is_said_at_once_with_its_path(tmp_path: Path) -> None:
 
 def test_a_good_document_gives_its_model_and_nothing_else(tmp_path: Path) -> None:
     documents, report = read(
-        tmp_path, HEAD + "$schema: x.json\nmaterials: [m.yaml]\nposes: {home: {j: 30 deg, leg_*: folded, k: 0, l: =pi * 1 rad}}\n",
+        tmp_path,
+        HEAD + "$schema: x.json\nmaterials: [m.yaml]\nposes: {home: {j: 30 deg, leg_*: folded, k: 0, l: =pi * 1 rad}}\n",
         {"m.yaml": "thingc: materials/1\nmaterials: {petg: {color: '#8Af', density: 1270 kg/m^3}}\n"},
     )
     specs = validate(documents, report)
@@ -299,18 +333,28 @@ def test_no_word_of_the_machinery_reaches_a_person(tmp_path: Path) -> None:
         name: x
         description: d
         parameters: {a: {value: 5 mm, min: 1 mm, doc: d}, b: 3}
-        materials: {m: {density: 1 kg/m^3, color: red, friction: {slide: 1, roll: 1 mm}, process: {kind: fdm, walls: 3, infill: 5 %}}}
+        materials:
+          m: {density: 1 kg/m^3, color: red, friction: {slide: 1, roll: 1 mm}, process: {kind: fdm, walls: 3, infill: 5 %}}
         defaults: {component: {material: m}, joint: {turn: 3 deg}}
         components:
-          p: {part: a:B, params: {l: 5 mm}, mass: {value: 1 g, source: vendor}, com: 0 0 1 mm, inertia: {ixx: 0, iyy: 0, izz: 0}, visual: true, bom: {number: a, cost: 1 EUR, make: buy}, expect: ignore, mounts: {m: {xyz: 0 0 0, rpy: 0 0 0, interface: i}}}
+          p:
+            {part: a:B, params: {l: 5 mm}, mass: {value: 1 g, source: vendor}, com: 0 0 1 mm, visual: true, expect: ignore,
+            inertia: {ixx: 0, iyy: 0, izz: 0}, bom: {number: a, cost: 1 EUR, make: buy},
+            mounts: {m: {xyz: 0 0 0, rpy: 0 0 0, interface: i}}}
           q: {frame: true, at: {in: p.a, xyz: 0 0 0, rpy: 0 0 0}, repeat: {count: 3, as: i}}
           r: {part: a:B, attach: {mount: a, to: p.b, turn: 3 deg, gap: 1 mm}}
         joints:
-          j: {type: revolute, parent: a.b, child: c.d, limit: {lower: 0, upper: 1 deg, effort: 1 N, velocity: 1 rpm}, dynamics: {damping: 1 N*s/m, friction: 1 N, armature: 1 kg, stiffness: 1 N/m}, offset: 0, drive: {kind: motor, kv: 1}, mimic: {joint: k, multiplier: 1, offset: 0}, loop: false}
+          j:
+            {type: revolute, parent: a.b, child: c.d, limit: {lower: 0, upper: 1 deg, effort: 1 N, velocity: 1 rpm},
+            dynamics: {damping: 1 N*s/m, friction: 1 N, armature: 1 kg, stiffness: 1 N/m}, offset: 0, loop: false,
+            drive: {kind: motor, kv: 1}, mimic: {joint: k, multiplier: 1, offset: 0}}
         links: {l: p}
         mounts: {m: p.a}
         poses: {h: {j: 1 deg}}
-        modes: {b: {root: p, base: fixed, at: {xyz: 0 0 0}, gravity: floor, pose: h, poses: [h], actuators: [j], contacts: {exclude: [[p, q]], adhesion: {p.a: 1 N}}, hold: {p.a: here}, cut: [j], simulation: {timestep: 1 ms}, extends: c}}
+        modes:
+          b:
+            {root: p, base: fixed, at: {xyz: 0 0 0}, gravity: floor, pose: h, poses: [h], actuators: [j], hold: {p.a: here},
+            contacts: {exclude: [[p, q]], adhesion: {p.a: 1 N}}, cut: [j], simulation: {timestep: 1 ms}, extends: c}
         raw: {mjcf: {a: 1}}
         sensors: {s: {type: camera, at: p.a, fovy: 3 deg}}
     """)
@@ -319,8 +363,6 @@ def test_no_word_of_the_machinery_reaches_a_person(tmp_path: Path) -> None:
     assert not report.diagnostics
     tree = documents.root.tree.plain()
     assert isinstance(tree, dict)
-    import json
-
     def places(value: object, path: tuple[object, ...] = ()) -> list[tuple[object, ...]]:
         inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
         return [path, *(found for key, item in inner for found in places(item, (*path, key)))]
@@ -338,9 +380,11 @@ def test_no_word_of_the_machinery_reaches_a_person(tmp_path: Path) -> None:
             documents, _ = read(tmp_path, json.dumps(changed))
             report = Report()
             validate(documents, report)
-            assert len(report.diagnostics) <= (6 if wrong in ({}, {"?!": 1}) else 1), (path, wrong, [d.message for d in report.diagnostics])
+            assert len(report.diagnostics) <= (6 if wrong in ({}, {"?!": 1}) else 1), (path, wrong,
+                [d.message for d in report.diagnostics])
             for d in report.diagnostics:
-                for word in ("Input", "input", "valid", "function", "dict", "pydantic", "None", "null", "tuple", "instance", "str"):
+                for word in ("Input", "input", "valid", "function", "dict", "pydantic", "None", "null", "tuple", "instance",
+                    "str"):
                     assert word not in d.message.replace("structure", ""), (path, wrong, d.message)
             checked += len(report.diagnostics)
     assert checked > 500

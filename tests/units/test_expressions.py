@@ -12,7 +12,8 @@ from thingc.expressions import Expression, ExpressionError, evaluate, parse_expr
 from thingc.units import ANGLE, AREA, LENGTH, LENGTH_PER_ANGLE, MASS, NUMBER, Dimension, Quantity, parse_quantity
 
 NAMES: dict[str, Quantity | bool | str] = {
-    "reach": parse_quantity("100 mm"), "width": parse_quantity("40 mm"), "mass": parse_quantity("2 kg"), "angle": parse_quantity("30 deg"),
+    "reach": parse_quantity("100 mm"), "width": parse_quantity("40 mm"), "mass": parse_quantity("2 kg"),
+    "angle": parse_quantity("30 deg"),
     "i": Quantity(3.0), "n": Quantity(0.0), "on": True, "word": "petg", "s": parse_quantity("3 s"),
 }
 
@@ -90,33 +91,40 @@ def test_a_unit_binds_without_spaces_only() -> None:
     ("=0 ** -1", "division by zero in `0 ** -1`", "value", (1, 8), None),
     ("=sqrt(-1)", "`sqrt(-1)` has no finite result", "value", (1, 9), None),
     ("=(-8) ** 0.5", "`(-8) ** 0.5` has no finite result", "value", (1, 12), None),
-    ("=reach ** 0.37", "the exponent of a length must be a small whole number or fraction, found `0.37`", "dimension", (10, 14), None),
+    ("=reach ** 0.37", "the exponent of a length must be a small whole number or fraction, found `0.37`", "dimension", (10, 14),
+     None),
     ("=2 ** reach", "an exponent is a number, found a length (`reach`)", "dimension", (6, 11), None),
-    ("=sin(i)", "`sin` takes an angle (such as 30 deg), found a number (`i`)", "dimension", (5, 6), "for radians write `i * 1 rad`"),
+    ("=sin(i)", "`sin` takes an angle (such as 30 deg), found a number (`i`)", "dimension", (5, 6),
+     "for radians write `i * 1 rad`"),
     ("=on + 1", "expected a quantity, found true or false (`on`)", "dimension", (1, 3), None),
     ("=word * 2", "expected a quantity, found a text (`word`)", "dimension", (1, 5), None),
     ("=mm", "unknown name `mm`", "name", (1, 3), "a unit follows its number: `2 mm`"),
     ("=(reach + 1 mm", "the `(` opened here is never closed", "expression", (1, 2), "add `)`"),
     ("=reach)", "expected an operator or the end, found `)`", "expression", (6, 7), None),
     ("=reach ^ 2", "expected an operator or the end, found `^`", "expression", (7, 8), "a power is written `**`"),
-    ("=hand.size", "expected an operator or the end, found `.`", "expression", (5, 6), "a name here is one word: a parameter of this document"),
+    ("=hand.size", "expected an operator or the end, found `.`", "expression", (5, 6),
+     "a name here is one word: a parameter of this document"),
     ("=", "expected an expression after `=`, found nothing", "expression", (0, 1), None),
     ("=reach +", "expected a number, a name or `(`, found the end", "expression", (7, 8), None),
     ("=reach + * 2", "expected a number, a name or `(`, found `*`", "expression", (9, 10), None),
     ("=1 < 2 < 3", "comparisons cannot be chained", "expression", (7, 8), "compare twice"),
-    ("=foo(3)", "unknown function `foo`", "name", (1, 4), "known functions: `abs`, `atan2`, `cos`, `max`, `min`, `sin`, `sqrt`, `tan`"),
+    ("=foo(3)", "unknown function `foo`", "name", (1, 4),
+     "known functions: `abs`, `atan2`, `cos`, `max`, `min`, `sin`, `sqrt`, `tan`"),
     ("=mim(3)", "unknown function `mim`", "name", (1, 4), "did you mean `min`?"),
-    ("=pi(3)", "`pi` is no function", "name", (1, 3), "known functions: `abs`, `atan2`, `cos`, `max`, `min`, `sin`, `sqrt`, `tan`"),
+    ("=pi(3)", "`pi` is no function", "name", (1, 3),
+     "known functions: `abs`, `atan2`, `cos`, `max`, `min`, `sin`, `sqrt`, `tan`"),
     ("=min", "`min` is a function and needs arguments in parentheses", "expression", (1, 4), "write `min(...)`"),
     ("=atan2(1)", "`atan2` takes 2 arguments, found 1", "expression", (1, 9), None),
     ("=sqrt()", "`sqrt` takes 1 argument, found 0", "expression", (1, 7), None),
     ("=8 mmm + 1 mm", "unknown unit `mmm`; did you mean `mm`?", "unit", (3, 6), None),
     ("=reach if 3", "expected an operator or the end, found `if`", "expression", (7, 9), "there is no `if` in expressions"),
-    ("=leg_$i", "expected an operator or the end, found `$`", "expression", (5, 6), "in expressions the index is written `i`, without `$`"),
+    ("=leg_$i", "expected an operator or the end, found `$`", "expression", (5, 6),
+     "in expressions the index is written `i`, without `$`"),
     ("=1e999", "the number `1e999` is too large", "value", (1, 6), None),
     ("=" + "(" * 61 + "1" + ")" * 61, "an expression may nest at most 60 levels", "expression", (61, 124), None),
     ("=" + "1+" * 500 + "1", "an expression of 1002 characters is too long (at most 1000)", "expression", (0, 1002), None),
-    ("=__import__('os')", "unknown function `__import__`", "name", (1, 11), "known functions: `abs`, `atan2`, `cos`, `max`, `min`, `sin`, `sqrt`, `tan`"),
+    ("=__import__('os')", "unknown function `__import__`", "name", (1, 11),
+     "known functions: `abs`, `atan2`, `cos`, `max`, `min`, `sin`, `sqrt`, `tan`"),
     ("=[1, 2]", "expected a number, a name or `(`, found `[`", "expression", (1, 2), "parentheses are round"),
 ])
 def test_what_is_said(text: str, message: str, kind: str, place: tuple[int, int], help: str | None) -> None:
@@ -180,7 +188,8 @@ def test_any_text_is_read_or_an_error(text: str) -> None:
     _try(text)
 
 
-@given(st.lists(st.sampled_from(["reach", "mass", "(", ")", "+", "-", "*", "/", "**", "min(", ",", "8", " ", "mm", "deg", "<", "==", "i", "0", ".", "%", "sqrt("]), max_size=25))
+@given(st.lists(st.sampled_from(["reach", "mass", "(", ")", "+", "-", "*", "/", "**", "min(", ",", "8", " ", "mm", "deg", "<",
+    "==", "i", "0", ".", "%", "sqrt("]), max_size=25))
 def test_any_mixture_is_read_or_an_error(pieces: list[str]) -> None:
     _try("=" + "".join(pieces))
 

@@ -27,7 +27,7 @@ def scene(robot: Robot, model: Element, file: str) -> Element:
     visual = root.add("visual")
     visual.add("headlight", {"diffuse": "0.6 0.6 0.6", "ambient": "0.3 0.3 0.3", "specular": "0 0 0"})
     visual.add("rgba", {"haze": "0.15 0.25 0.35 1"})
-    visual.add("global", {"azimuth": "120", "elevation": "-20"})
+    visual.add("global", {"azimuth": "120", "elevation": "-20", "offwidth": "1920", "offheight": "1080"})
     root.add("include", {"file": file})
     asset = root.add("asset")
     asset.add("texture", {

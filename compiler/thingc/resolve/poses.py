@@ -42,11 +42,27 @@ def poses(table: Table, scope: Scope) -> None:
             else:
                 _report_unknown(table, scope, known, key, at)
         merged: Settings = {**layers[0], **layers[1], **layers[2]}
+        if any(said[0] == scope.document.relative and said[2][:2] == path for said in scope.said):
+            merged = {**_stand_ins(known, scope.origin(path, key=True)), **merged}
         in_order = {path_: merged[path_] for one in known if (path_ := one.replace(".", "/")) in merged}
         table.poses[name] = NamedPose(
             name=name, values={joint: q for joint, (q, _) in in_order.items()},
             origins={joint: origin for joint, (_, origin) in in_order.items()}, origin=scope.origin(path, key=True),
         )
+
+
+def _stand_ins(known: Joints, origin: Origin) -> Settings:
+    """Values for the joints whose limits exclude 0, where something in a pose was wrong and has been reported: what was
+    meant for them may be missing, and that they are not at 0 would be said in vain. Nothing is built with them."""
+    found: Settings = {}
+    for name, joint in known.items():
+        if joint is None or not _movable(joint):
+            continue
+        if joint.limit.lower is not None and joint.limit.lower > 0.0:
+            found[name.replace(".", "/")] = (joint.limit.lower, origin)
+        elif joint.limit.upper is not None and joint.limit.upper < 0.0:
+            found[name.replace(".", "/")] = (joint.limit.upper, origin)
+    return found
 
 
 def _set(scope: Scope, known: Joints, names: list[str], raw: Any, path: Path, into: Settings, *, exact: bool) -> None:

@@ -1,0 +1,98 @@
+"""Small workspaces with parts of their own, one worker for all tests of a process, and definitions by hand."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from thingc.realize.client import Workers
+from thingc.realize.record import PartDefinition, Value, definition_text
+from thingc.realize.service import GeometryService
+from thingc.realize.store import Store
+from thingc.workspace import Workspace
+
+TIMEOUT = 60.0
+
+
+@dataclass
+class Place:
+    """A workspace in a folder of its own, with a store beside it."""
+
+    root: Path
+    store: Store
+    workers: Workers
+    parts: Path = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.parts = self.root / "parts"
+        self.parts.mkdir(parents=True, exist_ok=True)
+
+    @property
+    def workspace(self) -> Workspace:
+        """With 0.1 mm and 10 deg."""
+        return Workspace(
+            root=str(self.root), parts=(str(self.parts),), packages=("thingc_stock", "bd_warehouse"), build=str(self.root / "build"),
+            part_timeout=TIMEOUT, linear=1e-4, angular=0.17453292519943295,
+        )
+
+    def write(self, name: str, text: str) -> Path:
+        """A file of the workspace, indentation taken off."""
+        path = self.root / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(textwrap.dedent(text))
+        return path
+
+    def service(self, timeout: float = TIMEOUT, **options: object) -> GeometryService:
+        """A service as a new process would have it: it knows nothing but what is in the store."""
+        options.setdefault("workers", self.workers)
+        return GeometryService(self.workspace, self.store, 2, timeout, **options)  # type: ignore[arg-type]
+
+
+def part(reference: str, **parameters: Value) -> PartDefinition:
+    """A definition by hand: parameters in SI."""
+    return PartDefinition(
+        reference=reference, kind="code", parameters=tuple(sorted(parameters.items())),
+        text=definition_text(reference, parameters, {}),
+    )
+
+
+def file_part(path: str) -> PartDefinition:
+    """A `file:` part."""
+    return PartDefinition(reference=path, kind="file", parameters=(), text=path)
+
+
+@pytest.fixture(scope="session")
+def workers() -> Iterator[Workers]:
+    """One forking worker for all tests of this process."""
+    made = Workers(2)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def place(tmp_path: Path, workers: Workers) -> Place:
+    """An empty workspace with an empty store."""
+    return Place(root=tmp_path / "ws", store=Store(str(tmp_path / "store")), workers=workers)
+
+
+@pytest.fixture(scope="module")
+def module_place(tmp_path_factory: pytest.TempPathFactory, workers: Workers) -> Place:
+    """A workspace and a store for all tests of a module."""
+    base = tmp_path_factory.mktemp("realize")
+    return Place(root=base / "ws", store=Store(str(base / "store")), workers=workers)
+
+
+@pytest.fixture(scope="session")
+def define() -> Callable[..., PartDefinition]:
+    """See `part`."""
+    return part
+
+
+@pytest.fixture(scope="session")
+def define_file() -> Callable[[str], PartDefinition]:
+    """See `file_part`."""
+    return file_part

@@ -1,0 +1,349 @@
+"""Part records against analysis: volumes, areas, centres and inertias of bodies whose integrals have a formula."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections import Counter
+from typing import Any
+
+import numpy as np
+import pytest
+
+from thingc.pose import Pose
+from thingc.realize.record import PartFailure, PartRecord, PartSchema
+from thingc.realize.record_json import failure_from_json, failure_to_json, record_from_json, record_to_json
+
+PARTS = """
+    from typing import Literal
+    from build123d import *
+    from thingc import Actuator, Angle, Count, Length, MountPoint, Ratio, Thing
+
+    class Block(Thing):
+        '''A block.
+
+        Args:
+            width: along x
+        '''
+        bom = {"make": "buy", "number": "B-1"}
+        actuator = Actuator(kind="position", stall_torque=(4.1, "vendor"), gear_ratio=10, rotor_inertia=2e-6, kp=3)
+
+        def __init__(self, width: Length = 30, depth: Length = 20, height: Length = 10, tilt: Angle = 0):
+            super().__init__(material="petg", color="#102030")
+            self.body = Pos(5, 0, 0) * Rot(0, 0, tilt) * Box(width, depth, height)
+            self.top = MountPoint(Location((5, 0, height / 2), (0, 90, 0)), interface="m3", tolerance=0.2)
+            self.holes = [MountPoint(Location((x, 0, 0))) for x in (1, 2)]
+            self.outline = Rectangle(width, depth)
+
+        def result(self):
+            return self.body
+
+    class Rod(Thing):
+        def __init__(self, radius: Length = 7, height: Length = 13):
+            super().__init__()
+            self.body = Cylinder(radius, height)
+
+        def result(self):
+            return self.body
+
+        def mass(self):
+            return (0.082, "measured")
+
+        def centre(self):
+            return (0, 0, 1.5)
+
+        def collision(self):
+            return [Pos(0, 0, -3) * Box(4, 4, 6), Sphere(3)]
+
+        def visual(self):
+            return Box(1, 1, 1)
+
+    class Drilled(Thing):
+        def __init__(self):
+            super().__init__()
+            self.body = fillet(Box(40, 30, 12).edges(), 2) - [Pos(x, 0, 0) * Cylinder(2, 20) for x in (-12, -4, 4, 12)]
+
+        def result(self):
+            return self.body
+
+    class Pair(Thing):
+        def __init__(self):
+            super().__init__()
+            self.left = Box(10, 10, 10)
+            self.right = Pos(10, 10, 0) * Box(10, 10, 10)     # touches along an edge
+
+        def result(self):
+            return [self.left, self.right]
+
+    class Hollow(Thing):
+        def result(self):
+            return Sphere(10) - Sphere(6)
+
+    class FrameOnly(Thing):
+        def __init__(self):
+            super().__init__()
+            self.here = MountPoint(Location((1, 2, 3)))
+
+    class Seated(Thing):
+        def __init__(self):
+            super().__init__()
+            self.seat = MountPoint(Location((0, 0, 5)))
+            self.block = self.seat.align(Block(width=31).top)
+
+        def result(self):
+            return Box(10, 10, 10)
+
+    def washer(outer: float = 10, thin: bool = False) -> Part:
+        '''A washer.'''
+        return Cylinder(outer, 1) - Cylinder(3, 1)
+
+    class Typed(Thing):
+        def __init__(self, kind: Literal["a", "b"] = "b", teeth: Count = 12, fill: Ratio = 0.5, angle: Angle = 35, text: str = "x"):
+            super().__init__()
+"""
+
+
+@pytest.fixture(scope="module")
+def records(module_place: Any, define: Any) -> dict[str, Any]:
+    """All parts of this module, modelled once."""
+    module_place.write("parts/shapes.py", PARTS)
+    wanted = {
+        "block": define("shapes:Block", width=0.03, depth=0.02, height=0.01, tilt=0.0),
+        "tilted": define("shapes:Block", width=0.03, depth=0.02, height=0.01, tilt=0.5235987755982988),
+        "rod": define("shapes:Rod", radius=0.007, height=0.013),
+        "drilled": define("shapes:Drilled"), "pair": define("shapes:Pair"), "hollow": define("shapes:Hollow"),
+        "frame": define("shapes:FrameOnly"), "seated": define("shapes:Seated"),
+        "washer": define("shapes:washer", outer=10.0, thin=False), "library": define("shapes:Sphere", radius=5.0),
+        "convex": define("shapes:Pair"),
+    }
+    with module_place.service() as service:
+        found = service.realize(list(wanted.values()), convex={"shapes:Pair"})
+    return {name: found[definition.text] for name, definition in wanted.items()}
+
+
+def close(found: Any, expected: Any, scale: float) -> None:
+    np.testing.assert_allclose(np.array(found), np.array(expected), rtol=1e-12, atol=1e-12 * scale)
+
+
+def test_block(records: dict[str, PartRecord]) -> None:
+    a, b, c = 0.03, 0.02, 0.01
+    record = records["block"]
+    close(record.volume, a * b * c, 0)
+    close(record.area, 2 * (a * b + b * c + c * a), 0)
+    close(record.centre, (0.005, 0, 0), a)
+    v = a * b * c / 12
+    close(record.inertia, np.diag([v * (b * b + c * c), v * (a * a + c * c), v * (a * a + b * b)]), v * a * a)
+    close(record.box, ((-0.01, -0.01, -0.005), (0.02, 0.01, 0.005)), a)
+    assert record.material == "petg"
+    assert record.color == "#102030"
+    assert record.bom == {"make": "buy", "number": "B-1"}
+    assert record.actuator is not None
+    assert record.actuator.armature == pytest.approx(2e-4, rel=1e-15)
+    assert record.actuator.sources == {"stall_torque": "vendor"}
+    assert list(record.mounts) == ["top", "holes_0", "holes_1"]
+    assert record.mounts["top"].pose == Pose(rotation=((0, 0, 1), (0, 1, 0), (-1, 0, 0)), translation=(0.005, 0, 0.005))
+    assert (record.mounts["top"].interface, record.mounts["top"].tolerance) == ("m3", 0.0002)
+    assert record.references == ("body", "outline")
+    assert record.code is not None
+    assert record.code[0].endswith("parts/shapes.py")
+    assert record.code[1] == 1 + PARTS.splitlines()[1:].index("    class Block(Thing):") + 1
+
+
+def test_a_turned_block_has_a_turned_inertia(records: dict[str, PartRecord]) -> None:
+    c, s = math.cos(math.pi / 6), math.sin(math.pi / 6)
+    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    close(records["tilted"].inertia, turn @ np.array(records["block"].inertia) @ turn.T, 3e-10)
+
+
+def test_rod(records: dict[str, PartRecord]) -> None:
+    r, h = 0.007, 0.013
+    record = records["rod"]
+    v = math.pi * r * r * h
+    close(record.volume, v, 0)
+    close(record.area, 2 * math.pi * r * (r + h), 0)
+    close(record.centre, (0, 0, 0), r)
+    across = v * (3 * r * r + h * h) / 12
+    close(record.inertia, np.diag([across, across, v * r * r / 2]), across)
+    assert record.mass is not None
+    assert (record.mass.value, record.mass.source) == (0.082, "measured")
+    assert record.com is not None
+    assert record.com.value == (0.0, 0.0, 0.0015)
+    cylinder = record.fits["cylinder"]
+    np.testing.assert_allclose(cylinder.size, (r, h / 2), rtol=1e-9)
+    np.testing.assert_allclose(record.fits["sphere"].size, [math.hypot(r, h / 2)], rtol=1e-9)
+
+
+def test_hollow_sphere(records: dict[str, PartRecord]) -> None:
+    outer, inner = 0.010, 0.006
+    record = records["hollow"]
+    close(record.volume, 4 / 3 * math.pi * (outer**3 - inner**3), 0)
+    close(record.area, 4 * math.pi * (outer**2 + inner**2), 0)
+    close(record.inertia, np.eye(3) * 8 / 15 * math.pi * (outer**5 - inner**5), 1e-10)
+
+
+def test_two_solids_that_touch(records: dict[str, PartRecord]) -> None:
+    record = records["pair"]
+    close(record.volume, 2e-6, 0)
+    close(record.centre, (0.005, 0.005, 0), 0.01)
+    assert record.meshes["print"].closed
+
+
+def test_a_function_and_a_library_class_are_parts(records: dict[str, PartRecord]) -> None:
+    close(records["washer"].volume, math.pi * (10**2 - 3**2) * 1e-9, 0)
+    close(records["library"].volume, 4 / 3 * math.pi * 125e-9, 0)
+    assert records["washer"].code is not None
+    assert records["washer"].code[0].endswith("parts/shapes.py")
+
+
+def test_a_part_without_geometry(records: dict[str, PartRecord]) -> None:
+    record = records["frame"]
+    assert (record.volume, record.area, record.box, record.brep, record.meshes, record.fits) == (0.0, 0.0, None, None, {}, {})
+    assert record.mounts["here"].pose.translation == (0.001, 0.002, 0.003)
+
+
+def test_expectations_are_definition_texts(records: dict[str, PartRecord]) -> None:
+    (expected,) = records["seated"].expectations
+    assert (expected.mount, expected.text, expected.child_mount) == ("seat", "shapes:Block(width=0.031)", "top")
+
+
+def read_stl(data: bytes) -> np.ndarray[Any, Any]:
+    """Corners of every triangle, read independently of the code under test."""
+    (count,) = struct.unpack_from("<I", data, 80)
+    assert len(data) == 84 + 50 * count
+    return np.array([struct.unpack_from("<12fH", data, 84 + 50 * i)[3:12] for i in range(count)]).reshape(-1, 3, 3)
+
+
+def enclosed(corners: np.ndarray[Any, Any]) -> float:
+    return float(np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6)
+
+
+@pytest.mark.parametrize("name", ["block", "rod", "drilled", "pair", "hollow", "washer"])
+def test_meshes_are_closed_and_look_outwards(name: str, records: dict[str, PartRecord], module_place: Any) -> None:
+    record = records[name]
+    for kind, scale in (("print", 1e-3), ("mesh", 1.0), ("hull", 1.0)):
+        mesh = record.meshes[kind]
+        data = module_place.store.read(mesh.sha256)
+        assert len(data) == mesh.size
+        corners = read_stl(data)
+        assert len(corners) == mesh.faces
+        assert mesh.closed
+        assert not mesh.flat
+        edges: Counter[tuple[bytes, bytes]] = Counter()
+        for triangle in corners:
+            points = [point.tobytes() for point in triangle]
+            assert len(set(points)) == 3
+            edges.update(zip(points, points[1:] + points[:1], strict=True))
+        assert all(edges[other, one] == count for (one, other), count in edges.items())
+        volume = enclosed(corners) * scale**3
+        if kind == "hull":
+            assert volume >= record.volume * (1 - 1e-2)
+        else:
+            assert volume == pytest.approx(record.volume, rel=0.02)
+            assert volume > 0
+
+
+def test_hull_of_a_drilled_block_forgets_the_holes(records: dict[str, PartRecord], module_place: Any) -> None:
+    record = records["drilled"]
+    hull = enclosed(read_stl(module_place.store.read(record.meshes["hull"].sha256)))
+    holes = 4 * math.pi * 0.002**2 * 0.012
+    assert hull == pytest.approx(record.volume + holes, rel=0.01)
+
+
+def test_visual_and_collision_of_a_thing(records: dict[str, PartRecord], module_place: Any) -> None:
+    record = records["rod"]
+    lines = module_place.store.read(record.meshes["visual"].sha256).decode().splitlines()
+    vertices = np.array([[float(word) for word in line.split()[1:]] for line in lines if line.startswith("v ")])
+    assert vertices.shape == (8, 3)
+    np.testing.assert_allclose(np.abs(vertices), 0.0005)
+    assert sum(line.startswith("f ") for line in lines) == 12
+    volumes = [enclosed(read_stl(module_place.store.read(piece.sha256))) for piece in record.pieces]
+    assert volumes[0] == pytest.approx(96e-9, rel=1e-6)
+    assert volumes[1] == pytest.approx(4 / 3 * math.pi * 27e-9, rel=0.03)
+
+
+def test_convex_pieces_only_where_asked(records: dict[str, PartRecord], module_place: Any) -> None:
+    assert records["block"].convex == ()
+    pieces = [enclosed(read_stl(module_place.store.read(piece.sha256))) for piece in records["convex"].convex]
+    assert len(pieces) >= 2
+    assert sum(pieces) == pytest.approx(2e-6, rel=0.1)
+
+
+@pytest.mark.parametrize("name", ["block", "tilted", "rod", "drilled", "hollow"])
+def test_fits_enclose(name: str, records: dict[str, PartRecord], module_place: Any) -> None:
+    record = records[name]
+    points = read_stl(module_place.store.read(record.meshes["mesh"].sha256)).reshape(-1, 3)
+    for fit in record.fits.values():
+        rotation, origin = np.array(fit.pose.rotation), np.array(fit.pose.translation)
+        np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
+        assert np.linalg.det(rotation) == pytest.approx(1)
+        local = (points - origin) @ rotation
+        room = 1e-7
+        if fit.shape == "box":
+            assert (np.abs(local) <= np.array(fit.size) + room).all()
+        elif fit.shape == "sphere":
+            assert (np.linalg.norm(local, axis=1) <= fit.size[0] + room).all()
+        else:
+            radius, half = fit.size
+            beyond = np.maximum(np.abs(local[:, 2]) - half, 0)
+            across = np.hypot(local[:, 0], local[:, 1])
+            reach = np.hypot(across, beyond) if fit.shape == "capsule" else across + beyond * 1e9
+            assert (reach <= radius + room).all() if fit.shape == "capsule" else (across <= radius + room).all()
+
+
+def test_a_turned_box_is_fitted_along_its_own_axes(records: dict[str, PartRecord]) -> None:
+    assert sorted(records["tilted"].fits["box"].size) == pytest.approx([0.005, 0.01, 0.015], rel=1e-6)
+
+
+def test_schemas(module_place: Any, records: dict[str, PartRecord]) -> None:
+    with module_place.service() as service:
+        found = service.describe(["shapes:Block", "shapes:washer", "shapes:Typed", "shapes:Sphere", "shapes:Blocc", "shapes:PARTS"])
+    block = found["shapes:Block"]
+    assert isinstance(block, PartSchema)
+    assert [(p.name, p.kind, p.default, p.required) for p in block.parameters] == [
+        ("width", "length", 0.03, False), ("depth", "length", 0.02, False), ("height", "length", 0.01, False),
+        ("tilt", "angle", 0.0, False),
+    ]
+    assert block.parameters[0].doc == "along x"
+    assert (block.kind, block.material, block.actuator) == ("thing", "petg", True)
+    assert block.doc.startswith("A block.")
+    washer = found["shapes:washer"]
+    assert isinstance(washer, PartSchema)
+    assert [(p.name, p.kind, p.default) for p in washer.parameters] == [("outer", "number", 10.0), ("thin", "flag", False)]
+    assert washer.kind == "function"
+    typed = found["shapes:Typed"]
+    assert isinstance(typed, PartSchema)
+    kinds = {p.name: (p.kind, p.default) for p in typed.parameters}
+    assert kinds["kind"] == ("choice", "b")
+    assert kinds["teeth"] == ("count", 12)
+    assert kinds["angle"] == ("angle", 0.6108652381980153)  # 35 deg, rounded once
+    assert isinstance(found["shapes:Sphere"], PartSchema)
+    assert found["shapes:Sphere"].kind == "shape"
+    missing = found["shapes:Blocc"]
+    assert isinstance(missing, PartFailure)
+    assert (missing.kind, missing.message) == ("missing", "`shapes` has no `Blocc`")
+    assert "Block" in missing.candidates
+
+
+def test_records_survive_json(records: dict[str, PartRecord]) -> None:
+    import json
+    from dataclasses import replace
+
+    for record in records.values():
+        value = json.loads(json.dumps(record_to_json(record, "/ws")))
+        assert record_from_json(value, "/ws") == replace(record, convex=())
+    failure = PartFailure(subject="a:B", kind="raised", message="ValueError: x", file="/ws/parts/a.py", line=3, candidates=("C",))
+    assert failure_to_json(failure, "/ws")["file"] == "parts/a.py"
+    assert failure_from_json(failure_to_json(failure, "/ws"), "/ws") == failure
+
+
+def test_two_runs_give_the_same_bytes(records: dict[str, PartRecord], module_place: Any, tmp_path: Any, define: Any) -> None:
+    from thingc.realize.store import Store
+
+    store, module_place.store = module_place.store, Store(str(tmp_path / "other"))
+    try:
+        with module_place.service() as service:
+            again = service.realize([define("shapes:Drilled"), define("shapes:Rod", radius=0.007, height=0.013)])
+    finally:
+        module_place.store = store
+    assert again["shapes:Drilled"] == records["drilled"]
+    assert again["shapes:Rod(height=0.013, radius=0.007)"] == records["rod"]
