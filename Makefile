@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 JOBS ?= 2
 
-.PHONY: demo test lint bench schemas clean
+.PHONY: demo test lint bench schemas pictures clean
 
 demo: $(VENV)/.thingc
 	$(BIN)/thingc build assemblies/arm.yaml
@@ -41,6 +41,9 @@ $(VENV)/.thingc-dev: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[dev]"
 	touch $@ $(VENV)/.thingc
+
+pictures: $(VENV)/.thingc-dev
+	$(BIN)/python docs/pictures.py
 
 clean:
 	rm -rf build dist .pytest_cache .mypy_cache .ruff_cache

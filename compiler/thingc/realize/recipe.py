@@ -53,7 +53,9 @@ def difference(old: Mapping[str, str], new: Mapping[str, str], module: str) -> s
     changed = sorted(label for label in old.keys() | new.keys() if old.get(label) != new.get(label))
     named = [label for label in changed if label.partition(" ")[0] in ("class", "function", "value")]
     edited = [label for label in named if label in old and label in new]
-    named = edited or named  # what an edited statement uses no longer, or newly, says less than the edit
+    if edited:  # what an edited statement newly uses, or uses no longer, says less than the edit
+        named = edited
+        changed = [label for label in changed if label in old and label in new]
     # a name says more than the fact that its file was read whole, or that statements stand in another order
     implied = ("whole file", "order of", "import")
     rest = [label for label in changed if label not in named and not (named and label.startswith(implied))]

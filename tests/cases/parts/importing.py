@@ -1,0 +1,9 @@
+"""A part file that needs a module that is not there."""
+
+from no_such_library import gears
+from thingc import Thing
+
+
+class Gear(Thing):
+    def result(self):
+        return gears.spur()
