@@ -92,7 +92,7 @@ def scenarios(workspace: Workspace) -> list[tuple[str, list[str], Callable[[], N
          lambda: workspace.edit("assemblies/materials.yaml", r"(petg:(?:.|\n)*?color: )(?:[a-z]+|\"[^\"]*\")",
                                 lambda n: f'"#{n:02x}aa{n:02x}"'), 0.65, float("inf")),
         ("build, one part's dimension", build,
-         lambda: workspace.edit("parts/arm.py", r"(class BasePlate(?:.|\n)*?thickness: [^=]*= )[\d.]+", lambda n: f"{8 + n / 1000.0:.3f}"),
+         lambda: workspace.edit("parts/arm.py", r"(class BasePlate(?:.|\n)*?thickness: Annotated.* = )[\d.]+", lambda n: f"{5 + n / 1000.0:.3f}"),
          1.2, float("inf")),
         ("check, one value edited", check,
          lambda: workspace.edit(document, r"(yaw:(?:.|\n)*?upper: )[\d.]+", lambda n: f"{150 - n / 1000.0:.3f}"), 0.12, float("inf")),

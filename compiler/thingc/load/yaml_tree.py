@@ -269,7 +269,7 @@ class _Builder:
                 )
             return None
         start = event.start_mark.index
-        if start and self.source.text[start - 1] == "?":
+        if self.source.text[max(0, start - 1) : start] == "?" and not self.source.text[start : start + 1].isspace():
             # libyaml takes the `?` of `{?_knee: 1}` for its mark of a long key, though no space follows
             self.report.add(
                 Code.SYNTAX, "`?` cannot begin a name here", self.source.span(start - 1, start), help="put the name in quotes",

@@ -16,19 +16,19 @@ if TYPE_CHECKING:
 
 
 class PartCode:
-    """The code of parts of one workspace, each read once."""
+    """The code of parts of one workspace, each read once; `sources` are the files."""
 
     def __init__(self, workspace: Workspace, store: Store) -> None:
         self.workspace = workspace
         self.store = store
-        self._sources = Sources(Finder(workspace.parts), store)
+        self.sources = Sources(Finder(workspace.parts), store)
         self._codes: dict[str, Code | None | PartFailure] = {}
         self._known_versions: dict[tuple[str, ...], dict[str, str]] = {}
 
     @property
     def probed(self) -> set[str]:
         """Absolute paths that decided which file a module is, there or not."""
-        return self._sources.finder.probed
+        return self.sources.finder.probed
 
     def code(self, reference: str) -> Code | None | PartFailure:
         """The code of `module:Class`; None for an installed package; or why it may not or cannot be loaded."""
@@ -41,7 +41,7 @@ class PartCode:
         if not colon or not all(part.isidentifier() for part in (*module_name.split("."), *name.split("."))):
             message = f"`{reference}` is no part reference: expected `module:Class`"
             return PartFailure(subject=reference, kind="invalid", message=message)
-        finder = self._sources.finder
+        finder = self.sources.finder
         module = finder.find(module_name)
         top = module_name.partition(".")[0]
         allowed = module.workspace or top in self.workspace.packages
@@ -58,13 +58,13 @@ class PartCode:
             return PartFailure(
                 subject=reference, kind="missing", message=f"there is no module `{module_name}`", candidates=known
             )
-        known, more = defined_in(module_name, self._sources)
+        known, more = defined_in(module_name, self.sources)
         first = name.partition(".")[0]
-        if not more and not binds(module_name, first, self._sources):
+        if not more and not binds(module_name, first, self.sources):
             return PartFailure(
                 subject=reference, kind="missing", message=f"`{module_name}` has no `{first}`", file=module.file, candidates=known
             )
-        return code_of(reference, self._sources)
+        return code_of(reference, self.sources)
 
     def versions(self, code: Code | None) -> dict[str, str]:
         """Versions of everything installed that the code uses (None: of what the workspace allows), and of thingc."""

@@ -11,6 +11,8 @@ recorded is how a file was when it was first met:
 
 Paths inside the workspace are kept relative to it; files elsewhere (a font, a shared library of shapes) by their absolute
 path. Files of installed packages, of Python and of thingc count by version, and files the part wrote itself do not count.
+Neither does how Python and thingc look for modules (the key of the code covers what they find), nor that the folders above
+the workspace are there: with either, a record would be good on one machine only.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ import hashlib
 import os
 import sys
 from collections.abc import Callable, Iterator
+from types import FrameType
 from typing import Any
 
 from thingc.realize.modules import installed_roots
@@ -63,8 +66,10 @@ class Recorder:
         self.workspace = os.path.join(os.path.abspath(workspace), "")
         self.states: dict[str, str] = {}
         own = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-        folders = (*installed_roots(), own, os.path.realpath(own), *excluded, *(os.path.realpath(e) for e in excluded))
+        archives = [entry for entry in sys.path if entry and not os.path.isdir(entry)]  # of Python itself, there or not
+        folders = (*installed_roots(), *archives, own, os.path.realpath(own), *excluded, *(os.path.realpath(e) for e in excluded))
         self._excluded = tuple({os.path.join(folder, "") for folder in folders})
+        self._around = (self.workspace, os.path.join(os.path.realpath(workspace), ""), *self._excluded)
         self._written: set[str] = set()
         self._busy = False
         self._on = False
@@ -86,9 +91,11 @@ class Recorder:
         if not self._on or self._busy:
             return
         full = _absolute(path)
-        if full is None or full in self._written or full.startswith(_NOT_FILES):
+        if full is None or full.startswith(_NOT_FILES) or self._is_own(full):
             return
         if (full + os.sep).startswith(self._excluded):
+            return
+        if not listed and any(folder.startswith(os.path.join(full, "")) for folder in self._around):
             return
         held = self.states.get(full)
         if held is not None and not (listed and held == "folder"):
@@ -99,10 +106,20 @@ class Recorder:
             self.states[full] = state_of(full, listed=listed)
 
     def note_written(self, path: Any) -> None:
-        """The part is about to write a file: reading it back counts for nothing."""
+        """The part is about to write a file or to make a folder: what it reads of that is its own."""
         full = _absolute(path)
-        if full is not None and full not in self.states:
-            self._written.add(full)
+        if full is None or self.states.get(full, "absent") != "absent":
+            return
+        self.states.pop(full, None)  # it was not there because the part had not made it yet
+        self._written.add(full)
+
+    def _is_own(self, path: str) -> bool:
+        """Whether the part wrote this file, or made a folder that it is in."""
+        while path not in self._written:
+            path, below = os.path.dirname(path), path
+            if path == below:
+                return False
+        return True
 
     def reads(self, without: set[str]) -> list[tuple[str, str]]:
         """`(path, state)` of everything read, sorted, except the files `without` (absolute: the code that has a key)."""
@@ -158,8 +175,13 @@ def _hook(event: str, arguments: tuple[Any, ...]) -> None:
         for recorder in _listening:
             recorder.note_written(path) if writes else recorder.note(path)
     elif event in ("os.listdir", "os.scandir"):
+        if _looks_for_modules():
+            return
         for recorder in _listening:
             recorder.note(arguments[0] if arguments[0] is not None else ".", listed=True)
+    elif event == "os.mkdir":
+        for recorder in _listening:
+            recorder.note_written(arguments[0])
     elif event == "sqlite3.connect":
         for recorder in _listening:
             recorder.note(arguments[0])
@@ -174,12 +196,20 @@ def _wrap_looking() -> None:
 def _looking(function: Callable[..., Any]) -> Callable[..., Any]:
     @functools.wraps(function)
     def wrapped(path: Any, *arguments: Any, **options: Any) -> Any:
-        if _listening and options.get("dir_fd") is None:
+        if _listening and options.get("dir_fd") is None and not _looks_for_modules():
             for recorder in _listening:
                 recorder.note(path)
         return function(path, *arguments, **options)
 
     return wrapped
+
+
+def _looks_for_modules() -> bool:
+    """Whether Python's import system or thingc itself asked the function that calls this (`os.path` in between)."""
+    frame: FrameType | None = sys._getframe(2)
+    while frame is not None and frame.f_globals.get("__name__") in ("posixpath", "ntpath", "genericpath", "os", __name__):
+        frame = frame.f_back
+    return frame is not None and str(frame.f_globals.get("__name__")).startswith(("importlib.", "thingc."))
 
 
 # --- the kernel's readers ---------------------------------------------------------------------------------------------

@@ -118,7 +118,7 @@ class GeometryService:
         """`module:Class` of every public class in the part folders and in the allowed packages tracked by content."""
         from thingc.realize.catalogue import classes_in_reach
 
-        return classes_in_reach(self._sources, self.workspace.packages)
+        return classes_in_reach(self._parts.sources, self.workspace.packages)
 
     # --- describe ------------------------------------------------------------------------------------------------
 

@@ -7,13 +7,13 @@ was meant is chosen by what is written there, and only its errors count.
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from pydantic import TypeAdapter, ValidationError
-from pydantic_core import PydanticCustomError
+from pydantic_core import PydanticCustomError, ValidationError
 
 from thingc.diagnostics import Code, Report, did_you_mean, nearest
 from thingc.source import Document, MappingNode, Path, ScalarNode, Span, node_at, walk
@@ -61,12 +61,29 @@ def validate_one(document: Document, report: Report) -> Model | None:
     assert isinstance(plain, dict)
     plain.pop("$schema", None)  # for editors
     empty = _report_empty(document, report)
+    _build(model)
     try:
         spec = model.model_validate(plain, strict=True)
     except ValidationError as error:
         _Reporter(document, report, empty).say(list(_faults(shape_of(model), plain, (), error)))
         return None
     return None if empty else spec
+
+
+def _build(model: type[Model]) -> None:
+    """Build a model's validator at its first use, without pydantic's search for plugins in all installed packages."""
+    if model.__pydantic_complete__:
+        return
+    switch = "PYDANTIC_DISABLE_PLUGINS"
+    before = os.environ.get(switch)
+    os.environ[switch] = "__all__"
+    try:
+        model.model_rebuild()
+    finally:
+        if before is None:
+            del os.environ[switch]
+        else:
+            os.environ[switch] = before
 
 
 def _report_empty(document: Document, report: Report) -> frozenset[Path]:
@@ -128,6 +145,8 @@ def _union_faults(shape: Shape, value: Any, path: Path) -> Iterator[_Fault]:
         except PydanticCustomError as fault:
             yield _Fault(path=path, kind=fault.type, context=dict(fault.context or {}), value=value, shape=branch)
     else:
+        from pydantic import TypeAdapter
+
         try:
             TypeAdapter(branch.annotation).validate_python(value, strict=True)
         except ValidationError as error:
