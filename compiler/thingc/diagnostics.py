@@ -140,7 +140,7 @@ class Code(Enum):
     STRANGERS = ("TC804", "strangers in the build folder", "Move the named files away, or build elsewhere with -o.")
     OUTPUT = ("TC805", "cannot write", "Make room, or choose a folder that can be written with -o or --store.")
     PART_UNREADABLE = ("TC807", "a part file that does not load", "Mend the part file at the line named.")
-    NOT_AN_ASSEMBLY = ("TC806", "not an assembly", "Build the assembly document that uses this one.")
+    INTERNAL = ("TC899", "a defect of thingc", "Report it with the document and what --debug shows.")
 
     def __init__(self, code: str, title: str, cure: str) -> None:
         self.code = code

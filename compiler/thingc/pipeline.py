@@ -124,11 +124,14 @@ class Compilation:
                 return None
         return found
 
-    def run(self, modes: Sequence[str] = ()) -> None:
-        """Every pass up to `root`, for the modes named (none: all). Bad input ends in `report`; raises `UnknownChoice`."""
+    def run(self, modes: Sequence[str] = (), *, kinds: Sequence[str] = ("assembly",)) -> None:
+        """Every pass up to `root`, for the modes named (none: all). Bad input ends in `report`; raises `UnknownChoice`.
+
+        `kinds` are the kinds of document that are welcome; one of materials is only looked through.
+        """
         from thingc.graph import link
         from thingc.load import load
-        from thingc.resolve import part_definitions, resolve
+        from thingc.resolve import part_definitions, resolve, resolve_materials
         from thingc.robot import root
         from thingc.spec import part_references, validate
         from thingc.workspace import Workspace
@@ -137,10 +140,13 @@ class Compilation:
         self.workspace = Workspace.find(self.document, report)
         if self.workspace is None:
             return
-        self.documents = load(self.document, self.workspace, report)
+        self.documents = load(self.document, self.workspace, report, kinds=kinds)
         if self.documents is None:
             return
         specs = validate(self.documents, report)
+        if self.documents.root.kind == "materials":
+            resolve_materials(self.documents, specs, self.workspace, report)
+            return
         references = part_references(specs, self.documents)
         schemas = self.geometry.describe([reference for reference, _ in references])
         model = resolve(self.documents, specs, self.workspace, schemas, self.options.parameters, report)

@@ -7,6 +7,7 @@ folder it wrote) still stands, and no document needs to be parsed.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
@@ -68,18 +69,19 @@ def save(
 
     Without inputs (they changed under the run) nothing is remembered.
     """
+    from thingc.realize.store import StoreUnusable
+
     if inputs is None:
         return
-    store.put_json(
-        "stamp",
-        key,
-        {
-            "fingerprint": fingerprint(),
-            "inputs": dict(inputs),
-            "diagnostics": [_pack(d) for d in diagnostics],
-            "answer": dict(answer),
-        },
-    )
+    kept = {
+        "fingerprint": fingerprint(),
+        "inputs": dict(inputs),
+        "diagnostics": [_pack(d) for d in diagnostics],
+        "answer": dict(answer),
+    }
+    # A store that can only be read makes the next run slower, not this one wrong.
+    with contextlib.suppress(StoreUnusable):
+        store.put_json("stamp", key, kept)
 
 
 def load(store: Store, key: str) -> tuple[list[Diagnostic], dict[str, Any]] | None:

@@ -215,7 +215,8 @@ def readers(module_place: Any, geometry: Path, define: Callable[..., Any]) -> di
     """The readers modelled once; every file of theirs in its first state."""
     module_place.write("parts/readers.py", READERS)
     module_place.write("parts/hidden.py", "SIZE = 4\n")
-    for name, text in {"size.json": "[1, 2, 3]", "asset.json": "[1, 2, 3]", "which.txt": "a.txt", "a.txt": "7", "layers/one": ""}.items():
+    files = {"size.json": "[1, 2, 3]", "asset.json": "[1, 2, 3]", "which.txt": "a.txt", "a.txt": "7", "layers/one": ""}
+    for name, text in files.items():
         module_place.write(f"parts/{name}", text)
     for suffix in ("step", "brep", "stl"):
         (module_place.parts / f"body.{suffix}").write_bytes((geometry / f"5.{suffix}").read_bytes())
@@ -341,7 +342,8 @@ def test_sources_of_other_folders_do_not_get_in_the_way(place: Any, define: Call
     place.write("parts/scipy.py", "raise RuntimeError('not the library')")
     place.write("build123d.py", "raise RuntimeError('the working folder is no place for imports')")
     text = "from build123d import *\nfrom thingc import Thing\nclass A(Thing):\n    def result(self):\n"
-    place.write("parts/arm.py", text + "        import scipy.optimize, sklearn\n        return make_hull(Box(1, 1, 1).edges()) and Box(1, 1, 1)\n")
+    lines = "        import scipy.optimize, sklearn\n        return extrude(make_hull(Rectangle(1, 1).edges()), 1)\n"
+    place.write("parts/arm.py", text + lines)
     monkeypatch.chdir(place.root)
     _, found, _ = realize(place, [define("arm:A")])
     assert isinstance(found["arm:A"], PartRecord), found["arm:A"]
@@ -369,7 +371,7 @@ def test_schemas_are_kept_by_code(place: Any, tmp_path: Path) -> None:
     untouched = Workers(1)
     with place.service() as service:
         first = service.describe(["arm:Base", "arm:Derived"])
-    place.write("parts/arm.py", "# moved\n" + ARM)
+    place.write("parts/arm.py", "\n    # moved" + ARM)
     with place.service(workers=untouched) as service:
         second = service.describe(["arm:Base", "arm:Derived"])
     assert not untouched.running

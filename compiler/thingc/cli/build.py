@@ -15,7 +15,7 @@ from thingc.diagnostics import Code, Diagnostic, Report, Severity, did_you_mean,
 from thingc.emit.artifact import Artifacts, Content, Loss
 from thingc.emit.manifest import Choice, manifest
 from thingc.output import OutputError, verify, write_build
-from thingc.pipeline import Compilation, UnknownChoice
+from thingc.pipeline import Compilation, Options, UnknownChoice
 
 EPILOG = """\
 Everything appears at once in build/NAME/ (or DIR/NAME/), or nothing does. Targets: mjcf (MuJoCo models and scenes, one per
@@ -45,8 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
         common.require_document(arguments.document)
         options = common.options_of(arguments)
         targets = _targets(arguments.emit)
-        with Compilation(arguments.document, options) as compilation:
-            found, answer = _build(arguments, compilation, targets)
+        found, answer = _attempt(arguments, options, targets)
     except (UnknownChoice, OutputError) as fault:
         code = fault.code if isinstance(fault, OutputError) else Code.COMMAND_LINE
         found = [Diagnostic(code=code, severity=Severity.ERROR, message=fault.message, help=fault.hint)]
@@ -59,8 +58,22 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         common.print_text(found, stream=sys.stderr, debug=arguments.debug)
         if answer is not None:
-            _tell(answer)
+            _tell(answer, arguments.document)
     return common.exit_code(found)
+
+
+def _attempt(
+    arguments: argparse.Namespace, options: Options, targets: tuple[str, ...]
+) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:
+    """One build; a second one where a blob of the store turned out to be damaged, for then it has to be made anew."""
+    from thingc.realize.store import BlobMissing
+
+    try:
+        with Compilation(arguments.document, options) as compilation:
+            return _build(arguments, compilation, targets)
+    except BlobMissing:
+        with Compilation(arguments.document, options) as compilation:
+            return _build(arguments, compilation, targets)
 
 
 def _targets(words: Sequence[str]) -> tuple[str, ...]:
@@ -164,7 +177,7 @@ def _write(
     }
 
 
-def _tell(answer: Mapping[str, Any]) -> None:
+def _tell(answer: Mapping[str, Any], document: str) -> None:
     """What happened, for people, on standard error."""
     folder = shown_path(answer["folder"])
     count = len(answer["artifacts"])
@@ -175,4 +188,4 @@ def _tell(answer: Mapping[str, Any]) -> None:
         print(f"{folder}: {count} files; {modelled} parts modelled, {reused} reused", file=sys.stderr)
     for target, number in answer["losses"].items():
         things = "thing" if number == 1 else "things"
-        print(f"{target}: {number} {things} it cannot say: thingc why --losses", file=sys.stderr)
+        print(f"{target}: {number} {things} it cannot say: thingc why --losses {document}", file=sys.stderr)

@@ -65,7 +65,7 @@ def check(document: str, options: Options, *, strict: bool = False) -> list[Diag
         earlier = stamp.load(compilation.store, key)
         if earlier is not None:
             return earlier[0]
-        compilation.run()
+        compilation.run(kinds=("assembly", "materials"))
         found = common.final(compilation.report, strict=strict)
         if not compilation.report.failed:
             stamp.save(compilation.store, key, compilation.inputs(), found, {})

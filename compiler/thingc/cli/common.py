@@ -148,4 +148,24 @@ def exit_code(diagnostics: Sequence[Diagnostic]) -> int:
     return 1 if errors else 0
 
 
+def of_exception(fault: Exception) -> Diagnostic:
+    """What to say of an exception that reached the command line: the system's refusals in words, else that thingc has failed."""
+    from thingc.realize.store import StoreUnusable
+
+    if isinstance(fault, StoreUnusable):
+        return Diagnostic(
+            code=Code.OUTPUT, severity=Severity.ERROR, message=f"the store `{fault.root}` cannot be used: {fault.reason}",
+            help="choose a folder that can be written with --store or THINGC_STORE",
+        )
+    if isinstance(fault, OSError) and fault.filename is not None:
+        return Diagnostic(
+            code=Code.OUTPUT, severity=Severity.ERROR, message=f"`{fault.filename}`: {fault.strerror or fault}",
+        )
+    words = " ".join(str(fault).split())
+    return Diagnostic(
+        code=Code.INTERNAL, severity=Severity.ERROR, message=f"thingc itself failed: {type(fault).__name__}: {words}",
+        help="this is a defect of thingc, not of your document; please report it with what --debug shows",
+    )
+
+
 USAGE_CODES = frozenset({Code.COMMAND_LINE, Code.NO_DOCUMENT, Code.PARAMETER_OPTION, Code.STRANGERS, Code.OUTPUT})

@@ -76,6 +76,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("interrupted; nothing was written", file=sys.stderr)
         return 130
+    except Exception as fault:
+        if getattr(options, "debug", False):
+            raise
+        from thingc.cli import common
+
+        diagnostic = common.of_exception(fault)
+        if getattr(options, "format", "text") == "json":
+            common.print_json([diagnostic])
+        else:
+            common.print_text([diagnostic], stream=sys.stderr, debug=False)
+        return common.exit_code([diagnostic])
     return code
 
 

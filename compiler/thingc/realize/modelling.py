@@ -13,7 +13,7 @@ from thingc.realize import convert, meshing
 from thingc.realize.colors import hexadecimal, named
 from thingc.realize.fits import fit_all
 from thingc.realize.measure import Measures, measure, solids_of
-from thingc.realize.part_files import read_part
+from thingc.realize.part_files import kernel_shape, read_part
 from thingc.realize.record import (
     Actuator,
     Expectation,
@@ -143,7 +143,7 @@ def _shapes(method: Callable[[], Any], name: str) -> tuple[Any, ...]:
     except TypeError as fault:
         raise NoPart("invalid", f"{name}() must return a build123d shape, several, or None: {fault}") from None
     for shape in shapes:
-        if shape.wrapped is None:
+        if kernel_shape(shape) is None:
             raise NoPart("empty", f"{name}() returned an empty {type(shape).__name__}")
     return shapes
 

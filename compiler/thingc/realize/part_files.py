@@ -40,6 +40,15 @@ def read_part(path: str) -> tuple[list[TopoDS_Shape], str | None]:
     raise BadPartFile(f"`{suffix or path}` is no format of parts: use {', '.join(SUFFIXES)}")
 
 
+def kernel_shape(shape: Any) -> TopoDS_Shape | None:
+    """The kernel's shape in a build123d shape, or None where it is empty."""
+    try:
+        wrapped: TopoDS_Shape | None = shape.wrapped
+    except (AssertionError, AttributeError, ValueError):  # what build123d does of an empty shape
+        return None
+    return None if wrapped is None or wrapped.IsNull() else wrapped
+
+
 def _from_step(path: str) -> tuple[list[TopoDS_Shape], str | None]:
     from build123d import import_step
 
@@ -49,23 +58,23 @@ def _from_step(path: str) -> tuple[list[TopoDS_Shape], str | None]:
         whole = import_step(path)
     except Exception as fault:
         raise BadPartFile(f"not a STEP file that the kernel can read ({fault})") from fault
-    if whole.wrapped is None:
+    shape = kernel_shape(whole)
+    if shape is None:
         raise BadPartFile("the STEP file holds no shape")
     colors = {hexadecimal(node.color) for node in (whole, *whole.descendants) if getattr(node, "color", None) is not None}
-    return [whole.wrapped], colors.pop() if len(colors) == 1 else None
+    return [shape], colors.pop() if len(colors) == 1 else None
 
 
 def _from_brep(path: str) -> TopoDS_Shape:
     from build123d import import_brep
 
     try:
-        shape: Any = import_brep(path)
+        shape = kernel_shape(import_brep(path))
     except Exception as fault:
         raise BadPartFile(f"not a BREP file that the kernel can read ({fault})") from fault
-    if shape is None or shape.wrapped is None:
+    if shape is None:
         raise BadPartFile("the BREP file holds no shape")
-    found: TopoDS_Shape = shape.wrapped
-    return found
+    return shape
 
 
 def _from_stl(path: str) -> Triangles:

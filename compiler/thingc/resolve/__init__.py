@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from thingc.spec.materials import MaterialsSpec
     from thingc.workspace import Workspace
 
-__all__ = ["part_definitions", "resolve"]
+__all__ = ["part_definitions", "resolve", "resolve_materials"]
 
 
 def resolve(
@@ -41,6 +41,17 @@ def resolve(
     context.nesting.append(root.relative)
     given = from_command_line(context, root, spec, parameters)
     return resolved(context, root.relative, spec, given, top=True).definition
+
+
+def resolve_materials(
+    documents: Documents, specs: Mapping[str, AssemblySpec | MaterialsSpec], workspace: Workspace, report: Report
+) -> None:
+    """Report what is wrong with a `materials/1` document that is checked by itself."""
+    from thingc.resolve.materials import of_document
+    from thingc.resolve.table import Context
+
+    context = Context(documents=documents, specs=specs, workspace=workspace, schemas={}, report=report)
+    of_document(context, documents.root)
 
 
 def part_definitions(model: AssemblyDefinition) -> tuple[PartDefinition, ...]:

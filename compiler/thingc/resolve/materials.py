@@ -32,7 +32,7 @@ def in_scope(context: Context, scope: Scope, spec: AssemblySpec) -> dict[str, Ma
         if document is None or document.relative in seen:
             continue
         seen.add(document.relative)
-        for name, entry in _of_document(context, document).items():
+        for name, entry in of_document(context, document).items():
             first = known.setdefault(name, entry)
             if first is not None and entry is not None and first is not entry:
                 context.report.add(
@@ -54,7 +54,8 @@ def unreadable(context: Context, scope: Scope, spec: AssemblySpec) -> bool:
     return any(document is None or not isinstance(context.specs.get(document.relative), MaterialsSpec) for document in named)
 
 
-def _of_document(context: Context, document: Document) -> dict[str, Material | None]:
+def of_document(context: Context, document: Document) -> dict[str, Material | None]:
+    """The materials of a `materials/1` document by name, worked out once per run; none where the document was wrong."""
     known = context.materials.get(document.relative)
     if known is None:
         known = context.materials[document.relative] = {}

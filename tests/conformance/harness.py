@@ -1,0 +1,97 @@
+"""thingc as people use it: a process of its own, and the files that it leaves."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import subprocess
+import sys
+import textwrap
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[2]
+COMMAND = (sys.executable, "-m", "thingc")
+TIMEOUT = 300.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ran:
+    """How a command ended."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def answer(self) -> dict[str, Any]:
+        """Its standard output as JSON."""
+        found: dict[str, Any] = json.loads(self.out)
+        return found
+
+
+def environment(store: str | Path, **more: str) -> dict[str, str]:
+    """This process's environment with the store of the test."""
+    return {**os.environ, "THINGC_STORE": str(store), **more}
+
+
+def thingc(*words: str | Path, store: str | Path, cwd: str | Path = ROOT, more: Mapping[str, str] | None = None) -> Ran:
+    """Run one command to its end."""
+    done = subprocess.run(
+        [*COMMAND, *map(str, words)], cwd=cwd, env=environment(store, **(more or {})), capture_output=True, text=True,
+        timeout=TIMEOUT, check=False,
+    )
+    return Ran(code=done.returncode, out=done.stdout, err=done.stderr)
+
+
+def build(document: str | Path, *words: str | Path, store: str | Path, cwd: str | Path = ROOT, **options: Any) -> dict[str, Any]:
+    """`thingc build`, which must succeed and have nothing to say: its JSON answer."""
+    ran = thingc("build", document, "--format", "json", *words, store=store, cwd=cwd, **options)
+    assert ran.code == 0, ran.out + ran.err
+    assert ran.answer["diagnostics"] == []
+    return ran.answer
+
+
+def tree(folder: str | Path) -> dict[str, bytes]:
+    """Every file below a folder, by its path with `/`."""
+    base = Path(folder)
+    return {path.relative_to(base).as_posix(): path.read_bytes() for path in sorted(base.rglob("*")) if path.is_file()}
+
+
+def write(folder: str | Path, files: Mapping[str, str | bytes]) -> Path:
+    """A workspace in `folder`: texts have their common indentation taken off; a `thingc.toml` where none is given."""
+    base = Path(folder)
+    settings = {"thingc.toml": 'thingc = "workspace/1"\nparts = ["parts"]\n'}
+    for name, content in {**settings, **files}.items():
+        path = base / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if isinstance(content, bytes):
+            path.write_bytes(content)
+        else:
+            path.write_text(textwrap.dedent(content))
+    return base
+
+
+def replace(path: Path, old: str, new: str) -> None:
+    """Edit a file: `old` must be there once."""
+    text = path.read_text()
+    assert text.count(old) == 1, (path, old, text.count(old))
+    path.write_text(text.replace(old, new))
+
+
+def processes(mark: str) -> list[str]:
+    """Command lines of living processes (not this one) with `mark` in their command line or environment."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        if not entry.name.isdigit() or int(entry.name) == os.getpid():
+            continue
+        with contextlib.suppress(OSError):
+            if (entry / "stat").read_text().rpartition(")")[2].split()[0] == "Z":
+                continue
+            words = (entry / "cmdline").read_bytes()
+            if mark.encode() in words or mark.encode() in (entry / "environ").read_bytes():
+                found.append(words.replace(b"\0", b" ").decode("utf-8", "replace"))
+    return found

@@ -1,0 +1,287 @@
+"""The arm's models as MuJoCo reads them from disk: poses, masses and dynamics do not depend on the root."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from itertools import permutations
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+import thingc
+from conformance import simulation as sim
+from conformance.conftest import ARM
+from conformance.harness import ROOT
+from conformance.harness import thingc as run
+
+MODES = {"bench": "base_link", "drawing": "hand_link", "adrift": "bracket"}
+"""Mode to the link that it holds."""
+
+LIMITS = {"yaw": (-150, 150), "shoulder": (-170, 10), "elbow": (-130, 130), "wrist": (-90, 90)}
+HOME = {"yaw": 30, "shoulder": -60, "elbow": 120, "wrist": -30}
+POSES = {"home": HOME, "stretched": dict.fromkeys(HOME, 0), "folded": {**dict.fromkeys(HOME, 0), "shoulder": -150, "elbow": 125}}
+"""As in assemblies/arm.yaml [deg]."""
+
+Array = sim.Array
+
+
+@pytest.fixture(scope="module")
+def models(arm: Path) -> dict[str, mujoco.MjModel]:
+    return {mode: mujoco.MjModel.from_xml_path(str(arm / "mjcf" / f"arm_{mode}.xml")) for mode in MODES}
+
+
+def angles(source: np.random.Generator) -> dict[str, float]:
+    """Somewhere within the limits [rad]."""
+    return {name: np.radians(source.uniform(*limits)) for name, limits in LIMITS.items()}
+
+
+READERS: dict[str, Callable[[Path, str], mujoco.MjModel]] = {
+    "xml": lambda folder, mode: mujoco.MjModel.from_xml_path(str(folder / f"arm_{mode}.xml")),
+    "scene": lambda folder, mode: mujoco.MjModel.from_xml_path(str(folder / f"scene_{mode}.xml")),
+    "mjz": lambda folder, mode: mujoco.MjSpec.from_file(str(folder / f"arm_{mode}.mjz")).compile(),
+}
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("file", READERS)
+def test_every_file_loads_and_steps_without_a_warning(arm: Path, tmp_path: Path, file: str, mode: str) -> None:
+    with sim.no_warning(tmp_path):
+        model = READERS[file](arm / "mjcf", mode)
+        assert (model.nkey, model.njnt, model.nu) == (3, 4 + (mode == "adrift"), 4)
+        data = mujoco.MjData(model)
+        for key in range(model.nkey):
+            mujoco.mj_resetDataKeyframe(model, data, key)
+            for _ in range(100):
+                mujoco.mj_step(model, data)
+            assert np.isfinite(data.qpos).all() and np.isfinite(data.qvel).all()
+            assert not data.warning.number.any()
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_scene_and_archive_hold_the_same_robot(arm: Path, mode: str) -> None:
+    xml, scene, mjz = (READERS[file](arm / "mjcf", mode) for file in READERS)
+    assert (scene.nbody, scene.nq, scene.ngeom) == (xml.nbody, xml.nq, xml.ngeom + 1)
+    assert mjz.nbody == xml.nbody and mjz.ngeom == xml.ngeom
+    for other in (scene, mjz):
+        np.testing.assert_array_equal(other.body_mass, xml.body_mass)
+        np.testing.assert_array_equal(other.body_inertia, xml.body_inertia)
+        np.testing.assert_array_equal(other.key_qpos, xml.key_qpos)
+        np.testing.assert_array_equal(other.jnt_pos, xml.jnt_pos)
+
+
+@pytest.fixture(scope="module")
+def info(arm: Path, shared_store: str) -> dict[str, Any]:
+    ran = run("info", ARM, "--format", "json", store=shared_store)
+    assert ran.code == 0
+    return ran.answer
+
+
+@pytest.fixture(scope="module")
+def compiled(arm: Path, shared_store: str) -> thingc.Compiled:
+    return thingc.compile(str(ROOT / ARM), store=shared_store)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_mass_and_inertia_are_those_of_info_and_of_the_api(
+    models: dict[str, mujoco.MjModel], info: dict[str, Any], compiled: thingc.Compiled, mode: str
+) -> None:
+    model = models[mode]
+    data = sim.at(model, dict.fromkeys(HOME, 0.0))
+    mass, centre, inertia = sim.whole(model, data, sim.parts(model, data)["plate"])
+    for said in (
+        (info["mass"], info["centre"], info["inertia"]),
+        (compiled.properties.mass, compiled.properties.centre, compiled.properties.inertia),
+    ):
+        assert mass == pytest.approx(said[0], rel=1e-12)
+        np.testing.assert_allclose(centre, said[1], rtol=0, atol=1e-9 * np.linalg.norm(centre))
+        np.testing.assert_allclose(inertia, said[2], rtol=0, atol=1e-9 * np.linalg.norm(inertia))
+    assert mass == pytest.approx(sum(o["mass"] for o in info["occurrences"]), rel=1e-12)
+    per_link = {name: sum(o["mass"] for o in info["occurrences"] if o["link"] == name) for name in sim.links(model)}
+    assert per_link == {name: pytest.approx(sim.inertia_of(model, name)[0], rel=1e-12) for name in per_link}
+
+
+def test_a_link_is_the_same_body_in_every_mode(models: dict[str, mujoco.MjModel]) -> None:
+    """To the bit: mass, centre, inertia and geometry are in the link's own frame."""
+    bench = models["bench"]
+    names = sim.links(bench)
+    for model in models.values():
+        assert sim.links(model) == names and sim.joints(model) == sim.joints(bench)
+        for name in names:
+            one, other = bench.body(name), model.body(name)
+            for field in ("mass", "ipos", "iquat", "inertia"):
+                np.testing.assert_array_equal(getattr(one, field), getattr(other, field))
+        for name in (bench.geom(i).name for i in range(bench.ngeom)):
+            np.testing.assert_array_equal(bench.geom(name).pos, model.geom(name).pos)
+            np.testing.assert_array_equal(bench.geom(name).quat, model.geom(name).quat)
+
+
+def test_at_rest_every_part_stands_where_the_api_says(models: dict[str, mujoco.MjModel], compiled: thingc.Compiled) -> None:
+    assembly = compiled.assembly
+    for model in models.values():
+        data = sim.at(model, dict.fromkeys(HOME, 0.0))
+        found = sim.parts(model, data)
+        assert set(found) == {o.path for o in assembly.occurrences} - {"bus_board"}
+        back = np.linalg.inv(found["plate"])
+        for occurrence in assembly.occurrences:
+            if occurrence.path in found:
+                expected = np.array(assembly.rest[occurrence.index].rows())
+                np.testing.assert_allclose(back @ found[occurrence.path], expected, rtol=0, atol=1e-10)
+
+
+def test_poses_of_all_occurrences_agree_in_all_modes(models: dict[str, mujoco.MjModel]) -> None:
+    """Relative to the pen, of every part and every site that two modes have in common, for joints and bases anywhere."""
+    source = np.random.default_rng(20)
+    for _ in range(20):
+        q = angles(source)
+        seen: dict[str, dict[str, Array]] = {}
+        for mode, model in models.items():
+            found = sim.frames(model, sim.at(model, q, None if mode == "bench" else sim.random_pose(source)))
+            back = np.linalg.inv(found["hand/pen"])
+            seen[mode] = {name: back @ X for name, X in found.items()}
+        for mode in ("drawing", "adrift"):
+            assert set(seen[mode]) == set(seen["bench"]) and len(seen["bench"]) > 25
+            for name, X in seen[mode].items():
+                np.testing.assert_allclose(X, seen["bench"][name], rtol=0, atol=1e-9, err_msg=name)
+
+
+def test_kinematics_of_modes_json(arm: Path, models: dict[str, mujoco.MjModel]) -> None:
+    """X_PL(q) = X_PJ motion(q) inv(X_PJ) X_PL(0), as it says, gives MuJoCo's poses of links."""
+    described = json.loads((arm / "modes.json").read_text())
+    source = np.random.default_rng(3)
+    for mode, model in models.items():
+        tree, q = described[mode], angles(source)
+        assert tree["links"][0]["name"] == MODES[mode] and [j["name"] for j in tree["joints"] if j["reversed"]] == {
+            "bench": [], "drawing": ["wrist", "elbow", "shoulder", "yaw"], "adrift": ["yaw"]}[mode]
+        rest = {link["name"]: np.array(link["X_root_link"]) for link in tree["links"]}
+        data = sim.at(model, q)
+        expected = {tree["links"][0]["name"]: np.eye(4)}
+        for joint in tree["joints"]:
+            assert data.joint(joint["name"]).qpos[0] == data.qpos[joint["qpos"]]
+            assert model.joint(joint["name"]).dofadr[0] == joint["dof"]
+            axis, frame = np.array(joint["axis"]), np.array(joint["X_PJ"])
+            angle = q[joint["name"]]
+            motion = sim.pose(np.zeros(3), sim.turned(np.array([np.cos(angle / 2), *(np.sin(angle / 2) * axis)])))
+            parent, child = joint["parent"], joint["child"]
+            zero = np.linalg.inv(rest[parent]) @ rest[child]
+            expected[child] = expected[parent] @ frame @ motion @ np.linalg.inv(frame) @ zero
+        body = {name: sim.pose(data.body(name).xpos, data.body(name).xmat) for name in expected}
+        back = np.linalg.inv(body[MODES[mode]])
+        for name, X in expected.items():
+            np.testing.assert_allclose(back @ body[name], X, rtol=0, atol=1e-10)
+
+
+def gravity_seen_from(model: mujoco.MjModel, q: dict[str, float], link: str, base: Array) -> Array:
+    data = sim.at(model, q, base)
+    found: Array = data.body(link).xmat.reshape(3, 3).T @ model.opt.gravity
+    return found
+
+
+def relative(one: Array, other: Array) -> float:
+    """The largest difference over the largest entry."""
+    return float(np.abs(one - other).max() / max(np.abs(one).max(), np.abs(other).max()))
+
+
+def test_dynamics_with_a_link_held_still_are_those_of_its_mode(models: dict[str, mujoco.MjModel]) -> None:
+    """MuJoCo's own mass matrix and gravity torque of each mode, against those worked out from every mode's bodies with the
+    same link held still."""
+    source = np.random.default_rng(9)
+    for _ in range(5):
+        q = angles(source)
+        for mode, model in models.items():
+            base = sim.random_pose(source) if mode != "bench" else np.eye(4)
+            matrix, torque = sim.own_dynamics(model, q, base)
+            gravity = gravity_seen_from(model, q, MODES[mode], base)
+            for other in models.values():
+                elsewhere = sim.held(other, q, MODES[mode], gravity, sim.random_pose(source))
+                assert relative(matrix, elsewhere[0]) < 1e-9
+                assert relative(torque, elsewhere[1]) < 1e-9
+
+
+def test_dynamics_with_any_link_held_still_are_the_same_from_every_mode(models: dict[str, mujoco.MjModel]) -> None:
+    source = np.random.default_rng(10)
+    for link in sim.links(models["bench"]):
+        q, gravity = angles(source), source.normal(size=3)
+        (M, tau), *others = (sim.held(model, q, link, gravity, sim.random_pose(source)) for model in models.values())
+        for matrix, torque in others:
+            assert relative(M, matrix) < 1e-9 and relative(tau, torque) < 1e-9
+
+
+def test_modes_that_hold_different_links_have_other_dynamics(models: dict[str, mujoco.MjModel]) -> None:
+    q = {name: float(np.radians(angle)) for name, angle in HOME.items()}
+    for one, other in permutations(MODES, 2):
+        M, tau = sim.own_dynamics(models[one], q, np.eye(4))
+        gravity = gravity_seen_from(models[one], q, MODES[one], np.eye(4))
+        matrix, torque = sim.held(models[other], q, MODES[other], gravity, np.eye(4))
+        assert relative(M, matrix) > 1e-3 and relative(tau, torque) > 1e-2, (one, other)
+
+
+def test_bench_stands_upright(models: dict[str, mujoco.MjModel]) -> None:
+    model = models["bench"]
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("home").id)
+    mujoco.mj_forward(model, data)
+    np.testing.assert_allclose(data.joint("yaw").xaxis, [0, 0, 1], atol=1e-12)
+    placed = sim.parts(model, data)
+    np.testing.assert_allclose(placed["plate"], np.eye(4), atol=1e-12)
+    assert data.site("tip").xpos[2] > vertices(model, "plate")[:, 2].min() + 0.005, "above the plate's upper face"
+    assert np.hypot(*data.site("tip").xpos[:2]) > 0.05, "not inside the base"
+
+
+def vertices(model: mujoco.MjModel, part: str) -> Array:
+    """The points of a part's mesh in its own frame."""
+    mesh = model.geom(part).dataid[0]
+    start, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+    found: Array = model.mesh_vert[start : start + count] @ sim.turned(model.mesh_quat[mesh]).T + model.mesh_pos[mesh]
+    return found
+
+
+def test_drawing_holds_the_pen_upright_on_the_paper(models: dict[str, mujoco.MjModel]) -> None:
+    """A mount root is mated to the world: the tip's outward z points down, its origin is the world's."""
+    model = models["drawing"]
+    for key in range(model.nkey):
+        data = mujoco.MjData(model)
+        mujoco.mj_resetDataKeyframe(model, data, key)
+        mujoco.mj_forward(model, data)
+        mate = np.array([[0, -1, 0, 0], [-1, 0, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]])
+        np.testing.assert_allclose(sim.frames(model, data)["site hand/tip"], mate, atol=1e-12)
+    assert model.nmocap == 1 and model.body("hand_link").mocapid[0] == 0
+
+
+def test_adrift_floats_where_its_mode_puts_it(models: dict[str, mujoco.MjModel]) -> None:
+    model = models["adrift"]
+    assert model.joint("root").type == mujoco.mjtJoint.mjJNT_FREE
+    for key in range(model.nkey):
+        np.testing.assert_allclose(model.key_qpos[key][:7], [0, 0, 0.3, 1, 0, 0, 0], atol=1e-15)
+    data = sim.at(model, dict.fromkeys(HOME, 0.0))
+    np.testing.assert_allclose(sim.parts(model, data)["bracket"][:3, 3], [0, 0, 0.3], atol=1e-12)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_keyframes_are_the_poses_of_the_document(models: dict[str, mujoco.MjModel], mode: str) -> None:
+    model = models[mode]
+    assert [model.key(i).name for i in range(model.nkey)] == ["home", "stretched", "folded"]
+    for name, q in POSES.items():
+        for joint, angle in q.items():
+            assert model.key(name).qpos[model.joint(joint).qposadr[0]] == pytest.approx(np.radians(angle), abs=1e-15)
+            assert model.key(name).ctrl[model.actuator(joint).id] == pytest.approx(np.radians(angle), abs=1e-15)
+    for joint, limits in LIMITS.items():
+        np.testing.assert_allclose(model.joint(joint).range, np.radians(limits), rtol=1e-15)
+    assert not model.qpos0[-4:].any()
+
+
+def test_the_same_pairs_are_excluded_in_every_mode(models: dict[str, mujoco.MjModel]) -> None:
+    expected = {
+        frozenset(pair) for pair in (
+            ("base_link", "bracket"), ("bracket", "humerus"), ("humerus", "forearm"), ("forearm", "hand_link"),
+        )
+    }
+    for model in models.values():
+        found = [
+            frozenset((model.body(int(signature) >> 16).name, model.body(int(signature) & 0xFFFF).name))
+            for signature in model.exclude_signature
+        ]
+        assert len(found) == 4 and set(found) == expected

@@ -1,0 +1,253 @@
+"""Parts that fail, each in its own way: the others are made, and the failure names a line of the part file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from thingc.realize.client import Workers
+from thingc.realize.record import PartFailure, PartRecord
+
+BAD = """\
+from build123d import *
+from thingc import Length, MountPoint, Thing
+import helper
+
+class Good(Thing):
+    def result(self):
+        return Box(1, 2, 3)
+
+class Raises(Thing):
+    def __init__(self, width: Length = 3):
+        super().__init__()
+        helper.check(width)
+
+class RaisesInResult(Thing):
+    def result(self):
+        assert 1 > 2, "one is not above two"
+
+class Hangs(Thing):
+    def __init__(self):
+        super().__init__()
+        while True:
+            pass
+
+class Segfaults(Thing):
+    def __init__(self):
+        super().__init__()
+        import ctypes
+        ctypes.string_at(0)
+
+class Leaves(Thing):
+    def __init__(self):
+        super().__init__()
+        import os
+        os._exit(0)
+
+class Exits(Thing):
+    def __init__(self):
+        super().__init__()
+        raise SystemExit(3)
+
+class Flat(Thing):
+    def result(self):
+        return Rectangle(10, 10)
+
+class Nothing(Thing):
+    def result(self):
+        return Part()
+
+class Number(Thing):
+    def result(self):
+        return 5
+
+class Kernel(Thing):
+    def result(self):
+        return fillet(Box(1, 1, 1).edges(), 5)
+
+class Warns(Thing):
+    def result(self):
+        import warnings
+        warnings.warn("too thin to print")
+        print("to nobody")
+        return Box(1, 1, 1)
+
+class BadMass(Thing):
+    def result(self):
+        return Box(1, 1, 1)
+
+    def mass(self):
+        return -1
+
+class Recursion(Thing):
+    def result(self):
+        return self.result()
+
+class Annotated(Thing):
+    def __init__(self, *many):
+        super().__init__()
+
+not_a_part = 5
+"""
+HELPER = "def check(width):\n    if width > 2:\n        raise ValueError(f'{width} mm is too wide')\n"
+NAMES = (
+    "Good", "Raises", "RaisesInResult", "Segfaults", "Leaves", "Exits", "Flat", "Nothing", "Number", "Kernel", "Warns", "BadMass",
+    "Recursion",
+)
+EXPECTED = {
+    # class: kind, message, file, line (None: of no importance)
+    "Raises": ("raised", "ValueError: 3.0 mm is too wide", "helper.py", 3),
+    "RaisesInResult": ("raised", "AssertionError: one is not above two", "bad.py", 16),
+    "Segfaults": ("crashed", "killed by SIGSEGV", "bad.py", 28),
+    "Leaves": ("crashed", "it ended the interpreter with exit status 0", None, None),
+    "Exits": ("raised", "SystemExit: 3", "bad.py", 39),
+    "Flat": ("empty", "result() holds no solid, only compound: zero volume", None, None),
+    "Nothing": ("empty", "result() returned an empty Part", None, None),
+    "Number": ("invalid", "result() must return a build123d shape, several, or None: expected a build123d shape, found 5", None, None),
+    "Kernel": ("raised", None, "bad.py", 55),
+    "BadMass": ("raised", "ValueError: mass() of `BadMass` must be positive, found -1", None, None),
+    "Recursion": ("raised", "RecursionError: maximum recursion depth exceeded", "bad.py", 73),
+}
+
+
+@pytest.fixture(scope="module")
+def failures(module_place: Any, define: Callable[..., Any]) -> dict[str, Any]:
+    """All of them, in one run."""
+    module_place.write("parts/bad.py", BAD)
+    module_place.write("parts/helper.py", HELPER)
+    with module_place.service() as service:
+        found = service.realize([define(f"bad:{name}") for name in NAMES])
+    return {text.partition(":")[2]: answer for text, answer in found.items()}
+
+
+@pytest.mark.parametrize("name", sorted(EXPECTED))
+def test_each_in_its_own_way(failures: dict[str, Any], module_place: Any, name: str) -> None:
+    kind, message, file, line = EXPECTED[name]
+    failure = failures[name]
+    assert isinstance(failure, PartFailure)
+    assert failure.subject == f"bad:{name}"
+    assert failure.kind == kind
+    assert message is None or failure.message == message
+    if file is not None:
+        assert failure.file == str(module_place.parts / file)
+        assert failure.line == line
+    if kind == "raised":
+        assert failure.detail is not None
+        assert "Traceback" in failure.detail
+
+
+def test_the_others_are_made(failures: dict[str, Any]) -> None:
+    assert isinstance(failures["Good"], PartRecord)
+    assert failures["Good"].volume == pytest.approx(6e-9, rel=1e-12)
+    assert failures["Good"].warnings == ()
+
+
+def test_warnings_name_their_line(failures: dict[str, Any], module_place: Any) -> None:
+    (warning,) = failures["Warns"].warnings
+    assert (warning.message, warning.file, warning.line) == ("too thin to print", str(module_place.parts / "bad.py"), 60)
+
+
+def test_failures_that_do_not_depend_on_the_day_are_kept(failures: dict[str, Any], module_place: Any, define: Any) -> None:
+    with module_place.service() as service:
+        service.realize([define(f"bad:{name}") for name in NAMES])
+        assert sorted(service.modelled) == ["bad:Leaves", "bad:Segfaults"]
+
+
+def test_a_kept_failure_follows_its_line(failures: dict[str, Any], module_place: Any, define: Any) -> None:
+    module_place.write("parts/bad.py", "# moved\n" + BAD)
+    try:
+        with module_place.service() as service:
+            failure = service.realize([define("bad:RaisesInResult")])["bad:RaisesInResult"]
+    finally:
+        module_place.write("parts/bad.py", BAD)
+    assert isinstance(failure, PartFailure)
+    assert failure.line == 17
+
+
+def test_a_hang_ends_one_child_only(module_place: Any, define: Callable[..., Any]) -> None:
+    module_place.write("parts/bad.py", BAD)
+    module_place.write("parts/helper.py", HELPER)
+    with module_place.service(timeout=1.5) as service:
+        found = service.realize([define("bad:Hangs"), define("bad:Good")])
+    failure = found["bad:Hangs"]
+    assert isinstance(failure, PartFailure)
+    assert (failure.kind, failure.message) == ("hung", "it was not done after 1.5 s")
+    assert failure.file == str(module_place.parts / "bad.py")
+    assert failure.line in (21, 22)
+    assert isinstance(found["bad:Good"], PartRecord)
+
+
+def test_descriptions(failures: dict[str, Any], module_place: Any) -> None:
+    module_place.write("parts/broken.py", "class A:\n    x = (\n")
+    module_place.write("parts/dies.py", "import os\nfrom thingc import Thing\nclass A(Thing): pass\nclass B(Thing): pass\nos._exit(1)\n")
+    module_place.write("parts/needs.py", "import not_there\nclass A: pass\n")
+    asked = [
+        "bad:Good", "bad:not_a_part", "bad:Annotated", "bad:Goood", "broken:A", "dies:A", "dies:B", "needs:A", "os:path",
+        "nowhere:A", "Good", "bad.py:Good",
+    ]
+    with module_place.service() as service:
+        found = service.describe(asked)
+    kinds = {name: answer.kind for name, answer in found.items()}
+    assert kinds == {
+        "bad:Good": "thing", "bad:not_a_part": "invalid", "bad:Annotated": "invalid", "bad:Goood": "missing", "broken:A": "raised",
+        "dies:A": "crashed", "dies:B": "crashed", "needs:A": "raised", "os:path": "refused", "nowhere:A": "missing",
+        "Good": "invalid", "bad.py:Good": "missing",
+    }
+    broken = found["broken:A"]
+    assert isinstance(broken, PartFailure)
+    assert (broken.message, broken.file, broken.line) == ("SyntaxError: '(' was never closed", str(module_place.parts / "broken.py"), 2)
+    needs = found["needs:A"]
+    assert isinstance(needs, PartFailure)
+    assert needs.message == "ModuleNotFoundError: No module named 'not_there'"
+    nowhere = found["nowhere:A"]
+    assert isinstance(nowhere, PartFailure)
+    assert "bad" in nowhere.candidates
+
+
+def test_refused_before_anything_is_imported(place: Any, define: Callable[..., Any], tmp_path: Any) -> None:
+    place.write("elsewhere/evil.py", f"open({str(tmp_path / 'ran')!r}, 'w')\nclass A: pass\n")
+    untouched = Workers(1)
+    with place.service(workers=untouched) as service:
+        found = service.realize([define("subprocess:Popen"), define("evil:A"), define("numpy:ndarray")])
+        assert service.describe(["shutil:rmtree"])["shutil:rmtree"].kind == "refused"
+    assert [answer.kind for answer in found.values()] == ["refused", "missing", "refused"]
+    assert not untouched.running
+    assert not (tmp_path / "ran").exists()
+
+
+def test_a_kernel_that_does_not_load(place: Any, define: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:
+    import thingc.realize.client as client
+
+    (tmp_path / "build123d.py").write_text("raise ImportError('no kernel on this machine')")
+    environment = client.environment()
+    shadowed = {**environment, "PYTHONPATH": f"{tmp_path}:{environment.get('PYTHONPATH', '')}"}
+    monkeypatch.setattr(client, "environment", lambda: shadowed)
+    place.write("parts/arm.py", "from thingc import Thing\nclass A(Thing): pass\n")
+    with place.service(workers=None) as service:
+        failure = service.realize([define("arm:A")])["arm:A"]
+    assert isinstance(failure, PartFailure)
+    assert (failure.kind, failure.message) == (
+        "crashed", "the CAD kernel does not load: ImportError: no kernel on this machine",
+    )
+
+
+def test_without_fork(place: Any, define: Callable[..., Any]) -> None:
+    place.write("parts/bad.py", BAD)
+    place.write("parts/helper.py", HELPER)
+    inline = Workers(2, forking=False)
+    try:
+        with place.service(workers=inline, timeout=3.0) as service:
+            names = ("Good", "Raises", "Hangs", "Leaves", "Warns")
+            found = service.realize([define(f"bad:{name}") for name in names])
+            assert {text.partition(":")[2]: getattr(answer, "kind", "record") for text, answer in found.items()} == {
+                "Good": "record", "Raises": "raised", "Hangs": "hung", "Leaves": "crashed", "Warns": "record",
+            }
+        place.write("parts/bad.py", BAD.replace("Box(1, 2, 3)", "Box(1, 2, 4)"))
+        with place.service(workers=inline) as service:
+            again = service.realize([define("bad:Good")])["bad:Good"]
+        assert isinstance(again, PartRecord)
+        assert again.volume == pytest.approx(8e-9, rel=1e-12)
+    finally:
+        inline.close()

@@ -1,0 +1,131 @@
+"""The store: whole or absent, whatever happens to its files; and unusable in words."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from thingc.realize.store import BlobMissing, Store, StoreUnusable, default_root
+
+
+def test_blobs_by_content(tmp_path: Path) -> None:
+    store = Store(str(tmp_path))
+    sha256 = store.put(b"bytes")
+    assert sha256 == hashlib.sha256(b"bytes").hexdigest()
+    assert store.read(sha256) == b"bytes"
+    assert Path(store.path(sha256)).read_bytes() == b"bytes"
+    assert store.has(sha256, 5)
+    assert not store.has(sha256[::-1])
+    with pytest.raises(BlobMissing):
+        store.read(sha256[::-1])
+
+
+@pytest.mark.parametrize("damage", [b"", b"byte", b"bytes!", b"BYTES"])
+@pytest.mark.parametrize("question", ["has", "read"])
+def test_a_damaged_blob_is_absent_and_can_be_put_again(tmp_path: Path, damage: bytes, question: str) -> None:
+    store = Store(str(tmp_path))
+    sha256 = store.put(b"bytes")
+    Path(store.path(sha256)).write_bytes(damage)
+    if question == "has":
+        assert not store.has(sha256)
+    else:
+        with pytest.raises(BlobMissing):
+            store.read(sha256)
+    assert store.put(b"bytes") == sha256
+    assert store.read(sha256) == b"bytes"
+
+
+def test_a_touched_blob_is_hashed_and_believed(tmp_path: Path) -> None:
+    store = Store(str(tmp_path))
+    sha256 = store.put(b"bytes")
+    os.utime(store.path(sha256))
+    assert store.has(sha256, 5)
+
+
+def test_json_documents(tmp_path: Path) -> None:
+    store = Store(str(tmp_path))
+    value = {"a": [1, 2.5, None, "é"], "b": {"c": True}}
+    assert store.get_json("kind", "key") is None
+    store.put_json("kind", "key", value)
+    assert store.get_json("kind", "key") == value
+    assert store.get_json("other", "key") is None
+    store.put_json("kind", "key", [1])
+    assert store.get_json("kind", "key") == [1]
+
+
+@pytest.mark.parametrize("keep", [0, 10, 64, 65, -1])
+def test_a_truncated_document_is_absent(tmp_path: Path, keep: int) -> None:
+    store = Store(str(tmp_path))
+    store.put_json("kind", "key", {"a": 1})
+    (path,) = (tmp_path / "kind").glob("*/*")
+    path.write_bytes(path.read_bytes()[:keep])
+    assert store.get_json("kind", "key") is None
+
+
+def test_an_unusable_store_says_so(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    store = Store(str(tmp_path / "file" / "store"))
+    with pytest.raises(StoreUnusable) as caught:
+        store.check()
+    assert caught.value.root == str(tmp_path / "file" / "store")
+    assert str(caught.value) == f"the store {store.root} cannot be used: Not a directory"
+    with pytest.raises(StoreUnusable):
+        store.put(b"x")
+    assert store.get_json("kind", "key") is None
+
+
+def test_where_the_store_is(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("THINGC_STORE", str(tmp_path / "own"))
+    assert default_root() == str(tmp_path / "own")
+    monkeypatch.delenv("THINGC_STORE")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    assert default_root() == str(tmp_path / ".cache" / "thingc")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    assert default_root() == str(tmp_path / "cache" / "thingc")
+    monkeypatch.setattr(sys, "platform", "darwin")
+    assert default_root() == str(tmp_path / "Library" / "Caches" / "thingc")
+
+
+WRITER = """
+import os, sys
+from thingc.realize.store import Store
+store = Store(sys.argv[1])
+print("ready", flush=True)
+k = 0
+while True:
+    store.put((b"%d " % (k % 50)) * 50_000)
+    store.put_json("kind", str(k % 50), {"k": k % 50, "more": "x" * 20_000})
+    k += 1
+"""
+
+
+def test_writers_killed_at_any_moment_leave_nothing_damaged(tmp_path: Path) -> None:
+    for delay in range(12):
+        writers = [
+            subprocess.Popen([sys.executable, "-c", WRITER, str(tmp_path)], stdout=subprocess.PIPE) for _ in range(2)
+        ]
+        for writer in writers:
+            assert writer.stdout is not None
+            writer.stdout.readline()
+        deadline = time.monotonic() + 0.004 * delay
+        while time.monotonic() < deadline:
+            pass
+        for writer in writers:
+            writer.send_signal(signal.SIGKILL)
+            writer.communicate()
+    store = Store(str(tmp_path))
+    names = [path.parent.name + path.name for path in (tmp_path / "blobs").glob("*/*") if "." not in path.name]
+    assert names
+    for name in names:
+        assert hashlib.sha256(Path(store.path(name)).read_bytes()).hexdigest() == name
+    found = [value for k in range(50) if (value := store.get_json("kind", str(k))) is not None]
+    assert len(found) == len([path for path in (tmp_path / "kind").glob("*/*") if "." not in path.name])
