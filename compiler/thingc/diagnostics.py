@@ -176,6 +176,7 @@ class Report:
     """Collects diagnostics through the passes. The only mutable thing that passes share."""
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
+    _known: set[Diagnostic] = field(default_factory=set, repr=False)
 
     def add(
         self,
@@ -201,7 +202,8 @@ class Report:
             code=code, severity=severity, message=message, span=span, path=path, help=help, notes=tuple(extra),
             detail=detail,
         )
-        if found not in self.diagnostics:
+        if found not in self._known:
+            self._known.add(found)
             self.diagnostics.append(found)
 
     def warn(
@@ -339,6 +341,8 @@ def _frame(span: Span, sources: dict[str, list[str]], tint: str, color: bool) ->
     text = sources[span.file][span.line - 1] if span.line <= len(sources[span.file]) else ""
     text = text.translate(_CONTROL)
     first, last = span.column, span.end_column if span.end_line == span.line else len(text) + 1
+    if first == last == 1 and text.startswith(" "):  # a whole line of a part file
+        first, last = len(text) - len(text.lstrip()) + 1, len(text.rstrip()) + 1
     offset = max(0, first - 60) if len(text) > 120 else 0
     shown = text[offset : offset + 120]
     width = max(1, min(last, offset + len(shown) + 1) - first)

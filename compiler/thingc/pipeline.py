@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from thingc.diagnostics import Report, did_you_mean
+from thingc.diagnostics import Report, did_you_mean, shown_path
 
 if TYPE_CHECKING:
     from thingc.emit.artifact import Artifacts
@@ -164,7 +164,7 @@ class Compilation:
     def _check_modes(self, wanted: Sequence[str], known: Sequence[str], *, failed: bool) -> None:
         for name in wanted:
             if name not in known and not failed:
-                raise UnknownChoice(f"`{self.document}` has no mode `{name}`", did_you_mean(name, known, what="modes"))
+                raise UnknownChoice(f"`{shown_path(self.document)}` has no mode `{name}`", did_you_mean(name, known, what="modes"))
 
     def emit(self, targets: Sequence[str]) -> dict[str, Artifacts]:
         """Artifacts per target, in the order asked. Only for a compilation whose report has no errors."""

@@ -57,11 +57,15 @@ class SequenceNode:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MappingNode:
-    """A mapping and where it stands; `entries` in the order written, `keys` the span of every key."""
+    """A mapping and where it stands; `entries` in the order written, `keys` the span of every key.
+
+    `damaged`: it has a key that is none, which has been reported; nobody knows what its value should have been.
+    """
 
     entries: dict[str, Node]
     keys: dict[str, Span]
     span: Span
+    damaged: bool = False
 
     def plain(self) -> Plain:
         """The values alone, as a dict."""

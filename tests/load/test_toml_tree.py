@@ -185,6 +185,13 @@ def test_bounds() -> None:
     assert isinstance(node.entries["a"], SequenceNode)
 
 
+def test_no_more_faults_than_anybody_reads() -> None:
+    _, report = read("".join(f"a{n} = 2026-11-20\n" for n in range(500)))
+    assert [d.code for d in report.diagnostics] == [Code.DATE] * 200
+    _, report = read("a = 1\n" * 500)
+    assert [d.code for d in report.diagnostics] == [Code.DUPLICATE_KEY] * 200
+
+
 @settings(deadline=None)
 @given(st.text(max_size=60))
 def test_any_text_is_a_tree_or_one_error(text: str) -> None:

@@ -435,6 +435,8 @@ def test_bounds() -> None:
     node, report = read(laughs)
     assert node is None
     assert only(report)[:2] == (Code.TOO_LARGE, "aliases stand for more than 10000 values")
+    many = "".join(f"a: {n}\n" for n in range(500))
+    assert [d.code for d in read(many)[1].diagnostics] == [Code.DUPLICATE_KEY] * 201 + [Code.TOO_LARGE]
     deep = "a0: &a0 [x]\n" + "".join(f"a{n}: &a{n} [*a{n - 1}]\n" for n in range(1, 120))
     assert only(read(deep)[1])[:2] == (Code.TOO_LARGE, "more than 100 levels of nesting")
 

@@ -295,6 +295,12 @@ def test_a_good_document_gives_its_model_and_nothing_else(tmp_path: Path) -> Non
     assert assembly.poses["home"]["leg_*"] == "folded"
 
 
+def test_no_more_faults_than_anybody_reads(tmp_path: Path) -> None:
+    documents, report = read(tmp_path, HEAD + "".join(f"k{n}: 1\n" for n in range(300)))
+    validate(documents, report)
+    assert [d.code for d in report.diagnostics] == [Code.UNKNOWN_KEY] * 200 + [Code.TOO_LARGE]
+
+
 def test_documents_that_failed_and_documents_of_a_cycle_are_absent(tmp_path: Path) -> None:
     documents, report = read(tmp_path, HEAD.replace("{part: a:B}", "{assembly: b.yaml}"), {
         "b.yaml": HEAD.replace("{part: a:B}", "{assembly: c.yaml}, q: {assembly: d.yaml}"),

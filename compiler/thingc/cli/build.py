@@ -129,7 +129,7 @@ def _deny(losses: Sequence[Loss], report: Report) -> None:
     for loss in losses:
         mode = f" in mode `{loss.mode}`" if loss.mode is not None else ""
         report.add(
-            Code.LOSS_DENIED, f"{loss.target} cannot say this{mode}: {loss.what} ({loss.how})", loss.span, path=loss.path,
+            Code.LOSS_DENIED, f"{loss.target} cannot say this of `{loss.path}`{mode}: {loss.what} ({loss.how})", loss.span, path=loss.path,
             help="leave it out, or build without --deny-loss",
         )
 

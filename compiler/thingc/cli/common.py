@@ -52,7 +52,14 @@ def add_geometry(parser: argparse.ArgumentParser) -> None:
 
 def add_format(parser: argparse.ArgumentParser, choices: Sequence[str] = ("text", "json")) -> None:
     """The --format option."""
-    parser.add_argument("--format", choices=choices, default=choices[0], help="how to print (default: %(default)s)")
+    def choice(text: str) -> str:
+        if text not in choices:
+            known = ", ".join(f"`{one}`" for one in choices[:-1]) + f" or `{choices[-1]}`"
+            raise argparse.ArgumentTypeError(f"expected {known}, found `{text}`")
+        return text
+
+    metavar = "{" + ",".join(choices) + "}"
+    parser.add_argument("--format", type=choice, metavar=metavar, default=choices[0], help="how to print (default: %(default)s)")
 
 
 def _positive(text: str) -> int:
@@ -100,14 +107,24 @@ def options_of(arguments: argparse.Namespace) -> Options:
 
 
 def require_document(path: str) -> None:
-    """Raises `WrongCommandLine` where there is no such file."""
-    if os.path.isfile(path):
+    """Raises `WrongCommandLine` where there is no such file, or one that cannot be a document."""
+    from thingc.load.paths import DOCUMENT_SUFFIXES, file_meant
+    from thingc.workspace import OWN_FILE, SHARED_FILE
+
+    is_file, is_folder = os.path.isfile(path), os.path.isdir(path)
+    if is_file and path.lower().endswith(DOCUMENT_SUFFIXES):
         return
-    folder = os.path.dirname(path) or "."
-    near = [os.path.join(os.path.dirname(path), name) for name in os.listdir(folder)] if os.path.isdir(folder) else []
-    near = [name for name in near if name.endswith((".yaml", ".yml", ".toml"))]
-    what = "is a folder, and a document was expected" if os.path.isdir(path) else "there is no such document"
-    raise WrongCommandLine(f"`{path}`: {what}", did_you_mean(path, near, what="documents"), Code.NO_DOCUMENT)
+    folder = path if is_folder else os.path.dirname(path) or "."
+    prefix = os.path.join(path, "") if is_folder else os.path.dirname(path)
+    near = [os.path.join(prefix, name) for name in os.listdir(folder)] if os.path.isdir(folder) else []
+    settings = (OWN_FILE, SHARED_FILE)
+    near = [name for name in near if name.lower().endswith(DOCUMENT_SUFFIXES) and os.path.basename(name) not in settings]
+    if is_folder:
+        raise WrongCommandLine(
+            f"`{path}` is a folder, and a document was expected", did_you_mean("", near, what="documents"), Code.NO_DOCUMENT,
+        )
+    message = f"`{path}` is no document ({', '.join(DOCUMENT_SUFFIXES)})" if is_file else f"there is no document `{path}`"
+    raise WrongCommandLine(message, file_meant(path, near, what="documents"), Code.NO_DOCUMENT)
 
 
 def show_progress(what: str, done: int, total: int) -> None:

@@ -7,6 +7,7 @@ import importlib
 import os
 import sys
 from collections.abc import Sequence
+from typing import NoReturn
 
 COMMANDS = {
     "build": "write simulation models and manufacturing files of a robot",
@@ -28,9 +29,27 @@ A first look:
 """
 
 
-def parser_for(command: str | None) -> argparse.ArgumentParser:
-    """The parser, with the options of one command only (the others need not be imported)."""
-    parser = argparse.ArgumentParser(
+class WrongUsage(Exception):
+    """Words that are no command line of ours: the message says which, `hint` what to type."""
+
+    def __init__(self, message: str, hint: str) -> None:
+        super().__init__(message)
+        self.hint = hint
+
+
+class Parser(argparse.ArgumentParser):
+    """Leaves it to `main` to say what is wrong, in the form of all diagnostics."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raises `WrongUsage`."""
+        message = message.removeprefix("argument ").replace("the following arguments are required: ", "missing: ")
+        raise WrongUsage(message, f"`{self.prog} --help` shows what it takes")
+
+
+def parser_for(command: str | None) -> tuple[Parser, Parser | None]:
+    """The parser, with the options of one command only (the others need not be imported), and that command's own."""
+    own: Parser | None = None
+    parser = Parser(
         prog="thingc",
         description="A compiler for robots: one document, many kinematic roots.",
         epilog=EPILOG,
@@ -46,26 +65,56 @@ def parser_for(command: str | None) -> argparse.ArgumentParser:
         )
         if name == command:
             importlib.import_module(f"thingc.cli.{name}").configure(sub)
-    return parser
+            own = sub
+    return parser, own
+
+
+def parsed(words: Sequence[str]) -> argparse.Namespace | None:
+    """The command line understood; None where only help was wanted, which has been printed. Raises `WrongUsage`."""
+    command = next((word for word in words if not word.startswith("-")), None)
+    if command is not None and command not in COMMANDS:
+        from thingc.diagnostics import did_you_mean
+
+        raise WrongUsage(f"there is no command `{command}`", did_you_mean(command, COMMANDS, what="commands"))
+    parser, own = parser_for(command)
+    try:
+        options, unknown = parser.parse_known_args(words)
+    except SystemExit as leaving:
+        if leaving.code:
+            raise
+        return None
+    if unknown:
+        from thingc.diagnostics import nearest
+
+        word = unknown[0].partition("=")[0]
+        what = "option" if word.startswith("-") else "argument"
+        of = f" of `thingc {command}`" if command is not None else ""
+        known = [name for action in (own or parser)._actions for name in action.option_strings]
+        close = nearest(word, known) if what == "option" else None
+        help = f"did you mean `{close}`?" if close else f"`{(own or parser).prog} --help` shows what it takes"
+        raise WrongUsage(f"there is no {what} `{word}`{of}" if what == "option" else f"`{word}` is one word too many", help)
+    if options.version:
+        from thingc import __version__
+
+        print(f"thingc {__version__}")
+        return None
+    if options.command is None:
+        parser.print_help()
+        raise SystemExit(2)
+    return options
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code: 0 good, 1 errors in documents or parts, 2 a wrong command line."""
     words = list(sys.argv[1:] if arguments is None else arguments)
-    command = next((word for word in words if not word.startswith("-")), None)
-    parser = parser_for(command if command in COMMANDS else None)
     try:
-        options = parser.parse_args(words)
+        options = parsed(words)
     except SystemExit as leaving:
         return int(leaving.code or 0)
-    if options.version:
-        from thingc import __version__
-
-        print(f"thingc {__version__}")
+    except WrongUsage as fault:
+        return _refuse(fault, words)
+    if options is None:
         return 0
-    if options.command is None:
-        parser.print_help()
-        return 2
     try:
         code: int = importlib.import_module(f"thingc.cli.{options.command}").run(options)
         sys.stdout.flush()
@@ -88,6 +137,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
             common.print_text([diagnostic], stream=sys.stderr, debug=False)
         return common.exit_code([diagnostic])
     return code
+
+
+def _refuse(fault: WrongUsage, words: Sequence[str]) -> int:
+    """Say what is wrong with the command line."""
+    from thingc.cli import common
+
+    found = [common.WrongCommandLine(str(fault), fault.hint).diagnostic]
+    if "--format=json" in words or ("--format", "json") in zip(words, words[1:]):
+        common.print_json(found)
+    else:
+        common.print_text(found, stream=sys.stderr, debug=False)
+    return common.USAGE
 
 
 def entry() -> None:

@@ -17,6 +17,7 @@ from thingc.emit.mjcf_xml import Element
 from thingc.graph.types import Assembly
 from thingc.resolve.model import RawAttribute
 from thingc.robot.types import Robot
+from thingc.source import Origin
 
 TARGET = "mjcf"
 
@@ -44,7 +45,7 @@ def lay(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
         fault = _shape_fault(attribute)
         if fault is not None:
             message, hint = fault
-            report.add(Code.RAW_UNKNOWN, message, attribute.origin, help=hint, path=_dotted(attribute))
+            report.add(Code.RAW_UNKNOWN, message, _key(attribute, 0), help=hint, path=_dotted(attribute))
             continue
         found = [
             element
@@ -56,6 +57,11 @@ def lay(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
             element.lay(attribute.path[-1], attribute)
         if not found and robots and not _elsewhere(attribute, assembly):
             _report_unknown(attribute, robots, models, report)
+
+
+def _key(attribute: RawAttribute, index: int) -> Origin:
+    """The origin of one of its keys."""
+    return attribute.keys[index : index + 1] + attribute.origin[1:] if index < len(attribute.keys) else attribute.origin
 
 
 def _dotted(attribute: RawAttribute) -> str:
@@ -165,5 +171,5 @@ def _report_unknown(attribute: RawAttribute, robots: Sequence[Robot], models: Se
     message = f"`{attribute.target}` has no {what} `{name}`"
     names = "classes" if what == "class" else "bodies" if what == "body" else f"{what}s"
     report.add(
-        Code.RAW_UNKNOWN, message, attribute.origin, help=did_you_mean(name, known, what=names), path=_dotted(attribute),
+        Code.RAW_UNKNOWN, message, _key(attribute, 1), help=did_you_mean(name, known, what=names), path=_dotted(attribute),
     )

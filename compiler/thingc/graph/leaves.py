@@ -84,6 +84,8 @@ class Leaves:
             message = f"`{path}` (`{text}`) {what}: {failure.message}"
             if failure.candidates:
                 help = did_you_mean(failure.subject, failure.candidates, what="parts")
+            elif component.definition.kind == "file" and code is Code.PART_INVALID:
+                help = "open the file in a CAD program and export it anew as a solid"
             self._findings.error(code, message, origin, path=path, notes=notes, detail=failure.detail, help=help)
 
     def _work_out(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> Leaf | None:
@@ -153,7 +155,9 @@ class Leaves:
             density = Density(value=material.density)
         weighed = weigh(record, density, process, overrides)
         needs_density = record is not None and record.volume > 0.0 and record.mass is None and overrides.mass is None
-        if record is not None and unknown:
+        if unknown and not scope.materials_known:
+            findings.leave_out()
+        elif record is not None and unknown:
             say = findings.error if weighed is None else findings.warn
             hint = did_you_mean(record.material or "", scope.materials, what="materials")
             if nearest(record.material or "", scope.materials) is None:
@@ -168,7 +172,10 @@ class Leaves:
         elif weighed is None and record is not None and material is None:
             findings.error(
                 Code.NO_MATERIAL, f"`{component.name}` (`{record.text}`) has neither a material nor a mass", origin, path=path,
-                help="add `material:` (" + did_you_mean("", scope.materials, what="materials") + ") or `mass:`",
+                help=(
+                    "add `material:` (" + did_you_mean("", scope.materials, what="materials") + ") or `mass:`" if scope.materials
+                    else "list a document under `materials:` and name one of its materials in `material:`, or add `mass:`"
+                ),
             )
         elif weighed is None and material is not None:
             findings.error(
@@ -214,6 +221,8 @@ class Leaves:
         if record is not None:
             mounts.update((name, MountFrame(pose=m.pose, interface=m.interface)) for name, m in record.mounts.items())
         for name, extra in component.mounts.items():
+            if name == "origin":  # reserved, which the resolver has said
+                continue
             if name in mounts:
                 place = extra.origin + origin[len(component.origin):]
                 self._findings.error(

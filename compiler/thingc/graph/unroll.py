@@ -87,6 +87,7 @@ class Tree:
 
     def __init__(self, model: AssemblyDefinition, leaves: Leaves, findings: Findings) -> None:
         self._findings = findings
+        self._said: set[tuple[Code, Origin]] = set()
         self.top = Instance(path="", component=None, origin=(), assembly=model)
         self.assemblies: list[tuple[Instance, AssemblyDefinition]] = []
         self.leaves: list[Instance] = []
@@ -162,7 +163,10 @@ class Tree:
 
     def _say(self, fault: _Fault, reference: Reference, instance: Instance) -> None:
         self._findings.leave_out()
-        if not fault.silent:
+        # One line of a document may refer to many things (a `repeat`, a nested document used twice): it is said once.
+        place = (fault.code, reference.origin[:1])
+        if not fault.silent and place not in self._said:
+            self._said.add(place)
             self._findings.error(
                 fault.code, fault.message, reference.origin + instance.origin, help=fault.help, notes=fault.notes,
                 path=instance.within(reference.text.replace(".", "/")),

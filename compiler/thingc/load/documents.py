@@ -60,11 +60,25 @@ def load(document: str, workspace: Workspace, report: Report, *, kinds: Collecti
     if root is None:
         return None
     if root.kind not in kinds:
-        wanted = " or ".join(f"`{kind}`" for kind in kinds)
-        report.add(Code.WRONG_KIND, f"expected a document of kind {wanted}, found `{root.kind}`", root.span(("thingc",)))
+        _refuse(root, kinds, report)
         return None
     reader.follow(root, [])
     return Documents(root=root, by_path=reader.by_path, links=reader.links, broken=frozenset(reader.broken))
+
+
+def _refuse(root: Document, kinds: Collection[str], report: Report) -> None:
+    """Say that a document is of a kind that is not wanted here."""
+    if root.kind == "variants":
+        report.add(
+            Code.NOT_YET, "documents of variants are not built yet", root.span(("thingc",)),
+            help="build its assembly, with -p 'NAME=VALUE' for each variant",
+        )
+        return
+    wanted = " or ".join(f"`{kind}`" for kind in kinds)
+    report.add(
+        Code.WRONG_KIND, f"expected a document of kind {wanted}, found `{root.kind}`", root.span(("thingc",)),
+        help=f"name the assembly {'that uses it' if root.kind == 'materials' else 'itself; this document is found by itself'}",
+    )
 
 
 def read_tree(path: str, data: bytes, report: Report) -> MappingNode | None:
@@ -220,7 +234,8 @@ def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly")
     value = node.value if isinstance(node, ScalarNode) else None
     if not isinstance(value, str):
         report.add(
-            Code.HEADER, "`thingc` says kind and version as text", tree.keys["thingc"] if value is None else node.span,
+            Code.HEADER, "`thingc` says kind and version" + (f", found `{shortened(node.text)}`" if value is not None else ""),
+            tree.keys["thingc"] if value is None else node.span,
             help=f"write for example `{head_line(file, usual)}`",
         )
         return None

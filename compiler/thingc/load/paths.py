@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from thingc.diagnostics import Code, Report, did_you_mean
+from thingc.diagnostics import Code, Report, did_you_mean, nearest
 from thingc.source import Span
 from thingc.units import shortened
 
@@ -50,21 +51,32 @@ def find_file(
         )
         return None
     if not os.path.isfile(path):
-        report.add(Code.MISSING_FILE, _missing(path, shown), where, help=_near(path, text, suffixes))
+        if os.path.isdir(path):
+            report.add(Code.MISSING_FILE, f"`{shown}` is a folder, not a file", where, help="name a file in it")
+        else:
+            report.add(Code.MISSING_FILE, f"there is no file `{shown}`", where, help=_near(path, text, beside, suffixes))
         return None
     return path
 
 
-def _missing(path: str, shown: str) -> str:
-    return f"`{shown}` is a folder, not a file" if os.path.isdir(path) else f"there is no file `{shown}`"
-
-
-def _near(path: str, text: str, suffixes: tuple[str, ...]) -> str:
+def _near(path: str, text: str, beside: str, suffixes: tuple[str, ...]) -> str:
     """A hint: the file of that folder that was meant, or what there is."""
     folder = os.path.dirname(path)
     prefix = text[: len(text) - len(os.path.basename(text))]
     try:
-        names = [prefix + name for name in os.listdir(folder) if name.lower().endswith(suffixes)]
+        found = [entry.name for entry in os.scandir(folder) if entry.is_file() and entry.name.lower().endswith(suffixes)]
     except OSError:
         return f"there is no folder `{shortened(prefix)}` here" if prefix else "paths are relative to this document"
-    return did_you_mean(text, names, what="files")
+    names = [prefix + name for name in found if os.path.join(folder, name) != os.path.normpath(beside)]
+    if not names:
+        return "paths are relative to this document, and there is no such file in that folder"
+    return file_meant(text, names)
+
+
+def file_meant(name: str, files: Iterable[str], *, what: str = "files") -> str:
+    """`did_you_mean` for files: what they are called counts, not the ending that they share."""
+    by_stem = {os.path.splitext(file)[0]: file for file in sorted(files, reverse=True)}
+    close = nearest(os.path.splitext(name)[0], by_stem)
+    if close is not None:
+        return f"did you mean `{by_stem[close]}`?"
+    return did_you_mean("", by_stem.values(), what=what)

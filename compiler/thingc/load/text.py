@@ -11,6 +11,10 @@ from thingc.source import Span
 MAX_BYTES = 10_000_000
 MAX_LEVELS = 100
 MAX_ALIAS_NODES = 10_000
+MAX_NODES = 1_000_000
+"""Values of one document: ten megabytes of `{}` would take a gigabyte."""
+MAX_FAULTS = 200
+"""Faults said of one document: nobody reads more, and a broken file of ten megabytes has a million."""
 
 _BREAK = re.compile(r"\r\n|\r|\n")
 _FORBIDDEN = re.compile("[^\t\n\r\x20-\x7e\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]")

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Union
 
 from thingc.diagnostics import Code, Note, Report
-from thingc.load.text import MAX_LEVELS, Source
-from thingc.source import MappingNode, Node, Scalar, ScalarNode, SequenceNode
+from thingc.load.text import MAX_FAULTS, MAX_LEVELS, MAX_NODES, Source
+from thingc.source import MappingNode, Node, Scalar, ScalarNode, SequenceNode, Span
 from thingc.units import shortened
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ def read_toml(source: Source, report: Report) -> MappingNode | None:
     data = source.text.encode()
     tree = Parser(Language(tree_sitter_toml.language())).parse(data)
     places = _Places(source, data)
-    if _too_deep(tree.root_node, places, report):
+    if _too_large(tree.root_node, places, report):
         return None
     try:
         values = tomllib.loads(source.text)
@@ -92,6 +92,7 @@ class _Statements:
     def __init__(self, places: _Places, report: Report | None) -> None:
         self.places = places
         self.report = report
+        self.before = len(report.diagnostics) if report is not None else 0
 
     def read(self, document: Syntax) -> _Table:
         root = _Table(0, len(self.places.source.text))
@@ -151,7 +152,7 @@ class _Statements:
     def twice(self, table: _Table, name: str, place: tuple[int, int]) -> bool:
         if name not in table.entries:
             return False
-        if self.report is not None:
+        if self.report is not None and len(self.report.diagnostics) - self.before < MAX_FAULTS:
             span = self.places.source.span
             self.report.add(
                 Code.DUPLICATE_KEY, f"the key `{shortened(name)}` is written twice", span(*place),
@@ -210,6 +211,12 @@ class _Joiner:
     def __init__(self, places: _Places, report: Report) -> None:
         self.source = places.source
         self.report = report
+        self.before = len(report.diagnostics)
+
+    def fault(self, code: Code, message: str, span: Span, help: str | None = None) -> None:
+        """Say a fault, as long as there are not too many."""
+        if len(self.report.diagnostics) - self.before < MAX_FAULTS:
+            self.report.add(code, message, span, help=help)
 
     def table(self, table: _Table, values: dict[str, Any], level: int) -> MappingNode:
         entries: dict[str, Node] = {}
@@ -223,7 +230,7 @@ class _Joiner:
     def node(self, item: _Item, value: Any, level: int) -> Node:
         span = self.source.span(item.start, item.end)
         if level > MAX_LEVELS:
-            self.report.add(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", span)
+            self.fault(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", span)
             return ScalarNode(value=None, text="", span=span)
         if isinstance(item, _Table) and isinstance(value, dict):
             return self.table(item, value, level)
@@ -239,10 +246,8 @@ class _Joiner:
         span = self.source.span(item.start, item.end)
         known: Scalar
         if isinstance(value, (datetime.date, datetime.time)):
-            self.report.add(
-                Code.DATE, f"expected text or a number, found the date or time `{shortened(text)}`", span,
-                help=f'if it is text write `"{shortened(text)}"`',
-            )
+            message = f"expected text or a number, found the date or time `{shortened(text)}`"
+            self.fault(Code.DATE, message, span, f'if it is text write `"{shortened(text)}"`')
             known = text
         elif isinstance(value, str):
             known = text = value
@@ -252,18 +257,25 @@ class _Joiner:
             except OverflowError:
                 finite = False
             if not finite:
-                self.report.add(Code.NOT_FINITE, f"expected a finite number, found `{shortened(text)}`", span)
+                self.fault(Code.NOT_FINITE, f"expected a finite number, found `{shortened(text)}`", span)
             known = value if finite else 0
         else:
             known = None
         return ScalarNode(value=known, text=text, span=span)
 
 
-def _too_deep(root: Syntax, places: _Places, report: Report) -> bool:
-    """Whether brackets or dotted keys nest beyond the bound (reported): looked at before anything recurses."""
+def _too_large(root: Syntax, places: _Places, report: Report) -> bool:
+    """Whether brackets or dotted keys nest beyond the bound, or there are too many values (reported): looked at before
+    anything recurses."""
     waiting = [(root, 0)]
+    values = 0
     while waiting:
         node, level = waiting.pop()
+        values += 1
+        if values > 4 * MAX_NODES:  # a pair is a statement, a key, its words and a value
+            start = places.index(node.start_byte)
+            report.add(Code.TOO_LARGE, f"more than {MAX_NODES} values in one document", places.source.span(start, start + 1))
+            return True
         if node.type in ("array", "inline_table", "dotted_key", "ERROR"):
             level += 1
             if level > MAX_LEVELS:
@@ -295,7 +307,17 @@ def _report_error(error: Exception, root: Syntax, places: _Places, report: Repor
         _Statements(places, report).read(root)
         if len(report.diagnostics) > before:
             return
-    message, help = _in_words(words, source, index)
+    bare = _unquoted(source, index) if words.startswith(("Invalid value", "Expected newline", "Unclosed")) else None
+    if bare is not None:
+        start, end, key = bare
+        text = source.text[start:end]
+        quoted = f'{key} = "{text}"' if key else f'"{text}"'
+        report.add(
+            Code.SYNTAX, f"`{shortened(text)}` is no TOML value", source.span(start, end),
+            help=f"text and quantities need quotes: `{shortened(quoted)}`",
+        )
+        return
+    message, help = _in_words(words)
     end = index + 1 if index < len(source.text) and source.text[index] not in "\r\n" else index
     report.add(Code.SYNTAX, message, source.span(index, end), help=help)
 
@@ -311,19 +333,31 @@ def _bracket_beyond(text: str) -> int:
     return 0
 
 
-def _in_words(words: str, source: Source, index: int) -> tuple[str, str | None]:
-    """tomllib's words as ours, with a hint where the line shows what was meant."""
-    line = source.line(source.line_at(min(index, max(0, len(source.text) - 1))))
-    meant = re.match(r"\s*([\w.-]+)\s*=\s*(?!.*\w\s*= )([^\"'\[{#\s][^#]*?)\s*(?:#.*)?$", line)
+def _unquoted(source: Source, index: int) -> tuple[int, int, str] | None:
+    """Where text or a quantity stands without quotes at or before `index`, and the key it is the value of (empty in a list).
+
+    None where what stands there does not look like a value that lacks its quotes.
+    """
+    number = source.line_at(min(index, max(0, len(source.text) - 1)))
+    line, begin = source.line(number), source.starts[number]
+    start = max(line.rfind(mark, 0, max(0, index - begin)) for mark in "=[,{") + 1
+    found = re.compile(r"\s*([^\s\"'\[\]{}=,#][^\"'\[\]{}=,#]*?)\s*(?=[,\]}#]|$)").match(line, start)
+    if found is None or re.fullmatch(r"[-+]?[0-9_.]+(?:[eE][-+]?[0-9]+)?|true|false", found.group(1)):
+        return None
+    key = re.search(r"([\w.-]+)\s*=\s*$", line[:start])
+    return begin + found.start(1), begin + found.end(1), key.group(1) if key else ""
+
+
+def _in_words(words: str) -> tuple[str, str | None]:
+    """tomllib's words as ours, with a hint."""
     if words.startswith("Expected '=' after a key"):
         return "expected `=` after the key", "TOML writes `key = value`"
-    if words == "Invalid value" or words.startswith("Expected newline or end of document"):
-        if meant:
-            quoted = f'{meant.group(1)} = "{meant.group(2)}"'
-            return f"`{shortened(meant.group(2))}` is no TOML value", f"text and quantities need quotes: `{shortened(quoted)}`"
-        if words == "Invalid value":
-            return "expected a value", "text and quantities need quotes"
+    if words == "Invalid value":
+        return "expected a value", "text and quantities need quotes"
+    if words.startswith("Expected newline or end of document"):
         return "expected the end of the line", "one `key = value` per line"
+    if words.startswith("Expected ']'"):
+        return "the `[` of this table is not closed", "add `]`"
     if "Unterminated string" in words or "Illegal character '\\n'" in words:
         return "the text is not closed", 'add the closing `"`'
     if "Unclosed array" in words:

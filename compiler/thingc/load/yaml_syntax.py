@@ -88,6 +88,14 @@ def _by_layout(source: Source, problem: str, context: str, at: int, began: int) 
             message="a list item `-` cannot stand here", start=at, end=at + 1, help="begin the list on the line after its key",
         )
     if "block mapping" in context or "expected key" in problem:
+        above = _deeper_above(source, at)
+        if above is not None:
+            place, columns = above
+            return SyntaxFault(
+                message="this line does not continue the mapping above it", start=at, end=end,
+                help=f"keys of one mapping begin in one column: here {' or '.join(map(str, columns))}",
+                note=(f"the line above it begins in column {columns[0]}", place),
+            )
         return SyntaxFault(
             message="this line does not continue the mapping above it", start=at, end=end,
             help="keys of one mapping begin in one column, and text with quotes inside is quoted whole",
@@ -110,6 +118,32 @@ def _by_layout(source: Source, problem: str, context: str, at: int, began: int) 
     return SyntaxFault(message=f"not well-formed YAML: {problem}", start=at, end=end)
 
 
+def _deeper_above(source: Source, at: int) -> tuple[int, list[int]] | None:
+    """For a line whose column fits no mapping: where the line above it begins, and the columns (from 1) that would fit.
+
+    None where the line is no less indented than the one above it.
+    """
+    number = source.line_at(at)
+    own = at - source.starts[number]
+    if source.line(number)[:own].strip():
+        return None
+    place: int | None = None
+    columns: list[int] = []
+    for above in range(number - 1, -1, -1):
+        written = source.line(above)
+        indent = len(written) - len(written.lstrip())
+        if not written.strip() or written.lstrip().startswith("#") or (columns and indent + 1 >= columns[-1]):
+            continue
+        if place is None:
+            if indent <= own:
+                return None
+            place = source.starts[above] + indent
+        columns.append(indent + 1)
+        if indent < own:
+            break
+    return None if place is None else (place, columns)
+
+
 def _in_flow(source: Source, at: int, began: int, mapping: bool) -> SyntaxFault:
     """A `{` or `[` that meets something else than `,` or its end."""
     opened, closing = ("{", "}") if mapping else ("[", "]")
@@ -118,6 +152,14 @@ def _in_flow(source: Source, at: int, began: int, mapping: bool) -> SyntaxFault:
         opened = source.text[began : began + 1]
         closing = "}" if opened == "{" else "]"
     rest = source.text[at : at + 1]
+    line = source.line(source.line_at(began))
+    comment = re.search(r"(?<=[\s])#\w+", line[began - source.starts[source.line_at(began)] :])
+    if comment is not None and source.line_at(at) != source.line_at(began):
+        start = began + comment.start()
+        return SyntaxFault(
+            message=f"a `#` behind a space begins a comment, so that the `{opened}` of this line is not closed",
+            start=start, end=start + len(comment.group()), help=f'write `"{comment.group()}"`',
+        )
     if at >= len(source.text.rstrip()) or source.line_at(at) != source.line_at(began) or rest in "}]":
         return SyntaxFault(
             message=f"the `{opened}` opened here is not closed with `{closing}`", start=began, end=began + 1,

@@ -9,7 +9,7 @@ from typing import Any
 
 from thingc.diagnostics import Code, Note, Report, did_you_mean
 from thingc.load.scalars import core_value
-from thingc.load.text import MAX_ALIAS_NODES, MAX_LEVELS, Source
+from thingc.load.text import MAX_ALIAS_NODES, MAX_FAULTS, MAX_LEVELS, MAX_NODES, Source
 from thingc.load.yaml_syntax import explain
 from thingc.source import MappingNode, Node, Scalar, ScalarNode, SequenceNode, Span
 from thingc.units import shortened
@@ -68,6 +68,7 @@ class _Builder:
         self.report = report
         self.events = events
         self.anchors: dict[str, _Anchored] = {}
+        self.before = len(report.diagnostics)
         self.nodes = 0
         self.from_aliases = 0
         self.deepest = 0
@@ -104,12 +105,7 @@ class _Builder:
             return self.alias(event, level)
         self.nodes += 1
         self.deepest = max(self.deepest, level)
-        if level > MAX_LEVELS:
-            self.report.add(
-                Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting",
-                self.source.span(event.start_mark.index, event.start_mark.index + 1),
-            )
-            raise _Stop
+        self.bound(event, level)
         if event.tag is not None:
             start = event.start_mark.index
             shown = self.source.text[start : event.end_mark.index].split(None, 1)[0] if kind == "ScalarEvent" else event.tag
@@ -130,6 +126,20 @@ class _Builder:
             anchored.height = self.deepest - level
         self.deepest = max(self.deepest, deepest)
         return node
+
+    def bound(self, event: Any, level: int) -> None:
+        """Stop where the document is too deep, too large, or too wrong to go on."""
+        if level > MAX_LEVELS:
+            message = f"more than {MAX_LEVELS} levels of nesting"
+        elif self.nodes > MAX_NODES:
+            message = f"more than {MAX_NODES} values in one document"
+        elif len(self.report.diagnostics) - self.before > MAX_FAULTS:
+            message = f"more than {MAX_FAULTS} faults in one document; the rest of it was not read"
+        else:
+            return
+        start = event.start_mark.index
+        self.report.add(Code.TOO_LARGE, message, self.source.span(start, start + 1))
+        raise _Stop
 
     def content(self, event: Any, kind: str, level: int) -> Node:
         if kind == "ScalarEvent":
@@ -209,6 +219,7 @@ class _Builder:
     def mapping(self, event: Any, level: int) -> MappingNode:
         entries: dict[str, Node] = {}
         keys: dict[str, Span] = {}
+        damaged = False
         start, end = event.start_mark.index, event.end_mark.index
         following = next(self.events)
         while type(following).__name__ != "MappingEndEvent":
@@ -220,6 +231,7 @@ class _Builder:
                 node, ahead = self.rejoined_entries(value)
             else:
                 node = self.node(value, level + 1)
+            damaged = damaged or key is None
             if key is not None:
                 name, place = key
                 if name in entries:
@@ -231,7 +243,7 @@ class _Builder:
                     entries[name], keys[name] = node, place
             following = next(self.events) if ahead is None else ahead
         span = self.collection_span(start, end, following, bool(event.flow_style))
-        return MappingNode(entries=entries, keys=keys, span=span)
+        return MappingNode(entries=entries, keys=keys, span=span, damaged=damaged)
 
     def collection_span(self, start: int, end: int, last: Any, flow: bool) -> Span:
         """From the first character to the end of the last that is no space or comment of what follows."""
@@ -258,7 +270,7 @@ class _Builder:
         kind = type(event).__name__
         if kind == "AliasEvent":
             if event.anchor not in self.anchors:
-                shown = self.source.line(self.source.line_at(event.start_mark.index)).strip().partition(":")[0]
+                shown = self.source.text[event.start_mark.index :].partition(":")[0].strip()
                 self.report.add(
                     Code.ALIAS, f"`*{event.anchor}` is an alias of an unknown anchor", self.span(event),
                     help=f'a key that begins with `*` needs quotes: `"{shortened(shown)}"`',

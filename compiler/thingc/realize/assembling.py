@@ -13,6 +13,7 @@ import tempfile
 from typing import Any
 
 from thingc.pose import Pose
+from thingc.realize.step_order import settled
 from thingc.realize.store import Store
 
 _HEADER = re.compile(rb"HEADER;.*?ENDSEC;", re.DOTALL)
@@ -38,7 +39,7 @@ def assemble(name: str, instances: list[dict[str, Any]], store: Store) -> dict[s
     writer = STEPCAFControl_Writer()
     writer.SetNameMode(True)
     writer.SetColorMode(True)
-    for parameter, value in (("write.step.product.name", name), ("write.step.unit", "MM"), ("write.step.schema", "AP242DIS")):
+    for parameter, value in (("write.step.unit", "MM"), ("write.step.schema", "AP242DIS")):
         Interface_Static.SetCVal_s(parameter, value)
     # the kernel writes in place of what follows the last product name, so each file gets a document and a writer of its own
     if not writer.Transfer(document, STEPControl_AsIs):
@@ -48,7 +49,7 @@ def assemble(name: str, instances: list[dict[str, Any]], store: Store) -> dict[s
         writer.Write(path)
         with open(path, "rb") as stream:
             data = stream.read()
-    data = _neutral(data, name)
+    data = settled(_neutral(data, name))
     return {"sha256": store.put(data), "size": len(data)}
 
 
@@ -61,8 +62,9 @@ def _silence() -> None:
 
 
 def _fill(document: Any, name: str, instances: list[dict[str, Any]], store: Store) -> None:
-    from OCP.Quantity import Quantity_Color, Quantity_TypeOfColor
+    from OCP.TopAbs import TopAbs_COMPOUND
     from OCP.TopLoc import TopLoc_Location
+    from OCP.TopoDS import TopoDS_Iterator
     from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool
 
     from thingc.realize.convert import transformation
@@ -73,6 +75,7 @@ def _fill(document: Any, name: str, instances: list[dict[str, Any]], store: Stor
     _name(root, name)
     groups: dict[str, Any] = {"": root}
     definitions: dict[str, Any] = {}
+    compounds: dict[str, bool] = {}
 
     def group(path: str) -> Any:
         if path not in groups:
@@ -84,20 +87,38 @@ def _fill(document: Any, name: str, instances: list[dict[str, Any]], store: Stor
         return groups[path]
 
     for instance in instances:
-        shared = f"{instance['definition']} {instance['brep']}"
+        brep, color = instance["brep"], _color(instance["color"])
+        if brep not in compounds:
+            compounds[brep] = _read(store, brep).ShapeType() == TopAbs_COMPOUND
+        several = compounds[brep]
+        # STEP gives a style to solids, not to what holds several: there a colour belongs to the definition
+        shared = f"{instance['definition']} {brep} {instance['color'] if several else ''}"
         if shared not in definitions:
-            label = shapes.AddShape(_read(store, instance["brep"]), False)
+            shape = _read(store, brep)
+            label = shapes.AddShape(shape, False)
             _name(label, instance["definition"])
             definitions[shared] = label
+            children = TopoDS_Iterator(shape)
+            while several and color is not None and children.More():
+                colors.SetColor(shapes.AddSubShape(label, children.Value()), color, XCAFDoc_ColorType.XCAFDoc_ColorSurf)
+                children.Next()
         outer, _, own = instance["path"].rpartition("/")
         placed = TopLoc_Location(transformation(_pose(instance["pose"])))
         component = shapes.AddComponent(group(outer), definitions[shared], placed)
         _name(component, own)
-        if instance["color"] is not None:
-            red, green, blue = (int(instance["color"][i : i + 2], 16) / 255.0 for i in (1, 3, 5))
-            color = Quantity_Color(red, green, blue, Quantity_TypeOfColor.Quantity_TOC_sRGB)
+        if color is not None and not several:
             colors.SetColor(component, color, XCAFDoc_ColorType.XCAFDoc_ColorSurf)
     shapes.UpdateAssemblies()
+
+
+def _color(text: str | None) -> Any:
+    """`#rrggbb` for the kernel."""
+    from OCP.Quantity import Quantity_Color, Quantity_TypeOfColor
+
+    if text is None:
+        return None
+    red, green, blue = (int(text[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
+    return Quantity_Color(red, green, blue, Quantity_TypeOfColor.Quantity_TOC_sRGB)
 
 
 def _name(label: Any, text: str) -> None:

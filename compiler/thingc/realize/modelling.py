@@ -231,14 +231,14 @@ def _record(
 
 
 def solid_part(shapes: Sequence[TopoDS_Shape]) -> TopoDS_Shape:
-    """The solids of shapes: one as it is, several as a compound. Raises `NoPart` where there are none."""
+    """The solids of shapes: one by itself, several as a compound; none of them with a location of its own (in a STEP file
+    that would be one more assembly around each). Raises `NoPart` where there are none."""
     from OCP.BRep import BRep_Builder
     from OCP.TopoDS import TopoDS_Compound
 
-    solids = [solid for shape in shapes for solid in solids_of(shape)]
+    solids = [_at_origin(solid) for shape in shapes for solid in solids_of(shape)]
     if not solids:
-        kinds = ", ".join(sorted({str(shape.ShapeType()).rpartition("_")[2].lower() for shape in shapes}))
-        raise NoPart("empty", f"result() holds no solid, only {kinds}: zero volume")
+        raise NoPart("empty", f"result() holds no solid, {_instead(shapes)}")
     if len(solids) == 1:
         return solids[0]
     builder = BRep_Builder()
@@ -247,6 +247,29 @@ def solid_part(shapes: Sequence[TopoDS_Shape]) -> TopoDS_Shape:
     for solid in solids:
         builder.Add(compound, solid)
     return compound
+
+
+def _at_origin(solid: TopoDS_Shape) -> TopoDS_Shape:
+    """The same solid with its location worked into its geometry."""
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
+    from OCP.TopLoc import TopLoc_Location
+
+    location = solid.Location()
+    if location.IsIdentity():
+        return solid
+    return BRepBuilderAPI_Transform(solid.Located(TopLoc_Location()), location.Transformation(), True).Shape()
+
+
+def _instead(shapes: Sequence[TopoDS_Shape]) -> str:
+    """What there is in shapes without a solid, in words."""
+    from OCP.TopAbs import TopAbs_ShapeEnum
+    from OCP.TopExp import TopExp_Explorer
+
+    kinds = {"faces": TopAbs_ShapeEnum.TopAbs_FACE, "edges": TopAbs_ShapeEnum.TopAbs_EDGE, "points": TopAbs_ShapeEnum.TopAbs_VERTEX}
+    return next(
+        (f"only {name}" for name, kind in kinds.items() if any(TopExp_Explorer(shape, kind).More() for shape in shapes)),
+        "and nothing else",
+    )
 
 
 def written_brep(shape: TopoDS_Shape) -> bytes:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from thingc.realize.codekey import Code, Sources, binds, code_of, defined_in
-from thingc.realize.modules import Finder
+from thingc.realize.modules import Finder, listed
 from thingc.realize.record import PartFailure
 from thingc.realize.record_json import shortened
 from thingc.realize.store import Store
@@ -54,7 +54,11 @@ class PartCode:
         if module.kind == "installed":
             return None
         if module.kind == "absent" or module.file is None:
-            known = (*finder.part_modules(), *self.workspace.packages)
+            inside = finder.find(top).folders if top in self.workspace.packages else ()
+            known = (
+                *finder.part_modules(), *self.workspace.packages,
+                *(f"{top}.{name[:-3]}" for folder in inside for name in listed(folder) if name.endswith(".py") and name[0] != "_"),
+            )
             return PartFailure(
                 subject=reference, kind="missing", message=f"there is no module `{module_name}`", candidates=known
             )

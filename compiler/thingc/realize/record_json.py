@@ -99,10 +99,10 @@ def record_to_json(record: PartRecord, root: str) -> Any:
         "expectations": [[e.mount, e.text, e.child_mount] for e in record.expectations],
         "actuator": None if record.actuator is None else _actuator(record.actuator),
         "mass": _stated(record.mass), "com": _stated(record.com), "matrix": _stated(record.matrix),
-        "density": _stated(record.density), "bom": record.bom,
+        "density": _stated(record.density), "bom": dict(sorted(record.bom.items())),
         "warnings": [[w.message, shortened(w.file, root), w.line] for w in record.warnings],
-        "fits": {name: [f.shape, list(f.size), _pose(f.pose)] for name, f in record.fits.items()},
-        "meshes": {name: mesh_to_json(mesh) for name, mesh in record.meshes.items()},
+        "fits": {name: [f.shape, list(f.size), _pose(f.pose)] for name, f in sorted(record.fits.items())},
+        "meshes": {name: mesh_to_json(mesh) for name, mesh in sorted(record.meshes.items())},
         "pieces": [mesh_to_json(mesh) for mesh in record.pieces],
         "brep": record.brep,
         "code": None if record.code is None else [shortened(record.code[0], root), record.code[1]],
@@ -190,5 +190,5 @@ def _actuator(actuator: Actuator) -> Any:
     return {
         "kind": actuator.kind, "stall_torque": actuator.stall_torque, "no_load_speed": actuator.no_load_speed,
         "gear_ratio": actuator.gear_ratio, "rotor_inertia": actuator.rotor_inertia, "kp": actuator.kp, "kv": actuator.kv,
-        "sources": dict(actuator.sources),
+        "sources": dict(sorted(actuator.sources.items())),
     }

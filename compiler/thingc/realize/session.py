@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import traceback
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -37,11 +38,13 @@ class Surroundings:
 
 @dataclass(slots=True)
 class Session:
-    """One request in its process: the importer and the recorder of reads, installed while it lasts."""
+    """One request in its process, in the workspace's folder: the importer and the recorder of reads, installed while it
+    lasts."""
 
     around: Surroundings
     recorder: Recorder = field(init=False)
     importer: PartImporter = field(init=False)
+    _before: str = ""
 
     def __post_init__(self) -> None:
         self.importer = PartImporter(self.around.parts, self.around.hashes, self.around.plain)
@@ -50,6 +53,8 @@ class Session:
     def __enter__(self) -> Session:
         from thingc.things import assets
 
+        self._before = os.getcwd()
+        os.chdir(self.around.root)
         self.importer.install()
         self.recorder.start()
         assets.install(self.recorder.note, (self.around.root,))
@@ -61,6 +66,7 @@ class Session:
         self.recorder.stop()
         assets.install(None)
         self.importer.remove()
+        os.chdir(self._before)
 
     def own_files(self) -> set[str]:
         """The files that hold the authors' code."""

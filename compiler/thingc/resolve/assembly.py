@@ -70,7 +70,8 @@ def resolved(
     poses(table, scope)
     if spec.sensors:
         scope.error(Code.NOT_YET, "`sensors` are not built yet", ("sensors",), key=True, help="take them out for now")
-    made = components(table, placements, unreadable=unreadable(context, scope, spec))
+    lacking = unreadable(context, scope, spec)
+    made = components(table, placements, unreadable=lacking)
     table.definition = AssemblyDefinition(
         document=relative, name=spec.name, description=spec.description, parameters=parameters, text=table.text,
         materials={name: one for name, one in table.materials.items() if one is not None}, components=made,
@@ -78,7 +79,7 @@ def resolved(
         mounts={name: one for name, one in table.exports.items() if one is not None},
         poses=tuple(pose for pose in table.poses.values() if pose is not None), modes=modes(table, scope) if top else (),
         simulation=simulation(scope, Layers(((spec.simulation, ("simulation",)),))) if top and spec.simulation else {},
-        raw=raw(scope, spec.raw), origin=scope.origin(("name",)),
+        raw=raw(scope, spec.raw), origin=scope.origin(("name",)), materials_known=not lacking,
     )
     return table
 

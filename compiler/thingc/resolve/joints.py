@@ -185,12 +185,13 @@ def _limit(scope: Scope, item: Item[JointSpec], kind: JointKind, coordinate: Dim
     lower, upper = (_said(scope, layers, key, coordinate) for key in ("lower", "upper"))
     low = high = None
     if kind.limits == "none":
-        for key, said in (("lower", lower), ("upper", upper)):
-            if said is not None and said[1][0] == "joints":
-                scope.error(
-                    Code.LIMIT, f"joint `{name}` is {kind.name} and has no `limit.{key}`", said[1], key=True,
-                    help="a joint that stops somewhere is `type: revolute`",
-                )
+        own = [(key, said[1]) for key, said in (("lower", lower), ("upper", upper)) if said is not None and said[1][0] == "joints"]
+        if own:
+            named = " and no ".join(f"`limit.{key}`" for key, _ in own)
+            scope.error(
+                Code.LIMIT, f"joint `{name}` is {kind.name} and has no {named}", own[0][1], key=True,
+                help="a joint that stops somewhere is `type: revolute`",
+            )
     else:
         low = scope.number(*lower, coordinate, f"`limit.lower` of joint `{name}`") if lower else None
         high = scope.number(*upper, coordinate, f"`limit.upper` of joint `{name}`") if upper else None
@@ -205,7 +206,8 @@ def _limit(scope: Scope, item: Item[JointSpec], kind: JointKind, coordinate: Dim
             fault = "are reversed" if low > high else "leave no room"
             shown = [scope.shown(Quantity(q, coordinate), said[1]) for q, said in ((low, lower), (high, upper))]
             scope.error(
-                Code.LIMIT, f"limits of joint `{name}` {fault}: expected lower < upper, found {' and '.join(shown)}",
+                Code.LIMIT, f"limits of joint `{name}` {fault}: expected lower < upper, "
+                f"found {(', and ' if any(',' in one for one in shown) else ' and ').join(shown)}",
                 lower[1], help="swap them" if low > high else "let the joint move, or make it `fixed`",
             )
             low = high = None

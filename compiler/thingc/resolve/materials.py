@@ -136,7 +136,7 @@ def _library(scope: Scope, text: str, path: Path) -> tuple[float, str | None] | 
     if found is None:
         scope.error(
             Code.REFERENCE, f"a library material is written `bd_materials:NAME`, found `{text}`", path,
-            help=f"did you mean `bd_materials:{text.strip().rpartition(':')[2]}`?",
+            help=f"write for example `bd_materials:{text.strip().rpartition(':')[2] or 'abs'}`",
         )
         return None
     try:

@@ -45,15 +45,17 @@ def _mimic(table: Table, item: Item[JointSpec]) -> Mimic | None:
         return None
     name = ".".join(parts)
     if name not in table.joints:
+        others = [one for one in table.joints if one != item.name]
+        hint = references.suggested(name, others, what="joints") if others else "there is no other joint in this document"
         if len(parts) > 1:
             scope.error(
                 Code.MIMIC, f"`mimic.joint` names a joint of the same document, found `{name}`", (*path, "joint"),
-                help=references.suggested(name, [one for one in table.joints if one != item.name], what="joints"),
+                help=hint,
             )
         elif not any(name.startswith(prefix) for prefix in table.unbuilt_joints):
             scope.error(
                 Code.UNKNOWN_JOINT, f"this document has no joint `{name}`", (*path, "joint"),
-                help=references.suggested(name, [one for one in table.joints if one != item.name], what="joints"),
+                help=hint,
             )
         return None
     if name == item.name:

@@ -256,13 +256,15 @@ class Mode:
 class RawAttribute:
     """`raw: {mjcf: {joint: {yaw: {solreflimit: 0.01 1}}}}`: the target, the keys on the way, and the value as text.
 
-    For that example `target` is `mjcf`, `path` `("joint", "yaw", "solreflimit")`; origin is the value's place.
+    For that example `target` is `mjcf`, `path` `("joint", "yaw", "solreflimit")`; origin is the value's place, `keys` are
+    those of the keys.
     """
 
     target: str
     path: tuple[str, ...]
     value: str
     origin: Origin
+    keys: tuple[Span, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -271,7 +273,8 @@ class AssemblyDefinition:
 
     `document` is its path in the workspace, `parameters` the complete canonical ones; `text` prints those that differ
     from the document's own values (`end_effector(pen_diameter=0.02)`). `materials` is its scope by name. Poses are of
-    this document, over paths relative to it. `modes` and `simulation` count only at the top.
+    this document, over paths relative to it. `modes` and `simulation` count only at the top. `materials_known` is False
+    where a document of materials could not be read: then a name that is not in `materials` is no news.
     """
 
     document: str
@@ -289,3 +292,4 @@ class AssemblyDefinition:
     simulation: dict[str, float | str]
     raw: tuple[RawAttribute, ...]
     origin: Origin
+    materials_known: bool = True

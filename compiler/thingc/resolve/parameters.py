@@ -52,7 +52,7 @@ def worked_out(
         raw, path = own(name)
         names: Mapping[str, Found] = values  # every parameter that it uses is there, or broken
         if isinstance(raw, Expression) and any(use.name not in spec.parameters for use in raw.names):
-            names = {other: values.get(other, False) for other in spec.parameters}  # to be suggested for the unknown name
+            names = {other: values.get(other, False) for other in spec.parameters if other != name}  # to be suggested for the unknown name
         scope = Scope(document=document, report=report, names=names, broken=broken)
         found = scope.value(raw, path)
         if found is None:

@@ -160,10 +160,15 @@ def _report_failure(context: Context, node: Node, reference: str, failure: PartF
     path = (*node.path, "part")
     notes: list[Note] = []
     if failure.file is not None and failure.line is not None:
-        place = Span(file=failure.file, line=failure.line, column=1, end_line=failure.line, end_column=2)
-        notes.append(Note(message="raised here" if failure.kind == "raised" else "here", span=place))
+        place = Span(file=failure.file, line=failure.line, column=1, end_line=failure.line, end_column=1)
+        notes.append(Note(message="in the part file, here", span=place))
     module = reference.partition(":")[0]
-    help = None
+    help: str | None = None if failure.kind == "missing" else "mend the part file"
+    message = f"part `{reference}`: {failure.message}"
+    if failure.kind == "raised":
+        message = f"part `{reference}` cannot be loaded: {failure.message}"
+    elif failure.message.startswith(f"`{reference}`"):
+        message, help = failure.message, "write a module of a part folder and a class in it, for example `arm:BasePlate`"
     if failure.kind == "refused":
         allowed = ", ".join(f"`{package}`" for package in failure.candidates)
         help = f"parts come from the part folders of the workspace{' and from ' + allowed if allowed else ''}"
@@ -172,7 +177,7 @@ def _report_failure(context: Context, node: Node, reference: str, failure: PartF
     elif failure.candidates:
         help = did_you_mean(reference, [f"{module}:{name}" for name in failure.candidates], what="parts")
     context.report.add(
-        _FAILURES.get(failure.kind, Code.PART_INVALID), f"part `{reference}`: {failure.message}", node.scope.span(path),
+        _FAILURES.get(failure.kind, Code.PART_INVALID), message, node.scope.span(path),
         help=help,
         path=f"{'.'.join(str(step) for step in path)}", notes=notes, detail=failure.detail,
     )

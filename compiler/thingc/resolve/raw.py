@@ -48,7 +48,11 @@ def _flattened(scope: Scope, target: str, node: Any, path: Path, keys: tuple[str
         for key, child in node.items():
             yield from _flattened(scope, target, child, (*path, key), (*keys, key))
     else:
-        yield RawAttribute(target=target, path=keys, value=_text(node), origin=scope.origin(path))
+        first = len(path) - len(keys)
+        yield RawAttribute(
+            target=target, path=keys, value=_text(node), origin=scope.origin(path),
+            keys=tuple(scope.span(path[: first + depth], key=True) for depth in range(1, len(keys) + 1)),
+        )
 
 
 def _text(value: object) -> str:

@@ -122,6 +122,12 @@ def root(table: Table, scope: Scope, text: str, path: Path, *, key: bool = False
         shown = table.exports[parts[0]]
         return None if shown is None else Reference(path=shown.path, mount=shown.mount, origin=origin)
     if len(parts) == 1:
+        if parts[0] not in table.nodes and nearest(parts[0], islice(table.nodes, MAX_SUGGESTED)) is None:
+            close = nearest(parts[0], table.exports)
+            if close is not None:
+                message = f"this document has no component and shows no mount `{parts[0]}`"
+                scope.error(Code.UNKNOWN_COMPONENT, message, path, help=f"did you mean `{close}`?", key=key)
+                return None
         return Reference(path=parts, mount=None, origin=origin) if _descend(table, scope, parts, path, key) is not None else None
     inner: Table | None = table
     for step in parts[:-1]:

@@ -155,12 +155,26 @@ def _quantity_in(text: str, words: str, example: str) -> Quantity:
     start = len(text) - len(text.lstrip())
     if scan_number(text, start) is None:
         raise UnitError(f"expected {words} (such as `{example}`), found {found(text)}", help=_expression_hint(text))
-    return parse_quantity(text)
+    try:
+        return parse_quantity(text)
+    except UnitError as error:
+        comma = re.fullmatch(r"\s*([-+]?\d+),(\d.*)", text)
+        if comma is not None:
+            raise UnitError(
+                "a number is written with a point, not with a comma", help=f"write `{comma.group(1)}.{comma.group(2)}`",
+            ) from None
+        if error.help is None and re.search(r"[*/(]", text):
+            error.help = _expression_hint(text)
+        raise
 
 
 def _expression_hint(text: str) -> str | None:
-    """A hint where somebody wrote a parameter's name without `=`."""
-    return f"an expression begins with `=`: `={shortened(text)}`" if re.fullmatch(r"\s*[A-Za-z_(][\w\s.()+*/-]*", text) else None
+    """A hint where somebody wrote an expression without its `=`."""
+    try:
+        parse_expression(f"={text.strip()}")
+    except ExpressionError:
+        return None
+    return f"an expression begins with `=`: `={shortened(text.strip())}`"
 
 
 def quantity(*dimensions: Dimension, doc: str = "") -> Any:
@@ -338,6 +352,8 @@ def _reference(value: Any) -> str:
             if word != value:
                 message += f": `{shortened(word)}` in it is no name" if word else ": a name is missing beside a `.`"
             help = "levels are separated by `.`" if "/" in word else None
+            if re.fullmatch(r"\w+ +\w+", word):
+                help = f"write `{'.'.join(word.split())}`"
             raise fault("reference", message, help=help, offset=at, end=at + max(1, len(word)))
         at += len(word) + 1
     return value

@@ -48,7 +48,9 @@ class Shape:
             assert self.field is not None
             return self.field.words
         if self.kind == "union":
-            return " or ".join(shape_of(member).words for member in self.members)
+            shapes = [shape_of(member) for member in self.members]
+            some = any(shape.kind == "model" for shape in shapes)
+            return " or ".join(shape.words for shape in shapes if not (some and shape.kind == "dict"))
         return {"dict": "a mapping", "list": "a list", "text": "text", "flag": "true or false", "number": "a number"}[self.kind]
 
 

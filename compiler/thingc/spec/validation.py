@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from pydantic_core import PydanticCustomError, ValidationError
@@ -27,6 +27,9 @@ from thingc.units import shortened
 
 if TYPE_CHECKING:
     from thingc.load import Documents
+
+MAX_FAULTS = 200
+"""Faults said of one document."""
 
 MODELS: dict[str, type[Model]] = {"assembly": AssemblySpec, "materials": MaterialsSpec, "workspace": WorkspaceSpec}
 """The model of each kind of document."""
@@ -61,13 +64,14 @@ def validate_one(document: Document, report: Report) -> Model | None:
     assert isinstance(plain, dict)
     plain.pop("$schema", None)  # for editors
     empty = _report_empty(document, report)
+    damaged = frozenset(path for path, node in walk(document.tree) if isinstance(node, MappingNode) and node.damaged)
     _build(model)
     try:
         spec = model.model_validate(plain, strict=True)
     except ValidationError as error:
-        _Reporter(document, report, empty).say(list(_faults(shape_of(model), plain, (), error)))
+        _Reporter(document, report, empty, damaged).say(list(_faults(shape_of(model), plain, (), error)))
         return None
-    return None if empty else spec
+    return None if empty or damaged else spec
 
 
 def _build(model: type[Model]) -> None:
@@ -87,7 +91,8 @@ def _build(model: type[Model]) -> None:
 
 
 def _report_empty(document: Document, report: Report) -> frozenset[Path]:
-    """Keys without a value are errors: a null means nothing in any document. Returns their paths."""
+    """Keys without a value are errors: a null means nothing in any document. Returns their paths, and those of the values
+    that a decimal comma has cut."""
     paths: set[Path] = set()
     for path, node in walk(document.tree):
         if isinstance(node, ScalarNode) and node.value is None:
@@ -100,8 +105,34 @@ def _report_empty(document: Document, report: Report) -> frozenset[Path]:
                 help = f'a `#` begins a comment: write `"{comment.group(1)}"`'
             message = f"an item of {named} has no value" if path and isinstance(path[-1], int) else f"{named} has no value"
             where = document.span(path, key=True) if node.text == "" else node.span
-            report.add(Code.NO_VALUE, message, where, help=help, path=dotted(path))
+            code, cut = Code.NO_VALUE, _decimal_comma(document, path)
+            if cut is not None:
+                paths.add(cut[0])
+                code, message, where, help = Code.BAD_QUANTITY, _COMMA, cut[1], f"write `{cut[2]}`"
+            if len(paths) > MAX_FAULTS:
+                continue
+            report.add(code, message, where, help=help, path=dotted(path))
     return frozenset(paths)
+
+
+_COMMA = "a number is written with a point, not with a comma"
+
+
+def _decimal_comma(document: Document, path: Path) -> tuple[Path, Span, str] | None:
+    """Where `{gap: 1,5 mm}` was meant to be 1.5 mm and came as `gap: 1` and a key `5 mm`: the path of the value, where the
+    whole stands, and what it should be."""
+    mapping = node_at(document.tree, path[:-1])
+    if not isinstance(mapping, MappingNode) or not isinstance(path[-1], str) or not path[-1][:1].isdigit():
+        return None
+    keys = list(mapping.entries)
+    before = mapping.entries[keys[max(0, keys.index(path[-1]) - 1)]]
+    key = mapping.keys[path[-1]]
+    if not isinstance(before, ScalarNode) or not re.fullmatch(r"[-+]?\d+", before.text):
+        return None
+    if (before.span.end_line, before.span.end_column + 1) != (key.line, key.column):
+        return None
+    where = replace(before.span, end_line=key.end_line, end_column=key.end_column)
+    return (*path[:-1], keys[keys.index(path[-1]) - 1]), where, f"{before.text}.{shortened(path[-1])}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,12 +218,14 @@ def _value_at(value: Any, path: Path) -> Any:
 
 
 class _Reporter:
-    """Faults to diagnostics of one document; `empty` are paths that have been reported as without a value."""
+    """Faults to diagnostics of one document; `empty` are paths that have been reported as without a value, `damaged` those
+    of mappings with a key that is none (reported, too): what is missing there may be what that key was."""
 
-    def __init__(self, document: Document, report: Report, empty: frozenset[Path]) -> None:
+    def __init__(self, document: Document, report: Report, empty: frozenset[Path], damaged: frozenset[Path]) -> None:
         self.document = document
         self.report = report
         self.empty = empty
+        self.damaged = damaged
 
     def say(self, faults: list[_Fault]) -> None:
         meant: set[Path] = set()
@@ -201,11 +234,21 @@ class _Reporter:
                 close = self.near_key(fault)
                 if close is not None:
                     meant.add((*fault.path[:-1], close))
+        parents = {path[:-1] for path in self.empty}
+        before = len(self.report.diagnostics)
         for fault in faults:
             if fault.path in self.empty or (fault.kind == "missing" and fault.path in meant):
                 continue
-            if fault.kind == "rule" and any(path[:-1] == fault.path for path in self.empty):
+            if fault.kind == "rule" and (fault.path in parents or fault.path in self.damaged):
                 continue
+            if (fault.kind == "missing" and fault.path[:-1] in self.damaged) or (
+                fault.kind == "too_short" and fault.path in self.damaged
+            ):
+                continue
+            if len(self.report.diagnostics) - before >= MAX_FAULTS:
+                message = f"more than {MAX_FAULTS} faults in one document; the rest is not said"
+                self.add(Code.TOO_LARGE, message, self.place(fault.path), fault.path, None)
+                return
             self.one(fault)
 
     def one(self, fault: _Fault) -> None:
@@ -283,13 +326,13 @@ class _Reporter:
         if offset is not None and not fault.key:
             where = within(self.document, path, int(offset), int(fault.context["end"])) or where
         help = fault.context.get("help")
-        if fault.kind in ("type", "quantity") and help is None:
+        if fault.kind in ("type", "quantity") and not help:
             help = _space_hint(fault.value)
         self.add(_KINDS[fault.kind], fault.context["message"], where, path, help)
 
     def wrong_type(self, fault: _Fault) -> None:
         shape, value = fault.shape, fault.value
-        help = _space_hint(value) if shape.kind in ("model", "dict", "union") else None
+        help = _mapping_hint(fault.path, value) if shape.kind in ("model", "dict", "union") else None
         if shape.kind == "text" and isinstance(value, (int, float)):
             node = node_at(self.document.tree, fault.path)
             help = f'write `"{shortened(node.text)}"`' if isinstance(node, ScalarNode) else None
@@ -310,6 +353,15 @@ def _keys(shape: Shape) -> list[str]:
 
 def _inside(path: Path) -> str:
     return f" in `{dotted(path)}`" if path else ""
+
+
+def _mapping_hint(path: Path, value: Any) -> str | None:
+    """A hint where text stands for a mapping that can be told from it."""
+    if isinstance(value, str) and path[-1:] == ("attach",):
+        return f"write `{{my_mount: {shortened(value)}}}`"
+    if isinstance(value, str) and path[:-1] == ("components",) and re.fullmatch(r"[\w.]+:[\w.]+", value):
+        return f"write `{{part: {shortened(value)}}}`"
+    return _space_hint(value)
 
 
 def _space_hint(value: Any) -> str | None:

@@ -167,7 +167,7 @@ def shapes_of(geometry: Geometry) -> tuple[Shape[Any], ...]:
     if geometry is None:
         return ()
     found: tuple[Any, ...]
-    if isinstance(geometry, Shape) or not isinstance(geometry, Iterable):
+    if isinstance(geometry, (Shape, str)) or not isinstance(geometry, Iterable):
         found = (geometry,)
     else:
         found = tuple(geometry)

@@ -4,5 +4,5 @@ from thingc import Thing
 
 
 class Shelf(Thing):
-    def __init__(self, width=60:
+    def __init__(self, width=60)
         self.width = width

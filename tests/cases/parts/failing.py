@@ -48,14 +48,6 @@ class Divider(Thing):
         return None
 
 
-class Endless(Thing):
-    """Never done."""
-
-    def __init__(self) -> None:
-        while True:
-            pass
-
-
 class Crashing(Thing):
     """Ends its interpreter as a fault in the kernel does."""
 

@@ -1,0 +1,144 @@
+"""What a build models anew after an edit, counted: the part that changed and its users, and nothing else."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from conformance import shelf
+from conformance.harness import ROOT, build, replace, thingc, tree
+
+pytestmark = pytest.mark.xdist_group("shelf")
+
+
+@pytest.fixture(scope="module")
+def base(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the workspace `ws`, its `store`, in which everything has been modelled, and `other` files."""
+    folder = tmp_path_factory.mktemp("shelf")
+    shelf.workspace(folder / "ws")
+    shelf.make_files(folder / "other", 31)
+    answer = build("shelf.yaml", "--emit", "bom", store=folder / "store", cwd=folder / "ws")
+    assert set(answer["modelled"]) == shelf.EVERYTHING and answer["reused"] == []
+    return folder
+
+
+def rebuilt(base: Path, folder: Path, edit: Callable[[Path], None]) -> set[str]:
+    """What is modelled when an edit has been made to a copy of the workspace in another folder."""
+    shutil.copytree(base / "ws", folder / "ws", ignore=shutil.ignore_patterns("build"))
+    edit(folder / "ws")
+    answer = build("shelf.yaml", "--emit", "bom", store=base / "store", cwd=folder / "ws")
+    assert sorted(answer["modelled"] + answer["reused"]) == sorted(shelf.EVERYTHING), "together every part, each once"
+    return set(answer["modelled"])
+
+
+def source(old: str, new: str, file: str = "shelf.py") -> Callable[[Path], None]:
+    return lambda root: replace(root / "parts" / file, old, new)
+
+
+def comments(root: Path) -> None:
+    replace(root / "parts" / "shelf.py", "WALL = 3\n", "# thick enough\n\n\nWALL = 3  # mm\n")
+    replace(root / "parts" / "shelf.py", "self.body = Box(11, 12, 13)", "self.body = Box(11,\n                            12, 13)  # a box")
+
+
+def written(name: str, text: str) -> Callable[[Path], None]:
+    return lambda root: None if (root / name).write_text(text) else None
+
+
+CODE = {
+    "a dimension": (source("Box(11, 12, 13)", "Box(11, 12, 14)"), {"shelf:Plain"}),
+    "of a class with users": (source("Box(width, 10, 5)", "Box(width, 10, 6)"), {"shelf:Base", "shelf:Derived", "shelf:User"}),
+    "a constant": (source("WALL = 3", "WALL = 4"), {"shelf:Walled"}),
+    "another module": (source("Cylinder(radius, 8)", "Cylinder(radius, 9)", "helpers.py"), {"shelf:Helped"}),
+    "what nobody uses": (source("Sphere(radius)", "Sphere(2 * radius)", "helpers.py"), set()),
+    "comments and blank lines": (comments, set()),
+    "JSON": (written("sizes.json", "[7, 8, 10]"), {"shelf:FromJson"}),
+    "JSON that appears before the other": (written("parts/sizes.json", "[1, 2, 3]"), {"shelf:FromJson"}),
+    "JSON that appears": (written("parts/wish.json", "12"), {"shelf:Optional"}),
+    "a file that nobody reads": (written("unread.json", "2"), set()),
+}
+
+
+@pytest.mark.parametrize("case", CODE)
+def test_an_edit(base: Path, tmp_path: Path, case: str) -> None:
+    edit, expected = CODE[case]
+    assert rebuilt(base, tmp_path, edit) == expected
+
+
+@pytest.mark.parametrize(("file", "reader"), [("motor.step", "FromStep"), ("motor.brep", "FromBrep"), ("motor.stl", "FromStl")])
+def test_a_file_of_geometry(base: Path, tmp_path: Path, file: str, reader: str) -> None:
+    """It rebuilds the class that imports it, and the part that it is by itself."""
+    changed = rebuilt(base, tmp_path, lambda root: None if shutil.copy(base / "other" / file, root / "files" / file) else None)
+    assert changed == {f"shelf:{reader}", f"files/{file}"}
+
+
+def test_what_goes_away_again_was_modelled_already(base: Path, tmp_path: Path) -> None:
+    """`wish.json` comes and goes: the part without it is still in the store."""
+    rebuilt(base, tmp_path, written("parts/wish.json", "13"))
+    (tmp_path / "ws" / "parts" / "wish.json").unlink()
+    assert build("shelf.yaml", "--emit", "bom", store=base / "store", cwd=tmp_path / "ws")["modelled"] == []
+
+
+DOCUMENT = {
+    "a limit": ("upper: 45 deg", "upper: 46 deg"),
+    "a pose": ("hinge: 20 deg", "hinge: 21 deg"),
+    "a mass": ("'shelf:Base',", "'shelf:Base', mass: 7 g,"),
+    "a colour": ("burlywood", "navy"),
+    "a place": ("xyz: 50 0 0 mm", "xyz: 51 0 0 mm"),
+    "a density": ("density: 500", "density: 501"),
+}
+
+
+def test_an_edit_of_the_document_alone_models_nothing(base: Path, tmp_path: Path) -> None:
+    shutil.copytree(base / "ws", tmp_path / "ws", ignore=shutil.ignore_patterns("build"))
+    output = tmp_path / "ws" / "build" / "shelf"
+    build("shelf.yaml", "--emit", "bom,mjcf", store=base / "store", cwd=tmp_path / "ws")
+    for old, new in DOCUMENT.values():
+        before = tree(output)
+        replace(tmp_path / "ws" / "shelf.yaml", old, new)
+        answer = build("shelf.yaml", "--emit", "bom,mjcf", store=base / "store", cwd=tmp_path / "ws")
+        assert answer["modelled"] == [] and set(answer["reused"]) == shelf.EVERYTHING
+        after = tree(output)
+        assert {path for path in after if after[path] != before[path]} >= {"manifest.json", "mjcf/shelf_default.xml"}, (old, new)
+
+
+def test_a_build_without_a_change_touches_nothing(base: Path, tmp_path: Path) -> None:
+    """Straight after a cold build, and again: it says so, and every file is the very same."""
+    def stats() -> dict[str, tuple[int, int]]:
+        return {path.name: (path.stat().st_mtime_ns, path.stat().st_ino) for path in (tmp_path / "out").rglob("*")}
+
+    shutil.copytree(base / "ws", tmp_path / "ws", ignore=shutil.ignore_patterns("build"))
+    words = ("build", "shelf.yaml", "-o", tmp_path / "out")
+    first = thingc(*words, store=tmp_path / "store", cwd=tmp_path / "ws")
+    assert first.code == 0 and "14 parts modelled, 0 reused" in first.err
+    left = stats()
+    for _ in range(2):
+        again = thingc(*words, store=tmp_path / "store", cwd=tmp_path / "ws")
+        assert again.code == 0 and again.out == "" and "nothing changed" in again.err
+        answer = build(*words[1:], store=tmp_path / "store", cwd=tmp_path / "ws")
+        assert answer["modelled"] == [] and set(answer["reused"]) == shelf.EVERYTHING
+        assert stats() == left
+    (tmp_path / "out" / "shelf" / "bom.csv").write_text("spoilt")
+    build(*words[1:], store=tmp_path / "store", cwd=tmp_path / "ws")
+    assert (tmp_path / "out" / "shelf" / "bom.csv").read_text().startswith("number,"), "what was changed by hand is mended"
+
+
+@pytest.mark.slow
+def test_elsewhere_with_other_seeds_and_fewer_jobs_the_arm_has_the_same_bytes(arm: Path, tmp_path: Path) -> None:
+    """Another absolute folder, another store, another order of sets and dicts, one process. Then one dimension of one class."""
+    home = tmp_path / "some where" / "else"
+    for name in ("assemblies", "parts", "thingc.toml"):
+        (shutil.copytree if (ROOT / name).is_dir() else shutil.copy)(ROOT / name, tmp_path / name)
+    shutil.copytree(tmp_path, home, ignore=shutil.ignore_patterns("some where", "__pycache__"))
+    seen = build(
+        "assemblies/arm.yaml", "--jobs", "1", store=tmp_path / "store", cwd=home, more={"PYTHONHASHSEED": "4711", "TZ": "Asia/Tokyo"}
+    )
+    assert len(seen["modelled"]) == 9
+    expected, found = tree(arm), tree(home / "build" / "arm")
+    assert expected.keys() == found.keys()
+    assert [path for path in expected if expected[path] != found[path]] == []
+    replace(home / "parts" / "arm.py", "min(room, 7.0)", "min(room, 6.5)")
+    answer = build("assemblies/arm.yaml", store=tmp_path / "store", cwd=home)
+    assert answer["modelled"] == ["arm:RotorBrace"] and len(answer["reused"]) == 8

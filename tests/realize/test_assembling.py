@@ -1,0 +1,225 @@
+"""STEP files of assemblies, read back with the kernel: names, colours, poses, and shapes that are shared."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from thingc.pose import Pose, shifted, turned_z
+from thingc.realize.client import Workers
+from thingc.realize.record import Placed
+from thingc.realize.service import AssemblyFailed
+from thingc.realize.step_order import settled
+
+PARTS = """
+    from build123d import *
+    from thingc import Thing
+
+    class Block(Thing):
+        def result(self):
+            return Pos(1, 0, 0) * Box(30, 20, 10)
+
+    class Pair(Thing):
+        def result(self):
+            return [Box(10, 10, 10), Pos(20, 0, 0) * Box(10, 10, 10)]
+
+    class Rod(Thing):
+        def result(self):
+            return Cylinder(3, 40)
+"""
+
+
+@pytest.fixture(scope="module")
+def instances(module_place: Any, define: Callable[..., Any]) -> list[Placed]:
+    """Two blocks and a rod in nested groups."""
+    module_place.write("parts/parts_.py", PARTS)
+    with module_place.service() as service:
+        found = service.realize([define("parts_:Block"), define("parts_:Rod"), define("parts_:Pair")])
+    block, rod, pair = (found[f"parts_:{name}"] for name in ("Block", "Rod", "Pair"))
+    return [
+        Placed(path="plate", definition="parts_:Block", brep=block.brep, pose=Pose(), color="#ff8000"),
+        Placed(path="hand/cap", definition="parts_:Block", brep=block.brep, pose=shifted(0.1, 0, 0.05) @ turned_z(math.pi / 2),
+               color="#0040ff"),
+        Placed(path="hand/inner/rod", definition="parts_:Rod", brep=rod.brep, pose=shifted(0, 0, 0.2), color=None),
+        Placed(path="two", definition="parts_:Pair", brep=pair.brep, pose=shifted(0, 0, 0.3), color="#102030"),
+        Placed(path="other", definition="parts_:Pair", brep=pair.brep, pose=shifted(0, 0, 0.4), color="#102030"),
+    ]
+
+
+def leaves(path: Path) -> tuple[dict[str, tuple[Any, str | None]], set[str]]:
+    """Leaf instances by path with their placed shape and colour, and the names of definitions."""
+    from OCP.collections import Sequence_TDF_Label
+    from OCP.Quantity import Quantity_Color, Quantity_TypeOfColor
+    from OCP.STEPCAFControl import STEPCAFControl_Reader
+    from OCP.TCollection import TCollection_ExtendedString
+    from OCP.TDataStd import TDataStd_Name
+    from OCP.TDF import TDF_Label
+    from OCP.TDocStd import TDocStd_Document
+    from OCP.TopLoc import TopLoc_Location
+    from OCP.XCAFDoc import XCAFDoc_ColorType, XCAFDoc_DocumentTool, XCAFDoc_ShapeTool
+
+    document = TDocStd_Document(TCollection_ExtendedString("x"))
+    reader = STEPCAFControl_Reader()
+    reader.SetNameMode(True)
+    reader.SetColorMode(True)
+    reader.ReadFile(str(path))
+    assert reader.Transfer(document)
+    shapes = XCAFDoc_DocumentTool.ShapeTool_s(document.Main())
+    colors = XCAFDoc_DocumentTool.ColorTool_s(document.Main())
+    found: dict[str, tuple[Any, str | None]] = {}
+    definitions: set[str] = set()
+
+    def name_of(label: Any) -> str:
+        attribute = TDataStd_Name()
+        assert label.FindAttribute(TDataStd_Name.GetID_s(), attribute)
+        return str(attribute.Get().ToExtString())
+
+    def walk(label: Any, path: str, location: Any) -> None:
+        parts = Sequence_TDF_Label()
+        XCAFDoc_ShapeTool.GetComponents_s(label, parts)
+        for index in range(1, parts.Length() + 1):
+            component = parts.Value(index)
+            target = TDF_Label()
+            assert XCAFDoc_ShapeTool.GetReferredShape_s(component, target)
+            placed = location.Multiplied(XCAFDoc_ShapeTool.GetLocation_s(component))
+            own = f"{path}/{name_of(component)}" if path else name_of(component)
+            if XCAFDoc_ShapeTool.IsAssembly_s(target):
+                walk(target, own, placed)
+                continue
+            definitions.add(name_of(target))
+            color, kind = Quantity_Color(), XCAFDoc_ColorType.XCAFDoc_ColorSurf
+            has = colors.GetInstanceColor(XCAFDoc_ShapeTool.GetShape_s(component), kind, color) or all(
+                colors.GetColor(solid, kind, color) for solid in solids_of(XCAFDoc_ShapeTool.GetShape_s(target))
+            )
+            shade = None
+            if has:
+                channels = color.Values(Quantity_TypeOfColor.Quantity_TOC_sRGB)
+                shade = "#" + "".join(f"{round(255 * channel):02x}" for channel in channels)
+            found[own] = (XCAFDoc_ShapeTool.GetShape_s(target).Located(placed), shade)
+
+    roots = Sequence_TDF_Label()
+    shapes.GetFreeShapes(roots)
+    assert roots.Length() == 1
+    assert name_of(roots.Value(1)) == "robot"
+    walk(roots.Value(1), "", TopLoc_Location())
+    return found, definitions
+
+
+def solids_of(shape: Any) -> list[Any]:
+    from OCP.TopAbs import TopAbs_SOLID
+    from OCP.TopExp import TopExp_Explorer
+
+    explorer = TopExp_Explorer(shape, TopAbs_SOLID)
+    found = []
+    while explorer.More():
+        found.append(explorer.Current())
+        explorer.Next()
+    return found
+
+
+def centre_of(shape: Any) -> tuple[float, float, float]:
+    from OCP.BRepGProp import BRepGProp
+    from OCP.GProp import GProp_GProps
+
+    properties = GProp_GProps()
+    BRepGProp.VolumeProperties_s(shape, properties)
+    point = properties.CentreOfMass()
+    return point.X(), point.Y(), point.Z()
+
+
+def test_read_back(module_place: Any, instances: list[Placed], tmp_path: Path) -> None:
+    with module_place.service() as service:
+        made = service.assemble("robot", instances)
+    data = module_place.store.read(made.sha256)
+    assert len(data) == made.size
+    path = tmp_path / "robot.step"
+    path.write_bytes(data)
+    found, definitions = leaves(path)
+    assert list(found) == ["plate", "hand/cap", "hand/inner/rod", "two", "other"]
+    assert definitions == {"parts_:Block", "parts_:Rod", "parts_:Pair"}
+    assert {name: color for name, (_, color) in found.items()} == {
+        "plate": "#ff8000", "hand/cap": "#0040ff", "hand/inner/rod": None, "two": "#102030", "other": "#102030",
+    }
+    # the centre of a block is 1 mm along its own x
+    assert centre_of(found["plate"][0]) == pytest.approx((1, 0, 0), abs=1e-6)
+    assert centre_of(found["hand/cap"][0]) == pytest.approx((100, 1, 50), abs=1e-6)
+    assert centre_of(found["hand/inner/rod"][0]) == pytest.approx((0, 0, 200), abs=1e-6)
+    assert centre_of(found["other"][0]) == pytest.approx((10, 0, 400), abs=1e-6)
+    assert len(re.findall(rb"MANIFOLD_SOLID_BREP", data)) == 4
+    header = data[: data.index(b"ENDSEC")].decode()
+    assert "2000-01-01T00:00:00" in header
+    assert "thingc" in header
+    assert "Open CASCADE" not in header
+    for word in (str(tmp_path), module_place.store.root, "/tmp/"):
+        assert word.encode() not in data
+
+
+def test_the_same_bytes_from_a_worker_and_from_a_process_of_its_own(
+    module_place: Any, instances: list[Placed], tmp_path: Path
+) -> None:
+    """The kernel writes styles in the order of addresses, which are others in every process."""
+    from thingc.realize.store import Store
+
+    many = [
+        replace(instance, path=f"row_{k}/{instance.path}", pose=shifted(0, k / 10, 0) @ instance.pose, color=f"#{k:02x}80{j:02x}")
+        for k in range(6) for j, instance in enumerate(instances)
+    ]
+    with module_place.service() as service:
+        found = [service.assemble("robot", many)]
+    store = module_place.store
+    try:
+        for k in range(3):
+            module_place.store = Store(str(tmp_path / str(k)))
+            for blob in {instance.brep for instance in instances}:
+                module_place.store.put(store.read(blob))
+            with module_place.service(workers=Workers(1)) as service:
+                found.append(service.assemble("robot", many))
+    finally:
+        module_place.store = store
+    assert len(set(found)) == 1
+
+
+def test_the_order_of_styles_does_not_matter() -> None:
+    styles = b"MECHANICAL_DESIGN_GEOMETRIC_PRESENTATION_REPRESENTATION"
+    head, tail = b"HEADER;\nENDSEC;\nDATA;\n#1 = A('#3;',#2);\n#2 = B();\n", b"ENDSEC;\nEND-ISO-10303-21;\n"
+    one = (
+        b"#3 = " + styles + b"('',(#4,#6),#1);\n#4 = STYLE('it''s #6;',#5);\n#5 = RED();\n#6 = STYLE('',#7);\n#7 = BLUE(1.,\n  2.);\n"
+        b"#8 = " + styles + b"('',(#9),#2);\n#9 = STYLE('',#5);\n"
+    )
+    other = (
+        b"#3 = " + styles + b"('',(#4),#2);\n#4 = STYLE('',#5);\n#5 = RED();\n"
+        b"#6 = " + styles + b"('',(#8,#7),#1);\n#7 = STYLE('it''s #6;',#5);\n#8 = STYLE('',#9);\n#9 = BLUE(1.,2.);\n"
+    )
+    first = settled(head + one + tail)
+    assert first == settled(head + other + tail) == settled(first)
+    assert first.startswith(head)
+    assert first.endswith(tail)
+    assert first.count(styles) == 2
+    assert b"STYLE('it''s #6;'," in first
+    assert settled(head + tail) == head + tail
+
+
+def test_unchanged_placements_run_nothing(module_place: Any, instances: list[Placed], monkeypatch: pytest.MonkeyPatch) -> None:
+    with module_place.service() as service:
+        first = service.assemble("robot", instances)
+    untouched = Workers(1)
+    import thingc.realize.client as client
+
+    monkeypatch.setattr(client, "once", lambda *_: pytest.fail("a process was started"))
+    with module_place.service(workers=untouched) as service:
+        assert service.assemble("robot", instances) == first
+    assert not untouched.running
+
+
+def test_a_blob_that_is_gone(module_place: Any, instances: list[Placed]) -> None:
+    broken = [Placed(path="a", definition="d", brep="0" * 64, pose=Pose(), color=None)]
+    with module_place.service() as service, pytest.raises(AssemblyFailed) as caught:
+        service.assemble("robot", broken)
+    assert caught.value.name == "robot"
+    assert "no sound blob" in caught.value.detail

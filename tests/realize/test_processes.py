@@ -1,0 +1,333 @@
+"""Processes: nothing heavy in the client, nothing alive afterwards, many on one store, and blobs that get damaged."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from thingc.realize.client import Workers
+from thingc.realize.record import PartRecord, Placed
+
+PARTS = """
+    from build123d import *
+    from thingc import Length, Thing
+
+    class Block(Thing):
+        def __init__(self, width: Length = 30):
+            super().__init__()
+            self.body = Box(width, 10, 5)
+
+        def result(self):
+            return self.body
+
+    class Slow(Thing):
+        def result(self):
+            import subprocess, sys
+            subprocess.run([sys.executable, "-c", "import time; time.sleep(600)"])
+"""
+
+CLIENT = """
+import json, sys
+from thingc.pose import Pose
+from thingc.realize.record import PartDefinition, PartRecord, Placed
+from thingc.realize.service import GeometryService
+from thingc.realize.store import Store
+from thingc.workspace import Workspace
+
+root, store, command = sys.argv[1:4]
+workspace = Workspace(
+    root=root, parts=(root + "/parts",), packages=("thingc_stock", "bd_warehouse"), build=root + "/build", part_timeout=60.0,
+    linear=1e-4, angular=0.17453292519943295,
+)
+def block(width):
+    return PartDefinition(reference="parts_:Block", kind="code", parameters=(("width", width),), text=f"parts_:Block(width={width})")
+with GeometryService(workspace, Store(store), 2, 60.0) as service:
+    if command == "hang":
+        service.warm()
+        print("started", flush=True)
+        slow = PartDefinition(reference="parts_:Slow", kind="code", parameters=(), text="parts_:Slow")
+        service.realize([slow, slow])
+    schemas = service.describe(["parts_:Block"])
+    found = service.realize([block(0.01 + k / 1000) for k in range(6)])
+    assert all(isinstance(record, PartRecord) for record in found.values()), found
+    placed = [Placed(path=text, definition=text, brep=record.brep, pose=Pose(), color="#ff0000") for text, record in found.items()]
+    step = service.assemble("robot", placed)
+heavy = ("OCP", "build123d", "numpy", "networkx", "trimesh", "mujoco", "pydantic", "rich", "typer", "asyncio", "multiprocessing")
+print(json.dumps({
+    "modelled": service.modelled, "reused": service.reused, "step": step.sha256,
+    "heavy": [name for name in heavy if name in sys.modules], "processes": "subprocess" in sys.modules,
+    "records": {text: repr(record) for text, record in found.items()},
+}))
+"""
+
+
+@pytest.fixture
+def client(place: Any) -> Callable[..., subprocess.Popen[str]]:
+    """Starts a process that uses the service on this place's workspace and store."""
+    place.write("parts/parts_.py", PARTS)
+
+    def start(command: str = "all") -> subprocess.Popen[str]:
+        arguments = [sys.executable, "-c", CLIENT, str(place.root), place.store.root, command]
+        return subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True)
+
+    return start
+
+
+def answer(process: subprocess.Popen[str]) -> dict[str, Any]:
+    out, _ = process.communicate(timeout=120)
+    assert process.returncode == 0
+    found: dict[str, Any] = json.loads(out)
+    return found
+
+
+def alive(store: str) -> list[psutil.Process]:
+    """Processes of thingc that belong to this store's client, by what they were started with or their session's leader."""
+    found = []
+    for process in psutil.process_iter():
+        try:
+            line = " ".join(process.cmdline())
+        except psutil.Error:
+            continue
+        if store in line or "time.sleep(600)" in line:
+            found.append(process)
+    return found
+
+
+def test_the_client_stays_light_and_a_second_run_starts_nothing(client: Callable[..., Any]) -> None:
+    first = answer(client())
+    assert first["heavy"] == []
+    assert len(first["modelled"]) == 6
+    second = answer(client())
+    assert second["heavy"] == []
+    assert not second["processes"]
+    assert second["modelled"] == []
+    assert sorted(second["reused"]) == sorted(first["modelled"])
+    assert (second["records"], second["step"]) == (first["records"], first["step"])
+
+
+def test_two_clients_at_once_share_a_store(client: Callable[..., Any], place: Any) -> None:
+    both = [client(), client()]
+    one, other = (answer(process) for process in both)
+    assert (one["records"], one["step"]) == (other["records"], other["step"])
+    assert answer(client())["modelled"] == []
+
+
+def descendants(process: psutil.Process) -> list[psutil.Process]:
+    try:
+        return process.children(recursive=True)
+    except psutil.Error:
+        return []
+
+
+def gone(processes: list[psutil.Process], within: float) -> list[psutil.Process]:
+    return [process for process in psutil.wait_procs(processes, timeout=within)[1] if process.status() != psutil.STATUS_ZOMBIE]
+
+
+def test_nothing_is_alive_after_the_end(client: Callable[..., Any]) -> None:
+    process = client()
+    seen: dict[int, psutil.Process] = {}
+    while process.poll() is None:
+        for child in descendants(psutil.Process(process.pid)):
+            seen.setdefault(child.pid, child)
+    process.communicate()
+    assert len(seen) >= 2  # the server and at least one of its children
+    assert [child for child in seen.values() if child.is_running() and child.status() != psutil.STATUS_ZOMBIE] == []
+
+
+@pytest.mark.parametrize("moment", ["loading", "modelling"])
+def test_nothing_is_alive_after_the_client_is_killed(client: Callable[..., Any], moment: str) -> None:
+    process = client("hang")
+    assert process.stdout is not None
+    process.stdout.readline()
+    wanted = 1 if moment == "loading" else 3  # the server; its child; the process that part code has started
+    deadline = time.monotonic() + 60
+    children: list[psutil.Process] = []
+    while len(children) < wanted and time.monotonic() < deadline:
+        children = descendants(psutil.Process(process.pid))
+    assert len(children) >= wanted
+    own = [child for child in children if "time.sleep(600)" not in " ".join(child.cmdline())]
+    os.kill(process.pid, signal.SIGKILL)
+    process.communicate()
+    try:
+        assert gone(own, 5) == []
+    finally:
+        for child in children:
+            if child.is_running() and "time.sleep(600)" in " ".join(child.cmdline()):
+                child.kill()
+
+
+def test_what_a_part_has_started_ends_with_it(place: Any, define: Callable[..., Any]) -> None:
+    place.write("parts/parts_.py", PARTS)
+    with place.service(timeout=1.5) as service:
+        failure = service.realize([define("parts_:Slow")])["parts_:Slow"]
+    assert failure.kind == "hung"
+    assert [process for process in psutil.process_iter(["cmdline"]) if "time.sleep(600)" in " ".join(process.info["cmdline"] or [])] == []
+
+
+def test_a_server_that_dies_is_started_again(place: Any, define: Callable[..., Any]) -> None:
+    place.write("parts/parts_.py", PARTS)
+    workers = Workers(1)
+    try:
+        workers.warm()
+        (server,) = workers._processes
+        server.process.kill()
+        with place.service(workers=workers) as service:
+            found = service.realize([define("parts_:Block", width=0.03)])
+        assert all(isinstance(record, PartRecord) for record in found.values())
+    finally:
+        workers.close()
+
+
+def test_the_environment_of_parts_is_fixed(place: Any, define: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    text = """
+        import os
+        from build123d import *
+        from thingc import Thing
+
+        class A(Thing):
+            def result(self):
+                assert os.environ["PYTHONHASHSEED"] == "0"
+                assert os.getcwd() == os.path.dirname(os.path.dirname(os.path.abspath(__file__))), os.getcwd()
+                return Box(1, 1, float(os.environ.get("SIZE", 1)))
+    """
+    place.write("parts/arm.py", text)
+    monkeypatch.setenv("SIZE", "5")
+    own = Workers(1)
+    try:
+        with place.service(workers=own) as service:
+            record = service.realize([define("arm:A")])["arm:A"]
+    finally:
+        own.close()
+    assert isinstance(record, PartRecord), record
+    assert record.volume == pytest.approx(1e-9)
+
+
+@pytest.mark.parametrize("damage", ["gone", "truncated", "overwritten", "document"])
+def test_damage_is_mended_by_the_next_run(place: Any, define: Callable[..., Any], damage: str) -> None:
+    place.write("parts/parts_.py", PARTS)
+    definitions = [define("parts_:Block", width=width) for width in (0.03, 0.04)]
+    with place.service() as service:
+        before = service.realize(definitions)
+    record = before["parts_:Block(width=0.03)"]
+    path = Path(place.store.path(record.meshes["print"].sha256))
+    if damage == "gone":
+        path.unlink()
+    elif damage == "truncated":
+        path.write_bytes(path.read_bytes()[:100])
+    elif damage == "overwritten":
+        path.write_bytes(b"x" * path.stat().st_size)
+    else:
+        for document in (Path(place.store.root) / "record").glob("*/*"):
+            if b"width=0.03" in document.read_bytes():
+                document.write_bytes(document.read_bytes()[:200])
+    with place.service() as service:
+        after = service.realize(definitions)
+        assert service.modelled == ["parts_:Block(width=0.03)"]
+        assert service.decisions["parts_:Block(width=0.03)"].reason == "its files were missing from the store"
+    assert after == before
+    assert place.store.has(record.meshes["print"].sha256, record.meshes["print"].size)
+
+
+def test_a_store_that_cannot_be_written(place: Any, define: Callable[..., Any]) -> None:
+    from thingc.realize.store import Store, StoreUnusable
+
+    place.write("parts/parts_.py", PARTS)
+    blocked = place.root / "blocked"
+    blocked.write_text("")
+    place.store = Store(str(blocked / "store"))
+    with place.service() as service, pytest.raises(StoreUnusable):
+        service.realize([define("parts_:Block", width=0.03)])
+
+
+def test_the_worker_is_started_early_only_when_there_is_something_new(place: Any, define: Callable[..., Any]) -> None:
+    place.write("parts/parts_.py", PARTS)
+    first, second, third = Workers(1), Workers(1), Workers(1)
+    try:
+        with place.service(workers=first) as service:
+            service.anticipate()
+            assert first.running
+            service.realize([define("parts_:Block", width=0.03)])
+        with place.service(workers=second) as service:
+            service.anticipate()
+            assert not second.running
+        place.write("parts/parts_.py", PARTS.replace("10, 5", "10, 6"))
+        with place.service(workers=third) as service:
+            service.anticipate()
+            assert third.running
+    finally:
+        for workers in (first, second, third):
+            workers.close()
+
+
+def test_progress(place: Any, define: Callable[..., Any]) -> None:
+    place.write("parts/parts_.py", PARTS)
+    heard: list[tuple[str, int, int]] = []
+    with place.service(on_progress=lambda *said: heard.append(said)) as service:
+        service.realize([define("parts_:Block", width=width) for width in (0.03, 0.04, 0.05)])
+    assert heard == [("modelling", done, 3) for done in range(4)]
+
+
+def test_imports_put_off_are_made_when_they_are_needed(tmp_path: Path) -> None:
+    script = f"""
+        import sys
+        from thingc.realize.deferred import SELDOM_USED, import_cheaply
+        import_cheaply("build123d")
+        assert not SELDOM_USED & set(sys.modules), SELDOM_USED & set(sys.modules)
+        from build123d import *
+        folder = {str(tmp_path)!r}
+        mesher = Mesher()
+        mesher.add_shape(Box(1, 2, 3))
+        mesher.write(folder + "/box.3mf")
+        assert abs(Mesher().read(folder + "/box.3mf")[0].volume - 6) < 1e-6
+        assert "scipy" not in sys.modules
+        drawing = ExportDXF()
+        drawing.add_shape(Rectangle(1, 2))
+        drawing.write(folder + "/box.dxf")
+        assert len(import_dxf(folder + "/box.dxf")) == 4
+        drawing = ExportSVG(fill_color=Color("red"))
+        drawing.add_shape(Rectangle(1, 2))
+        drawing.write(folder + "/box.svg")
+        assert len(import_svg(folder + "/box.svg")) == 1
+        assert abs(make_hull([Edge.make_line((0, 0), (1, 0)), Edge.make_line((0, 1), (1, 1))]).area - 1) < 1e-9
+        assert Text("a", 10).area > 1
+        assert abs(Triangle(a=3, b=4, c=5).area - 6) < 1e-9
+        assert full_round(Rectangle(2, 4).edges().sort_by(Axis.X)[0])
+        import ezdxf, scipy.optimize
+        from thingc.realize.deferred import Deferred, _StandIn
+        left = [
+            (name, key) for name, module in sys.modules.items() if name.startswith("build123d")
+            for key, value in vars(module).items() if type(value) is _StandIn and value.__name__ in ("ezdxf", "lib3mf", "svgpathtools")
+        ]
+        assert not left, left
+        from build123d import mesher as module
+        assert type(next(iter(Mesher._map_b3d_mesh_type_3mf.values()))) is not Deferred
+    """
+    subprocess.run([sys.executable, "-c", textwrap.dedent(script)], check=True)
+
+
+def test_an_import_that_goes_wrong_is_made_plainly(tmp_path: Path) -> None:
+    (tmp_path / "slow_library.py").write_text("VALUE = 3\n")
+    (tmp_path / "user.py").write_text("import slow_library\nTABLE = [0] * slow_library.VALUE\n")  # uses it while it loads
+    script = """
+        import sys
+        sys.path.insert(0, sys.argv[1])
+        from thingc.realize.deferred import import_cheaply
+        assert import_cheaply("user", frozenset({"slow_library"})).TABLE == [0, 0, 0]
+        assert sys.modules["slow_library"].VALUE == 3
+    """
+    subprocess.run([sys.executable, "-c", textwrap.dedent(script), str(tmp_path)], check=True)
+
+
+def test_placed_is_what_assemble_takes() -> None:
+    assert [name for name in Placed.__dataclass_fields__] == ["path", "definition", "brep", "pose", "color"]
