@@ -262,6 +262,15 @@ def did_you_mean(name: str, candidates: Iterable[str], *, what: str = "names") -
     return f"known {what}: {shown}" + (f" and {len(known) - 12} more" if len(known) > 12 else "")
 
 
+def file_meant(name: str, files: Iterable[str], *, what: str = "files") -> str:
+    """`did_you_mean` for files: what they are called counts, not the ending that they share."""
+    by_stem = {os.path.splitext(file)[0]: file for file in sorted(files, reverse=True)}
+    close = nearest(os.path.splitext(name)[0], by_stem)
+    if close is not None:
+        return f"did you mean `{by_stem[close]}`?"
+    return did_you_mean("", by_stem.values(), what=what)
+
+
 def shown_path(file: str) -> str:
     """A file as a person at this working folder would name it."""
     relative = os.path.relpath(file)

@@ -10,7 +10,6 @@ X-540 (XM540-W270, horn HN13-N101, idler HN13-I101).
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
 from math import pi
 from typing import Annotated, ClassVar
@@ -18,11 +17,7 @@ from typing import Annotated, ClassVar
 from build123d import Face, Location, Plane, Pos, Solid, Wire
 
 from thingc import Actuator, Length, MountPoint, Range, Thing
-from thingc_stock.fasteners import Screw, Size
-
-Hole = Callable[[float], Screw]
-"""A threaded hole. Called with the thickness [mm] of what is fastened on the face, it gives the screw in place: its
-bearing plane that far above the face, its tip at the bottom of the hole."""
+from thingc_stock.fasteners import Hole, Screw, Size, threaded_hole
 
 Positive = Annotated[Length, Range(minimum=0.1)]
 
@@ -178,8 +173,8 @@ class XSeries(Thing):
         ]
         circle = _circle(d.horn_circle, d.horn_holes)
         horn, behind = Pos(0, 0, self.horn_z), Pos(0, 0, self.idler_z)
-        self.screws_horn = [_hole(horn * spot, d.horn_screw, d.horn_thickness) for spot in circle]
-        self.screws_idler = [_hole(behind * spot * FLIP, d.horn_screw, d.idler_thickness) for spot in circle if idler]
+        self.screws_horn = [threaded_hole(horn * spot, d.horn_screw, d.horn_thickness) for spot in circle]
+        self.screws_idler = [threaded_hole(behind * spot * FLIP, d.horn_screw, d.idler_thickness) for spot in circle if idler]
 
     @abstractmethod
     def mass(self) -> tuple[float, str]:
@@ -220,7 +215,7 @@ class XSeries(Thing):
         return [self.case_hull(), rim, self.boss_hull(self.drawing.tip_height)]
 
     def _body_hole(self, position: tuple[float, float, float], rotation: tuple[float, float, float]) -> Hole:
-        return _hole(Location(position, rotation), self.drawing.body_screw, self.drawing.body_hole_depth)
+        return threaded_hole(Location(position, rotation), self.drawing.body_screw, self.drawing.body_hole_depth)
 
 
 class XM430(XSeries):
@@ -294,15 +289,6 @@ class XM540(XSeries):
     def mass(self) -> tuple[float, str]:
         """165 g, e-Manual."""
         return (0.165, "vendor")
-
-
-def _hole(mouth: Location, size: Size, depth: float) -> Hole:
-    """The hole whose mouth is at `mouth` (z out of the material) and which is `depth` [mm] deep."""
-
-    def screw(thickness: float) -> Screw:
-        return Screw(size, thickness + depth).move(mouth * Pos(0, 0, thickness))
-
-    return screw
 
 
 def _circle(diameter: float, count: int) -> list[Location]:

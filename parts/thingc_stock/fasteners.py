@@ -8,6 +8,7 @@ its thirty kinds of fastener.
 from __future__ import annotations
 
 import csv
+from collections.abc import Callable
 from functools import cache
 from importlib import resources
 from math import sqrt
@@ -96,6 +97,20 @@ class Screw(Thing):
         below = -self.p.length
         outline = [(0, below), (shank / 2, below), (shank / 2, 0), (head / 2, 0), (head / 2, above), (0, above)]
         return Solid.revolve(Face(Wire.make_polygon([(x, 0, z) for x, z in outline])), 360, Axis.Z)
+
+
+Hole = Callable[[float], Screw]
+"""A threaded hole. Called with the thickness [mm] of what is fastened on the face, it gives the screw in place: its
+bearing plane that far above the face, its tip at the bottom of the hole."""
+
+
+def threaded_hole(mouth: Location, size: Size, depth: float) -> Hole:
+    """The hole whose mouth is at `mouth` (z out of the material) and which is `depth` [mm] deep."""
+
+    def screw(thickness: float) -> Screw:
+        return Screw(size, thickness + depth).move(mouth * Pos(0, 0, thickness))
+
+    return screw
 
 
 @cache

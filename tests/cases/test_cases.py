@@ -33,12 +33,21 @@ DOCUMENTS = sorted(
 NAMES = [str(path.relative_to(HERE).with_suffix("")) for path in DOCUMENTS]
 
 ELSEWHERE = {
-    "LIBRARY": "tests/resolve/test_documents.py",  # needs a machine without bd_materials
-    "UNREADABLE": "tests/cases/test_folders.py",  # needs a file without permissions, which no repository keeps
+    "INCOMPLETE": "tests/graph/test_link_faults.py",  # what earlier passes should have caught
+    "UNREACHED": "tests/robot/test_rooting.py",
+    "INTERNAL": "tests/cases/test_folders.py",
+    "LIBRARY": "tests/resolve/test_components.py",  # a machine without the library
+    "MJCF_WARNING": "tests/mjcf/test_mjcf_check.py",  # depends on the version of MuJoCo
+    "MESH_TOO_LARGE": "tests/mjcf/test_mjcf_check.py",  # 200 001 faces
+    "SAME_FILE": "tests/emit/test_stl.py",  # two part files of one name on one file system
+    "STEP_FAILED": "tests/emit/test_step.py",  # a kernel that fails
+    "UNREADABLE": "tests/cases/test_folders.py",  # files and folders that no repository keeps
     "OUTPUT": "tests/cases/test_folders.py",
     "STRANGERS": "tests/cases/test_folders.py",
 }
 """Codes that no document on a healthy machine brings about, and where they are tested."""
+
+_SPOKEN = {"UNREACHED": "does not hang together with the root of mode"}
 
 _PROGRESS = re.compile(r"^(modelling|decomposing) parts: \d+ of \d+\n", re.MULTILINE)
 """Depends on what the store holds already."""
@@ -86,7 +95,8 @@ def test_every_code_has_a_case(root: Path) -> None:
     met = {code for text in TEXTS.values() for code in re.findall(r"TC\d{3}", text)}
     assert {code.name for code in Code if code.code not in met} == set(ELSEWHERE)
     for name, file in ELSEWHERE.items():
-        assert f"Code.{name}" in (root / file).read_text() or getattr(Code, name).code in (root / file).read_text(), name
+        text = (root / file).read_text()
+        assert any(spoken in text for spoken in (f"Code.{name}", f'"{name}"', Code[name].code, _SPOKEN.get(name, "\0"))), name
 
 
 def test_no_text_shows_the_inside_of_the_compiler() -> None:

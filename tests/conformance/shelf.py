@@ -152,11 +152,11 @@ EVERYTHING = {*(f"shelf:{name}" for name in CODE), *(f"files/{name}" for name in
 MAKE = """
 import sys
 from build123d import Box, Pos, export_brep, export_step, export_stl
-folder, height = sys.argv[1], float(sys.argv[2])
-solid = Box(10, 20, height) + Pos(0, 0, height / 2) * Box(4, 4, 6)
-export_step(solid, folder + "/motor.step")
-export_brep(solid, folder + "/motor.brep")
-export_stl(solid, folder + "/motor.stl")
+for folder, height in zip(sys.argv[1::2], map(float, sys.argv[2::2])):
+    solid = Box(10, 20, height) + Pos(0, 0, height / 2) * Box(4, 4, 6)
+    export_step(solid, folder + "/motor.step")
+    export_brep(solid, folder + "/motor.brep")
+    export_stl(solid, folder + "/motor.stl")
 """
 
 
@@ -178,17 +178,19 @@ def document() -> str:
     return "\n".join(lines) + "\n"
 
 
-def make_files(folder: Path, height: float) -> None:
-    """A motor as STEP, BREP and STL, written by build123d in a process of its own."""
-    folder.mkdir(parents=True, exist_ok=True)
-    subprocess.run([sys.executable, "-c", MAKE, str(folder), str(height)], check=True)
+def make_files(heights: dict[Path, float]) -> None:
+    """Into each folder a motor of a height [mm] as STEP, BREP and STL, written by build123d in a process of its own."""
+    for folder in heights:
+        folder.mkdir(parents=True, exist_ok=True)
+    words = [word for folder, height in heights.items() for word in (str(folder), str(height))]
+    subprocess.run([sys.executable, "-c", MAKE, *words], check=True)
 
 
 def workspace(folder: Path) -> Path:
-    """The workspace, and beside it in `other` the same files of another motor."""
-    write(folder, {
+    """The workspace `ws` in a folder, and beside it in `other` the files of another motor."""
+    root = write(folder / "ws", {
         "parts/shelf.py": PARTS, "parts/helpers.py": HELPERS, "shelf.yaml": document(), "sizes.json": "[7, 8, 9]",
         "unread.json": "1",
     })
-    make_files(folder / "files", 30)
-    return folder
+    make_files({root / "files": 30, folder / "other": 31})
+    return root

@@ -89,6 +89,7 @@ def test_make(whole: Assembly) -> None:
     assert make("plate", material=petg("CNC")) == "machine"
     assert make("plate", material=petg("sls")) == "print"
     assert make("plate", overrides=Overrides(process=Process(kind="milling"))) == "machine"
+    assert make("plate", overrides=Overrides(process=Process(kind="bought"))) == "buy"
     assert make("plate", overrides=Overrides(process=Process(walls=4)), material=petg("laser")) == "machine", "merged"
     assert make("plate", bom=BomEntry(make="buy")) == "buy"
     assert make("servo_a") == "buy", "the Thing says so"

@@ -35,8 +35,8 @@ class Place:
     def workspace(self) -> Workspace:
         """With 0.1 mm and 10 deg."""
         return Workspace(
-            root=str(self.root), parts=(str(self.parts),), packages=("thingc_stock", "bd_warehouse"), build=str(self.root / "build"),
-            part_timeout=TIMEOUT, linear=1e-4, angular=0.17453292519943295,
+            root=str(self.root), parts=(str(self.parts),), packages=("thingc_stock", "bd_warehouse"),
+            build=str(self.root / "build"), part_timeout=TIMEOUT, linear=1e-4, angular=0.17453292519943295,
         )
 
     def write(self, name: str, text: str) -> Path:

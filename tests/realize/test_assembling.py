@@ -189,8 +189,8 @@ def test_the_order_of_styles_does_not_matter() -> None:
     styles = b"MECHANICAL_DESIGN_GEOMETRIC_PRESENTATION_REPRESENTATION"
     head, tail = b"HEADER;\nENDSEC;\nDATA;\n#1 = A('#3;',#2);\n#2 = B();\n", b"ENDSEC;\nEND-ISO-10303-21;\n"
     one = (
-        b"#3 = " + styles + b"('',(#4,#6),#1);\n#4 = STYLE('it''s #6;',#5);\n#5 = RED();\n#6 = STYLE('',#7);\n#7 = BLUE(1.,\n  2.);\n"
-        b"#8 = " + styles + b"('',(#9),#2);\n#9 = STYLE('',#5);\n"
+        b"#3 = " + styles + b"('',(#4,#6),#1);\n#4 = STYLE('it''s #6;',#5);\n#5 = RED();\n#6 = STYLE('',#7);\n"
+        b"#7 = BLUE(1.,\n  2.);\n#8 = " + styles + b"('',(#9),#2);\n#9 = STYLE('',#5);\n"
     )
     other = (
         b"#3 = " + styles + b"('',(#4),#2);\n#4 = STYLE('',#5);\n#5 = RED();\n"

@@ -184,6 +184,16 @@ def test_where_reading_cannot_be_sure_the_whole_file_counts(tmp_path: Path, body
     assert changed(tmp_path, {"arm.py": text}, after, ("A", "B")) == {"A"}
 
 
+TABLE = """\
+T = {}
+def put(c):
+    T[c.__name__] = c
+    return c
+class A:
+    def result(self): return T
+"""
+
+
 @pytest.mark.parametrize(
     ("before", "after"),
     [
@@ -191,16 +201,22 @@ def test_where_reading_cannot_be_sure_the_whole_file_counts(tmp_path: Path, body
         ("X = 1\nclass A:\n    size = X\nX = 2\n", "X = 1\nX = 2\nclass A:\n    size = X\n"),
         # a table filled by a decorator at another place
         (
-            "T = {}\ndef put(c):\n    T[c.__name__] = c\n    return c\nclass A:\n    def result(self): return T\n@put\nclass C: pass\n",
-            "T = {}\ndef put(c):\n    T[c.__name__] = c\n    return c\nclass A:\n    def result(self): return T\n@put\nclass D: pass\n",
+            TABLE + "@put\nclass C: pass\n",
+            TABLE + "@put\nclass D: pass\n",
         ),
         ("L = []\nL.append(1)\nclass A:\n    n = len(L)\n", "L = []\nL.append(2)\nclass A:\n    n = len(L)\n"),
         ("L = [1]\nL[0] = 2\nclass A:\n    n = L\n", "L = [1]\nL[0] = 3\nclass A:\n    n = L\n"),
         ("class A: pass\nA.size = 1\n", "class A: pass\nA.size = 2\n"),
         ("class A: pass\nsetattr(A, 'size', 1)\n", "class A: pass\nsetattr(A, 'size', 2)\n"),
         ("N = 1\nN += 1\nclass A:\n    n = N\n", "N = 1\nN += 2\nclass A:\n    n = N\n"),
-        ("N = 1\ndef f():\n    global N\n    N = 2\nclass A:\n    n = N\n", "N = 1\ndef f():\n    global N\n    N = 3\nclass A:\n    n = N\n"),
-        ("for k in range(3):\n    last = k\nclass A:\n    n = last\n", "for k in range(4):\n    last = k\nclass A:\n    n = last\n"),
+        (
+            "N = 1\ndef f():\n    global N\n    N = 2\nclass A:\n    n = N\n",
+            "N = 1\ndef f():\n    global N\n    N = 3\nclass A:\n    n = N\n",
+        ),
+        (
+            "for k in range(3):\n    last = k\nclass A:\n    n = last\n",
+            "for k in range(4):\n    last = k\nclass A:\n    n = last\n",
+        ),
         ("class A:\n    n = [x for x in x]\nx = [1]\n", "class A:\n    n = [x for x in x]\nx = [2]\n"),
         ("def f(a=S): pass\nclass A:\n    n = f\nS = 1\n", "def f(a=S): pass\nclass A:\n    n = f\nS = 2\n"),
         ("from missing import thing\nclass A:\n    n = thing\n", "from missed import thing\nclass A:\n    n = thing\n"),
@@ -233,7 +249,8 @@ def test_a_module_that_appears(tmp_path: Path) -> None:
 
 
 def test_a_star_that_begins_to_provide_a_name(tmp_path: Path) -> None:
-    files = {"arm.py": "from build123d import *\nfrom shapes import *\nclass A:\n    n = Box\n", "shapes.py": "def plate(): pass\n"}
+    text = "from build123d import *\nfrom shapes import *\nclass A:\n    n = Box\n"
+    files = {"arm.py": text, "shapes.py": "def plate(): pass\n"}
     edited = {"shapes.py": "def plate(): pass\ndef Box(): pass\n"}
     assert changed(tmp_path, files, edited, ("A",)) == {"A"}
 

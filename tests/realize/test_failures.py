@@ -103,9 +103,11 @@ EXPECTED = {
     "Segfaults": ("crashed", "killed by SIGSEGV", "bad.py", 28),
     "Leaves": ("crashed", "it ended the interpreter with exit status 0", None, None),
     "Exits": ("raised", "SystemExit: 3", "bad.py", 39),
-    "Flat": ("empty", "result() holds no solid, only compound: zero volume", None, None),
+    "Flat": ("empty", "result() holds no solid, only faces", None, None),
     "Nothing": ("empty", "result() returned an empty Part", None, None),
-    "Number": ("invalid", "result() must return a build123d shape, several, or None: expected a build123d shape, found 5", None, None),
+    "Number": (
+        "invalid", "result() must return a build123d shape, several, or None: expected a build123d shape, found 5", None, None,
+    ),
     "Kernel": ("raised", None, "bad.py", 55),
     "BadMass": ("raised", "ValueError: mass() of `BadMass` must be positive, found -1", None, None),
     "Recursion": ("raised", "RecursionError: maximum recursion depth exceeded", "bad.py", 73),
@@ -181,7 +183,8 @@ def test_a_hang_ends_one_child_only(module_place: Any, define: Callable[..., Any
 
 def test_descriptions(failures: dict[str, Any], module_place: Any) -> None:
     module_place.write("parts/broken.py", "class A:\n    x = (\n")
-    module_place.write("parts/dies.py", "import os\nfrom thingc import Thing\nclass A(Thing): pass\nclass B(Thing): pass\nos._exit(1)\n")
+    text = "import os\nfrom thingc import Thing\nclass A(Thing): pass\nclass B(Thing): pass\nos._exit(1)\n"
+    module_place.write("parts/dies.py", text)
     module_place.write("parts/needs.py", "import not_there\nclass A: pass\n")
     asked = [
         "bad:Good", "bad:not_a_part", "bad:Annotated", "bad:Goood", "broken:A", "dies:A", "dies:B", "needs:A", "os:path",
@@ -191,13 +194,15 @@ def test_descriptions(failures: dict[str, Any], module_place: Any) -> None:
         found = service.describe(asked)
     kinds = {name: answer.kind for name, answer in found.items()}
     assert kinds == {
-        "bad:Good": "thing", "bad:not_a_part": "invalid", "bad:Annotated": "invalid", "bad:Goood": "missing", "broken:A": "raised",
+        "bad:Good": "thing", "bad:not_a_part": "invalid", "bad:Annotated": "invalid", "bad:Goood": "missing",
+        "broken:A": "raised",
         "dies:A": "crashed", "dies:B": "crashed", "needs:A": "raised", "os:path": "refused", "nowhere:A": "missing",
         "Good": "invalid", "bad.py:Good": "missing",
     }
     broken = found["broken:A"]
     assert isinstance(broken, PartFailure)
-    assert (broken.message, broken.file, broken.line) == ("SyntaxError: '(' was never closed", str(module_place.parts / "broken.py"), 2)
+    assert broken.message == "SyntaxError: '(' was never closed"
+    assert (broken.file, broken.line) == (str(module_place.parts / "broken.py"), 2)
     needs = found["needs:A"]
     assert isinstance(needs, PartFailure)
     assert needs.message == "ModuleNotFoundError: No module named 'not_there'"
@@ -217,7 +222,9 @@ def test_refused_before_anything_is_imported(place: Any, define: Callable[..., A
     assert not (tmp_path / "ran").exists()
 
 
-def test_a_kernel_that_does_not_load(place: Any, define: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:
+def test_a_kernel_that_does_not_load(
+    place: Any, define: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Any
+) -> None:
     import thingc.realize.client as client
 
     (tmp_path / "build123d.py").write_text("raise ImportError('no kernel on this machine')")

@@ -17,7 +17,7 @@ import psutil
 import pytest
 
 from thingc.realize.client import Workers
-from thingc.realize.record import PartRecord, Placed
+from thingc.realize.record import PartRecord
 
 PARTS = """
     from build123d import *
@@ -34,7 +34,8 @@ PARTS = """
     class Slow(Thing):
         def result(self):
             import subprocess, sys
-            subprocess.run([sys.executable, "-c", "import time; time.sleep(600)"])
+            import os
+            subprocess.run([sys.executable, "-c", "import time; time.sleep(600)  # " + os.getcwd()])
 """
 
 CLIENT = """
@@ -51,7 +52,8 @@ workspace = Workspace(
     linear=1e-4, angular=0.17453292519943295,
 )
 def block(width):
-    return PartDefinition(reference="parts_:Block", kind="code", parameters=(("width", width),), text=f"parts_:Block(width={width})")
+    text = f"parts_:Block(width={width})"
+    return PartDefinition(reference="parts_:Block", kind="code", parameters=(("width", width),), text=text)
 with GeometryService(workspace, Store(store), 2, 60.0) as service:
     if command == "hang":
         service.warm()
@@ -61,9 +63,11 @@ with GeometryService(workspace, Store(store), 2, 60.0) as service:
     schemas = service.describe(["parts_:Block"])
     found = service.realize([block(0.01 + k / 1000) for k in range(6)])
     assert all(isinstance(record, PartRecord) for record in found.values()), found
-    placed = [Placed(path=text, definition=text, brep=record.brep, pose=Pose(), color="#ff0000") for text, record in found.items()]
+    placed = [
+        Placed(path=text, definition=text, brep=record.brep, pose=Pose(), color="#ff0000") for text, record in found.items()
+    ]
     step = service.assemble("robot", placed)
-heavy = ("OCP", "build123d", "numpy", "networkx", "trimesh", "mujoco", "pydantic", "rich", "typer", "asyncio", "multiprocessing")
+heavy = ("OCP", "build123d", "numpy", "networkx", "trimesh", "mujoco", "pydantic", "rich", "typer", "asyncio")
 print(json.dumps({
     "modelled": service.modelled, "reused": service.reused, "step": step.sha256,
     "heavy": [name for name in heavy if name in sys.modules], "processes": "subprocess" in sys.modules,
@@ -88,19 +92,6 @@ def answer(process: subprocess.Popen[str]) -> dict[str, Any]:
     out, _ = process.communicate(timeout=120)
     assert process.returncode == 0
     found: dict[str, Any] = json.loads(out)
-    return found
-
-
-def alive(store: str) -> list[psutil.Process]:
-    """Processes of thingc that belong to this store's client, by what they were started with or their session's leader."""
-    found = []
-    for process in psutil.process_iter():
-        try:
-            line = " ".join(process.cmdline())
-        except psutil.Error:
-            continue
-        if store in line or "time.sleep(600)" in line:
-            found.append(process)
     return found
 
 
@@ -172,7 +163,8 @@ def test_what_a_part_has_started_ends_with_it(place: Any, define: Callable[..., 
     with place.service(timeout=1.5) as service:
         failure = service.realize([define("parts_:Slow")])["parts_:Slow"]
     assert failure.kind == "hung"
-    assert [process for process in psutil.process_iter(["cmdline"]) if "time.sleep(600)" in " ".join(process.info["cmdline"] or [])] == []
+    lines = [" ".join(process.info["cmdline"] or []) for process in psutil.process_iter(["cmdline"])]
+    assert [line for line in lines if f"time.sleep(600)  # {place.root}" in line] == []
 
 
 def test_a_server_that_dies_is_started_again(place: Any, define: Callable[..., Any]) -> None:
@@ -307,7 +299,8 @@ def test_imports_put_off_are_made_when_they_are_needed(tmp_path: Path) -> None:
         from thingc.realize.deferred import Deferred, _StandIn
         left = [
             (name, key) for name, module in sys.modules.items() if name.startswith("build123d")
-            for key, value in vars(module).items() if type(value) is _StandIn and value.__name__ in ("ezdxf", "lib3mf", "svgpathtools")
+            for key, value in vars(module).items()
+            if type(value) is _StandIn and value.__name__ in ("ezdxf", "lib3mf", "svgpathtools")
         ]
         assert not left, left
         from build123d import mesher as module
@@ -329,5 +322,3 @@ def test_an_import_that_goes_wrong_is_made_plainly(tmp_path: Path) -> None:
     subprocess.run([sys.executable, "-c", textwrap.dedent(script), str(tmp_path)], check=True)
 
 
-def test_placed_is_what_assemble_takes() -> None:
-    assert [name for name in Placed.__dataclass_fields__] == ["path", "definition", "brep", "pose", "color"]

@@ -59,7 +59,7 @@ def realize(place: Any, definitions: list[Any]) -> tuple[list[str], dict[str, An
         ("arm", "class Lonely", "# a comment\n\n    class Lonely", [], None),
         ("arm", "Box(1, 2, 3)", "Box(1, 2, 4)", ["arm:Lonely"], "class arm:Lonely changed"),
         ("arm", "width=12", "width=13", ["arm:Derived"], "class arm:Derived changed"),
-        ("arm", "super().__init__()\n", "super().__init__(material='pla')\n", ["arm:Base", "arm:Derived"], "class arm:Base changed"),
+        ("arm", "__init__()\n", "__init__(material='pla')\n", ["arm:Base", "arm:Derived"], "class arm:Base changed"),
         ("shapes", "10, 2)", "10, 3)", ["arm:Base", "arm:Derived"], "helper module `shapes` changed: function `plate`"),
         ("shapes", "return 1", "return 2", [], None),
     ],

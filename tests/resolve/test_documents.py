@@ -87,7 +87,7 @@ group = 3
 def plain(value: Any) -> Any:
     """A model without its places."""
     if is_dataclass(value) and not isinstance(value, type):
-        skipped = ("origin", "origins", "spans", "document")
+        skipped = ("origin", "origins", "spans", "keys", "document")
         return {f.name: plain(getattr(value, f.name)) for f in fields(value) if f.name not in skipped}
     if isinstance(value, dict):
         return {key: plain(one) for key, one in value.items()}

@@ -8,10 +8,12 @@ import re
 import sys
 from collections.abc import Mapping, Sequence
 
-from thingc.diagnostics import Code, Diagnostic, Report, Severity, as_json, as_text, did_you_mean, summary
+from thingc.diagnostics import Code, Diagnostic, Report, Severity, as_json, as_text, did_you_mean, file_meant, summary
 from thingc.pipeline import Options
 
 USAGE = 2
+DOCUMENTS = (".yaml", ".yml", ".toml")
+"""What the names of documents end with."""
 
 
 class WrongCommandLine(Exception):
@@ -108,22 +110,21 @@ def options_of(arguments: argparse.Namespace) -> Options:
 
 def require_document(path: str) -> None:
     """Raises `WrongCommandLine` where there is no such file, or one that cannot be a document."""
-    from thingc.load.paths import DOCUMENT_SUFFIXES, file_meant
     from thingc.workspace import OWN_FILE, SHARED_FILE
 
     is_file, is_folder = os.path.isfile(path), os.path.isdir(path)
-    if is_file and path.lower().endswith(DOCUMENT_SUFFIXES):
+    if is_file and path.lower().endswith(DOCUMENTS):
         return
     folder = path if is_folder else os.path.dirname(path) or "."
     prefix = os.path.join(path, "") if is_folder else os.path.dirname(path)
     near = [os.path.join(prefix, name) for name in os.listdir(folder)] if os.path.isdir(folder) else []
     settings = (OWN_FILE, SHARED_FILE)
-    near = [name for name in near if name.lower().endswith(DOCUMENT_SUFFIXES) and os.path.basename(name) not in settings]
+    near = [name for name in near if name.lower().endswith(DOCUMENTS) and os.path.basename(name) not in settings]
     if is_folder:
         raise WrongCommandLine(
             f"`{path}` is a folder, and a document was expected", did_you_mean("", near, what="documents"), Code.NO_DOCUMENT,
         )
-    message = f"`{path}` is no document ({', '.join(DOCUMENT_SUFFIXES)})" if is_file else f"there is no document `{path}`"
+    message = f"`{path}` is no document ({', '.join(DOCUMENTS)})" if is_file else f"there is no document `{path}`"
     raise WrongCommandLine(message, file_meant(path, near, what="documents"), Code.NO_DOCUMENT)
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from thingc.cli import common
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, did_you_mean
 from thingc.realize.record import ParameterSchema, PartDefinition, PartFailure, PartRecord, PartSchema, Value
+from thingc.source import Span
 
 if TYPE_CHECKING:
     from thingc.realize.service import GeometryService
@@ -57,7 +58,10 @@ def run(arguments: argparse.Namespace) -> int:
         common.print_json(found, parts=[_as_data(schema, record) for schema, record in listed])
     else:
         common.print_text(found, stream=sys.stderr, debug=arguments.debug)
-        print("\n\n".join(_as_text(schema, record) for schema, record in listed))
+        if listed:
+            print("\n\n".join(_as_text(schema, record) for schema, record in listed))
+        elif not found:
+            print("no parts in reach; they are looked for in the `parts` folders of the workspace", file=sys.stderr)
     return common.exit_code(found)
 
 
@@ -71,6 +75,8 @@ def _listed(
             if word not in known:
                 raise common.WrongCommandLine(f"there is no part `{word}` in reach", did_you_mean(word, known, what="parts"))
         references = [r for r in references if r in wanted or r.partition(":")[0] in wanted]
+    if not wanted:
+        report.diagnostics.extend(_failed(failure.subject, failure) for failure in geometry.not_python())
     schemas: list[PartSchema] = []
     for reference, answer in geometry.describe(references).items():
         if isinstance(answer, PartSchema):
@@ -89,10 +95,13 @@ def _listed(
 
 
 def _failed(reference: str, failure: PartFailure) -> Diagnostic:
-    place = f" ({failure.file}:{failure.line})" if failure.file and failure.line else ""
+    span = None
+    if failure.file is not None:
+        line = failure.line or 1
+        span = Span(file=failure.file, line=line, column=1, end_line=line, end_column=1)
     return Diagnostic(
-        code=Code.PART_UNREADABLE, severity=Severity.ERROR, message=f"`{reference}` cannot be described: {failure.message}{place}",
-        path=reference, detail=failure.detail,
+        code=Code.PART_UNREADABLE, severity=Severity.ERROR, message=f"`{reference}` cannot be described: {failure.message}",
+        span=span, path=reference, help="mend the part file", detail=failure.detail,
     )
 
 

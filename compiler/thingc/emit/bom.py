@@ -41,7 +41,7 @@ def make_of(occurrence: Occurrence) -> str:
     """`buy | print | machine`: what the document says, else what the Thing says, else by the process.
 
     Without a word from either: what has no geometry (a frame with a mass, say a circuit board) is bought, since nobody
-    can make it from these files; what has geometry is machined if its process is a cutting one, and printed otherwise.
+    can make it from these files; what has geometry is as its process says: bought, machined if that cuts, else printed.
     """
     record = occurrence.record
     stated = occurrence.bom.make or (record.bom.get("make") if record is not None else None)
@@ -53,7 +53,9 @@ def make_of(occurrence: Occurrence) -> str:
     kind = own.kind if own is not None else None
     if kind is None and occurrence.material is not None and occurrence.material.process is not None:
         kind = occurrence.material.process.kind
-    return "machine" if kind is not None and kind.lower() in MACHINED else "print"
+    if kind is None:
+        return "print"
+    return "buy" if kind.lower() == "bought" else "machine" if kind.lower() in MACHINED else "print"
 
 
 def listed(occurrence: Occurrence) -> bool:

@@ -221,8 +221,6 @@ class Leaves:
         if record is not None:
             mounts.update((name, MountFrame(pose=m.pose, interface=m.interface)) for name, m in record.mounts.items())
         for name, extra in component.mounts.items():
-            if name == "origin":  # reserved, which the resolver has said
-                continue
             if name in mounts:
                 place = extra.origin + origin[len(component.origin):]
                 self._findings.error(

@@ -5,6 +5,7 @@ An instance is one place of a definition: of a nested assembly, or of a part or 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -87,7 +88,7 @@ class Tree:
 
     def __init__(self, model: AssemblyDefinition, leaves: Leaves, findings: Findings) -> None:
         self._findings = findings
-        self._said: set[tuple[Code, Origin]] = set()
+        self._said: set[tuple[Code, str, Origin]] = set()
         self.top = Instance(path="", component=None, origin=(), assembly=model)
         self.assemblies: list[tuple[Instance, AssemblyDefinition]] = []
         self.leaves: list[Instance] = []
@@ -164,7 +165,7 @@ class Tree:
     def _say(self, fault: _Fault, reference: Reference, instance: Instance) -> None:
         self._findings.leave_out()
         # One line of a document may refer to many things (a `repeat`, a nested document used twice): it is said once.
-        place = (fault.code, reference.origin[:1])
+        place = (fault.code, re.sub(r"\d+", "#", reference.text), reference.origin[:1])
         if not fault.silent and place not in self._said:
             self._said.add(place)
             self._findings.error(

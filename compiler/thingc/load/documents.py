@@ -234,7 +234,7 @@ def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly")
     value = node.value if isinstance(node, ScalarNode) else None
     if not isinstance(value, str):
         report.add(
-            Code.HEADER, "`thingc` says kind and version" + (f", found `{shortened(node.text)}`" if value is not None else ""),
+            Code.HEADER, "`thingc` says kind and version" + (f", found `{shortened(node.text)}`" if value is not None else ", found nothing"),
             tree.keys["thingc"] if value is None else node.span,
             help=f"write for example `{head_line(file, usual)}`",
         )

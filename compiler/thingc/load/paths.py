@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-from thingc.diagnostics import Code, Report, did_you_mean, nearest
+from thingc.diagnostics import Code, Report, file_meant
 from thingc.source import Span
 from thingc.units import shortened
 
@@ -71,12 +70,3 @@ def _near(path: str, text: str, beside: str, suffixes: tuple[str, ...]) -> str:
     if not names:
         return "paths are relative to this document, and there is no such file in that folder"
     return file_meant(text, names)
-
-
-def file_meant(name: str, files: Iterable[str], *, what: str = "files") -> str:
-    """`did_you_mean` for files: what they are called counts, not the ending that they share."""
-    by_stem = {os.path.splitext(file)[0]: file for file in sorted(files, reverse=True)}
-    close = nearest(os.path.splitext(name)[0], by_stem)
-    if close is not None:
-        return f"did you mean `{by_stem[close]}`?"
-    return did_you_mean("", by_stem.values(), what=what)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Sequence
 
 from thingc.realize.codekey import Sources
 from thingc.realize.modules import listed
+from thingc.realize.record import PartFailure
 
 
 def classes_in_reach(sources: Sources, packages: Sequence[str]) -> list[str]:
@@ -14,6 +16,36 @@ def classes_in_reach(sources: Sources, packages: Sequence[str]) -> list[str]:
     Sorted. Which of them are Things only `describe` can tell. Packages that are merely installed (bd_warehouse) are not
     listed: what they offer is in their own documentation.
     """
+    references: list[str] = []
+    for module in _modules(sources, packages):
+        source = sources.source(module)
+        if source is None:
+            continue
+        for unit in source.facts.units:
+            if unit.kind == "class":
+                references += [f"{module}:{name}" for name in unit.names if not name.startswith("_")]
+    return sorted(set(references))
+
+
+def not_python(sources: Sources, packages: Sequence[str]) -> list[PartFailure]:
+    """The modules in the same places that are no well-formed Python, in which no class can be found."""
+    failures: list[PartFailure] = []
+    for module in _modules(sources, packages):
+        source = sources.source(module)
+        if source is None or source.module.file is None or not source.facts.broken:
+            continue
+        try:
+            with open(source.module.file, "rb") as stream:
+                ast.parse(stream.read())
+        except (SyntaxError, ValueError) as fault:
+            words, line = (fault.msg, fault.lineno) if isinstance(fault, SyntaxError) else (str(fault), None)
+            failures.append(PartFailure(
+                subject=module, kind="raised", message=f"{type(fault).__name__}: {words}", file=source.module.file, line=line,
+            ))
+    return failures
+
+
+def _modules(sources: Sources, packages: Sequence[str]) -> list[str]:
     finder = sources.finder
     modules = set(finder.part_modules())
     for package in packages:
@@ -23,12 +55,4 @@ def classes_in_reach(sources: Sources, packages: Sequence[str]) -> list[str]:
             for folder in found.folders:
                 names = [name[:-3] for name in listed(folder) if name.endswith(".py") and name != "__init__.py"]
                 modules.update(f"{package}.{name}" for name in names if name.isidentifier())
-    references: list[str] = []
-    for module in sorted(modules):
-        source = sources.source(module)
-        if source is None:
-            continue
-        for unit in source.facts.units:
-            if unit.kind == "class":
-                references += [f"{module}:{name}" for name in unit.names if not name.startswith("_")]
-    return sorted(set(references))
+    return sorted(modules)

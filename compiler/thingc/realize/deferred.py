@@ -61,6 +61,7 @@ class Deferred:
         return getattr(real(self), name)
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        """Call the real object."""
         return real(self)(*args, **kwargs)
 
     def __mro_entries__(self, bases: tuple[Any, ...]) -> tuple[Any, ...]:

@@ -24,7 +24,7 @@ from thingc.realize.record import (
     Stated,
     definition_text,
 )
-from thingc.realize.record_json import failure_to_json, mesh_to_json, record_to_json
+from thingc.realize.record_json import failure_to_json, record_to_json
 from thingc.realize.session import NoPart, Session, Surroundings, kind_of
 from thingc.realize.store import Store
 
@@ -211,9 +211,9 @@ def _record(
         round_about = meshing.hull(metres.vertices)
         shown = _visual(visual, tessellation).scaled(1.0 / convert.MM) if visual else metres
         meshes["visual"] = _stored(shown, meshing.obj(shown), store)
-        meshes["mesh"] = _stored_stl(metres, store)
-        meshes["hull"] = _stored_stl(round_about or metres, store)
-        meshes["print"] = _stored_stl(mesh, store)
+        meshes["mesh"] = stored_stl(metres, store)
+        meshes["hull"] = stored_stl(round_about or metres, store)
+        meshes["print"] = stored_stl(mesh, store)
         if not meshes["print"].closed:
             extra = (*extra, PartWarning(message="its mesh is not closed: the kernel left gaps between faces"))
         fits = fit_all((round_about or metres).vertices, convert.unit_inertia(measures.inertia))
@@ -265,7 +265,8 @@ def _instead(shapes: Sequence[TopoDS_Shape]) -> str:
     from OCP.TopAbs import TopAbs_ShapeEnum
     from OCP.TopExp import TopExp_Explorer
 
-    kinds = {"faces": TopAbs_ShapeEnum.TopAbs_FACE, "edges": TopAbs_ShapeEnum.TopAbs_EDGE, "points": TopAbs_ShapeEnum.TopAbs_VERTEX}
+    kind = TopAbs_ShapeEnum
+    kinds = {"faces": kind.TopAbs_FACE, "edges": kind.TopAbs_EDGE, "points": kind.TopAbs_VERTEX}
     return next(
         (f"only {name}" for name, kind in kinds.items() if any(TopExp_Explorer(shape, kind).More() for shape in shapes)),
         "and nothing else",
@@ -301,7 +302,7 @@ def _pieces(shapes: Sequence[TopoDS_Shape], tessellation: Tessellation, store: S
         raise NoPart("invalid", "collision() returned no solid: expected convex solids")
     for solid in solids:
         mesh = meshing.tessellate(solid, tessellation.linear, tessellation.angular).scaled(1.0 / convert.MM)
-        yield _stored_stl(meshing.hull(mesh.vertices) or mesh, store)
+        yield stored_stl(meshing.hull(mesh.vertices) or mesh, store)
 
 
 def _stored(mesh: meshing.Triangles, data: bytes, store: Store) -> Mesh:
@@ -311,21 +312,7 @@ def _stored(mesh: meshing.Triangles, data: bytes, store: Store) -> Mesh:
     )
 
 
-def _stored_stl(mesh: meshing.Triangles, store: Store) -> Mesh:
+def stored_stl(mesh: meshing.Triangles, store: Store) -> Mesh:
+    """Put a mesh into the store as a binary STL file, in the unit it has."""
     rounded = meshing.rounded_for_stl(mesh)
     return _stored(rounded, meshing.stl(rounded), store)
-
-
-def decompose(sha256: str, store: Store) -> list[Any]:
-    """Convex pieces of a mesh in the store (STL, metres) by CoACD, as STL files in metres, the same every time."""
-    import coacd
-
-    coacd.set_log_level("off")
-    mesh = meshing.read_stl(store.read(sha256))
-    pieces = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces), seed=0)
-    found = []
-    for vertices, _ in pieces:
-        made = meshing.hull(vertices)
-        if made is not None:
-            found.append(mesh_to_json(_stored_stl(made, store)))
-    return found

@@ -57,7 +57,10 @@ class PartCode:
             inside = finder.find(top).folders if top in self.workspace.packages else ()
             known = (
                 *finder.part_modules(), *self.workspace.packages,
-                *(f"{top}.{name[:-3]}" for folder in inside for name in listed(folder) if name.endswith(".py") and name[0] != "_"),
+                *(
+                    f"{top}.{name[:-3]}"
+                    for folder in inside for name in listed(folder) if name.endswith(".py") and name[0] != "_"
+                ),
             )
             return PartFailure(
                 subject=reference, kind="missing", message=f"there is no module `{module_name}`", candidates=known

@@ -197,7 +197,7 @@ def solids_from(mesh: Triangles) -> list[TopoDS_Shape]:
     """
     if len(mesh.faces) == 0:
         raise BadPartFile("the file holds no triangles")
-    pieces = [Triangles(mesh.vertices, mesh.faces[members]) for members in _surfaces(mesh)]
+    pieces = [Triangles(mesh.vertices, mesh.faces[members]) for members in surfaces(mesh)]
     pieces = [without_slivers(piece.vertices, piece.faces) for piece in pieces]
     open_edges = sum(_open_edges(piece) for piece in pieces)
     if open_edges:
@@ -213,7 +213,7 @@ def solids_from(mesh: Triangles) -> list[TopoDS_Shape]:
     return [_solid(body, voids) for body, voids in bodies]
 
 
-def _surfaces(mesh: Triangles) -> list[NDArray[np.int64]]:
+def surfaces(mesh: Triangles) -> list[NDArray[np.int64]]:
     """The faces of each connected surface."""
     parent = list(range(len(mesh.vertices)))
 

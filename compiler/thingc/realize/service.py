@@ -120,6 +120,12 @@ class GeometryService:
 
         return classes_in_reach(self._parts.sources, self.workspace.packages)
 
+    def not_python(self) -> list[PartFailure]:
+        """The modules in the same places that are no well-formed Python."""
+        from thingc.realize.catalogue import not_python
+
+        return not_python(self._parts.sources, self.workspace.packages)
+
     # --- describe ------------------------------------------------------------------------------------------------
 
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:

@@ -104,7 +104,7 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
     from thingc.realize.session import Surroundings
 
     if operation == "decompose":
-        from thingc.realize.modelling import decompose
+        from thingc.realize.decomposing import decompose
 
         return {"pieces": decompose(request["mesh"], Store(request["store"]))}
     around = Surroundings(

@@ -7,7 +7,7 @@ from thingc.pose import NO_POSE
 from thingc.resolve.layers import Layers
 from thingc.resolve.materials import process
 from thingc.resolve.model import BomEntry, ExtraMount, Material, Overrides, StatedValue
-from thingc.resolve.repeats import check_names
+from thingc.resolve.repeats import RESERVED, check_names
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Node
 from thingc.source import Path
@@ -19,7 +19,7 @@ NO_BOM = BomEntry()
 
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
-_OF_PARTS = ("material", "mass", "com", "inertia", "collision", "visual", "process", "expect")
+_OF_PARTS = ("material", "mass", "com", "inertia", "collision", "visual", "process", "bom", "expect")
 """Keys that only a part or a frame has a use for."""
 
 
@@ -118,6 +118,8 @@ def extra_mounts(node: Node) -> dict[str, ExtraMount]:
     check_names(scope, [(name, (*path, name), "a mount") for name in node.spec.mounts])
     mounts: dict[str, ExtraMount] = {}
     for name, spec in node.spec.mounts.items():
+        if name in RESERVED:
+            continue
         at = (*path, name)
         pose = scope.pose(spec.xyz, (*at, "xyz"), spec.rpy, (*at, "rpy"))
         mounts[name] = ExtraMount(pose=pose or NO_POSE, interface=spec.interface, origin=scope.origin(at, key=True))

@@ -1,0 +1,8 @@
+"""A part file with a mistake in its syntax."""
+
+from thingc import Thing
+
+
+class Shelf(Thing):
+    def __init__(self, width=60)
+        self.width = width

@@ -1,0 +1,157 @@
+"""What no committed document can bring about: files that cannot be read, folders that cannot be written, links, sizes."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+from thingc.cli.main import main
+from thingc.diagnostics import Code
+
+HERE = Path(__file__).resolve().parent
+GOOD = (HERE / "load" / "good.yaml").read_text()
+
+
+@pytest.fixture
+def folder(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty workspace with the cases' parts, which is the working folder."""
+    inside = tmp_path / "workspace"
+    inside.mkdir()
+    (inside / "parts").mkdir()
+    (inside / "parts" / "boxes.py").write_text((HERE / "parts" / "boxes.py").read_text())
+    (inside / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    (inside / "robot.yaml").write_text(GOOD)
+    monkeypatch.setenv("THINGC_STORE", shared_store)
+    monkeypatch.chdir(inside)
+    return inside
+
+
+def said(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, list[str]]:
+    """The exit code and the lines of both streams without progress."""
+    capsys.readouterr()
+    code = main(words)
+    out, err = capsys.readouterr()
+    return code, [line for line in (out + err).splitlines() if not line.startswith(("modelling ", "decomposing "))]
+
+
+def test_a_folder_with_files_of_a_stranger_is_not_touched(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "out" / "two").mkdir(parents=True)
+    (folder / "out" / "two" / "thesis.tex").write_text("years of work")
+    code, lines = said(capsys, "build", "robot.yaml", "-o", "out", "--emit", "bom")
+    assert code == 2
+    assert lines == [
+        f"error[{Code.STRANGERS.code}]: `out/two` holds files that no build of `robot.yaml` wrote, and is left as it is: `thesis.tex`",
+        "  help: move these files away, or build into another folder with -o",
+        "", "1 error",
+    ]
+    assert [path.name for path in (folder / "out").rglob("*") if path.is_file() and path.suffix] == ["thesis.tex"]
+    assert (folder / "out" / "two" / "thesis.tex").read_text() == "years of work"
+
+
+def test_a_file_that_came_later_stops_the_next_build(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert said(capsys, "build", "robot.yaml", "-o", "out", "--emit", "bom")[0] == 0
+    before = {path: path.read_bytes() for path in (folder / "out" / "two").iterdir()}
+    (folder / "out" / "two" / "notes.txt").write_text("mine")
+    (folder / "robot.yaml").write_text(GOOD.replace("-90 deg", "-80 deg"))
+    code, lines = said(capsys, "build", "robot.yaml", "-o", "out", "--emit", "bom")
+    assert code == 2 and "notes.txt" in lines[0] and Code.STRANGERS.code in lines[0]
+    assert {path: path.read_bytes() for path in before} == before
+
+
+def test_a_wrong_document_leaves_the_last_good_build(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert said(capsys, "build", "robot.yaml", "-o", "out", "--emit", "bom")[0] == 0
+    before = {path: path.read_bytes() for path in (folder / "out" / "two").iterdir()}
+    (folder / "robot.yaml").write_text(GOOD.replace("plate.top", "plate.topp"))
+    assert said(capsys, "build", "robot.yaml", "-o", "out", "--emit", "bom")[0] == 1
+    assert {path: path.read_bytes() for path in (folder / "out" / "two").iterdir()} == before
+
+
+def test_an_output_folder_that_is_a_file(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "out").write_text("a file")
+    code, lines = said(capsys, "build", "robot.yaml", "-o", "out", "--emit", "bom")
+    assert code == 2
+    assert lines[0].startswith(f"error[{Code.OUTPUT.code}]: ") and "out" in lines[0]
+    assert str(folder) not in "\n".join(lines)
+
+
+def test_a_store_that_cannot_be_written(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "store").write_text("a file")
+    code, lines = said(capsys, "check", "robot.yaml", "--store", "store")
+    assert code == 2
+    assert lines[0].startswith(f"error[{Code.OUTPUT.code}]: the store ") and "cannot be used" in lines[0]
+    assert lines[1] == "  help: choose a folder that can be written with --store or THINGC_STORE"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs a file whose reading fails for everybody")
+def test_a_document_that_cannot_be_read(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "robot.yaml").unlink()
+    (folder / "robot.yaml").symlink_to("/proc/self/mem")
+    code, lines = said(capsys, "check", "robot.yaml")
+    assert code == 1
+    assert lines[0] == f"error[{Code.UNREADABLE.code}]: cannot read `robot.yaml`: input/output error"
+
+
+def test_a_pipe_is_no_document_and_nobody_waits_for_it(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    os.mkfifo(folder / "pipe.yaml")
+    assert said(capsys, "check", "pipe.yaml")[0] == 2
+    (folder / "robot.yaml").write_text("thingc: assembly/1\nname: two\ncomponents:\n  hand: {assembly: pipe.yaml}\n")
+    code, lines = said(capsys, "check", "robot.yaml")
+    assert code == 1 and lines[0] == "error[TC113]: there is no file `pipe.yaml`"
+
+
+def test_a_link_that_leaves_the_workspace(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder.parent / "secret.yaml").write_text(GOOD)
+    (folder.parent / "secret.step").write_text("")
+    (folder / "hand.yaml").symlink_to(folder.parent / "secret.yaml")
+    (folder / "motor.step").symlink_to(folder.parent / "secret.step")
+    (folder / "robot.yaml").write_text(
+        "thingc: assembly/1\nname: two\ncomponents:\n  hand: {assembly: hand.yaml}\n  motor: {file: motor.step, at: {in: hand.origin}}\n"
+    )
+    code, lines = said(capsys, "check", "robot.yaml")
+    assert code == 1
+    assert [line for line in lines if line.startswith("error")] == [
+        "error[TC114]: `hand.yaml` leaves the workspace", "error[TC114]: `motor.step` leaves the workspace",
+    ]
+
+
+def test_a_document_of_more_than_ten_megabytes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "robot.yaml").write_bytes(GOOD.encode() + b"#" * 10_000_000)
+    code, lines = said(capsys, "check", "robot.yaml")
+    assert code == 1 and lines[0] == "error[TC108]: the file has more than 10000000 bytes, which is the bound"
+
+
+def test_a_part_that_fails_shows_its_traceback_only_with_debug(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "parts" / "failing.py").write_text((HERE / "parts" / "failing.py").read_text())
+    (folder / "robot.yaml").write_text("thingc: assembly/1\nname: two\ncomponents:\n  it: {part: failing:Strict}\n")
+    code, lines = said(capsys, "check", "robot.yaml")
+    assert code == 1 and not any("Traceback" in line for line in lines)
+    code, lines = said(capsys, "check", "robot.yaml", "--debug")
+    assert code == 1
+    assert "  | Traceback (most recent call last):" in lines
+    assert "  | ValueError: no stock of 10 mm" in lines
+
+
+def test_without_a_workspace_file_the_documents_own_folder_is_one(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "thingc.toml").unlink()
+    assert said(capsys, "check", "robot.yaml") == (0, ["robot.yaml: ok"])
+    (folder / "robot.yaml").write_text(GOOD.replace("materials: {petg: {density: 1270 kg/m^3}}", "materials: [../petg.yaml]"))
+    (folder.parent / "petg.yaml").write_text("thingc: materials/1\nmaterials: {petg: {density: 1270 kg/m^3}}\n")
+    code, lines = said(capsys, "check", "robot.yaml")
+    assert code == 1 and lines[0] == "error[TC114]: `../petg.yaml` leaves the workspace"
+
+
+def test_a_defect_of_the_compiler_is_called_one(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def defect(*_: object, **__: object) -> None:
+        raise ZeroDivisionError("division\nby zero")
+
+    monkeypatch.setattr("thingc.pipeline.Compilation.run", defect)
+    (folder / "robot.yaml").write_text(GOOD + "# so that no earlier answer stands\n")
+    code, lines = said(capsys, "check", "robot.yaml")
+    assert code == 1
+    assert lines[0] == f"error[{Code.INTERNAL.code}]: thingc itself failed: ZeroDivisionError: division by zero"
+    assert not any("Traceback" in line for line in lines)

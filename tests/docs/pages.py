@@ -1,0 +1,125 @@
+"""The pages of the documentation as what they say: fenced blocks, tables, links; and a page as a workspace on disk."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import re
+import runpy
+import shlex
+import shutil
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from thingc.cli.main import main
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = (*sorted((ROOT / "docs").glob("*.md")), ROOT / "CONTRIBUTING.md")
+WITH_LINKS = (*PAGES, ROOT / "README.md", ROOT / "ARCHITECTURE.md")
+
+_FENCE = re.compile(r"^```(\w*)[^\n]*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+_FILE = re.compile(r"# ([\w/]+\.(?:yaml|toml|py))$")
+_PROGRESS = re.compile(r"^(modelling|decomposing) parts: \d+ of \d+\n", re.MULTILINE)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Block:
+    """A fenced block: its language, its text, the file that its first line names (`# parts/toy.py`), and its line in the page."""
+
+    language: str
+    text: str
+    file: str | None
+    line: int
+
+
+def blocks(page: Path) -> list[Block]:
+    text = page.read_text()
+    found = []
+    for match in _FENCE.finditer(text):
+        first = match.group(2).partition("\n")[0]
+        named = _FILE.match(first)
+        line = text.count("\n", 0, match.start()) + 1
+        found.append(Block(language=match.group(1), text=match.group(2), file=named.group(1) if named else None, line=line))
+    return found
+
+
+def documents(page: Path) -> list[Block]:
+    """The blocks that are documents: their first line but comments is the `thingc` key."""
+    return [
+        block for block in blocks(page)
+        if block.language in ("yaml", "toml") and re.match(r"(#[^\n]*\n)*\s*thingc\s*[:=]", block.text)
+    ]
+
+
+def without_fences(page: Path) -> str:
+    return _FENCE.sub("", page.read_text())
+
+
+def table(page: Path, marker: str) -> list[list[str]]:
+    """The rows (without the heading) of the table that follows the comment `<!-- marker -->`."""
+    text = page.read_text()
+    comment = f"<!-- {marker} -->\n"
+    assert text.count(comment) == 1, f"{page.name} has {text.count(comment)} x {comment!r}"
+    lines = text.partition(comment)[2].split("\n")
+    rows = []
+    for line in lines[2:]:
+        if not line.startswith("|"):
+            break
+        rows.append([cell.strip().replace("\\|", "|") for cell in re.split(r"(?<!\\)\|", line.strip("|"))])
+    return rows
+
+
+def anchors(page: Path) -> set[str]:
+    """The anchors of the headings, as GitHub makes them."""
+    headings = re.findall(r"^#+ (.*)$", without_fences(page), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-") for heading in headings}
+
+
+def unpack(page: Path, folder: Path) -> Path:
+    """The files that the page shows, in a folder that has the repository's documents and its `arm.py`, too."""
+    shutil.copytree(ROOT / "assemblies", folder / "assemblies")
+    (folder / "parts").mkdir()
+    shutil.copy(ROOT / "parts" / "arm.py", folder / "parts")
+    shutil.copy(ROOT / "thingc.toml", folder)
+    for block in blocks(page):
+        if block.file is not None:
+            (folder / block.file).parent.mkdir(parents=True, exist_ok=True)
+            (folder / block.file).write_text(block.text)
+    return folder
+
+
+def commands(page: Path) -> list[tuple[str, str]]:
+    """What `console` blocks type after `$ `, each with the output that they show."""
+    found: list[tuple[str, str]] = []
+    for block in blocks(page):
+        if block.language == "console":
+            for piece in re.split(r"^\$ ", block.text, flags=re.MULTILINE)[1:]:
+                command, _, output = piece.partition("\n")
+                found.append((command, output))
+    return found
+
+
+def run(command: str) -> str:
+    """What a `thingc` or `python FILE` command prints here, standard output first, without progress."""
+    words = shlex.split(command, comments=True)
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        if words[0] == "thingc":
+            main(words[1:])
+        else:
+            assert words[0] == "python", command
+            before = sys.path[:]
+            try:
+                runpy.run_path(os.path.abspath(words[1]), run_name="__main__")
+            finally:
+                sys.path[:] = before
+    return out.getvalue() + _PROGRESS.sub("", err.getvalue())
+
+
+def shows(shown: str, printed: str) -> bool:
+    """Whether a page shows what was printed; a line `...` stands for any lines, and `...` in a line for any text."""
+    pattern = re.escape(shown.strip("\n"))
+    pattern = re.sub(r"(^|(?<=\n))\\\.\\\.\\\.($|(?=\\?\n))", "(?s:.*)", pattern).replace(r"\.\.\.", ".*")
+    return re.fullmatch(pattern, "\n".join(line.rstrip() for line in printed.strip("\n").split("\n"))) is not None
