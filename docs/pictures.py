@@ -9,17 +9,19 @@ import sys
 import tempfile
 from pathlib import Path
 
-os.environ.setdefault("MUJOCO_GL", "egl")
+os.environ.setdefault("MUJOCO_GL", "egl")  # before mujoco is imported, which chooses its renderer then
 
-import mujoco  # noqa: E402  (the renderer is chosen when mujoco is imported)
-from PIL import Image  # noqa: E402
+import mujoco
+from PIL import Image
 
 ROOT = Path(__file__).resolve().parent.parent
 PICTURES = ROOT / "docs" / "pictures"
 WIDTH, HEIGHT = 640, 480
 
 
-def render(scene: Path, pose: str, look_at: tuple[float, float, float], distance: float, azimuth: float, elevation: float) -> Image.Image:
+def render(
+    scene: Path, pose: str, look_at: tuple[float, float, float], distance: float, azimuth: float, elevation: float
+) -> Image.Image:
     """A scene in one of its keyframes, seen by a free camera (metres, degrees)."""
     model = mujoco.MjModel.from_xml_path(str(scene))
     data = mujoco.MjData(model)

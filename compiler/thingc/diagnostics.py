@@ -121,9 +121,13 @@ class Code(Enum):
     NO_ACTUATOR = ("TC510", "drive without an actuator", "Name a component whose Thing declares an actuator, or write the drive inline.")
     EFFORT = ("TC511", "effort above the actuator's", "Lower `limit.effort`, or choose a stronger actuator.")
     NO_GAIN = ("TC512", "position drive without a gain", "Give the actuator a `kp`.")
+    LOOP = ("TC513", "loop within one link", "Let a `loop: true` joint connect two links that move against each other.")
     # --- TC6xx: modes (root) ---------------------------------------------------------------------------------------
     POSE_LIMITS = ("TC601", "pose outside joint limits", "Write a value within the joint's limits, or widen them.")
     UNREACHED = ("TC602", "links beyond the root's reach", "Mend the placements: every link hangs together with the root.")
+    HOLD = ("TC603", "hold of what stands still", "Hold mounts of links that move in the mode, each once.")
+    UNCLOSED = ("TC604", "loop that does not close", "Move the hold, widen the limits of the joints, or start from another pose.")
+    CUT = ("TC605", "cut of no loop", "Name joints of a loop under `cut`, one for each loop.")
     # --- TC7xx: targets (emit) -------------------------------------------------------------------------------------
     RAW_UNKNOWN = ("TC701", "raw attribute of nothing", "Name a kind of element and an element that the model has.")
     MJCF_REFUSED = ("TC702", "MuJoCo refuses the model", "Change what stands at the place named, as MuJoCo's words say.")

@@ -140,6 +140,7 @@ class Compilation:
         self.workspace = Workspace.find(self.document, report)
         if self.workspace is None:
             return
+        self.geometry.anticipate()
         self.documents = load(self.document, self.workspace, report, kinds=kinds)
         if self.documents is None:
             return

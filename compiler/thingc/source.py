@@ -32,11 +32,15 @@ Origin = tuple[Span, ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScalarNode:
-    """A leaf: its typed value (YAML 1.2 core schema or TOML), the text as written, and where."""
+    """A leaf: its typed value (YAML 1.2 core schema or TOML), the text as written, and where.
+
+    `damaged`: the value is a stand-in for one that cannot be (a number that is not finite), which has been reported.
+    """
 
     value: Scalar
     text: str
     span: Span
+    damaged: bool = False
 
     def plain(self) -> Plain:
         """The value alone."""

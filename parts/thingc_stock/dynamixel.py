@@ -206,7 +206,7 @@ class XSeries(Thing):
         boss = self.boss_hull(d.boss_height)
         tip = Solid.make_cylinder(d.tip_diameter / 2, d.tip_height, Plane((0, 0, self.horn_z)))
         sides = [*self.screws_left, *self.screws_right, *self.screws_front, *self.screws_top, *self.screws_bottom]
-        holes = [_drilled(hole(0.0)) for hole in (*sides, *self.screws_horn, *self.screws_idler)]
+        holes = [hole(0.0).thread_hull for hole in (*sides, *self.screws_horn, *self.screws_idler)]
         return self.case_hull().fuse(rim, boss, tip).cut(*holes).solid()
 
     def collision(self) -> list[Solid]:
@@ -294,8 +294,3 @@ class XM540(XSeries):
 def _circle(diameter: float, count: int) -> list[Location]:
     """`count` places around a circle, the first at +x, on towards +y."""
     return [Location((0, 0, 0), (0, 0, 360.0 * k / count)) * Pos(diameter / 2, 0, 0) for k in range(count)]
-
-
-def _drilled(screw: Screw) -> Solid:
-    """What a threaded hole takes away, from the screw that ends in its mouth: the thread's outer cylinder."""
-    return Solid.make_cylinder(screw.diameter / 2, screw.p.length, Plane(screw.tip.location * FLIP))

@@ -78,6 +78,11 @@ class Screw(Thing):
         """What is drilled where the thread holds: the tap drill over the whole length."""
         return Solid.make_cylinder(self.tap_diameter / 2, self.p.length, Plane((0, 0, -self.p.length)))
 
+    @property
+    def thread_hull(self) -> Solid:
+        """What a threaded hole is drawn as: the thread's outer cylinder over the whole length."""
+        return Solid.make_cylinder(self.diameter / 2, self.p.length, Plane((0, 0, -self.p.length)))
+
     def result(self) -> Solid:
         """Head with its socket, and the thread as the cylinder of its pitch diameter (ISO 724), which has its volume."""
         pitch_diameter = self.diameter - 3 * sqrt(3) / 8 * self.pitch

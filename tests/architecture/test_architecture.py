@@ -37,7 +37,10 @@ ROOMS: dict[str, set[str]] = {
 }
 KERNEL = {"build123d", "OCP", "bd_warehouse", "lib3mf"}
 KERNEL_ROOMS = {"things"}
-KERNEL_MODULES = {"realize/worker.py", "realize/modelling.py", "realize/meshing.py", "realize/assembling.py", "realize/importing.py"}
+KERNEL_MODULES = {
+    f"realize/{name}.py"
+    for name in ("worker", "modelling", "meshing", "measure", "convert", "colors", "part_files", "reads", "assembling")
+}
 HEAVY = {"numpy", "networkx", "trimesh", "mujoco", "scipy", "rich", "typer", "manifold3d", "coacd"}
 CHECK_ROOMS = BASE | {"load", "spec", "resolve", "graph", "joints", "robot", "pipeline", "stamp"}
 

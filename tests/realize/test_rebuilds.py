@@ -82,7 +82,7 @@ def test_edits_of_code(
             assert reasons[text] == reason
             assert after[text] != before[text]
         else:
-            assert reasons[text] == "nothing that it depends on changed"
+            assert reasons[text] == "nothing that it depends on changed since it was modelled (first time)"
             assert (after[text].volume, after[text].meshes) == (before[text].volume, before[text].meshes)
     place.write(f"parts/{file}.py", files[file])
     assert realize(place, definitions)[0] == []  # the records of before are still there

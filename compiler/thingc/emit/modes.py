@@ -15,6 +15,7 @@ from thingc.emit import jsontext
 from thingc.emit.artifact import Artifacts
 from thingc.emit.request import EmitRequest
 from thingc.pose import NO_POSE, Pose, shifted
+from thingc.resolve.model import Mimic
 from thingc.robot.types import Robot
 
 WIDTHS = {"hinge": (1, 1), "slide": (1, 1)}
@@ -33,9 +34,10 @@ def emit(request: EmitRequest) -> Artifacts:
 def describe(robot: Robot) -> dict[str, object]:
     """One mode as plain data, lengths in metres and angles in radians.
 
-    - `root` the path of the site on which the mode stands, `base` `fixed | held | free`, `gravity` [m/s^2] in the world;
+    - `root` the path of the site on which the mode stands, `base` `fixed | held | free`, `gravity` [m/s^2] in the world,
+      `X_world_root` where the mode puts its root link, 4 x 4, by rows;
     - `links` in the order of the bodies of the model, the root link first; `X_root_link` the pose of the link's frame in
-      the root link's frame at q = 0, 4 x 4, by rows;
+      the root link's frame at q = 0; `mass` [kg], `centre` [m] and `inertia` [kg m^2, about the centre] in the link's frame;
     - `joints` in the order of the model: `parent` and `child` are links as this mode's tree has them; `reversed` says that
       the document has them the other way round (the axis has been turned for it, so q means the same); `qpos` and `dof` are
       the addresses in `MjData.qpos` and `.qvel`, behind a free base's 7 and 6;
@@ -49,7 +51,10 @@ def describe(robot: Robot) -> dict[str, object]:
     for name, body in zip(names, robot.bodies, strict=True):
         pose = NO_POSE if body.parent is None else at_zero[body.parent] @ body.X_PL
         at_zero.append(pose)
-        links.append({"name": name, "X_root_link": pose.rows()})
+        own = robot.assembly.links[body.link].properties
+        links.append({
+            "name": name, "X_root_link": pose.rows(), "mass": own.mass, "centre": own.centre, "inertia": own.inertia,
+        })
         joint = body.joint
         if joint is None or body.parent is None:
             continue
@@ -63,6 +68,8 @@ def describe(robot: Robot) -> dict[str, object]:
                 "axis": joint.axis,
                 "offset": joint.offset,
                 "reversed": joint.reversed,
+                "armature": joint.dynamics.armature or 0.0,
+                "mimic": _mimic(joint.mimic),
                 "qpos": qpos,
                 "dof": dof,
             }
@@ -74,8 +81,13 @@ def describe(robot: Robot) -> dict[str, object]:
         "root": robot.mode.root.path,
         "base": robot.base,
         "gravity": robot.gravity,
+        "X_world_root": robot.bodies[0].X_PL.rows(),
         "links": links,
         "joints": joints,
         "holds": {},
         "poses": {frame.name: {name: frame.q[name] for name in order} for frame in robot.keyframes},
     }
+
+
+def _mimic(mimic: Mimic | None) -> dict[str, object] | None:
+    return None if mimic is None else {"joint": mimic.joint, "multiplier": mimic.multiplier, "offset": mimic.offset}

@@ -24,7 +24,7 @@ def hag_of(model: AssemblyDefinition) -> Hag:
             continue
         met[key] = None
         parent = names.text(*key)
-        joints = {joint.child.path[0]: joint for joint in node.joints if joint.child.path}
+        joints = {joint.child.path[0]: joint for joint in node.joints if joint.child.path and not joint.loop}
         inner: list[tuple[str, AssemblyDefinition | Definition]] = []
         for component in node.components:
             child = _definition(component)

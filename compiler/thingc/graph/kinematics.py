@@ -46,9 +46,12 @@ def across(mate: Mate, q: float) -> Pose:
 
 
 def neighbourhood(count: int, mates: Sequence[Mate]) -> list[list[int]]:
-    """For each occurrence the numbers of the mates that it takes part in."""
+    """For each occurrence the numbers of the mates that it takes part in, without those that close loops: what is left is the
+    tree by which the documents place things."""
     neighbours: list[list[int]] = [[] for _ in range(count)]
     for number, mate in enumerate(mates):
+        if mate.loop is not None:
+            continue
         neighbours[mate.parent].append(number)
         if mate.child != mate.parent:
             neighbours[mate.child].append(number)

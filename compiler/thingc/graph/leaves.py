@@ -56,6 +56,7 @@ class Leaves:
         self._findings = findings
         self._known: dict[int, Leaf | None] = {}
         self._failures: dict[str, list[tuple[Component, str, Origin]]] = {}
+        self._unknown: dict[tuple[str, str, bool], list[tuple[Component, PartRecord, AssemblyDefinition, str, Origin]]] = {}
         self._warned: set[str] = set()
 
     def leaf(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> Leaf | None:
@@ -64,6 +65,27 @@ class Leaves:
         if key not in self._known:
             self._known[key] = self._work_out(component, scope, path, origin)
         return self._known[key]
+
+    def report_materials(self) -> None:
+        """One finding per default material that a document lacks: at its first component, the others as notes."""
+        for (_, name, needed), users in self._unknown.items():
+            component, record, scope, path, origin = users[0]
+            hint = did_you_mean(name, scope.materials, what="materials")
+            if nearest(name, scope.materials) is None:
+                hint += "; list a document that has it under `materials:`, or write `material:` here"
+            notes = list(written_at(f"`{record.text}`", record.code))
+            places = {place: other for other, _, _, _, place in reversed(users[1:]) if place[:1] != origin[:1]}
+            others = [note for place, other in reversed(places.items()) for note in noted(f"so is `{other.name}`", place)]
+            notes += others[: _SHOWN_PLACES - 1]
+            if len(others) >= _SHOWN_PLACES:
+                notes.append(Note(message=f"and {len(others) - _SHOWN_PLACES + 1} more components"))
+            say = self._findings.error if needed else self._findings.warn
+            say(
+                Code.UNKNOWN_MATERIAL,
+                f"`{component.name}` (`{record.text}`) is made of `{name}` by default, "
+                f"which is not among the materials of `{scope.name}`",
+                origin, path=path, help=hint, notes=notes,
+            )
 
     def report_failures(self) -> None:
         """One error per definition that could not be modelled: at its first component, the others as notes."""
@@ -158,17 +180,10 @@ class Leaves:
         if unknown and not scope.materials_known:
             findings.leave_out()
         elif record is not None and unknown:
-            say = findings.error if weighed is None else findings.warn
-            hint = did_you_mean(record.material or "", scope.materials, what="materials")
-            if nearest(record.material or "", scope.materials) is None:
-                hint += "; list a document that has it under `materials:`, or write `material:` here"
-            say(
-                Code.UNKNOWN_MATERIAL,
-                f"`{component.name}` (`{record.text}`) is made of `{record.material}` by default, "
-                f"which is not among the materials of `{scope.name}`",
-                origin, path=path, help=hint,
-                notes=written_at(f"`{record.text}`", record.code),
-            )
+            key = (scope.document, record.material or "", weighed is None)
+            self._unknown.setdefault(key, []).append((component, record, scope, path, origin))
+            if weighed is None:
+                findings.leave_out()
         elif weighed is None and record is not None and material is None:
             findings.error(
                 Code.NO_MATERIAL, f"`{component.name}` (`{record.text}`) has neither a material nor a mass", origin, path=path,

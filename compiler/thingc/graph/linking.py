@@ -11,8 +11,8 @@ from thingc.graph.hag import hag_of
 from thingc.graph.kinematics import neighbourhood, spread
 from thingc.graph.leaves import Leaves
 from thingc.graph.links import fused, links_of
-from thingc.graph.mates import mates_of
-from thingc.graph.modes import adhesions_of, check_poses, exported_of, modes_of, raw_of
+from thingc.graph.mates import check_loops, mates_of
+from thingc.graph.modes import adhesions_of, check_poses, exported_of, modes_of, raw_of, sensors_of
 from thingc.graph.physics import check_links
 from thingc.graph.types import Assembly, Occurrence
 from thingc.graph.unroll import Instance, Tree
@@ -31,12 +31,15 @@ def link(model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailu
     leaves = Leaves(records, findings)
     tree = Tree(model, leaves, findings)
     leaves.report_failures()
+    leaves.report_materials()
     mates, laid = mates_of(tree, findings)
     exported = exported_of(tree, findings)
     occurrences = tuple(_occurrence(index, instance, tree) for index, instance in enumerate(tree.leaves))
     link_of = fused(len(occurrences), mates)
     links = links_of(tree, occurrences, mates, findings)
+    check_loops(mates, link_of, links, findings)
     modes = modes_of(tree, model, link_of, findings)
+    sensors = sensors_of(tree)
     adhesions = adhesions_of(tree, model)
     joints = tuple(mate.joint for mate in mates if mate.joint is not None)
     base = tree.top.index
@@ -46,9 +49,11 @@ def link(model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailu
         check_links(links, link_of, occurrences, modes, faulty, findings)
         shown = {(mount.occurrence, mount.mount) for mount in exported if "/" not in mount.path}
         check_expectations(occurrences, mates, laid, shown, findings)
-    check_poses(model.poses, model.modes, joints, findings)
+    loops = {mate.joint.path for mate in mates if mate.joint is not None and mate.loop is not None}
+    check_poses(model.poses, model.modes, joints, findings, loops)
     at = spread(mates, neighbourhood(len(occurrences), mates), base, NO_POSE, {}) if base is not None else {}
-    if base is None or findings.incomplete or len(at) != len(occurrences) or len(mates) != len(occurrences) - 1:
+    placing = sum(1 for mate in mates if mate.loop is None)
+    if base is None or findings.incomplete or len(at) != len(occurrences) or placing != len(occurrences) - 1:
         if not findings.failed and not findings.earlier:
             alone = next((tree.leaves[k] for k in range(len(occurrences)) if k not in at), tree.top)
             findings.error(
@@ -61,7 +66,7 @@ def link(model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailu
     return Assembly(
         name=model.name, definition=model, hag=hag_of(model), base=base, occurrences=occurrences, mates=mates, links=links,
         link_of=link_of, rest=tuple(at[index] for index in range(len(occurrences))), exported=exported, poses=model.poses,
-        modes=modes, adhesions=adhesions, raw=raw_of(tree),
+        modes=modes, adhesions=adhesions, raw=raw_of(tree), sensors=sensors,
     )
 
 

@@ -29,7 +29,7 @@ def fused(count: int, mates: Sequence[Mate]) -> tuple[int, ...]:
         return k
 
     for mate in mates:
-        if mate.joint is None:
+        if mate.joint is None and mate.loop is None:
             a, b = find(mate.parent), find(mate.child)
             parent[max(a, b)] = min(a, b)  # the smallest member stays the representative
     numbers: dict[int, int] = {}

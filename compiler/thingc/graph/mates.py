@@ -7,12 +7,12 @@ and `at` lays a component's frame plainly: `X_PC = X_P,in @ X(xyz, rpy)`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from thingc.diagnostics import Code
 from thingc.graph.drives import joint_edge
 from thingc.graph.findings import Findings, noted
-from thingc.graph.types import JointEdge, Mate
+from thingc.graph.types import JointEdge, Link, Mate
 from thingc.graph.unroll import Found, Instance, Tree, unplaced
 from thingc.joints import KINDS
 from thingc.pose import MATE, Pose, shifted, turned_z
@@ -70,10 +70,24 @@ def _jointed(tree: Tree, instance: Instance, joint: Joint, findings: Findings) -
     if child is None or parent is None or kind is None:
         return
     edge = joint_edge(tree, instance, joint, kind, findings) if kind.moves else None
-    yield _mated(parent, child, joint.turn, joint.gap, edge, joint.origin + instance.origin)
+    path = instance.within(joint.name)
+    yield _mated(parent, child, joint.turn, joint.gap, edge, joint.origin + instance.origin, loop=path if joint.loop else None)
 
 
-def _mated(parent: Found, child: Found, turn: float, gap: float, joint: JointEdge | None, origin: Origin) -> Mate:
+def check_loops(mates: Sequence[Mate], link_of: Sequence[int], links: Sequence[Link], findings: Findings) -> None:
+    """A loop must close between two links: within one nothing moves that it could hold."""
+    for mate in mates:
+        if mate.loop is not None and link_of[mate.parent] == link_of[mate.child]:
+            name = links[link_of[mate.parent]].name
+            findings.error(
+                Code.LOOP, f"joint `{mate.loop}` closes no loop: both its mounts are on link `{name}`", mate.origin, path=mate.loop,
+                help="name mounts of two links that move against each other, or take the joint out",
+            )
+
+
+def _mated(
+    parent: Found, child: Found, turn: float, gap: float, joint: JointEdge | None, origin: Origin, *, loop: str | None = None,
+) -> Mate:
     at: Pose = parent.pose
     if turn != 0.0:
         at = at @ turned_z(turn)
@@ -81,7 +95,7 @@ def _mated(parent: Found, child: Found, turn: float, gap: float, joint: JointEdg
         at = at @ shifted(0.0, 0.0, gap)
     return Mate(
         parent=parent.occurrence, child=child.occurrence, parent_mount=parent.mount, child_mount=child.mount,
-        X_PJ=at, X_JC=MATE @ child.pose.inverse(), joint=joint, origin=origin,
+        X_PJ=at, X_JC=MATE @ child.pose.inverse(), joint=joint, origin=origin, loop=loop,
     )
 
 
@@ -93,7 +107,7 @@ def _stands_on(definition: AssemblyDefinition) -> dict[str, tuple[str, Origin]]:
         if component.placement is not None and component.placement.to.path:
             stands[component.name] = (component.placement.to.path[0], component.placement.origin)
     for joint in definition.joints:
-        if joint.child.path and joint.parent.path:
+        if joint.child.path and joint.parent.path and not joint.loop:
             stands.setdefault(joint.child.path[0], (joint.parent.path[0], joint.origin))
     return {name: on for name, on in stands.items() if name in names and on[0] in names}
 

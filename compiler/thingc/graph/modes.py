@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 from thingc.diagnostics import Code, did_you_mean
 from thingc.graph.findings import Findings, noted
 from thingc.graph.kinematics import coordinates
-from thingc.graph.types import Adhesion, ExportedMount, JointEdge, LinkedMode, RootChoice
+from thingc.graph.types import Adhesion, ExportedMount, JointEdge, LinkedHold, LinkedMode, LinkedSensor, RootChoice
 from thingc.graph.unroll import Tree
 from thingc.joints import KINDS
 from thingc.resolve.model import AssemblyDefinition, Mode, NamedPose, RawAttribute, Reference
@@ -54,7 +54,8 @@ def _mode(tree: Tree, mode: Mode, link_of: Sequence[int], findings: Findings) ->
         return None
     return LinkedMode(
         name=mode.name, root=root, base=mode.base, at=mode.at, gravity=mode.gravity, poses=mode.poses, actuators=mode.actuators,
-        exclude=tuple(pairs), adhesion=adhesion, simulation=mode.simulation, origin=mode.origin,
+        exclude=tuple(pairs), adhesion=adhesion, simulation=mode.simulation, origin=mode.origin, pose=mode.pose,
+        holds=tuple(_holds(tree, mode, findings)), cut=mode.cut,
     )
 
 
@@ -66,6 +67,42 @@ def _root(tree: Tree, reference: Reference) -> RootChoice | None:
     if reference.mount in (None, "origin"):
         return RootChoice(occurrence=found.occurrence, mount=None, path="/".join((*reference.path, "origin")))
     return RootChoice(occurrence=found.occurrence, mount=found.mount, path=_path(reference))
+
+
+def _holds(tree: Tree, mode: Mode, findings: Findings) -> Iterator[LinkedHold]:
+    """What the mode holds; one mount under two names (its own, and an exported one) is said."""
+    met: dict[tuple[int, str], LinkedHold] = {}
+    for hold in mode.holds:
+        choice = _root(tree, hold.mount)
+        if choice is None:
+            continue
+        found = LinkedHold(mount=choice, pose=hold.pose, origin=hold.origin)
+        other = met.setdefault((choice.occurrence, choice.mount or "origin"), found)
+        if other is not found:
+            findings.error(
+                Code.HOLD, f"mode `{mode.name}` holds `{choice.path}` twice", hold.origin, path=choice.path,
+                help="keep one of the two", notes=noted("the other one is here", other.origin),
+            )
+            continue
+        yield found
+
+
+def sensors_of(tree: Tree) -> tuple[LinkedSensor, ...]:
+    """Every sensor of every document, an assembly's before those of what is nested in it."""
+    found: list[LinkedSensor] = []
+    for instance, definition in tree.assemblies:
+        for sensor in definition.sensors:
+            there = tree.find(instance, sensor.mount) if sensor.mount is not None else None
+            if sensor.mount is not None and there is None:
+                continue
+            found.append(LinkedSensor(
+                path=instance.within(sensor.name), kind=sensor.kind,
+                site=instance.within(_path(sensor.mount)) if sensor.mount is not None else None,
+                occurrence=there.occurrence if there is not None else None, mount=there.mount if there is not None else None,
+                joint=instance.within(sensor.joint) if sensor.joint is not None else None, fovy=sensor.fovy,
+                origin=sensor.origin + instance.origin,
+            ))
+    return tuple(found)
 
 
 def _path(reference: Reference) -> str:
@@ -112,10 +149,11 @@ def raw_of(tree: Tree) -> tuple[RawAttribute, ...]:
 
 def check_poses(
     poses: Sequence[NamedPose], modes: Sequence[Mode], joints: Sequence[JointEdge], findings: Findings,
+    loops: Collection[str] = (),
 ) -> None:
     """Every pose within the limits of every joint: values as written, and in poses that a mode uses also the joints
     that are at 0 because the pose does not name them, and those that mimic (not where joints were left out: what is
-    there may follow one of those)."""
+    there may follow one of those). A joint that closes a loop, one of `loops`, goes where the loop takes it."""
     used = {name for mode in modes for name in mode.poses}
     known = {pose.name for pose in poses}
     for mode in modes:
@@ -134,7 +172,7 @@ def check_poses(
                     pose.origins.get(path, pose.origin), path=pose.name, help=did_you_mean(path, by_path, what="joints"),
                 )
         for path, q in coordinates(joints, pose.values).items():
-            if path in pose.values or (pose.name in used and not findings.incomplete):
+            if path in pose.values or (pose.name in used and not findings.incomplete and path not in loops):
                 _check_limit(pose, by_path[path], q, findings)
 
 

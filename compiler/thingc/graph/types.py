@@ -11,6 +11,7 @@ from thingc.resolve.model import (
     AssemblyDefinition,
     BomEntry,
     Component,
+    Cut,
     Dynamics,
     Limit,
     Material,
@@ -120,7 +121,8 @@ class Mate:
     """An edge of the mate graph between occurrences `parent` and `child` (indices).
 
     `X_PC(q) = X_PJ @ motion(q + offset) @ X_JC`; rigid without `joint` (motion is the identity).
-    `parent_mount` and `child_mount` are the names of the mounts mated (`origin` for `at`).
+    `parent_mount` and `child_mount` are the names of the mounts mated (`origin` for `at`). `loop` is the path of a joint that
+    closes a loop: it places nothing, and is no edge of the tree that the documents' placements make.
     """
 
     parent: int
@@ -131,6 +133,7 @@ class Mate:
     X_JC: Pose
     joint: JointEdge | None
     origin: Origin
+    loop: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -184,8 +187,35 @@ class Adhesion:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LinkedHold:
+    """A hold of a mode: `mount` is mated to the world frame moved to `pose` (None: where the mode's own pose puts it)."""
+
+    mount: RootChoice
+    pose: Pose | None
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkedSensor:
+    """A sensor at its path (`leg/imu`). `kind` is `imu | force | joint | camera`; `site` the path of the mount that it sits on,
+    the mount `mount` of `occurrence` (None where it measures `joint`, a joint path); `fovy` [rad] of a camera."""
+
+    path: str
+    kind: str
+    site: str | None
+    occurrence: int | None
+    mount: str | None
+    joint: str | None
+    fovy: float | None
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LinkedMode:
-    """A mode of the top document with its references worked out; `exclude` are pairs of link indices, `adhesion` by path."""
+    """A mode of the top document with its references worked out; `exclude` are pairs of link indices, `adhesion` by path.
+
+    `pose` is the mode's own, the first of `poses`; `cut` the joints (by path) it wants loops cut at.
+    """
 
     name: str
     root: RootChoice
@@ -198,6 +228,9 @@ class LinkedMode:
     adhesion: dict[str, float]
     simulation: dict[str, float | str]
     origin: Origin
+    pose: str | None = None
+    holds: tuple[LinkedHold, ...] = ()
+    cut: tuple[Cut, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -205,7 +238,7 @@ class Assembly:
     """The output of `link`: everything about the robot that does not depend on a root.
 
     `base` is the occurrence whose frame is the assembly's; `rest[i]` the pose of occurrence i in it at q = 0;
-    `link_of[i]` the link of occurrence i. `mates` has one edge fewer than there are occurrences (no loops yet).
+    `link_of[i]` the link of occurrence i. `mates` without those that close loops has one edge fewer than there are occurrences.
     `raw` has nested documents' joint and body names already prefixed with their path.
     """
 
@@ -223,6 +256,7 @@ class Assembly:
     modes: tuple[LinkedMode, ...]
     adhesions: tuple[Adhesion, ...]
     raw: tuple[RawAttribute, ...]
+    sensors: tuple[LinkedSensor, ...] = ()
 
     @property
     def properties(self) -> MassProperties:

@@ -75,7 +75,7 @@ _SILENT = _Fault(silent=True)
 
 def unplaced(definition: AssemblyDefinition) -> list[str]:
     """The names of the components that nothing places: exactly one, the base, in a sound document."""
-    placed = {joint.child.path[0] for joint in definition.joints if joint.child.path}
+    placed = {joint.child.path[0] for joint in definition.joints if joint.child.path and not joint.loop}
     return [c.name for c in definition.components if c.placement is None and c.name not in placed]
 
 

@@ -245,10 +245,11 @@ class _Joiner:
         text = self.source.text[item.start : item.end]
         span = self.source.span(item.start, item.end)
         known: Scalar
+        damaged = False
         if isinstance(value, (datetime.date, datetime.time)):
             message = f"expected text or a number, found the date or time `{shortened(text)}`"
             self.fault(Code.DATE, message, span, f'if it is text write `"{shortened(text)}"`')
-            known = text
+            known, damaged = text, True
         elif isinstance(value, str):
             known = text = value
         elif isinstance(value, (int, float)):
@@ -258,10 +259,10 @@ class _Joiner:
                 finite = False
             if not finite:
                 self.fault(Code.NOT_FINITE, f"expected a finite number, found `{shortened(text)}`", span)
-            known = value if finite else 0
+            known, damaged = value if finite else 0, not finite
         else:
             known = None
-        return ScalarNode(value=known, text=text, span=span)
+        return ScalarNode(value=known, text=text, span=span, damaged=damaged)
 
 
 def _too_large(root: Syntax, places: _Places, report: Report) -> bool:

@@ -180,13 +180,14 @@ class _Builder:
             end = start + len(self.source.text[start:end].rstrip())
         span = self.source.span(start, end)
         value: Scalar = text
+        damaged = False
         if plain:
             try:
                 value = core_value(text)
             except OverflowError:
                 self.report.add(Code.NOT_FINITE, f"expected a finite number, found `{shortened(text)}`", span)
-                value = 0
-        return ScalarNode(value=value, text=text, span=span)
+                value, damaged = 0, True
+        return ScalarNode(value=value, text=text, span=span, damaged=damaged)
 
     def after_properties(self, start: int, end: int) -> int:
         """Where the scalar begins behind its `&anchor` and `!tag`."""

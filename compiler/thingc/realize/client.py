@@ -73,6 +73,7 @@ class Workers:
         A request has `op` and `timeout` [s]. Raises `WorkerBroken` when no worker can be had.
         """
         waiting = deque(requests)
+        own: set[int] = set()
         under_way = 0
         lost = 0
         while waiting or under_way:
@@ -82,7 +83,7 @@ class Workers:
                 while waiting and limit > 0:
                     limit -= 1
                     request = waiting.popleft()
-                    self._send(worker, request)
+                    own.add(self._send(worker, request))
                     under_way += 1
             try:
                 worker, line = self._answers.get(timeout=max(0.05, min(w.deadline for w in self._processes) - time.monotonic()))
@@ -97,12 +98,13 @@ class Workers:
                 failed = {"failed": "crashed", "words": "the worker process ended", "detail": ""}
             if not line:
                 self._end(worker)
-                under_way -= len(worker.asked)
+                left = [request for number, request in worker.asked.items() if number in own]
+                under_way -= len(left)
                 lost += 1
                 if self.forking and lost <= 1:  # the server itself was lost: nobody knows why, so once more
-                    waiting.extendleft(reversed(list(worker.asked.values())))
+                    waiting.extendleft(reversed(left))
                 else:
-                    for request in worker.asked.values():
+                    for request in left:
                         yield request, dict(failed)
                 continue
             answer = json.loads(line)
@@ -113,8 +115,11 @@ class Workers:
                 worker.ready = True
                 self._put_off(worker)
                 continue
-            request = worker.asked.pop(answer.pop("id"))
+            number = answer.pop("id")
+            request = worker.asked.pop(number)
             self._put_off(worker)
+            if number not in own:  # of a run that was given up
+                continue
             under_way -= 1
             yield request, answer
 
@@ -138,7 +143,7 @@ class Workers:
         worker.process.kill()
         worker.process.wait()
 
-    def _send(self, worker: _Process, request: Mapping[str, Any]) -> None:
+    def _send(self, worker: _Process, request: Mapping[str, Any]) -> int:
         self._number += 1
         worker.asked[self._number] = request
         self._put_off(worker)
@@ -146,6 +151,7 @@ class Workers:
         with contextlib.suppress(OSError):  # it ended: its reader says so
             worker.process.stdin.write(data)  # type: ignore[union-attr]
             worker.process.stdin.flush()  # type: ignore[union-attr]
+        return self._number
 
     def _put_off(self, worker: _Process) -> None:
         """The worker gave a sign of life, or got work: until when the next sign must come.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from thingc.realize.codekey import Code, Sources, binds, code_of, defined_in
-from thingc.realize.modules import Finder, listed
+from thingc.realize.modules import OWN, Finder, listed
 from thingc.realize.record import PartFailure
 from thingc.realize.record_json import shortened
 from thingc.realize.store import Store
@@ -73,10 +73,12 @@ class PartCode:
             )
         return code_of(reference, self.sources)
 
-    def versions(self, code: Code | None) -> dict[str, str]:
-        """Versions of everything installed that the code uses (None: of what the workspace allows), and of thingc."""
-        used = (*KERNEL, *(code.installed if code is not None else self.workspace.packages))
-        key = tuple(sorted(set(used) - {"thingc"}))
+    def versions(self, code: Code | None, reference: str = "") -> dict[str, str]:
+        """Versions of the kernel, of thingc, and of everything installed that the code uses; where the part is of an
+        installed package (`code` None), of that."""
+        package = reference.partition(":")[0].partition(".")[0]
+        used = (*KERNEL, *(code.installed if code is not None else (package,) if package else ()))
+        key = tuple(sorted(set(used) - OWN))
         if key not in self._known_versions:
             self._known_versions[key] = {**platform_versions(), **compiler_version(), **versions_of(key, self.store)}
         return self._known_versions[key]

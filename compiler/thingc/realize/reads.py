@@ -103,7 +103,9 @@ class Recorder:
         with self._quietly():  # looking must not be seen as looking
             if os.path.realpath(full).startswith(self._excluded):
                 return
-            self.states[full] = state_of(full, listed=listed)
+            state = state_of(full, listed=listed)
+            if state != "folder" or full.startswith(self.workspace):  # that there is such a folder says nothing
+                self.states[full] = state
 
     def note_written(self, path: Any) -> None:
         """The part is about to write a file or to make a folder: what it reads of that is its own."""

@@ -221,3 +221,11 @@ class Placed:
     brep: str
     pose: Pose
     color: str | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredFile:
+    """A file in the store by content: what `assemble` answers with."""
+
+    sha256: str
+    size: int

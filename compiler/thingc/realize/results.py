@@ -21,10 +21,11 @@ CANDIDATES = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Kept:
-    """An answer from the store and the reads it depends on."""
+    """An answer from the store, the reads it depends on, and why it was made."""
 
     value: Any
     reads: tuple[tuple[str, str], ...]
+    reason: str = ""
 
 
 class Results:
@@ -55,17 +56,18 @@ class Results:
         for candidate in self._candidates(kind, key):
             if all(self.state(path, state) == state for path, state in candidate["reads"]) and usable(candidate["value"]):
                 self.met.update((path, state) for path, state in candidate["reads"])
-                return Kept(value=candidate["value"], reads=tuple((path, state) for path, state in candidate["reads"]))
+                reads = tuple((path, state) for path, state in candidate["reads"])
+                return Kept(value=candidate["value"], reads=reads, reason=candidate.get("reason", ""))
         return None
 
-    def keep(self, kind: str, recipe: Recipe, value: Any, reads: list[Any]) -> None:
+    def keep(self, kind: str, recipe: Recipe, value: Any, reads: list[Any], reason: str = "") -> None:
         """Keep an answer, before the others of its recipe."""
         plain = [list(read) for read in reads]
         self.met.update((path, state) for path, state in plain)
         for path, _ in plain:
             self.consulted.add(os.path.normpath(os.path.join(self.root, path)))
         others = [candidate for candidate in self._candidates(kind, recipe.key) if candidate["reads"] != plain]
-        self.store.put_json(kind, recipe.key, [{"reads": plain, "value": value}, *others[: CANDIDATES - 1]])
+        self.store.put_json(kind, recipe.key, [{"reads": plain, "value": value, "reason": reason}, *others[: CANDIDATES - 1]])
 
     def _candidates(self, kind: str, key: str) -> list[Any]:
         found = self.store.get_json(kind, key)

@@ -14,7 +14,7 @@ from thingc.realize.codekey import Code
 from thingc.realize.modules import listed
 from thingc.realize.part_code import PartCode
 from thingc.realize.recipe import Recipe, describe_recipe, difference, model_recipe
-from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema, Placed
+from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema, Placed, StoredFile
 from thingc.realize.record_json import (
     blobs_of,
     failure_from_json,
@@ -28,7 +28,6 @@ from thingc.realize.store import Store
 from thingc.realize.versions import versions_of
 
 if TYPE_CHECKING:
-    from thingc.emit.artifact import Stored
     from thingc.realize.client import Workers
     from thingc.workspace import Workspace
 
@@ -137,7 +136,7 @@ class GeometryService:
             if isinstance(code, PartFailure):
                 found[reference] = code
                 continue
-            recipe = describe_recipe(reference, code, self._parts.versions(code))
+            recipe = describe_recipe(reference, code, self._parts.versions(code, reference))
             kept = self._results.find("schema", recipe.key)
             if kept is not None:
                 found[reference] = self._schema(reference, kept.value, code)
@@ -168,7 +167,7 @@ class GeometryService:
             given = answer["answer"]
             for task in group:
                 value = given["answers"][task.subject]
-                # code loaded for another class of the group is no read of this one
+                # what was read for one class of a module counts for all that were asked for together
                 self._results.keep("schema", task.recipe, value, given["reads"])
                 found[task.subject] = self._schema(task.subject, value, self._parts.code(task.subject))
         self._describe_in_workers(alone, found)
@@ -200,7 +199,8 @@ class GeometryService:
             recipes[text] = recipe
             kept = self._results.find("record", recipe.key, self._whole)
             if kept is not None:
-                self._decide(text, True, "nothing that it depends on changed")
+                made = f" since it was modelled ({kept.reason})" if kept.reason else ""
+                self._decide(text, True, f"nothing that it depends on changed{made}")
                 found[text] = self._record(kept.value, code)
             else:
                 reason = self._why(definition, recipe)
@@ -214,7 +214,7 @@ class GeometryService:
                 continue
             given = answer["answer"]
             reads = given.pop("reads")
-            self._results.keep("record", task.recipe, given, reads)
+            self._results.keep("record", task.recipe, given, reads, task.reason)
             found[task.subject] = self._record(given, self._code_of_definition(unique[task.subject]))
         self._results.remember({text: recipe for text, recipe in recipes.items() if isinstance(found[text], PartRecord)})
         self._results.note_files({**self._parts.files(), **self._results.met})
@@ -224,17 +224,19 @@ class GeometryService:
     def _prepare(self, definition: PartDefinition) -> tuple[Recipe, Code | None, dict[str, Any]] | PartFailure:
         code: Code | None = None
         extra: dict[str, str] = {}
+        package = definition.reference
         if definition.kind == "file":
             state = self._file_state(definition)
             if isinstance(state, PartFailure):
                 return state
             extra["file"] = state
+            package = ""
         else:
             checked = self._parts.code(definition.reference)
             if isinstance(checked, PartFailure):
                 return replace(checked, subject=definition.text)
             code = checked
-        recipe = model_recipe(definition, code, {**self._parts.versions(code), **extra}, self._mesh)
+        recipe = model_recipe(definition, code, {**self._parts.versions(code, package), **extra}, self._mesh)
         request = {
             "op": "model",
             "definition": {
@@ -322,13 +324,11 @@ class GeometryService:
 
     # --- assemble ------------------------------------------------------------------------------------------------
 
-    def assemble(self, name: str, instances: Sequence[Placed]) -> Stored:
+    def assemble(self, name: str, instances: Sequence[Placed]) -> StoredFile:
         """The STEP file of an assembly, kept by everything in it: the same placements and colours are written once.
 
         Raises `AssemblyFailed` where the kernel cannot write it.
         """
-        from thingc.emit.artifact import Stored
-
         listed = [
             {
                 "path": one.path, "definition": one.definition, "brep": one.brep, "color": one.color,
@@ -339,7 +339,7 @@ class GeometryService:
         key = repr([name, sorted(self._parts.versions(None).items()), listed])
         kept = self.store.get_json("step", key)
         if kept is not None and self.store.has(kept["sha256"], kept["size"]):
-            return Stored(sha256=kept["sha256"], size=kept["size"])
+            return StoredFile(sha256=kept["sha256"], size=kept["size"])
         request = {"op": "assemble", "name": name, "instances": listed, "store": self.store.root, "timeout": self.timeout}
         if self._workers is not None and self._workers.running:
             (_, answer), *_ = list(self._run([request]))
@@ -352,7 +352,7 @@ class GeometryService:
             raise AssemblyFailed(name, answer.get("words") or answer["failed"], answer.get("detail", ""))
         made = answer["answer"]
         self.store.put_json("step", key, made)
-        return Stored(sha256=made["sha256"], size=made["size"])
+        return StoredFile(sha256=made["sha256"], size=made["size"])
 
     # --- workers -----------------------------------------------------------------------------------
 

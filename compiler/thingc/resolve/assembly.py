@@ -22,6 +22,7 @@ from thingc.resolve.poses import poses
 from thingc.resolve.raw import raw
 from thingc.resolve.repeats import check_names, unrolled
 from thingc.resolve.scope import Found, Scope
+from thingc.resolve.sensors import sensors
 from thingc.resolve.table import Context, Table
 from thingc.source import Path
 from thingc.spec.assembly import AssemblySpec
@@ -68,8 +69,6 @@ def resolved(
     _exports(table, scope)
     links = tuple(_links(table, scope))
     poses(table, scope)
-    if spec.sensors:
-        scope.error(Code.NOT_YET, "`sensors` are not built yet", ("sensors",), key=True, help="take them out for now")
     lacking = unreadable(context, scope, spec)
     made = components(table, placements, unreadable=lacking)
     table.definition = AssemblyDefinition(
@@ -79,7 +78,7 @@ def resolved(
         mounts={name: one for name, one in table.exports.items() if one is not None},
         poses=tuple(pose for pose in table.poses.values() if pose is not None), modes=modes(table, scope) if top else (),
         simulation=simulation(scope, Layers(((spec.simulation, ("simulation",)),))) if top and spec.simulation else {},
-        raw=raw(scope, spec.raw), origin=scope.origin(("name",)), materials_known=not lacking,
+        raw=raw(scope, spec.raw), sensors=tuple(sensors(table, scope)), origin=scope.origin(("name",)), materials_known=not lacking,
     )
     return table
 
@@ -95,6 +94,7 @@ def _check_names(scope: Scope, spec: AssemblySpec) -> None:
     sections: tuple[tuple[str, Mapping[str, object], str, bool], ...] = (
         ("parameters", spec.parameters, "a parameter", False), ("links", spec.links, "a link", True),
         ("poses", spec.poses, "a pose", False), ("modes", spec.modes, "a mode", False),
+        ("sensors", spec.sensors, "a sensor", False),
         ("materials", spec.materials if isinstance(spec.materials, Mapping) else {}, "a material", False),
     )
     for section, entries, what, reserved in sections:

@@ -95,19 +95,13 @@ def joints(table: Table, items: Iterable[Item[JointSpec]], places: Places) -> bo
         child = references.mount(table, scope, spec.child, (*path, "child"))
         parent = references.mount(table, scope, spec.parent, (*path, "parent"))
         kind = _kind(scope, spec, path)
-        if spec.loop:
-            scope.error(
-                Code.NOT_YET, "loops are not built yet: `loop: true` cannot be used", (*path, "loop"), key=True,
-                help="take the joint out for now",
-            )
-            table.joints[item.name] = None
-            continue
-        placed = child.path[0] if child is not None else _named(table, scope, spec.child)
+        placed = None if spec.loop else child.path[0] if child is not None else _named(table, scope, spec.child)
         if placed is None:
-            unsure = True
+            unsure = unsure or not spec.loop
         else:
             places.setdefault(placed, []).append((f"joint `{item.name}`", scope.span(path, key=True)))
-        if parent is not None and child is not None and parent.path[0] == child.path[0]:
+        # Two mounts of one component: of an assembly, a loop may close between parts of it (`link` knows).
+        if parent is not None and child is not None and parent.path[0] == child.path[0] and not spec.loop:
             scope.error(
                 Code.PLACED_ON_ITSELF, f"joint `{item.name}` connects `{child.path[0]}` with itself", (*path, "child"),
                 help="name mounts of two components", notes=[Note(message="the parent", span=scope.span((*path, "parent")))],
@@ -162,6 +156,7 @@ def _joint(table: Table, item: Item[JointSpec], kind: JointKind, parent: Referen
         turn=(scope.number(*turn, ANGLE, f"`turn` of joint `{name}`") or 0.0) if turn else 0.0,
         gap=(scope.number(*gap, LENGTH, f"`gap` of joint `{name}`") or 0.0) if gap else 0.0,
         offset=offset, drive=drive, mimic=None, origin=scope.origin(path, key=True), spans=_spans(table, path, layers),
+        loop=spec.loop,
     )
 
 
@@ -199,7 +194,8 @@ def _limit(scope: Scope, item: Item[JointSpec], kind: JointKind, coordinate: Dim
         if missing and kind.limits == "required" and item.spec.mimic is None:
             example = "{lower: -90 deg, upper: 90 deg}" if coordinate == ANGLE else "{lower: 0, upper: 20 mm}"
             scope.error(
-                Code.LIMIT, f"joint `{name}` is {kind.name} and needs {' and '.join(missing)}", path, key=True,
+                Code.LIMIT, f"joint `{name}` is {kind.name} and needs {' and '.join(missing)}",
+                (*path, "limit") if item.spec.limit is not None else path, key=True,
                 help=f"write for example `limit: {example}`" + (_ENDLESS if coordinate == ANGLE else ""),
             )
         if low is not None and high is not None and lower is not None and upper is not None and not low < high:

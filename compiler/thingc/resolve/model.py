@@ -190,7 +190,7 @@ class Mimic:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Joint:
-    """An edge that moves (or a `fixed` one): it places the component that `child` belongs to.
+    """An edge that moves (or a `fixed` one): it places the component that `child` belongs to, unless it closes a `loop`.
 
     `spans` gives places within the joint by dotted key (`limit.lower`), for diagnostics.
     """
@@ -208,6 +208,7 @@ class Joint:
     mimic: Mimic | None
     origin: Origin
     spans: dict[str, Span]
+    loop: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -231,6 +232,39 @@ class NamedPose:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Sensor:
+    """What a robot measures. `kind` is `imu | force | joint | camera`; the first two and a camera sit on `mount`; `joint` is
+    the path of the joint that is measured (`leg/knee`); `fovy` [rad] the angle of view of a camera from bottom to top."""
+
+    name: str
+    kind: str
+    mount: Reference | None
+    joint: str | None
+    fovy: float | None
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hold:
+    """A further mount that a mode holds to the world: mated to the world frame moved to `pose`, as a root is mated to `at`.
+
+    `pose` None: `here`, where the mode's own pose puts it. `mount.mount` None: a component, whose origin lies on `pose`.
+    """
+
+    mount: Reference
+    pose: Pose | None
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cut:
+    """A joint (its path) at which a mode wants a loop to be cut."""
+
+    joint: str
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Mode:
     """One simulation model. `extends` has been merged. `root.mount` None: a component root.
 
@@ -250,6 +284,8 @@ class Mode:
     adhesion: tuple[tuple[Reference, float], ...]
     simulation: dict[str, float | str]
     origin: Origin
+    holds: tuple[Hold, ...] = ()
+    cut: tuple[Cut, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -293,3 +329,4 @@ class AssemblyDefinition:
     raw: tuple[RawAttribute, ...]
     origin: Origin
     materials_known: bool = True
+    sensors: tuple[Sensor, ...] = ()

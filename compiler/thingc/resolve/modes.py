@@ -9,6 +9,7 @@ from thingc.diagnostics import Code, Note
 from thingc.pose import NO_POSE, Pose, Vector
 from thingc.resolve import references
 from thingc.resolve.layers import Layers
+from thingc.resolve.loops import cuts, holds
 from thingc.resolve.model import Mode, Reference
 from thingc.resolve.references import GLOB, suggested
 from thingc.resolve.scope import Scope
@@ -93,12 +94,6 @@ def _layers(scope: Scope, specs: dict[str, ModeSpec], name: str, circular: set[s
 def _mode(table: Table, scope: Scope, name: str, layers: Layers | None) -> Mode | None:
     if layers is None:
         return None
-    for key in ("hold", "cut"):
-        said = layers.pick(key)
-        if said is not None and said[1][1] == name:
-            scope.error(
-                Code.NOT_YET, f"`{key}` is not built yet: loops come later", said[1], key=True, help="take it out for now",
-            )
     base = layers.pick("base")
     kind: str = base[0] if base else "fixed"
     if kind in ("planar", "ball") and base is not None:
@@ -114,6 +109,7 @@ def _mode(table: Table, scope: Scope, name: str, layers: Layers | None) -> Mode 
     exclude = _exclude(table, scope, contacts)
     adhesion = _adhesion(table, scope, contacts)
     stepped = simulation(scope, layers.sub("simulation"))
+    held, cut = holds(table, scope, layers), cuts(table, scope, layers)
     root = layers.pick("root")
     if root is None:
         scope.error(
@@ -127,7 +123,7 @@ def _mode(table: Table, scope: Scope, name: str, layers: Layers | None) -> Mode 
     return Mode(
         name=name, root=reference, base=kind, at=at, gravity=gravity, pose=pose,
         poses=((pose,) if pose else ()) + tuple(one for one in poses if one != pose), actuators=actuators, exclude=exclude,
-        adhesion=adhesion, simulation=stepped, origin=scope.origin(("modes", name), key=True),
+        adhesion=adhesion, simulation=stepped, origin=scope.origin(("modes", name), key=True), holds=held, cut=cut,
     )
 
 
@@ -253,13 +249,7 @@ def _adhesion(table: Table, scope: Scope, contacts: Layers) -> tuple[tuple[Refer
             merged[text] = (raw, (*path, "adhesion", text))
     found: list[tuple[Reference, float]] = []
     for text, (raw, path) in merged.items():
-        if text in table.exports:
-            shown = table.exports[text]
-            reference = None if shown is None else Reference(
-                path=shown.path, mount=shown.mount, origin=scope.origin(path, key=True),
-            )
-        else:
-            reference = references.mount(table, scope, text, path, key=True)
+        reference = references.shown_mount(table, scope, text, path, key=True)
         force = scope.number(raw, path, FORCE, "an adhesion", above=0.0)
         if reference is not None and force is not None:
             found.append((reference, force))

@@ -23,10 +23,9 @@ def declared(context: Context, document: Document, spec: AssemblySpec) -> Declar
     known = context.declared.get(document.relative)
     if known is None:
         values, broken = worked_out(document, spec, {}, context.report)
-        known = Declared(values=values, broken=frozenset(broken))
+        outside = check_bounds(context.scope(document, values, frozenset(broken)), spec, values)
+        known = Declared(values=values, broken=frozenset(broken | outside))
         context.declared[document.relative] = known
-        scope = context.scope(document, values, known.broken)
-        check_bounds(scope, spec, values)
     return known
 
 
@@ -190,17 +189,35 @@ def _beyond(key: str, value: Quantity, bound: Quantity) -> bool:
     return value.value < bound.value if key == "min" else value.value > bound.value
 
 
-def check_bounds(scope: Scope, spec: AssemblySpec, names: Iterable[str]) -> None:
-    """Report bounds that are none, and values of the document's own (given in `scope`) that lie beyond theirs."""
+def check_bounds(scope: Scope, spec: AssemblySpec, names: Iterable[str]) -> set[str]:
+    """Report bounds that are none, and values of the document's own (given in `scope`) that lie beyond theirs.
+
+    Returns the names of those values: what uses them need not be looked at.
+    """
+    outside: set[str] = set()
     for name in names:
         entry = spec.parameters[name]
         if isinstance(entry, ParameterSpec) and (entry.min is not None or entry.max is not None):
+            before = len(scope.report.diagnostics)
             _own_within(scope, spec, name, scope.names[name])
+            if len(scope.report.diagnostics) > before:
+                outside.add(name)
+    return outside
 
 
 def _own_within(scope: Scope, spec: AssemblySpec, name: str, value: Found) -> None:
     path: Path = ("parameters", name)
     entry = spec.parameters[name]
+    own = list(_bounds(scope, spec, name).values())
+    if own and (isinstance(value, str) or (isinstance(value, Quantity) and len(own) == 2)) and not any(
+        isinstance(value, Quantity) and (bound.fits(value.dimension) or value.fits(bound.dimension)) for bound in own
+    ) and own[0].fits(own[-1].dimension):
+        at = (*path, "value")
+        message, help = dimension_message(value, (own[0].dimension,), f"the value of parameter `{name}`", scope.written(at))
+        bound = "min" if isinstance(entry, ParameterSpec) and entry.min is not None else "max"
+        note = Note(message="as its bound is", span=scope.span((*path, bound)))
+        scope.error(Code.DIMENSION, message, at, help=help, notes=[note])
+        return
     if not isinstance(value, Quantity):
         key = "min" if isinstance(entry, ParameterSpec) and entry.min is not None else "max"
         scope.error(
@@ -209,6 +226,12 @@ def _own_within(scope: Scope, spec: AssemblySpec, name: str, value: Found) -> No
         )
         return
     bounds = _bounds(scope, spec, name)
+    for key in ("min", "max"):
+        raw = getattr(entry, key) if isinstance(entry, ParameterSpec) else None
+        found = scope.value(raw, (*path, key)) if raw is not None else None
+        if found is not None and not isinstance(found, Quantity):
+            message, help = dimension_message(found, (value.dimension,), f"`{key}` of parameter `{name}`", scope.written((*path, key)))
+            scope.error(Code.VALUE_KIND, message, (*path, key), help=help)
     for key, bound in list(bounds.items()):
         if not bound.fits(value.dimension) and not value.fits(bound.dimension):
             scope.wrong_dimension(bound, (value.dimension,), f"`{key}` of parameter `{name}`", (*path, key))

@@ -85,6 +85,15 @@ def mount(table: Table, scope: Scope, text: str, path: Path, *, key: bool = Fals
     return Reference(path=parts[:-1], mount=parts[-1], origin=scope.origin(path, key=key))
 
 
+def shown_mount(table: Table, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
+    """The reference to a mount, or to one that this document exports by its name; None where it names nothing (reported, or
+    wrong before)."""
+    if text not in table.exports:
+        return mount(table, scope, text, path, key=key)
+    shown = table.exports[text]
+    return None if shown is None else Reference(path=shown.path, mount=shown.mount, origin=scope.origin(path, key=key))
+
+
 def own_mount(node: Node, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
     """The reference to a mount of the component itself, as `attach` names it: `back`, or `cap.pen` inside an assembly."""
     parts = words(scope, text, path, key=key)

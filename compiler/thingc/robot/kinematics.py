@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from thingc.graph import coordinates, joints_of
 from thingc.inertia import MassProperties, total
 from thingc.pose import NO_POSE, Pose, quarter_exact
-from thingc.robot.rooting import in_link
-from thingc.robot.types import CoreJoint, Robot
+from thingc.robot.tree import in_link
+from thingc.robot.types import Body, CoreJoint, Robot
 
 
 def motion(joint: CoreJoint, q: float) -> Pose:
@@ -39,12 +39,17 @@ def body_poses(robot: Robot, q: Mapping[str, float], root: Pose | None = None) -
     `q` [rad or m] by joint path; a joint that is not named follows the one it mimics, else it is at 0.
     """
     full = coordinates(joints_of(robot.assembly), q)
+    return placed_bodies(robot.bodies, full, robot.bodies[0].X_PL if root is None else root)
+
+
+def placed_bodies(bodies: Sequence[Body], q: Mapping[str, float], root: Pose) -> tuple[Pose, ...]:
+    """The pose of every body of a tree in the world, its root at `root`; `q` [rad or m] of every joint by path."""
     found: list[Pose] = []
-    for body in robot.bodies:
+    for body in bodies:
         if body.parent is None or body.joint is None:
-            found.append(body.X_PL if root is None else root)
+            found.append(root)
         else:
-            found.append(found[body.parent] @ body.X_PL @ motion(body.joint, full[body.joint.path]))
+            found.append(found[body.parent] @ body.X_PL @ motion(body.joint, q[body.joint.path]))
     return tuple(found)
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from thingc.graph.types import ActuatorModel, Assembly, LinkedMode
+from thingc.graph.types import ActuatorModel, Assembly, JointEdge, LinkedMode
 from thingc.pose import Pose, Vector
 from thingc.resolve.model import Dynamics, Limit, Mimic
 from thingc.source import Origin
@@ -55,11 +55,53 @@ class Site:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Closure:
+    """A loop that the tree leaves open: body `parent` (None: the world) and body `child` meet. With A a frame on the parent and
+    B one on the child, it is closed where
+
+        X_W,parent @ X_PA @ motion(q) == X_W,child @ X_CB
+
+    `kind` is `weld` (no motion), `hinge` or `slide`: q of the joint that was cut turns about, or slides along, z of A; its
+    `offset` is in `X_PA`. A weld to the world holds a mount: `hold` is true, `path` the mount's, B its frame; else `path` is the
+    joint's. `joint` is what the cut joint would be in the tree (None for a weld).
+    """
+
+    path: str
+    kind: str
+    hold: bool
+    parent: int | None
+    child: int
+    X_PA: Pose
+    X_CB: Pose
+    joint: JointEdge | None
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Keyframe:
-    """A pose of this mode: q of every joint by path [rad or m], those that mimic included."""
+    """A pose of this mode: q of every joint by path [rad or m], those that mimic included, and those that were cut.
+
+    In a mode with closures it is the named pose with the loops closed: `moved` says by how much [rad or m] each joint that had
+    to go elsewhere did, `residual` how far the worst closure is from closed [m, rad]. `base` is the pose of the root link in
+    the world (None: where the mode puts it; else a free base that has been moved to where closures want it).
+    """
 
     name: str
     q: dict[str, float]
+    origin: Origin
+    base: Pose | None = None
+    moved: dict[str, float] = field(default_factory=dict)
+    residual: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unclosed:
+    """A pose that the mode has no keyframe for, because its loops do not close from there within the limits of the joints:
+    `path` names the closure that stays open most, `residual` how far [m, rad] at best."""
+
+    name: str
+    path: str
+    residual: tuple[float, float]
     origin: Origin
 
 
@@ -68,7 +110,8 @@ class Robot:
     """One mode. `bodies` in depth-first order, root first, parents before children, children in document order.
 
     `base` is `fixed | held | free`; `excluded` pairs of body indices (neighbours through a joint, the same links in
-    every mode, plus the mode's own). `adhesion` is the control in this mode per adhesion path [N] (0 where it says
+    every mode, plus the mode's own); a link that a hold keeps at the world is a neighbour of the world, in this mode alone.
+    `closures` are holds, then cut joints; `keyframes` the poses that close, `unclosed` the others. `adhesion` is the control in this mode per adhesion path [N] (0 where it says
     nothing). `present` are the joints whose actuators exist here, in joint order.
     """
 
@@ -83,3 +126,5 @@ class Robot:
     keyframes: tuple[Keyframe, ...]
     present: tuple[str, ...]
     adhesion: dict[str, float]
+    closures: tuple[Closure, ...] = ()
+    unclosed: tuple[Unclosed, ...] = ()

@@ -39,9 +39,9 @@ from thingc.spec.materials import MaterialSpec, ProcessSpec
 Source = Literal["measured", "vendor", "estimated"]
 
 
-def _rule(message: str, help: str = "") -> PydanticCustomError:
-    """A broken rule of a whole mapping, in words."""
-    return PydanticCustomError("rule", "{message}", {"message": message, "help": help})
+def _rule(message: str, help: str = "", key: str | None = None) -> PydanticCustomError:
+    """A broken rule of a whole mapping, in words; `key` is the one of its keys that is to blame."""
+    return PydanticCustomError("rule", "{message}", {"message": message, "help": help, "path": (key,) if key is not None else ()})
 
 
 class ParameterSpec(Model):
@@ -179,7 +179,7 @@ class ComponentSpec(ComponentDefaults):
     """The part's parameters."""
     parameters: dict[str, AnyQuantityField] = {}
     """The nested assembly's parameters."""
-    attach: AttachSpec | dict[str, ReferenceField] | None = None
+    attach: Annotated[AttachSpec | dict[str, ReferenceField] | None, Field(union_mode="left_to_right")] = None
     """The rigid mate: `{my_mount: other.mount}`, or in full."""
     at: AtSpec | None = None
     """Plain placement in another frame."""
@@ -208,7 +208,8 @@ class ComponentSpec(ComponentDefaults):
             raise _rule("a component is placed by `attach` or by `at`, not by both", "keep one of them")
         if isinstance(self.attach, dict) and len(self.attach) != 1:
             raise _rule(f"`attach` names one mate `{{my_mount: other.mount}}`; here are {len(self.attach)}",
-                        "one mate places a component; a second one would have to agree with it")
+                        "one mate places a component; a second one would have to agree with it" if self.attach
+                        else "write for example `{back: plate.servo_seat}`", "attach")
         return self
 
 
@@ -323,7 +324,7 @@ class ContactsSpec(Model):
 
 
 class HoldPoseSpec(Model):
-    """Where a further mount is held."""
+    """Where a further mount is held: the world side, as `at` of a root."""
 
     xyz: Vector3Length = (0, 0, 0)  # type: ignore[assignment]
     rpy: Vector3Angle = (0, 0, 0)  # type: ignore[assignment]
@@ -346,18 +347,38 @@ class ModeSpec(Model):
     """The joints driven here, globs allowed; all unless written."""
     contacts: ContactsSpec | None = None
     hold: dict[ReferenceField, HoldPoseSpec | Literal["here"]] | None = None
+    """Further mounts held to the world, each at a pose or `here`: where the mode's own pose puts it."""
     cut: list[str] | None = None
+    """The joints at which loops are cut, globs allowed."""
     simulation: SimulationSpec | None = None
     extends: Name | None = None
     """Another mode that this one is merged over."""
 
 
 class SensorSpec(Model):
-    """Reserved."""
+    """What the robot measures: on a mount (`imu`, `force`, `camera`), or of a joint."""
 
     type: Literal["imu", "force", "joint", "camera"]
     at: ReferenceField | None = None
+    """The mount it sits on; a camera looks along its z, with its y up."""
+    joint: ReferenceField | None = None
+    """Of a `joint` sensor the joint, if it is not the one that is called like the sensor."""
     fovy: AngleField | None = None
+    """Of a camera the angle of view from bottom to top; 45 deg unless written."""
+
+    @model_validator(mode="after")
+    def _keys(self) -> SensorSpec:
+        if self.type == "joint":
+            if self.at is not None:
+                raise _rule("a `joint` sensor has no `at`: it measures a joint", "write `joint: NAME`, or choose another `type`")
+        else:
+            if self.at is None:
+                raise _rule(f"a sensor of type `{self.type}` needs `at`; none is here", "write for example `at: body.top`")
+            if self.joint is not None:
+                raise _rule(f"`joint` belongs to a sensor of type `joint`; this one is `{self.type}`", "take it out")
+        if self.fovy is not None and self.type != "camera":
+            raise _rule(f"`fovy` belongs to a camera; this sensor is `{self.type}`", "take it out")
+        return self
 
 
 class AssemblySpec(Model):
@@ -386,4 +407,4 @@ class AssemblySpec(Model):
     raw: dict[str, RawField] = {}
     """Attributes by path, checked by the target alone."""
     sensors: dict[Name, SensorSpec] = {}
-    """Reserved."""
+    """What the robot measures."""

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic_core import PydanticCustomError, ValidationError
 
 from thingc.diagnostics import Code, Report, did_you_mean, nearest
-from thingc.source import Document, MappingNode, Path, ScalarNode, Span, node_at, walk
+from thingc.source import Document, MappingNode, Path, ScalarNode, SequenceNode, Span, node_at, walk
 from thingc.spec.assembly import AssemblySpec
 from thingc.spec.base import Model
 from thingc.spec.fields import found
@@ -64,7 +64,7 @@ def validate_one(document: Document, report: Report) -> Model | None:
     assert isinstance(plain, dict)
     plain.pop("$schema", None)  # for editors
     empty = _report_empty(document, report)
-    damaged = frozenset(path for path, node in walk(document.tree) if isinstance(node, MappingNode) and node.damaged)
+    damaged = frozenset(path for path, node in walk(document.tree) if not isinstance(node, SequenceNode) and node.damaged)
     _build(model)
     try:
         spec = model.model_validate(plain, strict=True)
@@ -219,7 +219,8 @@ def _value_at(value: Any, path: Path) -> Any:
 
 class _Reporter:
     """Faults to diagnostics of one document; `empty` are paths that have been reported as without a value, `damaged` those
-    of mappings with a key that is none (reported, too): what is missing there may be what that key was."""
+    of mappings with a key that is none (reported, too; what is missing there may be what that key was) and of values that
+    stand for one that cannot be."""
 
     def __init__(self, document: Document, report: Report, empty: frozenset[Path], damaged: frozenset[Path]) -> None:
         self.document = document
@@ -237,7 +238,7 @@ class _Reporter:
         parents = {path[:-1] for path in self.empty}
         before = len(self.report.diagnostics)
         for fault in faults:
-            if fault.path in self.empty or (fault.kind == "missing" and fault.path in meant):
+            if fault.path in self.empty or self.stands_in(fault.path) or (fault.kind == "missing" and fault.path in meant):
                 continue
             if fault.kind == "rule" and (fault.path in parents or fault.path in self.damaged):
                 continue
@@ -250,6 +251,10 @@ class _Reporter:
                 self.add(Code.TOO_LARGE, message, self.place(fault.path), fault.path, None)
                 return
             self.one(fault)
+
+    def stands_in(self, path: Path) -> bool:
+        """Whether the value at a path (or inside it: an item of a vector) is one that load put there for what cannot be."""
+        return any(place[: len(path)] == path and isinstance(node_at(self.document.tree, place), ScalarNode) for place in self.damaged)
 
     def one(self, fault: _Fault) -> None:
         if fault.kind == "extra_forbidden":

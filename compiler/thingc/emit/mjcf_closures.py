@@ -1,0 +1,117 @@
+"""Loops in MJCF: a held mount is welded to the world, a joint that the tree does not cross becomes an equality.
+
+MuJoCo has no hinge among its equalities: two `connect`, a lever apart on the axis, make one. Both ends of every equality are
+written out; none is left to where things are at qpos0.
+"""
+
+from __future__ import annotations
+
+import math
+
+from thingc.emit.artifact import Loss
+from thingc.emit.mjcf_xml import Element, numbers, pose_attributes
+from thingc.pose import Pose, shifted
+from thingc.robot.types import Closure, Robot
+from thingc.source import Origin, Span
+
+STIFFNESS = "0.999 0.9999 0.001"
+"""`solimp` of a closure. MuJoCo's equalities give way; its own 0.9 lets a held foot sag by a part of a millimetre."""
+
+TIMESTEP = 0.002
+"""MuJoCo's own [s]; twice the timestep is the shortest time in which it lets an equality close (`solref`)."""
+
+
+def equalities(robot: Robot, section: Element, links: list[str]) -> None:
+    """One `weld` per hold or rigid loop and two `connect` per hinge, as stiff as the timestep allows."""
+    stepped = {**robot.assembly.definition.simulation, **robot.mode.simulation}.get("timestep", TIMESTEP)
+    stiff = {"solref": numbers((2.0 * float(stepped), 1.0)), "solimp": STIFFNESS}
+    for closure in robot.closures:
+        parent = "world" if closure.parent is None else links[closure.parent]
+        if closure.kind == "weld":
+            X_PL = closure.X_PA @ closure.X_CB.inverse()
+            relpose = numbers((*X_PL.translation, *X_PL.quaternion()))
+            section.add("weld", {
+                "name": equality_name(closure), "body1": parent, "body2": links[closure.child], "relpose": relpose, **stiff,
+            }, closure.origin)
+        elif closure.kind == "hinge":
+            for index, (one, other) in enumerate(_points(robot, closure)):
+                name = equality_name(closure) + (f"_{index}" if index else "")
+                section.add("connect", {"name": name, "site1": one[0], "site2": other[0], **stiff}, closure.origin)
+
+
+def equality_name(closure: Closure) -> str:
+    """`rear_foot/sole:hold`, `rod:loop`."""
+    return f"{closure.path}:{'hold' if closure.hold else 'loop'}"
+
+
+def sites(robot: Robot, bodies: list[Element]) -> None:
+    """The points at which the halves of a hinge meet, two on either side."""
+    for closure in robot.closures:
+        if closure.kind == "hinge" and closure.parent is not None:
+            for one, other in _points(robot, closure):
+                for body, (name, pose) in ((closure.parent, one), (closure.child, other)):
+                    bodies[body].add("site", {"name": name, **pose_attributes(pose)}, closure.origin)
+
+
+def _points(robot: Robot, closure: Closure) -> list[tuple[tuple[str, Pose], tuple[str, Pose]]]:
+    """Two pairs of sites on the axis of a hinge, on the parent and on the child."""
+    lever = shifted(0.0, 0.0, _lever(robot, closure))
+    return [
+        ((f"{closure.path}:parent{mark}", closure.X_PA @ along), (f"{closure.path}:child{mark}", closure.X_CB @ along))
+        for mark, along in (("", Pose()), ("_1", lever))
+    ]
+
+
+def _lever(robot: Robot, closure: Closure) -> float:
+    """How far apart [m] the two points are: as far as the child's centre of mass is from the axis, so that neither shifts nor
+    turns of it weigh much more than the other; one digit, and never nothing."""
+    centre = robot.assembly.links[robot.bodies[closure.child].link].properties.centre
+    far = math.dist(centre, closure.X_CB.translation)
+    return float(f"{far:.1g}") if far > 1e-3 else 1e-3
+
+
+def losses(robot: Robot) -> list[Loss]:
+    """Poses that do not close or had to be moved, and what a joint that was cut cannot have."""
+    found: list[Loss] = []
+    mode = robot.mode.name
+    turns = {m.joint.path for m in robot.assembly.mates if m.joint is not None and m.joint.kind != "prismatic"}
+    for frame in robot.keyframes:
+        if frame.moved:
+            path = max(frame.moved, key=lambda joint: abs(frame.moved[joint]))
+            far = _shown(frame.moved[path], turn=path in turns)
+            others = f" and {len(frame.moved) - 1} more" if len(frame.moved) > 1 else ""
+            what = f"its values as written: the loops close with `{path}`{others} moved, by {far} at most"
+            found.append(Loss(target="mjcf", mode=mode, path=frame.name, what=what, how="approximated", span=_first(frame.origin)))
+    for one in robot.unclosed:
+        far = f"{1000.0 * one.residual[0]:.3g} mm and {math.degrees(one.residual[1]):.3g} deg"
+        what = f"its keyframe: `{one.path}` does not close, at best it is {far} off"
+        found.append(Loss(target="mjcf", mode=mode, path=one.name, what=what, how="omitted", span=_first(one.origin)))
+    for closure in robot.closures:
+        joint = closure.joint
+        if joint is None:
+            continue
+        lost = [
+            word for word, there in (
+                ("its limits", joint.limit.lower is not None or joint.limit.upper is not None),
+                ("its effort and velocity limits", joint.limit.effort is not None or joint.limit.velocity is not None),
+                ("its dynamics", any(value for value in (
+                    joint.dynamics.damping, joint.dynamics.friction, joint.dynamics.armature, joint.dynamics.stiffness))),
+                ("its drive", joint.path in robot.present),
+                ("what it mimics", joint.mimic is not None),
+            ) if there
+        ]
+        if closure.kind == "slide":
+            lost = ["the loop through it: MuJoCo has no equality that slides"]
+        if lost:
+            what = ", ".join(lost) + ("" if closure.kind == "slide" else ": a loop is cut here")
+            found.append(Loss(target="mjcf", mode=mode, path=closure.path, what=what, how="omitted", span=_first(closure.origin)))
+    return found
+
+
+def _shown(value: float, *, turn: bool) -> str:
+    return f"{math.degrees(abs(value)):.3g} deg" if turn else f"{1000.0 * abs(value):.3g} mm"
+
+
+def _first(origin: Origin) -> Span | None:
+    return next(iter(origin), None)
+

@@ -1,0 +1,96 @@
+"""Sensors in MJCF. Each has the same elements under the same names in every mode in which it can be, so that a controller reads
+one layout: `imu` an accelerometer, a gyro and an orientation, `force` a force and a torque, `joint` its position, velocity and
+the effort of its actuator, `camera` a camera.
+"""
+
+from __future__ import annotations
+
+import math
+
+from thingc.emit.artifact import Loss
+from thingc.emit.mjcf_xml import Element, number, pose_attributes
+from thingc.graph.types import LinkedSensor
+from thingc.pose import turned_y
+from thingc.robot.types import Robot
+
+LOOKING = turned_y(math.pi)
+"""A camera of MuJoCo looks along its -z, up its y; ours looks along the mount's z, up the mount's y."""
+
+
+def cameras(robot: Robot, bodies: list[Element]) -> None:
+    """A camera at each mount that has one. `fovy` is the vertical angle of view, in degrees whatever the file's angles are in."""
+    sites = {site.path: site for site in robot.sites}
+    for sensor in robot.assembly.sensors:
+        if sensor.kind == "camera" and sensor.site is not None and sensor.fovy is not None:
+            site = sites[sensor.site]
+            attributes = {"name": sensor.path, **pose_attributes(site.pose @ LOOKING), "fovy": number(math.degrees(sensor.fovy))}
+            bodies[site.body].add("camera", attributes, sensor.origin)
+
+
+def sensors(robot: Robot, section: Element) -> None:
+    """The section `sensor`, in the order of the documents."""
+    movable = {body.joint.path for body in robot.bodies if body.joint is not None}
+    for sensor in robot.assembly.sensors:
+        site = sensor.site or ""
+        if sensor.kind == "imu":
+            section.add("accelerometer", {"name": f"{sensor.path}:accelerometer", "site": site}, sensor.origin)
+            section.add("gyro", {"name": f"{sensor.path}:gyro", "site": site}, sensor.origin)
+            section.add("framequat", {"name": f"{sensor.path}:quat", "objtype": "site", "objname": site}, sensor.origin)
+        elif sensor.kind == "force" and not _on_free_root(robot, sensor):
+            section.add("force", {"name": f"{sensor.path}:force", "site": site}, sensor.origin)
+            section.add("torque", {"name": f"{sensor.path}:torque", "site": site}, sensor.origin)
+        elif sensor.kind == "joint" and sensor.joint in movable:
+            section.add("jointpos", {"name": f"{sensor.path}:position", "joint": sensor.joint or ""}, sensor.origin)
+            section.add("jointvel", {"name": f"{sensor.path}:velocity", "joint": sensor.joint or ""}, sensor.origin)
+            section.add("jointactuatorfrc", {"name": f"{sensor.path}:effort", "joint": sensor.joint or ""}, sensor.origin)
+
+
+def losses(robot: Robot) -> list[Loss]:
+    """Sensors that this mode cannot have, and forces that it measures elsewhere than at the mount."""
+    found: list[Loss] = []
+    cut = {closure.joint.path for closure in robot.closures if closure.joint is not None}
+    for sensor in robot.assembly.sensors:
+        what, how = "", "omitted"
+        if sensor.kind == "force":
+            if _on_free_root(robot, sensor):
+                what = "it: nothing carries the root of a free base"
+            else:
+                elsewhere = _elsewhere(robot, sensor)
+                if elsewhere is not None:
+                    what, how = f"the force at its mount: it reads what passes {elsewhere}", "approximated"
+        elif sensor.kind == "joint" and sensor.joint in cut:
+            what = f"it: a loop is cut at joint `{sensor.joint}`"
+        if what:
+            span = next(iter(sensor.origin), None)
+            found.append(Loss(target="mjcf", mode=robot.mode.name, path=sensor.path, what=what, how=how, span=span))
+    return found
+
+
+def _body_of(robot: Robot, sensor: LinkedSensor) -> int:
+    return next(site.body for site in robot.sites if site.path == sensor.site)
+
+
+def _on_free_root(robot: Robot, sensor: LinkedSensor) -> bool:
+    return robot.base == "free" and _body_of(robot, sensor) == 0
+
+
+def _elsewhere(robot: Robot, sensor: LinkedSensor) -> str | None:
+    """Where MuJoCo measures instead of at the mount; None where it measures there.
+
+    It gives what passes between a body and its parent in the tree. That is what passes through the mount where the mount is
+    the root's, or one of the two of the joint to the parent, or where the body hangs on that joint alone, so that nothing but
+    the world outside can act on it.
+    """
+    index = _body_of(robot, sensor)
+    body = robot.bodies[index]
+    if body.joint is None:
+        root = robot.mode.root
+        if (root.occurrence, root.mount or "origin") == (sensor.occurrence, sensor.mount):
+            return None
+        return f"between its link and the world at `{root.path}`"
+    mate = robot.assembly.mates[body.joint.mate]
+    if (sensor.occurrence, sensor.mount) in ((mate.parent, mate.parent_mount), (mate.child, mate.child_mount)):
+        return None
+    if not any(other.parent == index for other in robot.bodies):
+        return None
+    return f"through joint `{body.joint.path}`"

@@ -1,0 +1,29 @@
+"""Switching modes at run time: the state of a robot with one root, as the state of the same robot with another.
+
+    from thingc.modes import Modes
+
+    robot = Modes.load("build/arm")                                   # reads build/arm/modes.json
+    robot.switch(("bench", bench_data), ("adrift", adrift_data))      # fills the second `mujoco.MjData` from the first
+    mujoco.mj_forward(adrift_model, adrift_data)
+
+q and v of the joints stay what they are, because they mean the same in every mode; pose and twist of the new base follow by
+forward kinematics. Into a free base, and into a held one whose root link is at rest, that is exact. Into a base that is
+held while its link moves something must give: `on_motion` says what. Needs numpy and nothing else; MuJoCo's objects are
+used by their attributes.
+
+Conventions are MuJoCo's: quaternions (w, x, y, z); the twist of a link is the linear velocity of its frame's origin in world
+axes, then the angular velocity in the link's own axes, as a free joint has it.
+"""
+
+from __future__ import annotations
+
+from thingc.modes.faults import BaseElsewhere, BaseMoves, ModesError, UnknownMode, WrongData
+from thingc.modes.inertias import Inertias
+from thingc.modes.robot import Modes, Switched
+from thingc.modes.state import State
+from thingc.modes.tree import Joint, Link, Mimic, Mode
+
+__all__ = [
+    "BaseElsewhere", "BaseMoves", "Inertias", "Joint", "Link", "Mimic", "Mode", "Modes", "ModesError", "State", "Switched",
+    "UnknownMode", "WrongData",
+]

@@ -1,0 +1,69 @@
+"""Poses as homogeneous 4 x 4 matrices, `X_AB` the pose of frame B in frame A [m], and MuJoCo's quaternions (w, x, y, z)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def pose(rotation: ArrayLike, position: ArrayLike) -> Array:
+    """The 4 x 4 matrix of a rotation (3, 3) and a position (3,)."""
+    found = np.eye(4)
+    found[:3, :3], found[:3, 3] = rotation, position
+    return found
+
+
+def inverse(X: Array) -> Array:
+    """`X_BA` of `X_AB` (4, 4)."""
+    back = X[:3, :3].T
+    return pose(back, -back @ X[:3, 3])
+
+
+def rotation_of(quaternion: ArrayLike) -> Array:
+    """The rotation matrix (3, 3) of a quaternion of any length but 0, as MuJoCo reads those in `qpos`."""
+    w, x, y, z = np.asarray(quaternion, dtype=float) / np.linalg.norm(quaternion)
+    return np.array([
+        [w * w + x * x - y * y - z * z, 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), w * w - x * x + y * y - z * z, 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z],
+    ])
+
+
+def quaternion_of(rotation: Array) -> Array:
+    """The unit quaternion (4,) of a rotation matrix, its largest component positive.
+
+    Source: Shepperd, "Quaternion from rotation matrix", 1978 (the largest component first: exact to rounding at any angle).
+    """
+    r = rotation
+    trace = r[0, 0] + r[1, 1] + r[2, 2]
+    products = np.array([
+        [1.0 + trace, r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
+        [r[2, 1] - r[1, 2], 1.0 - trace + 2.0 * r[0, 0], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0]],
+        [r[0, 2] - r[2, 0], r[0, 1] + r[1, 0], 1.0 - trace + 2.0 * r[1, 1], r[1, 2] + r[2, 1]],
+        [r[1, 0] - r[0, 1], r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], 1.0 - trace + 2.0 * r[2, 2]],
+    ])  # 4 q q^T
+    row = products[int(np.argmax(np.diagonal(products)))]
+    return np.asarray(row / np.linalg.norm(row), dtype=np.float64)
+
+
+def turned(axis: Array, angle: float) -> Array:
+    """The rotation (3, 3) by `angle` [rad] about a unit axis: Rodrigues' `1 + sin [a]x + (1 - cos) [a]x^2`."""
+    k = cross_matrix(axis)
+    return np.eye(3) + np.sin(angle) * k + 2.0 * np.sin(angle / 2.0) ** 2 * (k @ k)
+
+
+def cross_matrix(v: Array) -> Array:
+    """`[v]x` (3, 3): the matrix whose product with w is v x w."""
+    x, y, z = v
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def angle_between(one: Array, other: Array) -> float:
+    """The angle [rad] of the turn from one rotation (3, 3) to another, exact near 0."""
+    difference = one.T @ other
+    sine = np.linalg.norm([
+        difference[2, 1] - difference[1, 2], difference[0, 2] - difference[2, 0], difference[1, 0] - difference[0, 1],
+    ])
+    return float(np.arctan2(sine, np.trace(difference) - 1.0))

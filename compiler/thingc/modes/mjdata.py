@@ -1,0 +1,133 @@
+"""A mode's state out of and into a `mujoco.MjData`, found by names, so that a scene may hold more than the robot.
+
+MuJoCo itself is not imported: an `MjData` knows its model and answers to names.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from thingc.modes.faults import WrongData
+from thingc.modes.frames import Array, pose, quaternion_of, rotation_of
+from thingc.modes.inertias import Inertias
+from thingc.modes.state import State
+from thingc.modes.tree import Mode
+
+FREE_JOINT = "root"
+"""The name of a free base's joint."""
+
+
+def check(mode: Mode, data: Any) -> None:
+    """Raises `WrongData` where the model of `data` is not that of `mode`: other links, other parents, another base."""
+    model = data.model
+    found = _bodies(model)
+    missing = next((link.name for link in mode.links if link.name not in found), None)
+    if missing is not None:
+        raise WrongData(f"the data given for mode `{mode.name}` is of a model without a link `{missing}`")
+    root = found[mode.root_link]
+    base = "held" if model.body_mocapid[root] >= 0 else "fixed" if model.body_dofnum[root] == 0 else "free"
+    joints = {model.joint(number).name: number for number in range(model.njnt)}
+    trees = all(
+        joint.name in joints and model.jnt_bodyid[joints[joint.name]] == found[mode.links[joint.child].name]
+        and model.body_parentid[found[mode.links[joint.child].name]] == found[mode.links[joint.parent].name]
+        for joint in mode.joints
+    )
+    if base != mode.base or not trees or (base == "free" and joints.get(FREE_JOINT) != model.body_jntadr[root]):
+        stands = next((name for name, number in found.items() if number and model.body_parentid[number] == 0), "nothing")
+        raise WrongData(
+            f"the data given for mode `{mode.name}` is of another mode's model: expected a {mode.base} `{mode.root_link}`, found "
+            f"`{stands}` under the world"
+        )
+
+
+def read(mode: Mode, data: Any) -> State:
+    """The state in `data`. Of a fixed base the pose is the model's; a base that is not free is at rest. Raises `WrongData`."""
+    check(mode, data)
+    twist = np.zeros(6)
+    if mode.base == "free":
+        free = data.joint(FREE_JOINT)
+        X, twist = pose(rotation_of(free.qpos[3:]), free.qpos[:3]), np.array(free.qvel)
+    elif mode.base == "held":
+        number = data.model.body(mode.root_link).mocapid[0]
+        X = pose(rotation_of(data.mocap_quat[number]), data.mocap_pos[number])
+    else:
+        X = bolted(mode, data)
+    return State(
+        mode=mode.name,
+        base_pose=X,
+        base_twist=twist,
+        q={joint.name: float(data.joint(joint.name).qpos[0]) for joint in mode.joints},
+        v={joint.name: float(data.joint(joint.name).qvel[0]) for joint in mode.joints},
+    )
+
+
+def write(mode: Mode, state: State, data: Any) -> None:
+    """Put a state of `mode` into `data`: qpos, qvel and mocap pose of the robot, nothing else. Raises `WrongData`."""
+    check(mode, data)
+    position, quaternion = state.base_pose[:3, 3], quaternion_of(state.base_pose[:3, :3])
+    if mode.base == "free":
+        free = data.joint(FREE_JOINT)
+        free.qpos, free.qvel = np.concatenate([position, quaternion]), state.base_twist
+    elif mode.base == "held":
+        number = data.model.body(mode.root_link).mocapid[0]
+        data.mocap_pos[number], data.mocap_quat[number] = position, quaternion
+    for joint in mode.joints:
+        here = data.joint(joint.name)
+        here.qpos, here.qvel = state.q[joint.name], state.v[joint.name]
+
+
+def carry(modes: tuple[Mode, Mode], source: Any, target: Any) -> tuple[str, ...]:
+    """What goes on across a switch besides the motion: time, controls and activations by actuator, and the joints' accelerations
+    from which the solver starts. The names of the actuators that only `target` has, whose controls are left alone."""
+    target.time = source.time
+    _warm_start(modes, source, target)
+    here, there = _actuators(source.model), _actuators(target.model)
+    for name in here.keys() & there.keys():
+        target.ctrl[there[name]] = source.ctrl[here[name]]
+        target.act[_activation(target.model, there[name])] = source.act[_activation(source.model, here[name])]
+    return tuple(name for name in there if name not in here)
+
+
+def _warm_start(modes: tuple[Mode, Mode], source: Any, target: Any) -> None:
+    old, new = modes
+    if new.base == "free":
+        target.joint(FREE_JOINT).qacc_warmstart = np.zeros(6)
+    for joint in old.joints:
+        target.joint(joint.name).qacc_warmstart = source.joint(joint.name).qacc_warmstart
+
+
+def bolted(mode: Mode, data: Any) -> Array:
+    """Where the model of `data` has the fixed root link of `mode` (4, 4)."""
+    body = data.model.body(mode.root_link)
+    return pose(rotation_of(body.quat), body.pos)
+
+
+def inertias(mode: Mode, data: Any) -> Inertias:
+    """The masses of the model of `data` as they are now, in the order of `mode`'s tree; it may be any mode's data."""
+    model = data.model
+    found = _bodies(model)
+    bodies = [found[link.name] for link in mode.links]
+    turns = [rotation_of(model.body_iquat[body]) for body in bodies]
+    return Inertias(
+        mass=model.body_mass[bodies],
+        centre=model.body_ipos[bodies],
+        inertia=np.array([R @ np.diag(model.body_inertia[body]) @ R.T for R, body in zip(turns, bodies, strict=True)]),
+        armature=np.array([model.dof_armature[model.joint(joint.name).dofadr[0]] for joint in mode.joints]),
+    )
+
+
+def _bodies(model: Any) -> dict[str, int]:
+    return {model.body(number).name: number for number in range(model.nbody)}
+
+
+def _actuators(model: Any) -> dict[str, int]:
+    names = ((model.actuator(number).name, number) for number in range(model.nu))
+    return {name: number for name, number in names if name}
+
+
+def _activation(model: Any, actuator: int) -> slice:
+    """Where an actuator's activation stands in `act` (nowhere: an empty slice)."""
+    first, count = int(model.actuator_actadr[actuator]), int(model.actuator_actnum[actuator])
+    return slice(first, first + count) if first >= 0 else slice(0, 0)

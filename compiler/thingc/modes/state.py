@@ -1,0 +1,47 @@
+"""The state of a robot in one mode, apart from any simulator."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from thingc.modes.faults import ModesError
+from thingc.modes.frames import Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class State:
+    """Where the root link of `mode` is, how it moves, and q and v of every joint.
+
+    `base_pose` (4, 4) is the root link's pose in the world; `base_twist` (6,) its motion: the velocity [m/s] of its frame's
+    origin in world axes, then the angular velocity [rad/s] in its own axes. `q` [rad or m] and `v` [rad/s or m/s] by joint
+    path. Arrays are copied and read-only. Raises `ModesError` for another shape, or numbers that are not finite.
+    """
+
+    mode: str
+    base_pose: Array
+    base_twist: Array
+    q: Mapping[str, float]
+    v: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "base_pose", _kept("base_pose", self.base_pose, (4, 4)))
+        object.__setattr__(self, "base_twist", _kept("base_twist", self.base_twist, (6,)))
+        for name in ("q", "v"):
+            values = {path: float(value) for path, value in getattr(self, name).items()}
+            _kept(name, list(values.values()), (len(values),))
+            object.__setattr__(self, name, MappingProxyType(values))
+
+
+def _kept(name: str, values: ArrayLike, shape: tuple[int, ...]) -> Array:
+    kept = np.array(values, dtype=float)
+    if kept.shape != shape:
+        raise ModesError(f"expected `{name}` of shape {shape}, found {kept.shape}")
+    if not np.isfinite(kept).all():
+        raise ModesError(f"`{name}` has numbers that are not finite")
+    kept.setflags(write=False)
+    return kept

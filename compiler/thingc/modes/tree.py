@@ -1,0 +1,219 @@
+"""One mode's tree of links and joints, as `modes.json` describes it: kinematics and the mass matrix in numpy."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from thingc.diagnostics import did_you_mean
+from thingc.modes.faults import ModesError
+from thingc.modes.frames import Array, cross_matrix, pose, quaternion_of, turned
+from thingc.modes.inertias import Inertias
+from thingc.modes.state import State
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Link:
+    """A body. `X_root_link` (4, 4) is its frame in the root link's at q = 0; `mass` [kg], `centre` (3,) [m] and `inertia` (3, 3)
+    [kg m^2, about the centre] are in its own frame."""
+
+    name: str
+    X_root_link: Array
+    mass: float
+    centre: Array
+    inertia: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mimic:
+    """A joint that follows another: q = offset + multiplier q(`joint`)."""
+
+    joint: str
+    multiplier: float
+    offset: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Joint:
+    """A `hinge` or `slide` from link `parent` to link `child` (indices into `Mode.links`).
+
+    `X_PJ` (4, 4) is its frame in the parent; `axis` (3,) is in that frame; `X_JL` (4, 4) the child in the joint's frame at
+    q = 0, moved along by it. `qpos` and `dof` are its addresses in the mode's own model; `reversed` whether the document has
+    parent and child the other way round.
+    """
+
+    name: str
+    kind: str
+    parent: int
+    child: int
+    X_PJ: Array
+    axis: Array
+    X_JL: Array
+    offset: float
+    reversed: bool
+    armature: float
+    mimic: Mimic | None
+    qpos: int
+    dof: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Mode:
+    """A mode of a robot. `root` is the path of the site that it stands on, `base` `fixed | held | free`, `gravity` (3,) [m/s^2]
+    in the world, `X_world_root` (4, 4) where the mode puts its root link; `links` root first, parents before children; `joints`
+    in the order of the model; `named` the poses of the mode, q by joint path, its own first."""
+
+    name: str
+    root: str
+    base: str
+    gravity: Array
+    X_world_root: Array
+    links: tuple[Link, ...]
+    joints: tuple[Joint, ...]
+    named: Mapping[str, Mapping[str, float]]
+
+    @property
+    def root_link(self) -> str:
+        """The name of the link that is the root of the tree."""
+        return self.links[0].name
+
+    @property
+    def inertias(self) -> Inertias:
+        """The masses that the build worked out. (A model may have been changed since: see `Modes.inertias`.)"""
+        return Inertias(
+            mass=np.array([link.mass for link in self.links]),
+            centre=np.array([link.centre for link in self.links]),
+            inertia=np.array([link.inertia for link in self.links]),
+            armature=np.array([joint.armature for joint in self.joints]),
+        )
+
+    def state(
+        self,
+        named: str | None = None,
+        *,
+        q: Mapping[str, float] | None = None,
+        v: Mapping[str, float] | None = None,
+        base_pose: ArrayLike | None = None,
+        base_twist: ArrayLike | None = None,
+    ) -> State:
+        """A state of this mode: the pose called `named` (None: every joint at 0) with `q` over it, at rest except for `v` and
+        `base_twist`, standing where the mode puts it unless `base_pose` says. Raises `ModesError` for an unknown pose or joint.
+        """
+        if named is not None and named not in self.named:
+            raise ModesError(f"mode `{self.name}` has no pose `{named}`: {did_you_mean(named, self.named, what='poses')}")
+        start = self.named[named] if named is not None else {}
+        for path in {**(q or {}), **(v or {})}:
+            self._index(path)
+        return State(
+            mode=self.name,
+            base_pose=np.asarray(self.X_world_root if base_pose is None else base_pose, dtype=float),
+            base_twist=np.asarray(np.zeros(6) if base_twist is None else base_twist, dtype=float),
+            q={joint.name: (q or {}).get(joint.name, start.get(joint.name, 0.0)) for joint in self.joints},
+            v={joint.name: (v or {}).get(joint.name, 0.0) for joint in self.joints},
+        )
+
+    def poses(self, state: State) -> dict[str, Array]:
+        """The pose (4, 4) of every link's frame in the world, by name, root first."""
+        return dict(zip((link.name for link in self.links), self._placed(state), strict=True))
+
+    def twists(self, state: State) -> dict[str, Array]:
+        """The motion (6,) of every link by name: velocity [m/s] of its frame's origin in world axes, then angular velocity
+        [rad/s] in its own axes."""
+        placed = self._placed(state)
+        jacobians = self._jacobians(state, placed)
+        u = self.velocity(state)
+        found = {}
+        for link, X, J in zip(self.links, placed, jacobians, strict=True):
+            twist = J @ u
+            found[link.name] = np.concatenate([twist[:3], X[:3, :3].T @ twist[3:]])
+        return found
+
+    def velocity(self, state: State) -> Array:
+        """The generalized velocity (6 + m,) of the robot with a free base: `base_twist`, then v in the order of the joints."""
+        self._check(state)
+        return np.concatenate([state.base_twist, [state.v[joint.name] for joint in self.joints]])
+
+    def mass_matrix(self, state: State, inertias: Inertias | None = None) -> Array:
+        """The mass matrix (6 + m, 6 + m) of the robot with a free base, for velocities as of `velocity`, whatever its base.
+
+        `M = sum J^T diag(m 1, R I R^T) J + diag(0, armature)` over the links, J the Jacobian of a link's centre. `inertias` are
+        in the order of this mode's tree (None: those of the build).
+        """
+        known = self.inertias if inertias is None else inertias
+        placed = self._placed(state)
+        matrix = np.diag(np.concatenate([np.zeros(6), known.armature]))
+        for index, (X, J) in enumerate(zip(placed, self._jacobians(state, placed), strict=True)):
+            angular = J[3:]
+            linear = J[:3] - cross_matrix(X[:3, :3] @ known.centre[index]) @ angular
+            spin = X[:3, :3] @ known.inertia[index] @ X[:3, :3].T
+            matrix += known.mass[index] * linear.T @ linear + angular.T @ spin @ angular
+        return matrix
+
+    def qpos(self, state: State) -> Array:
+        """`MjData.qpos` of the mode's own model at this state: base position and quaternion where it is free, then q."""
+        self._check(state)
+        X = state.base_pose
+        base = [*X[:3, 3], *quaternion_of(X[:3, :3])] if self.base == "free" else []
+        return np.array([*base, *(state.q[joint.name] for joint in self.joints)])
+
+    def qvel(self, state: State) -> Array:
+        """`MjData.qvel` of the mode's own model at this state: the base's twist where it is free, then v."""
+        return self.velocity(state)[0 if self.base == "free" else 6 :]
+
+    def coupling(self) -> Array:
+        """(m, k): v of all m joints from v of the k that mimic none, both in the order of the model."""
+        names = {joint.name: index for index, joint in enumerate(self.joints)}
+        free = [joint.name for joint in self.joints if joint.mimic is None]
+        found = np.zeros((len(self.joints), len(free)))
+        for row, joint in enumerate(self.joints):
+            ratio, leader = 1.0, joint
+            while leader.mimic is not None:
+                ratio, leader = ratio * leader.mimic.multiplier, self.joints[names[leader.mimic.joint]]
+            found[row, free.index(leader.name)] = ratio
+        return found
+
+    def _index(self, path: str) -> int:
+        for index, joint in enumerate(self.joints):
+            if joint.name == path:
+                return index
+        known = [joint.name for joint in self.joints]
+        raise ModesError(f"the robot has no joint `{path}`: {did_you_mean(path, known, what='joints')}")
+
+    def _check(self, state: State) -> None:
+        if state.mode != self.name:
+            raise ModesError(f"expected a state of mode `{self.name}`, found one of mode `{state.mode}`: `switch` it first")
+        for what, values in (("q", state.q), ("v", state.v)):
+            missing = next((joint.name for joint in self.joints if joint.name not in values), None)
+            if missing is not None:
+                raise ModesError(f"the state has no `{what}` of joint `{missing}`")
+
+    def _placed(self, state: State) -> list[Array]:
+        """Poses in the world, by link: `X_WL = X_WP X_PJ motion(q) X_JL`."""
+        self._check(state)
+        found = [state.base_pose] * len(self.links)
+        for joint in self.joints:
+            q = state.q[joint.name]
+            moved = pose(turned(joint.axis, q), np.zeros(3)) if joint.kind == "hinge" else pose(np.eye(3), joint.axis * q)
+            found[joint.child] = found[joint.parent] @ joint.X_PJ @ moved @ joint.X_JL
+        return found
+
+    def _jacobians(self, state: State, placed: list[Array]) -> list[Array]:
+        """By link (6, 6 + m): velocity of its frame's origin and angular velocity, both in world axes, from `velocity`."""
+        count = 6 + len(self.joints)
+        root = np.zeros((6, count))
+        root[:3, :3], root[3:, 3:6] = np.eye(3), state.base_pose[:3, :3]
+        found = [root] * len(self.links)
+        for column, joint in enumerate(self.joints, start=6):
+            X_WJ = placed[joint.parent] @ joint.X_PJ
+            axis, here = X_WJ[:3, :3] @ joint.axis, placed[joint.child][:3, 3]
+            J = found[joint.parent].copy()
+            J[:3] -= cross_matrix(here - placed[joint.parent][:3, 3]) @ J[3:]
+            if joint.kind == "hinge":
+                J[:3, column], J[3:, column] = np.cross(axis, here - X_WJ[:3, 3]), axis
+            else:
+                J[:3, column] = axis
+            found[joint.child] = J
+        return found

@@ -1,0 +1,72 @@
+"""Sensors: the mounts that they sit on, and the joints that they measure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from thingc.diagnostics import Code
+from thingc.joints import KINDS
+from thingc.resolve import references
+from thingc.resolve.model import Sensor
+from thingc.resolve.references import suggested
+from thingc.resolve.scope import Scope
+from thingc.resolve.table import Table
+from thingc.source import Path
+from thingc.spec.assembly import SensorSpec
+from thingc.units import ANGLE, Quantity
+
+FOVY = math.radians(45.0)
+"""The angle of view [rad] of a camera that does not state one: MuJoCo's."""
+
+
+def sensors(table: Table, scope: Scope) -> Iterator[Sensor]:
+    """The sensors of the document, in its order. One that is wrong is left out (reported)."""
+    for name, spec in table.spec.sensors.items():
+        path: Path = ("sensors", name)
+        mount, joint, fovy = None, None, None
+        if spec.type == "joint":
+            joint = _joint(table, scope, name, spec, path)
+        elif spec.at is not None:
+            mount = references.shown_mount(table, scope, spec.at, (*path, "at"))
+        if spec.type == "camera":
+            fovy = _fovy(scope, name, spec, path)
+        if (mount is None and joint is None) or (spec.type == "camera" and fovy is None):
+            continue
+        yield Sensor(name=name, kind=spec.type, mount=mount, joint=joint, fovy=fovy, origin=scope.origin(path, key=True))
+
+
+def _fovy(scope: Scope, name: str, spec: SensorSpec, path: Path) -> float | None:
+    if spec.fovy is None:
+        return FOVY
+    fovy = scope.number(spec.fovy, (*path, "fovy"), ANGLE, f"`fovy` of camera `{name}`", above=0.0)
+    if fovy is not None and fovy >= math.pi:
+        found = scope.shown(Quantity(fovy, ANGLE), (*path, "fovy"))
+        scope.error(Code.OUT_OF_RANGE, f"`fovy` of camera `{name}` must be below 180 deg, found {found}", (*path, "fovy"))
+        return None
+    return fovy
+
+
+def _joint(table: Table, scope: Scope, name: str, spec: SensorSpec, path: Path) -> str | None:
+    """The path of the joint that a sensor measures: the one it names, else the one that has its own name."""
+    wanted = spec.joint if spec.joint is not None else name
+    place: Path = (*path, "joint") if spec.joint is not None else path
+    known = dict(table.all_joints())
+    moving = [one for one, joint in known.items() if joint is not None and KINDS[joint.kind].moves]
+    if wanted not in known:
+        if not table.unsure_joints():
+            help = suggested(wanted, moving, what="joints")
+            if spec.joint is None:
+                help += "; name it with `joint: ...`"
+            scope.error(Code.UNKNOWN_JOINT, f"there is no joint `{wanted}`", place, key=spec.joint is None, help=help)
+        return None
+    joint = known[wanted]
+    if joint is None:
+        return None
+    if not KINDS[joint.kind].moves:
+        scope.error(
+            Code.JOINT_FIELD, f"joint `{wanted}` is {joint.kind} and does not move: there is nothing to measure", place,
+            key=spec.joint is None, help="measure a joint that moves, or a `force` at one of its mounts",
+        )
+        return None
+    return wanted.replace(".", "/")

@@ -1,0 +1,219 @@
+"""The loops of a mode: which they are, and the poses in which they close."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Mapping
+
+from thingc.diagnostics import Code, Report
+from thingc.graph import coordinates, joints_of
+from thingc.graph.types import Assembly, LinkedHold, LinkedMode
+from thingc.pose import MATE, NO_POSE, Pose
+from thingc.resolve.model import NamedPose
+from thingc.robot.closure import Loops, Solution, State
+from thingc.robot.kinematics import placed_bodies
+from thingc.robot.tree import bodies_from, cut_closures, in_link, placing
+from thingc.robot.types import Body, Closure, Keyframe, Unclosed
+
+MET = 1e-12
+"""A pose whose loops are closed to within this [m, rad] as it is written is taken as it is written."""
+
+STILL = 1e-9
+"""A joint that closing moves by less [rad or m] has not been moved."""
+
+STARTS = 8
+"""How many states besides its poses a mode is tried from before its loops are said not to close."""
+
+Taken = Collection[int]
+
+
+def closures_of(
+    assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], taken: Taken, report: Report,
+) -> tuple[Closure, ...] | None:
+    """The mode's holds, then the joints that its tree does not cross. None where one is wrong (said in `report`)."""
+    sound = _check_cuts(assembly, mode, taken, report)
+    cut = cut_closures(assembly, bodies, taken)
+    held: list[Closure] = []
+    where: dict[int, Pose] | None = None
+    placed = in_link(assembly)
+    body_of = {body.link: index for index, body in enumerate(bodies)}
+    for hold in mode.holds:
+        choice = hold.mount
+        link = assembly.link_of[choice.occurrence]
+        if body_of[link] == 0 and mode.base != "free":
+            report.add(
+                Code.HOLD, f"mode `{mode.name}` holds `{choice.path}`, which is on its root `{assembly.links[link].name}`: "
+                "that stands still already", hold.origin, path=choice.path, help="hold a mount of another link, or take it out",
+            )
+            sound = False
+            continue
+        X_LM = placed[choice.occurrence] @ assembly.occurrences[choice.occurrence].mounts[choice.mount or "origin"].pose
+        if hold.pose is None and where is None:
+            where = _at_own_pose(assembly, mode, bodies)
+        held.append(Closure(
+            path=choice.path, kind="weld", hold=True, parent=None, child=body_of[link], X_PA=_target(hold, where, body_of[link], X_LM),
+            X_CB=X_LM, joint=None, origin=hold.origin,
+        ))
+    return (*held, *cut) if sound else None
+
+
+def _check_cuts(assembly: Assembly, mode: LinkedMode, taken: Taken, report: Report) -> bool:
+    open_ = {m.joint.path if m.joint is not None else m.loop for n, m in enumerate(assembly.mates) if n not in taken}
+    sound = True
+    for one in mode.cut:
+        if one.joint not in open_:
+            report.add(
+                Code.CUT, f"mode `{mode.name}` cuts joint `{one.joint}`, which is on no loop that is left to cut", one.origin,
+                path=one.joint, help="name a joint of a loop, and one for each loop",
+            )
+            sound = False
+    return sound
+
+
+def _target(hold: LinkedHold, where: Mapping[int, Pose] | None, body: int, X_LM: Pose) -> Pose:
+    """The frame of the mount in the world: mated to the hold's pose, as a root's to `at`; or where it is (`here`)."""
+    if hold.pose is not None:
+        return hold.pose @ MATE if hold.mount.mount is not None else hold.pose
+    return (where or {})[body] @ X_LM
+
+
+def _at_own_pose(assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...]) -> dict[int, Pose]:
+    """Where the mode's own pose (all joints at 0 where it has none) puts the bodies, its loops of joints closed."""
+    pose = next((pose for pose in assembly.poses if pose.name == mode.pose), None)
+    state = _doc_loops(assembly)
+    q = coordinates(joints_of(assembly), pose.values if pose is not None else {})
+    if state is not None:
+        q = _closed(state, State(q=q, base=NO_POSE), _named(assembly, pose), base_moves=False).state.q
+    return dict(enumerate(placed_bodies(bodies, q, bodies[0].X_PL)))
+
+
+def _doc_loops(assembly: Assembly) -> Loops | None:
+    """The loops of joints over the tree by which the documents place things: what closes them is the same in every mode."""
+    taken = placing(assembly)
+    if not any(mate.loop is not None for mate in assembly.mates):
+        return None
+    bodies = bodies_from(assembly, assembly.link_of[assembly.base], taken, NO_POSE)
+    return Loops(bodies, cut_closures(assembly, bodies, taken), joints_of(assembly), NO_POSE)
+
+
+def keyframes_of(
+    assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...], closures: tuple[Closure, ...], report: Report,
+) -> tuple[tuple[Keyframe, ...], tuple[Unclosed, ...]] | None:
+    """The mode's poses in its order, q of every joint with the loops closed, and the poses that do not close.
+
+    The joints that a pose does not name move first; the others only where that is not enough; a free base before either. None
+    where the mode's own pose does not close, or nothing that was tried does (said in `report`).
+    """
+    joints = joints_of(assembly)
+    by_name = {pose.name: pose for pose in assembly.poses}
+    poses = [by_name[name] for name in mode.poses if name in by_name]
+    if not closures:
+        return tuple(Keyframe(name=p.name, q=coordinates(joints, p.values), origin=p.origin) for p in poses), ()
+    held = any(closure.hold for closure in closures)
+    loops = Loops(bodies, closures, joints, bodies[0].X_PL) if held else _doc_loops(assembly)
+    if loops is None:
+        raise ValueError("a tree without holds has closures only where the documents have loops")
+    base_moves = held and mode.base == "free"
+    found: list[Keyframe] = []
+    unclosed: list[Unclosed] = []
+    failed: list[Solution] = []
+    for pose in poses:
+        start = State(q=coordinates(joints, pose.values), base=loops.base)
+        solution = _closed(loops, start, _named(assembly, pose), base_moves=base_moves)
+        if solution.closed:
+            found.append(Keyframe(
+                name=pose.name, q=solution.state.q, origin=pose.origin, base=solution.state.base if base_moves else None,
+                moved={p: q - start.q[p] for p, q in solution.state.q.items() if abs(q - start.q[p]) > STILL},
+                residual=solution.residual,
+            ))
+        else:
+            path, residual = _worst(loops, solution)
+            unclosed.append(Unclosed(name=pose.name, path=path.path, residual=residual, origin=pose.origin))
+            failed.append(solution)
+    own = next((one for one in unclosed if one.name == mode.pose), None)
+    if own is None and found:
+        return tuple(found), tuple(unclosed)
+    others = _tried(loops, base_moves) if not found else iter(())
+    best = min(failed, key=lambda one: _measure(loops, one)) if failed else None
+    for solution in others:
+        if solution.closed:
+            best = None
+            break
+        if best is None or _measure(loops, solution) < _measure(loops, best):
+            best = solution
+    if own is None and best is None:
+        return tuple(found), tuple(unclosed)
+    _report(mode, loops, own, best, found, report)
+    return None
+
+
+def _report(
+    mode: LinkedMode, loops: Loops, own: Unclosed | None, best: Solution | None, found: list[Keyframe], report: Report,
+) -> None:
+    if own is not None and (best is None or found):
+        # It can be closed, but not from where the mode starts.
+        closure = next(c for c in loops.closures if c.path == own.path)
+        help = f"start from `{found[0].name}`, which closes" if found else "start from a pose nearer to where it is closed"
+        message = f"the pose `{own.name}` of mode `{mode.name}` {_apart(closure, own.residual)}"
+        report.add(Code.UNCLOSED, message, closure.origin, path=closure.path, help=help)
+    elif best is not None:
+        closure, residual = _worst(loops, best)
+        subject = f"mode `{mode.name}`" if closure.hold else f"the loop through joint `{closure.path}`, in mode `{mode.name}`,"
+        help = "move the hold, or widen the limits of the joints" if closure.hold else "change the lengths in the loop, or its limits"
+        report.add(Code.UNCLOSED, f"{subject} {_apart(closure, residual)}", closure.origin, path=closure.path, help=help)
+
+
+def _apart(closure: Closure, residual: tuple[float, float]) -> str:
+    """`cannot hold ...: at best it is 12.3 mm and 4 deg away`."""
+    far = f"{1000.0 * residual[0]:.3g} mm and {math.degrees(residual[1]):.3g} deg"
+    if closure.hold:
+        return f"cannot hold `{closure.path}` there: at best it is {far} away"
+    return f"does not close: at best its ends are {far} apart"
+
+
+def _named(assembly: Assembly, pose: NamedPose | None) -> frozenset[str]:
+    return frozenset(pose.values) if pose is not None else frozenset()
+
+
+def _closed(loops: Loops, start: State, named: Collection[str], *, base_moves: bool) -> Solution:
+    """The loops closed from a pose, with as little moved as it takes; the best of what was tried where they do not close."""
+    as_written = Solution(state=start, residuals=loops.residuals(start))
+    inside = all(c.lower - STILL <= start.q[c.path] <= c.upper + STILL for c in loops.coordinates)
+    if inside and all(p <= MET and w <= MET for p, w in as_written.residuals):
+        return as_written
+    unnamed = frozenset(c.path for c in loops.coordinates if c.path not in named)
+    stages: list[frozenset[str] | None] = [frozenset()] if base_moves else []
+    stages += [unnamed, None] if unnamed and len(unnamed) < len(loops.coordinates) else [None]
+    best: Solution | None = None
+    for movable in stages:
+        solution = loops.close(start, movable, base_moves=base_moves)
+        if solution.closed:
+            return solution
+        if best is None or _measure(loops, solution) < _measure(loops, best):
+            best = solution
+    return best or as_written
+
+
+def _tried(loops: Loops, base_moves: bool) -> Iterator[Solution]:
+    """Other states to start from: all joints at 0, in the middle, and spread between their limits (multiples of the golden
+    ratio, modulo 1: the same in every run)."""
+    for number in range(STARTS):
+        q = coordinates(loops.joints.values(), {})
+        for place, c in enumerate(loops.coordinates):
+            low = c.lower if math.isfinite(c.lower) else -math.pi * c.unit
+            high = c.upper if math.isfinite(c.upper) else math.pi * c.unit
+            part = 0.5 if number == 1 else (number * 0.6180339887498949 * (place + 1)) % 1.0
+            if number > 0:
+                q[c.path] = low + part * (high - low)
+        q = coordinates(loops.joints.values(), {c.path: q[c.path] for c in loops.coordinates})
+        yield loops.close(State(q=q, base=loops.base), None, base_moves=base_moves)
+
+
+def _measure(loops: Loops, solution: Solution) -> float:
+    """How far from closed, in one number: what the method makes small."""
+    return sum(p * p + (loops.length * w) ** 2 for p, w in solution.residuals)
+
+
+def _worst(loops: Loops, solution: Solution) -> tuple[Closure, tuple[float, float]]:
+    pairs = zip(loops.closures, solution.residuals, strict=True)
+    return max(pairs, key=lambda pair: pair[1][0] ** 2 + (loops.length * pair[1][1]) ** 2)

@@ -1,0 +1,370 @@
+"""Loops closed by Newton's method: joint coordinates that make every closure of a tree of bodies meet.
+
+The residual of a closure is a position p [m] and a rotation vector w [rad] in world axes: with A the frame on the parent, moved
+by the joint that was cut, and B the frame on the child,
+
+    p = p_B - p_A,    w = R_A log(inv(R_A) R_B)
+
+Steps are those of Levenberg and Marquardt (Marquardt, "An algorithm for least-squares estimation of nonlinear parameters",
+1963): where there are more coordinates than equations the shortest step, where there are fewer, or none that close the loop, the
+least squares. Limits are kept by taking a coordinate that would pass one to the limit and stepping with the others.
+Plain Python, because `check` must not pay for numpy; a handful of equations each.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+
+from thingc.graph.types import JointEdge
+from thingc.pose import NO_POSE, Matrix, Pose, Vector, cross, multiply, rotate, transpose
+from thingc.robot.dense import solve
+from thingc.robot.kinematics import motion
+from thingc.robot.types import Body, Closure
+
+CLOSED = 1e-10
+"""A closure is closed to within this, in m and in rad; Newton's method usually ends at 1e-15."""
+
+STEPS = 120
+"""Steps before giving up."""
+
+REACH = 0.5
+"""The longest step of one turn [rad]; slides and bases in proportion. Beyond it the linear model says little."""
+
+AXES: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class State:
+    """q [rad or m] of every joint by path, and the pose of the root link in the world."""
+
+    q: dict[str, float]
+    base: Pose
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Solution:
+    """Where the method ended: the state, and the residual (|p| [m], |w| [rad]) of every closure."""
+
+    state: State
+    residuals: tuple[tuple[float, float], ...]
+
+    @property
+    def closed(self) -> bool:
+        """Whether every closure is."""
+        return all(p <= CLOSED and w <= CLOSED for p, w in self.residuals)
+
+    @property
+    def residual(self) -> tuple[float, float]:
+        """The largest |p| [m] and the largest |w| [rad] of any closure."""
+        return max((p for p, _ in self.residuals), default=0.0), max((w for _, w in self.residuals), default=0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Coordinate:
+    """What a step changes: one joint and those that follow it (their paths, with dq / dcoordinate), within limits [rad or m]
+    that keep all of them within theirs. `unit` is the length that counts as much as a radian [m], 1 of a turn."""
+
+    path: str
+    moves: tuple[tuple[str, float], ...]
+    lower: float
+    upper: float
+    unit: float
+
+
+class Loops:
+    """The closures of one tree, ready to be closed. `joints` are all of the robot's, in joint order."""
+
+    def __init__(self, bodies: Sequence[Body], closures: Sequence[Closure], joints: Sequence[JointEdge], base: Pose) -> None:
+        self.bodies = bodies
+        self.closures = closures
+        self.joints = {joint.path: joint for joint in joints}
+        self.base = base
+        self._ends = [(self._above(c.parent), self._above(c.child)) for c in closures]
+        self._needed = sorted({body for pair in self._ends for chain in pair for body in chain})
+        self.length = self._extent()
+        slides = {b.joint.path for b in bodies if b.joint is not None and b.joint.kind == "slide"}
+        slides |= {c.path for c in closures if c.kind == "slide"}
+        self.coordinates = _coordinates(self.joints, slides, self.length)
+
+    def _above(self, body: int | None) -> tuple[int, ...]:
+        """A body and those it hangs on, the root last; nothing for the world."""
+        chain: list[int] = []
+        while body is not None:
+            chain.append(body)
+            body = self.bodies[body].parent
+        return tuple(chain)
+
+    def _extent(self) -> float:
+        """A length [m] that fits the robot: the farthest of the bodies on its loops from their middle, at q = 0. It does not
+        depend on the root, and only sets what counts as much as a radian."""
+        at = self._placed(State(q={path: 0.0 for path in self.joints}, base=NO_POSE))
+        places = [at[body].translation for body in self._needed]
+        places += [at[c.child].apply(c.X_CB.translation) for c in self.closures]
+        if not places:
+            return 1.0
+        middle = [sum(place[k] for place in places) / len(places) for k in range(3)]
+        far = max(math.dist(place, middle) for place in places)
+        return far if far > 0.0 else 1.0
+
+    def _placed(self, state: State) -> dict[int, Pose]:
+        at: dict[int, Pose] = {}
+        for index in self._needed:
+            body = self.bodies[index]
+            if body.parent is None or body.joint is None:
+                at[index] = state.base
+            else:
+                at[index] = at[body.parent] @ body.X_PL @ motion(body.joint, state.q[body.joint.path])
+        return at
+
+    def _frames(self, closure: Closure, at: Mapping[int, Pose], q: Mapping[str, float]) -> tuple[Pose, Pose]:
+        """A (moved by its joint) and B in the world."""
+        A = closure.X_PA if closure.parent is None else at[closure.parent] @ closure.X_PA
+        if closure.joint is not None:
+            A = A @ moved_along_z(closure.kind, q[closure.joint.path])
+        return A, at[closure.child] @ closure.X_CB
+
+    def residuals(self, state: State) -> tuple[tuple[float, float], ...]:
+        """|p| [m] and |w| [rad] of every closure."""
+        at = self._placed(state)
+        found = (_error(*self._frames(closure, at, state.q)) for closure in self.closures)
+        return tuple((math.hypot(*p), math.hypot(*w)) for p, w in found)
+
+    def close(self, start: State, movable: Collection[str] | None, *, base_moves: bool) -> Solution:
+        """The state nearest to `start`, in the sense of the steps taken, in which the loops are closed; or the best there is.
+
+        `movable` are the joints that may move (None: all), by path; with `base_moves` so may the root link.
+        """
+        chosen = [c for c in self.coordinates if movable is None or c.path in movable]
+        state = self._within(start, chosen)
+        error = self._stacked(state)
+        cost = _square(error)
+        damping = 1e-6
+        for _ in range(STEPS):
+            if cost <= 1e-32 or not (chosen or base_moves):
+                break
+            columns = self._columns(state, chosen, base_moves)
+            better = None
+            while better is None and damping < 1e6:
+                step = self._step(state, chosen, columns, error, damping)
+                there = None if step is None else self._moved(state, chosen, step, base_moves)
+                if there is not None:
+                    new_error = self._stacked(there)
+                    if _square(new_error) < cost:
+                        better = there, new_error
+                damping = max(damping * 0.1, 1e-14) if better is not None else damping * 10.0
+            if better is None:
+                break
+            gain = cost - _square(better[1])
+            state, error = better
+            cost -= gain
+            if gain < 1e-10 * cost:
+                break
+        return Solution(state=state, residuals=self.residuals(state))
+
+    def _stacked(self, state: State) -> list[float]:
+        """All residuals in one list, rotations as the lengths that they make at the robot's size."""
+        at = self._placed(state)
+        stacked: list[float] = []
+        for closure in self.closures:
+            p, w = _error(*self._frames(closure, at, state.q))
+            stacked.extend(p)
+            stacked.extend(self.length * component for component in w)
+        return stacked
+
+    def _columns(self, state: State, chosen: Sequence[Coordinate], base_moves: bool) -> list[list[float]]:
+        """The derivative of the stacked residuals by each coordinate (in its unit), then by the base's three shifts (in lengths
+        of the robot) and three turns about the root link's origin."""
+        at = self._placed(state)
+        by_path: dict[str, list[float]] = {}
+        zero = [0.0] * (6 * len(self.closures))
+        for row, (closure, (parents, children)) in enumerate(zip(self.closures, self._ends, strict=True)):
+            A, B = self._frames(closure, at, state.q)
+            for chain, end, sign in ((children, B, 1.0), (parents, A, -1.0)):
+                others = parents if sign > 0.0 else children
+                for index in chain:
+                    joint = self.bodies[index].joint
+                    if joint is None or index in others:  # what carries both ends moves neither against the other
+                        continue
+                    axis = rotate(at[index].rotation, joint.axis)
+                    into = by_path.setdefault(joint.path, list(zero))
+                    self._add(into, row, _velocity(joint.kind, axis, at[index].apply(joint.anchor), end.translation), sign)
+            if closure.joint is not None:
+                r = A.rotation
+                axis = (r[0][2], r[1][2], r[2][2])
+                into = by_path.setdefault(closure.joint.path, list(zero))
+                self._add(into, row, _velocity(closure.kind, axis, A.translation, A.translation), -1.0)
+        columns: list[list[float]] = []
+        for coordinate in chosen:
+            column = list(zero)
+            for path, share in coordinate.moves:
+                for k, value in enumerate(by_path.get(path, ())):
+                    column[k] += share * coordinate.unit * value
+            columns.append(column)
+        if base_moves:
+            for kind in ("slide", "hinge"):
+                for axis in AXES:
+                    column = list(zero)
+                    for row, closure in enumerate(self.closures):
+                        if closure.parent is None:
+                            end = self._frames(closure, at, state.q)[1].translation
+                            velocity = _velocity(kind, axis, state.base.translation, end)
+                            self._add(column, row, velocity, self.length if kind == "slide" else 1.0)
+                    columns.append(column)
+        return columns
+
+    def _add(self, column: list[float], closure: int, velocity: tuple[Vector, Vector], factor: float) -> None:
+        linear, angular = velocity
+        for k in range(3):
+            column[6 * closure + k] += factor * linear[k]
+            column[6 * closure + 3 + k] += factor * self.length * angular[k]
+
+    def _step(
+        self, state: State, chosen: Sequence[Coordinate], columns: Sequence[Sequence[float]], error: Sequence[float],
+        damping: float,
+    ) -> list[float] | None:
+        """The damped step in the units of the coordinates; None where the equations cannot be solved to any digit."""
+        step = [0.0] * len(columns)
+        free = [k for k, column in enumerate(columns) if any(column)]
+        left = list(error)
+        while free:
+            found = solve([columns[k] for k in free], left, damping)
+            if found is None:
+                return None
+            past: list[tuple[int, float]] = []
+            for k, value in zip(free, found, strict=True):
+                if k < len(chosen):
+                    coordinate = chosen[k]
+                    q = state.q[coordinate.path]
+                    low, high = (coordinate.lower - q) / coordinate.unit, (coordinate.upper - q) / coordinate.unit
+                    if value < low or value > high:
+                        past.append((k, low if value < low else high))
+            if not past:
+                for k, value in zip(free, found, strict=True):
+                    step[k] = value
+                break
+            for k, value in past:
+                step[k] = value
+                left = [e + value * c for e, c in zip(left, columns[k], strict=True)]
+            stopped = {k for k, _ in past}
+            free = [k for k in free if k not in stopped]
+        longest = max((abs(value) for value in step), default=0.0)
+        return step if longest <= REACH else [value * REACH / longest for value in step]
+
+    def _moved(self, state: State, chosen: Sequence[Coordinate], step: Sequence[float], base_moves: bool) -> State:
+        q = dict(state.q)
+        for coordinate, value in zip(chosen, step):
+            target = min(max(q[coordinate.path] + value * coordinate.unit, coordinate.lower), coordinate.upper)
+            delta = target - q[coordinate.path]
+            for path, share in coordinate.moves:
+                q[path] = target if path == coordinate.path else q[path] + share * delta
+        base = state.base
+        if base_moves:
+            sx, sy, sz, rx, ry, rz = step[len(chosen):]
+            t = base.translation
+            place = (t[0] + self.length * sx, t[1] + self.length * sy, t[2] + self.length * sz)
+            base = Pose(rotation=orthonormal(multiply(_turn((rx, ry, rz)), base.rotation)), translation=place)
+        return State(q=q, base=base)
+
+    def _within(self, state: State, chosen: Sequence[Coordinate]) -> State:
+        """The state with the coordinates that may move taken to their limits."""
+        at_limits = [
+            (min(max(state.q[c.path], c.lower), c.upper) - state.q[c.path]) / c.unit for c in chosen
+        ]
+        return self._moved(state, chosen, at_limits, False)
+
+
+def _coordinates(joints: Mapping[str, JointEdge], slides: Collection[str], length: float) -> tuple[Coordinate, ...]:
+    """One for every joint that mimics none, in joint order, with the limits of those that follow it brought back to it."""
+    leaders: dict[str, list[tuple[str, float, float]]] = {}
+    for path in joints:
+        leader, multiplier, offset = path, 1.0, 0.0
+        met = {path}
+        while True:
+            mimic = joints[leader].mimic
+            if mimic is None or mimic.joint not in joints or mimic.joint in met:
+                break
+            offset += multiplier * mimic.offset
+            multiplier *= mimic.multiplier
+            leader = mimic.joint
+            met.add(leader)
+        leaders.setdefault(leader, []).append((path, multiplier, offset))
+    found: list[Coordinate] = []
+    for path in joints:
+        if path not in leaders:
+            continue
+        lower, upper = -math.inf, math.inf
+        for follower, multiplier, offset in leaders[path]:
+            limit = joints[follower].limit
+            low = -math.inf if limit.lower is None else limit.lower
+            high = math.inf if limit.upper is None else limit.upper
+            if multiplier == 0.0:
+                continue
+            ends = sorted(((low - offset) / multiplier, (high - offset) / multiplier))
+            lower, upper = max(lower, ends[0]), min(upper, ends[1])
+        moves = tuple((follower, multiplier) for follower, multiplier, _ in leaders[path])
+        unit = length if path in slides else 1.0
+        found.append(Coordinate(path=path, moves=moves, lower=lower, upper=max(lower, upper), unit=unit))
+    return tuple(found)
+
+
+def moved_along_z(kind: str, q: float) -> Pose:
+    """The motion of a cut joint in its frame A: a turn about z [rad] or a shift along it [m]."""
+    if kind == "slide":
+        return Pose(translation=(0.0, 0.0, q))
+    c, s = math.cos(q), math.sin(q)
+    return Pose(rotation=((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
+
+
+def _velocity(kind: str, axis: Vector, anchor: Vector, point: Vector) -> tuple[Vector, Vector]:
+    """Linear and angular velocity, at `point`, of what moves at unit speed about or along an axis through `anchor`."""
+    if kind == "slide":
+        return axis, (0.0, 0.0, 0.0)
+    arm = (point[0] - anchor[0], point[1] - anchor[1], point[2] - anchor[2])
+    return cross(axis, arm), axis
+
+
+def _error(A: Pose, B: Pose) -> tuple[Vector, Vector]:
+    """p = p_B - p_A and w = R_A log(inv(R_A) R_B), in the world."""
+    p, o = B.translation, A.translation
+    w = rotation_vector(multiply(transpose(A.rotation), B.rotation))
+    return (p[0] - o[0], p[1] - o[1], p[2] - o[2]), rotate(A.rotation, w)
+
+
+def rotation_vector(r: Matrix) -> Vector:
+    """log(R): the axis times the angle [rad] from 0 to pi, through the quaternion, which is exact near 0 and near pi alike."""
+    w, x, y, z = Pose(rotation=r).quaternion()
+    size = math.sqrt(x * x + y * y + z * z)
+    if size == 0.0:
+        return (0.0, 0.0, 0.0)
+    angle = 2.0 * math.atan2(size, w)
+    return (x * angle / size, y * angle / size, z * angle / size)
+
+
+def _turn(v: Vector) -> Matrix:
+    """exp of a rotation vector [rad] (Rodrigues)."""
+    angle = math.hypot(*v)
+    if angle == 0.0:
+        return AXES
+    x, y, z = (component / angle for component in v)
+    c, s, d = math.cos(angle), math.sin(angle), 2.0 * math.sin(angle / 2.0) ** 2
+    return (
+        (c + d * x * x, d * x * y - s * z, d * x * z + s * y),
+        (d * x * y + s * z, c + d * y * y, d * y * z - s * x),
+        (d * x * z - s * y, d * y * z + s * x, c + d * z * z),
+    )
+
+
+def orthonormal(r: Matrix) -> Matrix:
+    """The rotation nearest to what many products have made of one (by way of its unit quaternion)."""
+    w, x, y, z = Pose(rotation=r).quaternion()
+    return (
+        (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
+        (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
+        (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
+    )
+
+
+def _square(values: Sequence[float]) -> float:
+    return sum(value * value for value in values)

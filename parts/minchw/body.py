@@ -1,0 +1,140 @@
+"""The middle section of MInchW: a case between the two yaw servos, with the cells in it, and its cover."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from build123d import Location, Plane, Pos, Solid
+
+from minchw import GAP, PLAY
+from minchw.leg import HipBracket
+from minchw.shapes import block, cut_away, placed, slab
+from thingc import Length, MountPoint, Range, Thing
+from thingc.things.mounts import MATE
+from thingc_stock.cells import CellTray
+from thingc_stock.dynamixel import XM430
+from thingc_stock.fasteners import Screw
+
+CORNER = 6.0
+"""Radius of the upright edges [mm]."""
+
+
+class Chassis(Thing):
+    """An open case: three cells lie on its floor, the other three hang in its cover, and a yaw servo stands out at each end.
+
+    The origin is in the belly, under the middle of the cells; z points up, x forwards. Behind the cells there is room for
+    the electronics, which makes the rear half the longer one.
+
+    Args:
+        length: over both ends, from the bottom of one yaw servo to that of the other
+        wall: thickness of floor and sides; the ends, to which the servos are screwed, are 2 mm thicker
+    """
+
+    def __init__(
+        self,
+        length: Annotated[Length, Range(80, 220)] = 100,
+        wall: Annotated[Length, Range(2, 6)] = 3,
+    ):
+        super().__init__(material="petg")
+        tray, xm430, hip = CellTray(), XM430(), HipBracket(wall + 2)
+        end = wall + 2
+        head = self.head_room = Screw("M2.5").head_height + GAP
+        front = tray.length / 2 + head + end
+        bay = length - front - tray.length / 2 - head - end
+        assert bay >= 0, f"a case of {length:g} mm is too short for the cells: make it {-bay:.2f} mm longer"
+        self.width = tray.width + 2 * (PLAY + wall)
+        self.height = wall + 2 * tray.top + GAP
+        self.middle = front - length / 2
+        axis = max(self.height / 2, GAP - hip.low)
+
+        self.belly = MountPoint(MATE)
+        self.tray_seat = MountPoint(Location((0, 0, wall)))
+        self.tray: CellTray = self.tray_seat.align(tray.base)
+        self.rim = MountPoint(Location((self.middle, 0, self.height)), interface="case-rim")
+        bottom = -xm430.bottom.location.position.Y
+        ahead = placed(front + bottom, z_dir=(0, 0, 1), x_dir=(0, -1, 0), z=axis)
+        astern = placed(front - length - bottom, z_dir=(0, 0, 1), x_dir=(0, 1, 0), z=axis)
+        self.front_seat = MountPoint(ahead * xm430.bottom.location * MATE, interface="x430-bottom")
+        self.rear_seat = MountPoint(astern * xm430.bottom.location * MATE, interface="x430-bottom")
+        self.front_servo: XM430 = self.front_seat.align(xm430.bottom)
+        self.rear_servo: XM430 = self.rear_seat.align(xm430.bottom)
+        self.board = MountPoint(Location(Plane((front - length + end, 0, self.height / 2), x_dir=(0, 1, 0), z_dir=(1, 0, 0))))
+        self.imu = MountPoint(Location((front - end, 0, wall)))
+
+        held = [hole(end) for servo in (self.front_servo, self.rear_servo) for hole in servo.screws_bottom]
+        holes = [*cut_away(held), *(self.tray.fixing(k, wall).tapped_hull for k in (0, 1))]
+        holes += [screw.tapped_hull for screw in self.cover_screws(0)]
+        windows = [
+            Pos(self.middle + (k - 2) * 2.5 * CORNER, 0, wall + CORNER) * block(CORNER, 2 * self.width, self.height - wall - 2.5 * CORNER)
+            for k in range(5)
+        ]
+        cables = [Pos(self.middle, y, axis - CORNER) * block(2 * length, CORNER, 2 * CORNER) for y in self._beside(xm430)]
+        inside = Pos(self.middle, 0, wall) * slab(length - 2 * end, self.width - 2 * wall, self.height, CORNER - wall / 2)
+        self.hull = Pos(self.middle, 0, 0) * slab(length, self.width, self.height, CORNER)
+        self.body = self.hull.cut(inside, *windows, *cables, *holes).solid()
+
+    def _beside(self, servo: XM430) -> tuple[float, float]:
+        """To the left and right of a yaw servo, y of the openings for cables [mm]."""
+        y = servo.p.width / 2 + CORNER
+        return y, -y
+
+    def cover_screws(self, thickness: float) -> list[Screw]:
+        """The four screws that hold a cover of that thickness [mm] on the ends of the case."""
+        x, y = (self.p.length - self.p.wall - 2) / 2, self.width / 2 - 2 * CORNER
+        screw = Screw("M2.5", thickness + 8)
+        corners = [(s * x, t * y) for s in (1, -1) for t in (1, -1)]
+        return [screw.move(self.rim.location * Location((x, y, thickness))) for x, y in corners]
+
+    def result(self) -> Solid:
+        """The case with its holes and windows."""
+        return self.body
+
+    def collision(self) -> list[Solid]:
+        """The case as if it were full: what is in it never leaves it."""
+        return [self.hull]
+
+
+class Cover(Thing):
+    """The lid of the case, from which three cells hang, with a hood for a camera at its front edge.
+
+    The origin is in its underside over the middle of the case; z points up, x forwards.
+
+    Args:
+        length: of the case
+        wall: of the case, and thickness of the cover
+    """
+
+    def __init__(
+        self,
+        length: Annotated[Length, Range(80, 220)] = 100,
+        wall: Annotated[Length, Range(2, 6)] = 3,
+    ):
+        super().__init__(material="petg")
+        case, tray = Chassis(length, wall), CellTray()
+        self.seat = MountPoint(MATE, interface="case-rim")
+        self.case: Chassis = self.seat.align(case.rim)
+        cells = self.case.tray_seat.location.position.X
+        self.tray_seat = MountPoint(Location((cells, 0, 0), (180, 0, 0)))
+        self.tray: CellTray = self.tray_seat.align(tray.base)
+        screws = self.case.cover_screws(wall)
+        self.screw = [MountPoint(screw.seat.location * MATE, interface="m2.5-head") for screw in screws]
+
+        hood, eye = 3 * CORNER, 1.2 * CORNER
+        x = length / 2 - hood / 2
+        self.lens = MountPoint(Location(Plane((length / 2, 0, wall + hood / 3), x_dir=(0, 1, 0), z_dir=(1, 0, 0))))
+        plate = slab(length, case.width, wall, CORNER)
+        housing = Pos(x, 0, 0) * slab(hood, 1.5 * hood, wall + 2 * hood / 3, CORNER / 2)
+        pupil = Solid.make_cylinder(eye / 2, hood, Plane((x, 0, wall + hood / 3), z_dir=(1, 0, 0)))
+        bevel = Solid.make_cylinder(0.8 * eye, 2, Plane((length / 2 - 1, 0, wall + hood / 3), z_dir=(1, 0, 0)))
+        ribs = [Pos(x - hood - k * 2 * CORNER, 0, 2 * wall / 3) * block(CORNER / 2, case.width - 4 * CORNER, wall) for k in range(5)]
+        holes = [*cut_away(screws), *(self.tray.fixing(k, wall).tapped_hull for k in (0, 1)), pupil, bevel, *ribs]
+        self.pieces = [plate, housing]
+        self.body = plate.fuse(housing).cut(*holes).solid()
+
+    def result(self) -> Solid:
+        """The lid with its hood, grooves and holes."""
+        return self.body
+
+    def collision(self) -> list[Solid]:
+        """Lid and hood, without holes."""
+        return self.pieces

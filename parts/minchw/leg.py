@@ -1,0 +1,173 @@
+"""A leg of MInchW: the fork that turns on the yaw servo, the braces of the thigh, and the foot on its magnet."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from build123d import Location, Plane, Pos, Solid
+
+from minchw import GAP, PLAY
+from minchw.shapes import block, cut_away, placed, slab, stadium, sunk, swing, tongue, turned
+from thingc import Length, MountPoint, Range, Thing
+from thingc.things.mounts import MATE
+from thingc_stock.dynamixel import XM430, XM540
+from thingc_stock.fasteners import Screw
+from thingc_stock.magnets import HoldingMagnet
+
+
+OTHER_SIDE = Location((0, 0, 0), (0, 180, 0))
+"""Where the other brace of a thigh sits: half a turn about y."""
+
+
+class HipBracket(Thing):
+    """A fork around the yaw servo, on its horn and its idler, that carries the knee servo on its back.
+
+    The origin is on the yaw axis at half the servo's depth; z points out of the horn, x outwards along the leg, y to its
+    left. The knee's axis is along y, its servo lies with its bottom on the back of the fork. The screws into that bottom are
+    sunk, so that the corners of the yaw servo pass over them.
+
+    Args:
+        thickness: of arms and back
+    """
+
+    def __init__(self, thickness: Annotated[Length, Range(4.5, 8)] = 5):
+        super().__init__(material="petg")
+        xm430, xm540 = XM430(), XM540()
+        stand = placed(0, z_dir=(0, 0, 1), x_dir=(0, -1, 0))
+        self.yaw_seat = MountPoint(stand * xm430.rotor.location * MATE, interface="x430-horn")
+        self.yaw_servo: XM430 = self.yaw_seat.align(xm430.rotor)
+        inner = swing(xm430) + GAP
+        self.knee = inner + thickness - xm540.bottom.location.position.Y
+        lying = placed(self.knee, z_dir=(0, 1, 0), x_dir=(0, 0, 1))
+        self.knee_seat = MountPoint(lying * xm540.bottom.location * MATE, interface="x540-bottom")
+        self.knee_servo: XM540 = self.knee_seat.align(xm540.bottom)
+
+        self.low, self.high = xm430.idler_z - thickness, xm430.horn_z + thickness
+        arm = xm430.p.horn_diameter + 2 * thickness
+        width = xm540.p.depth - 2 * xm540.drawing.corner
+        back = Location(Plane((inner, 0, (self.low + self.high) / 2), x_dir=(0, 1, 0), z_dir=(1, 0, 0)))
+        plate = back * slab(width, self.high - self.low, thickness, 2 * thickness)
+        self.pieces = [plate, *(Pos(0, 0, z) * tongue(inner + thickness, arm, thickness) for z in (self.low, self.high - thickness))]
+
+        ends = (*self.yaw_servo.screws_horn[::2], *self.yaw_servo.screws_idler[::2])
+        held = [sunk(hole, thickness, 4 * PLAY) for hole in self.knee_servo.screws_bottom]
+        boss = xm430.adjust(boss_diameter__add=6 * PLAY).move(stand).boss_hull(2 * thickness)
+        axle = Solid.make_cylinder(xm430.p.boss_diameter / 2, 3 * thickness, Plane((0, 0, self.low - thickness)))
+        holes = [boss, axle, *cut_away([hole(thickness) for hole in ends]), *cut_away(held)]
+        self.body = plate.fuse(*self.pieces[1:]).cut(*holes).solid()
+
+    def result(self) -> Solid:
+        """The fork with its holes."""
+        return self.body
+
+    def collision(self) -> list[Solid]:
+        """The back and both arms, without holes."""
+        return self.pieces
+
+
+class ThighBrace(Thing):
+    """One of the two sides of a thigh: a plate from the horn of the knee servo to that of the ankle servo, with half of the
+    web between both sides.
+
+    The origin is on the knee's axis at half the servo's depth; y points to the ankle, z out of the horns. A thigh takes two
+    of the same brace: the other one sits on the idlers, turned half a turn about y; each is screwed to the other by one of
+    the two screws across the web.
+
+    Args:
+        length: from axis to axis
+        thickness: of the plate
+    """
+
+    def __init__(
+        self,
+        length: Annotated[Length, Range(50, 140)] = 60,
+        thickness: Annotated[Length, Range(2.4, 6)] = 4,
+    ):
+        super().__init__(material="petg")
+        xm540, screw = XM540(), Screw("M3", 12)
+        self.knee_seat = MountPoint(xm540.rotor.location * MATE, interface="x540-horn")
+        self.knee_servo: XM540 = self.knee_seat.align(xm540.rotor)
+        # At 0 the thigh is level and the ankle servo stands on its bottom: its top is where the knee servo's left is.
+        standing = Location(Plane((0, length, 0), x_dir=(0, -1, 0), z_dir=(0, 0, 1)))
+        self.ankle_seat = MountPoint(standing * xm540.rotor.location * MATE, interface="x540-horn")
+        self.ankle_servo: XM540 = self.ankle_seat.align(xm540.rotor)
+        self.web = MountPoint(Location(Plane((0, length / 2, 0), x_dir=(0, 1, 0), z_dir=(0, 0, -1))), interface="thigh-web")
+
+        deep, high = screw.head_diameter + 4, 4 * screw.head_diameter
+        room = length / 2 - deep / 2 - swing(xm540) - GAP
+        assert room >= 0, (
+            f"a thigh of {length:g} mm leaves no room for its web between two servos: make it {-2 * room:.2f} mm longer"
+        )
+        inner = self.knee_seat.location.position.Z
+        seat = Location((screw.head_diameter, length / 2, screw.p.length / 2))
+        self.screw = [MountPoint(seat, interface="m3-head")]
+        mine, theirs = screw.move(seat), screw.move(OTHER_SIDE * seat)
+        access = Solid.make_cylinder(screw.head_diameter / 2 + 2 * PLAY, inner + thickness, Plane(seat))
+        ends = [self.knee_servo.screws_horn[::2], self.ankle_servo.screws_horn[::2]]
+        bosses = [servo.boss_hull(2 * thickness) for servo in self._roomy(xm540, standing)]
+        holes = [*bosses, mine.clearance_hull, access, theirs.tapped_hull]
+        holes += cut_away([hole(thickness) for end in ends for hole in end])
+
+        plate = Pos(0, 0, inner) * stadium(length, xm540.p.horn_diameter + 2 * thickness, thickness)
+        web = Pos(0, length / 2, 0) * block(high, deep, inner)
+        self.pieces = [plate, web]
+        self.body = plate.fuse(web).cut(*holes).solid()
+
+    def _roomy(self, servo: XM540, standing: Location) -> list[XM540]:
+        """Both servos where they sit, with room around their bosses."""
+        roomy = servo.adjust(boss_diameter__add=6 * PLAY)
+        return [roomy.move(Location()), roomy.move(standing)]
+
+    def result(self) -> Solid:
+        """The plate with its web and holes."""
+        return self.body
+
+    def collision(self) -> list[Solid]:
+        """The plate and the web, without holes."""
+        return self.pieces
+
+
+class Foot(Thing):
+    """A disc on the magnet, with a rim around it, on which the ankle servo stands.
+
+    The origin is on the ankle's axis at half the servo's depth; z points up, x outwards along the leg, y to its left. The
+    screws into the servo are sunk from below, where the magnet covers them; those into the magnet are before and behind the
+    servo.
+
+    Args:
+        thickness: of the disc
+        rim: thickness of the rim
+    """
+
+    def __init__(
+        self,
+        thickness: Annotated[Length, Range(4.5, 12)] = 5,
+        rim: Annotated[Length, Range(1.6, 6)] = 2.4,
+    ):
+        super().__init__(material="petg")
+        xm540, magnet = XM540(), HoldingMagnet()
+        standing = placed(0, z_dir=(0, 1, 0), x_dir=(-1, 0, 0))
+        self.servo_seat = MountPoint(standing * xm540.bottom.location * MATE, interface="x540-bottom")
+        self.ankle_servo: XM540 = self.servo_seat.align(xm540.bottom)
+        high = self.servo_seat.location.position.Z
+        low = high - thickness
+        self.magnet_seat = MountPoint(Pos(0, 0, low) * MATE, interface=magnet.back.interface)
+        self.magnet: HoldingMagnet = self.magnet_seat.align(magnet.back)
+        self.sole = self.magnet.sole.location.position.Z
+
+        inner = magnet.p.diameter / 2 + PLAY
+        outer, edge = inner + rim, low - magnet.p.height / 3
+        fixings = [hole(thickness) for hole in self.magnet.screws_back]
+        self.magnet_screw = [MountPoint(screw.seat.location * MATE, interface="m3-head") for screw in fixings]
+        held = [sunk(hole, thickness, 4 * PLAY) for hole in self.ankle_servo.screws_bottom]
+        self.pieces = [Pos(0, 0, edge) * Solid.make_cylinder(outer, high - edge)]
+        disc = turned([(0, low), (inner, low), (inner, edge), (outer, edge), (outer, high - 1), (outer - 1, high), (0, high)])
+        self.body = disc.cut(*cut_away([*held, *fixings])).solid()
+
+    def result(self) -> Solid:
+        """The disc with its rim and holes."""
+        return self.body
+
+    def collision(self) -> list[Solid]:
+        """One cylinder, which holds the upper part of the magnet, too."""
+        return self.pieces

@@ -1,0 +1,125 @@
+"""Cells of size 18650 and the open tray that holds several of them side by side."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from build123d import Axis, Face, Location, Plane, Pos, Solid, Wire
+
+from thingc import Count, Length, MountPoint, Range, Thing
+from thingc.things.mounts import MATE
+from thingc_stock.fasteners import Screw
+
+
+class Cell18650(Thing):
+    """A lithium-ion cell of size 18650, Samsung SDI ICR18650-26C: 2600 mAh, 3.7 V.
+
+    The origin is in the middle of the axis, z points to the plus pole.
+
+    Specification of product ICR18650-26C, version 1.0: at most 18.40 mm in diameter, 65.00 mm long and 47.0 g. The solid is
+    full; the mass is the vendor's, and the inertia is the solid's scaled to it.
+
+    Mounts: the poles `plus` and `minus`, and `side`, on the flank at half length.
+
+    Args:
+        diameter: of the can
+        length: over both poles
+    """
+
+    bom = {"make": "buy", "number": "ICR18650-26C", "supplier": "Samsung SDI"}
+
+    def __init__(
+        self, diameter: Annotated[Length, Range(17, 20)] = 18.4, length: Annotated[Length, Range(64, 66)] = 65.0,
+    ):
+        super().__init__(material="steel", color="#2e6f57")
+        end = length / 2
+        self.plus = MountPoint(Location((0, 0, end)))
+        self.minus = MountPoint(Location((0, 0, -end), (0, 180, 0)))
+        self.side = MountPoint(Location(Plane((0, -diameter / 2, 0), x_dir=(0, 0, 1), z_dir=(0, -1, 0))), "18650")
+
+    def mass(self) -> tuple[float, str]:
+        """47.0 g, the specification's maximum."""
+        return (0.047, "vendor")
+
+    def hull(self) -> Solid:
+        """The can without its groove."""
+        return Solid.make_cylinder(self.p.diameter / 2, self.p.length, Plane((0, 0, -self.p.length / 2)))
+
+    def result(self) -> Solid:
+        """The can with the groove below its plus pole, and the rim around the pole."""
+        radius, end = self.p.diameter / 2, self.p.length / 2
+        outline = [
+            (0, -end), (radius, -end), (radius, end - 4.0), (radius - 0.8, end - 3.5), (radius - 0.8, end - 3.0), (radius, end - 2.5),
+            (radius, end - 0.5), (radius - 1.5, end - 0.5), (radius - 1.5, end - 1.5), (4.0, end - 1.5), (4.0, end), (0, end),
+        ]
+        return Solid.revolve(Face(Wire.make_polygon([(x, 0, z) for x, z in outline])), 360, Axis.Z)
+
+    def collision(self) -> list[Solid]:
+        """The can."""
+        return [self.hull()]
+
+
+class CellTray(Thing):
+    """An open tray for cells that lie side by side, screwed down through the ridges between them.
+
+    The origin is in the middle of the underside, z points up into the cells, which lie along x.
+
+    Mounts: `base`, the underside; `bay_0` and on, where the flanks of the cells lie (plus pole towards +x, in every second
+    bay towards -x: cells in series); `screw_0` and `screw_1`, for the heads.
+
+    Args:
+        cells: how many
+        wall: thickness under and around the cells
+        contact: room for the spring at each end of a cell
+    """
+
+    bom = {"make": "buy"}
+
+    def __init__(
+        self,
+        cells: Annotated[Count, Range(2, 4)] = 3,
+        wall: Annotated[Length, Range(1, 3)] = 1.5,
+        contact: Annotated[Length, Range(2, 5)] = 3.0,
+    ):
+        super().__init__(material="abs", color="#1d1d1f")
+        cell, screw = Cell18650(), Screw("M2.5")
+        play = 0.2
+        pitch = cell.p.diameter + 2 * play + 0.4
+        self.length = cell.p.length + 2 * (contact + wall)
+        self.width = cells * pitch + 2 * wall
+        self.height = wall + 0.7 * cell.p.diameter
+        self.top = wall + cell.p.diameter
+        across = [(k - (cells - 1) / 2) * pitch for k in range(cells)]
+
+        self.base = MountPoint(MATE)
+        # A cell's flank lies where its own `side` looks down; every second one is turned end for end.
+        self.bay = [
+            MountPoint(Location(Plane((0, y, wall), x_dir=(0, -1 if k % 2 else 1, 0), z_dir=(0, 0, 1))), "18650")
+            for k, y in enumerate(across)
+        ]
+        self.cell: list[Cell18650] = [bay.align(cell.side) for bay in self.bay]
+        ridges = [(x, (across[k] + across[k + 1]) / 2) for x, k in ((-0.3 * self.length, 0), (0.3 * self.length, cells - 2))]
+        self.screw = [MountPoint(Location((x, y, wall)), "m2.5-head") for x, y in ridges]
+
+        block = Solid.make_box(self.length, self.width, self.height, Plane((-self.length / 2, -self.width / 2, 0)))
+        roomy = cell.adjust(diameter__add=2 * play)
+        # Down to the wall, not into it: the play is above and beside the cell.
+        beds = [(Pos(0, y, wall + roomy.p.diameter / 2) * Location((0, 0, 0), (0, 90, 0))) * roomy.hull() for y in across]
+        springs = [
+            Solid.make_box(contact, 0.6 * pitch, self.height, Plane((x - contact / 2, y - 0.3 * pitch, wall)))
+            for y in across for x in ((cell.p.length + contact) / 2, -(cell.p.length + contact) / 2)
+        ]
+        holes = [self.fixing(k, wall).clearance_hull for k in range(2)]
+        self.body = block.cut(*beds, *springs, *holes).solid()
+
+    def fixing(self, number: int, depth: float) -> Screw:
+        """The screw number 0 or 1 through the wall below the cells, `depth` [mm] into what the tray is screwed to."""
+        return Screw("M2.5", self.p.wall + depth).move(self.screw[number].location)
+
+    def result(self) -> Solid:
+        """A block with a bed for each cell, room for the springs and the holes for the screws."""
+        return self.body
+
+    def envelope(self) -> Solid:
+        """Tray and cells."""
+        return Solid.make_box(self.length, self.width, self.top, Plane((-self.length / 2, -self.width / 2, 0)))

@@ -1,0 +1,196 @@
+"""The arm's document with one thing wrong at a time, hundreds of ways: never an exception, and the blame near the touch.
+
+The front of the compiler (load to link) runs in this process; the records of the arm's parts are made once, and a mutant
+that would need another part stops before the link.
+"""
+
+from __future__ import annotations
+
+import random
+import re
+import shutil
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from thingc.diagnostics import Code, Diagnostic, Report, Severity, as_json, as_text
+from thingc.graph import link
+from thingc.load import load
+from thingc.pipeline import Compilation, Options
+from thingc.realize.record import PartFailure, PartRecord
+from thingc.realize.service import GeometryService
+from thingc.realize.store import Store
+from thingc.resolve import part_definitions, resolve
+from thingc.robot import root
+from thingc.source import Document, MappingNode, Node, ScalarNode, Span, walk
+from thingc.spec import part_references, validate
+from thingc.workspace import Workspace
+
+MUTANTS = 400
+NEAR = 0.85
+"""Share of the mutants that are refused whose first error must be on the touched line or a neighbour. The others are
+legitimate: a component that is gone is missed where it is used."""
+
+OTHER_VALUES = (
+    "3", "-7 kg", "1e9", ".nan", "true", "~", "[1, 2]", "{a: 1}", "''", "nonsense", "=1 / 0", "=reech", "120 mm", "30 deg", "0",
+    "*x", "a.b.c.d", "$i", "9" * 400, "arm.yaml", "../../x.yaml", "é", "os:system",
+)
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """`text` of the document, and the lines that were touched."""
+
+    what: str
+    text: str
+    lines: range
+
+
+class Arm:
+    """The arm in a folder of its own, with its records."""
+
+    def __init__(self, project: Path, folder: Path, store: str) -> None:
+        shutil.copytree(project / "assemblies", folder / "assemblies", ignore=shutil.ignore_patterns("README*"))
+        (folder / "parts").mkdir()
+        shutil.copy(project / "parts" / "arm.py", folder / "parts")
+        (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')
+        self.path = folder / "assemblies" / "arm.yaml"
+        self.text = self.path.read_text()
+        self.store = Store(store)
+        with Compilation(str(self.path), Options(store=store)) as whole:
+            whole.run()
+            assert whole.report.diagnostics == [] and whole.assembly is not None and whole.documents is not None
+            self.document: Document = whole.documents.root
+            self.records: Mapping[str, PartRecord | PartFailure] = whole.geometry.realize(
+                part_definitions(whole.assembly.definition)
+            )
+
+    def said(self, text: str) -> tuple[list[Diagnostic], bool]:
+        """The diagnostics of another text in place of the document's, and whether all passes were run."""
+        self.path.write_text(text)
+        report = Report()
+        workspace = Workspace.find(str(self.path), report)
+        assert workspace is not None
+        documents = load(str(self.path), workspace, report)
+        if documents is None:
+            return report.ordered(), True
+        specs = validate(documents, report)
+        with GeometryService(workspace, self.store, jobs=1, timeout=1.0) as geometry:
+            references = [reference for reference, _ in part_references(specs, documents)]
+            model = resolve(documents, specs, workspace, geometry.describe(references), {}, report)
+        if model is None:
+            return report.ordered(), True
+        texts = {definition.text for definition in part_definitions(model)}
+        if not texts <= set(self.records):
+            return report.ordered(), False
+        assembly = link(model, {text: self.records[text] for text in texts}, report)
+        if assembly is not None:
+            for mode in assembly.modes:
+                root(assembly, mode, report)
+        return report.ordered(), True
+
+
+@pytest.fixture(scope="module")
+def arm(root: Path, tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Arm:
+    return Arm(root, tmp_path_factory.mktemp("mutants"), shared_store)
+
+
+def indices(text: str, span: Span) -> tuple[int, int]:
+    """Where a span begins and ends in the text."""
+    starts = [0, *(found.end() for found in re.finditer("\n", text))]
+    return starts[span.line - 1] + span.column - 1, starts[span.end_line - 1] + span.end_column - 1
+
+
+def places(document: Document) -> Iterator[tuple[str, Node, Span | None]]:
+    """Every scalar and every entry with its path in dots and the span of its key."""
+    for path, node in walk(document.tree):
+        if not path:
+            continue
+        key = document.span(path, key=True) if isinstance(path[-1], str) else None
+        yield ".".join(map(str, path)), node, key
+
+
+def mutants(document: Document, seed: int) -> Iterator[Mutant]:
+    """Without end, in an order that the seed decides."""
+    chance = random.Random(seed)
+    text = document.text
+    found = list(places(document))
+    scalars = [(path, node) for path, node, _ in found if isinstance(node, ScalarNode)]
+    entries = [(path, node, key) for path, node, key in found if key is not None]
+
+    def replaced(what: str, begin: int, end: int, new: str) -> Mutant:
+        first = text.count("\n", 0, begin) + 1
+        return Mutant(what, text[:begin] + new + text[end:], range(first, first + text.count("\n", begin, end) + 1))
+
+    def misspelled(word: str) -> str:
+        at = chance.randrange(len(word))
+        return chance.choice((word[:at] + word[at + 1:], word[:at] + word[at] * 2 + word[at + 1:], word[:at] + "_" + word[at + 1:]))
+
+    while True:
+        kind = chance.choice(("delete", "misspell key", "misspell value", "retype", "swap", "repeat"))
+        if kind == "delete":
+            path, node, key = chance.choice(entries)
+            begin, end = indices(text, key)[0], indices(text, node.span)[1]
+            rest = re.compile(r"[ \t]*(?:,[ \t]*|(?:#.*)?\n)?").match(text, end)
+            yield replaced(f"delete {path}", begin, rest.end() if rest is not None else end, "")
+        elif kind == "misspell key":
+            path, _, key = chance.choice(entries)
+            begin, end = indices(text, key)
+            yield replaced(f"misspell the key {path}", begin, end, misspelled(text[begin:end]))
+        elif kind == "repeat":
+            path, node, key = chance.choice(entries)
+            if isinstance(node, MappingNode) and node.span.line != node.span.end_line:
+                continue
+            begin, end = indices(text, key)[0], indices(text, node.span)[1]
+            flow = text[text.rfind("\n", 0, begin) + 1 : begin].strip()
+            again = f"{text[begin:end]}{', ' if flow else chr(10) + ' ' * (key.column - 1)}{text[begin:end]}"
+            yield replaced(f"repeat {path}", begin, end, again)
+        else:
+            path, node = chance.choice(scalars)
+            begin, end = indices(text, node.span)
+            if kind == "misspell value":
+                new = misspelled(text[begin:end])
+            elif kind == "retype":
+                new = chance.choice(OTHER_VALUES)
+            else:
+                other_begin, other_end = indices(text, chance.choice(scalars)[1].span)
+                new = text[other_begin:other_end]
+            yield replaced(f"{kind} {path}: {text[begin:end]} -> {new[:40]}", begin, end, new)
+
+
+def judged(arm: Arm, seed: int, count: int) -> tuple[Counter[str], list[str]]:
+    """How mutants went: `equal`, `accepted`, `unfinished`, `near`, `far`; and those that went far, in words."""
+    tally: Counter[str] = Counter()
+    far: list[str] = []
+    makers = mutants(arm.document, seed)
+    for _ in range(count):
+        mutant = next(makers)
+        if mutant.text == arm.text:
+            tally["equal"] += 1
+            continue
+        said, whole = arm.said(mutant.text)
+        errors = [d for d in said if d.severity is Severity.ERROR]
+        assert Code.INTERNAL not in {d.code for d in said}, mutant.what
+        for diagnostic in said:
+            assert diagnostic.span is not None, (mutant.what, diagnostic.message)
+        as_text(said)
+        as_json(said)
+        if not errors:
+            tally["accepted" if whole else "unfinished"] += 1
+            continue
+        allowed = range(mutant.lines.start - 1, mutant.lines.stop + 1)
+        if any(d.span is not None and d.span.line in allowed and d.span.file == str(arm.path) for d in errors):
+            tally["near"] += 1
+        else:
+            tally["far"] += 1
+            far.append(f"{mutant.what} (line {mutant.lines.start}): {errors[0].message}")
+    return tally, far
+
+
+def test_no_mutant_surprises_the_compiler(arm: Arm) -> None:
+    tally, far = judged(arm, 1, MUTANTS)
+    assert tally["near"] + tally["far"] > MUTANTS // 2, tally
+    assert tally["near"] >= NEAR * (tally["near"] + tally["far"]), (tally, far)

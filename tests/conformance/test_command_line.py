@@ -1,0 +1,233 @@
+"""The command line as scripts use it: JSON alone on standard output, exit codes, what is loaded, and the same from Python."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import thingc as package
+from conformance.conftest import ARM
+from conformance.harness import COMMAND, ROOT, build, environment, replace, thingc, tree
+
+HEAVY = (
+    "numpy", "scipy", "networkx", "trimesh", "manifold3d", "mujoco", "OCP", "build123d", "coacd", "rich", "typer", "jsonschema",
+)
+LOADED = f"""
+import json, sys
+from thingc.cli.main import main
+code = main(json.loads(sys.argv[1]))
+print(json.dumps([code, [name for name in {HEAVY!r} if name in sys.modules]]), file=sys.stderr)
+"""
+
+
+@pytest.fixture
+def copy(arm: Path, tmp_path: Path) -> Path:
+    """A workspace like the repository's in another folder; its parts are in the store already."""
+    for name in ("assemblies", "parts"):
+        shutil.copytree(ROOT / name, tmp_path / "ws" / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "thingc.toml", tmp_path / "ws")
+    return tmp_path / "ws"
+
+
+def loaded(words: Sequence[str], store: str, cwd: Path, also: tuple[str, ...] = ()) -> tuple[str, list[str]]:
+    """What a successful command said on standard error, and the heavy modules that were loaded when it had ended."""
+    program = LOADED.replace(repr(HEAVY), repr(HEAVY + also))
+    done = subprocess.run(
+        [sys.executable, "-c", program, json.dumps(words)], cwd=cwd, env=environment(store), capture_output=True, text=True,
+        check=True,
+    )
+    *said, last = done.stderr.splitlines()
+    code, found = json.loads(last)
+    assert code == 0, done.stderr
+    return "\n".join(said), found
+
+
+@pytest.mark.parametrize("words", [
+    ("check", ARM), ("check", ARM, "--format", "json"), ("info", ARM), ("hag", ARM), ("hag", ARM, "--format", "svg"),
+    ("why", ARM, "hand/cap"), ("build", ARM, "--emit", "bom,hag,stl"), ("--help",), ("build", "--help"),
+], ids=" ".join)
+def test_nothing_heavy_is_loaded_where_nothing_is_modelled(copy: Path, shared_store: str, words: tuple[str, ...]) -> None:
+    """All passes run (no stamp is of this folder), records come from the store. With `check` it must be so; the others gain."""
+    assert loaded(words, shared_store, copy)[1] == []
+
+
+def test_a_build_that_changes_nothing_loads_next_to_nothing(arm: Path, shared_store: str) -> None:
+    said, found = loaded(["build", ARM, "-o", str(arm.parent)], shared_store, ROOT, ("pydantic", "yaml", "asyncio", "ctypes"))
+    assert "nothing changed" in said and found == []
+
+
+def test_check_says_nothing_of_a_good_document(arm: Path, shared_store: str) -> None:
+    documents = (ARM, "assemblies/end_effector.yaml")
+    ran = thingc("check", *documents, store=shared_store)
+    assert (ran.code, ran.out) == (0, "".join(f"{document}: ok\n" for document in documents))
+    assert thingc("check", *documents, "--format", "json", store=shared_store).answer == {"diagnostics": []}
+
+
+def test_build_in_json(arm: Path, shared_store: str, tmp_path: Path) -> None:
+    answer = build(ARM, "-o", tmp_path, "--mode", "bench", "--emit", "mjcf", "--emit", "bom", store=shared_store)
+    assert list(answer) == ["diagnostics", "artifacts", "modelled", "reused"]
+    paths = {(ROOT / path).resolve() for path in answer["artifacts"]}
+    assert paths == {path for path in (tmp_path / "arm").rglob("*") if path.is_file()}
+    assert answer["modelled"] == [] and len(answer["reused"]) == 9
+    names = {path.relative_to(tmp_path / "arm").as_posix() for path in paths}
+    assert {name for name in names if "assets" not in name} == {
+        "manifest.json", "modes.json", "bom.csv", "bom.json", "mjcf/arm_bench.xml", "mjcf/scene_bench.xml", "mjcf/arm_bench.mjz",
+    }
+    choice = json.loads((tmp_path / "arm" / "manifest.json").read_text())["choice"]
+    assert choice == {"modes": ["bench"], "emit": ["mjcf", "bom"], "parameters": {}}
+    answer = build(ARM, "-o", tmp_path, "--emit", "hag", "-p", "pen_diameter=10 mm", store=shared_store)
+    left = {path.name for path in (tmp_path / "arm").rglob("*")}
+    assert left == {"manifest.json", "hag.dot", "hag.mmd", "hag.svg"}, "the rest is gone"
+    assert json.loads((tmp_path / "arm" / "manifest.json").read_text())["choice"]["parameters"] == {"pen_diameter": "10 mm"}
+    assert answer["modelled"] == ["arm:Hand(pen_diameter=0.01)", "arm:OmegaCap(pen_diameter=0.01)", "arm:PenDummy(diameter=0.01)"]
+
+
+def test_info_in_json(arm: Path, shared_store: str) -> None:
+    info = thingc("info", ARM, "--format", "json", store=shared_store).answer
+    assert set(info) == {"diagnostics", "name", "mass", "centre", "inertia", "occurrences", "modes"}
+    assert info["name"] == "arm" and len(info["centre"]) == 3 and [len(row) for row in info["inertia"]] == [3, 3, 3]
+    assert all(set(o) == {"path", "definition", "mass", "mass_source", "link"} for o in info["occurrences"])
+    assert {o["mass_source"] for o in info["occurrences"]} == {"measured", "vendor", "derived", "estimated"}
+    board = next(o for o in info["occurrences"] if o["path"] == "bus_board")
+    assert board == {"path": "bus_board", "definition": "frame", "mass": 0.012, "mass_source": "measured", "link": "bracket"}
+    assert {mode: (found["root"], found["base"]) for mode, found in info["modes"].items()} == {
+        "bench": ("plate/origin", "fixed"), "drawing": ("hand/tip", "held"), "adrift": ("bracket/origin", "free"),
+    }
+    for found in info["modes"].values():
+        assert set(found) == {"root", "base", "links", "joints"}
+        assert sorted(found["links"]) == ["base_link", "bracket", "forearm", "hand_link", "humerus"]
+        assert sorted(found["joints"]) == ["elbow", "shoulder", "wrist", "yaw"]
+    assert info["modes"]["drawing"]["links"][0] == "hand_link"
+
+
+def test_parts_in_json(arm: Path, shared_store: str) -> None:
+    ran = thingc("parts", "arm", "--format", "json", store=shared_store)
+    assert ran.code == 0 and ran.answer["diagnostics"] == []
+    parts = {part["reference"]: part for part in ran.answer["parts"]}
+    names = ("BasePlate", "YawPitchBracket", "RotorBrace", "OmegaCap", "Hand", "PenDummy")
+    assert set(parts) == {f"arm:{name}" for name in names}
+    brace = parts["arm:RotorBrace"]
+    length = next(p for p in brace["parameters"] if p["name"] == "length")
+    assert (length["kind"], length["default"], length["minimum"], length["maximum"]) == ("length", 0.1, 0.06, 0.2), "SI"
+    assert set(brace["mounts"]) == {"rotor_seat", "servo_seat"}
+    assert brace["material"] == "petg" and brace["actuator"] is False
+
+
+WRONG = {
+    "no document": (("build", "assemblies/amr.yaml"), 2),
+    "no mode": (("build", ARM, "--mode", "bnech"), 2),
+    "no target": (("build", ARM, "--emit", "urdff"), 2),
+    "no parameter": (("build", ARM, "-p", "raech=120 mm"), 2),
+    "a wrong unit": (("check", ARM, "-p", "reach=3 kg"), 2),
+    "out of range": (("info", ARM, "-p", "reach=3 m"), 2),
+    "no option": (("build", ARM, "--sturdy"), 2),
+    "no command": (("biuld", ARM), 2),
+    "a loss that is denied": (("build", ARM, "-o", "{tmp}", "--deny-loss"), 1),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_exit_codes(arm: Path, shared_store: str, tmp_path: Path, case: str) -> None:
+    words, code = WRONG[case]
+    ran = thingc(*(word.replace("{tmp}", str(tmp_path)) for word in words), store=shared_store)
+    assert ran.code == code, ran.out + ran.err
+    assert ran.err + ran.out and "Traceback" not in ran.err and list(tmp_path.iterdir()) == []
+
+
+def test_all_errors_of_a_document_at_once_and_no_output(copy: Path, shared_store: str) -> None:
+    arm = copy / "assemblies" / "arm.yaml"
+    wrong = {
+        "drive: yaw_servo": "drive: yaw_srevo",
+        "attach: {bottom: bracket.shoulder_seat}": "attach: {bottom: bracket.shoulder_set}",
+        "{shoulder: -150 deg, elbow: 125 deg}": "{shoulder: -150 deg, elbow: 135 deg}",
+        "material: petg_red": "material: petg_rde",
+        "size: M2.5, length: 8 mm": "size: M2.5, length: 8 deg",
+        "{root: bracket, base: free": "{root: brakcet, base: free",
+    }
+    for old, new in wrong.items():
+        replace(arm if old in arm.read_text() else copy / "assemblies" / "end_effector.yaml", old, new)
+    lines = {path: (copy / path).read_text().splitlines() for path in (ARM, "assemblies/end_effector.yaml")}
+    for command, stream in (("check", "out"), ("build", "err")):
+        ran = thingc(command, ARM, "--format", "json", store=shared_store, cwd=copy)
+        assert ran.code == 1
+        found = ran.answer["diagnostics"]
+        marked = [lines[entry["file"]][entry["line"] - 1] for entry in found]
+        assert all(any(new in line for line in marked) for new in wrong.values()) and len(found) == len(wrong)
+        for entry in found:
+            assert list(entry) == ["code", "severity", "message", "file", "line", "column", "path", "help", "notes"]
+            assert entry["severity"] == "error" and 1 <= entry["column"] <= len(lines[entry["file"]][entry["line"] - 1])
+        text = thingc(command, ARM, store=shared_store, cwd=copy)
+        assert text.code == 1 and all(entry["message"] in getattr(text, stream) for entry in found)
+        assert "Traceback" not in text.err
+    assert not (copy / "build").exists()
+
+
+def test_warnings_are_errors_where_that_is_asked(copy: Path, shared_store: str) -> None:
+    """An effort above what the servo has."""
+    replace(copy / "assemblies" / "arm.yaml", "upper: 150 deg}", "upper: 150 deg, effort: 9 N*m}")
+    ran = thingc("check", ARM, "--format", "json", store=shared_store, cwd=copy)
+    assert ran.code == 0 and [entry["severity"] for entry in ran.answer["diagnostics"]] == ["warning"]
+    assert "9" in ran.answer["diagnostics"][0]["message"] and "4.1" in ran.answer["diagnostics"][0]["message"]
+    strict = thingc("build", ARM, "--strict", "--format", "json", store=shared_store, cwd=copy)
+    assert strict.code == 1 and [entry["severity"] for entry in strict.answer["diagnostics"]] == ["error"]
+    assert strict.answer["artifacts"] == [] and not (copy / "build").exists()
+
+
+def test_a_folder_with_files_of_somebody_else_is_left_alone(copy: Path, shared_store: str) -> None:
+    mine = copy / "out" / "arm"
+    mine.mkdir(parents=True)
+    (mine / "thesis.tex").write_text("everything")
+    ran = thingc("build", ARM, "-o", "out", "--emit", "bom", "--format", "json", store=shared_store, cwd=copy)
+    assert ran.code == 2 and "thesis.tex" in ran.answer["diagnostics"][0]["message"]
+    assert tree(copy / "out") == {"arm/thesis.tex": b"everything"}
+
+
+def test_a_raw_attribute_that_mujoco_refuses_is_shown_at_its_line(copy: Path, shared_store: str) -> None:
+    arm = copy / "assemblies" / "arm.yaml"
+    replace(arm, "solreflimit: 0.01 1", "solreflimmit: 0.01 1")
+    ran = thingc("build", ARM, "--format", "json", store=shared_store, cwd=copy)
+    (said,) = ran.answer["diagnostics"]
+    assert ran.code == 1 and "solreflimmit" in said["message"] and said["file"] == ARM
+    assert arm.read_text().splitlines()[said["line"] - 1].startswith("raw:")
+    assert not (copy / "build").exists()
+
+
+def test_the_module_and_the_script_are_the_same_program(tmp_path: Path) -> None:
+    script = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]["thingc"]
+    module, _, function = script.partition(":")
+    program = f"import sys; sys.argv[0] = 'thingc'; from {module} import {function}; sys.exit({function}())"
+    for words in (["--help"], ["build", "--help"], ["--version"], ["check", "nowhere.yaml"]):
+        one, other = (
+            subprocess.run([*command, *words], cwd=ROOT, env=environment(tmp_path), capture_output=True, text=True)
+            for command in (COMMAND, (sys.executable, "-c", program))
+        )
+        assert (one.returncode, one.stdout, one.stderr) == (other.returncode, other.stdout, other.stderr)
+        assert one.stdout
+
+
+def test_python_gives_what_the_command_line_writes(arm: Path, shared_store: str) -> None:
+    compiled = package.compile(str(ROOT / ARM), store=shared_store)
+    assert list(compiled.modes) == ["bench", "drawing", "adrift"] and compiled.diagnostics == () and compiled.modelled == ()
+    for name, mode in compiled.modes.items():
+        assert mode.mjcf().encode() == (arm / "mjcf" / f"arm_{name}.xml").read_bytes()
+        assert mode.assets() == tree(arm / "mjcf" / "assets")
+        assert mode.model().nbody == 6
+    bench = package.compile(str(ROOT / ARM), store=shared_store, modes=["bench"], parameters={"reach": "80 mm"})
+    assert list(bench.modes) == ["bench"] and bench.properties.mass < compiled.properties.mass
+
+
+def test_python_raises_every_diagnostic(tmp_path: Path) -> None:
+    (tmp_path / "bad.yaml").write_text("thingc: assembly/1\nname: bad\ncomponents:\n  a: {frame: yes}\ncolour: red\n")
+    with pytest.raises(package.CompileError) as caught:
+        package.compile(str(tmp_path / "bad.yaml"), store=str(tmp_path / "store"))
+    found: tuple[Any, ...] = caught.value.diagnostics
+    assert len(found) == 2 and all(d.span.file == str(tmp_path / "bad.yaml") for d in found)
+    assert "`colour`" in str(caught.value)

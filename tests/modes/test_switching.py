@@ -1,0 +1,254 @@
+"""Random robots from any mode into any other: MuJoCo sees the same bodies at the same places with the same velocities."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from modes.switching_robots import Made, bodies, jacobian, joints_of, mass_matrix, random_robot, same_motion, stir
+from thingc.modes import BaseElsewhere, BaseMoves
+
+seeds = st.integers(0, 2**32 - 1)
+few = settings(max_examples=25, deadline=None)
+
+
+def of(made: Made, base: str) -> list[str]:
+    return [name for name, mode in made.modes.items() if mode.base == base]
+
+
+def close(one: object, other: object, scale: float = 1.0) -> None:
+    np.testing.assert_allclose(one, other, rtol=0, atol=1e-12 * max(scale, 1.0))
+
+
+@few
+@given(seeds)
+def test_kinematics_of_every_link_are_those_of_mujoco(seed: int) -> None:
+    made, rng = random_robot(seed), np.random.default_rng(seed)
+    for name, mode in made.modes.items():
+        data = stir(rng, made.data(name))
+        state = made.modes.read(name, data)
+        seen, poses, twists = bodies(data), mode.poses(state), mode.twists(state)
+        assert list(poses) == list(twists) == [data.model.body(k).name for k in range(1, data.model.nbody)]
+        for link, (X, velocity) in seen.items():
+            close(poses[link], X)
+            close(twists[link], np.concatenate([velocity[:3], X[:3, :3].T @ velocity[3:]]))
+        quaternions = [slice(3, 7)] if mode.base == "free" else []
+        for part in quaternions:
+            data.qpos[part] *= np.sign(data.qpos[part] @ mode.qpos(state)[part]) / np.linalg.norm(data.qpos[part])
+        close(mode.qpos(state), data.qpos)
+        assert (mode.qvel(state) == data.qvel).all()
+
+
+@few
+@given(seeds)
+def test_the_mass_matrix_is_that_of_mujoco(seed: int) -> None:
+    made, rng = random_robot(seed), np.random.default_rng(seed)
+    for name, mode in made.modes.items():
+        data = stir(rng, made.data(name))
+        state = made.modes.read(name, data)
+        expected = mass_matrix(data)
+        for inertias in (None, made.modes.inertias(name, data)):
+            found = mode.mass_matrix(state, inertias)
+            assert np.allclose(found[0 if mode.base == "free" else 6 :, 0 if mode.base == "free" else 6 :], expected, rtol=1e-9, atol=1e-12)
+
+
+@few
+@given(seeds)
+def test_into_a_free_base_everything_goes_on_as_it_was(seed: int) -> None:
+    made, rng = random_robot(seed), np.random.default_rng(seed)
+    for source in made.modes:
+        for target in of(made, "free"):
+            one, other = stir(rng, made.data(source)), stir(rng, made.data(target))
+            one.time, one.ctrl[:] = 1.25, 0.5
+            switched = made.modes.switch((source, one), (target, other))
+            same_motion(one, other)
+            assert other.time == 1.25
+            assert not switched.removed.any() and not switched.impulse.any()
+
+
+@few
+@given(seeds)
+def test_there_and_back_again(seed: int) -> None:
+    """From a held or free base with moving joints into a free one elsewhere: the way back finds the old base at rest."""
+    made, rng = random_robot(seed), np.random.default_rng(seed)
+    for source in [*of(made, "held"), *of(made, "free"), *of(made, "fixed")]:
+        for target in of(made, "free"):
+            one, other, back = stir(rng, made.data(source)), made.data(target), made.data(source)
+            made.modes.switch((source, one), (target, other))
+            switched = made.modes.switch((target, other), (source, back))
+            if made.modes[source].base != "free":
+                assert np.abs(switched.removed).max() < 1e-12, "what the base could not keep is rounding"
+            same_motion(one, back)
+            assert np.array_equal(one.qvel[-len(switched.state.v) :], back.qvel[-len(switched.state.v) :])
+
+
+@few
+@given(seeds)
+def test_at_rest_every_held_base_can_be_entered(seed: int) -> None:
+    made, rng = random_robot(seed), np.random.default_rng(seed)
+    for source in made.modes:
+        for target in of(made, "held"):
+            one, other = stir(rng, made.data(source), moving=False), stir(rng, made.data(target))
+            made.modes.switch((source, one), (target, other))
+            same_motion(one, other)
+
+
+@few
+@given(seeds)
+def test_a_fixed_base_is_entered_only_where_it_stands(seed: int) -> None:
+    made, rng = random_robot(seed), np.random.default_rng(seed)
+    for target in of(made, "fixed"):
+        standing = stir(rng, made.data(target))
+        for source in of(made, "free"):
+            one, other = made.data(source), stir(rng, made.data(target))
+            made.modes.switch((target, standing), (source, one))
+            made.modes.switch((source, one), (target, other))
+            same_motion(standing, other)
+            one.qpos[:3] += [0.3, 0.0, -0.4]
+            before = other.qpos.copy(), other.qvel.copy()
+            with pytest.raises(BaseElsewhere) as refused:
+                made.modes.switch((source, one), (target, other))
+            assert refused.value.distance == pytest.approx(0.5, abs=1e-9) and refused.value.angle < 1e-7
+            assert (other.qpos == before[0]).all() and (other.qvel == before[1]).all(), "nothing is written"
+            made.modes.switch((source, one), (target, other), tolerance=0.51)
+            assert joints_of(other) == joints_of(one)
+
+
+@few
+@given(seeds)
+def test_into_a_held_base_that_moves(seed: int) -> None:
+    """Raised by default; dropped, the joints go on; caught, the velocity is projected as MuJoCo's own mass matrix has it."""
+    made, rng = random_robot(seed), np.random.default_rng(seed)
+    for source in of(made, "free"):
+        for target in of(made, "held"):
+            one, other = stir(rng, made.data(source)), stir(rng, made.data(target))
+            link = made.modes[target].root_link
+            X, velocity = bodies(one)[link]
+            twist = np.concatenate([velocity[:3], X[:3, :3].T @ velocity[3:]])
+            before = other.qpos.copy(), other.mocap_pos.copy()
+            with pytest.raises(BaseMoves) as refused:
+                made.modes.switch((source, one), (target, other))
+            close(refused.value.twist, twist)
+            assert (other.qpos == before[0]).all() and (other.mocap_pos == before[1]).all(), "nothing is written"
+
+            dropped = made.modes.switch((source, one), (target, other), on_motion="drop")
+            close(dropped.removed, twist)
+            assert not dropped.impulse.any() and not dropped.state.base_twist.any()
+            assert joints_of(other) == joints_of(one)
+            close(bodies(other)[link][0], X)
+
+            caught = made.modes.switch((source, one), (target, other), on_motion="impact")
+            close(caught.removed, twist)
+            M, J = mass_matrix(one), jacobian(one, link)
+            taken = np.linalg.solve(J @ np.linalg.solve(M, J.T), -J @ one.qvel)
+            after = one.qvel + np.linalg.solve(M, J.T @ taken)
+            names = {one.model.joint(k).name: one.model.jnt_dofadr[k] for k in range(1, one.model.njnt)}
+            scale = np.abs(one.qvel).max() * np.linalg.cond(M)
+            for name, (q, v) in joints_of(other).items():
+                assert q == joints_of(one)[name][0]
+                assert v == pytest.approx(after[names[name]], abs=1e-13 * scale)
+            impulse = np.concatenate([caught.impulse[:3], X[:3, :3] @ caught.impulse[3:]])
+            assert impulse == pytest.approx(taken, rel=1e-9, abs=1e-13 * scale)
+            assert np.abs(bodies(other)[link][1]).max() == 0.0
+
+
+@few
+@given(seeds)
+def test_a_caught_robot_keeps_the_momentum_that_it_gave_nobody(seed: int) -> None:
+    """Of all bodies together (no rotors behind gears): what is gone, linear and angular, is the impulse on the root link; the
+    energy that is gone is that of the velocity that is gone (Carnot)."""
+    made, rng = random_robot(seed), np.random.default_rng(seed)
+    for model in made.models.values():
+        model.dof_armature[:] = 0.0
+    source, target = of(made, "free")[0], of(made, "held")[-1]
+    one, other, free = stir(rng, made.data(source)), made.data(target), of(made, "free")[-1]
+    switched = made.modes.switch((source, one), (target, other), on_motion="impact")
+    after, difference = made.data(free), made.data(free)
+    made.modes.switch(switched.state, (free, after))
+    before = made.modes.read(free, _moved(made, (source, one), free))
+    made.modes.write(made.modes[free].state(
+        q=before.q, base_pose=before.base_pose, base_twist=before.base_twist - switched.state.base_twist,
+        v={name: before.v[name] - switched.state.v[name] for name in before.v},
+    ), difference)
+    linear, angular, energy = _momenta(one)
+    linear_after, angular_after, energy_after = _momenta(after)
+    X = switched.state.base_pose
+    impulse, moment = switched.impulse[:3], X[:3, :3] @ switched.impulse[3:]
+    scale = 1 + np.abs(one.qvel).max() * float(one.model.body_mass.sum())
+    assert linear + impulse == pytest.approx(linear_after, abs=1e-11 * scale)
+    assert angular + moment + np.cross(X[:3, 3], impulse) == pytest.approx(angular_after, abs=1e-11 * scale)
+    assert energy - energy_after == pytest.approx(_momenta(difference)[2], rel=1e-9, abs=1e-11 * scale**2)
+    assert energy > energy_after
+
+
+def _moved(made: Made, source: tuple[str, mujoco.MjData], target: str) -> mujoco.MjData:
+    data = made.data(target)
+    made.modes.switch(source, (target, data))
+    return data
+
+
+def _momenta(data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray, float]:
+    """Linear and angular momentum (about the world's origin) and kinetic energy, body by body."""
+    model = data.model
+    mujoco.mj_forward(model, data)
+    linear, angular, energy = np.zeros(3), np.zeros(3), 0.0
+    for body in range(1, model.nbody):
+        velocity = np.zeros(6)
+        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, body, velocity, 0)
+        w, v = velocity[:3], velocity[3:]
+        R = data.ximat[body].reshape(3, 3)
+        spin = R @ np.diag(model.body_inertia[body]) @ R.T @ w
+        linear += model.body_mass[body] * v
+        angular += spin + np.cross(data.xipos[body], model.body_mass[body] * v)
+        energy += (model.body_mass[body] * v @ v + w @ spin) / 2
+    return linear, angular, energy
+
+
+@few
+@given(seeds)
+def test_caught_joints_that_mimic_keep_to_their_leaders(seed: int) -> None:
+    """The same projection with one more constraint per mimic: v - k v_leader = 0."""
+    made, rng = random_robot(seed, mimics=True), np.random.default_rng(seed)
+    source, target = of(made, "free")[0], of(made, "held")[-1]
+    one, other = stir(rng, made.data(source)), made.data(target)
+    model = one.model
+    dof = {model.joint(k).name: int(model.jnt_dofadr[k]) for k in range(1, model.njnt)}
+    rows = []
+    for joint in made.modes[source].joints:
+        if joint.mimic is not None:
+            one.qvel[dof[joint.name]] = joint.mimic.multiplier * one.qvel[dof[joint.mimic.joint]]
+            row = np.zeros(model.nv)
+            row[dof[joint.name]], row[dof[joint.mimic.joint]] = 1.0, -joint.mimic.multiplier
+            rows.append(row)
+    made.modes.switch((source, one), (target, other), on_motion="impact")
+    M = mass_matrix(one)
+    C = np.vstack([jacobian(one, made.modes[target].root_link), *rows])
+    after = one.qvel - np.linalg.solve(M, C.T @ np.linalg.solve(C @ np.linalg.solve(M, C.T), C @ one.qvel))
+    for name, (_, v) in joints_of(other).items():
+        assert v == pytest.approx(after[dof[name]], abs=1e-13 * np.abs(one.qvel).max() * np.linalg.cond(M))
+    for joint in made.modes[target].joints:
+        if joint.mimic is not None:
+            found = joints_of(other)
+            assert found[joint.name][1] == pytest.approx(joint.mimic.multiplier * found[joint.mimic.joint][1], abs=1e-12)
+
+
+@few
+@given(seeds)
+def test_the_joints_accelerate_alike_before_and_after(seed: int) -> None:
+    """Into another free base the dynamics go on: same gravity, same torques, same qacc of the joints."""
+    made, rng = random_robot(seed), np.random.default_rng(seed)
+    free = of(made, "free")
+    one, other = stir(rng, made.data(free[0])), made.data(free[-1])
+    torque = {name: float(rng.normal()) for name in joints_of(one)}
+    made.modes.switch((free[0], one), (free[-1], other))
+    for data in (one, other):
+        data.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_LIMIT)
+        for name, value in torque.items():
+            data.joint(name).qfrc_applied = value
+        mujoco.mj_forward(data.model, data)
+    scale = np.abs(one.qacc).max() * np.linalg.cond(mass_matrix(one))
+    for name in torque:
+        assert one.joint(name).qacc[0] == pytest.approx(other.joint(name).qacc[0], abs=1e-13 * scale)
