@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from thingc import modes as modes
     from thingc.api import Compiled as Compiled
     from thingc.api import CompiledMode as CompiledMode
     from thingc.api import CompileError as CompileError
@@ -48,20 +49,25 @@ _EXPORTS = {
 }
 """Exported name to the module that has it (PEP 562)."""
 
-__all__ = list(_EXPORTS)
+_MODULES = ("modes",)
+"""Modules that are exported as they are."""
+
+__all__ = [*_EXPORTS, *_MODULES]
 
 
 def __getattr__(name: str) -> object:
     """The exported object, from its module; `AttributeError` for any other name."""
+    from importlib import import_module
+
+    if name in _MODULES:
+        return import_module(f"thingc.{name}")
     module = _EXPORTS.get(name)
     if module is None:
         raise AttributeError(f"module `thingc` has no attribute `{name}`")
-    from importlib import import_module
-
     found = getattr(import_module(module), name)
     globals()[name] = found
     return found
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_EXPORTS})
+    return sorted({*globals(), *__all__})

@@ -32,8 +32,8 @@ class Chassis(Thing):
 
     def __init__(
         self,
-        length: Annotated[Length, Range(80, 220)] = 100,
-        wall: Annotated[Length, Range(2, 6)] = 3,
+        length: Annotated[Length, Range(80, 220)] = 94.7,
+        wall: Annotated[Length, Range(2.5, 6)] = 3,
     ):
         super().__init__(material="petg")
         tray, xm430, hip = CellTray(), XM430(), HipBracket(wall + 2)
@@ -64,22 +64,26 @@ class Chassis(Thing):
         held = [hole(end) for servo in (self.front_servo, self.rear_servo) for hole in servo.screws_bottom]
         holes = [*cut_away(held), *(self.tray.fixing(k, wall).tapped_hull for k in (0, 1))]
         holes += [screw.tapped_hull for screw in self.cover_screws(0)]
-        windows = [
-            Pos(self.middle + (k - 2) * 2.5 * CORNER, 0, wall + CORNER) * block(CORNER, 2 * self.width, self.height - wall - 2.5 * CORNER)
-            for k in range(5)
-        ]
-        cables = [Pos(self.middle, y, axis - CORNER) * block(2 * length, CORNER, 2 * CORNER) for y in self._beside(xm430)]
-        inside = Pos(self.middle, 0, wall) * slab(length - 2 * end, self.width - 2 * wall, self.height, CORNER - wall / 2)
+        room = slab(length - 2 * end, self.width - 2 * wall, self.height, max(CORNER - wall, GAP))
+        inside = Pos(self.middle, 0, wall) * room
         self.hull = Pos(self.middle, 0, 0) * slab(length, self.width, self.height, CORNER)
-        self.body = self.hull.cut(inside, *windows, *cables, *holes).solid()
+        self.body = self.hull.cut(inside, *self._windows(end), *self._cables(axis), *holes).solid()
 
-    def _beside(self, servo: XM430) -> tuple[float, float]:
-        """To the left and right of a yaw servo, y of the openings for cables [mm]."""
-        y = servo.p.width / 2 + CORNER
-        return y, -y
+    def _windows(self, end: float) -> list[Solid]:
+        """What lets air through both sides: upright slots between ends of that thickness [mm]."""
+        pitch, height = 2.5 * CORNER, self.height - self.p.wall - 2.5 * CORNER
+        count = int((self.p.length - 2 * end - CORNER) / pitch)
+        slot = block(CORNER, 2 * self.width, height)
+        return [Pos(self.middle + (k - (count - 1) / 2) * pitch, 0, self.p.wall + CORNER) * slot for k in range(count)]
+
+    def _cables(self, z: float) -> list[Solid]:
+        """Openings for cables through both ends, left and right of the yaw servos at that height [mm]."""
+        y = XM430().p.width / 2 + CORNER
+        opening = block(2 * self.p.length, CORNER, 2 * CORNER)
+        return [Pos(self.middle, s * y, z - CORNER) * opening for s in (1, -1)]
 
     def cover_screws(self, thickness: float) -> list[Screw]:
-        """The four screws that hold a cover of that thickness [mm] on the ends of the case."""
+        """The four screws that hold a cover of that thickness [mm], 8 mm deep in the ends of the case."""
         x, y = (self.p.length - self.p.wall - 2) / 2, self.width / 2 - 2 * CORNER
         screw = Screw("M2.5", thickness + 8)
         corners = [(s * x, t * y) for s in (1, -1) for t in (1, -1)]
@@ -106,8 +110,8 @@ class Cover(Thing):
 
     def __init__(
         self,
-        length: Annotated[Length, Range(80, 220)] = 100,
-        wall: Annotated[Length, Range(2, 6)] = 3,
+        length: Annotated[Length, Range(80, 220)] = 94.7,
+        wall: Annotated[Length, Range(2.5, 6)] = 3,
     ):
         super().__init__(material="petg")
         case, tray = Chassis(length, wall), CellTray()
@@ -126,8 +130,9 @@ class Cover(Thing):
         housing = Pos(x, 0, 0) * slab(hood, 1.5 * hood, wall + 2 * hood / 3, CORNER / 2)
         pupil = Solid.make_cylinder(eye / 2, hood, Plane((x, 0, wall + hood / 3), z_dir=(1, 0, 0)))
         bevel = Solid.make_cylinder(0.8 * eye, 2, Plane((length / 2 - 1, 0, wall + hood / 3), z_dir=(1, 0, 0)))
-        ribs = [Pos(x - hood - k * 2 * CORNER, 0, 2 * wall / 3) * block(CORNER / 2, case.width - 4 * CORNER, wall) for k in range(5)]
-        holes = [*cut_away(screws), *(self.tray.fixing(k, wall).tapped_hull for k in (0, 1)), pupil, bevel, *ribs]
+        groove = block(CORNER / 2, case.width - 4 * CORNER, wall)
+        grooves = [Pos(x - hood - k * 2 * CORNER, 0, 2 * wall / 3) * groove for k in range(5)]
+        holes = [*cut_away(screws), *(self.tray.fixing(k, wall).tapped_hull for k in (0, 1)), pupil, bevel, *grooves]
         self.pieces = [plate, housing]
         self.body = plate.fuse(housing).cut(*holes).solid()
 

@@ -14,7 +14,6 @@ from thingc_stock.dynamixel import XM430, XM540
 from thingc_stock.fasteners import Screw
 from thingc_stock.magnets import HoldingMagnet
 
-
 OTHER_SIDE = Location((0, 0, 0), (0, 180, 0))
 """Where the other brace of a thigh sits: half a turn about y."""
 
@@ -47,14 +46,15 @@ class HipBracket(Thing):
         width = xm540.p.depth - 2 * xm540.drawing.corner
         back = Location(Plane((inner, 0, (self.low + self.high) / 2), x_dir=(0, 1, 0), z_dir=(1, 0, 0)))
         plate = back * slab(width, self.high - self.low, thickness, 2 * thickness)
-        self.pieces = [plate, *(Pos(0, 0, z) * tongue(inner + thickness, arm, thickness) for z in (self.low, self.high - thickness))]
+        arms = [Pos(0, 0, z) * tongue(inner + thickness, arm, thickness) for z in (self.low, self.high - thickness)]
+        self.pieces = [plate, *arms]
 
         ends = (*self.yaw_servo.screws_horn[::2], *self.yaw_servo.screws_idler[::2])
         held = [sunk(hole, thickness, 4 * PLAY) for hole in self.knee_servo.screws_bottom]
         boss = xm430.adjust(boss_diameter__add=6 * PLAY).move(stand).boss_hull(2 * thickness)
         axle = Solid.make_cylinder(xm430.p.boss_diameter / 2, 3 * thickness, Plane((0, 0, self.low - thickness)))
         holes = [boss, axle, *cut_away([hole(thickness) for hole in ends]), *cut_away(held)]
-        self.body = plate.fuse(*self.pieces[1:]).cut(*holes).solid()
+        self.body = plate.fuse(*arms).cut(*holes).solid()
 
     def result(self) -> Solid:
         """The fork with its holes."""
@@ -80,7 +80,7 @@ class ThighBrace(Thing):
 
     def __init__(
         self,
-        length: Annotated[Length, Range(50, 140)] = 60,
+        length: Annotated[Length, Range(50, 140)] = 64,
         thickness: Annotated[Length, Range(2.4, 6)] = 4,
     ):
         super().__init__(material="petg")
@@ -104,7 +104,8 @@ class ThighBrace(Thing):
         mine, theirs = screw.move(seat), screw.move(OTHER_SIDE * seat)
         access = Solid.make_cylinder(screw.head_diameter / 2 + 2 * PLAY, inner + thickness, Plane(seat))
         ends = [self.knee_servo.screws_horn[::2], self.ankle_servo.screws_horn[::2]]
-        bosses = [servo.boss_hull(2 * thickness) for servo in self._roomy(xm540, standing)]
+        roomy = xm540.adjust(boss_diameter__add=6 * PLAY)
+        bosses = [roomy.move(place).boss_hull(2 * thickness) for place in (Location(), standing)]
         holes = [*bosses, mine.clearance_hull, access, theirs.tapped_hull]
         holes += cut_away([hole(thickness) for end in ends for hole in end])
 
@@ -112,11 +113,6 @@ class ThighBrace(Thing):
         web = Pos(0, length / 2, 0) * block(high, deep, inner)
         self.pieces = [plate, web]
         self.body = plate.fuse(web).cut(*holes).solid()
-
-    def _roomy(self, servo: XM540, standing: Location) -> list[XM540]:
-        """Both servos where they sit, with room around their bosses."""
-        roomy = servo.adjust(boss_diameter__add=6 * PLAY)
-        return [roomy.move(Location()), roomy.move(standing)]
 
     def result(self) -> Solid:
         """The plate with its web and holes."""

@@ -49,7 +49,8 @@ class Cell18650(Thing):
         """The can with the groove below its plus pole, and the rim around the pole."""
         radius, end = self.p.diameter / 2, self.p.length / 2
         outline = [
-            (0, -end), (radius, -end), (radius, end - 4.0), (radius - 0.8, end - 3.5), (radius - 0.8, end - 3.0), (radius, end - 2.5),
+            (0, -end), (radius, -end),
+            (radius, end - 4.0), (radius - 0.8, end - 3.5), (radius - 0.8, end - 3.0), (radius, end - 2.5),
             (radius, end - 0.5), (radius - 1.5, end - 0.5), (radius - 1.5, end - 1.5), (4.0, end - 1.5), (4.0, end), (0, end),
         ]
         return Solid.revolve(Face(Wire.make_polygon([(x, 0, z) for x, z in outline])), 360, Axis.Z)
@@ -82,7 +83,7 @@ class CellTray(Thing):
         contact: Annotated[Length, Range(2, 5)] = 3.0,
     ):
         super().__init__(material="abs", color="#1d1d1f")
-        cell, screw = Cell18650(), Screw("M2.5")
+        cell = Cell18650()
         play = 0.2
         pitch = cell.p.diameter + 2 * play + 0.4
         self.length = cell.p.length + 2 * (contact + wall)

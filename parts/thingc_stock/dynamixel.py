@@ -17,7 +17,7 @@ from typing import Annotated, ClassVar
 from build123d import Face, Location, Plane, Pos, Solid, Wire
 
 from thingc import Actuator, Length, MountPoint, Range, Thing
-from thingc_stock.fasteners import Hole, Screw, Size, threaded_hole
+from thingc_stock.fasteners import Hole, Size, threaded_hole
 
 Positive = Annotated[Length, Range(minimum=0.1)]
 

@@ -27,12 +27,13 @@ ROOMS: dict[str, set[str]] = {
     "graph": BASE | {"resolve", "realize", "joints"},
     "robot": BASE | {"resolve", "realize", "joints", "graph"},
     "emit": BASE | {"resolve", "realize", "joints", "graph", "robot"},
+    "modes": {"diagnostics"},  # read at run time, next to a simulation
     "output": BASE | {"realize", "emit"},
     "stamp": BASE | {"realize"},
     "pipeline": BASE | {"stamp", "load", "spec", "realize", "resolve", "joints", "graph", "robot", "emit"},
     "api": BASE | {"pipeline", "realize", "graph", "robot", "emit"},
     "cli": BASE | {"pipeline", "realize", "graph", "robot", "emit", "output", "stamp", "resolve"},
-    "__init__": {"things", "api"},
+    "__init__": {"things", "api", "modes"},
     "__main__": {"cli"},
 }
 KERNEL = {"build123d", "OCP", "bd_warehouse", "lib3mf"}

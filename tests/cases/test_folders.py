@@ -43,7 +43,8 @@ def test_a_folder_with_files_of_a_stranger_is_not_touched(folder: Path, capsys: 
     code, lines = said(capsys, "build", "robot.yaml", "-o", "out", "--emit", "bom")
     assert code == 2
     assert lines == [
-        f"error[{Code.STRANGERS.code}]: `out/two` holds files that no build of `robot.yaml` wrote, and is left as it is: `thesis.tex`",
+        f"error[{Code.STRANGERS.code}]: `out/two` holds files that no build of `robot.yaml` wrote, and is left as it is: "
+        "`thesis.tex`",
         "  help: move these files away, or build into another folder with -o",
         "", "1 error",
     ]
@@ -108,7 +109,8 @@ def test_a_link_that_leaves_the_workspace(folder: Path, capsys: pytest.CaptureFi
     (folder / "hand.yaml").symlink_to(folder.parent / "secret.yaml")
     (folder / "motor.step").symlink_to(folder.parent / "secret.step")
     (folder / "robot.yaml").write_text(
-        "thingc: assembly/1\nname: two\ncomponents:\n  hand: {assembly: hand.yaml}\n  motor: {file: motor.step, at: {in: hand.origin}}\n"
+        "thingc: assembly/1\nname: two\ncomponents:\n  hand: {assembly: hand.yaml}\n"
+        "  motor: {file: motor.step, at: {in: hand.origin}}\n"
     )
     code, lines = said(capsys, "check", "robot.yaml")
     assert code == 1

@@ -127,7 +127,7 @@ def mutants(document: Document, seed: int) -> Iterator[Mutant]:
 
     def misspelled(word: str) -> str:
         at = chance.randrange(len(word))
-        return chance.choice((word[:at] + word[at + 1:], word[:at] + word[at] * 2 + word[at + 1:], word[:at] + "_" + word[at + 1:]))
+        return word[:at] + chance.choice(("", word[at] * 2, "_")) + word[at + 1:]
 
     while True:
         kind = chance.choice(("delete", "misspell key", "misspell value", "retype", "swap", "repeat"))

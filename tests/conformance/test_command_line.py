@@ -60,6 +60,7 @@ def test_nothing_heavy_is_loaded_where_nothing_is_modelled(copy: Path, shared_st
 
 
 def test_a_build_that_changes_nothing_loads_next_to_nothing(arm: Path, shared_store: str) -> None:
+    build(ARM, "-o", arm.parent, store=shared_store)
     said, found = loaded(["build", ARM, "-o", str(arm.parent)], shared_store, ROOT, ("pydantic", "yaml", "asyncio", "ctypes"))
     assert "nothing changed" in said and found == []
 

@@ -98,13 +98,25 @@ def sound(store: Path) -> Iterator[str]:
         yield str(path)
 
 
-def kill_after(seconds: float, process: subprocess.Popen[bytes]) -> bool:
-    """Kill a build with SIGKILL; whether it was still running."""
-    try:
-        process.wait(timeout=seconds)
-    except subprocess.TimeoutExpired:
-        process.kill()
-    return process.wait() == -signal.SIGKILL
+@dataclass
+class Killer:
+    """Kills builds at a given part of their time. How long they take is what the last one that was quicker took: the machine
+    may have other things to do."""
+
+    seconds: float
+
+    def kill(self, moment: float, process: subprocess.Popen[bytes]) -> bool:
+        """Kill with SIGKILL; whether the build was still running."""
+        began = time.monotonic()
+        try:
+            process.wait(timeout=moment * self.seconds)
+        except subprocess.TimeoutExpired:
+            process.kill()
+        if process.wait() == -signal.SIGKILL:
+            return True
+        assert process.returncode == 0
+        self.seconds = min(self.seconds, time.monotonic() - began)
+        return False
 
 
 def moments(count: int, seed: int) -> list[float]:
@@ -116,38 +128,47 @@ def moments(count: int, seed: int) -> list[float]:
 def test_cold_builds_killed_at_random_moments(scene: Scene, tmp_path: Path) -> None:
     """From an empty store. Nothing is there afterwards, or all; the next build, from what is left of the store, is as good
     as any."""
-    killed = 0
-    for number, moment in enumerate(moments(6, seed=1)):
-        output, store = tmp_path / f"out{number}", tmp_path / f"store{number}"
-        process = scene.start(60, output, store)
-        killed += kill_after(moment * scene.cold, process)
-        ended(process, scene.mark(output))
-        assert whole(output / "rig") in (None, scene.expected[60])
-        list(sound(store))
+    killer = Killer(scene.cold)
+    for moment in moments(5, seed=1):
+        for attempt in range(5):
+            output, store = tmp_path / f"out-{moment}-{attempt}", tmp_path / f"store-{moment}-{attempt}"
+            process = scene.start(60, output, store)
+            killed = killer.kill(moment, process)
+            ended(process, scene.mark(output))
+            assert whole(output / "rig") in (None, scene.expected[60])
+            list(sound(store))
+            if killed:
+                break
+        assert killed
         build("rig.yaml", "-p", "span=60 mm", "-o", output, store=store, cwd=scene.root)
         assert whole(output / "rig") == scene.expected[60], moment
         assert sorted(path.name for path in output.iterdir()) == ["rig"], "swept"
         assert len(list(sound(store))) > 20
-    assert killed >= 4
 
 
 def test_warm_builds_killed_at_random_moments(scene: Scene, tmp_path: Path) -> None:
     """Over a standing build, to and fro between two sizes: the folder holds the one or the other, whole."""
-    output, store, killed = tmp_path / "out", tmp_path / "store", 0
+    output, store, killer = tmp_path / "out", tmp_path / "store", Killer(scene.warm)
     for span in SPANS:
         build("rig.yaml", "-p", f"span={span} mm", "-o", output, store=store, cwd=scene.root)
-    for number, moment in enumerate(moments(8, seed=2)):
-        before, span = whole(output / "rig"), SPANS[number % 2]
-        process = scene.start(span, output, store)
-        killed += kill_after(moment * scene.warm, process)
-        ended(process, scene.mark(output))
-        assert whole(output / "rig") in (before, scene.expected[span])
+    standing = SPANS[1]
+    for moment in moments(8, seed=2):
+        for _ in range(5):
+            span = SPANS[1 - SPANS.index(standing)]
+            process = scene.start(span, output, store)
+            killed = killer.kill(moment, process)
+            ended(process, scene.mark(output))
+            found = whole(output / "rig")
+            assert found in (scene.expected[standing], scene.expected[span])
+            standing = span if found == scene.expected[span] else standing
+            if killed:
+                break
+        assert killed
     list(sound(store))
     for span in SPANS:
         build("rig.yaml", "-p", f"span={span} mm", "-o", output, store=store, cwd=scene.root)
         assert whole(output / "rig") == scene.expected[span]
     assert sorted(path.name for path in output.iterdir()) == ["rig"]
-    assert killed >= 5
 
 
 def test_an_interrupted_build_leaves_nothing(scene: Scene, tmp_path: Path) -> None:
@@ -156,6 +177,7 @@ def test_an_interrupted_build_leaves_nothing(scene: Scene, tmp_path: Path) -> No
     assert process.stderr is not None
     readable, _, _ = select.select([process.stderr], [], [], TIMEOUT)
     assert readable, "modelling has begun"
+    assert any("thingc.realize.worker" in command for command in processes(scene.mark(tmp_path / "out"))), "they would be seen"
     process.send_signal(signal.SIGINT)
     said = process.stderr.read().decode()
     ended(process, scene.mark(tmp_path / "out"))

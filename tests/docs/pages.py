@@ -53,6 +53,11 @@ def documents(page: Path) -> list[Block]:
     ]
 
 
+def meant_to_be_wrong(block: Block) -> bool:
+    """A document that shows what is said of a wrong one; the page shows the command that says it."""
+    return block.file is not None and block.file.startswith("wrong")
+
+
 def without_fences(page: Path) -> str:
     return _FENCE.sub("", page.read_text())
 

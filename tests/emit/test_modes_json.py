@@ -143,14 +143,16 @@ def test_what_is_said_of_each_mode(modes: dict[str, Any]) -> None:
         "adrift": ("servo_a/origin", "free", "servo_a"),
     }
     for mode in modes.values():
-        assert list(mode) == ["root", "base", "gravity", "links", "joints", "holds", "poses"]
+        assert list(mode) == ["root", "base", "gravity", "X_world_root", "links", "joints", "holds", "poses"]
         assert mode["gravity"] == [0.0, 0.0, -9.81]
         assert mode["holds"] == {}
         assert list(mode["poses"].items()) == [
             ("start", {"yaw": -0.5, "hand/lift": 0.02}), ("home", {"yaw": 1.0, "hand/lift": 0.0}),
         ]
         for joint in mode["joints"]:
-            assert list(joint) == ["name", "kind", "parent", "child", "X_PJ", "axis", "offset", "reversed", "qpos", "dof"]
+            assert list(joint) == [
+                "name", "kind", "parent", "child", "X_PJ", "axis", "offset", "reversed", "armature", "mimic", "qpos", "dof",
+            ]
             assert joint["offset"] == {"yaw": YAW.offset, "hand/lift": LIFT.offset}[joint["name"]]
     reversed_ = {name: {joint["name"]: joint["reversed"] for joint in mode["joints"]} for name, mode in modes.items()}
     assert reversed_ == {

@@ -24,6 +24,7 @@ POSES = {
     "home": (30.0, -60.0, 120.0, -30.0),
     "stretched": (0.0, 0.0, 0.0, 0.0),
     "folded": (0.0, -150.0, 125.0, 0.0),
+    "writing": (0.0, -40.0, 98.8, -58.8),
 }
 """The poses of assemblies/arm.yaml: yaw, shoulder, elbow, wrist [deg]."""
 

@@ -11,7 +11,7 @@ import math
 from thingc.emit.artifact import Loss
 from thingc.emit.mjcf_xml import Element, numbers, pose_attributes
 from thingc.pose import Pose, shifted
-from thingc.robot.types import Closure, Robot
+from thingc.robot.types import Closure, Robot, residual_words
 from thingc.source import Origin, Span
 
 STIFFNESS = "0.999 0.9999 0.001"
@@ -81,10 +81,10 @@ def losses(robot: Robot) -> list[Loss]:
             far = _shown(frame.moved[path], turn=path in turns)
             others = f" and {len(frame.moved) - 1} more" if len(frame.moved) > 1 else ""
             what = f"its values as written: the loops close with `{path}`{others} moved, by {far} at most"
-            found.append(Loss(target="mjcf", mode=mode, path=frame.name, what=what, how="approximated", span=_first(frame.origin)))
+            span = _first(frame.origin)
+            found.append(Loss(target="mjcf", mode=mode, path=frame.name, what=what, how="approximated", span=span))
     for one in robot.unclosed:
-        far = f"{1000.0 * one.residual[0]:.3g} mm and {math.degrees(one.residual[1]):.3g} deg"
-        what = f"its keyframe: `{one.path}` does not close, at best it is {far} off"
+        what = f"its keyframe: `{one.path}` does not close, at best it is {residual_words(one.residual)} off"
         found.append(Loss(target="mjcf", mode=mode, path=one.name, what=what, how="omitted", span=_first(one.origin)))
     for closure in robot.closures:
         joint = closure.joint

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from thingc.emit import mjcf_closures, mjcf_sensors
 from thingc.emit.artifact import Loss
 from thingc.emit.mjcf_drives import NOTHING, both_ways, drive_attributes, joint_range
 from thingc.emit.mjcf_geometry import Geometry, Shape
@@ -28,7 +29,7 @@ def model(robot: Robot, geometry: Geometry) -> Element:
 
 
 def losses(robot: Robot) -> tuple[Loss, ...]:
-    """What MJCF cannot say of this mode beyond its geometry. None of it depends on the mode so far."""
+    """What MJCF cannot say of this mode beyond its geometry. Velocity limits are of no mode: every one has them."""
     found: list[Loss] = []
     for joint in _joints(robot):
         if joint.limit.velocity is not None:
@@ -37,7 +38,7 @@ def losses(robot: Robot) -> tuple[Loss, ...]:
             found.append(
                 Loss(target="mjcf", mode=None, path=joint.path, what=what, how="carried as custom data", span=span)
             )
-    return tuple(found)
+    return (*found, *mjcf_closures.losses(robot), *mjcf_sensors.losses(robot))
 
 
 def class_name(robot: Robot) -> str:
@@ -81,6 +82,7 @@ class _Builder:
         self.contact()
         self.equality()
         self.actuator()
+        mjcf_sensors.sensors(self.robot, self.root.add("sensor"))
         self.keyframe()
         self.root.children = [
             section for section in self.root.children if section.children or section.tag in ("compiler", "option", "worldbody")
@@ -149,6 +151,8 @@ class _Builder:
                 self.geoms(element, self.assembly.occurrences[member], pose)
         for site in self.robot.sites:
             made[site.body].add("site", {"name": site.path, **pose_attributes(site.pose)}, site.origin)
+        mjcf_closures.sites(self.robot, made)
+        mjcf_sensors.cameras(self.robot, made)
         # The sites of a link belong to it, not to what hangs on it: children come last.
         for element in made:
             element.children.sort(key=lambda child: child.tag == "body")
@@ -188,7 +192,7 @@ class _Builder:
             body.add("geom", attributes, occurrence.origin)
 
     def contact(self) -> None:
-        """Pairs of links that never touch."""
+        """Pairs of links that never touch; a held link no more touches the world that holds it than the root does."""
         section = self.root.add("contact")
         for first, second in self.robot.excluded:
             origin = self.robot.bodies[max(first, second)].joint
@@ -196,15 +200,18 @@ class _Builder:
                 "exclude", {"body1": self.links[first].name, "body2": self.links[second].name},
                 origin.origin if origin is not None else self.robot.mode.origin,
             )
+        for body, origins in {c.child: c.origin for c in reversed(self.robot.closures) if c.hold}.items():
+            section.add("exclude", {"body1": "world", "body2": self.links[body].name}, origins)
 
     def equality(self) -> None:
-        """Joints that mimic: q = offset + multiplier q(other)."""
+        """Joints that mimic: q = offset + multiplier q(other); then loops."""
         section = self.root.add("equality")
         for joint in self.joints.values():
-            if joint.mimic is not None:
+            if joint.mimic is not None and joint.mimic.joint in self.joints:
                 polynomial = numbers((joint.mimic.offset, joint.mimic.multiplier, 0.0, 0.0, 0.0))
                 names = {"name": f"{joint.path}:mimic", "joint1": joint.path, "joint2": joint.mimic.joint}
                 section.add("joint", {**names, "polycoef": polynomial, "solimp": STIFF}, joint.mimic.origin)
+        mjcf_closures.equalities(self.robot, section, [link.name for link in self.links])
 
     def actuator(self) -> None:
         """Drives in joint order, then magnets."""
@@ -221,10 +228,10 @@ class _Builder:
             section.add("adhesion", attributes, self.assembly.occurrences[magnet.occurrence].origin)
 
     def keyframe(self) -> None:
-        """Poses of the mode: q and controls; the base stands where the mode puts it."""
+        """Poses of the mode: q and controls; the base stands where the mode puts it, a free one where holds want it."""
         section = self.root.add("keyframe")
-        base = self.robot.bodies[0].X_PL
         for frame in self.robot.keyframes:
+            base = frame.base or self.robot.bodies[0].X_PL
             qpos = [*base.translation, *base.quaternion()] if self.robot.base == "free" else []
             qpos += [frame.q[path] for path in self.joints]
             ctrl = [frame.q[path] if self.is_position(path) else 0.0 for path in self.driven]

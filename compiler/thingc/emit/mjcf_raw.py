@@ -25,9 +25,11 @@ SINGLE = ("compiler", "option", "size", "statistic", "visual")
 """Sections of which a model has one; those not written yet are made, in this order, at the top."""
 
 NAMED: dict[str, tuple[str | None, tuple[str, ...] | None]] = {
-    "actuator": ("actuator", None), "body": (None, ("body",)), "equality": ("equality", None), "geom": (None, ("geom",)),
+    "actuator": ("actuator", None), "body": (None, ("body",)), "camera": (None, ("camera",)), "equality": ("equality", None),
+    "geom": (None, ("geom",)),
     "joint": (None, ("joint", "freejoint")), "key": ("keyframe", ("key",)), "material": ("asset", ("material",)),
-    "mesh": ("asset", ("mesh",)), "numeric": ("custom", ("numeric",)), "site": (None, ("site",)),
+    "mesh": ("asset", ("mesh",)), "numeric": ("custom", ("numeric",)), "sensor": ("sensor", None),
+    "site": (None, ("site",)),
 }
 """Kinds of elements that have names: the section they stand in (None: the world's tree), and their tags (None: any)."""
 

@@ -41,7 +41,12 @@ def describe(robot: Robot) -> dict[str, object]:
     - `joints` in the order of the model: `parent` and `child` are links as this mode's tree has them; `reversed` says that
       the document has them the other way round (the axis has been turned for it, so q means the same); `qpos` and `dof` are
       the addresses in `MjData.qpos` and `.qvel`, behind a free base's 7 and 6;
-    - `holds` further mounts held to the world (none yet); `poses` q by joint path, the mode's own pose first.
+    - `holds` further mounts held to the world, by their paths: `link` that carries the mount, `X_LM` the mount in it, `X_WM`
+      where it is held;
+    - `poses` q by joint path, the mode's own pose first;
+    - only where there are loops `cuts`, the joints that close them (no joints of this model): `X_PA` and `X_CB` are the frames
+      that meet, A on the parent moving by q about or along its z; and `residuals`, how far [m, rad] the worst loop is from
+      closed in each pose.
     """
     names = [robot.assembly.links[body.link].name for body in robot.bodies]
     at_zero: list[Pose] = []
@@ -77,6 +82,7 @@ def describe(robot: Robot) -> dict[str, object]:
         positions, velocities = WIDTHS[joint.kind]
         qpos, dof = qpos + positions, dof + velocities
     order = [str(joint["name"]) for joint in joints]
+    order += [closure.path for closure in robot.closures if closure.joint is not None]
     return {
         "root": robot.mode.root.path,
         "base": robot.base,
@@ -84,8 +90,31 @@ def describe(robot: Robot) -> dict[str, object]:
         "X_world_root": robot.bodies[0].X_PL.rows(),
         "links": links,
         "joints": joints,
-        "holds": {},
+        "holds": {
+            closure.path: {"link": names[closure.child], "X_LM": closure.X_CB.rows(), "X_WM": closure.X_PA.rows()}
+            for closure in robot.closures
+            if closure.hold
+        },
         "poses": {frame.name: {name: frame.q[name] for name in order} for frame in robot.keyframes},
+        **(_loops(robot, names) if robot.closures else {}),
+    }
+
+
+def _loops(robot: Robot, names: list[str]) -> dict[str, object]:
+    return {
+        "cuts": [
+            {
+                "name": closure.path,
+                "kind": closure.kind,
+                "parent": names[closure.parent],
+                "child": names[closure.child],
+                "X_PA": closure.X_PA.rows(),
+                "X_CB": closure.X_CB.rows(),
+            }
+            for closure in robot.closures
+            if closure.parent is not None
+        ],
+        "residuals": {frame.name: frame.residual for frame in robot.keyframes},
     }
 
 

@@ -80,8 +80,8 @@ def check_loops(mates: Sequence[Mate], link_of: Sequence[int], links: Sequence[L
         if mate.loop is not None and link_of[mate.parent] == link_of[mate.child]:
             name = links[link_of[mate.parent]].name
             findings.error(
-                Code.LOOP, f"joint `{mate.loop}` closes no loop: both its mounts are on link `{name}`", mate.origin, path=mate.loop,
-                help="name mounts of two links that move against each other, or take the joint out",
+                Code.LOOP, f"joint `{mate.loop}` closes no loop: both its mounts are on link `{name}`", mate.origin,
+                path=mate.loop, help="name mounts of two links that move against each other, or take the joint out",
             )
 
 

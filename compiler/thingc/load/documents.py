@@ -231,11 +231,16 @@ def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly")
                 help=f"begin with `{head_line(file, usual)}`",
             )
         return None
+    if isinstance(node, ScalarNode) and node.damaged:
+        return None
     value = node.value if isinstance(node, ScalarNode) else None
     if not isinstance(value, str):
+        if isinstance(node, ScalarNode):
+            found = "nothing" if value is None else f"`{shortened(node.text)}`"
+        else:
+            found = "a list" if isinstance(node, SequenceNode) else "a mapping"
         report.add(
-            Code.HEADER, "`thingc` says kind and version" + (f", found `{shortened(node.text)}`" if value is not None else ", found nothing"),
-            tree.keys["thingc"] if value is None else node.span,
+            Code.HEADER, f"`thingc` says kind and version, found {found}", tree.keys["thingc"] if value is None else node.span,
             help=f"write for example `{head_line(file, usual)}`",
         )
         return None

@@ -17,13 +17,14 @@ axes, then the angular velocity in the link's own axes, as a free joint has it.
 
 from __future__ import annotations
 
+from thingc.modes.catching import Caught, caught
 from thingc.modes.faults import BaseElsewhere, BaseMoves, ModesError, UnknownMode, WrongData
 from thingc.modes.inertias import Inertias
 from thingc.modes.robot import Modes, Switched
 from thingc.modes.state import State
-from thingc.modes.tree import Joint, Link, Mimic, Mode
+from thingc.modes.tree import Cut, Hold, Joint, Link, Mimic, Mode
 
 __all__ = [
-    "BaseElsewhere", "BaseMoves", "Inertias", "Joint", "Link", "Mimic", "Mode", "Modes", "ModesError", "State", "Switched",
-    "UnknownMode", "WrongData",
+    "BaseElsewhere", "BaseMoves", "Caught", "Cut", "Hold", "Inertias", "Joint", "Link", "Mimic", "Mode", "Modes", "ModesError",
+    "State", "Switched", "UnknownMode", "WrongData", "caught",
 ]

@@ -44,14 +44,16 @@ def quaternion_of(rotation: Array) -> Array:
         [r[0, 2] - r[2, 0], r[0, 1] + r[1, 0], 1.0 - trace + 2.0 * r[1, 1], r[1, 2] + r[2, 1]],
         [r[1, 0] - r[0, 1], r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], 1.0 - trace + 2.0 * r[2, 2]],
     ])  # 4 q q^T
-    row = products[int(np.argmax(np.diagonal(products)))]
-    return np.asarray(row / np.linalg.norm(row), dtype=np.float64)
+    row: Array = products[int(np.argmax(np.diagonal(products)))]
+    unit: Array = row / np.linalg.norm(row)
+    return unit
 
 
 def turned(axis: Array, angle: float) -> Array:
     """The rotation (3, 3) by `angle` [rad] about a unit axis: Rodrigues' `1 + sin [a]x + (1 - cos) [a]x^2`."""
     k = cross_matrix(axis)
-    return np.eye(3) + np.sin(angle) * k + 2.0 * np.sin(angle / 2.0) ** 2 * (k @ k)
+    rotation: Array = np.eye(3) + np.sin(angle) * k + 2.0 * np.sin(angle / 2.0) ** 2 * (k @ k)
+    return rotation
 
 
 def cross_matrix(v: Array) -> Array:

@@ -86,7 +86,9 @@ def carry(modes: tuple[Mode, Mode], source: Any, target: Any) -> tuple[str, ...]
     here, there = _actuators(source.model), _actuators(target.model)
     for name in here.keys() & there.keys():
         target.ctrl[there[name]] = source.ctrl[here[name]]
-        target.act[_activation(target.model, there[name])] = source.act[_activation(source.model, here[name])]
+        old, new = source.act[_activation(source.model, here[name])], _activation(target.model, there[name])
+        if len(old) == new.stop - new.start:
+            target.act[new] = old
     return tuple(name for name in there if name not in here)
 
 
@@ -96,6 +98,22 @@ def _warm_start(modes: tuple[Mode, Mode], source: Any, target: Any) -> None:
         target.joint(FREE_JOINT).qacc_warmstart = np.zeros(6)
     for joint in old.joints:
         target.joint(joint.name).qacc_warmstart = source.joint(joint.name).qacc_warmstart
+
+
+def hold_here(mode: Mode, state: State, data: Any) -> None:
+    """Let the further holds of a mode hold their mounts where `state` has them: the welds to the world in the model of `data`.
+
+    MuJoCo keeps a weld in `eq_data`: a point on the second body (3), where that is on the first (3), and the second body's
+    quaternion in the first (4). Those of a fixed base are where the model has them, like the base itself.
+    """
+    if mode.base == "fixed":
+        return
+    poses = mode.poses(state)
+    for hold in mode.holds:
+        X = poses[mode.links[hold.link].name]
+        weld = data.model.equality(f"{hold.path}:hold").data
+        weld[3:6] = X[:3, :3] @ weld[:3] + X[:3, 3]
+        weld[6:10] = quaternion_of(X[:3, :3])
 
 
 def bolted(mode: Mode, data: Any) -> Array:

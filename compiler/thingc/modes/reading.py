@@ -12,7 +12,7 @@ import numpy as np
 
 from thingc.modes.faults import ModesError
 from thingc.modes.frames import inverse
-from thingc.modes.tree import Joint, Link, Mimic, Mode
+from thingc.modes.tree import Cut, Hold, Joint, Link, Mimic, Mode
 
 FILE = "modes.json"
 KINDS = frozenset({"hinge", "slide"})
@@ -60,6 +60,17 @@ def _mode(name: str, described: Mapping[str, Any]) -> Mode:
         links=links,
         joints=tuple(_joint(joint, links, index) for joint in described["joints"]),
         named=MappingProxyType({pose: MappingProxyType(dict(q)) for pose, q in described["poses"].items()}),
+        holds=tuple(
+            Hold(path=path, link=index[hold["link"]], X_LM=_array(hold["X_LM"], 4, 4), X_WM=_array(hold["X_WM"], 4, 4))
+            for path, hold in described["holds"].items()
+        ),
+        cuts=tuple(
+            Cut(
+                name=str(cut["name"]), kind=str(cut["kind"]), parent=index[cut["parent"]], child=index[cut["child"]],
+                X_PA=_array(cut["X_PA"], 4, 4), X_CB=_array(cut["X_CB"], 4, 4),
+            )
+            for cut in described.get("cuts", ())
+        ),
     )
 
 

@@ -11,11 +11,12 @@ import numpy as np
 
 from thingc.diagnostics import did_you_mean
 from thingc.modes import mjdata, reading
+from thingc.modes.catching import Caught, caught
 from thingc.modes.faults import BaseElsewhere, BaseMoves, ModesError, UnknownMode
-from thingc.modes.frames import Array, angle_between
+from thingc.modes.frames import Array, angle_between, inverse
 from thingc.modes.inertias import Inertias
 from thingc.modes.state import State
-from thingc.modes.tree import Mode
+from thingc.modes.tree import Cut, Mode
 
 OnMotion = Literal["raise", "drop", "impact"]
 CHOICES = ("raise", "drop", "impact")
@@ -28,12 +29,14 @@ class Switched:
     `state` is that of the new mode. `removed` (6,) is the twist [m/s, rad/s] of the new root link that a base held still could
     not keep (0 where nothing was lost). `impulse` (6,) is what the catch took: the linear impulse [N s] on the root link in world
     axes and the angular impulse [N m s] about its frame's origin in its own axes; 0 unless `on_motion="impact"` removed
-    something. `uncommanded` are the actuators that only the new mode has: their controls are as they were in its data.
+    something. `holds` says the same of the further mounts that the mode holds, by path. `uncommanded` are the actuators that
+    only the new mode has: their controls are as they were in its data.
     """
 
     state: State
     removed: Array
     impulse: Array
+    holds: Mapping[str, Caught]
     uncommanded: tuple[str, ...]
 
 
@@ -106,7 +109,9 @@ class Modes(Mapping[str, Mode]):
         held or fixed while its link moves faster than `at_rest` [m/s and rad/s], `on_motion` decides: `"raise"` raises
         `BaseMoves`; `"drop"` keeps the joints' v; `"impact"` gives the v after a perfectly inelastic catch (see `caught`), with
         the masses `inertias`, else those in the target's model, else the source's, else the build's. A fixed base must be where
-        it stands within `tolerance` [m and rad], else `BaseElsewhere`. Nothing is written when anything is raised (`ModesError`).
+        it stands within `tolerance` [m and rad], else `BaseElsewhere`. What has been said of a held base goes for the links of
+        further holds, too: they are held where they are (the equality in the target's model is moved there), but of a fixed base
+        they must be where the document holds them. Nothing is written when anything is raised (`ModesError`).
         """
         if on_motion not in CHOICES:
             raise ModesError(f"expected on_motion \"raise\", \"drop\" or \"impact\", found `{on_motion}`")
@@ -117,62 +122,91 @@ class Modes(Mapping[str, Mode]):
         if into_data is not None:
             mjdata.check(new, into_data)
         found = _seen_from(state, old, new)
-        removed = impulse = np.zeros(6)
         if new.base == "fixed":
             found = _bolted(found, new, new.X_world_root if into_data is None else mjdata.bolted(new, into_data), tolerance)
+        removed = _removed(found, new)
+        impulse: Array = np.zeros(6)
+        impulses: Mapping[str, Array] = {hold.path: np.zeros(6) for hold in new.holds}
+        moving = next((link for link, twist in removed.values() if _speed(twist) > at_rest), None)
+        if moving is not None and on_motion == "raise":
+            raise BaseMoves(name, moving, next(twist for link, twist in removed.values() if link == moving))
+        if moving is not None and on_motion == "impact":
+            known = inertias
+            if known is None:
+                data = into_data if into_data is not None else from_data
+                known = new.inertias if data is None else mjdata.inertias(new, data)
+            found, impulse, impulses = caught(new, found, known)
         if new.base != "free":
-            removed = found.base_twist
-            if max(np.linalg.norm(removed[:3]), np.linalg.norm(removed[3:])) <= at_rest:
-                found = replace(found, base_twist=np.zeros(6))
-            elif on_motion == "raise":
-                raise BaseMoves(name, new.root_link, removed)
-            elif on_motion == "drop":
-                found = replace(found, base_twist=np.zeros(6))
-            else:
-                known = inertias
-                if known is None:
-                    data = into_data if into_data is not None else from_data
-                    known = new.inertias if data is None else mjdata.inertias(new, data)
-                found, impulse = caught(new, found, known)
+            found = replace(found, base_twist=np.zeros(6))
         uncommanded: tuple[str, ...] = ()
         if into_data is not None:
             mjdata.write(new, found, into_data)
+            mjdata.hold_here(new, found, into_data)
             if from_data is not None:
                 uncommanded = mjdata.carry((old, new), from_data, into_data)
-        return Switched(state=found, removed=removed, impulse=impulse, uncommanded=uncommanded)
-
-
-def caught(mode: Mode, state: State, inertias: Inertias | None = None) -> tuple[State, Array]:
-    """The state after the root link of `mode` has been stopped by a perfectly inelastic catch, and the impulse (6,) on it.
-
-    An impulse p on the root link alone changes the velocity u = (twist V, v) by `M (u' - u) = (p, 0)` with V' = 0. The lower
-    rows are `M_jj v' = M_jj v + M_jb V`; joints that mimic keep to their leaders (v = T w), which leaves `T^T M_jj T w' =
-    T^T (M_jj v + M_jb V)`. It is the projection of u on the motions that the held base allows, orthogonal in the metric M: of
-    all those it is the nearest, and it loses the kinetic energy of the difference (Carnot). p goes with `base_twist`.
-    """
-    M = mode.mass_matrix(state, inertias)
-    T = mode.coupling()
-    u = mode.velocity(state)
-    after = np.zeros_like(u)
-    after[6:] = T @ np.linalg.solve(T.T @ M[6:, 6:] @ T, T.T @ (M[6:] @ u))
-    stopped = replace(
-        state, base_twist=np.zeros(6), v={joint.name: value for joint, value in zip(mode.joints, after[6:], strict=True)}
-    )
-    return stopped, (M @ (after - u))[:6]
+        return Switched(
+            state=found,
+            removed=np.zeros(6) if new.base == "free" else removed[new.root][1],
+            impulse=impulse,
+            holds={hold.path: Caught(removed=removed[hold.path][1], impulse=impulses[hold.path]) for hold in new.holds},
+            uncommanded=uncommanded,
+        )
 
 
 def _seen_from(state: State, old: Mode, new: Mode) -> State:
-    """The same motion told from another root."""
+    """The same motion told from another root. A joint that `old` has cut moves as its two ends do."""
+    poses, twists = old.poses(state), old.twists(state)
+    q, v = dict(state.q), dict(state.v)
+    for cut in old.cuts:
+        if cut.kind != "weld":
+            q[cut.name], v[cut.name] = _across(old, cut, poses, twists)
     return State(
-        mode=new.name, base_pose=old.poses(state)[new.root_link], base_twist=old.twists(state)[new.root_link],
-        q={joint.name: state.q[joint.name] for joint in new.joints}, v={joint.name: state.v[joint.name] for joint in new.joints},
+        mode=new.name, base_pose=poses[new.root_link], base_twist=twists[new.root_link],
+        q={joint.name: q[joint.name] for joint in new.joints}, v={joint.name: v[joint.name] for joint in new.joints},
     )
 
 
+def _across(mode: Mode, cut: Cut, poses: Mapping[str, Array], twists: Mapping[str, Array]) -> tuple[float, float]:
+    """(q, v) of a joint from its ends' motions: about or along z of A (a hinge's q within half a turn either way)."""
+    parent, child = mode.links[cut.parent].name, mode.links[cut.child].name
+    X_WA, X_WB = poses[parent] @ cut.X_PA, poses[child] @ cut.X_CB
+    X_AB, z = inverse(X_WA) @ X_WB, X_WA[:3, 2]
+    spins = [poses[link][:3, :3] @ twists[link][3:] for link in (parent, child)]
+    if cut.kind == "hinge":
+        return float(np.arctan2(X_AB[1, 0] - X_AB[0, 1], X_AB[0, 0] + X_AB[1, 1])), float(z @ (spins[1] - spins[0]))
+    ends = [
+        twists[link][:3] + np.cross(spin, X_WB[:3, 3] - poses[link][:3, 3])
+        for link, spin in zip((parent, child), spins, strict=True)
+    ]
+    return float(X_AB[2, 3]), float(z @ (ends[1] - ends[0]))
+
+
+def _removed(state: State, mode: Mode) -> dict[str, tuple[str, Array]]:
+    """What must stand still in `mode`, by the path of its mount: the link's name and its twist now. The root first."""
+    twists = mode.twists(state)
+    held = {} if mode.base == "free" else {mode.root: mode.root_link}
+    held |= {hold.path: mode.links[hold.link].name for hold in mode.holds}
+    return {path: (link, twists[link]) for path, link in held.items()}
+
+
+def _speed(twist: Array) -> float:
+    """The larger of the two [m/s, rad/s]."""
+    return max(float(np.linalg.norm(twist[:3])), float(np.linalg.norm(twist[3:])))
+
+
 def _bolted(state: State, mode: Mode, place: Array, tolerance: float) -> State:
-    """The state with its base exactly at `place`. Raises `BaseElsewhere` where it is further away than `tolerance`."""
-    distance = float(np.linalg.norm(state.base_pose[:3, 3] - place[:3, 3]))
-    angle = angle_between(place[:3, :3], state.base_pose[:3, :3])
-    if max(distance, angle) > tolerance:
-        raise BaseElsewhere(mode.name, mode.root_link, distance, angle, tolerance)
+    """The state with its base exactly at `place`. Raises `BaseElsewhere` where it, or a further hold, is further away than
+    `tolerance` from where it stands."""
+    _compare(mode, mode.root_link, state.base_pose, place, tolerance)
+    poses = mode.poses(state)
+    for hold in mode.holds:
+        link = mode.links[hold.link].name
+        _compare(mode, link, poses[link], hold.X_WM @ inverse(hold.X_LM), tolerance)
     return replace(state, base_pose=place)
+
+
+def _compare(mode: Mode, link: str, X: Array, place: Array, tolerance: float) -> None:
+    distance = float(np.linalg.norm(X[:3, 3] - place[:3, 3]))
+    angle = angle_between(place[:3, :3], X[:3, :3])
+    if max(distance, angle) > tolerance:
+        raise BaseElsewhere(mode.name, link, distance, angle, tolerance)

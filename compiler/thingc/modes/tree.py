@@ -61,10 +61,35 @@ class Joint:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Hold:
+    """A mount `path` on `link` (an index) that the mode holds still besides its root: `X_LM` (4, 4) in the link, `X_WM` (4, 4)
+    where the document holds it in the world."""
+
+    path: str
+    link: int
+    X_LM: Array
+    X_WM: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Cut:
+    """A joint that closes a loop and is none of this mode's tree: frames A on link `parent` (index, `X_PA`) and B on link `child`
+    (`X_CB`) meet, where A has been turned about its z by q (`hinge`), slid along it (`slide`), or neither (`weld`)."""
+
+    name: str
+    kind: str
+    parent: int
+    child: int
+    X_PA: Array
+    X_CB: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Mode:
     """A mode of a robot. `root` is the path of the site that it stands on, `base` `fixed | held | free`, `gravity` (3,) [m/s^2]
     in the world, `X_world_root` (4, 4) where the mode puts its root link; `links` root first, parents before children; `joints`
-    in the order of the model; `named` the poses of the mode, q by joint path, its own first."""
+    in the order of the model; `named` the poses of the mode, q by joint path, its own first; `holds` further mounts held to the
+    world; `cuts` the joints that close loops."""
 
     name: str
     root: str
@@ -74,6 +99,8 @@ class Mode:
     links: tuple[Link, ...]
     joints: tuple[Joint, ...]
     named: Mapping[str, Mapping[str, float]]
+    holds: tuple[Hold, ...] = ()
+    cuts: tuple[Cut, ...] = ()
 
     @property
     def root_link(self) -> str:
@@ -123,10 +150,9 @@ class Mode:
         """The motion (6,) of every link by name: velocity [m/s] of its frame's origin in world axes, then angular velocity
         [rad/s] in its own axes."""
         placed = self._placed(state)
-        jacobians = self._jacobians(state, placed)
         u = self.velocity(state)
         found = {}
-        for link, X, J in zip(self.links, placed, jacobians, strict=True):
+        for link, X, J in zip(self.links, placed, self._jacobians(state, placed), strict=True):
             twist = J @ u
             found[link.name] = np.concatenate([twist[:3], X[:3, :3].T @ twist[3:]])
         return found
@@ -135,6 +161,10 @@ class Mode:
         """The generalized velocity (6 + m,) of the robot with a free base: `base_twist`, then v in the order of the joints."""
         self._check(state)
         return np.concatenate([state.base_twist, [state.v[joint.name] for joint in self.joints]])
+
+    def jacobians(self, state: State) -> tuple[Array, ...]:
+        """Of every link (6, 6 + m): velocity of its frame's origin and angular velocity, both in world axes, from `velocity`."""
+        return tuple(self._jacobians(state, self._placed(state)))
 
     def mass_matrix(self, state: State, inertias: Inertias | None = None) -> Array:
         """The mass matrix (6 + m, 6 + m) of the robot with a free base, for velocities as of `velocity`, whatever its base.
@@ -164,14 +194,14 @@ class Mode:
         return self.velocity(state)[0 if self.base == "free" else 6 :]
 
     def coupling(self) -> Array:
-        """(m, k): v of all m joints from v of the k that mimic none, both in the order of the model."""
-        names = {joint.name: index for index, joint in enumerate(self.joints)}
-        free = [joint.name for joint in self.joints if joint.mimic is None]
+        """(m, k): v of all m joints from v of the k that follow none of this tree, both in the order of the model."""
+        known = {joint.name: joint for joint in self.joints}
+        free = [joint.name for joint in self.joints if joint.mimic is None or joint.mimic.joint not in known]
         found = np.zeros((len(self.joints), len(free)))
         for row, joint in enumerate(self.joints):
             ratio, leader = 1.0, joint
-            while leader.mimic is not None:
-                ratio, leader = ratio * leader.mimic.multiplier, self.joints[names[leader.mimic.joint]]
+            while leader.mimic is not None and leader.name not in free:
+                ratio, leader = ratio * leader.mimic.multiplier, known[leader.mimic.joint]
             found[row, free.index(leader.name)] = ratio
         return found
 
@@ -201,7 +231,7 @@ class Mode:
         return found
 
     def _jacobians(self, state: State, placed: list[Array]) -> list[Array]:
-        """By link (6, 6 + m): velocity of its frame's origin and angular velocity, both in world axes, from `velocity`."""
+        """As of `jacobians`, at poses that are known."""
         count = 6 + len(self.joints)
         root = np.zeros((6, count))
         root[:3, :3], root[3:, 3:6] = np.eye(3), state.base_pose[:3, :3]

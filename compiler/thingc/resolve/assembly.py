@@ -78,7 +78,8 @@ def resolved(
         mounts={name: one for name, one in table.exports.items() if one is not None},
         poses=tuple(pose for pose in table.poses.values() if pose is not None), modes=modes(table, scope) if top else (),
         simulation=simulation(scope, Layers(((spec.simulation, ("simulation",)),))) if top and spec.simulation else {},
-        raw=raw(scope, spec.raw), sensors=tuple(sensors(table, scope)), origin=scope.origin(("name",)), materials_known=not lacking,
+        raw=raw(scope, spec.raw), sensors=tuple(sensors(table, scope)),
+        origin=scope.origin(("name",)), materials_known=not lacking,
     )
     return table
 

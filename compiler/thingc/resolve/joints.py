@@ -100,7 +100,7 @@ def joints(table: Table, items: Iterable[Item[JointSpec]], places: Places) -> bo
             unsure = unsure or not spec.loop
         else:
             places.setdefault(placed, []).append((f"joint `{item.name}`", scope.span(path, key=True)))
-        # Two mounts of one component: of an assembly, a loop may close between parts of it (`link` knows).
+        # A loop may close between two parts of one nested assembly: `link` knows.
         if parent is not None and child is not None and parent.path[0] == child.path[0] and not spec.loop:
             scope.error(
                 Code.PLACED_ON_ITSELF, f"joint `{item.name}` connects `{child.path[0]}` with itself", (*path, "child"),
@@ -155,8 +155,8 @@ def _joint(table: Table, item: Item[JointSpec], kind: JointKind, parent: Referen
         name=name, kind=kind.name, parent=parent, child=child, limit=limit, dynamics=dynamics,
         turn=(scope.number(*turn, ANGLE, f"`turn` of joint `{name}`") or 0.0) if turn else 0.0,
         gap=(scope.number(*gap, LENGTH, f"`gap` of joint `{name}`") or 0.0) if gap else 0.0,
-        offset=offset, drive=drive, mimic=None, origin=scope.origin(path, key=True), spans=_spans(table, path, layers),
-        loop=spec.loop,
+        offset=offset, drive=drive, mimic=None, origin=scope.origin(path, key=True), loop=spec.loop,
+        spans=_spans(table, path, layers),
     )
 
 

@@ -214,8 +214,8 @@ def _own_within(scope: Scope, spec: AssemblySpec, name: str, value: Found) -> No
     ) and own[0].fits(own[-1].dimension):
         at = (*path, "value")
         message, help = dimension_message(value, (own[0].dimension,), f"the value of parameter `{name}`", scope.written(at))
-        bound = "min" if isinstance(entry, ParameterSpec) and entry.min is not None else "max"
-        note = Note(message="as its bound is", span=scope.span((*path, bound)))
+        bounded = "min" if isinstance(entry, ParameterSpec) and entry.min is not None else "max"
+        note = Note(message="as its bound is", span=scope.span((*path, bounded)))
         scope.error(Code.DIMENSION, message, at, help=help, notes=[note])
         return
     if not isinstance(value, Quantity):
@@ -230,8 +230,9 @@ def _own_within(scope: Scope, spec: AssemblySpec, name: str, value: Found) -> No
         raw = getattr(entry, key) if isinstance(entry, ParameterSpec) else None
         found = scope.value(raw, (*path, key)) if raw is not None else None
         if found is not None and not isinstance(found, Quantity):
-            message, help = dimension_message(found, (value.dimension,), f"`{key}` of parameter `{name}`", scope.written((*path, key)))
-            scope.error(Code.VALUE_KIND, message, (*path, key), help=help)
+            at = (*path, key)
+            message, help = dimension_message(found, (value.dimension,), f"`{key}` of parameter `{name}`", scope.written(at))
+            scope.error(Code.VALUE_KIND, message, at, help=help)
     for key, bound in list(bounds.items()):
         if not bound.fits(value.dimension) and not value.fits(bound.dimension):
             scope.wrong_dimension(bound, (value.dimension,), f"`{key}` of parameter `{name}`", (*path, key))

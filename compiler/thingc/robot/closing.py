@@ -13,7 +13,7 @@ from thingc.resolve.model import NamedPose
 from thingc.robot.closure import Loops, Solution, State
 from thingc.robot.kinematics import placed_bodies
 from thingc.robot.tree import bodies_from, cut_closures, in_link, placing
-from thingc.robot.types import Body, Closure, Keyframe, Unclosed
+from thingc.robot.types import Body, Closure, Keyframe, Unclosed, residual_words
 
 MET = 1e-12
 """A pose whose loops are closed to within this [m, rad] as it is written is taken as it is written."""
@@ -51,8 +51,8 @@ def closures_of(
         if hold.pose is None and where is None:
             where = _at_own_pose(assembly, mode, bodies)
         held.append(Closure(
-            path=choice.path, kind="weld", hold=True, parent=None, child=body_of[link], X_PA=_target(hold, where, body_of[link], X_LM),
-            X_CB=X_LM, joint=None, origin=hold.origin,
+            path=choice.path, kind="weld", hold=True, parent=None, child=body_of[link],
+            X_PA=_target(hold, where, body_of[link], X_LM), X_CB=X_LM, joint=None, origin=hold.origin,
         ))
     return (*held, *cut) if sound else None
 
@@ -123,7 +123,7 @@ def keyframes_of(
         if solution.closed:
             found.append(Keyframe(
                 name=pose.name, q=solution.state.q, origin=pose.origin, base=solution.state.base if base_moves else None,
-                moved={p: q - start.q[p] for p, q in solution.state.q.items() if abs(q - start.q[p]) > STILL},
+                moved={p: solution.state.q[p] - q for p, q in pose.values.items() if abs(solution.state.q[p] - q) > STILL},
                 residual=solution.residual,
             ))
         else:
@@ -150,25 +150,26 @@ def keyframes_of(
 def _report(
     mode: LinkedMode, loops: Loops, own: Unclosed | None, best: Solution | None, found: list[Keyframe], report: Report,
 ) -> None:
+    where = ""
     if own is not None and (best is None or found):
         # It can be closed, but not from where the mode starts.
-        closure = next(c for c in loops.closures if c.path == own.path)
+        closure, residual = next(c for c in loops.closures if c.path == own.path), own.residual
         help = f"start from `{found[0].name}`, which closes" if found else "start from a pose nearer to where it is closed"
-        message = f"the pose `{own.name}` of mode `{mode.name}` {_apart(closure, own.residual)}"
-        report.add(Code.UNCLOSED, message, closure.origin, path=closure.path, help=help)
+        where = f" from pose `{own.name}`"
     elif best is not None:
         closure, residual = _worst(loops, best)
-        subject = f"mode `{mode.name}`" if closure.hold else f"the loop through joint `{closure.path}`, in mode `{mode.name}`,"
-        help = "move the hold, or widen the limits of the joints" if closure.hold else "change the lengths in the loop, or its limits"
-        report.add(Code.UNCLOSED, f"{subject} {_apart(closure, residual)}", closure.origin, path=closure.path, help=help)
-
-
-def _apart(closure: Closure, residual: tuple[float, float]) -> str:
-    """`cannot hold ...: at best it is 12.3 mm and 4 deg away`."""
-    far = f"{1000.0 * residual[0]:.3g} mm and {math.degrees(residual[1]):.3g} deg"
+        help = (
+            "move the hold, or widen the limits of the joints" if closure.hold
+            else "change the lengths in the loop, or the limits of its joints"
+        )
+    else:
+        return
+    far = residual_words(residual)
     if closure.hold:
-        return f"cannot hold `{closure.path}` there: at best it is {far} away"
-    return f"does not close: at best its ends are {far} apart"
+        message = f"mode `{mode.name}` cannot hold `{closure.path}` there{where}: at best it is {far} away"
+    else:
+        message = f"the loop through joint `{closure.path}` does not close{where}: at best its ends are {far} apart"
+    report.add(Code.UNCLOSED, message, closure.origin, path=closure.path, help=help)
 
 
 def _named(assembly: Assembly, pose: NamedPose | None) -> frozenset[str]:

@@ -99,7 +99,7 @@ class Loops:
     def _extent(self) -> float:
         """A length [m] that fits the robot: the farthest of the bodies on its loops from their middle, at q = 0. It does not
         depend on the root, and only sets what counts as much as a radian."""
-        at = self._placed(State(q={path: 0.0 for path in self.joints}, base=NO_POSE))
+        at = self._placed(State(q=dict.fromkeys(self.joints, 0.0), base=NO_POSE))
         places = [at[body].translation for body in self._needed]
         places += [at[c.child].apply(c.X_CB.translation) for c in self.closures]
         if not places:
@@ -159,7 +159,7 @@ class Loops:
             gain = cost - _square(better[1])
             state, error = better
             cost -= gain
-            if gain < 1e-10 * cost:
+            if gain < 1e-13 * cost:
                 break
         return Solution(state=state, residuals=self.residuals(state))
 
@@ -208,8 +208,8 @@ class Loops:
                     column = list(zero)
                     for row, closure in enumerate(self.closures):
                         if closure.parent is None:
-                            end = self._frames(closure, at, state.q)[1].translation
-                            velocity = _velocity(kind, axis, state.base.translation, end)
+                            point = self._frames(closure, at, state.q)[1].translation
+                            velocity = _velocity(kind, axis, state.base.translation, point)
                             self._add(column, row, velocity, self.length if kind == "slide" else 1.0)
                     columns.append(column)
         return columns

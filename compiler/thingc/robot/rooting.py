@@ -62,7 +62,9 @@ def _sites(assembly: Assembly, body_of: dict[int, int]) -> Iterator[Site]:
     wanted += [
         (h.mount.path, h.mount.occurrence, h.mount.mount or "origin", h.origin) for m in assembly.modes for h in m.holds
     ]
-    wanted += [(s.site, s.occurrence, s.mount, s.origin) for s in assembly.sensors if s.site and s.occurrence is not None and s.mount]
+    for s in assembly.sensors:
+        if s.site is not None and s.occurrence is not None and s.mount is not None:
+            wanted.append((s.site, s.occurrence, s.mount, s.origin))
     for path, occurrence, mount, origin in wanted:
         if path not in named:
             named.add(path)

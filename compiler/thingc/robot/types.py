@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 from thingc.graph.types import ActuatorModel, Assembly, JointEdge, LinkedMode
@@ -77,12 +78,17 @@ class Closure:
     origin: Origin
 
 
+def residual_words(residual: tuple[float, float]) -> str:
+    """How far from closed [m, rad], for people: `12.3 mm and 4.56 deg`."""
+    return f"{round(1000.0 * residual[0], 4):.3g} mm and {round(math.degrees(residual[1]), 4):.3g} deg"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Keyframe:
     """A pose of this mode: q of every joint by path [rad or m], those that mimic included, and those that were cut.
 
-    In a mode with closures it is the named pose with the loops closed: `moved` says by how much [rad or m] each joint that had
-    to go elsewhere did, `residual` how far the worst closure is from closed [m, rad]. `base` is the pose of the root link in
+    In a mode with closures it is the named pose with the loops closed: `moved` says by how much [rad or m] each joint that
+    the pose names had to leave its value, `residual` how far the worst closure is from closed [m, rad]. `base` is the pose of the root link in
     the world (None: where the mode puts it; else a free base that has been moved to where closures want it).
     """
 
@@ -111,8 +117,9 @@ class Robot:
 
     `base` is `fixed | held | free`; `excluded` pairs of body indices (neighbours through a joint, the same links in
     every mode, plus the mode's own); a link that a hold keeps at the world is a neighbour of the world, in this mode alone.
-    `closures` are holds, then cut joints; `keyframes` the poses that close, `unclosed` the others. `adhesion` is the control in this mode per adhesion path [N] (0 where it says
-    nothing). `present` are the joints whose actuators exist here, in joint order.
+    `closures` are holds, then joints that were cut; `keyframes` the poses that close, `unclosed` the others. `adhesion` is the
+    control in this mode per adhesion path [N] (0 where it says nothing). `present` are the joints whose actuators exist here,
+    in joint order.
     """
 
     name: str

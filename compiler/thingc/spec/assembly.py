@@ -201,7 +201,9 @@ class ComponentSpec(ComponentDefaults):
                 f"a component has exactly one of `part`, `file`, `assembly`, `frame`; here are {named}", "keep one of them",
             )
         if self.params and self.part is None:
-            raise _rule("`params` belongs to a `part`", "a nested assembly takes `parameters`" if self.assembly else "take it out")
+            raise _rule(
+                "`params` belongs to a `part`", "a nested assembly takes `parameters`" if self.assembly else "take it out",
+            )
         if self.parameters and self.assembly is None:
             raise _rule("`parameters` belongs to a nested `assembly`", "a part takes `params`" if self.part else "take it out")
         if self.attach is not None and self.at is not None:

@@ -254,7 +254,8 @@ class _Reporter:
 
     def stands_in(self, path: Path) -> bool:
         """Whether the value at a path (or inside it: an item of a vector) is one that load put there for what cannot be."""
-        return any(place[: len(path)] == path and isinstance(node_at(self.document.tree, place), ScalarNode) for place in self.damaged)
+        inside = (place for place in self.damaged if place[: len(path)] == path)
+        return any(isinstance(node_at(self.document.tree, place), ScalarNode) for place in inside)
 
     def one(self, fault: _Fault) -> None:
         if fault.kind == "extra_forbidden":

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 from build123d import Box, Location
+
 from thingc import Actuator, Angle, Count, Length, MountPoint, Range, Thing
 
 DOWN = (180, 0, 0)
@@ -32,8 +33,8 @@ class Lever(Thing):
     """
 
     def __init__(
-        self, length: Annotated[Length, Range(20, 500)] = 80, bend: Angle = 0, holes: Count = 2, hand: Literal["left", "right"] = "left",
-        hollow: bool = False, label: str = "",
+        self, length: Annotated[Length, Range(20, 500)] = 80, bend: Angle = 0, holes: Count = 2,
+        hand: Literal["left", "right"] = "left", hollow: bool = False, label: str = "",
     ):
         super().__init__(material="petg")
         self.body = Box(length, 10, 6)

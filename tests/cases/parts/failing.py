@@ -6,6 +6,7 @@ import os
 import signal
 
 from build123d import Box, Circle, Location, fillet
+
 from thingc import Length, MountPoint, Thing
 
 

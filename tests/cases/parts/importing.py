@@ -1,6 +1,7 @@
 """A part file that needs a module that is not there."""
 
 from no_such_library import gears
+
 from thingc import Thing
 
 

@@ -1,0 +1,326 @@
+"""`hold`: a further mount held to the world, from the document to MuJoCo, against matrices written by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from loops.robots import (
+    BALL,
+    FRONT_SOLE,
+    HOME,
+    JOINTS,
+    LIMIT,
+    MATE,
+    X_FRONT,
+    Array,
+    Built,
+    apart,
+    at_key,
+    compiled,
+    equality_residual,
+    inchworm,
+    placed,
+    pose_of,
+    rear_sole,
+    shift,
+    turn,
+    worm_links,
+)
+
+EXACT = 1e-9
+"""[m] and [rad]: what the residual of a closure must stay below."""
+
+
+def written(X: Array) -> str:
+    """A pose as a document writes it."""
+    x, y, z = X[:3, 3].tolist()
+    roll, pitch, yaw = Rotation.from_matrix(X[:3, :3]).as_euler("xyz").tolist()  # lower case: extrinsic
+    return f"{{xyz: [{x!r} m, {y!r} m, {z!r} m], rpy: [{roll!r} rad, {pitch!r} rad, {yaw!r} rad]}}"
+
+
+AWAY = shift(0.006, -0.008, 0.0) @ rear_sole(HOME) @ turn("x", np.radians(3.0))
+"""The rear sole 1 cm and 3 deg from where `arched` puts it."""
+
+MODES = f"""\
+  front: {{root: front.sole, base: held, pose: arched}}
+  rear: {{root: rear.sole, base: fixed}}
+  bridge: {{extends: front, hold: {{rear.sole: {written(AWAY @ MATE)}}}}}
+  stay: {{extends: front, hold: {{rear.sole: here}}}}
+  hanging: {{root: body, base: free, at: {{xyz: 0 0 300 mm}}, hold: {{front.sole: {written(MATE @ MATE)}}}}}
+"""
+POSES = """\
+  lifted: {knee_f: 20 deg, hip_f: 10 deg}
+  straight: {ankle_f: 0, knee_f: 0, hip_f: 0, hip_r: 0, knee_r: 0, ankle_r: 0}
+"""
+
+
+@pytest.fixture(scope="module")
+def worm(tmp_path_factory: pytest.TempPathFactory) -> Built:
+    found = compiled(tmp_path_factory.mktemp("worm"), inchworm(modes=MODES, poses=POSES))
+    assert found.said == []
+    return found
+
+
+def test_the_target_is_a_centimetre_and_three_degrees_away() -> None:
+    distance, angle = apart(rear_sole(HOME), AWAY)
+    assert (distance, np.degrees(angle)) == pytest.approx((0.01, 3.0), abs=1e-12)
+
+
+def test_the_closure_is_solved_at_build_time(worm: Built) -> None:
+    """The chain of matrices at the keyframe's q puts the sole where it is held."""
+    frame = worm.robot("bridge").keyframes[0]
+    assert frame.name == "arched"
+    distance, angle = apart(rear_sole(frame.q), AWAY)
+    assert distance < EXACT and angle < EXACT
+    assert frame.residual is not None and max(frame.residual) < EXACT
+    assert all(abs(frame.q[joint]) <= LIMIT for joint in JOINTS)
+    # It is the solution next to the pose, not another one: a step of 1 cm and 3 deg.
+    assert max(abs(frame.q[joint] - HOME[joint]) for joint in JOINTS) < 0.25
+
+
+@pytest.mark.parametrize("mode", ["bridge", "stay", "hanging"])
+def test_mujoco_finds_the_equality_met_at_every_keyframe(worm: Built, mode: str) -> None:
+    model = worm.model(mode)
+    assert model.nkey >= 1
+    for key in range(model.nkey):
+        data = at_key(model, model.key(key).name)
+        assert (data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY).sum() == 6
+        assert equality_residual(data) < EXACT
+
+
+def test_what_is_written_out_is_where_mujoco_has_the_link(worm: Built) -> None:
+    """`relpose` is the pose of the link in the world, by MuJoCo's own kinematics; nothing is left to qpos0."""
+    model = worm.model("bridge")
+    equality = model.equality("rear/sole:hold")
+    assert int(equality.type[0]) == mujoco.mjtEq.mjEQ_WELD
+    assert [model.body(int(equality.obj1id[0])).name, model.body(int(equality.obj2id[0])).name] == ["world", "rear"]
+    anchor, position, quaternion = equality.data[:3], equality.data[3:6], equality.data[6:10]
+    data = at_key(model, "arched")
+    assert anchor == pytest.approx(np.zeros(3), abs=0)
+    assert data.body("rear").xpos == pytest.approx(position, abs=EXACT)
+    r = Rotation.from_quat(quaternion, scalar_first=True)
+    assert data.body("rear").xmat.reshape(3, 3) == pytest.approx(r.as_matrix(), abs=EXACT)
+    assert pose_of(data.site("rear/sole")) == pytest.approx(AWAY, abs=EXACT)
+
+
+def test_here_is_where_the_modes_own_pose_puts_it(worm: Built) -> None:
+    frames = {frame.name: frame for frame in worm.robot("stay").keyframes}
+    assert frames["arched"].q == HOME and frames["arched"].moved == {}
+    assert np.array(worm.modes["stay"]["holds"]["rear/sole"]["X_WM"]) == pytest.approx(rear_sole(HOME), abs=1e-14)
+    for frame in frames.values():
+        distance, angle = apart(rear_sole(frame.q), rear_sole(HOME))
+        assert distance < EXACT and angle < EXACT
+
+
+def test_poses_that_do_not_close_are_losses_and_no_keyframes(worm: Built) -> None:
+    for mode in ("bridge", "stay"):
+        robot = worm.robot(mode)
+        closed, lost = {frame.name for frame in robot.keyframes}, {one.name for one in robot.unclosed}
+        assert closed | lost == {"arched", "lifted", "straight"} and not closed & lost
+        omitted = {loss.path: loss for loss in worm.losses(mode) if loss.how == "omitted"}
+        assert set(omitted) == lost
+        assert set(worm.modes[mode]["poses"]) == closed
+        assert [worm.model(mode).key(k).name for k in range(worm.model(mode).nkey)] == [f.name for f in robot.keyframes]
+
+
+def test_values_that_had_to_move_are_a_loss(worm: Built) -> None:
+    (loss,) = [loss for loss in worm.losses("bridge") if loss.path == "arched"]
+    q = worm.robot("bridge").keyframes[0].q
+    joint = max(JOINTS, key=lambda one: abs(q[one] - HOME[one]))
+    far = np.degrees(abs(q[joint] - HOME[joint]))
+    assert loss.how == "approximated"
+    assert loss.what == f"its values as written: the loops close with `{joint}` and 5 more moved, by {far:.3g} deg at most"
+    assert [loss.path for loss in worm.losses("front")] == []
+
+
+def test_joints_that_the_pose_names_stay_if_the_others_suffice(tmp_path: Path) -> None:
+    """Held where `home` with another ankle puts it: the pose names all but the ankle, so the ankle goes there alone."""
+    named = {joint: q for joint, q in HOME.items() if joint != "ankle_r"}
+    poses = "  bent: {" + ", ".join(f"{joint}: {q!r} rad" for joint, q in named.items()) + "}\n"
+    held = rear_sole({**HOME, "ankle_r": 0.4})
+    found = compiled(tmp_path, inchworm(
+        poses=poses, modes=f"  m: {{root: front.sole, pose: bent, poses: [], hold: {{rear.sole: {written(held @ MATE)}}}}}\n",
+    ))
+    assert found.said == []
+    (frame,) = found.robot("m").keyframes
+    assert {joint: frame.q[joint] for joint in named} == named
+    assert frame.q["ankle_r"] == pytest.approx(0.4, abs=1e-9)
+    assert found.losses("m") == []
+
+
+def test_a_free_base_goes_where_the_hold_wants_it_and_the_joints_stay(worm: Built) -> None:
+    robot = worm.robot("hanging")
+    assert [frame.name for frame in robot.keyframes] == ["arched", "lifted", "straight"]
+    for frame in robot.keyframes:
+        assert frame.moved == {} and frame.base is not None
+        links = worm_links(frame.q, np.eye(4))
+        X_body_front = np.linalg.inv(links["body"]) @ links["front"]
+        sole = np.array(frame.base.rows()) @ X_body_front @ FRONT_SOLE
+        assert apart(sole, MATE) == pytest.approx((0.0, 0.0), abs=EXACT)
+    assert robot.keyframes[0].q == HOME
+    model = worm.model("hanging")
+    data = at_key(model, "arched")
+    assert pose_of(data.site("front/sole")) == pytest.approx(MATE, abs=EXACT)
+
+
+def test_modes_json_says_what_is_held_where(worm: Built) -> None:
+    described = worm.modes
+    assert described["front"]["holds"] == {} and "residuals" not in described["front"]
+    (path, hold), = described["bridge"]["holds"].items()
+    assert (path, hold["link"]) == ("rear/sole", "rear")
+    assert np.array(hold["X_WM"]) == pytest.approx(AWAY, abs=1e-12)
+    links = worm_links(described["bridge"]["poses"]["arched"], X_FRONT)
+    assert links["rear"] @ np.array(hold["X_LM"]) == pytest.approx(AWAY, abs=EXACT)
+    assert all(value < EXACT for value in described["bridge"]["residuals"]["arched"])
+
+
+def test_a_held_link_does_not_touch_the_world_and_other_pairs_are_the_same_in_every_mode(worm: Built) -> None:
+    def pairs(mode: str) -> set[frozenset[str]]:
+        model = worm.model(mode)
+        return {
+            frozenset(model.body(int(signature) >> shift & 0xFFFF).name for shift in (16, 0)) for signature in model.exclude_signature
+        }
+
+    neighbours = pairs("front")
+    assert len(neighbours) == 6
+    assert pairs("rear") == neighbours
+    assert pairs("bridge") == neighbours | {frozenset(("world", "rear"))}
+    assert pairs("hanging") == neighbours | {frozenset(("world", "front"))}
+
+
+@pytest.mark.parametrize("mode", ["bridge", "stay"])
+def test_it_holds_still_with_gravity_compensated(worm: Built, mode: str) -> None:
+    """From the keyframe, with the bias forces cancelled, nothing moves: the equality pulls at nothing."""
+    model = worm.model(mode)
+    data = at_key(model, "arched")
+    start = data.qpos.copy()
+    for _ in range(500):
+        data.qfrc_applied[:] = data.qfrc_bias
+        mujoco.mj_step(model, data)
+    assert np.abs(data.qpos - start).max() < EXACT
+    assert np.abs(data.qvel).max() < EXACT
+
+
+def test_the_sole_stays_under_the_robots_own_weight(worm: Built) -> None:
+    """1.1 kg on the hold and the drives: what MuJoCo's softness leaves is microns."""
+    model = worm.model("bridge")
+    data = at_key(model, "arched")
+    for _ in range(1000):
+        mujoco.mj_step(model, data)
+    distance, angle = apart(pose_of(data.site("rear/sole")), AWAY)
+    assert np.abs(data.qvel).max() < 1e-3
+    assert distance < 5e-6 and angle < 5e-5
+
+
+# --- a lever: what can be reached is plain ------------------------------------------------------------------------------
+
+LEVER = f"""\
+thingc: assembly/1
+name: lever
+components:
+  post: {{frame: true, mass: 1 kg, {BALL}}}
+  arm: {{frame: true, mass: 1 kg, {BALL}, mounts: {{hub: {{rpy: 180 0 0 deg}}, tip: {{xyz: 200 0 0 mm}}}}}}
+joints:
+  hinge: {{type: revolute, parent: post.origin, child: arm.hub, limit: {{lower: -60 deg, upper: 60 deg}}}}
+poses:
+  up: {{hinge: 30 deg}}
+  down: {{hinge: -30 deg}}
+modes:
+"""
+HUB = placed((0, 0, 0), (np.pi, 0, 0))
+TIP = placed((0.2, 0, 0))
+
+
+def tip_at(q: float) -> Array:
+    return turn("z", q) @ MATE @ np.linalg.inv(HUB) @ TIP
+
+
+def test_a_hold_out_of_reach_is_said_with_what_is_left(tmp_path: Path) -> None:
+    """The lever can point at it and stays 100 mm short."""
+    beyond = tip_at(np.radians(20.0)) @ shift(0.1, 0, 0)
+    found = compiled(tmp_path, LEVER + f"  m:\n    root: post\n    pose: up\n    hold:\n      arm.tip: {written(beyond @ MATE)}\n")
+    assert found.said == [(
+        "TC604", "mode `m` cannot hold `arm/tip` there: at best it is 100 mm and 0 deg away",
+        "move the hold, or widen the limits of the joints", 16,
+    )]
+
+
+def test_limits_are_kept(tmp_path: Path) -> None:
+    """Held at 75 deg, 15 deg past the limit: the best is at the limit, a chord of 2 * 200 mm * sin(7.5 deg) away."""
+    held = tip_at(np.radians(75.0))
+    found = compiled(tmp_path, LEVER + f"  m: {{root: post, pose: up, hold: {{arm.tip: {written(held @ MATE)}}}}}\n")
+    chord = 400 * np.sin(np.radians(7.5))
+    assert [line[1] for line in found.said] == [
+        f"mode `m` cannot hold `arm/tip` there: at best it is {chord:.3g} mm and 15 deg away"
+    ]
+
+
+def test_every_pose_goes_to_the_place_that_is_held(tmp_path: Path) -> None:
+    held = tip_at(np.radians(30.0))
+    text = LEVER.replace("lower: -60 deg", "lower: 25 deg").replace("down: {hinge: -30 deg}", "down: {hinge: 40 deg}")
+    found = compiled(tmp_path, text + f"  m: {{root: post, pose: down, hold: {{arm.tip: {written(held @ MATE)}}}}}\n")
+    assert found.said == []
+    assert {frame.name: frame.q["hinge"] for frame in found.robot("m").keyframes} == {
+        "down": pytest.approx(np.radians(30.0), abs=1e-9), "up": pytest.approx(np.radians(30.0), abs=1e-9),
+    }
+
+
+def test_a_component_is_held_by_its_origin_laid_plainly(tmp_path: Path) -> None:
+    held = turn("z", 0.3) @ MATE @ np.linalg.inv(HUB)
+    found = compiled(tmp_path, LEVER + f"  m: {{root: post, pose: up, hold: {{arm: {written(held)}}}}}\n")
+    assert found.said == []
+    assert found.robot("m").keyframes[0].q["hinge"] == pytest.approx(0.3, abs=1e-9)
+    assert set(found.modes["m"]["holds"]) == {"arm/origin"}
+
+
+def test_the_root_stands_still_already(tmp_path: Path) -> None:
+    found = compiled(tmp_path, LEVER + "  m: {root: arm.tip, hold: {arm.hub: here, post: here}}\n")
+    assert found.said == [(
+        "TC603", "mode `m` holds `arm/hub`, which is on its root `arm`: that stands still already",
+        "hold a mount of another link, or take it out", 12,
+    )]
+
+
+def test_a_mount_is_held_once_under_all_its_names(tmp_path: Path) -> None:
+    found = compiled(
+        tmp_path, LEVER + "  m: {root: post, hold: {arm.tip: here, end: here}}\nmounts: {end: arm.tip}\n",
+    )
+    assert found.said == [("TC603", "mode `m` holds `arm/tip` twice", "keep one of the two", 12)]
+
+
+@pytest.mark.parametrize(
+    ("hold", "said"),
+    [
+        ("{arm.tpi: here}", ("TC303", "frame `arm` has no mount `tpi`", "did you mean `tip`?", 12)),
+        ("{arn.tip: here}", ("TC302", "this document has no component `arn`", "did you mean `arm`?", 12)),
+        ("{arm.tip: there}", ("TC204", "expected `here`, found text `there`", "did you mean `here`?", 12)),
+        ("{arm.tip: {xyz: 0 0 3 kg}}", ("TC207", None, None, 12)),
+    ],
+)
+def test_wrong_holds(tmp_path: Path, hold: str, said: tuple[str, str | None, str | None, int]) -> None:
+    found = compiled(tmp_path, LEVER + f"  m: {{root: post, hold: {hold}}}\n")
+    assert len(found.said) == 1
+    for got, expected in zip(found.said[0], said):
+        assert expected is None or got == expected
+
+
+def test_holds_are_merged_key_by_key_over_what_a_mode_extends(tmp_path: Path) -> None:
+    links = worm_links(HOME, np.eye(4))
+    moved = shift(0.004, 0, 0.002) @ np.linalg.inv(links["body"]) @ links["front"] @ FRONT_SOLE
+    found = compiled(tmp_path, inchworm(modes=(
+        "  a: {root: body, base: free, pose: arched, poses: [arched], hold: {front.sole: here}}\n"
+        "  b: {extends: a, hold: {rear.sole: here}}\n"
+        f"  c: {{extends: b, hold: {{front.sole: {written(moved @ MATE)}}}}}\n"
+    )))
+    assert found.said == []
+    assert {name: list(mode["holds"]) for name, mode in found.modes.items()} == {
+        "a": ["front/sole"], "b": ["front/sole", "rear/sole"], "c": ["front/sole", "rear/sole"],
+    }
+    assert np.array(found.modes["c"]["holds"]["front/sole"]["X_WM"]) == pytest.approx(moved, abs=1e-12)
+    for mode in "abc":
+        assert equality_residual(at_key(found.model(mode), "arched")) < EXACT

@@ -1,0 +1,104 @@
+"""MInchW, built once per run by the command line into a folder that all tests read, and its planar kinematics by hand.
+
+Lengths in mm, angles in degrees. The numbers are those of the drawings: an XM430 is 35.25 mm from its axis to its bottom,
+its output corners pass at hypot(14.25, 11.25) mm; an XM540 is 44.75 mm from its axis to its bottom.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from collections.abc import Mapping
+from math import cos, hypot, radians, sin
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+
+from conformance.harness import ROOT, build
+
+DOCUMENT = "assemblies/minchw/minchw.yaml"
+MODES = tuple(f"{mode}{where}" for mode in ("front_foot", "rear_foot", "crawl") for where in ("", "_wall", "_ceiling"))
+
+CASE, END, TRAY, HEAD = 94.7, 5.0, 74.0, 2.5 + 0.5
+AXIS = 24.0 + 0.5
+"""Height of the knees' axes over the belly: the forks are 38 + 2 x 5 mm high and clear the floor by half a millimetre."""
+YAW_TO_KNEE = hypot(14.25, 11.25) + 0.5 + 5.0 + 44.75
+THIGH = 64.0
+ANKLE_TO_SOLE = 44.75 + 5.0 + 20.0
+FRONT_YAW = TRAY / 2 + HEAD + END + 35.25
+"""The front yaw axis before the frame of the body; the rear one is CASE + 2 x 35.25 mm behind it."""
+REAR_YAW = CASE + 2 * 35.25 - FRONT_YAW
+
+POSES = {
+    "stretched": {},
+    "arched": {"front/knee": 100, "front/ankle": 100, "rear/knee": 100, "rear/ankle": 100},
+    "step_front": {"rear/knee": 56, "rear/ankle": 60, "front/knee": 49, "front/ankle": 45},
+    "step_rear": {"front/knee": 54, "front/ankle": 60, "rear/knee": 106, "rear/ankle": 100},
+    "lying": {"front/knee": -44.9, "front/ankle": -44.9, "rear/knee": -44.9, "rear/ankle": -44.9},
+}
+"""The poses of the document [deg]; the other joints are at 0."""
+
+
+def sole(leg: str, q: Mapping[str, float]) -> tuple[float, float, float]:
+    """In the frame of the body, with both yaw joints at 0: x and z [mm] of the middle of a sole, and how far its toe is
+    pitched up [deg]."""
+    knee, ankle = q.get(f"{leg}/knee", 0.0), q.get(f"{leg}/ankle", 0.0)
+    out = (FRONT_YAW if leg == "front" else REAR_YAW) + YAW_TO_KNEE + THIGH * cos(radians(knee))
+    up = ankle - knee
+    x = out + ANKLE_TO_SOLE * sin(radians(up))
+    z = AXIS - THIGH * sin(radians(knee)) - ANKLE_TO_SOLE * cos(radians(up))
+    return (x if leg == "front" else -x), z, up
+
+
+def pose_of(model: mujoco.MjModel, pose: str) -> mujoco.MjData:
+    """The state of a named pose, whether or not the model has a keyframe for it; the base as the model has it."""
+    data = mujoco.MjData(model)
+    for joint, angle in POSES[pose].items():
+        data.joint(joint).qpos = radians(angle)
+    mujoco.mj_forward(model, data)
+    return data
+
+
+@pytest.fixture(scope="session")
+def minchw(shared_store: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder `minchw` of a build of everything; one of several test processes builds, the others wait."""
+    base = tmp_path_factory.getbasetemp()
+    if os.environ.get("PYTEST_XDIST_WORKER"):
+        base = base.parent
+    folder = base / "robots"
+    with open(base / "robots.lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not (folder / "minchw" / "manifest.json").exists():
+            build(ROOT / DOCUMENT, "-o", folder, store=shared_store)
+    return folder / "minchw"
+
+
+@pytest.fixture(scope="session")
+def models(minchw: Path) -> dict[str, mujoco.MjModel]:
+    """Mode to its scene (the robot over a floor)."""
+    return {mode: mujoco.MjModel.from_xml_path(str(minchw / "mjcf" / f"scene_{mode}.xml")) for mode in MODES}
+
+
+@pytest.fixture(scope="session")
+def vertices(minchw: Path) -> dict[str, trimesh.Trimesh]:
+    """Mesh name to the exact mesh that is drawn, in the part's own frame [m]."""
+    return {path.stem: trimesh.load(path, process=False, force="mesh") for path in (minchw / "mjcf" / "assets").glob("*.obj")}
+
+
+def meshes_in(model: mujoco.MjModel) -> dict[str, str]:
+    """The name of the mesh of each part that is drawn."""
+    names = {}
+    for geom in range(model.ngeom):
+        name = model.geom(geom).name
+        if model.geom_dataid[geom] >= 0 and ":" not in name:
+            names[name] = model.mesh(int(model.geom_dataid[geom])).name
+    return names
+
+
+def matrix(location) -> np.ndarray:
+    """The homogeneous matrix [mm] of a build123d Location, read from the kernel's own transformation."""
+    t = location.wrapped.Transformation()
+    return np.array([[t.Value(i, j) for j in range(1, 5)] for i in range(1, 4)] + [[0.0, 0, 0, 1]])

@@ -1,0 +1,235 @@
+"""Modes that hold further mounts, and modes that cut the same loop at different joints."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+from graph.builder import Array, as_pose, assembly, box, component, joint, linked, mode, pose, ref, rx, rz, t, where, whole
+from modes.switching_robots import Made, bodies, emitted, frame, jacobian, joints_of, mass_matrix, same_motion, stir
+from thingc.modes import BaseElsewhere, BaseMoves
+from thingc.resolve.model import Cut, Hold
+
+COUNT = 9
+
+
+def chain(count: int = COUNT, seed: int = 4) -> Made:
+    """Links `c0` to `c8` on hinges askew, so that held at both ends it still moves in two ways; `bridge` holds `c8.tip` besides."""
+    rng = np.random.default_rng(seed)
+    parts = [
+        box(f"p:B{k}", (0.1, 0.06, 0.04), centre=(0.01, 0.02, 0.0), mounts={"a": frame(rng), "b": frame(rng), "tip": frame(rng)})
+        for k in range(count)
+    ]
+    joints = [joint(f"j{k}", f"c{k - 1}.a", f"c{k}.b", lower=-9, upper=9, armature=0.003) for k in range(1, count)]
+    last = f"c{count - 1}"
+    bent = pose("bent", **{f"j{k}": 0.2 * k for k in range(1, count)})
+    held = (Hold(mount=ref(f"{last}.tip"), pose=None, origin=where(3)),)
+    modes = [
+        mode("float", whole("c3"), "free"), mode("near", whole("c0"), "held"), mode("far", ref(f"{last}.tip"), "held"),
+        mode("bridge", whole("c0"), "held", pose="bent", poses=("bent",), holds=held),
+        mode("bolted", whole("c0"), "fixed", pose="bent", poses=("bent",), holds=held),
+        mode("hung", whole("c3"), "free", pose="bent", poses=("bent",), holds=held),
+    ]
+    components = [component(f"c{k}", f"p:B{k}") for k in range(count)]
+    return emitted(linked(assembly("chain", components, joints, modes=modes, poses=[bent]), *parts))
+
+
+@pytest.fixture(scope="module")
+def made() -> Made:
+    return chain()
+
+
+def stretched_weld(data: mujoco.MjData) -> float:
+    """How far MuJoCo finds its equalities violated [m, rad]."""
+    mujoco.mj_forward(data.model, data)
+    rows = data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+    assert rows.sum() == 6
+    return float(np.abs(data.efc_pos[rows]).max())
+
+
+def test_a_bridge_is_entered_where_the_feet_are(made: Made) -> None:
+    """At any place, in any posture, at rest: the hold is moved to the mount."""
+    rng = np.random.default_rng(8)
+    for source in ("near", "far", "float"):
+        one, other = stir(rng, made.data(source), moving=False), made.data("bridge")
+        assert stretched_weld(other) > 1e-3, "the postures differ"
+        made.modes.switch((source, one), ("bridge", other))
+        same_motion(one, other)
+        assert stretched_weld(other) < 1e-12
+
+
+def test_a_hung_robot_is_entered_with_its_hold_alone_at_rest(made: Made) -> None:
+    rng = np.random.default_rng(9)
+    one, other = stir(rng, made.data("far")), made.data("hung")
+    made.modes.switch(("far", one), ("hung", other))
+    same_motion(one, other)
+    assert stretched_weld(other) < 1e-12
+
+
+def test_a_hold_that_moves_is_said(made: Made) -> None:
+    """The root rests, the other foot does not."""
+    one, other = stir(np.random.default_rng(3), made.data("near")), made.data("bridge")
+    before = other.model.eq_data.copy()
+    with pytest.raises(BaseMoves, match="^mode `bridge` holds `c8` still, and it moves at "):
+        made.modes.switch(("near", one), ("bridge", other))
+    assert (other.model.eq_data == before).all()
+    dropped = made.modes.switch(("near", one), ("bridge", other), on_motion="drop")
+    assert joints_of(other) == joints_of(one)
+    X, velocity = bodies(one)["c8"]
+    lost = dropped.holds["c8/tip"].removed
+    np.testing.assert_allclose(lost, np.concatenate([velocity[:3], X[:3, :3].T @ velocity[3:]]), atol=1e-12)
+    assert not dropped.removed.any() and not dropped.holds["c8/tip"].impulse.any()
+
+
+@pytest.mark.parametrize("target", ["bridge", "hung"])
+def test_a_catch_with_both_hands(made: Made, target: str) -> None:
+    """The projection with MuJoCo's mass matrix and Jacobians of the floating robot, of the links that stop."""
+    one, other = stir(np.random.default_rng(6), made.data("float")), made.data(target)
+    switched = made.modes.switch(("float", one), (target, other), on_motion="impact")
+    M = mass_matrix(one)
+    stopped = ["c0", "c8"] if target == "bridge" else ["c8"]
+    J = np.vstack([jacobian(one, link) for link in stopped])
+    taken = np.linalg.solve(J @ np.linalg.solve(M, J.T), -J @ one.qvel)
+    after = one.qvel + np.linalg.solve(M, J.T @ taken)
+    for name, (q, v) in joints_of(other).items():
+        assert q == joints_of(one)[name][0]
+        assert v == pytest.approx(after[one.model.joint(name).dofadr[0]], abs=1e-9)
+    seen = bodies(other)
+    for link in stopped:
+        assert np.abs(seen[link][1]).max() < 1e-11
+    assert max(np.abs(velocity).max() for _, velocity in seen.values()) > 1e-2, "it goes on moving where it can"
+    impulses = [switched.holds["c8/tip"].impulse]
+    if target == "bridge":
+        impulses.insert(0, switched.impulse)
+    else:
+        assert not switched.impulse.any() and not switched.removed.any()
+    turned = [np.concatenate([p[:3], bodies(one)[link][0][:3, :3] @ p[3:]]) for link, p in zip(stopped, impulses, strict=True)]
+    assert np.concatenate(turned) == pytest.approx(taken, abs=1e-9)
+    assert stretched_weld(other) < 1e-12
+
+
+def test_of_a_bolted_robot_both_feet_must_be_where_they_stand(made: Made) -> None:
+    robot = made.modes
+    bent = robot["bolted"].state("bent")
+    source, other = made.data("near"), made.data("bolted")
+    robot.write(robot.switch(bent, "near").state, source)
+    robot.switch(("near", source), ("bolted", other))
+    assert stretched_weld(other) < 1e-9
+    before = other.model.eq_data.copy()
+    source.joint("j8").qpos += 0.25
+    with pytest.raises(BaseElsewhere, match="^mode `bolted` has `c8` bolted to the world, and it is ") as refused:
+        robot.switch(("near", source), ("bolted", other))
+    assert refused.value.angle == pytest.approx(0.25, abs=1e-9)
+    assert (other.model.eq_data == before).all()
+
+
+# --- loops -------------------------------------------------------------------------------------------------------------
+
+LENGTHS = (0.30, 0.12, 0.25, 0.20)
+
+
+def four_bar(last: str) -> Made:
+    """Four bars in a plane; the joint that closes the loop is a hinge, or a slide along a fifth direction."""
+    parts, components = [], []
+    for k, length in enumerate(LENGTHS):
+        tail = t(-length / 2, 0, 0) @ rx(np.pi)
+        mounts: dict[str, Array] = {"head": t(length / 2, 0, 0), "tail": tail, "end": t(-length / 2, 0, 0), "stop": t(length / 2, 0, 0) @ rx(np.pi)}
+        parts.append(box(f"p:B{k}", (length, 0.02, 0.01), mounts=mounts))
+        components.append(component(f"bar{k}", f"p:B{k}"))
+    joints = [joint(f"j{k}", f"bar{k - 1}.head", f"bar{k}.tail", lower=-9, upper=9, turn=1.2, armature=0.001 * k) for k in (1, 2, 3)]
+    if last == "prismatic":
+        parts[3] = box("p:B3", (0.2, 0.02, 0.01), mounts={
+            "tail": t(-0.1, 0, 0) @ rx(np.pi), "stop": t(0.1, 0, 0) @ rz(0.3) @ rx(np.pi / 2),
+        })
+        parts[0] = box("p:B0", (0.3, 0.02, 0.01), mounts={"head": t(0.15, 0, 0), "end": t(-0.15, 0, 0) @ rx(-np.pi / 2)})
+    closing = joint("j4", "bar0.end", "bar3.stop", last, lower=-9, upper=9)
+    joints.append(replace(closing, loop=True))
+    start = pose("start", j1=0.3, j2=0.4, j3=0.5)
+    cuts = {"ground": "j4", "crank": "j2", "rocker": "j3"}
+    roots = {"ground": "bar0", "crank": "bar1", "rocker": "bar3"}
+    modes = [
+        mode(f"{name}_{base}", whole(roots[name]), base, pose="start", poses=("start",), cut=(Cut(joint=cuts[name], origin=where(4)),))
+        for name in roots for base in ("free", "held")
+    ]
+    return emitted(linked(assembly("bars", components, joints, modes=modes, poses=[start]), *parts))
+
+
+def moving_loop(made: Made, name: str, rng: np.random.Generator) -> mujoco.MjData:
+    """A closed posture with a velocity that keeps the loop closed, by MuJoCo's own Jacobian of its equalities; the base anywhere."""
+    mode, data = made.modes[name], made.data(name)
+    made.modes.write(mode.state(next(iter(mode.named)), base_pose=frame(rng)), data)
+    mujoco.mj_forward(data.model, data)
+    rows = data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+    J = np.zeros((data.nefc, data.model.nv))
+    for column in range(data.model.nv):
+        unit, found = np.eye(data.model.nv)[column], np.zeros(data.nefc)
+        mujoco.mj_mulJacVec(data.model, data, found, unit)
+        J[:, column] = found
+    _, values, Vt = np.linalg.svd(J[rows])
+    free = Vt[int((values > 1e-9).sum()) :].T
+    data.qvel[:] = free @ rng.normal(size=free.shape[1])
+    return data
+
+
+def test_cut_joints_have_the_q_of_their_two_ends() -> None:
+    """Each mode cuts another joint: what one has not got follows from the poses of its links."""
+    made, rng = four_bar("revolute"), np.random.default_rng(2)
+    assert {name: [cut.name for cut in mode.cuts] for name, mode in made.modes.items()} == {
+        f"{name}_{base}": [cut] for name, cut in (("ground", "j4"), ("crank", "j2"), ("rocker", "j3")) for base in ("free", "held")
+    }
+    for source in made.modes:
+        one = moving_loop(made, source, rng)
+        for target in (name for name in made.modes if name.endswith("free")):
+            other, back = made.data(target), made.data(source)
+            made.modes.switch((source, one), (target, other))
+            before, after = bodies(one), bodies(other)
+            for link, (X, velocity) in before.items():
+                np.testing.assert_allclose(after[link][0], X, atol=2e-9, err_msg="as far as the loop is closed")
+                np.testing.assert_allclose(after[link][1], velocity, atol=2e-8)
+            made.modes.switch((target, other), (source, back), at_rest=1e-6)
+            for joint_name, (q, v) in joints_of(one).items():
+                assert joints_of(back)[joint_name] == pytest.approx((q, v), abs=2e-8)
+
+
+def test_a_caught_loop_stays_closed() -> None:
+    """The floating loop with one bar caught: projected with MuJoCo's Jacobians of that bar and of the equalities."""
+    made = four_bar("revolute")
+    one, other = moving_loop(made, "ground_free", np.random.default_rng(5)), made.data("rocker_held")
+    made.modes.switch(("ground_free", one), ("rocker_held", other), on_motion="impact")
+    mujoco.mj_forward(one.model, one)
+    rows = np.flatnonzero(one.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY))
+    J = np.zeros((one.nefc, one.model.nv))
+    for column in range(one.model.nv):
+        found = np.zeros(one.nefc)
+        mujoco.mj_mulJacVec(one.model, one, found, np.eye(one.model.nv)[column])
+        J[:, column] = found
+    C = np.vstack([J[rows], jacobian(one, "bar3")])
+    M = mass_matrix(one)
+    inner = C @ np.linalg.solve(M, C.T)
+    after = one.qvel - np.linalg.solve(M, C.T @ np.linalg.pinv(inner, rcond=1e-10) @ C @ one.qvel)
+    expected = made.data("ground_free")
+    expected.qpos[:], expected.qvel[:] = one.qpos, after
+    for link, (X, velocity) in bodies(expected).items():
+        found_X, found_velocity = bodies(other)[link]
+        np.testing.assert_allclose(found_X, X, atol=2e-9)
+        np.testing.assert_allclose(found_velocity, velocity, atol=1e-6)
+    assert np.abs(other.qvel).max() > 1e-2
+
+
+def test_a_slide_that_closes_a_loop_has_the_way_between_its_ends() -> None:
+    """From the mode that has the slide into the one that has cut it, and back, by kinematics alone."""
+    made = four_bar("prismatic")
+    robot = made.modes
+    has, cut = robot["crank_free"], robot["ground_free"]
+    start = has.state("start", base_pose=frame(np.random.default_rng(1)))
+    assert "j4" in start.q and [c.kind for c in cut.cuts] == ["slide"]
+    other = robot.switch(start, "ground_free").state
+    assert "j4" not in other.q
+    back = robot.switch(other, "crank_free").state
+    for name, q in start.q.items():
+        assert back.q[name] == pytest.approx(q, abs=2e-9)
+    np.testing.assert_allclose(back.base_pose, start.base_pose, atol=2e-9)
+    assert as_pose(back.base_pose).translation != (0.0, 0.0, 0.0)

@@ -1,0 +1,298 @@
+"""What goes along with a switch, how scenes may look, and what is said when something is wrong."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+import thingc
+from graph.builder import assembly, box, component, joint, linked, mode, pose, rx, t, whole
+from modes.switching_robots import Made, driven, emitted, same_motion, stir
+from thingc.graph.types import Adhesion, Assembly
+from thingc.modes import Modes, ModesError, State, UnknownMode, WrongData
+from thingc.resolve.model import Drive
+
+
+def crawler() -> Assembly:
+    """Three boxes in a row with a magnet under each end, `knee` and `ankle` driven."""
+    drive = Drive(component=None, kind="position", kp=20.0, kv=0.5, effort=5.0)
+    ends = {"a": t(0.1, 0, 0) @ rx(np.pi / 2), "b": t(-0.1, 0, 0) @ rx(np.pi / 2), "sole": rx(np.pi)}
+    found = linked(
+        assembly(
+            "crawler", [component(name, f"p:{name}") for name in ("front", "body", "rear")],
+            [joint("knee", "front.a", "body.b", drive=drive), joint("ankle", "body.a", "rear.b", drive=drive)],
+            modes=[
+                mode(name, whole(root), base, poses=("arched",))
+                for name, root, base in (
+                    ("crawl", "body", "free"), ("front", "front", "held"), ("rear", "rear", "held"), ("bolted", "front", "fixed"),
+                )
+            ],
+            poses=[pose("arched", knee=0.4, ankle=-0.7)],
+        ),
+        *(box(f"p:{name}", mounts=ends) for name in ("front", "body", "rear")),
+    )
+    magnets = tuple(
+        Adhesion(path=f"{name}/sole", occurrence=number, mount="sole", force=300.0)
+        for number, name in ((0, "front"), (2, "rear"))
+    )
+    return driven(replace(found, adhesions=magnets), front=("ankle",))
+
+
+@pytest.fixture(scope="module")
+def made() -> Made:
+    return emitted(crawler())
+
+
+def test_controls_of_drives_and_magnets_stay_by_name(made: Made) -> None:
+    """`front` has no drive at the knee, so the addresses differ."""
+    one, other = made.data("crawl"), made.data("front")
+    assert [one.model.actuator(k).name for k in range(one.model.nu)] == ["knee", "ankle", "front/sole", "rear/sole"]
+    assert [other.model.actuator(k).name for k in range(other.model.nu)] == ["ankle", "front/sole", "rear/sole"]
+    one.ctrl[:] = [0.1, -0.2, 300.0, 120.0]
+    one.time = 3.25
+    switched = made.modes.switch(("crawl", one), ("front", other))
+    assert other.ctrl.tolist() == [-0.2, 300.0, 120.0] and other.time == 3.25 and switched.uncommanded == ()
+    back = made.data("crawl")
+    back.ctrl[:] = 0.7
+    switched = made.modes.switch(("front", other), ("crawl", back))
+    assert back.ctrl.tolist() == [0.7, -0.2, 300.0, 120.0] and switched.uncommanded == ("knee",)
+
+
+def filtered(made: Made, name: str, *actuators: str) -> mujoco.MjData:
+    """A mode's model whose drives have an activation."""
+    spec = mujoco.MjSpec.from_string(made.xml[name])
+    for actuator in actuators:
+        spec.actuator(actuator).dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
+        spec.actuator(actuator).dynprm[0] = 0.05
+    return mujoco.MjData(spec.compile())
+
+
+def test_activations_stay_by_name(made: Made) -> None:
+    one, other = filtered(made, "crawl", "knee", "ankle", "rear/sole"), filtered(made, "front", "ankle", "rear/sole")
+    one.act[:] = [0.1, 0.2, 0.3]
+    made.modes.switch(("crawl", one), ("front", other))
+    assert other.act.tolist() == [0.2, 0.3]
+    back = filtered(made, "crawl", "knee", "ankle", "rear/sole")
+    made.modes.switch(("front", other), ("crawl", back))
+    assert back.act.tolist() == [0.0, 0.2, 0.3]
+
+
+def test_an_activation_that_the_other_model_has_not_got_is_left_alone(made: Made) -> None:
+    one, other = filtered(made, "crawl", "ankle"), made.data("front")
+    one.act[:] = 0.2
+    made.modes.switch(("crawl", one), ("front", other))
+    back = filtered(made, "crawl", "ankle")
+    back.act[:] = 0.9
+    made.modes.switch(("front", other), ("crawl", back))
+    assert back.act.tolist() == [0.9]
+
+
+def scene(made: Made, name: str) -> mujoco.MjData:
+    """The robot behind a ball and a puppet, which shift all its addresses."""
+    spec = mujoco.MjSpec()
+    ball = spec.worldbody.add_body(name="ball", pos=[1, 2, 3])
+    ball.add_freejoint(name="ball")
+    ball.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.1, 0, 0])
+    spec.worldbody.add_body(name="puppet", mocap=True).add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.1, 0, 0])
+    robot = mujoco.MjSpec.from_string(made.xml[name])
+    for key in robot.keys:
+        robot.delete(key)
+    spec.worldbody.add_frame().attach_body(robot.body(made.modes[name].root_link), "", "")
+    return mujoco.MjData(spec.compile())
+
+
+def test_a_scene_may_hold_more_than_the_robot(made: Made) -> None:
+    rng = np.random.default_rng(5)
+    one, other = scene(made, "crawl"), scene(made, "front")
+    assert one.model.joint("knee").qposadr[0] > 7 and one.model.joint("root").qposadr[0] == 7
+    state = made.modes["crawl"].state("arched", base_pose=t(0.3, 0.2, 0.1) @ rx(0.4))
+    made.modes.write(state, one)
+    for data in (one, other):
+        data.joint("ball").qpos, data.joint("ball").qvel = rng.normal(size=7), rng.normal(size=6)
+        data.mocap_pos[:], data.mocap_quat[:] = 0.5, 0.5
+    ball = other.joint("ball").qpos.copy(), other.joint("ball").qvel.copy()
+    made.modes.switch(("crawl", one), ("front", other))
+    assert (other.joint("ball").qpos == ball[0]).all() and (other.joint("ball").qvel == ball[1]).all()
+    assert (other.mocap_pos[other.model.body("puppet").mocapid[0]] == 0.5).all()
+    poses = made.modes["crawl"].poses(state)
+    mujoco.mj_forward(other.model, other)
+    for link, X in poses.items():
+        np.testing.assert_allclose(other.body(link).xpos, X[:3, 3], atol=1e-12)
+        np.testing.assert_allclose(other.body(link).xmat.reshape(3, 3), X[:3, :3], atol=1e-12)
+
+
+def test_nothing_but_the_motion_is_written_by_write(made: Made) -> None:
+    data = made.data("front")
+    data.time, data.ctrl[:], data.qacc_warmstart[:] = 1.5, 0.25, 3.0
+    made.modes.write(made.modes["front"].state("arched", v={"knee": 0.5}), data)
+    assert data.time == 1.5 and (data.ctrl == 0.25).all() and (data.qacc_warmstart == 3.0).all()
+    assert data.joint("knee").qpos[0] == 0.4 and data.joint("knee").qvel[0] == 0.5 and data.joint("ankle").qpos[0] == -0.7
+
+
+def test_the_solver_starts_from_the_joints_old_accelerations(made: Made) -> None:
+    one, other = stir(np.random.default_rng(1), made.data("front")), made.data("crawl")
+    mujoco.mj_step(one.model, one)
+    other.qacc_warmstart[:] = 7.0
+    made.modes.switch(("front", one), ("crawl", other))
+    for name in ("knee", "ankle"):
+        assert other.joint(name).qacc_warmstart[0] == one.joint(name).qacc_warmstart[0] != 0.0
+    assert not other.joint("root").qacc_warmstart.any()
+
+
+def test_states_need_no_simulator(made: Made) -> None:
+    """From one named pose to the state of another mode, and where its links are."""
+    robot = made.modes
+    start = robot["bolted"].state("arched", v={"knee": 0.3})
+    crawl = robot.switch(start, "crawl").state
+    one, other = made.data("bolted"), made.data("crawl")
+    robot.write(start, one)
+    robot.write(crawl, other)
+    same_motion(one, other)
+    assert crawl.mode == "crawl" and dict(crawl.q) == {"knee": 0.4, "ankle": -0.7}
+    poses = robot["bolted"].poses(start)
+    for link, X in robot["crawl"].poses(crawl).items():
+        np.testing.assert_allclose(X, poses[link], atol=1e-12)
+    assert np.array_equal(robot["crawl"].qvel(crawl), other.qvel)
+
+
+def test_a_state_is_frozen(made: Made) -> None:
+    state = made.modes["crawl"].state()
+    with pytest.raises(ValueError):
+        state.base_pose[0, 0] = 2.0
+    with pytest.raises(TypeError):
+        state.q["knee"] = 1.0  # type: ignore[index]
+    with pytest.raises(AttributeError):
+        state.mode = "front"  # type: ignore[misc]
+
+
+def test_a_robot_is_a_mapping_of_modes(made: Made) -> None:
+    robot = made.modes
+    assert list(robot) == ["crawl", "front", "rear", "bolted"] and "front" in robot and "hind" not in robot and len(robot) == 4
+    assert repr(robot) == "Modes(crawl, front, rear, bolted)"
+    mode = robot["front"]
+    assert (mode.name, mode.root, mode.base, mode.root_link) == ("front", "front/origin", "held", "front")
+    assert mode.gravity.tolist() == [0, 0, -9.81] and dict(mode.named) == {"arched": {"knee": 0.4, "ankle": -0.7}}
+    assert [(joint.name, joint.kind, joint.reversed) for joint in robot["rear"].joints] == [
+        ("ankle", "hinge", True), ("knee", "hinge", True),
+    ]
+
+
+def test_loading(made: Made, tmp_path: Path) -> None:
+    (tmp_path / "modes.json").write_bytes(made.described)
+    for path in (tmp_path, str(tmp_path), tmp_path / "modes.json"):
+        assert list(Modes.load(path)) == list(made.modes)
+    assert list(Modes.parse(made.described.decode())) == list(made.modes)
+    assert thingc.modes.Modes is Modes
+
+
+WRONG: dict[str, tuple[Callable[[Made], object], type[Exception], str]] = {
+    "an unknown mode": (lambda made: made.modes["frnt"], UnknownMode, "the robot has no mode `frnt`: did you mean `front`?"),
+    "an unknown target": (
+        lambda made: made.modes.switch(("crawl", made.data("crawl")), "walk"), UnknownMode,
+        "the robot has no mode `walk`: known modes: `bolted`, `crawl`, `front`, `rear`",
+    ),
+    "data of another mode": (
+        lambda made: made.modes.read("front", made.data("crawl")), WrongData,
+        "the data given for mode `front` is of another mode's model: expected a held `front`, found `body` under the world",
+    ),
+    "data of a mode that holds another link": (
+        lambda made: made.modes.switch(("crawl", made.data("crawl")), ("front", made.data("rear"))), WrongData,
+        "the data given for mode `front` is of another mode's model: expected a held `front`, found `rear` under the world",
+    ),
+    "a base of another kind": (
+        lambda made: made.modes.read("bolted", made.data("front")), WrongData,
+        "the data given for mode `bolted` is of another mode's model: expected a fixed `front`, found `front` under the world",
+    ),
+    "data of another robot": (
+        lambda made: made.modes.read("front", mujoco.MjData(mujoco.MjModel.from_xml_string("<mujoco/>"))), WrongData,
+        "the data given for mode `front` is of a model without a link `front`",
+    ),
+    "a base that moves": (
+        lambda made: made.modes.switch(made.modes["crawl"].state(base_twist=[0.3, 0.4, 0, 0, 0, 0]), "front"), ModesError,
+        "mode `front` holds `front` still, and it moves at 0.5 m/s and 0 rad/s: choose on_motion=\"drop\" (the joints' "
+        "velocities stay as they are) or on_motion=\"impact\" (a perfectly inelastic catch)",
+    ),
+    "a base that is elsewhere": (
+        lambda made: made.modes.switch(made.modes["front"].state(base_pose=t(0, 0, 0.25) @ rx(0.5)), "bolted"), ModesError,
+        "mode `bolted` has `front` bolted to the world, and it is 0.25 m and 0.5 rad away from there (tolerance 1e-06): bring it "
+        "there first, or give the mode `base: held`, which stands anywhere",
+    ),
+    "an unknown choice": (
+        lambda made: made.modes.switch(made.modes["front"].state(), "rear", on_motion="stop"), ModesError,  # type: ignore[arg-type]
+        'expected on_motion "raise", "drop" or "impact", found `stop`',
+    ),
+    "an unknown pose": (
+        lambda made: made.modes["front"].state("arch"), ModesError, "mode `front` has no pose `arch`: did you mean `arched`?",
+    ),
+    "an unknown joint": (
+        lambda made: made.modes["front"].state(q={"kne": 1.0}), ModesError, "the robot has no joint `kne`: did you mean `knee`?",
+    ),
+    "a state of another mode": (
+        lambda made: made.modes["front"].poses(made.modes["rear"].state()), ModesError,
+        "expected a state of mode `front`, found one of mode `rear`: `switch` it first",
+    ),
+    "a state without a joint": (
+        lambda made: made.modes["front"].poses(replace(made.modes["front"].state(), v={"knee": 0.0})), ModesError,
+        "the state has no `v` of joint `ankle`",
+    ),
+    "a twist of three numbers": (
+        lambda made: made.modes["front"].state(base_twist=[1, 2, 3]), ModesError,
+        "expected `base_twist` of shape (6,), found (3,)",
+    ),
+    "a number that is none": (
+        lambda made: made.modes["front"].state(q={"knee": float("nan")}), ModesError, "`q` has numbers that are not finite",
+    ),
+    "no file": (
+        lambda made: Modes.load("nowhere"), FileNotFoundError, "there is no `nowhere`: `thingc build` writes it",
+    ),
+    "no JSON": (
+        lambda made: Modes.parse("{"), ModesError,
+        "`modes.json` is no modes.json of thingc: Expecting property name enclosed in double quotes: line 1 column 2 (char 1)",
+    ),
+    "something else": (
+        lambda made: Modes.parse("[1]"), ModesError,
+        "`modes.json` is no modes.json of thingc: 'list' object has no attribute 'items'",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_what_is_said(made: Made, case: str) -> None:
+    wrong, kind, text = WRONG[case]
+    with pytest.raises(kind) as found:
+        wrong(made)
+    assert str(found.value) == text
+
+
+def test_a_file_of_another_version(made: Made) -> None:
+    described = json.loads(made.described)
+    del described["crawl"]["links"][0]["mass"]
+    with pytest.raises(ModesError) as found:
+        Modes.parse(json.dumps(described))
+    assert str(found.value) == "`modes.json` has no 'mass' where this version of thingc has one: build the robot again"
+    described = json.loads(made.described)
+    described["crawl"]["joints"][0]["kind"] = "ball"
+    with pytest.raises(ModesError) as found:
+        Modes.parse(json.dumps(described))
+    assert str(found.value) == "joint `knee` is a `ball`, which this version of thingc does not know"
+
+
+def test_it_loads_numpy_and_nothing_else() -> None:
+    def loaded(module: str) -> set[str]:
+        program = f"import sys, json, {module}; print(json.dumps(sorted({{n.partition('.')[0] for n in sys.modules}})))"
+        return set(json.loads(subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout))
+
+    assert loaded("thingc.modes") - loaded("numpy") - set(sys.stdlib_module_names) == {"thingc"}
+
+
+def test_states_compare_by_identity(made: Made) -> None:
+    state = made.modes["crawl"].state()
+    assert isinstance(state, State) and state == state and state != made.modes["crawl"].state()
