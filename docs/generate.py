@@ -13,7 +13,8 @@ PAGE = Path(__file__).resolve().parent / "diagnostics.md"
 HEAD = """\
 # Diagnostics
 
-Everything that thingc can say is wrong. A message names the place, what was expected and what was found; its `help` says what to type next.
+Everything that thingc can say is wrong. A message names the place, what was expected and what was found; its `help` says what to
+type next.
 
 ```yaml
 # wrong.yaml
@@ -44,8 +45,9 @@ error[TC302]: this document has no component `plat`
 2 errors
 ```
 
-Several faults are said in one run. A document that is not well-formed, or whose keys and values are wrong (TC1xx, TC2xx), is mended first: names, parts and masses
-are looked at when it is right. Errors end a build. Warnings do not, unless `--strict` is given. How all this looks in JSON is in [outputs](outputs.md#json).
+Several faults are said in one run. A document that is not well-formed, or whose keys and values are wrong (TC1xx, TC2xx), is
+mended first: names, parts and masses are looked at when it is right. Errors end a build. Warnings do not, unless `--strict` is
+given. How all this looks in JSON is in [outputs](outputs.md#json).
 
 Codes are never used twice and never renumbered.
 """

@@ -38,7 +38,7 @@ class Chassis(Thing):
         super().__init__(material="petg")
         tray, xm430, hip = CellTray(), XM430(), HipBracket(wall + 2)
         end = wall + 2
-        head = self.head_room = Screw("M2.5").head_height + GAP
+        head = Screw("M2.5").head_height + GAP
         front = tray.length / 2 + head + end
         bay = length - front - tray.length / 2 - head - end
         assert bay >= 0, f"a case of {length:g} mm is too short for the cells: make it {-bay:.2f} mm longer"

@@ -7,7 +7,7 @@ from typing import Annotated
 from build123d import Location, Plane, Pos, Solid
 
 from minchw import GAP, PLAY
-from minchw.shapes import block, cut_away, placed, slab, stadium, sunk, swing, tongue, turned
+from minchw.shapes import cut_away, placed, slab, stadium, sunk, swing, tongue, turned
 from thingc import Length, MountPoint, Range, Thing
 from thingc.things.mounts import MATE
 from thingc_stock.dynamixel import XM430, XM540
@@ -66,8 +66,7 @@ class HipBracket(Thing):
 
 
 class ThighBrace(Thing):
-    """One of the two sides of a thigh: a plate from the horn of the knee servo to that of the ankle servo, with half of the
-    web between both sides.
+    """One of the two sides of a thigh: a plate from horn to horn, knee to ankle, with half of the web between both sides.
 
     The origin is on the knee's axis at half the servo's depth; y points to the ankle, z out of the horns. A thigh takes two
     of the same brace: the other one sits on the idlers, turned half a turn about y; each is screwed to the other by one of
@@ -84,24 +83,26 @@ class ThighBrace(Thing):
         thickness: Annotated[Length, Range(2.4, 6)] = 4,
     ):
         super().__init__(material="petg")
-        xm540, screw = XM540(), Screw("M3", 12)
+        xm540, screw = XM540(), Screw("M2.5", 12)
         self.knee_seat = MountPoint(xm540.rotor.location * MATE, interface="x540-horn")
         self.knee_servo: XM540 = self.knee_seat.align(xm540.rotor)
         # At 0 the thigh is level and the ankle servo stands on its bottom: its top is where the knee servo's left is.
         standing = Location(Plane((0, length, 0), x_dir=(0, -1, 0), z_dir=(0, 0, 1)))
         self.ankle_seat = MountPoint(standing * xm540.rotor.location * MATE, interface="x540-horn")
         self.ankle_servo: XM540 = self.ankle_seat.align(xm540.rotor)
-        self.web = MountPoint(Location(Plane((0, length / 2, 0), x_dir=(0, 1, 0), z_dir=(0, 0, -1))), interface="thigh-web")
 
+        # The web is as near to the knee as its servo lets it, so that the long end of the ankle's comes as far up as it can.
         deep, high = screw.head_diameter + 4, 4 * screw.head_diameter
-        room = length / 2 - deep / 2 - swing(xm540) - GAP
+        middle = swing(xm540) + GAP + deep / 2
+        room = length - middle - deep / 2 - swing(xm540) - GAP
         assert room >= 0, (
-            f"a thigh of {length:g} mm leaves no room for its web between two servos: make it {-2 * room:.2f} mm longer"
+            f"a thigh of {length:g} mm leaves no room for its web between two servos: make it {-room:.2f} mm longer"
         )
-        inner = self.knee_seat.location.position.Z
-        seat = Location((screw.head_diameter, length / 2, screw.p.length / 2))
-        self.screw = [MountPoint(seat, interface="m3-head")]
+        self.web = MountPoint(Location(Plane((0, middle, 0), x_dir=(0, 1, 0), z_dir=(0, 0, -1))), interface="thigh-web")
+        seat = Location((screw.head_diameter, middle, screw.p.length / 2))
+        self.screw = [MountPoint(seat, interface="m2.5-head")]
         mine, theirs = screw.move(seat), screw.move(OTHER_SIDE * seat)
+        inner = self.knee_seat.location.position.Z
         access = Solid.make_cylinder(screw.head_diameter / 2 + 2 * PLAY, inner + thickness, Plane(seat))
         ends = [self.knee_servo.screws_horn[::2], self.ankle_servo.screws_horn[::2]]
         roomy = xm540.adjust(boss_diameter__add=6 * PLAY)
@@ -110,7 +111,7 @@ class ThighBrace(Thing):
         holes += cut_away([hole(thickness) for end in ends for hole in end])
 
         plate = Pos(0, 0, inner) * stadium(length, xm540.p.horn_diameter + 2 * thickness, thickness)
-        web = Pos(0, length / 2, 0) * block(high, deep, inner)
+        web = Pos(0, middle, 0) * slab(high, deep, inner, deep / 3)
         self.pieces = [plate, web]
         self.body = plate.fuse(web).cut(*holes).solid()
 

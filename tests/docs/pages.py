@@ -62,6 +62,12 @@ def without_fences(page: Path) -> str:
     return _FENCE.sub("", page.read_text())
 
 
+def paragraphs(page: Path) -> list[str]:
+    """The paragraphs and list items outside fences and tables, each on one line."""
+    text = re.sub(r"(?<=[^\n])\n +(?=[^\s\-\d])|(?<=[^\n|])\n(?=[^\s|#\-<`\d])", " ", without_fences(page))
+    return text.split("\n")
+
+
 def table(page: Path, marker: str) -> list[list[str]]:
     """The rows (without the heading) of the table that follows the comment `<!-- marker -->`."""
     text = page.read_text()

@@ -9,7 +9,7 @@ from __future__ import annotations
 import fcntl
 import os
 from collections.abc import Mapping
-from math import cos, hypot, radians, sin
+from math import asin, cos, degrees, hypot, radians, sin
 from pathlib import Path
 
 import mujoco
@@ -37,7 +37,7 @@ POSES = {
     "arched": {"front/knee": 100, "front/ankle": 100, "rear/knee": 100, "rear/ankle": 100},
     "step_front": {"rear/knee": 56, "rear/ankle": 60, "front/knee": 49, "front/ankle": 45},
     "step_rear": {"front/knee": 54, "front/ankle": 60, "rear/knee": 106, "rear/ankle": 100},
-    "lying": {"front/knee": -44.9, "front/ankle": -44.9, "rear/knee": -44.9, "rear/ankle": -44.9},
+    "lying": dict.fromkeys(("front/knee", "front/ankle", "rear/knee", "rear/ankle"), -degrees(asin(45.2 / 64))),
 }
 """The poses of the document [deg]; the other joints are at 0."""
 

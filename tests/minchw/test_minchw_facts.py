@@ -93,7 +93,11 @@ def test_each_foot_pulls_300_n_in_every_mode(models: dict[str, mujoco.MjModel]) 
             assert magnet.trntype == mujoco.mjtTrn.mjTRN_BODY and model.body(int(magnet.trnid[0])).name == f"{foot}/foot"
             assert magnet.gainprm[0] == 1.0 and tuple(magnet.ctrlrange) == (0.0, 300.0), mode
         assert model.nu == 8
-    held = {mode: tuple(models[mode].key_ctrl[0][[models[mode].actuator(f"{f}/sole").id for f in ("front", "rear")]]) for mode in MODES}
+    held = {
+        mode: tuple(model.key_ctrl[0][model.actuator(f"{foot}/sole").id] for foot in ("front", "rear"))
+        for mode, model in models.items()
+    }
+    assert set(held) == set(MODES)
     for where in ("", "_wall", "_ceiling"):
         assert held[f"front_foot{where}"] == (300.0, 0.0)
         assert held[f"rear_foot{where}"] == (0.0, 300.0)
@@ -157,7 +161,8 @@ def test_legs_that_differ_are_two_definitions_that_share_their_parts(shared_stor
 def test_the_bill_of_materials_has_what_is_bought(minchw: Path) -> None:
     rows = json.loads((minchw / "bom.json").read_text())
     assert {row["definition"]: row["quantity"] for row in rows if row["make"] == "print"} == {
-        "minchw.body:Chassis": 1, "minchw.body:Cover": 1, "minchw.leg:HipBracket": 2, "minchw.leg:ThighBrace": 4, "minchw.leg:Foot": 2,
+        "minchw.body:Chassis": 1, "minchw.body:Cover": 1, "minchw.leg:HipBracket": 2, "minchw.leg:ThighBrace": 4,
+        "minchw.leg:Foot": 2,
     }
     bought = {row["definition"]: row["quantity"] for row in rows if row["make"] == "buy" and row["supplier"]}
     assert bought == {

@@ -46,7 +46,10 @@ def test_variants_of_a_mode_differ_by_gravity_alone(models: dict[str, mujoco.MjM
         for where in ("_wall", "_ceiling"):
             one, other = models[mode], models[mode + where]
             assert sim.links(one) == sim.links(other)
-            for field in ("body_parentid", "body_mass", "body_pos", "body_quat", "body_inertia", "jnt_axis", "jnt_range", "qpos0", "geom_pos"):
+            for field in (
+                "body_parentid", "body_mass", "body_pos", "body_quat", "body_inertia", "jnt_axis", "jnt_range", "qpos0",
+                "geom_pos", "geom_quat", "geom_size",
+            ):
                 assert np.array_equal(getattr(one, field), getattr(other, field)), field
 
 
@@ -147,6 +150,23 @@ def test_no_part_is_inside_another(models: dict[str, mujoco.MjModel], solids: di
     }
     assert {pair: volume for pair, volume in shared.items() if volume > TOUCH} == {}
     assert ("front/foot", "front/magnet") in shared  # what is screwed to each other does touch
+
+
+@pytest.mark.parametrize("joint", ["yaw", "knee", "ankle"])
+def test_neighbours_clear_each_other_over_the_whole_range_of_their_joint(
+    models: dict[str, mujoco.MjModel], solids: dict[str, manifold3d.Manifold], joint: str
+) -> None:
+    """MuJoCo does not look at links that a joint connects: their exact meshes must be clear of each other by themselves."""
+    model = models["crawl"]
+    link = {part: model.body(int(model.geom(part).bodyid[0])).name for part in solids}
+    joined = {"yaw": ("body", "front/hip"), "knee": ("front/hip", "front/thigh"), "ankle": ("front/thigh", "front/foot")}
+    parent, child = joined[joint]
+    low, high = model.joint(f"front/{joint}").range
+    for q in np.linspace(low, high, 9):
+        placed = sim.parts(model, sim.at(model, {f"front/{joint}": float(q)}))
+        there = {part: solid.transform(placed[part][:3]) for part, solid in solids.items()}
+        for one, other in ((a, b) for a in there for b in there if link[a] == parent and link[b] == child):
+            assert (there[one] ^ there[other]).volume() < TOUCH, (np.degrees(q), one, other)
 
 
 def test_collision_pieces_hold_the_parts(minchw: Path, models: dict[str, mujoco.MjModel], solids: dict[str, Any]) -> None:

@@ -60,7 +60,7 @@ def emitted(found: Assembly) -> Made:
         )
         files = mjcf.emit(request).files
         described = modes_json.emit(request).files["modes.json"]
-    assert report.diagnostics == [] and isinstance(described, bytes)
+    assert [said.message for said in report.diagnostics] == [] and isinstance(described, bytes)
     xml = {robot.mode.name: files[f"mjcf/{found.name}_{robot.mode.name}.xml"].decode() for robot in robots}  # type: ignore[union-attr]
     models = {name: mujoco.MjModel.from_xml_string(text) for name, text in xml.items()}
     return Made(modes=Modes.parse(described), xml=xml, models=models, described=described)

@@ -17,7 +17,7 @@ COUNT = 9
 
 
 def chain(count: int = COUNT, seed: int = 4) -> Made:
-    """Links `c0` to `c8` on hinges askew, so that held at both ends it still moves in two ways; `bridge` holds `c8.tip` besides."""
+    """Links `c0` to `c8` on hinges askew, which held at both ends still move in two ways; `bridge` holds `c8.tip` besides."""
     rng = np.random.default_rng(seed)
     parts = [
         box(f"p:B{k}", (0.1, 0.06, 0.04), centre=(0.01, 0.02, 0.0), mounts={"a": frame(rng), "b": frame(rng), "tip": frame(rng)})
@@ -129,36 +129,37 @@ def test_of_a_bolted_robot_both_feet_must_be_where_they_stand(made: Made) -> Non
 # --- loops -------------------------------------------------------------------------------------------------------------
 
 LENGTHS = (0.30, 0.12, 0.25, 0.20)
+CUTS = {"ground": "j4", "crank": "j2", "rocker": "j3"}
 
 
 def four_bar(last: str) -> Made:
-    """Four bars in a plane; the joint that closes the loop is a hinge, or a slide along a fifth direction."""
+    """Four bars in a plane; a hinge or a slide across closes the loop. No rotors: a joint that is cut loses its own."""
     parts, components = [], []
     for k, length in enumerate(LENGTHS):
         tail = t(-length / 2, 0, 0) @ rx(np.pi)
-        mounts: dict[str, Array] = {"head": t(length / 2, 0, 0), "tail": tail, "end": t(-length / 2, 0, 0), "stop": t(length / 2, 0, 0) @ rx(np.pi)}
+        head, end = t(length / 2, 0, 0), t(-length / 2, 0, 0)
+        mounts: dict[str, Array] = {"head": head, "tail": tail, "end": end, "stop": head @ rx(np.pi)}
         parts.append(box(f"p:B{k}", (length, 0.02, 0.01), mounts=mounts))
         components.append(component(f"bar{k}", f"p:B{k}"))
-    joints = [joint(f"j{k}", f"bar{k - 1}.head", f"bar{k}.tail", lower=-9, upper=9, turn=1.2, armature=0.001 * k) for k in (1, 2, 3)]
+    joints = [joint(f"j{k}", f"bar{k - 1}.head", f"bar{k}.tail", lower=-9, upper=9, turn=1.2) for k in (1, 2, 3)]
     if last == "prismatic":
-        parts[3] = box("p:B3", (0.2, 0.02, 0.01), mounts={
-            "tail": t(-0.1, 0, 0) @ rx(np.pi), "stop": t(0.1, 0, 0) @ rz(0.3) @ rx(np.pi / 2),
-        })
+        across = np.eye(4)
+        across[:3, :3] = [[0, -1, 0], [0, 0, -1], [1, 0, 0]]  # x up, z against y: the bars stay in their plane
+        stop = t(0.1, 0, 0) @ rz(0.3 + np.pi) @ across
+        parts[3] = box("p:B3", (0.2, 0.02, 0.01), mounts={"tail": t(-0.1, 0, 0) @ rx(np.pi), "stop": stop})
         parts[0] = box("p:B0", (0.3, 0.02, 0.01), mounts={"head": t(0.15, 0, 0), "end": t(-0.15, 0, 0) @ rx(-np.pi / 2)})
     closing = joint("j4", "bar0.end", "bar3.stop", last, lower=-9, upper=9)
     joints.append(replace(closing, loop=True))
     start = pose("start", j1=0.3, j2=0.4, j3=0.5)
-    cuts = {"ground": "j4", "crank": "j2", "rocker": "j3"}
-    roots = {"ground": "bar0", "crank": "bar1", "rocker": "bar3"}
     modes = [
-        mode(f"{name}_{base}", whole(roots[name]), base, pose="start", poses=("start",), cut=(Cut(joint=cuts[name], origin=where(4)),))
-        for name in roots for base in ("free", "held")
+        mode(f"{name}_{base}", whole(root), base, pose="start", poses=("start",), cut=(Cut(joint=CUTS[name], origin=where(4)),))
+        for name, root in (("ground", "bar0"), ("crank", "bar1"), ("rocker", "bar3")) for base in ("free", "held")
     ]
     return emitted(linked(assembly("bars", components, joints, modes=modes, poses=[start]), *parts))
 
 
 def moving_loop(made: Made, name: str, rng: np.random.Generator) -> mujoco.MjData:
-    """A closed posture with a velocity that keeps the loop closed, by MuJoCo's own Jacobian of its equalities; the base anywhere."""
+    """A closed posture with a velocity that keeps the loop closed, by MuJoCo's own Jacobian of its equalities; any base."""
     mode, data = made.modes[name], made.data(name)
     made.modes.write(mode.state(next(iter(mode.named)), base_pose=frame(rng)), data)
     mujoco.mj_forward(data.model, data)
@@ -178,7 +179,7 @@ def test_cut_joints_have_the_q_of_their_two_ends() -> None:
     """Each mode cuts another joint: what one has not got follows from the poses of its links."""
     made, rng = four_bar("revolute"), np.random.default_rng(2)
     assert {name: [cut.name for cut in mode.cuts] for name, mode in made.modes.items()} == {
-        f"{name}_{base}": [cut] for name, cut in (("ground", "j4"), ("crank", "j2"), ("rocker", "j3")) for base in ("free", "held")
+        f"{name}_{base}": [cut] for name, cut in CUTS.items() for base in ("free", "held")
     }
     for source in made.modes:
         one = moving_loop(made, source, rng)

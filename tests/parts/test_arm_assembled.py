@@ -88,7 +88,8 @@ def test_the_servos_sit_on_their_fixtures(straight):
 
 
 @pytest.mark.parametrize(("pose", "reach", "pen"), [
-    ("home", 100, 15), ("stretched", 100, 15), ("folded", 100, 15), ("writing", 100, 15), ("home", 75, 6), ("folded", 75, 30), ("home", 200, 30),
+    ("home", 100, 15), ("stretched", 100, 15), ("folded", 100, 15), ("writing", 100, 15), ("home", 75, 6),
+    ("folded", 75, 30), ("home", 200, 30),
 ])
 def test_nothing_is_inside_anything_else(pose, reach, pen, meshes):
     """Exact meshes, every pair of parts, at the poses of the document. Only the cap's screws are in the hand's material:

@@ -58,6 +58,40 @@ def neighbourhood(count: int, mates: Sequence[Mate]) -> list[list[int]]:
     return neighbours
 
 
+def on_loops(count: int, mates: Sequence[Mate]) -> frozenset[str]:
+    """The paths of the joints that lie on a loop: those that close one, and those between its ends in the tree of placements."""
+    closing = [mate for mate in mates if mate.loop is not None]
+    if not closing:
+        return frozenset()
+    neighbours = neighbourhood(count, mates)
+    above: dict[int, tuple[int, int, int]] = {}  # occurrence to the one it was reached from, the mate between, its depth
+    for start in range(count):
+        if start in above:
+            continue
+        above[start] = (start, -1, 0)
+        waiting = [start]
+        while waiting:
+            here = waiting.pop()
+            for number in neighbours[here]:
+                there = mates[number].child if mates[number].parent == here else mates[number].parent
+                if there not in above:
+                    above[there] = (here, number, above[here][2] + 1)
+                    waiting.append(there)
+    found: set[str] = set()
+    for mate in closing:
+        found.update((mate.joint.path,) if mate.joint is not None else ())
+        one, other = mate.parent, mate.child
+        while one != other:
+            if above[one][2] < above[other][2]:
+                one, other = other, one
+            one, number, _ = above[one]
+            if number < 0:
+                break
+            joint = mates[number].joint
+            found.update((joint.path,) if joint is not None else ())
+    return frozenset(found)
+
+
 def spread(
     mates: Sequence[Mate], neighbours: Sequence[Sequence[int]], start: int, base: Pose, q: Mapping[str, float], *,
     rigid: bool = False,

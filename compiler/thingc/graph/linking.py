@@ -8,7 +8,7 @@ from thingc.diagnostics import Code, Report
 from thingc.graph.expectations import check_expectations
 from thingc.graph.findings import Findings
 from thingc.graph.hag import hag_of
-from thingc.graph.kinematics import neighbourhood, spread
+from thingc.graph.kinematics import neighbourhood, on_loops, spread
 from thingc.graph.leaves import Leaves
 from thingc.graph.links import fused, links_of
 from thingc.graph.mates import check_loops, mates_of
@@ -49,8 +49,7 @@ def link(model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailu
         check_links(links, link_of, occurrences, modes, faulty, findings)
         shown = {(mount.occurrence, mount.mount) for mount in exported if "/" not in mount.path}
         check_expectations(occurrences, mates, laid, shown, findings)
-    loops = {mate.joint.path for mate in mates if mate.joint is not None and mate.loop is not None}
-    check_poses(model.poses, model.modes, joints, findings, loops)
+    check_poses(model.poses, model.modes, joints, findings, on_loops(len(occurrences), mates))
     at = spread(mates, neighbourhood(len(occurrences), mates), base, NO_POSE, {}) if base is not None else {}
     placing = sum(1 for mate in mates if mate.loop is None)
     if base is None or findings.incomplete or len(at) != len(occurrences) or placing != len(occurrences) - 1:

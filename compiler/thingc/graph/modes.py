@@ -153,7 +153,7 @@ def check_poses(
 ) -> None:
     """Every pose within the limits of every joint: values as written, and in poses that a mode uses also the joints
     that are at 0 because the pose does not name them, and those that mimic (not where joints were left out: what is
-    there may follow one of those). A joint that closes a loop, one of `loops`, goes where the loop takes it."""
+    there may follow one of those). A joint on a loop, one of `loops`, goes where the loop takes it."""
     used = {name for mode in modes for name in mode.poses}
     known = {pose.name for pose in poses}
     for mode in modes:

@@ -96,8 +96,10 @@ def _warm_start(modes: tuple[Mode, Mode], source: Any, target: Any) -> None:
     old, new = modes
     if new.base == "free":
         target.joint(FREE_JOINT).qacc_warmstart = np.zeros(6)
-    for joint in old.joints:
-        target.joint(joint.name).qacc_warmstart = source.joint(joint.name).qacc_warmstart
+    known = {joint.name for joint in old.joints}
+    for joint in new.joints:
+        here = source.joint(joint.name).qacc_warmstart if joint.name in known else 0.0
+        target.joint(joint.name).qacc_warmstart = here
 
 
 def hold_here(mode: Mode, state: State, data: Any) -> None:

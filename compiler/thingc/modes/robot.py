@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -167,13 +168,16 @@ def _seen_from(state: State, old: Mode, new: Mode) -> State:
 
 
 def _across(mode: Mode, cut: Cut, poses: Mapping[str, Array], twists: Mapping[str, Array]) -> tuple[float, float]:
-    """(q, v) of a joint from its ends' motions: about or along z of A (a hinge's q within half a turn either way)."""
+    """(q, v) of a joint from its ends' motions: about or along z of A. A hinge's q is that within half a turn of
+    its value in the mode's first pose."""
     parent, child = mode.links[cut.parent].name, mode.links[cut.child].name
     X_WA, X_WB = poses[parent] @ cut.X_PA, poses[child] @ cut.X_CB
     X_AB, z = inverse(X_WA) @ X_WB, X_WA[:3, 2]
     spins = [poses[link][:3, :3] @ twists[link][3:] for link in (parent, child)]
     if cut.kind == "hinge":
-        return float(np.arctan2(X_AB[1, 0] - X_AB[0, 1], X_AB[0, 0] + X_AB[1, 1])), float(z @ (spins[1] - spins[0]))
+        angle = float(np.arctan2(X_AB[1, 0] - X_AB[0, 1], X_AB[0, 0] + X_AB[1, 1]))
+        usual = next(iter(mode.named.values()), {}).get(cut.name, 0.0)
+        return angle + math.tau * round((usual - angle) / math.tau), float(z @ (spins[1] - spins[0]))
     ends = [
         twists[link][:3] + np.cross(spin, X_WB[:3, 3] - poses[link][:3, 3])
         for link, spin in zip((parent, child), spins, strict=True)

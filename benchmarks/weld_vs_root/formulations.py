@@ -1,0 +1,170 @@
+"""One robot held by its front foot, in three formulations: a soft weld, a stiff weld, and the foot as the root.
+
+All of them are compiled from one document. The welded ones are its `crawl` mode (free base at the body) with a MuJoCo `weld` of
+the foot to the world; the rooted one is `front_foot`. Contacts are off everywhere: it is the attachment that is compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import radians
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+import thingc
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCUMENT = ROOT / "assemblies" / "minchw" / "minchw.yaml"
+FOOT, TIP = "front/foot", "rear/sole"
+"""The body that is held, and the site whose error is the robot's."""
+
+INTEGRATORS = {
+    "Euler": mujoco.mjtIntegrator.mjINT_EULER,
+    "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
+    "RK4": mujoco.mjtIntegrator.mjINT_RK4,
+}
+TIMESTEPS = (0.0005, 0.001, 0.002, 0.005)
+SOFT, STIFF, ROOTED = "weld, default", "weld, stiff", "rooted"
+FORMULATIONS = (SOFT, STIFF, ROOTED)
+SOLIMP = (0.9999, 0.9999, 0.001, 0.5, 2.0)
+"""Of the stiff weld: the largest impedance that MuJoCo takes, at any violation."""
+
+REACHING = {"front/yaw": 35, "front/knee": 40, "front/ankle": 60, "rear/yaw": -50, "rear/knee": 70, "rear/ankle": 20}
+"""A posture of no named pose, out of every plane [deg]."""
+
+Vector = np.ndarray
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How to step: timestep [s], the integrator's name, and the stiff weld's time constant in timesteps."""
+
+    timestep: float
+    integrator: str
+    stiffness: float = 2.0
+
+
+class Formulation:
+    """A model of the robot on its foot. Joint vectors (q, v, torque) are in the order of `Study.joints` whatever the tree is."""
+
+    def __init__(self, name: str, model: mujoco.MjModel, study: Study) -> None:
+        self.name, self.model, self.study = name, model, study
+        self.q = np.array([model.joint(joint).qposadr[0] for joint in study.joints])
+        self.v = np.array([model.joint(joint).dofadr[0] for joint in study.joints])
+        self.free = model.nv > len(study.joints)
+        self.drives = [model.actuator(joint).id for joint in study.joints]
+        self.foot, self.tip = model.body(FOOT).id, model.site(TIP).id
+        self.friction = model.dof_frictionloss.copy()
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+
+    def configure(self, settings: Settings, gravity: str, friction: bool, drives: bool = False) -> None:
+        """Options of the run. Everything else is as the document has it, damping and armature too."""
+        option, flag = self.model.opt, int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+        option.timestep, option.integrator = settings.timestep, INTEGRATORS[settings.integrator]
+        option.gravity = self.study.gravity[gravity]
+        option.disableflags = option.disableflags & ~flag if drives else option.disableflags | flag
+        self.model.dof_frictionloss[:] = self.friction if friction else 0.0
+        if self.name == STIFF:
+            option.disableflags |= mujoco.mjtDisableBit.mjDSBL_REFSAFE
+            option.iterations, option.ls_iterations, option.tolerance = 200, 100, 1e-12
+            self.model.eq_solref[0] = settings.stiffness * settings.timestep, 1.0
+            self.model.eq_solimp[0] = SOLIMP
+
+    def stand(self, q: Vector) -> mujoco.MjData:
+        """At rest at joint positions `q`, the foot exactly where it is held."""
+        data = mujoco.MjData(self.model)
+        self.place(data, q)
+        data.ctrl[self.drives] = q
+        mujoco.mj_forward(self.model, data)
+        return data
+
+    def place(self, data: mujoco.MjData, q: Vector) -> None:
+        """Write joint positions; a free base goes where the rooted model has the body."""
+        data.qpos[self.q] = q
+        if self.free:
+            data.qpos[:7] = self.study.body_pose(q)
+
+    def torque(self, data: mujoco.MjData, torque: Vector) -> None:
+        """Apply joint torques [N m]: nothing at a free base."""
+        data.qfrc_applied[self.v] = torque
+
+    def foot_pose(self, data: mujoco.MjData) -> tuple[Vector, Vector]:
+        """Of the held body: position [m] and rotation matrix, for the state as it is now."""
+        mujoco.mj_kinematics(self.model, data)
+        return data.xpos[self.foot].copy(), data.xmat[self.foot].reshape(3, 3).copy()
+
+
+class Study:
+    """The document, compiled once, and what all formulations share: joints, postures, exact kinematics and torques."""
+
+    def __init__(self, store: str | None = None) -> None:
+        compiled = thingc.compile(str(DOCUMENT), modes=["front_foot", "front_foot_wall", "crawl"], store=store)
+        self.modes = compiled.modes
+        self.assembly = compiled.assembly
+        self.exact = self.rooted_model()
+        self.exact.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_ACTUATION
+        self.joints = [self.exact.joint(k).name for k in range(self.exact.njnt)]
+        self.gravity = {"floor": self.exact.opt.gravity.copy(), "wall": self.modes["front_foot_wall"].model().opt.gravity.copy()}
+        self.friction = self.exact.dof_frictionloss.copy()
+        self.scratch = mujoco.MjData(self.exact)
+        self.postures = {
+            name: np.array([self.exact.key(name).qpos[k] for k in range(self.exact.nq)])
+            for name in ("stretched", "arched", "step_rear")
+        }
+        self.postures["reaching"] = self.vector({joint: radians(angle) for joint, angle in REACHING.items()})
+
+    def vector(self, values: Mapping[str, float]) -> Vector:
+        """Values by joint as a vector, 0 where there is none."""
+        return np.array([values.get(joint, 0.0) for joint in self.joints])
+
+    def rooted_model(self) -> mujoco.MjModel:
+        """The `front_foot` model as built."""
+        return self.modes["front_foot"].model()
+
+    def weld_xml(self, xml: str, foot: str = FOOT) -> str:
+        """A model with a free base, its foot welded to the world (default softness) where the rooted model holds it."""
+        foot_pose = np.concatenate([self.exact.body(FOOT).pos, self.exact.body(FOOT).quat])
+        back, turn = np.zeros(3), np.zeros(4)
+        mujoco.mju_negPose(back, turn, foot_pose[:3], foot_pose[3:])
+        relative = " ".join(repr(float(x)) for x in (*back, *turn))
+        weld = f'<equality><weld name="hold" body1="{foot}" relpose="{relative}"/></equality>'
+        return xml.replace("</mujoco>", f"{weld}</mujoco>")
+
+    def welded_model(self) -> mujoco.MjModel:
+        """The `crawl` model with the weld. The weld's anchor, the world's origin, is the middle of the sole."""
+        crawl = self.modes["crawl"]
+        return mujoco.MjModel.from_xml_string(self.weld_xml(crawl.mjcf()), crawl.assets())
+
+    def formulation(self, name: str) -> Formulation:
+        """One of `FORMULATIONS`, a model of its own."""
+        return Formulation(name, self.rooted_model() if name == ROOTED else self.welded_model(), self)
+
+    def body_pose(self, q: Vector) -> Vector:
+        """Position and quaternion of the body in the world when the foot is held, exact."""
+        self.scratch.qpos[:] = q
+        mujoco.mj_kinematics(self.exact, self.scratch)
+        body = self.scratch.body("body")
+        return np.concatenate([body.xpos, body.xquat])
+
+    def tip(self, q: Vector) -> Vector:
+        """Position [m] of the free foot's sole, exact."""
+        self.scratch.qpos[:] = q
+        mujoco.mj_kinematics(self.exact, self.scratch)
+        return self.scratch.site(TIP).xpos.copy()
+
+    def inverse(self, q: Vector, v: Vector, a: Vector, gravity: str, friction: bool) -> Vector:
+        """Joint torques [N m] of a motion by one inverse dynamics of the rooted model."""
+        self.exact.opt.gravity = self.gravity[gravity]
+        self.exact.dof_frictionloss[:] = self.friction if friction else 0.0
+        data = self.scratch
+        data.qpos[:], data.qvel[:], data.qacc[:] = q, v, a
+        mujoco.mj_inverse(self.exact, data)
+        return data.qfrc_inverse.copy()
+
+    def holding(self, q: Vector, gravity: str) -> Vector:
+        """Joint torques [N m] that hold a posture."""
+        rest = np.zeros_like(q)
+        return self.inverse(q, rest, rest, gravity, friction=False)

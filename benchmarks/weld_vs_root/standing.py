@@ -1,0 +1,106 @@
+"""Standing still: held by the foot, gravity torques applied, nothing should move."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import acos, degrees
+
+import mujoco
+import numpy as np
+from formulations import STIFF, Formulation, Settings, Vector
+
+REST, NEARLY = 1e-6, 1e-3
+"""max |qvel| below which a model is at rest, and nearly so [rad/s, m/s]."""
+HORIZON = 4.0
+"""Simulated time of a run [s]."""
+TRIED = (0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0, 8.0, 12.0, 20.0)
+"""Time constants of the stiff weld, in timesteps, the stiffest first. MuJoCo's own guard (`refsafe`) stops at 2."""
+
+
+@dataclass(frozen=True)
+class Stand:
+    """A run: after how many steps max |qvel| stays below `REST` and `NEARLY` (None: not within the run), and how far the foot
+    [mm, deg] and the energy [mJ] went over the run. `speeds` is max |qvel| after each step."""
+
+    steps: int | None
+    nearly: int | None
+    drift: float
+    turn: float
+    energy: float
+    speeds: Vector
+
+
+def _from(speeds: Vector, limit: float) -> int | None:
+    moving = np.flatnonzero(~(speeds < limit))
+    steps = 0 if not len(moving) else int(moving[-1]) + 1
+    return None if steps == len(speeds) else steps
+
+
+def stand(
+    formulation: Formulation, q: Vector, torque: Vector, settings: Settings, gravity: str, friction: bool, drives: bool = False,
+    horizon: float = HORIZON, kick: float = 0.0,
+) -> Stand:
+    """Simulate `horizon` seconds from rest at `q`, or from joint speeds of `kick` [rad/s]."""
+    formulation.configure(settings, gravity, friction, drives)
+    model, data = formulation.model, formulation.stand(q)
+    formulation.torque(data, torque)
+    data.qvel[formulation.v] = kick
+    position, rotation = formulation.foot_pose(data)
+    mujoco.mj_energyPos(model, data)
+    energy = data.energy[0]
+    count = round(horizon / settings.timestep)
+    speeds = np.full(count, np.inf)
+    drift = turn = change = 0.0
+    sample = max(1, count // 200)
+    with np.errstate(all="ignore"):
+        for k in range(count):
+            mujoco.mj_step(model, data)
+            speeds[k] = np.abs(data.qvel).max()
+            if data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number or not speeds[k] < 1e4:
+                return Stand(None, None, np.inf, np.inf, np.inf, speeds)
+            if k % sample == 0 or k == count - 1:
+                now, turned = formulation.foot_pose(data)
+                drift = max(drift, float(np.linalg.norm(now - position)))
+                turn = max(turn, angle(rotation.T @ turned))
+                mujoco.mj_energyPos(model, data)
+                mujoco.mj_energyVel(model, data)
+                change = max(change, abs(data.energy.sum() - energy))
+    return Stand(_from(speeds, REST), _from(speeds, NEARLY), 1e3 * drift, turn, 1e3 * change, speeds)
+
+
+def angle(rotation: Vector) -> float:
+    """Of a rotation matrix [deg]; small ones from the antisymmetric part, where the trace has no digits."""
+    axis = np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]])
+    sine = float(np.linalg.norm(axis)) / 2.0
+    return degrees(np.arcsin(sine)) if sine < 0.5 else degrees(acos(max(-1.0, min(1.0, (np.trace(rotation) - 1.0) / 2.0))))
+
+
+def stiffest(formulation: Formulation, timestep: float, integrator: str) -> float:
+    """The smallest time constant in `TRIED` [timesteps] at which every posture stands, after a kick of 0.2 rad/s, with document
+    friction: the foot never leaves by a millimetre, and within half a second its speeds have died down to a hundredth."""
+    assert formulation.name == STIFF
+    study = formulation.study
+    for factor in TRIED:
+        settings = Settings(timestep, integrator, factor)
+        for gravity in ("floor", "wall"):
+            runs = (
+                stand(formulation, q, study.holding(q, gravity), settings, gravity, True, horizon=0.6, kick=0.2)
+                for q in study.postures.values()
+            )
+            if not all(run.drift < 1.0 and run.speeds[-max(1, len(run.speeds) // 6):].max() < 0.002 for run in runs):
+                break
+        else:
+            return factor
+    raise SystemExit(f"no stiff weld is stable at {timestep} s with {integrator}")
+
+
+def inverse_error(formulation: Formulation, q: Vector, gravity: str) -> tuple[float, float]:
+    """Of one `mj_inverse` at rest: the largest error of a joint torque [N m] against the rooted model's, and the force and torque
+    that it asks of the base, where nothing acts [N]: 0 of a rooted model."""
+    study = formulation.study
+    formulation.configure(Settings(0.002, "implicitfast"), gravity, friction=False)
+    data = formulation.stand(q)
+    data.qvel[:] = data.qacc[:] = 0.0
+    mujoco.mj_inverse(formulation.model, data)
+    error = np.abs(data.qfrc_inverse[formulation.v] - study.holding(q, gravity)).max()
+    return float(error), float(np.linalg.norm(data.qfrc_inverse[:3])) if formulation.free else 0.0

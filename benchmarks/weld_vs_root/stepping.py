@@ -1,0 +1,76 @@
+"""How fast the formulations step: steps per second and wall time, the best of several interleaved runs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from component_bodies import body_name, component_model
+from formulations import FOOT, Study, Vector
+
+ROUNDS = 7
+
+
+@dataclass(frozen=True)
+class Timed:
+    """A model, and a state to step from."""
+
+    name: str
+    model: mujoco.MjModel
+    data: mujoco.MjData
+
+
+def component_rooted(study: Study) -> mujoco.MjModel:
+    """The `front_foot` model with one body for each component."""
+    mode = study.modes["front_foot"]
+    return mujoco.MjModel.from_xml_string(component_model(mode.robot, mode.mjcf()), mode.assets())
+
+
+def component_welded(study: Study) -> mujoco.MjModel:
+    """The `crawl` model with one body for each component, and the weld: the whole of the prototype's way."""
+    mode = study.modes["crawl"]
+    xml = component_model(mode.robot, mode.mjcf())
+    foot = body_name(study.assembly, FOOT)
+    assert foot == FOOT, "the weld's pose is that of the link's frame"
+    return mujoco.MjModel.from_xml_string(study.weld_xml(xml, foot), mode.assets())
+
+
+def ways(study: Study, q: Vector, contacts: bool) -> list[Timed]:
+    """Fused and with one body for each component, rooted and welded: the drives hold posture `q`, options as in the document."""
+    found = []
+    for name, model in (
+        ("rooted, fused (thingc)", study.rooted_model()),
+        ("rooted, one body per component", component_rooted(study)),
+        ("weld, fused", study.welded_model()),
+        ("weld, one body per component (prototype)", component_welded(study)),
+    ):
+        if not contacts:
+            model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+        found.append(Timed(name, model, posed(study, model, q)))
+    return found
+
+
+def posed(study: Study, model: mujoco.MjModel, q: Vector) -> mujoco.MjData:
+    """A model in posture `q`, its drives at it, its foot where it is held."""
+    data = mujoco.MjData(model)
+    for joint, value in zip(study.joints, q, strict=True):
+        data.joint(joint).qpos[0] = value
+        data.actuator(joint).ctrl[0] = value
+    if model.nv > len(study.joints):
+        data.qpos[:7] = study.body_pose(q)
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def seconds_per_step(runs: Sequence[Timed], count: int = 2000) -> list[float]:
+    """Wall time [s] of one `mj_step`, looped inside MuJoCo; the runs take turns, so that a busy machine is fair to all."""
+    best = [np.inf] * len(runs)
+    for _ in range(ROUNDS):
+        for k, run in enumerate(runs):
+            start = time.perf_counter()
+            mujoco.mj_step(run.model, run.data, nstep=count)
+            best[k] = min(best[k], (time.perf_counter() - start) / count)
+    return best

@@ -1,0 +1,143 @@
+"""The gait of an inchworm: where the joints of MInchW should be at every instant, and which magnets hold.
+
+Planned once from the kinematics of the built robot, with nothing measured: both ways of walking it (`inchworm_physics`) follow
+the same plan. Units are SI; a vector of six joints is in the order of `JOINTS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.polynomial import chebyshev
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+FEET = ("front", "rear")
+JOINTS = tuple(f"{foot}/{joint}" for foot in FEET for joint in ("yaw", "knee", "ankle"))
+PITCHING = tuple(name for name in JOINTS if not name.endswith("yaw"))
+PULL = 300.0
+"""Nominal pull of a magnet [N]."""
+
+RELEASE, SWING, PRESS, TRANSFER, REST = 0.15, 1.5, 0.15, 0.35, 0.2
+"""How long [s] a magnet lets go, a foot is in the air, its magnet takes hold, the load moves over to it, and all is still."""
+
+DEGREE, KNOTS = 24, 49
+"""Of the polynomials through the joints' paths, and how many points they are fitted to."""
+
+
+def other(foot: str) -> str:
+    """The foot that is not `foot`."""
+    return FEET[1 - FEET.index(foot)]
+
+
+def smooth(s: Array | float) -> Array | float:
+    """From 0 at s = 0 to 1 at s = 1 with four derivatives 0 at both ends."""
+    return s**5 * (126.0 - 420.0 * s + 540.0 * s**2 - 315.0 * s**3 + 70.0 * s**4)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Instant:
+    """What is wanted now: `q`, `v`, `a` (6,) of the joints; `share`, how much of the robot the landing foot carries already
+    (0 to 1); the magnets' forces [N] by foot; and the name of the phase."""
+
+    phase: str
+    q: Array
+    v: Array
+    a: Array
+    share: float
+    magnets: dict[str, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Swing:
+    """One foot's way through the air while the other holds: Chebyshev coefficients (degree + 1, 6) of q over s in [-1, 1]."""
+
+    holds: str
+    moves: str
+    path: Array
+
+    def instants(self, timestep: float) -> Iterator[Instant]:
+        """The whole exchange, from the magnet that lets go to the load on the foot that has landed."""
+        velocity = chebyshev.chebder(self.path) * (2.0 / SWING)
+        acceleration = chebyshev.chebder(velocity) * (2.0 / SWING)
+        for phase, duration in (
+            ("release", RELEASE), ("swing", SWING), ("press", PRESS), ("transfer", TRANSFER), ("rest", REST)
+        ):
+            steps = round(duration / timestep)
+            for step in range(steps):
+                s = (step + 1) / steps
+                at = {"release": -1.0, "swing": 2.0 * s - 1.0}.get(phase, 1.0)
+                force = {"release": 1.0 - s, "swing": 0.0, "press": s}.get(phase, 1.0) * PULL
+                moving = 1.0 if phase == "swing" else 0.0
+                yield Instant(
+                    phase=phase,
+                    q=chebyshev.chebval(at, self.path),
+                    v=moving * chebyshev.chebval(at, velocity),
+                    a=moving * chebyshev.chebval(at, acceleration),
+                    share={"transfer": float(smooth(s)), "rest": 1.0}.get(phase, 0.0),
+                    magnets={self.holds: PULL, self.moves: force},
+                )
+
+
+class Legs:
+    """Inverse kinematics in the plane of the legs, by Newton's method on the model of a mode that a foot holds."""
+
+    def __init__(self, model: mujoco.MjModel, holds: str) -> None:
+        self.model, self.data = model, mujoco.MjData(model)
+        self.holds, self.moves = holds, other(holds)
+        self.columns = [int(model.joint(name).dofadr[0]) for name in PITCHING]
+
+    def solve(self, distance: float, height: float, pitch: float, near: Array) -> Array:
+        """q (6,) with the moving sole `distance` [m] along x from the held one, `height` [m] above it and level, and the body's
+        nose `pitch` [rad] up. `near` (6,) is where the search starts. Raises `ValueError` where there is no such q."""
+        q = near.copy()
+        for _ in range(50):
+            error, jacobian = self._error(q, distance, height, pitch)
+            if np.abs(error).max() < 1e-12:
+                return q
+            q[[JOINTS.index(name) for name in PITCHING]] -= np.linalg.solve(jacobian, error)
+        raise ValueError(f"the legs do not reach {distance:.3f} m apart with a foot lifted by {height:.3f} m")
+
+    def _error(self, q: Array, distance: float, height: float, pitch: float) -> tuple[Array, Array]:
+        """(4,) and (4, 4): x and z of the moving sole, its pitch, and that of the body, by the four joints that pitch."""
+        for name, value in zip(JOINTS, q, strict=True):
+            self.data.joint(name).qpos = value
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_comPos(self.model, self.data)
+        sole, body = self.data.site(f"{self.moves}/sole"), self.data.body("body")
+        linear, angular, turning = (np.zeros((3, self.model.nv)) for _ in range(3))
+        mujoco.mj_jacSite(self.model, self.data, linear, angular, self.model.site(f"{self.moves}/sole").id)
+        mujoco.mj_jacBody(self.model, self.data, None, turning, self.model.body("body").id)
+        down, ahead = sole.xmat.reshape(3, 3)[:, 2], body.xmat.reshape(3, 3)[:, 0]
+        between = sole.xpos - self.data.site(f"{self.holds}/sole").xpos
+        side = 1.0 if self.moves == "front" else -1.0
+        # A turn by `a` about the world's y takes the sole's -z towards -x, and the body's x towards -z.
+        error = [
+            between[0] - side * distance, between[2] - height, np.arctan2(-down[0], -down[2]), np.arctan2(-ahead[2], ahead[0]) + pitch
+        ]
+        rows = np.vstack([linear[0], linear[2], angular[1], turning[1]])
+        return np.array(error), rows[:, self.columns]
+
+
+def swings(models: dict[str, mujoco.MjModel], steps: int, short: float, stride: float, lift: float) -> list[Swing]:
+    """`steps` steps forward: the front foot goes ahead by `stride` [m], the rear one follows.
+
+    `models` are those of the modes that a foot holds, by foot. The soles are `short` [m] apart when the robot is drawn up; a
+    foot is lifted by `lift` [m], which the body does with half its pitch and the legs with the rest.
+    """
+    start = np.array([0.0, 1.5, 1.5, 0.0, 1.5, 1.5])
+    found = {}
+    s = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, KNOTS))
+    for holds, begin, end in (("rear", short, short + stride), ("front", short + stride, short)):
+        legs, side = Legs(models[holds], holds), 1.0 if holds == "rear" else -1.0
+        q, knots = start, []
+        for distance, up in zip(begin + (end - begin) * smooth(s), lift * 64.0 * (s * (1.0 - s)) ** 3, strict=True):
+            q = legs.solve(float(distance), float(up), side * float(up) / short, q)
+            knots.append(q)
+        start = knots[-1]
+        found[holds] = Swing(holds=holds, moves=other(holds), path=chebyshev.chebfit(2.0 * s - 1.0, np.array(knots), DEGREE))
+    return [found[holds] for _ in range(steps) for holds in ("rear", "front")]

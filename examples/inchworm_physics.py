@@ -1,0 +1,278 @@
+"""MInchW on steel in MuJoCo: rooted at the foot that holds and switching modes, or free and held by its magnets alone.
+
+The servos are the position drives of the document. What a position must be asked of them follows from the torque that the
+motion needs, by inverse dynamics in the mode of the foot that carries the robot: `force = kp (ctrl - q) - kv v`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from inchworm_gait import FEET, JOINTS, PULL, Array, Instant, Swing, other
+from thingc.modes import Modes
+
+TIMESTEP = 1e-3
+POLE = 0.025
+"""Radius [m] of a magnet's face: over its rim a foot tips."""
+
+STEEL = {
+    "friction": [0.5, 0.005, 0.0001], "priority": 2, "solref": [0.004, 1.0], "solimp": [0.99, 0.999, 0.0005, 0.5, 2.0],
+    "margin": 0.001, "gap": 0.001,
+}
+"""Contact with the beam. MuJoCo's usual contacts would let 300 N pull a foot 4 mm into it; these give 0.03 mm. In the last
+millimetre a magnet pulls without touching, or it would never take hold of a wall, to which gravity presses nothing."""
+
+Watch = Callable[[mujoco.MjModel, mujoco.MjData], None]
+
+
+@dataclass(slots=True, kw_only=True)
+class Seen:
+    """The worst of a walk [SI], and where it went."""
+
+    steps: int = 0
+    progress: float = 0.0
+    slips: dict[str, float] = field(default_factory=lambda: {"standing": 0.0, "landing": 0.0})
+    pull: float = 0.0
+    """The largest pull that a holding foot has to bear, a moment counted as the force at the rim that it takes."""
+    shear: float = 0.0
+    """The largest ratio of force along the steel to what friction bears."""
+    torque: dict[str, float] = field(default_factory=lambda: dict.fromkeys(JOINTS, 0.0))
+    """Of each servo, the largest part of its stall torque."""
+    speed: float = 0.0
+    """The largest part of the torque-speed line: torque / stall torque + speed / no-load speed."""
+    tracking: float = 0.0
+    tilt: float = 0.0
+    removed: float = 0.0
+    """The fastest motion [m/s or rad/s] of a foot in the instant in which it became the root."""
+    removed_angular: float = 0.0
+    touches: set[str] = field(default_factory=set)
+    """What touched the steel or the robot itself, other than soles the steel."""
+
+
+def on_steel(folder: Path, mode: str) -> mujoco.MjModel:
+    """The model of a mode over the face of a beam (z = 0), with light and a camera; magnet actuators as in the document."""
+    spec = mujoco.MjSpec.from_file(str(folder / "mjcf" / f"minchw_{mode}.xml"))
+    spec.option.timestep = TIMESTEP
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.impratio = 10.0
+    world = spec.worldbody
+    world.add_geom(
+        name="steel", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05], rgba=[0, 0, 0, 0], group=4, **STEEL
+    )
+    decorate(spec, mode)
+    return spec.compile()
+
+
+def decorate(spec: mujoco.MjSpec, mode: str) -> None:
+    """What is only looked at: the beam, what it stands on, a light and a camera, which see a wall upright."""
+    wall = mode.endswith("_wall")
+    world = spec.worldbody
+    look = {"type": mujoco.mjtGeom.mjGEOM_BOX, "contype": 0, "conaffinity": 0, "group": 2}
+    for name, z, thick, half in (("flange", -0.005, 0.005, 0.05), ("web", -0.05, 0.04, 0.005), ("foot_flange", -0.095, 0.005, 0.05)):
+        world.add_geom(name=name, size=[0.6, half, thick], pos=[0.3, 0, z], rgba=[0.45, 0.49, 0.54, 1], **look)
+    for k in range(13):
+        world.add_geom(name=f"mark_{k}", size=[0.001, 0.05, 0.0002], pos=[-0.3 + 0.1 * k, 0, 0], rgba=[0.25, 0.28, 0.32, 1], **look)
+    ground = {"size": [0.002, 2, 2], "pos": [-0.302, 0, 0]} if wall else {"size": [2, 2, 0.002], "pos": [0.3, 0, -0.102]}
+    world.add_geom(name="ground", rgba=[0.86, 0.87, 0.88, 1], **ground, **look)
+    spec.add_texture(
+        name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT, rgb1=[0.93, 0.95, 0.97],
+        rgb2=[0.93, 0.95, 0.97], width=16, height=16,
+    )
+    up = np.array([1.0, 0, 0]) if wall else np.array([0, 0, 1.0])
+    world.add_light(name="sun", type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, dir=-up + np.array([0.2, 0.5, -0.35]), diffuse=[0.6] * 3)
+    spec.visual.headlight.ambient[:], spec.visual.headlight.diffuse[:] = 0.35, 0.35
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = 960, 960
+    spec.visual.quality.shadowsize = 4096
+    at, to = (np.array([0.14, -1.15, 0.62]), np.array([0.14, 0, 0.02])) if wall else (
+        np.array([0.10, -1.05, 0.50]), np.array([0.16, 0, 0.03])
+    )
+    back = (at - to) / np.linalg.norm(at - to)
+    right = np.cross(up, back) / np.linalg.norm(np.cross(up, back))
+    quaternion = np.zeros(4)
+    mujoco.mju_mat2Quat(quaternion, np.column_stack([right, np.cross(back, right), back]).flatten())
+    world.add_camera(name="aside", pos=at, quat=quaternion)
+
+
+class World:
+    """One mode's model and state."""
+
+    def __init__(self, folder: Path, mode: str) -> None:
+        self.mode, self.model = mode, on_steel(folder, mode)
+        self.data = mujoco.MjData(self.model)
+        self.dofs = [int(self.model.joint(name).dofadr[0]) for name in JOINTS]
+        self.drives = [self.model.actuator(name).id for name in JOINTS]
+        self.stall = self.model.actuator_forcerange[self.drives, 1]
+        self.kp, self.kv = self.model.actuator_gainprm[self.drives, 0], -self.model.actuator_biasprm[self.drives, 2]
+
+    def joints(self) -> Array:
+        """q (6,) as it is."""
+        return np.array([float(self.data.joint(name).qpos[0]) for name in JOINTS])
+
+    def sole(self, foot: str) -> Array:
+        """The middle of a sole in the world (3,)."""
+        return np.array(self.data.site(f"{foot}/sole").xpos)
+
+    def tilt(self, foot: str) -> float:
+        """The angle [rad] between a sole and the steel."""
+        x, y, _ = self.data.site(f"{foot}/sole").xmat.reshape(3, 3)[:, 2]
+        return float(np.hypot(x, y))
+
+    def touching(self, foot: str) -> bool:
+        """Whether a magnet is in contact."""
+        return any(pair == {"steel", f"{foot}/magnet:collision"} for pair in self.contacts())
+
+    def contacts(self) -> Iterator[set[str]]:
+        """The names of the geoms of each contact."""
+        for contact in self.data.contact:
+            yield {self.model.geom(int(geom)).name for geom in contact.geom}
+
+    def reaction(self, foot: str) -> tuple[float, float, float]:
+        """What the steel does to the sole of a foot: force towards the robot [N], force along the steel [N], and the moment that
+        tips the foot [N m]. Of a held foot from the accelerations of all that hangs on it, else from its contacts."""
+        centre, wrench = self.sole(foot), np.zeros(6)
+        body = self.model.body(f"{foot}/foot").id
+        if self.model.body_mocapid[body] >= 0:
+            mujoco.mj_rnePostConstraint(self.model, self.data)
+            wrench[3:], wrench[:3] = self.data.cfrc_int[body][:3], self.data.cfrc_int[body][3:]
+            wrench[3:] += np.cross(self.data.subtree_com[self.model.body_rootid[body]] - centre, wrench[:3])
+        else:
+            for index, contact in enumerate(self.data.contact):
+                bodies = [int(self.model.geom_bodyid[geom]) for geom in contact.geom]
+                if body in bodies and 0 in bodies:
+                    local = np.zeros(6)
+                    mujoco.mj_contactForce(self.model, self.data, index, local)
+                    frame = contact.frame.reshape(3, 3)  # its x from the first geom to the second
+                    force = frame.T @ local[:3] * (1.0 if bodies[1] == body else -1.0)
+                    wrench[:3] += force
+                    wrench[3:] += np.cross(contact.pos - centre, force)
+            wrench[2] -= self.data.actuator(f"{foot}/sole").force[0]  # the magnet's own pull on the steel
+        return float(wrench[2]), float(np.hypot(*wrench[:2])), float(np.hypot(*wrench[3:5]))
+
+    def drive(self, now: Instant, torque: Array) -> None:
+        """Ask the servos for the positions at which they give `torque` (6,), and set the magnets."""
+        self.data.ctrl[self.drives] = now.q + (torque + self.kv * now.v) / self.kp
+        for foot, force in now.magnets.items():
+            self.data.actuator(f"{foot}/sole").ctrl = force
+
+
+class Dynamics:
+    """Inverse dynamics of a mode that a foot holds, in the air: the torques (6,) for q, v and a."""
+
+    def __init__(self, world: World) -> None:
+        self.world, self.model = world, on_no_steel(world.model)
+        self.data = mujoco.MjData(self.model)
+
+    def torque(self, now: Instant) -> Array:
+        """[N m], friction and damping of the joints included."""
+        for name, q, v, a in zip(JOINTS, now.q, now.v, now.a, strict=True):
+            joint = self.data.joint(name)
+            joint.qpos, joint.qvel, joint.qacc = q, v, a
+        mujoco.mj_inverse(self.model, self.data)
+        return np.array(self.data.qfrc_inverse[self.world.dofs])
+
+
+def on_no_steel(model: mujoco.MjModel) -> mujoco.MjModel:
+    """The same model in which nothing touches."""
+    import copy
+
+    found = copy.copy(model)
+    found.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    return found
+
+
+class Climb:
+    """The robot on a floor (`where=""`) or a wall (`"_wall"`): the worlds of its modes, and what was seen."""
+
+    def __init__(self, folder: Path, where: str) -> None:
+        self.robot = Modes.load(folder)
+        self.held = {foot: World(folder, f"{foot}_foot{where}") for foot in FEET}
+        self.free = World(folder, f"crawl{where}")
+        self.dynamics = {foot: Dynamics(world) for foot, world in self.held.items()}
+        self.models = {foot: world.model for foot, world in self.held.items()}
+
+    def rooted(self, plan: list[Swing], watch: Watch | None = None) -> Seen:
+        """Walk rooted at the foot that holds; the other becomes the root when it has landed and carries the robot."""
+        seen = Seen(steps=len(plan) // 2)
+        world = self._start(plan[0])
+        begin = (world.sole("front") + world.sole("rear")) / 2
+        for swing in plan:
+            self._follow(world, swing, seen, watch)
+            following = self.held[swing.moves]
+            switched = self.robot.switch((world.mode, world.data), (following.mode, following.data), on_motion="impact")
+            mujoco.mj_forward(following.model, following.data)
+            seen.removed = max(seen.removed, float(np.linalg.norm(switched.removed[:3])))
+            seen.removed_angular = max(seen.removed_angular, float(np.linalg.norm(switched.removed[3:])))
+            world = following
+        seen.progress = float(((world.sole("front") + world.sole("rear")) / 2 - begin)[0])
+        return seen
+
+    def adhering(self, plan: list[Swing], watch: Watch | None = None) -> Seen:
+        """Walk the same plan with a free base: nothing but the magnets keeps a foot where it is."""
+        seen = Seen(steps=len(plan) // 2)
+        first = self._start(plan[0])
+        self.robot.switch((first.mode, first.data), (self.free.mode, self.free.data))
+        mujoco.mj_forward(self.free.model, self.free.data)
+        begin = (self.free.sole("front") + self.free.sole("rear")) / 2
+        for swing in plan:
+            self._follow(self.free, swing, seen, watch)
+        seen.progress = float(((self.free.sole("front") + self.free.sole("rear")) / 2 - begin)[0])
+        return seen
+
+    def _start(self, swing: Swing) -> World:
+        """At rest on both feet, rooted at the one that holds first, servos loaded as they must be."""
+        world, now = self.held[swing.holds], next(swing.instants(TIMESTEP))
+        mujoco.mj_resetDataKeyframe(world.model, world.data, 0)
+        for name, q in zip(JOINTS, now.q, strict=True):
+            world.data.joint(name).qpos = q
+        world.drive(now, self.dynamics[swing.holds].torque(now))
+        mujoco.mj_forward(world.model, world.data)
+        return world
+
+    def _follow(self, world: World, swing: Swing, seen: Seen, watch: Watch | None) -> None:
+        stood = world.sole(swing.holds)
+        landed: Array | None = None
+        for now in swing.instants(TIMESTEP):
+            torque = self.dynamics[swing.holds].torque(now)
+            if now.share > 0.0:
+                torque = (1.0 - now.share) * torque + now.share * self.dynamics[swing.moves].torque(now)
+            world.drive(now, torque)
+            mujoco.mj_step(world.model, world.data)
+            self._measure(world, swing, now, seen)
+            if now.phase == "transfer" and landed is None:
+                landed = world.sole(swing.moves)
+            if watch is not None:
+                watch(world.model, world.data)
+        assert landed is not None
+        seen.tilt = max(seen.tilt, world.tilt(swing.moves))
+        for what, before, foot in (("standing", stood, swing.holds), ("landing", landed, swing.moves)):
+            slip = float(np.hypot(*(world.sole(foot) - before)[:2]))
+            seen.slips[what] = max(seen.slips[what], slip)
+
+    def _measure(self, world: World, swing: Swing, now: Instant, seen: Seen) -> None:
+        data = world.data
+        carrying = [swing.holds] if now.share == 0.0 else [swing.moves] if now.share == 1.0 else FEET
+        for foot in carrying:
+            held = world.model.body_mocapid[world.model.body(f"{foot}/foot").id] >= 0
+            if not held and not world.touching(foot):
+                seen.pull = max(seen.pull, 2 * PULL)  # it has come off
+                continue
+            normal, along, tipping = world.reaction(foot)
+            seen.pull = max(seen.pull, tipping / POLE - normal)
+            seen.shear = max(seen.shear, along / (STEEL["friction"][0] * max(PULL + normal, 1e-9)))
+        force, speed = data.actuator_force[world.drives], np.abs(data.qvel[world.dofs])
+        for name, part in zip(JOINTS, np.abs(force) / world.stall, strict=True):
+            seen.torque[name] = max(seen.torque[name], float(part))
+        no_load = world.stall / world.kv
+        seen.speed = max(seen.speed, float((np.abs(force) / world.stall + speed / no_load).max()))
+        seen.tracking = max(seen.tracking, float(np.abs(world.joints() - now.q).max()))
+        for pair in world.contacts():
+            if not any(pair == {"steel", f"{foot}/magnet:collision"} for foot in FEET):
+                seen.touches |= {" and ".join(sorted(pair))}
+
+
+__all__ = ["Climb", "Dynamics", "Seen", "World", "on_steel", "other"]

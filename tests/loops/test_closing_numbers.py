@@ -1,0 +1,144 @@
+"""The numbers behind closing loops: least squares, rotation vectors, and random robots asked to go where they have been."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from graph.builder import as_matrix, as_pose
+from robot.test_rooting_properties import Tree, build, robots
+from thingc.graph import joints_of
+from thingc.robot import body_poses
+from thingc.robot.closure import Loops, State, orthonormal, rotation_vector
+from thingc.robot.dense import solve
+from thingc.robot.types import Closure, Robot
+
+numbers = st.floats(-3.0, 3.0, allow_nan=False)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(1, 8), st.integers(1, 8), st.integers(0, 2**32 - 1))
+def test_steps_are_damped_least_squares(n: int, m: int, seed: int) -> None:
+    """Against numpy, on the stacked system [J; sqrt(lambda) I] x = [-e; 0]."""
+    source = np.random.default_rng(seed)
+    J, e = source.normal(size=(m, n)), source.normal(size=m)
+    damping = 1e-3
+    weight = damping * (J**2).sum() / min(n, m)
+    stacked = np.vstack([J, math.sqrt(weight) * np.eye(n)])
+    expected = np.linalg.lstsq(stacked, np.concatenate([-e, np.zeros(n)]), rcond=None)[0]
+    assert solve(J.T.tolist(), e.tolist(), damping) == pytest.approx(expected, rel=1e-9, abs=1e-12)
+
+
+def test_more_coordinates_than_equations_take_the_shortest_step() -> None:
+    source = np.random.default_rng(3)
+    J, e = source.normal(size=(3, 7)), source.normal(size=3)
+    assert solve(J.T.tolist(), e.tolist(), 1e-14) == pytest.approx(-np.linalg.pinv(J) @ e, rel=1e-9)
+
+
+def test_equations_that_say_the_same_twice_are_no_trouble() -> None:
+    """A planar loop: six equations of rank 3."""
+    J = np.zeros((6, 4))
+    J[[0, 1, 5]] = np.random.default_rng(4).normal(size=(3, 4))
+    e = J @ np.array([0.1, -0.2, 0.3, 0.05])
+    found = solve(J.T.tolist(), e.tolist(), 1e-12)
+    assert found is not None
+    assert J @ found == pytest.approx(-e, abs=1e-9)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.tuples(numbers, numbers, numbers))
+def test_rotation_vectors(v: tuple[float, float, float]) -> None:
+    r = Rotation.from_rotvec(v)
+    rows: Any = tuple(map(tuple, r.as_matrix().tolist()))
+    found = rotation_vector(rows)
+    assert np.linalg.norm(found) <= math.pi + 1e-12
+    assert Rotation.from_rotvec(found).as_matrix() == pytest.approx(r.as_matrix(), abs=1e-12)
+    assert np.array(orthonormal(rows)) == pytest.approx(r.as_matrix(), abs=1e-14)
+
+
+@pytest.mark.parametrize("angle", [1e-300, 1e-12, 1e-6, math.pi - 1e-9, math.pi])
+def test_rotation_vectors_near_nothing_and_near_half_a_turn(angle: float) -> None:
+    axis = np.array([1.0, -2.0, 2.0]) / 3.0
+    found = np.array(rotation_vector(tuple(map(tuple, Rotation.from_rotvec(angle * axis).as_matrix().tolist()))))  # type: ignore[arg-type]
+    assert np.linalg.norm(found) == pytest.approx(angle, rel=1e-6, abs=1e-15)
+    if 1e-300 < angle:
+        assert abs(found @ axis) == pytest.approx(angle, rel=1e-6)
+
+
+# --- random trees ----------------------------------------------------------------------------------------------------
+
+
+def held(robot: Robot, body: int, X_WM: np.ndarray, X_LM: np.ndarray) -> Loops:
+    closure = Closure(
+        path="mount", kind="weld", hold=True, parent=None, child=body, X_PA=as_pose(X_WM), X_CB=as_pose(X_LM), joint=None,
+        origin=(),
+    )
+    return Loops(robot.bodies, (closure,), joints_of(robot.assembly), robot.bodies[0].X_PL)
+
+
+def state(robot: Robot, q: dict[str, float]) -> State:
+    return State(q=q, base=robot.bodies[0].X_PL)
+
+
+trees = st.builds(build, st.integers(0, 2**32 - 1), st.integers(3, 7))
+
+
+@settings(max_examples=40, deadline=None)
+@given(trees, st.integers(0, 2**32 - 1))
+def test_a_robot_finds_back_to_where_it_was(tree: Tree, seed: int) -> None:
+    """The pose of the last body at q is held; from beside q (0.1 rad, 10 mm) the loop closes again, whatever the tree."""
+    source = np.random.default_rng(seed)
+    for robot in list(robots(tree.assembly).values())[:3]:
+        body = len(robot.bodies) - 1
+        X_LM = np.eye(4)
+        X_LM[:3, :3], X_LM[:3, 3] = Rotation.from_rotvec(source.normal(size=3)).as_matrix(), source.normal(size=3) * 0.1
+        joints = {joint.path: joint for joint in joints_of(robot.assembly)}
+        q = {path: float(np.clip(tree.q.get(path, 0.0), j.limit.lower or -9, j.limit.upper or 9)) for path, j in joints.items()}
+        X_WM = as_matrix(body_poses(robot, q)[body]) @ X_LM
+        loops = held(robot, body, X_WM, X_LM)
+        steps = {path: 0.01 if joint.kind == "prismatic" else 0.1 for path, joint in joints.items()}
+        near = {path: value + float(source.uniform(-1.0, 1.0)) * steps[path] for path, value in q.items()}
+        solution = loops.close(state(robot, near), None, base_moves=False)
+        assert solution.closed, solution.residuals
+        reached = as_matrix(body_poses(robot, solution.state.q)[body]) @ X_LM
+        assert reached == pytest.approx(X_WM, abs=1e-9)
+
+
+@settings(max_examples=25, deadline=None)
+@given(trees, st.integers(0, 2**32 - 1))
+def test_the_best_that_can_be_done_is_no_worse_than_what_scipy_finds(tree: Tree, seed: int) -> None:
+    """A target half a metre off: the sum of squares that is left, within limits, against `scipy.optimize.least_squares`."""
+    source = np.random.default_rng(seed)
+    robot = next(iter(robots(tree.assembly).values()))
+    body = len(robot.bodies) - 1
+    paths = [joint.path for joint in joints_of(robot.assembly)]
+    start = dict.fromkeys(paths, 0.0)
+    X_WM = as_matrix(body_poses(robot, start)[body])
+    X_WM[:3, 3] += source.normal(size=3) * 0.3
+    X_WM[:3, :3] = Rotation.from_rotvec(source.normal(size=3) * 0.3).as_matrix() @ X_WM[:3, :3]
+    loops = held(robot, body, X_WM, np.eye(4))
+    bounds = {c.path: (c.lower, c.upper) for c in loops.coordinates}
+
+    def left(values: np.ndarray) -> np.ndarray:
+        at = as_matrix(body_poses(robot, dict(zip(paths, values.tolist())))[body])
+        w = Rotation.from_matrix(X_WM[:3, :3].T @ at[:3, :3]).as_rotvec()
+        return np.concatenate([at[:3, 3] - X_WM[:3, 3], loops.length * w])
+
+    inside = {path: min(max(0.0, bounds[path][0]), bounds[path][1]) for path in paths}
+    solution = loops.close(state(robot, inside), None, base_moves=False)
+    ours = sum(p**2 + (loops.length * w) ** 2 for p, w in solution.residuals)
+    assert ours == pytest.approx(float((left(np.array([solution.state.q[p] for p in paths])) ** 2).sum()), rel=1e-6, abs=1e-15)
+    assert all(bounds[p][0] - 1e-12 <= solution.state.q[p] <= bounds[p][1] + 1e-12 for p in paths)
+    polished = least_squares(
+        left, [min(max(solution.state.q[p], bounds[p][0] + 1e-9), bounds[p][1] - 1e-9) for p in paths],
+        bounds=([bounds[p][0] for p in paths], [bounds[p][1] for p in paths]), xtol=1e-12, ftol=1e-12, gtol=1e-12,
+    )
+    # Whatever minimum it is, scipy, started there, gains nothing to speak of.
+    assert ours <= 2 * polished.cost * 1.001 + 1e-12

@@ -1,0 +1,246 @@
+"""`loop: true`: joints that close loops, against the closed formulas of the four-bar linkage and of the slider-crank."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from loops.robots import BALL, Built, at_key, compiled, equality_residual, pose_of
+
+A, B, C, D = 0.06, 0.18, 0.12, 0.2
+"""Crank, coupler, rocker and ground [m]: by Grashof's rule the crank goes round."""
+
+FACING = "rpy: 180 0 -90 deg"
+"""A mount that, mated to one whose z is up, lays the axes of its link on those of the mount: angles are plain."""
+
+ANGLES = (20.0, 75.0, 130.0, 200.0, 290.0)
+
+FOURBAR = f"""\
+thingc: assembly/1
+name: fourbar
+components:
+  ground: {{frame: true, mass: 1 kg, {BALL}, mounts: {{a: {{xyz: 0 0 0 mm}}, d: {{xyz: 200 0 0 mm}}}}}}
+  crank: {{frame: true, mass: 0.1 kg, {BALL}, mounts: {{low: {{{FACING}}}, high: {{xyz: 60 0 0 mm}}}}}}
+  coupler: {{frame: true, mass: 0.2 kg, {BALL}, com: [90 mm, 0, 0], mounts: {{low: {{{FACING}}}, high: {{xyz: 180 0 0 mm}}}}}}
+  rocker: {{frame: true, mass: 0.15 kg, {BALL}, mounts: {{low: {{{FACING}}}, high: {{xyz: 120 0 0 mm, {FACING}}}}}}}
+joints:
+  drive: {{type: continuous, parent: ground.a, child: crank.low, drive: {{kind: position, kp: 5, kv: 0.2}}}}
+  elbow: {{type: continuous, parent: crank.high, child: coupler.low, dynamics: {{damping: 0.001 N*m*s/rad}}}}
+  pivot: {{type: revolute, parent: ground.d, child: rocker.low, limit: {{lower: 5 deg, upper: 175 deg}}}}
+  wrist: {{type: continuous, parent: coupler.high, child: rocker.high, loop: true, dynamics: {{damping: 0.001 N*m*s/rad}}}}
+poses:
+""" + "".join(f"  at_{angle:.0f}: {{drive: {angle} deg}}\n" for angle in ANGLES) + """\
+modes:
+  bench: {root: ground}
+  by_coupler: {root: coupler, base: free}
+  other: {root: ground, cut: [pivot]}
+  third: {root: rocker.high, base: held, cut: [elbow]}
+"""
+
+
+def rocker_angle(crank: float) -> float:
+    """The angle of the rocker [rad] on the branch above the ground: the law of cosines in the two triangles over the diagonal
+    from the crank's end to the rocker's pivot."""
+    x, y = A * np.cos(crank) - D, A * np.sin(crank)
+    diagonal = np.hypot(x, y)
+    inner = np.arccos((C**2 + diagonal**2 - B**2) / (2 * C * diagonal))
+    return float((np.arctan2(y, x) - inner) % (2 * np.pi))
+
+
+@pytest.fixture(scope="module")
+def fourbar(tmp_path_factory: pytest.TempPathFactory) -> Built:
+    found = compiled(tmp_path_factory.mktemp("fourbar"), FOURBAR)
+    assert found.said == []
+    return found
+
+
+MODES = ("bench", "by_coupler", "other", "third")
+
+
+def test_the_loop_closes_as_the_formula_says(fourbar: Built) -> None:
+    """Limits keep it on its branch; the crank, which the poses name, stays."""
+    for frame, angle in zip(fourbar.robot("bench").keyframes, np.radians(ANGLES), strict=True):
+        assert frame.q["drive"] == pytest.approx(angle, abs=1e-15)
+        assert frame.q["pivot"] == pytest.approx(rocker_angle(angle), abs=1e-9)
+        coupler = frame.q["drive"] + frame.q["elbow"]
+        tip = [A * np.cos(angle) + B * np.cos(coupler), A * np.sin(angle) + B * np.sin(coupler)]
+        rocker = frame.q["pivot"]
+        assert tip == pytest.approx([D + C * np.cos(rocker), C * np.sin(rocker)], abs=1e-10)
+        assert np.exp(1j * (coupler + frame.q["wrist"])) == pytest.approx(np.exp(1j * rocker), abs=1e-9)
+        assert frame.moved == {}
+    assert not [loss for loss in fourbar.losses("bench") if loss.how == "approximated"]
+
+
+def test_which_joint_is_cut(fourbar: Built) -> None:
+    """The one that closes the loop in the document, unless the mode names another; never the driven one."""
+    assert {mode: [closure.path for closure in fourbar.robot(mode).closures] for mode in MODES} == {
+        "bench": ["wrist"], "by_coupler": ["wrist"], "other": ["pivot"], "third": ["elbow"],
+    }
+
+
+def test_a_pose_has_the_same_q_in_every_mode(fourbar: Built) -> None:
+    expected = [(frame.name, frame.q) for frame in fourbar.robot("bench").keyframes]
+    for mode in MODES:
+        assert [(frame.name, frame.q) for frame in fourbar.robot(mode).keyframes] == expected
+        assert fourbar.modes[mode]["poses"] == dict(expected)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_mujoco_finds_the_loop_closed_at_every_keyframe(fourbar: Built, mode: str) -> None:
+    model, robot = fourbar.model(mode), fourbar.robot(mode)
+    for frame in robot.keyframes:
+        data = at_key(model, frame.name)
+        assert equality_residual(data) < 1e-9
+        assert (data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY).sum() == 6
+        assert frame.residual is not None and max(frame.residual) < 1e-9
+
+
+def test_pairwise_poses_are_equal_in_every_mode(fourbar: Built) -> None:
+    def pairs(mode: str, key: str) -> np.ndarray:
+        data = at_key(fourbar.model(mode), key)
+        at = [pose_of(data.body(name)) for name in ("ground", "crank", "coupler", "rocker")]
+        return np.array([np.linalg.inv(one) @ other for one, other in combinations(at, 2)])
+
+    for angle in ANGLES:
+        expected = pairs("bench", f"at_{angle:.0f}")
+        for mode in MODES[1:]:
+            assert pairs(mode, f"at_{angle:.0f}") == pytest.approx(expected, abs=1e-9)
+
+
+def test_neighbours_through_the_loop_never_touch_in_any_mode(fourbar: Built) -> None:
+    expected = {frozenset(pair) for pair in (("ground", "crank"), ("crank", "coupler"), ("ground", "rocker"), ("coupler", "rocker"))}
+    for mode in MODES:
+        model = fourbar.model(mode)
+        found = {
+            frozenset(model.body(int(signature) >> shift & 0xFFFF).name for shift in (16, 0)) for signature in model.exclude_signature
+        }
+        assert found == expected
+
+
+@pytest.mark.parametrize("mode", ["bench", "other", "third"])
+def test_it_runs(fourbar: Built, mode: str) -> None:
+    """The crank driven once round: the rocker follows the formula and the loop stays closed, whichever joint was cut."""
+    model = fourbar.model(mode)
+    data = at_key(model, "at_20")
+    ids = {name: model.joint(name).qposadr[0] for name in ("drive", "pivot") if name != "pivot" or mode != "other"}
+    worst = 0.0
+    for step in range(1500):
+        data.ctrl[0] = np.radians(20.0) + 2 * np.pi * step / 1500
+        mujoco.mj_step(model, data)
+        worst = max(worst, equality_residual(data))
+        if "pivot" in ids and step % 100 == 0:
+            assert data.qpos[ids["pivot"]] == pytest.approx(rocker_angle(data.qpos[ids["drive"]]), abs=2e-3)
+    assert data.qpos[ids["drive"]] == pytest.approx(np.radians(380.0), abs=0.1)
+    assert worst < 1e-4
+
+
+def test_what_a_cut_joint_cannot_have_is_a_loss(fourbar: Built) -> None:
+    assert [(loss.path, loss.what, loss.how) for loss in fourbar.losses("bench")] == [
+        ("wrist", "its dynamics: a loop is cut here", "omitted")
+    ]
+    assert [(loss.path, loss.what, loss.how) for loss in fourbar.losses("other")] == [
+        ("pivot", "its limits: a loop is cut here", "omitted")
+    ]
+
+
+def test_modes_json_says_where_the_loop_was_cut(fourbar: Built) -> None:
+    described = fourbar.modes["bench"]
+    (cut,) = described["cuts"]
+    assert [joint["name"] for joint in described["joints"]] == ["drive", "elbow", "pivot"]
+    assert (cut["name"], cut["kind"], cut["parent"], cut["child"]) == ("wrist", "hinge", "coupler", "rocker")
+    data = at_key(fourbar.model("bench"), "at_75")
+    q = described["poses"]["at_75"]["wrist"]
+    turned = np.eye(4)
+    turned[:2, :2] = [[np.cos(q), -np.sin(q)], [np.sin(q), np.cos(q)]]
+    meets = pose_of(data.body("coupler")) @ np.array(cut["X_PA"]) @ turned
+    assert meets == pytest.approx(pose_of(data.body("rocker")) @ np.array(cut["X_CB"]), abs=1e-9)
+    assert set(described["residuals"]) == set(described["poses"])
+
+
+# --- the slider-crank: a slide in the loop -------------------------------------------------------------------------------
+
+R, L = 0.05, 0.15
+SLIDER = f"""\
+thingc: assembly/1
+name: engine
+components:
+  block: {{frame: true, mass: 1 kg, {BALL}, mounts: {{main: {{}}, bore: {{rpy: 0 90 0 deg}}}}}}
+  crank: {{frame: true, mass: 0.1 kg, {BALL}, mounts: {{low: {{{FACING}}}, pin: {{xyz: 50 0 0 mm}}}}}}
+  rod: {{frame: true, mass: 0.1 kg, {BALL}, mounts: {{big: {{{FACING}}}, small: {{xyz: 150 0 0 mm}}}}}}
+  piston: {{frame: true, mass: 0.1 kg, {BALL}, mounts: {{wall: {{rpy: 90 0 -90 deg}}, pin: {{}}}}}}
+joints:
+  main: {{type: continuous, parent: block.main, child: crank.low, MAIN}}
+  crankpin: {{type: continuous, parent: crank.pin, child: rod.big, PIN}}
+  wristpin: {{type: continuous, parent: rod.small, child: piston.pin, WRIST}}
+  bore: {{type: prismatic, parent: block.bore, child: piston.wall, limit: {{lower: 50 mm, upper: 250 mm}}, BORE}}
+poses:
+  top: {{main: 0}}
+  down: {{main: 100 deg}}
+"""
+DRIVEN = "drive: {kind: position, kp: 5}"
+
+
+def slider(folder: Path, **more: str) -> Built:
+    text = SLIDER + "modes:\n  run: {root: block}\n"
+    for mark in ("MAIN", "PIN", "WRIST", "BORE"):
+        text = text.replace(f", {mark}", f", {more[mark]}" if mark in more else "")
+    # A pin that faces the rod's, so that the piston's axes are parallel to it.
+    return compiled(folder, text.replace("pin: {}", f"pin: {{{FACING}}}"))
+
+
+@pytest.mark.parametrize(
+    ("more", "cut"),
+    [
+        ({"WRIST": "loop: true", "MAIN": DRIVEN}, "wristpin"),
+        ({"BORE": "loop: true", "MAIN": DRIVEN}, "wristpin"),  # MuJoCo has no equality that slides
+        ({"WRIST": f"loop: true, {DRIVEN}"}, "crankpin"),  # a passive one will do
+        ({"BORE": "loop: true", "MAIN": DRIVEN, "WRIST": DRIVEN}, "crankpin"),
+        ({"WRIST": f"loop: true, {DRIVEN}", "MAIN": DRIVEN, "PIN": DRIVEN}, "bore"),  # the only passive one
+    ],
+)
+def test_a_joint_that_is_worth_nothing_in_the_tree_is_cut(tmp_path: Path, more: dict[str, str], cut: str) -> None:
+    found = slider(tmp_path, **more)
+    assert found.said == []
+    (closure,) = found.robot("run").closures
+    assert closure.path == cut
+    for frame, angle in zip(found.robot("run").keyframes, np.radians([0.0, 100.0]), strict=True):
+        assert frame.q["main"] == pytest.approx(angle, abs=1e-15)
+        travel = R * np.cos(angle) + np.sqrt(L**2 - (R * np.sin(angle)) ** 2)
+        assert frame.q["bore"] == pytest.approx(travel, abs=1e-9)
+        if cut != "bore":
+            assert equality_residual(at_key(found.model("run"), frame.name)) < 1e-9
+    losses = [(loss.path, loss.what, loss.how) for loss in found.losses("run")]
+    assert losses == ([("bore", "the loop through it: MuJoCo has no equality that slides", "omitted")] if cut == "bore" else [])
+
+
+def test_a_rigid_loop_becomes_a_weld(tmp_path: Path) -> None:
+    """A `fixed` joint that closes a loop leaves both its links what they are."""
+    text = FOURBAR.replace(
+        "wrist: {type: continuous, parent: coupler.high, child: rocker.high, loop: true, dynamics: {damping: 0.001 N*m*s/rad}}",
+        "wrist: {type: fixed, parent: coupler.high, child: rocker.high, loop: true}",
+    ).replace("xyz: 200 0 0 mm", "xyz: 100 0 0 mm")
+    text = text.partition("poses:")[0] + "poses:\n  up: {pivot: 40 deg}\nmodes:\n  bench: {root: ground}\n"
+    found = compiled(tmp_path, text)
+    assert found.said == []
+    robot = found.robot("bench")
+    assert [(closure.path, closure.kind) for closure in robot.closures] == [("wrist", "weld")]
+    assert len(robot.bodies) == 4
+    (frame,) = robot.keyframes
+    # The rocker lies back along the coupler: with 180 - 120 mm between them, crank and ground (100 mm) make a triangle.
+    angle = np.arccos((A**2 + 0.1**2 - (B - C) ** 2) / (2 * A * 0.1))
+    assert [frame.q[name] for name in ("drive", "pivot", "elbow")] == pytest.approx([-angle, angle, 2 * angle], abs=1e-9)
+    assert equality_residual(at_key(found.model("bench"), "up")) < 1e-9
+
+
+def test_a_loop_of_impossible_lengths_is_said_once_for_all_modes(tmp_path: Path) -> None:
+    """A coupler of 20 mm: 200 mm of ground cannot be spanned by 60 + 20 + 100 mm. Stretched out, 20 mm are missing."""
+    text = FOURBAR.replace("upper: 175 deg", "upper: 200 deg").replace("xyz: 180 0 0 mm", "xyz: 20 0 0 mm").replace("xyz: 120 0 0 mm", "xyz: 100 0 0 mm")
+    found = compiled(tmp_path, text)
+    line = next(number for number, words in enumerate(text.splitlines(), 1) if words.startswith("  wrist:"))
+    assert [(code, where) for code, _, _, where in found.said] == [("TC604", line)]
+    assert found.said[0][1] == "the loop through joint `wrist` does not close: at best its ends are 20 mm and 0 deg apart"
+    assert found.said[0][2] == "change the lengths in the loop, or the limits of its joints"
