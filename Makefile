@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 JOBS ?= 2
 
-.PHONY: demo test lint bench schemas pictures clean
+.PHONY: demo test lint bench schemas docs pictures clean
 
 demo: $(VENV)/.thingc
 	$(BIN)/thingc build assemblies/arm.yaml
@@ -41,6 +41,10 @@ $(VENV)/.thingc-dev: pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable ".[dev]"
 	touch $@ $(VENV)/.thingc
+
+docs: $(VENV)/.thingc-dev
+	$(BIN)/python docs/generate.py
+	$(BIN)/python docs/mate_picture.py
 
 pictures: $(VENV)/.thingc-dev
 	$(BIN)/python docs/pictures.py

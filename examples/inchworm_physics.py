@@ -22,7 +22,7 @@ POLE = 0.025
 
 STEEL = {
     "friction": [0.5, 0.005, 0.0001], "priority": 2, "solref": [0.004, 1.0], "solimp": [0.99, 0.999, 0.0005, 0.5, 2.0],
-    "margin": 0.001, "gap": 0.001,
+    "gap": 0.001,
 }
 """Contact with the beam. MuJoCo's usual contacts would let 300 N pull a foot 4 mm into it; these give 0.03 mm. In the last
 millimetre a magnet pulls without touching, or it would never take hold of a wall, to which gravity presses nothing."""
@@ -140,24 +140,49 @@ class World:
             mujoco.mj_rnePostConstraint(self.model, self.data)
             wrench[3:], wrench[:3] = self.data.cfrc_int[body][:3], self.data.cfrc_int[body][3:]
             wrench[3:] += np.cross(self.data.subtree_com[self.model.body_rootid[body]] - centre, wrench[:3])
+            # That counts contacts, but not what presses a magnet onto them, which is an actuator.
+            _, force, moment = self.hold(other(foot), centre)
+            wrench -= np.concatenate([force, moment])
         else:
-            for index, contact in enumerate(self.data.contact):
-                bodies = [int(self.model.geom_bodyid[geom]) for geom in contact.geom]
-                if body in bodies and 0 in bodies:
-                    local = np.zeros(6)
-                    mujoco.mj_contactForce(self.model, self.data, index, local)
-                    frame = contact.frame.reshape(3, 3)  # its x from the first geom to the second
-                    force = frame.T @ local[:3] * (1.0 if bodies[1] == body else -1.0)
-                    wrench[:3] += force
-                    wrench[3:] += np.cross(contact.pos - centre, force)
-            wrench[2] -= self.data.actuator(f"{foot}/sole").force[0]  # the magnet's own pull on the steel
+            wrench[:3], wrench[3:] = sum_of(self.on_sole(foot, centre))
+            _, force, moment = self.hold(foot, centre)
+            wrench += np.concatenate([force, moment])
         return float(wrench[2]), float(np.hypot(*wrench[:2])), float(np.hypot(*wrench[3:5]))
+
+    def on_sole(self, foot: str, centre: Array) -> Iterator[tuple[Array, Array]]:
+        """Force [N] and moment about `centre` [N m] of each contact of a foot with the steel."""
+        body = self.model.body(f"{foot}/foot").id
+        for index, contact in enumerate(self.data.contact):
+            bodies = [int(self.model.geom_bodyid[geom]) for geom in contact.geom]
+            if body in bodies and 0 in bodies:
+                local = np.zeros(6)
+                mujoco.mj_contactForce(self.model, self.data, index, local)
+                force = contact.frame.reshape(3, 3).T @ local[:3] * (1.0 if bodies[1] == body else -1.0)
+                yield force, np.cross(contact.pos - centre, force)
+
+    def hold(self, foot: str, centre: Array) -> tuple[int, Array, Array]:
+        """How many contacts a magnet has, its pull [N] and the moment of that about `centre` [N m]: MuJoCo spreads it evenly."""
+        body = self.model.body(f"{foot}/foot").id
+        points = [
+            contact.pos for contact in self.data.contact
+            if {int(self.model.geom_bodyid[geom]) for geom in contact.geom} == {0, body}
+        ]
+        if not points:
+            return 0, np.zeros(3), np.zeros(3)
+        force = np.array([0.0, 0.0, -float(self.data.actuator(f"{foot}/sole").force[0])])
+        return len(points), force, np.cross(np.mean(points, axis=0) - centre, force)
 
     def drive(self, now: Instant, torque: Array) -> None:
         """Ask the servos for the positions at which they give `torque` (6,), and set the magnets."""
         self.data.ctrl[self.drives] = now.q + (torque + self.kv * now.v) / self.kp
         for foot, force in now.magnets.items():
             self.data.actuator(f"{foot}/sole").ctrl = force
+
+
+def sum_of(parts: Iterator[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """All forces and all moments (3,) together."""
+    found = list(parts)
+    return sum((force for force, _ in found), np.zeros(3)), sum((moment for _, moment in found), np.zeros(3))
 
 
 class Dynamics:

@@ -122,7 +122,8 @@ def _renamed(section: ElementTree.Element, assembly: Assembly) -> ElementTree.El
     if section.tag != "contact":
         for element in section:
             if element.tag == "adhesion":
-                element.set("body", body_name(assembly, element.get("body") or ""))
+                magnet = next(a for a in assembly.adhesions if a.path == (element.get("name") or "").removesuffix(":adhesion"))
+                element.set("body", assembly.occurrences[magnet.occurrence].path)
         return section
     links = {link.name: link for link in assembly.links}
     contact = ElementTree.Element("contact")

@@ -1,4 +1,4 @@
-"""How fast the formulations step: steps per second and wall time, the best of several interleaved runs."""
+"""How fast the formulations step: steps per second and wall time, the best of many short interleaved runs."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from component_bodies import body_name, component_model
 from formulations import FOOT, Study, Vector
 
-ROUNDS = 7
+ROUNDS = 40
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def posed(study: Study, model: mujoco.MjModel, q: Vector) -> mujoco.MjData:
     return data
 
 
-def seconds_per_step(runs: Sequence[Timed], count: int = 2000) -> list[float]:
+def seconds_per_step(runs: Sequence[Timed], count: int = 500) -> list[float]:
     """Wall time [s] of one `mj_step`, looped inside MuJoCo; the runs take turns, so that a busy machine is fair to all."""
     best = [np.inf] * len(runs)
     for _ in range(ROUNDS):

@@ -46,12 +46,15 @@ def sensors(robot: Robot, section: Element) -> None:
 
 
 def losses(robot: Robot) -> list[Loss]:
-    """Sensors that this mode cannot have, and forces that it measures elsewhere than at the mount."""
+    """Sensors that this mode cannot have, forces that it measures elsewhere than at the mount, and accelerations of what stands
+    still (there MuJoCo's accelerometer reads 0, not the 9.81 m/s^2 of any that rests)."""
     found: list[Loss] = []
     cut = {closure.joint.path for closure in robot.closures if closure.joint is not None}
     for sensor in robot.assembly.sensors:
         what, how = "", "omitted"
-        if sensor.kind == "force":
+        if sensor.kind == "imu" and robot.base != "free" and _body_of(robot, sensor) == 0:
+            what, how = "gravity in its accelerometer: MuJoCo gives no acceleration of a body that stands still", "approximated"
+        elif sensor.kind == "force":
             if _on_free_root(robot, sensor):
                 what = "it: nothing carries the root of a free base"
             else:
