@@ -22,8 +22,9 @@ PITCHING = tuple(name for name in JOINTS if not name.endswith("yaw"))
 PULL = 300.0
 """Nominal pull of a magnet [N]."""
 
-RELEASE, SWING, PRESS, TRANSFER, REST = 0.15, 1.5, 0.15, 0.35, 0.2
-"""How long [s] a magnet lets go, a foot is in the air, its magnet takes hold, the load moves over to it, and all is still."""
+SWING, PRESS, TRANSFER, RELEASE, REST = 1.5, 0.15, 0.35, 0.15, 0.2
+"""How long [s] a foot is in the air, its magnet takes hold, the load moves over to it, the other magnet lets go, and all is
+still."""
 
 DEGREE, KNOTS = 24, 49
 """Of the polynomials through the joints' paths, and how many points they are fitted to."""
@@ -60,26 +61,34 @@ class Swing:
     moves: str
     path: Array
 
+    @property
+    def begin(self) -> Instant:
+        """Standing on both feet, before the first swing."""
+        still = np.zeros(len(JOINTS))
+        magnets = {self.holds: PULL, self.moves: 0.0}
+        return Instant(phase="stand", q=chebyshev.chebval(-1.0, self.path), v=still, a=still, share=0.0, magnets=magnets)
+
     def instants(self, timestep: float) -> Iterator[Instant]:
-        """The whole exchange, from the magnet that lets go to the load on the foot that has landed."""
+        """From lifting one foot to the load on it and the other free."""
         velocity = chebyshev.chebder(self.path) * (2.0 / SWING)
         acceleration = chebyshev.chebder(velocity) * (2.0 / SWING)
         for phase, duration in (
-            ("release", RELEASE), ("swing", SWING), ("press", PRESS), ("transfer", TRANSFER), ("rest", REST)
+            ("swing", SWING), ("press", PRESS), ("transfer", TRANSFER), ("release", RELEASE), ("rest", REST)
         ):
             steps = round(duration / timestep)
             for step in range(steps):
                 s = (step + 1) / steps
-                at = {"release": -1.0, "swing": 2.0 * s - 1.0}.get(phase, 1.0)
-                force = {"release": 1.0 - s, "swing": 0.0, "press": s}.get(phase, 1.0) * PULL
                 moving = 1.0 if phase == "swing" else 0.0
+                at = 2.0 * s - 1.0 if moving else 1.0
+                landing = {"swing": 0.0, "press": s}.get(phase, 1.0) * PULL
+                leaving = {"release": 1.0 - s, "rest": 0.0}.get(phase, 1.0) * PULL
                 yield Instant(
                     phase=phase,
                     q=chebyshev.chebval(at, self.path),
                     v=moving * chebyshev.chebval(at, velocity),
                     a=moving * chebyshev.chebval(at, acceleration),
-                    share={"transfer": float(smooth(s)), "rest": 1.0}.get(phase, 0.0),
-                    magnets={self.holds: PULL, self.moves: force},
+                    share={"swing": 0.0, "press": 0.0, "transfer": float(smooth(s))}.get(phase, 1.0),
+                    magnets={self.holds: leaving, self.moves: landing},
                 )
 
 
@@ -135,8 +144,9 @@ def swings(models: dict[str, mujoco.MjModel], steps: int, short: float, stride: 
     for holds, begin, end in (("rear", short, short + stride), ("front", short + stride, short)):
         legs, side = Legs(models[holds], holds), 1.0 if holds == "rear" else -1.0
         q, knots = start, []
-        for distance, up in zip(begin + (end - begin) * smooth(s), lift * 64.0 * (s * (1.0 - s)) ** 3, strict=True):
-            q = legs.solve(float(distance), float(up), side * float(up) / short, q)
+        between, up = begin + (end - begin) * smooth(s), lift * 64.0 * (s * (1.0 - s)) ** 3
+        for distance, height, pitch in zip(between, up, side * up / short, strict=True):
+            q = legs.solve(float(distance), float(height), float(pitch), q)
             knots.append(q)
         start = knots[-1]
         found[holds] = Swing(holds=holds, moves=other(holds), path=chebyshev.chebfit(2.0 * s - 1.0, np.array(knots), DEGREE))

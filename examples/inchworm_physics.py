@@ -6,6 +6,7 @@ motion needs, by inverse dynamics in the mode of the foot that carries the robot
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,9 +15,13 @@ import mujoco
 import numpy as np
 
 from inchworm_gait import FEET, JOINTS, PULL, Array, Instant, Swing, other
+from inchworm_scenery import decorate
 from thingc.modes import Modes
 
 TIMESTEP = 1e-3
+STAND = 0.3
+"""How long [s] the robot stands before it starts."""
+
 POLE = 0.025
 """Radius [m] of a magnet's face: over its rim a foot tips."""
 
@@ -55,47 +60,16 @@ class Seen:
 
 
 def on_steel(folder: Path, mode: str) -> mujoco.MjModel:
-    """The model of a mode over the face of a beam (z = 0), with light and a camera; magnet actuators as in the document."""
+    """The model of a mode on the face of a beam (z = 0)."""
     spec = mujoco.MjSpec.from_file(str(folder / "mjcf" / f"minchw_{mode}.xml"))
     spec.option.timestep = TIMESTEP
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.impratio = 10.0
-    world = spec.worldbody
-    world.add_geom(
+    spec.worldbody.add_geom(
         name="steel", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05], rgba=[0, 0, 0, 0], group=4, **STEEL
     )
-    decorate(spec, mode)
+    decorate(spec, wall=mode.endswith("_wall"))
     return spec.compile()
-
-
-def decorate(spec: mujoco.MjSpec, mode: str) -> None:
-    """What is only looked at: the beam, what it stands on, a light and a camera, which see a wall upright."""
-    wall = mode.endswith("_wall")
-    world = spec.worldbody
-    look = {"type": mujoco.mjtGeom.mjGEOM_BOX, "contype": 0, "conaffinity": 0, "group": 2}
-    for name, z, thick, half in (("flange", -0.005, 0.005, 0.05), ("web", -0.05, 0.04, 0.005), ("foot_flange", -0.095, 0.005, 0.05)):
-        world.add_geom(name=name, size=[0.6, half, thick], pos=[0.3, 0, z], rgba=[0.45, 0.49, 0.54, 1], **look)
-    for k in range(13):
-        world.add_geom(name=f"mark_{k}", size=[0.001, 0.05, 0.0002], pos=[-0.3 + 0.1 * k, 0, 0], rgba=[0.25, 0.28, 0.32, 1], **look)
-    ground = {"size": [0.002, 2, 2], "pos": [-0.302, 0, 0]} if wall else {"size": [2, 2, 0.002], "pos": [0.3, 0, -0.102]}
-    world.add_geom(name="ground", rgba=[0.86, 0.87, 0.88, 1], **ground, **look)
-    spec.add_texture(
-        name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT, rgb1=[0.93, 0.95, 0.97],
-        rgb2=[0.93, 0.95, 0.97], width=16, height=16,
-    )
-    up = np.array([1.0, 0, 0]) if wall else np.array([0, 0, 1.0])
-    world.add_light(name="sun", type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, dir=-up + np.array([0.2, 0.5, -0.35]), diffuse=[0.6] * 3)
-    spec.visual.headlight.ambient[:], spec.visual.headlight.diffuse[:] = 0.35, 0.35
-    spec.visual.global_.offwidth, spec.visual.global_.offheight = 960, 960
-    spec.visual.quality.shadowsize = 4096
-    at, to = (np.array([0.14, -1.15, 0.62]), np.array([0.14, 0, 0.02])) if wall else (
-        np.array([0.10, -1.05, 0.50]), np.array([0.16, 0, 0.03])
-    )
-    back = (at - to) / np.linalg.norm(at - to)
-    right = np.cross(up, back) / np.linalg.norm(np.cross(up, back))
-    quaternion = np.zeros(4)
-    mujoco.mju_mat2Quat(quaternion, np.column_stack([right, np.cross(back, right), back]).flatten())
-    world.add_camera(name="aside", pos=at, quat=quaternion)
 
 
 class World:
@@ -121,10 +95,6 @@ class World:
         """The angle [rad] between a sole and the steel."""
         x, y, _ = self.data.site(f"{foot}/sole").xmat.reshape(3, 3)[:, 2]
         return float(np.hypot(x, y))
-
-    def touching(self, foot: str) -> bool:
-        """Whether a magnet is in contact."""
-        return any(pair == {"steel", f"{foot}/magnet:collision"} for pair in self.contacts())
 
     def contacts(self) -> Iterator[set[str]]:
         """The names of the geoms of each contact."""
@@ -203,8 +173,6 @@ class Dynamics:
 
 def on_no_steel(model: mujoco.MjModel) -> mujoco.MjModel:
     """The same model in which nothing touches."""
-    import copy
-
     found = copy.copy(model)
     found.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     return found
@@ -224,7 +192,7 @@ class Climb:
         """Walk rooted at the foot that holds; the other becomes the root when it has landed and carries the robot."""
         seen = Seen(steps=len(plan) // 2)
         world = self._start(plan[0])
-        begin = (world.sole("front") + world.sole("rear")) / 2
+        begin = self._stand(world, plan[0])
         for swing in plan:
             self._follow(world, swing, seen, watch)
             following = self.held[swing.moves]
@@ -242,21 +210,28 @@ class Climb:
         first = self._start(plan[0])
         self.robot.switch((first.mode, first.data), (self.free.mode, self.free.data))
         mujoco.mj_forward(self.free.model, self.free.data)
-        begin = (self.free.sole("front") + self.free.sole("rear")) / 2
+        begin = self._stand(self.free, plan[0])
         for swing in plan:
             self._follow(self.free, swing, seen, watch)
         seen.progress = float(((self.free.sole("front") + self.free.sole("rear")) / 2 - begin)[0])
         return seen
 
     def _start(self, swing: Swing) -> World:
-        """At rest on both feet, rooted at the one that holds first, servos loaded as they must be."""
-        world, now = self.held[swing.holds], next(swing.instants(TIMESTEP))
+        """Drawn up on both feet, rooted at the one that holds first."""
+        world, now = self.held[swing.holds], swing.begin
         mujoco.mj_resetDataKeyframe(world.model, world.data, 0)
         for name, q in zip(JOINTS, now.q, strict=True):
             world.data.joint(name).qpos = q
         world.drive(now, self.dynamics[swing.holds].torque(now))
         mujoco.mj_forward(world.model, world.data)
         return world
+
+    def _stand(self, world: World, swing: Swing) -> Array:
+        """Let it come to rest on both feet: the middle between the soles."""
+        world.drive(swing.begin, self.dynamics[swing.holds].torque(swing.begin))
+        for _ in range(round(STAND / TIMESTEP)):
+            mujoco.mj_step(world.model, world.data)
+        return (world.sole("front") + world.sole("rear")) / 2
 
     def _follow(self, world: World, swing: Swing, seen: Seen, watch: Watch | None) -> None:
         stood = world.sole(swing.holds)
@@ -283,8 +258,8 @@ class Climb:
         carrying = [swing.holds] if now.share == 0.0 else [swing.moves] if now.share == 1.0 else FEET
         for foot in carrying:
             held = world.model.body_mocapid[world.model.body(f"{foot}/foot").id] >= 0
-            if not held and not world.touching(foot):
-                seen.pull = max(seen.pull, 2 * PULL)  # it has come off
+            if not held and world.hold(foot, world.sole(foot))[0] == 0:
+                seen.pull = np.inf  # it has come off
                 continue
             normal, along, tipping = world.reaction(foot)
             seen.pull = max(seen.pull, tipping / POLE - normal)
@@ -299,5 +274,3 @@ class Climb:
             if not any(pair == {"steel", f"{foot}/magnet:collision"} for foot in FEET):
                 seen.touches |= {" and ".join(sorted(pair))}
 
-
-__all__ = ["Climb", "Dynamics", "Seen", "World", "on_steel", "other"]

@@ -69,7 +69,7 @@ class Compiled:
         return self.assembly.properties
 
 
-def compile(  # noqa: A001  (`thingc.compile` is the name people look for)
+def compile(
     document: str,
     *,
     parameters: Mapping[str, str] | None = None,

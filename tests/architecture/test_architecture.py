@@ -16,7 +16,8 @@ PACKAGE = ROOT / "compiler" / "thingc"
 BASE = {"source", "diagnostics", "units", "expressions", "pose", "inertia", "workspace"}
 # What each room may import of thingc, besides itself. `workspace` reads its own document with load and spec.
 ROOMS: dict[str, set[str]] = {
-    "source": set(), "diagnostics": {"source"}, "units": {"diagnostics"}, "expressions": {"diagnostics", "units"}, "pose": set(), "inertia": {"pose"},
+    "source": set(), "diagnostics": {"source"}, "units": {"diagnostics"}, "expressions": {"diagnostics", "units"},
+    "pose": set(), "inertia": {"pose"},
     "workspace": BASE | {"load", "spec"},
     "load": BASE,
     "spec": BASE | {"load"},

@@ -105,6 +105,8 @@ class Tree:
             if instance.assembly is not None:
                 scope = instance.assembly
                 self.assemblies.append((instance, scope))
+                if not scope.whole:
+                    self._findings.leave_out()
                 for inner in scope.components:
                     nested = inner.definition if isinstance(inner.definition, AssemblyDefinition) else None
                     instance.children[inner.name] = Instance(

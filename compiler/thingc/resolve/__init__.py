@@ -11,21 +11,20 @@ from thingc.resolve.model import AssemblyDefinition
 
 if TYPE_CHECKING:
     from thingc.load import Documents
-    from thingc.spec.assembly import AssemblySpec
-    from thingc.spec.materials import MaterialsSpec
+    from thingc.spec.doubts import Specs
     from thingc.workspace import Workspace
 
 __all__ = ["part_definitions", "resolve", "resolve_materials"]
 
 
 def resolve(
-    documents: Documents, specs: Mapping[str, AssemblySpec | MaterialsSpec], workspace: Workspace,
+    documents: Documents, specs: Specs, workspace: Workspace,
     schemas: Mapping[str, PartSchema | PartFailure], parameters: Mapping[str, str], report: Report,
 ) -> AssemblyDefinition | None:
     """The model of the root document.
 
-    `specs` has the sound documents by their path in the workspace, `schemas` what each `part:` takes, `parameters` the
-    texts of `-p NAME=VALUE`. Everything wrong is reported; what depends on it is left out of the model. None where the
+    `specs` has the documents (or their sound rest) by their path in the workspace, `schemas` what each `part:` takes,
+    `parameters` the texts of `-p NAME=VALUE`. Everything wrong is reported; what depends on it is left out of the model. None where the
     root document is unsound as a whole.
     """
     from thingc.resolve.assembly import resolved
@@ -44,7 +43,7 @@ def resolve(
 
 
 def resolve_materials(
-    documents: Documents, specs: Mapping[str, AssemblySpec | MaterialsSpec], workspace: Workspace, report: Report
+    documents: Documents, specs: Specs, workspace: Workspace, report: Report
 ) -> None:
     """Report what is wrong with a `materials/1` document that is checked by itself."""
     from thingc.resolve.materials import of_document

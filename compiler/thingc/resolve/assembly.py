@@ -37,7 +37,9 @@ def resolved(
     """
     document = context.documents.by_path[relative]
     own = declared(context, document, spec)
-    values, broken = (dict(own.values), set(own.broken)) if not given else worked_out(document, spec, given, context.report)
+    values, broken = (dict(own.values), set(own.broken)) if not given else worked_out(
+        document, spec, given, context.report, context.doubts(document),
+    )
     parameters = canonical(values)
     key = (relative, parameters)
     known = context.tables.get(key)
@@ -46,6 +48,7 @@ def resolved(
     scope = context.scope(document, values, frozenset(broken))
     if given:
         check_bounds(scope, spec, [name for name in values if name not in given])
+    doubts = scope.doubts
     table = Table(
         document=document, spec=spec, scope=scope, parameters=parameters,
         text=definition_text(spec.name, dict(parameters), dict(canonical(own.values))),
@@ -79,7 +82,7 @@ def resolved(
         poses=tuple(pose for pose in table.poses.values() if pose is not None), modes=modes(table, scope) if top else (),
         simulation=simulation(scope, Layers(((spec.simulation, ("simulation",)),))) if top and spec.simulation else {},
         raw=raw(scope, spec.raw), sensors=tuple(sensors(table, scope)),
-        origin=scope.origin(("name",)), materials_known=not lacking,
+        origin=scope.origin(("name",)), materials_known=not lacking, whole=not doubts,
     )
     return table
 
@@ -103,6 +106,8 @@ def _check_names(scope: Scope, spec: AssemblySpec) -> None:
 
 
 def _exports(table: Table, scope: Scope) -> None:
+    for name in table.doubts.names("mounts"):
+        table.exports[name] = None
     for name, text in table.spec.mounts.items():
         table.exports[name] = references.mount(table, scope, text, ("mounts", name))
 

@@ -28,6 +28,7 @@ def nodes(context: Context, table: Table, items: Iterable[Item[ComponentSpec]], 
     for item in items:
         node = Node(name=item.name, spec=item.spec, path=item.path, scope=item.scope)
         table.nodes[item.name] = node
+        node.doubtful = node.unsound = _in_doubt(table, node)
         _define(context, node, nest)
         node.mounts = said.extra_mounts(node) if item.spec.mounts else {}
         if item.spec.mirror is not None:
@@ -50,6 +51,11 @@ def nodes(context: Context, table: Table, items: Iterable[Item[ComponentSpec]], 
         table.occurrences += leaves
 
 
+def _in_doubt(table: Table, node: Node) -> bool:
+    """Whether something of a component, or of what every component has by default, was left out by validation."""
+    return bool(table.doubts) and (table.doubts.touch(node.path) or table.doubts.touch(("defaults", "component")))
+
+
 def _define(context: Context, node: Node, nest: Nest) -> None:
     spec = node.spec
     if spec.part is not None:
@@ -70,7 +76,7 @@ def _nested(context: Context, node: Node, text: str, nest: Nest) -> Table | None
         return None
     relative = document.relative
     spec = context.specs.get(relative)
-    if not isinstance(spec, AssemblySpec):
+    if not isinstance(spec, AssemblySpec) or scope.doubts.touch((*node.path, "parameters")):
         return None
     if len(context.nesting) >= MAX_NESTING:
         scope.error(Code.TOO_MANY, f"assemblies are nested more than {MAX_NESTING} deep", path)

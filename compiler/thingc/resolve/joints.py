@@ -92,11 +92,14 @@ def joints(table: Table, items: Iterable[Item[JointSpec]], places: Places) -> bo
     for item in items:
         spec, scope, path = item.spec, item.scope, item.path
         layers = Layers(((spec, path), *below))
+        doubtful = bool(table.doubts) and (table.doubts.touch(path) or table.doubts.touch(("defaults", "joint")))
         child = references.mount(table, scope, spec.child, (*path, "child"))
         parent = references.mount(table, scope, spec.parent, (*path, "parent"))
         kind = _kind(scope, spec, path)
         placed = None if spec.loop else child.path[0] if child is not None else _named(table, scope, spec.child)
-        if placed is None:
+        if doubtful and table.doubts.touch((*path, "loop")):
+            placed, unsure = None, True
+        elif placed is None:
             unsure = unsure or not spec.loop
         else:
             places.setdefault(placed, []).append((f"joint `{item.name}`", scope.span(path, key=True)))
@@ -113,7 +116,12 @@ def joints(table: Table, items: Iterable[Item[JointSpec]], places: Places) -> bo
                 table.nodes[placed].unsound = True
             continue
         table.joints[item.name] = _joint(table, item, kind, parent, child, layers)
-    return unsure
+        if doubtful:
+            table.joints[item.name] = None
+            if placed is not None:
+                table.nodes[placed].unsound = True
+    lost = bool(table.doubts) and (table.doubts.at(("joints",)) or any(True for _ in table.doubts.names("joints")))
+    return unsure or lost or any(table.doubts.touch(("joints", name, "repeat")) for name in table.spec.joints)
 
 
 def _named(table: Table, scope: Scope, text: str) -> str | None:
@@ -191,7 +199,8 @@ def _limit(scope: Scope, item: Item[JointSpec], kind: JointKind, coordinate: Dim
         low = scope.number(*lower, coordinate, f"`limit.lower` of joint `{name}`") if lower else None
         high = scope.number(*upper, coordinate, f"`limit.upper` of joint `{name}`") if upper else None
         missing = [f"`limit.{key}`" for key, said in (("lower", lower), ("upper", upper)) if said is None]
-        if missing and kind.limits == "required" and item.spec.mimic is None:
+        in_doubt = scope.doubts.touch(path) or scope.doubts.touch(("defaults", "joint"))
+        if missing and kind.limits == "required" and item.spec.mimic is None and not in_doubt:
             example = "{lower: -90 deg, upper: 90 deg}" if coordinate == ANGLE else "{lower: 0, upper: 20 mm}"
             scope.error(
                 Code.LIMIT, f"joint `{name}` is {kind.name} and needs {' and '.join(missing)}",

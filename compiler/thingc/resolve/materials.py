@@ -24,7 +24,7 @@ Nothing is ever built with it: there is an error in the report."""
 def in_scope(context: Context, scope: Scope, spec: AssemblySpec) -> dict[str, Material | None]:
     """Every material by name; None for names that must not be complained about (their document was wrong)."""
     if isinstance(spec.materials, Mapping):
-        return {name: material(scope, name, entry, ("materials", name)) for name, entry in spec.materials.items()}
+        return _read(scope, spec.materials)
     known: dict[str, Material | None] = {}
     seen: set[str] = set()
     for text in spec.materials:
@@ -48,6 +48,8 @@ def in_scope(context: Context, scope: Scope, spec: AssemblySpec) -> dict[str, Ma
 
 def unreadable(context: Context, scope: Scope, spec: AssemblySpec) -> bool:
     """Whether a material document of this one could not be read: then an unknown name is no news."""
+    if scope.doubts.at(("materials",)):
+        return True
     if isinstance(spec.materials, Mapping):
         return False
     named = [context.documents.named(scope.document, text) for text in spec.materials]
@@ -62,9 +64,21 @@ def of_document(context: Context, document: Document) -> dict[str, Material | No
         spec = context.specs.get(document.relative)
         if isinstance(spec, MaterialsSpec):
             scope = context.scope(document, {})
-            for name, entry in spec.materials.items():
-                known[name] = material(scope, name, entry, ("materials", name))
+            known.update(_read(scope, spec.materials))
     return known
+
+
+def _read(scope: Scope, specs: Mapping[str, MaterialSpec]) -> dict[str, Material | None]:
+    """The materials of one document, those that validation has left out with a stand-in for their density."""
+    found: dict[str, Material | None] = {
+        name: material(scope, name, entry, ("materials", name)) for name, entry in specs.items()
+    }
+    for name in scope.doubts.names("materials"):
+        found.setdefault(name, Material(
+            name=name, density=_STAND_IN, color=None, slide=None, torsion=None, roll=None, process=None,
+            origin=scope.origin(("materials", name), key=True),
+        ))
+    return found
 
 
 def material(scope: Scope, name: str, spec: MaterialSpec, path: Path) -> Material:
@@ -77,6 +91,7 @@ def material(scope: Scope, name: str, spec: MaterialSpec, path: Path) -> Materia
         wrong = library is None
         base_density, base_color = library or (None, None)
     density = base_density
+    wrong = wrong or scope.doubts.touch(path)
     if spec.density is not None:
         density = scope.number(spec.density, (*path, "density"), DENSITY, f"the density of `{name}`", above=0.0)
         wrong = density is None

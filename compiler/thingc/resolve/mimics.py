@@ -52,7 +52,7 @@ def _mimic(table: Table, item: Item[JointSpec]) -> Mimic | None:
                 Code.MIMIC, f"`mimic.joint` names a joint of the same document, found `{name}`", (*path, "joint"),
                 help=hint,
             )
-        elif not any(name.startswith(prefix) for prefix in table.unbuilt_joints):
+        elif not any(f"{name}_".startswith(prefix) for prefix in table.unbuilt_joints):
             scope.error(
                 Code.UNKNOWN_JOINT, f"this document has no joint `{name}`", (*path, "joint"),
                 help=hint,

@@ -310,7 +310,8 @@ class AssemblyDefinition:
     `document` is its path in the workspace, `parameters` the complete canonical ones; `text` prints those that differ
     from the document's own values (`end_effector(pen_diameter=0.02)`). `materials` is its scope by name. Poses are of
     this document, over paths relative to it. `modes` and `simulation` count only at the top. `materials_known` is False
-    where a document of materials could not be read: then a name that is not in `materials` is no news.
+    where a document of materials could not be read: then a name that is not in `materials` is no news. `whole` is False
+    where validation has left something out of the document.
     """
 
     document: str
@@ -329,4 +330,5 @@ class AssemblyDefinition:
     raw: tuple[RawAttribute, ...]
     origin: Origin
     materials_known: bool = True
+    whole: bool = True
     sensors: tuple[Sensor, ...] = ()

@@ -26,7 +26,7 @@ def modes(table: Table, scope: Scope) -> tuple[Mode, ...]:
     """The modes of the document, or the one that a document without modes has. One that is wrong is left out (reported)."""
     spec = table.spec
     if not spec.modes:
-        if table.base is None:
+        if table.base is None or any(doubt[:1] == ("modes",) for doubt in scope.doubts.paths):
             return ()
         origin = table.nodes[table.base].scope.origin(table.nodes[table.base].path, key=True)
         return (Mode(
@@ -78,6 +78,8 @@ def _layers(scope: Scope, specs: dict[str, ModeSpec], name: str, circular: set[s
         if step in circular:
             return None
         if step not in specs:
+            if scope.doubts.at(("modes", step)):
+                return None
             last = items[-1][1]
             if len(items) == 1:
                 others = [one for one in specs if one != name]
@@ -112,6 +114,8 @@ def _mode(table: Table, scope: Scope, name: str, layers: Layers | None) -> Mode 
     held, cut = holds(table, scope, layers), cuts(table, scope, layers)
     root = layers.pick("root")
     if root is None:
+        if any(scope.doubts.touch(path) for _, path in layers.items):
+            return None
         scope.error(
             Code.NO_ROOT, f"mode `{name}` needs a `root`", ("modes", name), key=True,
             help=f"write for example `root: {table.base or next(iter(table.nodes), 'plate')}`",
@@ -152,6 +156,8 @@ def _pose(table: Table, scope: Scope, layers: Layers) -> str | None:
     name, path = said
     if name in table.poses:
         return str(name)
+    if scope.doubts.at(("poses", name)):
+        return None
     scope.error(Code.UNKNOWN_POSE, f"there is no pose `{name}`", path, help=suggested(name, table.poses, what="poses"))
     return None
 
@@ -163,6 +169,8 @@ def _poses(table: Table, scope: Scope, layers: Layers) -> tuple[str, ...]:
     names, path = said
     found: list[str] = []
     for index, name in enumerate(names):
+        if name not in table.poses and scope.doubts.at(("poses", name)):
+            continue
         if name not in table.poses:
             scope.error(
                 Code.UNKNOWN_POSE, f"there is no pose `{name}`", (*path, index),

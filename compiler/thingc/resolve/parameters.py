@@ -12,6 +12,7 @@ from thingc.resolve.scope import Found, Scope, dimension_message, kind_of, words
 from thingc.resolve.table import Context, Declared
 from thingc.source import Document, Path
 from thingc.spec.assembly import AssemblySpec, ParameterSpec
+from thingc.spec.doubts import Doubts
 from thingc.units import NUMBER, Quantity, UnitError, parse_quantity, shortened
 
 Complain = Callable[..., None]
@@ -22,7 +23,7 @@ def declared(context: Context, document: Document, spec: AssemblySpec) -> Declar
     """The document's own values, worked out once per run; what is wrong with them is reported then."""
     known = context.declared.get(document.relative)
     if known is None:
-        values, broken = worked_out(document, spec, {}, context.report)
+        values, broken = worked_out(document, spec, {}, context.report, context.doubts(document))
         outside = check_bounds(context.scope(document, values, frozenset(broken)), spec, values)
         known = Declared(values=values, broken=frozenset(broken | outside))
         context.declared[document.relative] = known
@@ -30,14 +31,14 @@ def declared(context: Context, document: Document, spec: AssemblySpec) -> Declar
 
 
 def worked_out(
-    document: Document, spec: AssemblySpec, given: Mapping[str, Found | Expression], report: Report,
+    document: Document, spec: AssemblySpec, given: Mapping[str, Found | Expression], report: Report, doubts: Doubts,
 ) -> tuple[dict[str, Found], set[str]]:
     """The value of every parameter with `given` in place of the document's own, and the names that were wrong.
 
     Expressions may use each other in any order; a circle is reported as its chain, with a place for each step.
     """
     values: dict[str, Found] = {}
-    broken: set[str] = set()
+    broken: set[str] = {name for name in spec.parameters if name not in given and doubts.touch(("parameters", name))}
 
     def own(name: str) -> tuple[Any, Path]:
         entry = spec.parameters[name]
@@ -52,7 +53,7 @@ def worked_out(
         names: Mapping[str, Found] = values  # every parameter that it uses is there, or broken
         if isinstance(raw, Expression) and any(use.name not in spec.parameters for use in raw.names):
             names = {other: values.get(other, False) for other in spec.parameters if other != name}  # to be suggested for the unknown name
-        scope = Scope(document=document, report=report, names=names, broken=broken)
+        scope = Scope(document=document, report=report, names=names, broken=broken, doubts=doubts)
         found = scope.value(raw, path)
         if found is None:
             broken.add(name)
@@ -119,6 +120,8 @@ def fitting(
     sound: dict[str, Found] = {}
     for name, found in given.items():
         if name not in spec.parameters:
+            if context.doubts(document).at(("parameters", name)):
+                continue
             complain(
                 name, Code.UNKNOWN_PARAMETER, f"{what} has no parameter `{name}`",
                 help=did_you_mean(name, spec.parameters, what="parameters"),
@@ -274,6 +277,8 @@ def from_command_line(
             continue
         if isinstance(found, Expression):
             unknown = next((use.name for use in found.names if use.name not in spec.parameters), None)
+            if unknown is not None and context.doubts(document).at(("parameters", unknown)):
+                continue
             if unknown is not None:
                 complain(
                     name, Code.PARAMETER_OPTION, f"unknown name `{unknown}` in `{shortened(text)}`",
@@ -288,10 +293,12 @@ def from_command_line(
         # What they come to depends on the other options: work everything out quietly, then judge the results.
         quiet = Report()
         known = {name: e for name, e in expressions.items() if name in spec.parameters}
-        values, _ = worked_out(document, spec, {**sound, **known}, quiet)
+        values, _ = worked_out(document, spec, {**sound, **known}, quiet, context.doubts(document))
         for name, expression in expressions.items():
             if name in known and name not in values:
                 said = quiet.diagnostics[0] if quiet.diagnostics else None
+                if said is None and context.doubts(document):
+                    continue
                 complain(
                     name, Code.PARAMETER_OPTION, said.message if said else f"`{shortened(expression.text)}` cannot be worked out",
                     help=said.help if said else None,

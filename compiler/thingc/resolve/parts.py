@@ -70,7 +70,7 @@ def _given(node: Node, schema: PartSchema) -> dict[str, Value] | None:
         else:
             values[name] = value
     missing = [parameter for parameter in schema.parameters if parameter.required and parameter.name not in node.spec.params]
-    if missing:
+    if missing and not scope.doubts.touch(path):
         named = " and ".join(f"`{parameter.name}`" for parameter in missing)
         examples = (f"{one.name}: {_DIMENSIONS[one.kind].example if one.kind in _DIMENSIONS else '...'}" for one in missing)
         s, them = ("s", "them") if len(missing) > 1 else ("", "it")

@@ -80,12 +80,16 @@ def _at(table: Table, node: Node) -> At | None:
 def check(table: Table, places: Places, *, unsure: bool) -> None:
     """Report components placed twice, and none or several that are placed by nothing; find the base.
 
-    Whatever is placed twice or is a second base becomes unsound. `unsure`: a joint whose child could not be read may
-    place any of them, so that missing placements are no news.
+    Whatever is placed twice or is a second base becomes unsound; of those whose placement is in doubt nothing is said.
+    `unsure`: a joint whose child could not be read may place any of them, so that missing placements are no news.
     """
+    vague = {
+        node.name for node in table.nodes.values()
+        if node.doubtful and any(table.doubts.touch((*node.path, key)) for key in ("attach", "at"))
+    }
     for name, ways in places.items():
         node = table.nodes[name]
-        if len(ways) < 2:
+        if len(ways) < 2 or name in vague:
             continue
         node.unsound = True
         (first, there), (second, here) = ways[0], ways[1]
@@ -97,14 +101,14 @@ def check(table: Table, places: Places, *, unsure: bool) -> None:
                 *(Note(message=f"and by {how} here", span=span) for how, span in ways[2:]),
             ],
         )
-    free = [name for name in table.nodes if name not in places]
+    free = [name for name in table.nodes if name not in places and name not in vague]
     if free:
         table.base = free[0]
     if unsure or table.unbuilt:
         for name in free[1:]:
             table.nodes[name].unsound = True
         return
-    if not free and table.nodes:
+    if not free and table.nodes and not vague:
         first_name = next(iter(table.nodes))
         table.scope.error(
             Code.NO_BASE, "every component is placed on another one: the assembly has no base", ("components",), key=True,

@@ -42,7 +42,8 @@ def poses(table: Table, scope: Scope) -> None:
             else:
                 _report_unknown(table, scope, known, key, at)
         merged: Settings = {**layers[0], **layers[1], **layers[2]}
-        if any(said[0] == scope.document.relative and said[2][:2] == path for said in scope.said):
+        said_of_it = (said[0] == scope.document.relative and said[2][:2] == path for said in scope.said)
+        if scope.doubts.touch(path) or any(said_of_it):
             merged = {**_stand_ins(known, scope.origin(path, key=True)), **merged}
         in_order = {path_: merged[path_] for one in known if (path_ := one.replace(".", "/")) in merged}
         table.poses[name] = NamedPose(
@@ -124,7 +125,7 @@ def _use(table: Table, scope: Scope, key: str, pose: str, path: Path, into: Sett
     assemblies = [(name, node) for name, node in matched if node.spec.assembly is not None]
     if not assemblies:
         nested = [name for name, node in table.all_nodes() if node.table is not None]
-        if table.unbuilt:
+        if table.unbuilt or any(node.doubtful for _, node in matched):
             return
         if matched:
             message, help = f"`{key}` is no nested assembly: it has no pose `{pose}`", suggested(
@@ -149,6 +150,8 @@ def _use(table: Table, scope: Scope, key: str, pose: str, path: Path, into: Sett
         if inner is None:
             continue
         if pose not in inner.spec.poses:
+            if inner.doubts.at(("poses", pose)):
+                continue
             lacking.append(name)
             if len(lacking) == 1:
                 scope.error(
@@ -167,11 +170,13 @@ def _use(table: Table, scope: Scope, key: str, pose: str, path: Path, into: Sett
 def _report_unknown(table: Table, scope: Scope, known: Joints, key: str, path: Path) -> None:
     first = key.partition(".")[0]
     node = table.nodes.get(first)
-    if table.unbuilt_joints and any(key.startswith(prefix) for prefix in table.unbuilt_joints):
+    if table.unbuilt_joints and any(f"{key}_".startswith(prefix) for prefix in table.unbuilt_joints):
         return
     if (node is not None and node.spec.assembly is not None and node.table is None) or any(
-        first.startswith(prefix) for prefix in table.unbuilt
+        f"{first}_".startswith(prefix) for prefix in table.unbuilt
     ):
+        return
+    if node is not None and "." in key and node.table is not None and node.table.doubts:
         return
     names = [name for name, joint in known.items() if _movable(joint)]
     if node is not None and "." not in key:

@@ -89,6 +89,8 @@ def shown_mount(table: Table, scope: Scope, text: str, path: Path, *, key: bool 
     """The reference to a mount, or to one that this document exports by its name; None where it names nothing (reported, or
     wrong before)."""
     if text not in table.exports:
+        if "." not in text and table.doubts.at(("mounts",)):
+            return None
         return mount(table, scope, text, path, key=key)
     shown = table.exports[text]
     return None if shown is None else Reference(path=shown.path, mount=shown.mount, origin=scope.origin(path, key=key))
@@ -131,6 +133,8 @@ def root(table: Table, scope: Scope, text: str, path: Path, *, key: bool = False
         shown = table.exports[parts[0]]
         return None if shown is None else Reference(path=shown.path, mount=shown.mount, origin=origin)
     if len(parts) == 1:
+        if parts[0] not in table.nodes and (table.doubts.at(("mounts",)) or _unbuilt(table.unbuilt, parts[0])):
+            return None
         if parts[0] not in table.nodes and nearest(parts[0], islice(table.nodes, MAX_SUGGESTED)) is None:
             close = nearest(parts[0], table.exports)
             if close is not None:
@@ -217,6 +221,8 @@ def _mount_of(node: Node, scope: Scope, rest: tuple[str, ...], parts: tuple[str,
         node, rest = inner, rest[1:]
     if node.unsound and node.table is None and not node.frame and node.definition is None:
         return True
+    if node.doubtful:
+        return True
     if len(rest) > 1:
         _report_leaf(node, scope, parts, len(parts) - len(rest), path, key)
         return False
@@ -240,7 +246,7 @@ def _mount_of(node: Node, scope: Scope, rest: tuple[str, ...], parts: tuple[str,
             help=f"name a mount of it, as in `{'.'.join(parts[:-1])}.{inner_exports[0]}`", key=key,
         )
         return False
-    if _unbuilt(node.table.unbuilt, name):
+    if _unbuilt(node.table.unbuilt, name) or node.table.doubts.at(("mounts",)):
         return False
     names = [*node.table.exports, ORIGIN, *node.mounts]
     help = suggested(name, names, what="mounts that it exports")

@@ -34,13 +34,19 @@ class Item(Generic[Spec]):
 
 def unrolled(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: Iterable[str]) -> tuple[list[Item[Spec]],
 list[str]]:
-    """The items of `components` or `joints` in document order, and the prefixes (`leg_`) of those that were too many or wrong.
+    """The items of `components` or `joints` in document order, and the prefixes (`leg_`) of those that were too many or wrong
+    (of everything: an empty one).
 
     Names that clash are reported, and the first one stays.
     """
     counts: dict[str, int] = {}
     unbuilt: list[str] = []
     total = 0
+    in_doubt: list[str] = [name for name in specs if scope.doubts.touch((section, name, "repeat"))]
+    unbuilt.extend(f"{name}_" for name in dict.fromkeys((*in_doubt, *scope.doubts.names(section))))
+    if scope.doubts.at((section,)):
+        unbuilt.append("")
+    specs = {name: spec for name, spec in specs.items() if name not in in_doubt}
     for name, spec in specs.items():
         if spec.repeat is None:
             total += 1

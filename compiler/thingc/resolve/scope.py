@@ -10,6 +10,7 @@ from thingc.diagnostics import Code, Note, Report
 from thingc.expressions import Expression, ExpressionError, evaluate
 from thingc.pose import Pose, Vector, placed
 from thingc.source import Document, Origin, Path, ScalarNode, Span, node_at
+from thingc.spec.doubts import NO_DOUBTS, Doubts
 from thingc.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity, shortened
 
 Found = Quantity | bool | str
@@ -34,7 +35,8 @@ class Scope:
 
     `broken` are names that were wrong and have been reported: what uses them is unsound, silently. `index` is the name
     of the repeat's index and its value as it stands in references (`$i`). `said`, shared by a whole run, keeps one
-    mistake in one place from being reported for every item of a repeat and every use of a nested document.
+    mistake in one place from being reported for every item of a repeat and every use of a nested document. `doubts` are
+    the places of the document that validation has reported.
     """
 
     document: Document
@@ -43,6 +45,7 @@ class Scope:
     broken: Set[str] = NOTHING
     index: tuple[str, str] | None = None
     said: set[tuple[str, Code, Path, bool]] = field(default_factory=set)
+    doubts: Doubts = NO_DOUBTS
 
     def repeated(self, name: str, value: int) -> Scope:
         """The same inside one item of a `repeat`."""
@@ -69,7 +72,10 @@ class Scope:
         self, code: Code, message: str, path: Path, *, help: str | None = None, notes: Iterable[Note] = (), key: bool = False,
         span: Span | None = None,
     ) -> None:
-        """Report, once, at the value (with `key` the key) at `path`; `span` where the place is narrower."""
+        """Report, once, at the value (with `key` the key) at `path`; `span` where the place is narrower. Of a place in doubt
+        nothing is said."""
+        if self.doubts.touch(path):
+            return
         known = (self.document.relative, code, path, key)
         if known in self.said:
             return
@@ -88,6 +94,8 @@ class Scope:
             try:
                 return evaluate(raw, self.names)
             except ExpressionError as error:
+                if error.kind == "name" and self.doubts.at(("parameters",)):
+                    return None
                 self.error(
                     _EXPRESSION_CODES.get(error.kind, Code.EXPRESSION), error.message, path, help=error.help,
                     span=self._narrowed(raw, path, error.offset, error.end),

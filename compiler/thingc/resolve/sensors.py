@@ -56,7 +56,7 @@ def _joint(table: Table, scope: Scope, name: str, spec: SensorSpec, path: Path) 
     if wanted not in known:
         if not table.unsure_joints():
             help = suggested(wanted, moving, what="joints")
-            if spec.joint is None:
+            if spec.joint is None and moving:
                 help += "; name it with `joint: ...`"
             scope.error(Code.UNKNOWN_JOINT, f"there is no joint `{wanted}`", place, key=spec.joint is None, help=help)
         return None

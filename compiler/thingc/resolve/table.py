@@ -12,18 +12,19 @@ from thingc.realize.record import PartDefinition, PartFailure, PartSchema, Value
 from thingc.resolve.model import AssemblyDefinition, ExtraMount, Joint, Material, NamedPose, Reference
 from thingc.resolve.scope import NOTHING, Found, Scope
 from thingc.source import Document, Path
+from thingc.spec.doubts import NO_DOUBTS, Doubts
 
 if TYPE_CHECKING:
     from thingc.load import Documents
     from thingc.spec.assembly import AssemblySpec, ComponentSpec
-    from thingc.spec.materials import MaterialsSpec
+    from thingc.spec.doubts import Specs
     from thingc.workspace import Workspace
 
 
 @dataclass(slots=True, kw_only=True)
 class Node:
     """A component while its document is resolved. `table` is that of the nested document, None for parts and frames;
-    `unsound`: something that later passes need was wrong."""
+    `unsound`: something that later passes need was wrong; `doubtful`: validation has left something of it out."""
 
     name: str
     spec: ComponentSpec
@@ -33,6 +34,7 @@ class Node:
     table: Table | None = None
     mounts: dict[str, ExtraMount] = field(default_factory=dict)
     unsound: bool = False
+    doubtful: bool = False
 
     @property
     def frame(self) -> bool:
@@ -63,6 +65,11 @@ class Table:
     base: str | None = None
     occurrences: int = 0
     definition: AssemblyDefinition | None = None
+
+    @property
+    def doubts(self) -> Doubts:
+        """What validation has left out of the document."""
+        return self.scope.doubts
 
     def all_joints(self) -> Iterator[tuple[str, Joint | None]]:
         """Every joint with its path in dots, nested ones after this document's own; None for one that was wrong."""
@@ -104,7 +111,7 @@ class Context:
     """
 
     documents: Documents
-    specs: Mapping[str, AssemblySpec | MaterialsSpec]
+    specs: Specs
     workspace: Workspace
     schemas: Mapping[str, PartSchema | PartFailure]
     report: Report
@@ -119,4 +126,10 @@ class Context:
 
     def scope(self, document: Document, names: Mapping[str, Found], broken: frozenset[str] = NOTHING) -> Scope:
         """A scope that reports to this run."""
-        return Scope(document=document, report=self.report, names=names, broken=broken, said=self.said)
+        return Scope(
+            document=document, report=self.report, names=names, broken=broken, said=self.said, doubts=self.doubts(document),
+        )
+
+    def doubts(self, document: Document) -> Doubts:
+        """What validation has left out of a document."""
+        return self.specs.doubts.get(document.relative, NO_DOUBTS)

@@ -32,6 +32,10 @@ STEPS = 120
 REACH = 0.5
 """The longest step of one turn [rad]; slides and bases in proportion. Beyond it the linear model says little."""
 
+TRUST = 0.25
+"""A step that gains less than this share of what the linear model promises is too long: without the rule a method like this one
+may go to and fro across a valley, a little lower each time."""
+
 AXES: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -149,9 +153,10 @@ class Loops:
             while better is None and damping < 1e6:
                 step = self._step(state, chosen, columns, error, damping)
                 there = None if step is None else self._moved(state, chosen, step, base_moves)
-                if there is not None:
+                if step is not None and there is not None:
                     new_error = self._stacked(there)
-                    if _square(new_error) < cost:
+                    gained, promised = cost - _square(new_error), cost - _square(_linear(error, columns, step))
+                    if gained > 0.0 and gained >= TRUST * promised:
                         better = there, new_error
                 damping = max(damping * 0.1, 1e-14) if better is not None else damping * 10.0
             if better is None:
@@ -364,6 +369,15 @@ def orthonormal(r: Matrix) -> Matrix:
         (2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
         (2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
     )
+
+
+def _linear(error: Sequence[float], columns: Sequence[Sequence[float]], step: Sequence[float]) -> list[float]:
+    """What the linear model says is left after a step."""
+    left = list(error)
+    for value, column in zip(step, columns, strict=True):
+        if value != 0.0:
+            left = [e + value * c for e, c in zip(left, column, strict=True)]
+    return left
 
 
 def _square(values: Sequence[float]) -> float:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from pydantic_core import PydanticCustomError, ValidationError
@@ -19,8 +19,10 @@ from thingc.diagnostics import Code, Report, did_you_mean, nearest
 from thingc.source import Document, MappingNode, Path, ScalarNode, SequenceNode, Span, node_at, walk
 from thingc.spec.assembly import AssemblySpec
 from thingc.spec.base import Model
+from thingc.spec.doubts import Doubts, Specs
 from thingc.spec.fields import found
 from thingc.spec.materials import MaterialsSpec
+from thingc.spec.pruning import ROUNDS, Fault, prune, take_out
 from thingc.spec.shapes import Shape, branch_of, model_keys, one_of, shape_of, spoken
 from thingc.spec.workspace import WorkspaceSpec
 from thingc.units import shortened
@@ -42,24 +44,36 @@ _KINDS: dict[str, Code] = {
 """The codes of errors that `spec.fields` and the models' own rules raise."""
 
 
-def validate(documents: Documents, report: Report) -> dict[str, AssemblySpec | MaterialsSpec]:
-    """Check every document by itself: path in the workspace to its model, documents that failed absent."""
-    specs: dict[str, AssemblySpec | MaterialsSpec] = {}
+def validate(documents: Documents, report: Report) -> Specs:
+    """Check every document by itself: path in the workspace to its model.
+
+    Of a document with faults (all reported) the model is that of its sound rest, and `doubts` says what was left out.
+    Documents of which nothing useful stays are absent.
+    """
+    specs = Specs()
     for path, document in documents.by_path.items():
-        spec = validate_one(document, report)
+        spec, doubts = _sound(document, report)
         if isinstance(spec, (AssemblySpec, MaterialsSpec)) and path not in documents.broken:
             specs[path] = spec
+            if doubts:
+                specs.doubts[path] = doubts
     return specs
 
 
 def validate_one(document: Document, report: Report) -> Model | None:
     """Check one document; None when it is wrong, which has been reported with every place."""
+    spec, doubts = _sound(document, report)
+    return None if doubts else spec
+
+
+def _sound(document: Document, report: Report) -> tuple[Model | None, Doubts]:
+    """The model of what is sound in a document, None where that is nothing; and what was left out (reported)."""
     model = MODELS.get(document.kind)
     if model is None:
         report.add(
             Code.WRONG_KIND, f"documents of kind `{document.kind}` cannot be used yet", document.span(("thingc",)),
         )
-        return None
+        return None, Doubts()
     plain = document.tree.plain()
     assert isinstance(plain, dict)
     plain.pop("$schema", None)  # for editors
@@ -68,10 +82,35 @@ def validate_one(document: Document, report: Report) -> Model | None:
     _build(model)
     try:
         spec = model.model_validate(plain, strict=True)
+        if not empty and not damaged:
+            return spec, Doubts()
+        faults: list[Fault] = []
     except ValidationError as error:
-        _Reporter(document, report, empty, damaged).say(list(_faults(shape_of(model), plain, (), error)))
-        return None
-    return None if empty or damaged else spec
+        faults = list(_faults(shape_of(model), plain, (), error))
+        _Reporter(document, report, empty, damaged).say(faults)
+    if model is WorkspaceSpec:
+        return None, Doubts()
+    return _rest(model, plain, faults, empty | damaged)
+
+
+def _rest(model: type[Model], plain: dict[str, Any], faults: list[Fault], wrong: frozenset[Path]) -> tuple[Model | None, Doubts]:
+    """The model of a document without its faults and without the values at the paths `wrong`, and what is in doubt then."""
+    doubts: set[Path] = set()
+    found = prune(plain, faults)
+    for path in wrong:
+        taken = take_out(plain, path)
+        if found is None or taken is None:
+            return None, Doubts()
+        found.add(taken)
+    for _ in range(ROUNDS):
+        if found is None:
+            break
+        doubts |= found
+        try:
+            return model.model_validate(plain, strict=True), Doubts(paths=frozenset(doubts))
+        except ValidationError as error:
+            found = prune(plain, _faults(shape_of(model), plain, (), error))
+    return None, Doubts()
 
 
 def _build(model: type[Model]) -> None:
@@ -135,20 +174,7 @@ def _decimal_comma(document: Document, path: Path) -> tuple[Path, Span, str] | N
     return (*path[:-1], keys[keys.index(path[-1]) - 1]), where, f"{before.text}.{shortened(path[-1])}"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Fault:
-    """One error of the document: at `path`, of the key with `key`; the type and context as pydantic or `fields` gave
-    them; `shape` what is expected there and `model` the mapping that it is in."""
-
-    path: Path
-    kind: str
-    context: dict[str, Any]
-    value: Any
-    shape: Shape
-    key: bool = False
-
-
-def _faults(shape: Shape, value: Any, path: Path, error: ValidationError) -> Iterator[_Fault]:
+def _faults(shape: Shape, value: Any, path: Path, error: ValidationError) -> Iterator[Fault]:
     """The errors of a value of this shape that stands at `path`, unions decided."""
     unions: set[Path] = set()
     for entry in error.errors(include_url=False):
@@ -161,20 +187,20 @@ def _faults(shape: Shape, value: Any, path: Path, error: ValidationError) -> Ite
         context = dict(entry.get("ctx", {}))
         if entry["type"] not in _KINDS:
             context.setdefault("message", entry["msg"])
-        yield _Fault(path=(*path, *steps), kind=entry["type"], context=context, value=entry["input"], shape=there, key=key)
+        yield Fault(path=(*path, *steps), kind=entry["type"], context=context, value=entry["input"], shape=there, key=key)
 
 
-def _union_faults(shape: Shape, value: Any, path: Path) -> Iterator[_Fault]:
+def _union_faults(shape: Shape, value: Any, path: Path) -> Iterator[Fault]:
     """The errors of a value that fits no branch of a union: those of the branch that was meant."""
     branch = branch_of(shape, value)
     if branch is None:
-        yield _Fault(path=path, kind="type", context={}, value=value, shape=shape)
+        yield Fault(path=path, kind="type", context={}, value=value, shape=shape)
     elif branch.kind == "field":
         assert branch.field is not None
         try:
             branch.field.validate(value)
         except PydanticCustomError as fault:
-            yield _Fault(path=path, kind=fault.type, context=dict(fault.context or {}), value=value, shape=branch)
+            yield Fault(path=path, kind=fault.type, context=dict(fault.context or {}), value=value, shape=branch)
     else:
         from pydantic import TypeAdapter
 
@@ -228,7 +254,7 @@ class _Reporter:
         self.empty = empty
         self.damaged = damaged
 
-    def say(self, faults: list[_Fault]) -> None:
+    def say(self, faults: list[Fault]) -> None:
         meant: set[Path] = set()
         for fault in faults:
             if fault.kind == "extra_forbidden":
@@ -257,7 +283,7 @@ class _Reporter:
         inside = (place for place in self.damaged if place[: len(path)] == path)
         return any(isinstance(node_at(self.document.tree, place), ScalarNode) for place in inside)
 
-    def one(self, fault: _Fault) -> None:
+    def one(self, fault: Fault) -> None:
         if fault.kind == "extra_forbidden":
             self.unknown_key(fault)
         elif fault.kind == "missing":
@@ -283,12 +309,12 @@ class _Reporter:
         long = node.span.line != node.span.end_line and not isinstance(node, ScalarNode)
         return self.document.span(path, key=key or (long and isinstance(path[-1], str)))
 
-    def near_key(self, fault: _Fault) -> str | None:
+    def near_key(self, fault: Fault) -> str | None:
         mapping = node_at(self.document.tree, fault.path[:-1])
         present = set(mapping.entries) if isinstance(mapping, MappingNode) else set()
         return nearest(str(fault.path[-1]), [key for key in _keys(fault.shape) if key not in present])
 
-    def unknown_key(self, fault: _Fault) -> None:
+    def unknown_key(self, fault: Fault) -> None:
         key = str(fault.path[-1])
         close = self.near_key(fault)
         help = f"did you mean `{close}`?" if close else did_you_mean(key, _keys(fault.shape), what="keys")
@@ -297,7 +323,7 @@ class _Reporter:
         message = f"unknown key `{shortened(key)}`{_inside(fault.path[:-1])}"
         self.add(Code.UNKNOWN_KEY, message, self.place(fault.path, key=True), fault.path, help)
 
-    def missing_key(self, fault: _Fault) -> None:
+    def missing_key(self, fault: Fault) -> None:
         key, parent = str(fault.path[-1]), fault.path[:-1]
         owner = f"`{dotted(parent)}`" if parent else "the document"
         assert fault.shape.model is not None
@@ -307,7 +333,7 @@ class _Reporter:
             f"`{key}` takes {shape.words}",
         )
 
-    def unknown_choice(self, fault: _Fault) -> None:
+    def unknown_choice(self, fault: Fault) -> None:
         choices = [spoken(choice) for choice in fault.shape.choices]
         text = spoken(fault.value)
         close = nearest(text, choices) if isinstance(fault.value, str) else None
@@ -316,7 +342,7 @@ class _Reporter:
             f"did you mean `{close}`?" if close else None,
         )
 
-    def wrong_length(self, fault: _Fault) -> None:
+    def wrong_length(self, fault: Fault) -> None:
         if isinstance(fault.value, dict):
             message = f"`{dotted(fault.path)}` is empty; it needs at least one entry"
         else:
@@ -324,7 +350,7 @@ class _Reporter:
             message = f"expected a list of {wanted}, found {found(fault.value)}"
         self.add(Code.WRONG_LENGTH, message, self.place(fault.path), fault.path, None)
 
-    def stated(self, fault: _Fault) -> None:
+    def stated(self, fault: Fault) -> None:
         """An error in words of its own: of a field, or of a rule of a model."""
         path = (*fault.path, *fault.context.get("path", ()))
         where = self.place(path, key=fault.key or fault.kind == "rule")
@@ -336,7 +362,7 @@ class _Reporter:
             help = _space_hint(fault.value)
         self.add(_KINDS[fault.kind], fault.context["message"], where, path, help)
 
-    def wrong_type(self, fault: _Fault) -> None:
+    def wrong_type(self, fault: Fault) -> None:
         shape, value = fault.shape, fault.value
         help = _mapping_hint(fault.path, value) if shape.kind in ("model", "dict", "union") else None
         if shape.kind == "text" and isinstance(value, (int, float)):
@@ -407,7 +433,7 @@ def within(document: Document, path: Path, offset: int, end: int) -> Span | None
 
 
 def part_references(
-    specs: dict[str, AssemblySpec | MaterialsSpec], documents: Documents,
+    specs: Specs, documents: Documents,
 ) -> tuple[tuple[str, Span], ...]:
     """Every `part:` of every assembly, in the order written, with its place."""
     references: list[tuple[str, Span]] = []

@@ -1,0 +1,171 @@
+"""All measurements of the study, as plain numbers: what the page and the figure show."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, field
+
+import numpy as np
+from formulations import FORMULATIONS, INTEGRATORS, ROOTED, STIFF, TIMESTEPS, Formulation, Settings, Study, Vector
+from standing import TRIED, Inverse, Stand, inverse, is_stable, stand
+from stepping import Timed, posed, seconds_per_step, ways
+from swinging import Swing, plan, swing
+
+GRAVITIES = ("floor", "wall")
+FRICTION, FREE, DRIVES = "dry friction", "no friction", "drives"
+CONDITIONS = {FRICTION: (True, False), FREE: (False, False), DRIVES: (False, True)}
+"""Condition to: whether the joints have their dry friction, and whether their drives hold them."""
+SWUNG = (0.00025, *TIMESTEPS, 0.01)
+"""Timesteps of the swing [s]."""
+USUAL = (0.002, "implicitfast")
+"""The document's own timestep [s] and integrator."""
+OFF = 1e-9
+"""How wrong torques are made [N m], to see whether a posture is stable."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """By integrator and timestep: `limits`, the shortest time constant of a weld that is stable, and `factors`, the one chosen
+    (timesteps). `stands` by condition, gravity, posture, integrator, timestep, formulation; `disturbed`, final speeds of the rooted
+    model with torques wrong by `OFF`, by condition; `inverses` by gravity, posture, formulation; `swings` by feedback, gravity,
+    integrator, timestep, formulation; `steps` by contacts: name, bodies and wall time [s] of a step; `costs` [s] of a step by
+    integrator and formulation."""
+
+    limits: dict[tuple[str, float], float] = field(default_factory=dict)
+    factors: dict[tuple[str, float], float] = field(default_factory=dict)
+    stands: dict[tuple[str, str, str, str, float, str], Stand] = field(default_factory=dict)
+    disturbed: dict[str, float] = field(default_factory=dict)
+    inverses: dict[tuple[str, str, str], Inverse] = field(default_factory=dict)
+    swings: dict[tuple[bool, str, str, float, str], Swing] = field(default_factory=dict)
+    steps: dict[bool, list[tuple[str, int, float]]] = field(default_factory=dict)
+    costs: dict[tuple[str, str], float] = field(default_factory=dict)
+
+
+def measure(study: Study) -> Measured:
+    """Everything; about two minutes."""
+    found = Measured()
+    models = {name: study.formulation(name) for name in FORMULATIONS}
+    _stiffness(found, study, models[STIFF])
+    _standing(found, study, models)
+    _swinging(found, study, models)
+    _stepping(found, study)
+    return found
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+def _stiffness(found: Measured, study: Study, formulation: Formulation) -> None:
+    """The time constant that serves the weld best, so that the comparison is with the best weld there is."""
+    _say("the best stiff weld of each integrator and timestep")
+    for timestep in SWUNG:
+        paths = {gravity: plan(study, timestep, gravity) for gravity in GRAVITIES}
+        for integrator in INTEGRATORS:
+            errors = {}
+            for factor in TRIED:
+                settings = Settings(timestep, integrator, factor)
+                if is_stable(formulation, settings):
+                    runs = (swing(formulation, path, settings, gravity, True) for gravity, path in paths.items())
+                    errors[factor] = max(run.tip for run in runs)
+            found.limits[integrator, timestep] = min(errors)
+            found.factors[integrator, timestep] = min(errors, key=errors.__getitem__)
+
+
+def _standing(found: Measured, study: Study, models: dict[str, Formulation]) -> None:
+    for condition, (friction, drives) in CONDITIONS.items():
+        _say(f"standing: {condition}")
+        for gravity in GRAVITIES:
+            for posture, q in study.postures.items():
+                torque = study.holding(q, gravity)
+                for integrator in INTEGRATORS:
+                    for timestep in TIMESTEPS:
+                        settings = Settings(timestep, integrator, found.factors[integrator, timestep])
+                        for name, model in models.items():
+                            key = (condition, gravity, posture, integrator, timestep, name)
+                            found.stands[key] = stand(model, q, torque, settings, gravity, friction, drives)
+    for gravity in GRAVITIES:
+        for posture, q in study.postures.items():
+            for name, model in models.items():
+                found.inverses[gravity, posture, name] = inverse(model, q, gravity)
+    for condition, (friction, drives) in CONDITIONS.items():
+        runs = (
+            stand(models[ROOTED], q, study.holding(q, gravity) + OFF, Settings(*USUAL), gravity, friction, drives)
+            for gravity in GRAVITIES for q in study.postures.values()
+        )
+        found.disturbed[condition] = max(float(run.speeds[-1]) for run in runs)
+
+
+def _swinging(found: Measured, study: Study, models: dict[str, Formulation]) -> None:
+    for gravity in GRAVITIES:
+        _say(f"swinging: {gravity}")
+        for timestep in SWUNG:
+            path = plan(study, timestep, gravity)
+            for integrator in INTEGRATORS:
+                settings = Settings(timestep, integrator, found.factors[integrator, timestep])
+                for name, model in models.items():
+                    for feedback in (False, True):
+                        run = swing(model, path, settings, gravity, feedback)
+                        found.swings[feedback, gravity, integrator, timestep, name] = run
+
+
+def _stepping(found: Measured, study: Study) -> None:
+    _say("stepping")
+    q = study.postures["arched"]
+    for contacts in (False, True):
+        runs = ways(study, q, contacts)
+        costs = seconds_per_step(runs)
+        found.steps[contacts] = [(run.name, run.model.nbody - 1, cost) for run, cost in zip(runs, costs)]
+    for integrator in INTEGRATORS:
+        models = [study.formulation(name) for name in FORMULATIONS]
+        runs = [_prepared(study, model, q, integrator, found) for model in models]
+        for run, cost in zip(runs, seconds_per_step(runs)):
+            found.costs[integrator, run.name] = cost
+
+
+def _prepared(study: Study, formulation: Formulation, q: Vector, integrator: str, found: Measured) -> Timed:
+    """A formulation that the drives hold, with the settings of the study: the cost of a step depends little on the timestep."""
+    timestep = USUAL[0]
+    settings = Settings(timestep, integrator, found.factors[integrator, timestep])
+    formulation.configure(settings, "floor", friction=False, drives=True)
+    return Timed(formulation.name, formulation.model, posed(study, formulation.model, q))
+
+
+def worst_swing(found: Measured, feedback: bool, integrator: str, timestep: float, name: str) -> Swing:
+    """Of both gravities."""
+    runs = [found.swings[feedback, gravity, integrator, timestep, name] for gravity in GRAVITIES]
+    return Swing(max(run.joint for run in runs), max(run.tip for run in runs))
+
+
+@dataclass(frozen=True)
+class Cheapest:
+    """The least wall time [s] per simulated second that stays within an error, and its integrator and timestep [s]."""
+
+    wall: float
+    integrator: str
+    timestep: float
+
+
+def cheapest(found: Measured, feedback: bool, bound: float, name: str) -> Cheapest | None:
+    """For an error of the free sole of `bound` mm in the swing, under both gravities; None where no settings tried reach it."""
+    within = [
+        Cheapest(found.costs[integrator, name] / timestep, integrator, timestep)
+        for integrator in INTEGRATORS for timestep in SWUNG
+        if worst_swing(found, feedback, integrator, timestep, name).tip <= bound
+    ]
+    return min(within, key=lambda choice: choice.wall, default=None)
+
+
+def runs_of(
+    found: Measured, condition: str, integrator: str, timestep: float, name: str, gravity: str | None = None
+) -> list[Stand]:
+    """The runs of every posture, under one gravity or both."""
+    return [
+        run for key, run in found.stands.items()
+        if key[0] == condition and key[3:] == (integrator, timestep, name) and gravity in (None, key[1])
+    ]
+
+
+def fastest(runs: list[Stand]) -> float:
+    """The largest speed of any step of any run [rad/s, m/s]."""
+    return float(np.max([run.speeds.max() for run in runs]))

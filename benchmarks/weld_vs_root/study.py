@@ -1,0 +1,29 @@
+"""`make bench-weld`: a robot held by its foot, welded or rooted. Prints `docs/weld_vs_root.md`, and writes it and its figure."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from formulations import ROOT, Study
+from measured import measure
+from study_figure import draw
+from study_page import page
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--docs", type=Path, default=ROOT / "docs", help="folder of the page and, in `pictures`, of the figure")
+    parser.add_argument("--store", help="folder of modelled parts (default: the user's cache)")
+    options = parser.parse_args()
+    found = measure(Study(options.store))
+    text = page(found)
+    print(text, end="")
+    (options.docs / "pictures").mkdir(parents=True, exist_ok=True)
+    (options.docs / "weld_vs_root.md").write_text(text)
+    draw(found, options.docs / "pictures" / "weld_vs_root.png")
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

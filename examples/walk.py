@@ -1,0 +1,94 @@
+"""MInchW climbs a steel beam, lying on the floor and standing at a wall: `make walk`, or `python examples/walk.py BUILD`.
+
+Once rooted at the foot that holds, the root changing from foot to foot with `thingc.modes`, and once with a free base, held
+by its magnets alone. What is printed is what the simulation measured.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+os.environ.setdefault("MUJOCO_GL", "egl")  # before mujoco is imported, which chooses its renderer then
+
+from inchworm_gait import PULL, swings
+from inchworm_physics import Climb, Seen
+from inchworm_scenery import Film, save
+
+ROOT = Path(__file__).resolve().parent.parent
+SHORT, STRIDE, LIFT = 0.31, 0.09, 0.025
+"""Soles apart when drawn up, length of a step, height of a lifted foot [m]."""
+
+PLACES = {"floor": "", "wall": "_wall"}
+FRAME = 0.15
+"""Time [s] between two frames of the film, which runs at three quarters of that."""
+
+
+def walk(folder: Path, steps: int, film: Path | None = None) -> dict[tuple[str, str], Seen]:
+    """Both ways of walking at both places, by (place, way)."""
+    found, films = {}, []
+    for place, where in PLACES.items():
+        climb = Climb(folder, where)
+        plan = swings(climb.models, steps, SHORT, STRIDE, LIFT)
+        watch = None if film is None else Film(place, FRAME)
+        found[place, "rooted"] = climb.rooted(plan, watch)
+        found[place, "free"] = climb.adhering(plan)
+        if watch is not None:
+            watch.close()
+            films.append(watch)
+    if film is not None:
+        save(films, film, round(750 * FRAME))
+    return found
+
+
+def report(found: dict[tuple[str, str], Seen]) -> str:
+    """The table, one column for each walk."""
+    worst = {key: max(seen.torque, key=seen.torque.__getitem__) for key, seen in found.items()}
+    rows: list[tuple[str, list[str]]] = [
+        ("", [f"{place}, {way}" for place, way in found]),
+        ("steps", [f"{seen.steps}" for seen in found.values()]),
+        ("way forward [mm]", [f"{1e3 * seen.progress:.2f}" for seen in found.values()]),
+        ("slip of a standing foot [mm]", [f"{1e3 * seen.slips['standing']:.3f}" for seen in found.values()]),
+        ("slip of a landed foot [mm]", [f"{1e3 * seen.slips['landing']:.3f}" for seen in found.values()]),
+        ("least pull margin [N]", [f"{PULL - seen.pull:.1f}" for seen in found.values()]),
+        ("least shear margin", [f"{100 * (1 - seen.shear):.1f} %" for seen in found.values()]),
+        ("least torque margin", [f"{100 * (1 - max(seen.torque.values())):.1f} %" for seen in found.values()]),
+        ("  at", [worst[key] for key in found]),
+        ("least torque-speed margin", [f"{100 * (1 - seen.speed):.1f} %" for seen in found.values()]),
+        ("largest tracking error [mrad]", [f"{1e3 * seen.tracking:.2f}" for seen in found.values()]),
+        ("largest tilt of a landed sole [mrad]", [f"{1e3 * seen.tilt:.2f}" for seen in found.values()]),
+        ("removed at a switch [um/s]", [_only(way, 1e6 * seen.removed) for (_, way), seen in found.items()]),
+        ("removed at a switch [urad/s]", [_only(way, 1e6 * seen.removed_angular) for (_, way), seen in found.items()]),
+        ("touched besides soles", [", ".join(sorted(seen.touches)) or "nothing" for seen in found.values()]),
+    ]
+    return "\n".join(f"{name:38}" + "".join(f"{cell:>16}" for cell in cells) for name, cells in rows)
+
+
+def _only(way: str, value: float) -> str:
+    return f"{value:.2f}" if way == "rooted" else "-"
+
+
+def main() -> int:
+    """Build the robot unless a build is given, walk, and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("build", nargs="?", type=Path, help="the folder of a built MInchW; built afresh unless given")
+    parser.add_argument("--steps", type=int, default=3)
+    parser.add_argument("--gif", type=Path, help="where to draw a film of the rooted walks")
+    given = parser.parse_args()
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = given.build
+        if folder is None:
+            command = [sys.executable, "-m", "thingc", "build", "assemblies/minchw/minchw.yaml", "-o", scratch]
+            subprocess.run(command, cwd=ROOT, check=True)
+            folder = Path(scratch) / "minchw"
+        found = walk(folder, given.steps, given.gif)
+    print(report(found))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
