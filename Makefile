@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 JOBS ?= 2
 
-.PHONY: demo test lint bench schemas docs pictures clean
+.PHONY: demo test lint bench bench-naming bench-weld walk schemas docs pictures clean
 
 demo: $(VENV)/.thingc
 	$(BIN)/thingc build assemblies/arm.yaml
@@ -28,6 +28,15 @@ lint: $(VENV)/.thingc-dev
 
 bench: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/run.py
+
+bench-weld: $(VENV)/.thingc-dev
+	$(BIN)/python benchmarks/weld_vs_root/study.py
+
+walk: $(VENV)/.thingc-dev
+	$(BIN)/python examples/walk.py --gif docs/pictures/minchw_walk.gif
+
+bench-naming: $(VENV)/.thingc-dev
+	$(BIN)/python benchmarks/naming/study.py
 
 schemas: $(VENV)/.thingc-dev
 	$(BIN)/python -m thingc.spec.schema

@@ -35,7 +35,7 @@ def other(foot: str) -> str:
     return FEET[1 - FEET.index(foot)]
 
 
-def smooth(s: Array | float) -> Array | float:
+def smooth(s: Array) -> Array:
     """From 0 at s = 0 to 1 at s = 1 with four derivatives 0 at both ends."""
     return s**5 * (126.0 - 420.0 * s + 540.0 * s**2 - 315.0 * s**3 + 70.0 * s**4)
 
@@ -64,9 +64,9 @@ class Swing:
     @property
     def begin(self) -> Instant:
         """Standing on both feet, before the first swing."""
-        still = np.zeros(len(JOINTS))
+        still, start = np.zeros(len(JOINTS)), np.asarray(chebyshev.chebval(-1.0, self.path))
         magnets = {self.holds: PULL, self.moves: 0.0}
-        return Instant(phase="stand", q=chebyshev.chebval(-1.0, self.path), v=still, a=still, share=0.0, magnets=magnets)
+        return Instant(phase="stand", q=start, v=still, a=still, share=0.0, magnets=magnets)
 
     def instants(self, timestep: float) -> Iterator[Instant]:
         """From lifting one foot to the load on it and the other free."""
@@ -84,10 +84,10 @@ class Swing:
                 leaving = {"release": 1.0 - s, "rest": 0.0}.get(phase, 1.0) * PULL
                 yield Instant(
                     phase=phase,
-                    q=chebyshev.chebval(at, self.path),
-                    v=moving * chebyshev.chebval(at, velocity),
-                    a=moving * chebyshev.chebval(at, acceleration),
-                    share={"swing": 0.0, "press": 0.0, "transfer": float(smooth(s))}.get(phase, 1.0),
+                    q=np.asarray(chebyshev.chebval(at, self.path)),
+                    v=moving * np.asarray(chebyshev.chebval(at, velocity)),
+                    a=moving * np.asarray(chebyshev.chebval(at, acceleration)),
+                    share={"swing": 0.0, "press": 0.0, "transfer": float(smooth(np.asarray(s)))}.get(phase, 1.0),
                     magnets={self.holds: leaving, self.moves: landing},
                 )
 
@@ -149,5 +149,6 @@ def swings(models: dict[str, mujoco.MjModel], steps: int, short: float, stride: 
             q = legs.solve(float(distance), float(height), float(pitch), q)
             knots.append(q)
         start = knots[-1]
-        found[holds] = Swing(holds=holds, moves=other(holds), path=chebyshev.chebfit(2.0 * s - 1.0, np.array(knots), DEGREE))
+        path = np.asarray(chebyshev.chebfit(2.0 * s - 1.0, np.array(knots), DEGREE), dtype=float)
+        found[holds] = Swing(holds=holds, moves=other(holds), path=path)
     return [found[holds] for _ in range(steps) for holds in ("rear", "front")]

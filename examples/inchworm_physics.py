@@ -25,8 +25,11 @@ STAND = 0.3
 POLE = 0.025
 """Radius [m] of a magnet's face: over its rim a foot tips."""
 
+SLIDE = 0.5
+"""Friction of a sole on steel, as MInchW's materials have it."""
+
 STEEL = {
-    "friction": [0.5, 0.005, 0.0001], "priority": 2, "solref": [0.004, 1.0], "solimp": [0.99, 0.999, 0.0005, 0.5, 2.0],
+    "friction": [SLIDE, 0.005, 0.0001], "priority": 2, "solref": [0.004, 1.0], "solimp": [0.99, 0.999, 0.0005, 0.5, 2.0],
     "gap": 0.001,
 }
 """Contact with the beam. MuJoCo's usual contacts would let 300 N pull a foot 4 mm into it; these give 0.03 mm. In the last
@@ -78,6 +81,8 @@ class World:
     def __init__(self, folder: Path, mode: str) -> None:
         self.mode, self.model = mode, on_steel(folder, mode)
         self.data = mujoco.MjData(self.model)
+        self.names = [self.model.geom(number).name for number in range(self.model.ngeom)]
+        self.qpos = [int(self.model.joint(name).qposadr[0]) for name in JOINTS]
         self.dofs = [int(self.model.joint(name).dofadr[0]) for name in JOINTS]
         self.drives = [self.model.actuator(name).id for name in JOINTS]
         self.stall = self.model.actuator_forcerange[self.drives, 1]
@@ -85,7 +90,7 @@ class World:
 
     def joints(self) -> Array:
         """q (6,) as it is."""
-        return np.array([float(self.data.joint(name).qpos[0]) for name in JOINTS])
+        return np.array(self.data.qpos[self.qpos])
 
     def sole(self, foot: str) -> Array:
         """The middle of a sole in the world (3,)."""
@@ -98,8 +103,8 @@ class World:
 
     def contacts(self) -> Iterator[set[str]]:
         """The names of the geoms of each contact."""
-        for contact in self.data.contact:
-            yield {self.model.geom(int(geom)).name for geom in contact.geom}
+        for one, other_one in self.data.contact.geom:
+            yield {self.names[one], self.names[other_one]}
 
     def reaction(self, foot: str) -> tuple[float, float, float]:
         """What the steel does to the sole of a foot: force towards the robot [N], force along the steel [N], and the moment that
@@ -109,7 +114,7 @@ class World:
         if self.model.body_mocapid[body] >= 0:
             mujoco.mj_rnePostConstraint(self.model, self.data)
             wrench[3:], wrench[:3] = self.data.cfrc_int[body][:3], self.data.cfrc_int[body][3:]
-            wrench[3:] += np.cross(self.data.subtree_com[self.model.body_rootid[body]] - centre, wrench[:3])
+            wrench[3:] += cross(self.data.subtree_com[self.model.body_rootid[body]] - centre, wrench[:3])
             # That counts contacts, but not what presses a magnet onto them, which is an actuator.
             _, force, moment = self.hold(other(foot), centre)
             wrench -= np.concatenate([force, moment])
@@ -123,30 +128,33 @@ class World:
         """Force [N] and moment about `centre` [N m] of each contact of a foot with the steel."""
         body = self.model.body(f"{foot}/foot").id
         for index, contact in enumerate(self.data.contact):
-            bodies = [int(self.model.geom_bodyid[geom]) for geom in contact.geom]
+            bodies = self.model.geom_bodyid[contact.geom].tolist()
             if body in bodies and 0 in bodies:
                 local = np.zeros(6)
                 mujoco.mj_contactForce(self.model, self.data, index, local)
                 force = contact.frame.reshape(3, 3).T @ local[:3] * (1.0 if bodies[1] == body else -1.0)
-                yield force, np.cross(contact.pos - centre, force)
+                yield force, cross(contact.pos - centre, force)
 
     def hold(self, foot: str, centre: Array) -> tuple[int, Array, Array]:
         """How many contacts a magnet has, its pull [N] and the moment of that about `centre` [N m]: MuJoCo spreads it evenly."""
         body = self.model.body(f"{foot}/foot").id
-        points = [
-            contact.pos for contact in self.data.contact
-            if {int(self.model.geom_bodyid[geom]) for geom in contact.geom} == {0, body}
-        ]
-        if not points:
+        bodies = np.sort(self.model.geom_bodyid[self.data.contact.geom], axis=1)
+        points = self.data.contact.pos[(bodies == [0, body]).all(axis=1)]
+        if not len(points):
             return 0, np.zeros(3), np.zeros(3)
         force = np.array([0.0, 0.0, -float(self.data.actuator(f"{foot}/sole").force[0])])
-        return len(points), force, np.cross(np.mean(points, axis=0) - centre, force)
+        return len(points), force, cross(points.mean(axis=0) - centre, force)
 
     def drive(self, now: Instant, torque: Array) -> None:
         """Ask the servos for the positions at which they give `torque` (6,), and set the magnets."""
         self.data.ctrl[self.drives] = now.q + (torque + self.kv * now.v) / self.kp
         for foot, force in now.magnets.items():
             self.data.actuator(f"{foot}/sole").ctrl = force
+
+
+def cross(a: Array, b: Array) -> Array:
+    """a x b; numpy's own takes any shape, and its time."""
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def sum_of(parts: Iterator[tuple[Array, Array]]) -> tuple[Array, Array]:
@@ -164,9 +172,8 @@ class Dynamics:
 
     def torque(self, now: Instant) -> Array:
         """[N m], friction and damping of the joints included."""
-        for name, q, v, a in zip(JOINTS, now.q, now.v, now.a, strict=True):
-            joint = self.data.joint(name)
-            joint.qpos, joint.qvel, joint.qacc = q, v, a
+        self.data.qpos[self.world.qpos] = now.q
+        self.data.qvel[self.world.dofs], self.data.qacc[self.world.dofs] = now.v, now.a
         mujoco.mj_inverse(self.model, self.data)
         return np.array(self.data.qfrc_inverse[self.world.dofs])
 
@@ -220,8 +227,7 @@ class Climb:
         """Drawn up on both feet, rooted at the one that holds first."""
         world, now = self.held[swing.holds], swing.begin
         mujoco.mj_resetDataKeyframe(world.model, world.data, 0)
-        for name, q in zip(JOINTS, now.q, strict=True):
-            world.data.joint(name).qpos = q
+        world.data.qpos[world.qpos] = now.q
         world.drive(now, self.dynamics[swing.holds].torque(now))
         mujoco.mj_forward(world.model, world.data)
         return world
@@ -263,7 +269,7 @@ class Climb:
                 continue
             normal, along, tipping = world.reaction(foot)
             seen.pull = max(seen.pull, tipping / POLE - normal)
-            seen.shear = max(seen.shear, along / (STEEL["friction"][0] * max(PULL + normal, 1e-9)))
+            seen.shear = max(seen.shear, along / (SLIDE * max(PULL + normal, 1e-9)))
         force, speed = data.actuator_force[world.drives], np.abs(data.qvel[world.dofs])
         for name, part in zip(JOINTS, np.abs(force) / world.stall, strict=True):
             seen.torque[name] = max(seen.torque[name], float(part))

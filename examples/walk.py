@@ -25,7 +25,7 @@ SHORT, STRIDE, LIFT = 0.31, 0.09, 0.025
 
 PLACES = {"floor": "", "wall": "_wall"}
 FRAME = 0.15
-"""Time [s] between two frames of the film, which runs at three quarters of that."""
+"""Time [s] between two frames of the film, which is shown a third faster than that."""
 
 
 def walk(folder: Path, steps: int, film: Path | None = None) -> dict[tuple[str, str], Seen]:

@@ -26,8 +26,8 @@ OFF = 1e-9
 @dataclass(frozen=True)
 class Measured:
     """By integrator and timestep: `limits`, the shortest time constant of a weld that is stable, and `factors`, the one chosen
-    (timesteps). `stands` by condition, gravity, posture, integrator, timestep, formulation; `disturbed`, final speeds of the rooted
-    model with torques wrong by `OFF`, by condition; `inverses` by gravity, posture, formulation; `swings` by feedback, gravity,
+    (timesteps). `stands` by condition, gravity, posture, integrator, timestep, formulation; `disturbed`, final speeds of the
+    rooted model with torques wrong by `OFF`, by condition; `inverses` by gravity, posture, formulation; `swings` by feedback, gravity,
     integrator, timestep, formulation; `steps` by contacts: name, bodies and wall time [s] of a step; `costs` [s] of a step by
     integrator and formulation."""
 

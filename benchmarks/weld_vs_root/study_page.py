@@ -25,7 +25,7 @@ from measured import (
     worst_swing,
 )
 from standing import HORIZON, NEARLY, REST
-from stepping import ROUNDS
+from stepping import ROOTED_FUSED, ROUNDS, WELD_FUSED
 from swinging import DURATION, KD, KP
 
 TEMPLATE = Path(__file__).with_name("page.md")
@@ -40,12 +40,13 @@ def page(found: Measured) -> str:
         cores=os.cpu_count(), python=platform.python_version(), mujoco=mujoco.__version__,
         solimp=" ".join(f"{value:g}" for value in SOLIMP), limits=_factors(found.limits), factors=_factors(found.factors),
         reaching=", ".join(f"{joint} {angle}" for joint, angle in REACHING.items()),
-        horizon=f"{HORIZON:g}", rest=f"{REST:g}", nearly=f"{NEARLY:g}", usual=f"{USUAL[1]}, {USUAL[0] * 1e3:g} ms", off=f"{OFF:g}",
-        off_free=number(found.disturbed[FREE]), off_drives=number(found.disturbed[DRIVES]),
+        horizon=f"{HORIZON:g}", rest=f"{REST:g}", nearly=f"{NEARLY:g}", usual=f"{USUAL[1]}, {USUAL[0] * 1e3:g} ms",
+        off=f"{OFF:g}", **{f"off_{key}": number(found.disturbed[condition]) for key, condition in conditions.items()},
         duration=f"{DURATION:g}", kp=f"{KP:g}", kd=f"{KD:g}", rounds=ROUNDS,
         inverse=_inverse(found), speed=_speed(found),
         swing_blind=_swings(found, False), swing_fed=_swings(found, True),
         equal_blind=_equal(found, False), equal_fed=_equal(found, True),
+        **_short(found),
         **{f"usual_{key}": _usual(found, condition) for key, condition in conditions.items()},
         **{f"all_{key}": _all(found, condition) for key, condition in conditions.items()},
     )
@@ -76,6 +77,23 @@ def span(values: Sequence[int | None]) -> str:
 def longest(values: Sequence[int | None]) -> str:
     """The most steps of several runs."""
     return "never" if None in values else str(max(value for value in values if value is not None))
+
+
+def _short(found: Measured) -> dict[str, str]:
+    """The numbers of the summary, over all postures and both gravities."""
+    timestep, integrator = USUAL
+    soft, stiff = (runs_of(found, DRIVES, integrator, timestep, name) for name in (SOFT, STIFF))
+    errors = {name: worst_swing(found, True, "RK4", timestep, name).tip for name in (STIFF, ROOTED)}
+    costs = {name: cost for name, _, cost in found.steps[False]}
+    return {
+        "soft_nearly": span([run.nearly for run in soft]),
+        "soft_drift": number(max(run.drift for run in soft)),
+        "soft_turn": number(max(run.turn for run in soft)),
+        "stiff_drift": number(max(run.drift for run in stiff)),
+        "stiff_steps": span([run.steps for run in stiff]),
+        "stiff_ratio": f"{errors[STIFF] / errors[ROOTED]:.1f}",
+        "rooted_speed": f"{costs[WELD_FUSED] / costs[ROOTED_FUSED]:.2f}",
+    }
 
 
 def _factors(factors: Mapping[tuple[str, float], float]) -> str:

@@ -144,6 +144,7 @@ class Code(Enum):
     STRANGERS = ("TC804", "strangers in the build folder", "Move the named files away, or build elsewhere with -o.")
     OUTPUT = ("TC805", "cannot write", "Make room, or choose a folder that can be written with -o or --store.")
     PART_UNREADABLE = ("TC807", "a part file that does not load", "Mend the part file at the line named.")
+    NO_GRAPHICS = ("TC808", "no picture can be drawn here", "Install EGL (Debian, Ubuntu: apt install libegl1), or set MUJOCO_GL.")
     INTERNAL = ("TC899", "a defect of thingc", "Report it with the document and what --debug shows.")
 
     def __init__(self, code: str, title: str, cure: str) -> None:

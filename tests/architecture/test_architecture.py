@@ -29,11 +29,12 @@ ROOMS: dict[str, set[str]] = {
     "robot": BASE | {"resolve", "realize", "joints", "graph"},
     "emit": BASE | {"resolve", "realize", "joints", "graph", "robot"},
     "modes": {"diagnostics"},  # read at run time, next to a simulation
+    "render": set(),
     "output": BASE | {"realize", "emit"},
     "stamp": BASE | {"realize"},
     "pipeline": BASE | {"stamp", "load", "spec", "realize", "resolve", "joints", "graph", "robot", "emit"},
     "api": BASE | {"pipeline", "realize", "graph", "robot", "emit"},
-    "cli": BASE | {"pipeline", "realize", "graph", "robot", "emit", "output", "stamp", "resolve"},
+    "cli": BASE | {"pipeline", "realize", "graph", "robot", "emit", "output", "stamp", "resolve", "render"},
     "__init__": {"things", "api", "modes"},
     "__main__": {"cli"},
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
@@ -70,17 +71,17 @@ def test_rooted_model_rests_from_the_first_step_and_welds_do_not(bench, gravity:
             for timestep in (0.0005, 0.005):
                 settings = formulations.Settings(timestep, integrator)
                 for friction in (True, False):
-                    run = standing.stand(models["rooted"], q, torque, settings, gravity, friction, horizon=0.25)
+                    run = standing.stand(models["rooted"], q, torque, settings, gravity, friction, horizon=0.1)
                     # MuJoCo solves dry friction, which is a constraint, to its tolerance of 1e-8 only.
                     assert run.speeds.max() < (1e-8 if friction else 1e-12)
                     assert run.steps == 0 and run.drift == 0.0 and run.turn == 0.0
                     exact = standing.stand(
-                        models["rooted"], q, study.holding(q, gravity), settings, gravity, friction, horizon=0.25
+                        models["rooted"], q, study.holding(q, gravity), settings, gravity, friction, horizon=0.1
                     )
                     assert exact.speeds.max() < 1e-13
-                    soft = standing.stand(models["weld, default"], q, torque, settings, gravity, friction, horizon=0.25)
+                    soft = standing.stand(models["weld, default"], q, torque, settings, gravity, friction, horizon=0.1)
                     assert soft.nearly != 0 and soft.speeds.max() > 0.01 and soft.drift > 0.01
-                    stiff = standing.stand(models["weld, stiff"], q, torque, settings, gravity, friction, horizon=0.25)
+                    stiff = standing.stand(models["weld, stiff"], q, torque, settings, gravity, friction, horizon=0.1)
                     assert stiff.steps != 0 and 0.0 < stiff.drift < soft.drift / 100.0
 
 
@@ -122,3 +123,12 @@ def test_angle_of_a_rotation(bench) -> None:
         mujoco.mju_axisAngle2Quat(quaternion, np.array([0.6, 0.0, 0.8]), np.radians(degrees))
         mujoco.mju_quat2Mat(matrix, quaternion)
         assert standing.angle(matrix.reshape(3, 3)) == pytest.approx(degrees, rel=1e-6)
+
+
+def test_page_is_what_the_study_prints() -> None:
+    """The documentation has the words of the template around its numbers, and the figure is there."""
+    template = (FOLDER / "page.md").read_text()
+    pieces = re.split(r"\$[a-z_]+", template)
+    page = FOLDER.parents[1] / "docs" / "weld_vs_root.md"
+    assert re.fullmatch("(?s:.+?)".join(re.escape(piece) for piece in pieces), page.read_text())
+    assert (page.parent / "pictures" / "weld_vs_root.png").read_bytes().startswith(b"\x89PNG")

@@ -68,7 +68,7 @@ def test_rotation_vectors_near_nothing_and_near_half_a_turn(angle: float) -> Non
     axis = np.array([1.0, -2.0, 2.0]) / 3.0
     found = np.array(rotation_vector(tuple(map(tuple, Rotation.from_rotvec(angle * axis).as_matrix().tolist()))))  # type: ignore[arg-type]
     assert np.linalg.norm(found) == pytest.approx(angle, rel=1e-6, abs=1e-15)
-    if 1e-300 < angle:
+    if angle > 1e-300:
         assert abs(found @ axis) == pytest.approx(angle, rel=1e-6)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import mujoco
@@ -31,6 +32,7 @@ from loops.robots import (
     turn,
     worm_links,
 )
+from thingc.cli import info
 
 EXACT = 1e-9
 """[m] and [rad]: what the residual of a closure must stay below."""
@@ -150,7 +152,29 @@ def test_joints_that_the_pose_names_stay_if_the_others_suffice(tmp_path: Path) -
     (frame,) = found.robot("m").keyframes
     assert {joint: frame.q[joint] for joint in named} == named
     assert frame.q["ankle_r"] == pytest.approx(0.4, abs=1e-9)
-    assert found.losses("m") == []
+    far = np.degrees(0.4)
+    assert [(loss.path, loss.what, loss.how) for loss in found.losses("m")] == [
+        ("bent", f"its values as written: the loops close with `ankle_r` moved, by {far:.3g} deg at most", "approximated")
+    ]
+
+
+def test_a_pose_that_closes_only_as_another_one_is_a_loss(worm: Built) -> None:
+    """From `straight` Newton's method ends in the arch; a keyframe of that name would be a lie."""
+    (loss,) = [loss for loss in worm.losses("stay") if loss.path == "straight"]
+    assert (loss.what, loss.how) == (
+        "its keyframe: the loops close only with `knee_f` and 5 more moved, by 75 deg at most", "omitted",
+    )
+    assert "straight" not in worm.modes["stay"]["poses"]
+
+
+def test_a_mode_must_close_where_it_starts(tmp_path: Path) -> None:
+    found = compiled(tmp_path, inchworm(
+        poses=POSES, modes=f"  m: {{root: front.sole, pose: lifted, hold: {{rear.sole: {written(AWAY @ MATE)}}}}}\n",
+    ))
+    assert found.said == [(
+        "TC604", "mode `m` cannot hold `rear/sole` there from pose `lifted`: at best it is 26.8 mm and 23.4 deg away",
+        "start from `arched`, which closes", 23,
+    )]
 
 
 def test_a_free_base_goes_where_the_hold_wants_it_and_the_joints_stay(worm: Built) -> None:
@@ -183,7 +207,8 @@ def test_a_held_link_does_not_touch_the_world_and_other_pairs_are_the_same_in_ev
     def pairs(mode: str) -> set[frozenset[str]]:
         model = worm.model(mode)
         return {
-            frozenset(model.body(int(signature) >> shift & 0xFFFF).name for shift in (16, 0)) for signature in model.exclude_signature
+            frozenset(model.body(int(signature) >> bits & 0xFFFF).name for bits in (16, 0))
+            for signature in model.exclude_signature
         }
 
     neighbours = pairs("front")
@@ -217,6 +242,18 @@ def test_the_sole_stays_under_the_robots_own_weight(worm: Built) -> None:
     assert distance < 5e-6 and angle < 5e-5
 
 
+def test_info_says_what_is_held_and_how_well_it_closes(worm: Built) -> None:
+    assembly = worm.compilation.assembly
+    assert assembly is not None
+    text = info.as_text(assembly, worm.compilation.robots)
+    bridge = text.partition("mode bridge:")[2].partition("\nmode ")[0]
+    assert "\n  rear is held at rear/sole\n" in bridge
+    (closes,) = re.findall(r"^  pose arched closes to (\S+) m and (\S+) rad$", bridge, re.MULTILINE)
+    assert all(float(value) < EXACT for value in closes)
+    assert "\n  pose straight does not close: no keyframe" in bridge
+    assert "held at" not in text.partition("mode front:")[2].partition("\nmode ")[0]
+
+
 # --- a lever: what can be reached is plain ------------------------------------------------------------------------------
 
 LEVER = f"""\
@@ -243,7 +280,8 @@ def tip_at(q: float) -> Array:
 def test_a_hold_out_of_reach_is_said_with_what_is_left(tmp_path: Path) -> None:
     """The lever can point at it and stays 100 mm short."""
     beyond = tip_at(np.radians(20.0)) @ shift(0.1, 0, 0)
-    found = compiled(tmp_path, LEVER + f"  m:\n    root: post\n    pose: up\n    hold:\n      arm.tip: {written(beyond @ MATE)}\n")
+    mode = f"  m:\n    root: post\n    pose: up\n    hold:\n      arm.tip: {written(beyond @ MATE)}\n"
+    found = compiled(tmp_path, LEVER + mode)
     assert found.said == [(
         "TC604", "mode `m` cannot hold `arm/tip` there: at best it is 100 mm and 0 deg away",
         "move the hold, or widen the limits of the joints", 16,

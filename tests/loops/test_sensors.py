@@ -15,7 +15,12 @@ LEG = f"""\
 thingc: assembly/1
 name: leg
 components:
-  shin: {{frame: true, mass: 0.5 kg, {BALL}, com: [0, 0, 100 mm], mounts: {{top: {{xyz: 0 0 200 mm}}, low: {{rpy: 180 0 0 deg}}}}}}
+  shin:
+    frame: true
+    mass: 0.5 kg
+    {BALL}
+    com: [0, 0, 100 mm]
+    mounts: {{top: {{xyz: 0 0 200 mm}}, low: {{rpy: 180 0 0 deg}}}}
   foot:
     frame: true
     mass: 0.2 kg
@@ -23,7 +28,7 @@ components:
     com: [0, 0, 20 mm]
     mounts: {{ankle: {{rpy: 180 0 0 deg}}, sole: {{xyz: 10 0 40 mm, rpy: 0 20 0 deg}}}}
 joints:
-  ankle: {{type: revolute, parent: shin.top, child: foot.ankle, limit: {{lower: -90 deg, upper: 90 deg}}, dynamics: {{damping: 0.01 N*m*s/rad}}}}
+  ankle: {{type: revolute, parent: shin.top, child: foot.ankle, limit: {{lower: -90 deg, upper: 90 deg}}}}
 mounts: {{hip: shin.low, sole: foot.sole}}
 sensors:
   sole: {{type: force, at: sole}}
@@ -36,7 +41,12 @@ name: walker
 components:
   body: {{frame: true, mass: 2 kg, {BALL}, mounts: {{hip: {{rpy: 0 90 0 deg}}, imu: {{xyz: 0 0 50 mm, rpy: 0 0 30 deg}}}}}}
   leg: {{assembly: leg.yaml}}
-  head: {{frame: true, mass: 0.1 kg, {BALL}, at: {{in: body.origin, xyz: 0 0 100 mm}}, mounts: {{lens: {{xyz: 30 0 0 mm, rpy: 0 90 0 deg}}}}}}
+  head:
+    frame: true
+    mass: 0.1 kg
+    {BALL}
+    mounts: {{lens: {{xyz: 30 0 0 mm, rpy: 0 90 0 deg}}}}
+    at: {{in: body.origin, xyz: 0 0 100 mm}}
 joints:
   hip:
     type: revolute
@@ -98,7 +108,8 @@ def expect_wrench(data: mujoco.MjData, sensor: str, site: str, bodies: list[str]
 
 def test_the_names_and_their_order(walker: Built) -> None:
     names = [
-        "imu:accelerometer", "imu:gyro", "imu:quat", "swing:position", "swing:velocity", "swing:effort", "hip:force", "hip:torque",
+        "imu:accelerometer", "imu:gyro", "imu:quat", "swing:position", "swing:velocity", "swing:effort",
+        "hip:force", "hip:torque",
         "leg/sole:force", "leg/sole:torque", "leg/load:force", "leg/load:torque", "leg/ankle:position", "leg/ankle:velocity",
         "leg/ankle:effort",
     ]
@@ -106,7 +117,8 @@ def test_the_names_and_their_order(walker: Built) -> None:
         model = walker.model(mode)
         assert [model.sensor(k).name for k in range(model.nsensor)] == names
         assert [model.camera(k).name for k in range(model.ncam)] == ["eye"]
-    assert {model.site(k).name for k in range(model.nsite)} >= {"body/imu", "body/hip", "head/lens", "leg/foot/sole", "leg/foot/ankle"}
+        sites = {model.site(k).name for k in range(model.nsite)}
+        assert sites >= {"body/imu", "body/hip", "head/lens", "leg/foot/sole", "leg/foot/ankle"}
     # Nothing carries the body there.
     adrift = walker.model("adrift")
     assert [adrift.sensor(k).name for k in range(adrift.nsensor)] == [name for name in names if not name.startswith("hip:")]
@@ -170,14 +182,18 @@ def test_where_a_force_is_read_elsewhere_is_a_loss(walker: Built) -> None:
     ]
     assert lost("adrift") == [("hip", "it: nothing carries the root of a free base", "omitted")]
     assert lost("stand") == [
-        ("leg/load", "the force at its mount: it reads what passes between its link and the world at `leg/sole`", "approximated"),
+        (
+            "leg/load", "the force at its mount: it reads what passes between its link and the world at `leg/sole`",
+            "approximated",
+        ),
     ]
     assert lost("shin") == []
 
 
 def test_a_force_in_the_middle_of_a_chain(tmp_path: Path) -> None:
     """A mount in the middle link that no joint uses: MuJoCo reads what passes through the joint below."""
-    text = LEG.replace("sole: {type: force, at: sole}", "skin: {type: force, at: shin.skin}").replace("low: {rpy", "skin: {xyz: 20 0 0 mm}, low: {rpy")
+    text = LEG.replace("sole: {type: force, at: sole}", "skin: {type: force, at: shin.skin}")
+    text = text.replace("low: {rpy", "skin: {xyz: 20 0 0 mm}, low: {rpy")
     found = compiled(tmp_path, {
         "walker.yaml": BODY.replace("root: leg.sole", "root: leg.foot.sole"), "leg.yaml": text,
     })
@@ -225,11 +241,15 @@ SENSORS = BODY.partition("sensors:")[0] + "sensors:\n"
          "write `joint: NAME`, or choose another `type`"),
         ("a: {type: force, at: body.imu, joint: hip}", "TC212", "`joint` belongs to a sensor of type `joint`; this one is `force`",
          "take it out"),
-        ("a: {type: force, at: body.imu, fovy: 40 deg}", "TC212", "`fovy` belongs to a camera; this sensor is `force`", "take it out"),
-        ("a: {type: camera, at: body.imu, fovy: 180 deg}", "TC315", "`fovy` of camera `a` must be below 180 deg, found `180 deg`", None),
+        ("a: {type: force, at: body.imu, fovy: 40 deg}", "TC212", "`fovy` belongs to a camera; this sensor is `force`",
+         "take it out"),
+        ("a: {type: camera, at: body.imu, fovy: 180 deg}", "TC315",
+         "`fovy` of camera `a` must be below 180 deg, found `180 deg`", None),
         ("a: {type: camera, at: body.imu, fovy: 0}", "TC315", "`fovy` of camera `a` must be above 0, found `0`", None),
-        ("a: {type: camera, at: body.imu, fovy: 40 mm}", "TC207", "expected an angle (such as 30 deg), found a length (`40 mm`)", None),
-        ("a: {type: sonar, at: body.imu}", "TC204", "expected `imu`, `force`, `joint` or `camera`, found text `sonar`", None),
+        ("a: {type: camera, at: body.imu, fovy: 40 mm}", "TC207",
+         "expected an angle (such as 30 deg), found a length (`40 mm`)", None),
+        ("a: {type: sonar, at: body.imu}", "TC204",
+         "expected `imu`, `force`, `joint` or `camera`, found text `sonar`", None),
     ],
 )
 def test_wrong_sensors(tmp_path: Path, sensor: str, code: str, message: str, help: str | None) -> None:
@@ -241,7 +261,7 @@ def test_wrong_sensors(tmp_path: Path, sensor: str, code: str, message: str, hel
 
 def test_a_joint_that_does_not_move_cannot_be_measured(tmp_path: Path) -> None:
     text = BODY.replace("swing: {type: joint, joint: hip}", "swing: {type: joint, joint: neck}").replace(
-        "at: {in: body.origin, xyz: 0 0 100 mm}, ", "",
+        "    at: {in: body.origin, xyz: 0 0 100 mm}\n", "",
     ).replace("joints:\n", "joints:\n  neck: {type: fixed, parent: body.imu, child: head.origin}\n")
     found = compiled(tmp_path, {"walker.yaml": text, "leg.yaml": LEG})
     assert [line[:3] for line in found.said] == [(

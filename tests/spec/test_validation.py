@@ -310,7 +310,7 @@ def test_no_more_faults_than_anybody_reads(tmp_path: Path) -> None:
 def test_documents_that_failed_and_documents_of_a_cycle_are_absent(tmp_path: Path) -> None:
     documents, report = read(tmp_path, HEAD.replace("{part: a:B}", "{assembly: b.yaml}"), {
         "b.yaml": HEAD.replace("{part: a:B}", "{assembly: c.yaml}, q: {assembly: d.yaml}"),
-        "c.yaml": HEAD.replace("{part: a:B}", "{assembly: b.yaml}"), "d.yaml": HEAD.replace("name", "nme"),
+        "c.yaml": HEAD.replace("{part: a:B}", "{assembly: b.yaml}"), "d.yaml": HEAD.replace("name: x", "author: x"),
     })
     specs = validate(documents, report)
     assert list(specs) == ["a.yaml"]

@@ -186,4 +186,6 @@ def of_exception(fault: Exception) -> Diagnostic:
     )
 
 
-USAGE_CODES = frozenset({Code.COMMAND_LINE, Code.NO_DOCUMENT, Code.PARAMETER_OPTION, Code.STRANGERS, Code.OUTPUT})
+USAGE_CODES = frozenset({
+    Code.COMMAND_LINE, Code.NO_DOCUMENT, Code.PARAMETER_OPTION, Code.STRANGERS, Code.OUTPUT, Code.NO_GRAPHICS,
+})

@@ -126,7 +126,24 @@ def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> str:
             parent = assembly.links[robot.bodies[body.parent].link].name
             crossed = ", crossed from child to parent" if body.joint.reversed else ""
             lines.append(f"  {name}  <- {body.joint.path} ({body.joint.kind}{crossed}) on {parent}")
+        lines += _loops(robot)
     return "\n".join(lines)
+
+
+def _loops(robot: Robot) -> list[str]:
+    """The loops of a mode, and how well they close in its poses."""
+    names = [robot.assembly.links[body.link].name for body in robot.bodies]
+    lines: list[str] = []
+    for closure in robot.closures:
+        if closure.parent is None:
+            lines.append(f"  {names[closure.child]} is held at {closure.path}")
+        else:
+            lines.append(f"  {closure.path} ({closure.kind}) closes a loop of {names[closure.parent]} and {names[closure.child]}")
+    for frame in robot.keyframes:
+        if frame.residual is not None:
+            lines.append(f"  pose {frame.name} closes to {frame.residual[0]:.1e} m and {frame.residual[1]:.1e} rad")
+    lines += [f"  pose {one.name} does not close: no keyframe" for one in robot.unclosed]
+    return lines
 
 
 def _shares(assembly: Assembly) -> str:

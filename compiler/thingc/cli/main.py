@@ -13,6 +13,7 @@ COMMANDS = {
     "build": "write simulation models and manufacturing files of a robot",
     "check": "say everything that is wrong with documents, and write nothing",
     "info": "masses, links and joints of a robot, and where each number comes from",
+    "render": "draw a picture of a robot in one of its poses",
     "hag": "print the assembly graph (text, DOT, Mermaid or SVG)",
     "parts": "list every part in reach, with its parameters and mounts",
     "why": "why a part was modelled or reused, and what a target could not say",

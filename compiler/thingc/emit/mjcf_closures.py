@@ -7,6 +7,7 @@ written out; none is left to where things are at qpos0.
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Mapping
 
 from thingc.emit.artifact import Loss
 from thingc.emit.mjcf_xml import Element, numbers, pose_attributes
@@ -77,14 +78,14 @@ def losses(robot: Robot) -> list[Loss]:
     turns = {m.joint.path for m in robot.assembly.mates if m.joint is not None and m.joint.kind != "prismatic"}
     for frame in robot.keyframes:
         if frame.moved:
-            path = max(frame.moved, key=lambda joint: abs(frame.moved[joint]))
-            far = _shown(frame.moved[path], turn=path in turns)
-            others = f" and {len(frame.moved) - 1} more" if len(frame.moved) > 1 else ""
-            what = f"its values as written: the loops close with `{path}`{others} moved, by {far} at most"
+            what = f"its values as written: the loops close with {_moved(frame.moved, turns)}"
             span = _first(frame.origin)
             found.append(Loss(target="mjcf", mode=mode, path=frame.name, what=what, how="approximated", span=span))
     for one in robot.unclosed:
-        what = f"its keyframe: `{one.path}` does not close, at best it is {residual_words(one.residual)} off"
+        if one.moved:
+            what = f"its keyframe: the loops close only with {_moved(one.moved, turns)}"
+        else:
+            what = f"its keyframe: `{one.path}` does not close, at best it is {residual_words(one.residual)} off"
         found.append(Loss(target="mjcf", mode=mode, path=one.name, what=what, how="omitted", span=_first(one.origin)))
     for closure in robot.closures:
         joint = closure.joint
@@ -106,6 +107,13 @@ def losses(robot: Robot) -> list[Loss]:
             what = ", ".join(lost) + ("" if closure.kind == "slide" else ": a loop is cut here")
             found.append(Loss(target="mjcf", mode=mode, path=closure.path, what=what, how="omitted", span=_first(closure.origin)))
     return found
+
+
+def _moved(moved: Mapping[str, float], turns: Collection[str]) -> str:
+    """`` `knee` and 2 more moved, by 12 deg at most``: the worst, turns before slides (a radian counts as a metre)."""
+    path = max(moved, key=lambda joint: abs(moved[joint]))
+    others = f" and {len(moved) - 1} more" if len(moved) > 1 else ""
+    return f"`{path}`{others} moved, by {_shown(moved[path], turn=path in turns)} at most"
 
 
 def _shown(value: float, *, turn: bool) -> str:

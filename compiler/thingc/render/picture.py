@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
+import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from thingc.render.camera import Array
 
-ANGLE = 24.0
+ANGLE = 18.0
 """Of view, vertically [deg]: a long lens, so that parallel edges look parallel."""
 
 MARGIN = 0.12
@@ -48,19 +49,20 @@ def ready() -> None:
     """
     backend = os.environ.setdefault("MUJOCO_GL", "egl")
     try:
-        import mujoco
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # GLFW only warns where there is no screen
+            import mujoco
 
-        context = mujoco.GLContext(16, 16)
-        context.make_current()
-        context.free()
+            with mujoco.Renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 8, 8):
+                pass
     except Exception as fault:  # whatever the loaders of OpenGL raise: ImportError, AttributeError, RuntimeError, their own
         words = " ".join(str(fault).split()) or type(fault).__name__
-        raise NoGraphics(f"no picture can be drawn with MUJOCO_GL={backend}: {words}", _hint(backend)) from fault
+        raise NoGraphics(f"no picture can be drawn with MUJOCO_GL={backend} ({words})", _hint(backend)) from fault
 
 
 def _hint(backend: str) -> str:
     if backend == "egl":
-        return "install EGL (Debian, Ubuntu: apt install libegl1), which needs neither a screen nor a graphics card"
+        return "install EGL (Debian, Ubuntu: apt install libegl1); it needs neither a screen nor a graphics card"
     if backend == "osmesa":
         return "install OSMesa (Debian, Ubuntu: apt install libosmesa6), or set MUJOCO_GL=egl"
     return "set MUJOCO_GL=egl, which needs neither a screen nor a graphics card"

@@ -24,8 +24,8 @@ def resolve(
     """The model of the root document.
 
     `specs` has the documents (or their sound rest) by their path in the workspace, `schemas` what each `part:` takes,
-    `parameters` the texts of `-p NAME=VALUE`. Everything wrong is reported; what depends on it is left out of the model. None where the
-    root document is unsound as a whole.
+    `parameters` the texts of `-p NAME=VALUE`. Everything wrong is reported; what depends on it is left out of the model.
+    None where the root document is unsound as a whole.
     """
     from thingc.resolve.assembly import resolved
     from thingc.resolve.parameters import from_command_line

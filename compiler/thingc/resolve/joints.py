@@ -120,7 +120,7 @@ def joints(table: Table, items: Iterable[Item[JointSpec]], places: Places) -> bo
             table.joints[item.name] = None
             if placed is not None:
                 table.nodes[placed].unsound = True
-    lost = bool(table.doubts) and (table.doubts.at(("joints",)) or any(True for _ in table.doubts.names("joints")))
+    lost = bool(table.doubts) and (table.doubts.lacks("joints") or any(True for _ in table.doubts.names("joints")))
     return unsure or lost or any(table.doubts.touch(("joints", name, "repeat")) for name in table.spec.joints)
 
 

@@ -48,12 +48,15 @@ def in_scope(context: Context, scope: Scope, spec: AssemblySpec) -> dict[str, Ma
 
 def unreadable(context: Context, scope: Scope, spec: AssemblySpec) -> bool:
     """Whether a material document of this one could not be read: then an unknown name is no news."""
-    if scope.doubts.at(("materials",)):
+    if scope.doubts.lacks("materials"):
         return True
     if isinstance(spec.materials, Mapping):
         return False
     named = [context.documents.named(scope.document, text) for text in spec.materials]
-    return any(document is None or not isinstance(context.specs.get(document.relative), MaterialsSpec) for document in named)
+    return any(
+        document is None or not isinstance(context.specs.get(document.relative), MaterialsSpec)
+        or context.doubts(document).lacks("materials") for document in named
+    )
 
 
 def of_document(context: Context, document: Document) -> dict[str, Material | None]:

@@ -78,7 +78,7 @@ def _layers(scope: Scope, specs: dict[str, ModeSpec], name: str, circular: set[s
         if step in circular:
             return None
         if step not in specs:
-            if scope.doubts.at(("modes", step)):
+            if scope.doubts.at(("modes", step)) or scope.doubts.lacks("modes"):
                 return None
             last = items[-1][1]
             if len(items) == 1:
@@ -156,7 +156,7 @@ def _pose(table: Table, scope: Scope, layers: Layers) -> str | None:
     name, path = said
     if name in table.poses:
         return str(name)
-    if scope.doubts.at(("poses", name)):
+    if scope.doubts.lacks("poses"):
         return None
     scope.error(Code.UNKNOWN_POSE, f"there is no pose `{name}`", path, help=suggested(name, table.poses, what="poses"))
     return None
@@ -169,7 +169,7 @@ def _poses(table: Table, scope: Scope, layers: Layers) -> tuple[str, ...]:
     names, path = said
     found: list[str] = []
     for index, name in enumerate(names):
-        if name not in table.poses and scope.doubts.at(("poses", name)):
+        if name not in table.poses and scope.doubts.lacks("poses"):
             continue
         if name not in table.poses:
             scope.error(
@@ -194,7 +194,7 @@ def _actuators(table: Table, scope: Scope, layers: Layers) -> tuple[str, ...] | 
         at = (*path, index)
         if pattern in joints:
             joint = joints[pattern]
-            if joint is not None and joint.drive is None:
+            if joint is not None and joint.drive is None and "drive" not in joint.spans:  # a wrong one has been reported
                 scope.error(
                     Code.DRIVE, f"joint `{pattern}` has no `drive`: it is no actuator", at, help="give the joint a `drive`",
                 )

@@ -120,7 +120,7 @@ def fitting(
     sound: dict[str, Found] = {}
     for name, found in given.items():
         if name not in spec.parameters:
-            if context.doubts(document).at(("parameters", name)):
+            if context.doubts(document).lacks("parameters"):
                 continue
             complain(
                 name, Code.UNKNOWN_PARAMETER, f"{what} has no parameter `{name}`",
@@ -277,7 +277,7 @@ def from_command_line(
             continue
         if isinstance(found, Expression):
             unknown = next((use.name for use in found.names if use.name not in spec.parameters), None)
-            if unknown is not None and context.doubts(document).at(("parameters", unknown)):
+            if unknown is not None and context.doubts(document).lacks("parameters"):
                 continue
             if unknown is not None:
                 complain(

@@ -150,7 +150,7 @@ def _use(table: Table, scope: Scope, key: str, pose: str, path: Path, into: Sett
         if inner is None:
             continue
         if pose not in inner.spec.poses:
-            if inner.doubts.at(("poses", pose)):
+            if inner.doubts.lacks("poses"):
                 continue
             lacking.append(name)
             if len(lacking) == 1:

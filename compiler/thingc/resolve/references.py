@@ -89,7 +89,7 @@ def shown_mount(table: Table, scope: Scope, text: str, path: Path, *, key: bool 
     """The reference to a mount, or to one that this document exports by its name; None where it names nothing (reported, or
     wrong before)."""
     if text not in table.exports:
-        if "." not in text and table.doubts.at(("mounts",)):
+        if "." not in text and table.doubts.lacks("mounts"):
             return None
         return mount(table, scope, text, path, key=key)
     shown = table.exports[text]
@@ -133,7 +133,7 @@ def root(table: Table, scope: Scope, text: str, path: Path, *, key: bool = False
         shown = table.exports[parts[0]]
         return None if shown is None else Reference(path=shown.path, mount=shown.mount, origin=origin)
     if len(parts) == 1:
-        if parts[0] not in table.nodes and (table.doubts.at(("mounts",)) or _unbuilt(table.unbuilt, parts[0])):
+        if parts[0] not in table.nodes and (table.doubts.lacks("mounts") or _unbuilt(table.unbuilt, parts[0])):
             return None
         if parts[0] not in table.nodes and nearest(parts[0], islice(table.nodes, MAX_SUGGESTED)) is None:
             close = nearest(parts[0], table.exports)
@@ -246,7 +246,7 @@ def _mount_of(node: Node, scope: Scope, rest: tuple[str, ...], parts: tuple[str,
             help=f"name a mount of it, as in `{'.'.join(parts[:-1])}.{inner_exports[0]}`", key=key,
         )
         return False
-    if _unbuilt(node.table.unbuilt, name) or node.table.doubts.at(("mounts",)):
+    if _unbuilt(node.table.unbuilt, name) or node.table.doubts.lacks("mounts"):
         return False
     names = [*node.table.exports, ORIGIN, *node.mounts]
     help = suggested(name, names, what="mounts that it exports")

@@ -44,7 +44,7 @@ list[str]]:
     total = 0
     in_doubt: list[str] = [name for name in specs if scope.doubts.touch((section, name, "repeat"))]
     unbuilt.extend(f"{name}_" for name in dict.fromkeys((*in_doubt, *scope.doubts.names(section))))
-    if scope.doubts.at((section,)):
+    if scope.doubts.lacks(section):
         unbuilt.append("")
     specs = {name: spec for name, spec in specs.items() if name not in in_doubt}
     for name, spec in specs.items():

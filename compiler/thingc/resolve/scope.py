@@ -94,7 +94,7 @@ class Scope:
             try:
                 return evaluate(raw, self.names)
             except ExpressionError as error:
-                if error.kind == "name" and self.doubts.at(("parameters",)):
+                if error.kind == "name" and self.doubts.lacks("parameters"):
                     return None
                 self.error(
                     _EXPRESSION_CODES.get(error.kind, Code.EXPRESSION), error.message, path, help=error.help,

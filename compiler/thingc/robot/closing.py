@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Iterator, Mapping
 
 from thingc.diagnostics import Code, Report
-from thingc.graph import coordinates, joints_of
+from thingc.graph import coordinates, joints_of, on_loops
 from thingc.graph.types import Assembly, LinkedHold, LinkedMode
 from thingc.pose import MATE, NO_POSE, Pose
 from thingc.resolve.model import NamedPose
@@ -20,6 +20,10 @@ MET = 1e-12
 
 STILL = 1e-9
 """A joint that closing moves by less [rad or m] has not been moved."""
+
+FAR = math.radians(30.0)
+"""What closing may move a joint [rad, a slide in proportion] if the result is still to be called by the name of the pose (the
+pose that a mode starts with is its own, however far)."""
 
 STARTS = 8
 """How many states besides its poses a mode is tried from before its loops are said not to close."""
@@ -114,56 +118,61 @@ def keyframes_of(
     if loops is None:
         raise ValueError("a tree without holds has closures only where the documents have loops")
     base_moves = held and mode.base == "free"
+    following = on_loops(len(assembly.occurrences), assembly.mates)
     found: list[Keyframe] = []
     unclosed: list[Unclosed] = []
     failed: list[Solution] = []
     for pose in poses:
         start = State(q=coordinates(joints, pose.values), base=loops.base)
         solution = _closed(loops, start, _named(assembly, pose), base_moves=base_moves)
-        if solution.closed:
-            found.append(Keyframe(
-                name=pose.name, q=solution.state.q, origin=pose.origin, base=solution.state.base if base_moves else None,
-                moved={p: solution.state.q[p] - q for p, q in pose.values.items() if abs(solution.state.q[p] - q) > STILL},
-                residual=solution.residual,
-            ))
-        else:
-            path, residual = _worst(loops, solution)
-            unclosed.append(Unclosed(name=pose.name, path=path.path, residual=residual, origin=pose.origin))
+        closure, residual = _worst(loops, solution)
+        moved = _moved(loops, start, solution, following - pose.values.keys())
+        if not solution.closed:
+            unclosed.append(Unclosed(name=pose.name, path=closure.path, residual=residual, origin=pose.origin))
             failed.append(solution)
+        elif pose.name != mode.pose and any(abs(moved.get(c.path, 0.0)) > FAR * c.unit for c in loops.coordinates):
+            unclosed.append(Unclosed(name=pose.name, path=closure.path, residual=residual, origin=pose.origin, moved=moved))
+        else:
+            base = solution.state.base if base_moves else None
+            found.append(Keyframe(
+                name=pose.name, q=solution.state.q, origin=pose.origin, base=base, moved=moved, residual=solution.residual,
+            ))
     own = next((one for one in unclosed if one.name == mode.pose), None)
-    if own is None and found:
-        return tuple(found), tuple(unclosed)
-    others = _tried(loops, base_moves) if not found else iter(())
-    best = min(failed, key=lambda one: _measure(loops, one)) if failed else None
-    for solution in others:
-        if solution.closed:
-            best = None
-            break
-        if best is None or _measure(loops, solution) < _measure(loops, best):
-            best = solution
+    best = None if len(failed) < len(poses) else _least(loops, failed, base_moves)
     if own is None and best is None:
         return tuple(found), tuple(unclosed)
     _report(mode, loops, own, best, found, report)
     return None
 
 
+def _least(loops: Loops, failed: list[Solution], base_moves: bool) -> Solution | None:
+    """The best that can be done, poses or not; None where the loops do close somewhere."""
+    best = failed[0] if failed else None
+    for solution in (*failed[1:], *_tried(loops, base_moves)):
+        if solution.closed:
+            return None
+        if best is None or _measure(loops, solution) < _measure(loops, best):
+            best = solution
+    return best
+
+
 def _report(
     mode: LinkedMode, loops: Loops, own: Unclosed | None, best: Solution | None, found: list[Keyframe], report: Report,
 ) -> None:
+    """Say that the loops close nowhere (`best` is the nearest to it), or not from the mode's own pose (`own`)."""
     where = ""
-    if own is not None and (best is None or found):
-        # It can be closed, but not from where the mode starts.
+    if best is None:
+        if own is None:
+            return
         closure, residual = next(c for c in loops.closures if c.path == own.path), own.residual
         help = f"start from `{found[0].name}`, which closes" if found else "start from a pose nearer to where it is closed"
         where = f" from pose `{own.name}`"
-    elif best is not None:
+    else:
         closure, residual = _worst(loops, best)
         help = (
             "move the hold, or widen the limits of the joints" if closure.hold
             else "change the lengths in the loop, or the limits of its joints"
         )
-    else:
-        return
     far = residual_words(residual)
     if closure.hold:
         message = f"mode `{mode.name}` cannot hold `{closure.path}` there{where}: at best it is {far} away"
@@ -174,6 +183,13 @@ def _report(
 
 def _named(assembly: Assembly, pose: NamedPose | None) -> frozenset[str]:
     return frozenset(pose.values) if pose is not None else frozenset()
+
+
+def _moved(loops: Loops, start: State, solution: Solution, following: Collection[str]) -> dict[str, float]:
+    """How far [rad or m] each joint that moves by itself has left where the pose has it. Those on loops that the pose does not
+    name (`following`) have no place there: they go where the loop takes them."""
+    moved = {c.path: solution.state.q[c.path] - start.q[c.path] for c in loops.coordinates if c.path not in following}
+    return {path: by for path, by in moved.items() if abs(by) > STILL}
 
 
 def _closed(loops: Loops, start: State, named: Collection[str], *, base_moves: bool) -> Solution:

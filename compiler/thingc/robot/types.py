@@ -87,9 +87,10 @@ def residual_words(residual: tuple[float, float]) -> str:
 class Keyframe:
     """A pose of this mode: q of every joint by path [rad or m], those that mimic included, and those that were cut.
 
-    In a mode with closures it is the named pose with the loops closed: `moved` says by how much [rad or m] each joint that
-    the pose names had to leave its value, `residual` how far the worst closure is from closed [m, rad]. `base` is the pose of the root link in
-    the world (None: where the mode puts it; else a free base that has been moved to where closures want it).
+    In a mode with closures it is the named pose with the loops closed: `moved` says by how much [rad or m] each joint had to
+    leave the pose (joints on loops of joints that the pose does not name have no place to leave), `residual` how far the worst
+    closure is from closed [m, rad]. `base` is the pose of the root link in the world (None: where the mode puts it; else a free
+    base that has been moved to where closures want it).
     """
 
     name: str
@@ -103,12 +104,14 @@ class Keyframe:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unclosed:
     """A pose that the mode has no keyframe for, because its loops do not close from there within the limits of the joints:
-    `path` names the closure that stays open most, `residual` how far [m, rad] at best."""
+    `path` names the closure that stays open most, `residual` how far [m, rad] at best. Or they do close, but so far from the
+    pose that it would be another: then `moved` is that of the keyframe it would have been."""
 
     name: str
     path: str
     residual: tuple[float, float]
     origin: Origin
+    moved: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from thingc.spec.materials import MaterialsSpec
 
 
+ANY_NAME = "*"
+"""In a path in doubt the name of an entry that was no name (reported): it may stand for any that is referred to."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Doubts:
     """The key paths of a document whose values were wrong (reported) and left out, or may be what a wrong key meant.
@@ -33,9 +37,15 @@ class Doubts:
         """Whether the value at `path` as a whole, or something around it, is in doubt."""
         return any(doubt == path[: len(doubt)] for doubt in self.paths)
 
+    def lacks(self, section: str) -> bool:
+        """Whether nobody knows which names a section has: it is in doubt as a whole, or one of its names was none."""
+        return (section, ANY_NAME) in self.paths or self.at((section,))
+
     def names(self, section: str) -> Iterator[str]:
         """The entries of a section that are in doubt as a whole, in alphabetical order."""
-        yield from sorted(str(doubt[1]) for doubt in self.paths if len(doubt) == 2 and doubt[0] == section)
+        yield from sorted(
+            str(doubt[1]) for doubt in self.paths if len(doubt) == 2 and doubt[0] == section and doubt[1] != ANY_NAME
+        )
 
 
 NO_DOUBTS = Doubts()

@@ -8,6 +8,7 @@ from typing import Any
 
 from thingc.diagnostics import nearest
 from thingc.source import Path
+from thingc.spec.doubts import ANY_NAME
 from thingc.spec.shapes import Shape, model_keys
 
 ROUNDS = 12
@@ -56,6 +57,8 @@ def prune(plain: dict[str, Any], faults: Iterable[Fault]) -> set[Path] | None:
         if taken is None:
             return None
         doubts.add(taken)
+        if fault.key:
+            doubts.add((*taken[:-1], ANY_NAME))
     return doubts
 
 

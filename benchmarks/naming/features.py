@@ -1,0 +1,123 @@
+"""What a feature is, geometrically, and whether a face or an edge of a finished solid is that feature.
+
+Only the solid is looked at: its faces as the kernel has them, their surfaces and their extent. All lengths in mm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import hypot, sqrt
+from typing import Any, Literal
+
+from build123d import Edge, Face
+from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Surface
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeVertex
+from OCP.BRepExtrema import BRepExtrema_DistShapeShape
+from OCP.GeomAbs import GeomAbs_Circle, GeomAbs_Cone, GeomAbs_Cylinder, GeomAbs_Plane
+from OCP.gp import gp_Pnt
+from OCP.TopAbs import TopAbs_REVERSED
+
+TOLERANCE = 1e-6
+"""How far a feature may be from where it was meant to be [mm; for directions: the length of the difference]."""
+
+Vector = tuple[float, float, float]
+Kind = Literal["plane", "hole", "shaft", "apex"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Feature:
+    """A face of a solid, said by its geometry.
+
+    A `plane` has the outward normal `axis` and reaches over the point `on`. A `hole` is a cylindrical face of that
+    `diameter` whose material is outside, a `shaft` one whose material is inside, around the line through `on` along `axis`
+    (either sense), and beside `on`. An `apex` is a conical face with its apex in `on`. `rim` is the middle of the circle
+    where a hole opens, where that is a full circle. `other` are more points like `on`, where one intent means several faces.
+    """
+
+    kind: Kind
+    on: Vector
+    axis: Vector
+    diameter: float = 0.0
+    rim: Vector | None = None
+    other: tuple[Vector, ...] = ()
+
+
+def is_feature(face: Face, feature: Feature) -> bool:
+    """Whether this face is that feature."""
+    surface = BRepAdaptor_Surface(face.wrapped)
+    reversed_ = face.wrapped.Orientation() == TopAbs_REVERSED
+    kind = surface.GetType()
+    points = (feature.on, *feature.other)
+    if feature.kind == "plane":
+        if kind != GeomAbs_Plane:
+            return False
+        plane = surface.Plane()
+        normal = _vector(plane.XAxis().Direction().Crossed(plane.YAxis().Direction()))
+        if reversed_:
+            normal = (-normal[0], -normal[1], -normal[2])
+        if distance(normal, feature.axis) > TOLERANCE:
+            return False
+        origin = _vector(plane.Location())
+        level = dot(minus(feature.on, origin), normal)
+        return abs(level) <= TOLERANCE and any(_reaches(face, point) for point in points)
+    if feature.kind == "apex":
+        return kind == GeomAbs_Cone and distance(_vector(surface.Cone().Apex()), feature.on) <= TOLERANCE
+    if kind != GeomAbs_Cylinder:
+        return False
+    cylinder = surface.Cylinder()
+    hole = cylinder.Direct() == reversed_
+    if hole != (feature.kind == "hole") or abs(2 * cylinder.Radius() - feature.diameter) > TOLERANCE:
+        return False
+    along, origin = _vector(cylinder.Axis().Direction()), _vector(cylinder.Location())
+    if not _parallel(along, feature.axis):
+        return False
+    for point in points:
+        to = minus(point, origin)
+        height = dot(to, along)
+        beside = minus(to, (height * along[0], height * along[1], height * along[2]))
+        within = surface.FirstVParameter() - TOLERANCE <= height <= surface.LastVParameter() + TOLERANCE
+        if within and hypot(*beside) <= TOLERANCE:
+            return True
+    return False
+
+
+def is_rim(edge: Edge, feature: Feature) -> bool:
+    """Whether this edge is the circle around the mouth of that hole."""
+    if feature.rim is None or BRep_Tool.Degenerated_s(edge.wrapped):
+        return False
+    curve = BRepAdaptor_Curve(edge.wrapped)
+    if curve.GetType() != GeomAbs_Circle:
+        return False
+    circle = curve.Circle()
+    return (
+        abs(2 * circle.Radius() - feature.diameter) <= TOLERANCE
+        and distance(_vector(circle.Location()), feature.rim) <= TOLERANCE
+        and _parallel(_vector(circle.Axis().Direction()), feature.axis)
+    )
+
+
+def minus(a: Vector, b: Vector) -> Vector:
+    return (a[0] - b[0], a[1] - b[1], a[2] - b[2])
+
+
+def dot(a: Vector, b: Vector) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def distance(a: Vector, b: Vector) -> float:
+    return sqrt(dot(minus(a, b), minus(a, b)))
+
+
+def _parallel(a: Vector, b: Vector) -> bool:
+    return min(distance(a, b), distance(a, (-b[0], -b[1], -b[2]))) <= TOLERANCE
+
+
+def _reaches(face: Face, point: Vector) -> bool:
+    """Whether a point of the face's plane lies in the face or on its border."""
+    vertex = BRepBuilderAPI_MakeVertex(gp_Pnt(*point)).Vertex()
+    return BRepExtrema_DistShapeShape(face.wrapped, vertex).Value() <= TOLERANCE
+
+
+def _vector(xyz: Any) -> Vector:
+    return (xyz.X(), xyz.Y(), xyz.Z())
