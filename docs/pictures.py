@@ -1,58 +1,58 @@
-"""`make pictures`: the pictures that the README shows, rendered headless from what thingc builds."""
+"""`make pictures`: the pictures that the README shows, drawn by `thingc render` and `thingc hag`."""
 
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
-os.environ.setdefault("MUJOCO_GL", "egl")  # before mujoco is imported, which chooses its renderer then
-
-import mujoco
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parent.parent
 PICTURES = ROOT / "docs" / "pictures"
 WIDTH, HEIGHT = 640, 480
 
+STRIPS: dict[str, tuple[str, list[list[str]]]] = {
+    "arm_modes.png": ("assemblies/arm.yaml", [
+        ["--mode", "bench", "--pose", "home", "--azimuth", "150", "--elevation", "-20"],
+        ["--mode", "drawing", "--pose", "writing", "--azimuth", "120", "--elevation", "-18"],
+        ["--mode", "adrift", "--pose", "stretched", "--azimuth", "120", "--elevation", "-18"],
+    ]),
+    "minchw_modes.png": ("assemblies/minchw/minchw.yaml", [
+        ["--mode", "crawl", "--azimuth", "125"],
+        ["--mode", "front_foot_wall", "--pose", "step_rear", "--azimuth", "55", "--elevation", "-8"],
+        ["--mode", "rear_foot_ceiling", "--pose", "arched", "--azimuth", "125"],
+    ]),
+}
+"""Pictures side by side: the document, and how each is taken."""
 
-def render(
-    scene: Path, pose: str, look_at: tuple[float, float, float], distance: float, azimuth: float, elevation: float
-) -> Image.Image:
-    """A scene in one of its keyframes, seen by a free camera (metres, degrees)."""
-    model = mujoco.MjModel.from_xml_path(str(scene))
-    data = mujoco.MjData(model)
-    mujoco.mj_resetDataKeyframe(model, data, model.key(pose).id)
-    mujoco.mj_forward(model, data)
-    camera = mujoco.MjvCamera()
-    camera.lookat[:] = look_at
-    camera.distance, camera.azimuth, camera.elevation = distance, azimuth, elevation
-    options = mujoco.MjvOption()
-    options.sitegroup[:] = 0
-    with mujoco.Renderer(model, HEIGHT, WIDTH) as renderer:
-        renderer.update_scene(data, camera, options)
-        return Image.fromarray(renderer.render())
+
+def thingc(*words: str) -> str:
+    """Standard output of a command."""
+    command = [sys.executable, "-m", "thingc", *words]
+    return subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True).stdout
+
+
+def strip(document: str, shots: list[list[str]]) -> Image.Image:
+    """The shots of a document, side by side."""
+    whole = Image.new("RGB", (WIDTH * len(shots), HEIGHT))
+    with tempfile.TemporaryDirectory() as folder:
+        for index, shot in enumerate(shots):
+            path = os.path.join(folder, f"{index}.png")
+            thingc("render", document, *shot, "--size", f"{WIDTH}x{HEIGHT}", "-o", path)
+            with Image.open(path) as picture:
+                whole.paste(picture, (index * WIDTH, 0))
+    return whole
 
 
 def main() -> int:
-    """Build the arm and draw each mode; one picture with the three side by side."""
+    """Draw every strip, and the assembly graph of the arm."""
     PICTURES.mkdir(exist_ok=True)
-    with tempfile.TemporaryDirectory() as folder:
-        subprocess.run([sys.executable, "-m", "thingc", "build", "assemblies/arm.yaml", "-o", folder], cwd=ROOT, check=True)
-        mjcf = Path(folder) / "arm" / "mjcf"
-        pictures = [
-            render(mjcf / "scene_bench.xml", "home", (0.08, 0.05, 0.06), 0.55, 150.0, -20.0),
-            render(mjcf / "scene_drawing.xml", "writing", (0.08, 0.0, 0.06), 0.62, 120.0, -15.0),
-            render(mjcf / "scene_adrift.xml", "stretched", (0.1, 0.0, 0.33), 0.75, 120.0, -15.0),
-        ]
-        whole = Image.new("RGB", (WIDTH * len(pictures), HEIGHT))
-        for index, picture in enumerate(pictures):
-            whole.paste(picture, (index * WIDTH, 0))
-        whole.save(PICTURES / "arm_modes.png", optimize=True)
-        shutil.copy(Path(folder) / "arm" / "hag.svg", PICTURES / "arm_hag.svg")
+    for name, (document, shots) in STRIPS.items():
+        strip(document, shots).save(PICTURES / name, optimize=True)
+    (PICTURES / "arm_hag.svg").write_text(thingc("hag", "assemblies/arm.yaml", "--format", "svg"))
     return 0
 
 

@@ -76,18 +76,19 @@ class Swing:
             ("swing", SWING), ("press", PRESS), ("transfer", TRANSFER), ("release", RELEASE), ("rest", REST)
         ):
             steps = round(duration / timestep)
-            for step in range(steps):
-                s = (step + 1) / steps
-                moving = 1.0 if phase == "swing" else 0.0
-                at = 2.0 * s - 1.0 if moving else 1.0
-                landing = {"swing": 0.0, "press": s}.get(phase, 1.0) * PULL
-                leaving = {"release": 1.0 - s, "rest": 0.0}.get(phase, 1.0) * PULL
+            done = (1.0 + np.arange(steps)) / steps
+            moving = 1.0 if phase == "swing" else 0.0
+            at = 2.0 * done - 1.0 if moving else np.ones(steps)
+            q, v, a = (np.asarray(chebyshev.chebval(at, c)).T for c in (self.path, velocity, acceleration))
+            for step, s in enumerate(done):
+                landing = {"swing": 0.0, "press": float(s)}.get(phase, 1.0) * PULL
+                leaving = {"release": 1.0 - float(s), "rest": 0.0}.get(phase, 1.0) * PULL
                 yield Instant(
                     phase=phase,
-                    q=np.asarray(chebyshev.chebval(at, self.path)),
-                    v=moving * np.asarray(chebyshev.chebval(at, velocity)),
-                    a=moving * np.asarray(chebyshev.chebval(at, acceleration)),
-                    share={"swing": 0.0, "press": 0.0, "transfer": float(smooth(np.asarray(s)))}.get(phase, 1.0),
+                    q=q[step],
+                    v=moving * v[step],
+                    a=moving * a[step],
+                    share={"swing": 0.0, "press": 0.0, "transfer": float(smooth(s))}.get(phase, 1.0),
                     magnets={self.holds: leaving, self.moves: landing},
                 )
 

@@ -32,7 +32,7 @@ STEEL = {
     "friction": [SLIDE, 0.005, 0.0001], "priority": 2, "solref": [0.004, 1.0], "solimp": [0.99, 0.999, 0.0005, 0.5, 2.0],
     "gap": 0.001,
 }
-"""Contact with the beam. MuJoCo's usual contacts would let 300 N pull a foot 4 mm into it; these give 0.03 mm. In the last
+"""Contact with the beam. MuJoCo's usual contacts would let 300 N pull a lone foot 4 mm into it; these give 0.03 mm. In the last
 millimetre a magnet pulls without touching, or it would never take hold of a wall, to which gravity presses nothing."""
 
 Watch = Callable[[mujoco.MjModel, mujoco.MjData], None]
@@ -127,13 +127,13 @@ class World:
     def on_sole(self, foot: str, centre: Array) -> Iterator[tuple[Array, Array]]:
         """Force [N] and moment about `centre` [N m] of each contact of a foot with the steel."""
         body = self.model.body(f"{foot}/foot").id
-        for index, contact in enumerate(self.data.contact):
-            bodies = self.model.geom_bodyid[contact.geom].tolist()
-            if body in bodies and 0 in bodies:
+        found = self.data.contact
+        for index, bodies in enumerate(self.model.geom_bodyid[found.geom].tolist()):
+            if sorted(bodies) == [0, body]:
                 local = np.zeros(6)
                 mujoco.mj_contactForce(self.model, self.data, index, local)
-                force = contact.frame.reshape(3, 3).T @ local[:3] * (1.0 if bodies[1] == body else -1.0)
-                yield force, cross(contact.pos - centre, force)
+                force = found.frame[index].reshape(3, 3).T @ local[:3] * (1.0 if bodies[1] == body else -1.0)
+                yield force, cross(found.pos[index] - centre, force)
 
     def hold(self, foot: str, centre: Array) -> tuple[int, Array, Array]:
         """How many contacts a magnet has, its pull [N] and the moment of that about `centre` [N m]: MuJoCo spreads it evenly."""

@@ -59,6 +59,7 @@ def written(robots: dict[str, list[Result]], steps: int) -> str:
         *groups_table(every), "",
         "## Picks that last through the whole sweep", "",
         "Of the picks chosen, those that named the same feature in every member of their part.", "", *lasting_table(every), "",
+        *reading(every), "",
         "## Features that a member does not have", "",
         "A servo without its idler has no holes there, a tray for two cells no third bay: here failing is the right answer.", "",
         *gone_table(every), "",
@@ -109,8 +110,20 @@ def lasting_table(results: list[Result]) -> list[str]:
     for result in results:
         lasting += result.lasting
         chosen += result.chosen
-    rows = [[f"`{s}`", chosen[s], lasting[s], f"{100 * lasting[s] / chosen[s]:.1f} %"] for s in (*FACES, *EDGES)]
+    rows = [
+        [f"`{s}`", chosen[s], lasting[s], f"{100 * lasting[s] / chosen[s]:.1f} %" if chosen[s] else "-"] for s in (*FACES, *EDGES)
+    ]
     return table(["selector", "chosen", "last", "share"], rows)
+
+
+def reading(results: list[Result]) -> list[str]:
+    """For each selector the parts in which all of its picks last: where plain selectors do well."""
+    lines = ["Parts in which every pick of a selector lasts:", ""]
+    for selector in (*FACES, *EDGES):
+        having = [r for r in results if r.chosen[selector]]
+        good = [r.part for r in having if r.lasting[selector] == r.chosen[selector]]
+        lines.append(f"- `{selector}`: {len(good)} of {len(having)}{': ' if good else ''}{', '.join(good)}")
+    return lines
 
 
 def gone_table(results: list[Result]) -> list[str]:
@@ -164,7 +177,10 @@ of a part than mounts and screw holes (sketches, numbers, whole solids) are not 
 **Plain selectors.** At the default parameters each selector is filled in so that it gives the feature that the name is meant for
 (for a screw's seat: its hole), and it is applied to all other members. Each gets its best chance: of the axes X, Y and Z (for two
 steps, of all pairs) the study takes that in which the feature stands out most from its neighbours, and indices count from the
-nearer end. `T` is the kind of surface. A pick gives the `same` feature, silently `another` one, or it `fails` with an `IndexError`.
+nearer end. `T` is the kind of surface. A pick gives the `same` feature, silently `another` one, or it
+`fails` with an `IndexError`. Plain selectors do well where a change moves faces without making, splitting or swapping any: so a
+selector that lasts in one part is no promise for the next. Only one parameter is changed at a time; what several at once do is
+not measured.
 """
 SHARES = "Shares in per cent: same / another / fails."
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import runpy
 import sys
 from pathlib import Path
 
@@ -138,3 +139,22 @@ def test_a_mount_without_intent_is_refused():
 
     with pytest.raises(ValueError, match=r"no intent is written for \['tip'\] of PenDummy"):
         sweep(arm.PenDummy, lambda **given: intents_arm.pen_dummy(**given)[:1], 2)
+
+
+def test_the_page_says_what_the_study_prints():
+    from intents_stock import cell
+    from sweep import sweep
+
+    from thingc_stock.cells import Cell18650
+
+    study = runpy.run_path(str(ROOT / "benchmarks" / "naming" / "study.py"))
+    page = study["PAGE"].read_text(encoding="utf-8")
+    head, _, tables = page.partition("## Names\n")
+    assert study["written"]({}, study["STEPS"]).startswith(head) and "study.py" in head
+    assert ", 0 wrong." in tables
+    for parts in study["PARTS"].values():
+        assert all(f" {part.__name__} |" in tables for part, _ in parts)
+    # Two ends of two ranges, and the default: five members with three names.
+    small = study["written"]({"bought": [sweep(Cell18650, cell, 2)]}, 2)
+    assert "\n| bought | Cell18650 | 5 | 0 | 3 | 15 | 15 | 0 |\n" in small
+    assert "\n| bought | Cell18650 | 12 | 100.0 / 0.0 / 0.0 |" in small

@@ -36,6 +36,7 @@ ELSEWHERE = {
     "INCOMPLETE": "tests/graph/test_link_faults.py",  # what earlier passes should have caught
     "UNREACHED": "tests/robot/test_rooting.py",
     "INTERNAL": "tests/cases/test_folders.py",
+    "NO_GRAPHICS": "tests/cli/test_render.py",  # a machine without EGL
     "LIBRARY": "tests/resolve/test_components.py",  # a machine without the library
     "MJCF_WARNING": "tests/mjcf/test_mjcf_check.py",  # depends on the version of MuJoCo
     "MESH_TOO_LARGE": "tests/mjcf/test_mjcf_check.py",  # 200 001 faces

@@ -16,6 +16,8 @@ from conformance.harness import ROOT
 
 from .conftest import sole
 
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("walk")]  # one worker walks for all of them
+
 PLACES = ("floor", "wall")
 WAYS = ("rooted", "free")
 
@@ -36,7 +38,6 @@ def walked(walking: ModuleType, minchw: Path) -> dict[tuple[str, str], object]:
     return walking.walk(minchw, steps=1)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("place", PLACES)
 def test_a_step(walking: ModuleType, walked: dict, place: str, way: str) -> None:
@@ -57,7 +58,6 @@ def test_a_step(walking: ModuleType, walked: dict, place: str, way: str) -> None
     assert (seen.removed > 0.0) == (way == "rooted")  # nothing to remove without a switch
 
 
-@pytest.mark.slow
 def test_the_floor_asks_most_of_the_servos(walked: dict) -> None:
     """Level, the body hangs out from the foot; upright, it hangs below or stands above it."""
     for way in WAYS:
@@ -65,7 +65,6 @@ def test_the_floor_asks_most_of_the_servos(walked: dict) -> None:
         assert walked["floor", way].pull > walked["wall", way].pull
 
 
-@pytest.mark.slow
 def test_the_moment_at_the_foot_is_that_of_the_weight(walking: ModuleType, walked: dict, minchw: Path) -> None:
     """The pull that the holding foot bears comes from the weight at its distance: a hand-made bound on both sides."""
     climb = importlib.import_module("inchworm_physics").Climb(minchw, "")
@@ -77,7 +76,6 @@ def test_the_moment_at_the_foot_is_that_of_the_weight(walking: ModuleType, walke
         assert walked["floor", way].pull == pytest.approx(moment / 0.025 - (2 * foot + rest), rel=0.15)
 
 
-@pytest.mark.slow
 def test_the_plan_reaches_what_planar_kinematics_by_hand_say(walking: ModuleType, minchw: Path) -> None:
     gait, physics = importlib.import_module("inchworm_gait"), importlib.import_module("inchworm_physics")
     climb = physics.Climb(minchw, "")
@@ -107,7 +105,6 @@ def test_the_plan_reaches_what_planar_kinematics_by_hand_say(walking: ModuleType
     assert joints < radians(115)
 
 
-@pytest.mark.slow
 def test_the_docs_show_such_a_report(walking: ModuleType, walked: dict) -> None:
     """The same rows and columns; the numbers there are those of three steps, and the same bounds hold for them."""
     shown = re.search(r"<!-- report -->\n```text\n(.*?)\n```", (ROOT / "docs" / "walking.md").read_text(), re.DOTALL)

@@ -56,8 +56,9 @@ def ready() -> None:
             with mujoco.Renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 8, 8):
                 pass
     except Exception as fault:  # whatever the loaders of OpenGL raise: ImportError, AttributeError, RuntimeError, their own
-        words = " ".join(str(fault).split()) or type(fault).__name__
-        raise NoGraphics(f"no picture can be drawn with MUJOCO_GL={backend} ({words})", _hint(backend)) from fault
+        absent = isinstance(fault, (AttributeError, ImportError, OSError))  # PyOpenGL: None where the library should be
+        words = "its library is not there" if absent else " ".join(str(fault).split()).partition(",")[0] or type(fault).__name__
+        raise NoGraphics(f"no picture can be drawn with MUJOCO_GL={backend}: {words}", _hint(backend)) from fault
 
 
 def _hint(backend: str) -> str:

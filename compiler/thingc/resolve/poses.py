@@ -194,6 +194,7 @@ def _report_unknown(table: Table, scope: Scope, known: Joints, key: str, path: P
             help=f"`{key}` is repeated: write `{key}_0`, or `{key}_*`",
         )
         return
+    names.extend(prefix[:-1] for prefix in table.unbuilt_joints if prefix)
     beside = [name for name in names if name.startswith(f"{first}.")] if "." in key else names
     help = suggested(key, beside or names, what="joints")
     scope.error(Code.UNKNOWN_JOINT, f"there is no joint `{key}`", path, key=True, help=help)

@@ -306,7 +306,7 @@ def _report_component(
         return
     scope.error(
         Code.UNKNOWN_COMPONENT, f"{what} has no component `{name}`", path,
-        help=suggested(name, inner.nodes, what="components"), key=key,
+        help=suggested(name, [*inner.nodes, *(prefix[:-1] for prefix in inner.unbuilt if prefix)], what="components"), key=key,
     )
 
 

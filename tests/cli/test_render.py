@@ -1,0 +1,276 @@
+"""`thingc render`: the whole robot is in the picture, in its colours, and what is said when there can be none."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import thingc
+from conformance.harness import thingc as command
+from thingc.cli.main import main
+from thingc.render.camera import directions, fitted, upright
+
+HERE = Path(__file__).resolve().parent
+ARM = "assemblies/arm.yaml"
+
+PRIMITIVES = """
+<mujoco>
+  <compiler angle="radian"/>
+  <worldbody>
+    <body name="a" pos="0.2 0 0.4">
+      <geom name="a" type="capsule" size="0.05 0.2" rgba="0.1 0.6 0.2 1" group="2"/>
+      <body name="b" pos="0 0 0.3"><joint name="j" axis="0 1 0"/>
+        <geom name="b" type="box" size="0.3 0.02 0.05" pos="0.3 0 0" rgba="0.9 0.5 0.1 1" group="2"/>
+        <geom name="hidden" type="sphere" size="3" group="3"/>
+      </body>
+    </body>
+  </worldbody>
+  <keyframe><key name="down" qpos="1.2"/></keyframe>
+</mujoco>
+"""
+
+FLOOR, WALL, CEILING = (0.0, 0.0, -9.81), (-9.81, 0.0, 0.0), (0.0, 0.0, 9.81)
+
+JOBS: dict[str, dict[str, Any]] = {
+    "home": {"mode": "bench", "pose": "home", "size": [320, 240], "gravity": FLOOR},
+    "tall": {"mode": "bench", "pose": "stretched", "size": [150, 400], "gravity": FLOOR, "azimuth": 200.0, "elevation": -40.0},
+    "wide": {"mode": "drawing", "pose": "writing", "size": [500, 120], "gravity": FLOOR, "azimuth": 90.0, "elevation": 0.0},
+    "below": {"mode": "drawing", "pose": "stretched", "size": [320, 240], "gravity": FLOOR},
+    "top": {"mode": "adrift", "pose": "folded", "size": [240, 240], "gravity": FLOOR, "elevation": -90.0},
+    "wall": {"mode": "adrift", "pose": "home", "size": [320, 240], "gravity": WALL},
+    "ceiling": {"mode": "adrift", "pose": "home", "size": [320, 240], "gravity": CEILING},
+    "primitives": {"pose": "down", "size": [320, 240], "gravity": FLOOR},
+}
+
+
+@pytest.fixture(scope="module")
+def drawn(root: Path, shared_store: str, tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Picture (height, width, 3) and mask (height, width) of every job."""
+    folder = tmp_path_factory.mktemp("drawn")
+    arm = thingc.compile(str(root / ARM), store=shared_store)
+    (folder / "assets").mkdir()
+    for name, data in next(iter(arm.modes.values())).assets().items():
+        (folder / "assets" / name).write_bytes(data)
+    for name, mode in arm.modes.items():
+        (folder / f"{name}.xml").write_text(mode.mjcf())
+    (folder / "primitives.xml").write_text(PRIMITIVES)
+    jobs = [
+        {**job, "name": name, "xml": str(folder / f"{job.get('mode', 'primitives')}.xml"), "assets": str(folder / "assets")}
+        for name, job in JOBS.items()
+    ]
+    (folder / "jobs.json").write_text(json.dumps(jobs))
+    environment = {key: value for key, value in os.environ.items() if key != "MUJOCO_GL"}
+    done = subprocess.run(
+        [sys.executable, str(HERE / "drawing.py"), str(folder / "jobs.json")], env=environment, capture_output=True, text=True, check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return {name: (np.array(Image.open(folder / f"{name}.png")), np.load(folder / f"{name}.npy")) for name in JOBS}
+
+
+def around(mask: np.ndarray, far: int) -> np.ndarray:
+    """A mask grown by some pixels each way."""
+    grown = mask.copy()
+    for _ in range(far):
+        wide = np.pad(grown, 1)
+        grown = wide[1:-1, 1:-1] | wide[:-2, 1:-1] | wide[2:, 1:-1] | wide[1:-1, :-2] | wide[1:-1, 2:]
+    return grown
+
+
+@pytest.mark.parametrize("name", JOBS)
+def test_the_whole_robot_fills_the_picture(drawn: dict[str, tuple[np.ndarray, np.ndarray]], name: str) -> None:
+    """MuJoCo's segmentation by a fixed camera: within the margin, touching it in one direction, in the middle in the other."""
+    image, mask = drawn[name]
+    width, height = JOBS[name]["size"]
+    assert image.shape == (height, width, 3) and image.dtype == np.uint8 and mask.shape == (height, width)
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    filled = []
+    for found, count in ((rows, height), (columns, width)):
+        before, after = int(found[0]), count - 1 - int(found[-1])
+        assert before > 0 and after > 0, "not cut"
+        assert before >= 0.06 * count - 1.5 and after >= 0.06 * count - 1.5, "as much is left free as was meant"
+        filled.append((before, after, count))
+    assert any(max(before, after) <= 0.06 * count + 2.5 for before, after, count in filled), "as near as can be"
+
+
+@pytest.mark.parametrize("name", JOBS)
+def test_what_is_drawn_is_the_robot_on_a_neutral_ground(drawn: dict[str, tuple[np.ndarray, np.ndarray]], name: str) -> None:
+    """Outside the segmented robot there is nothing but grey: the picture shows it at the very same place."""
+    image, mask = drawn[name]
+    spread = np.ptp(image.astype(int), axis=2)
+    assert spread[~around(mask, 2)].max() <= 3
+    assert mask.mean() > 0.02
+    border = np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]]).astype(int)
+    assert np.median(border) > 190, "bright"
+    inside = mask & ~around(~mask, 1)
+    assert np.abs(image[inside].astype(int) - int(np.median(border))).max(axis=1).mean() > 20, "the robot stands out"
+
+
+def hues(image: np.ndarray, mask: np.ndarray) -> dict[str, float]:
+    """Parts of the robot's pixels that are clearly red, blue, green or orange, nearly black, or pale."""
+    r, g, b = (image[mask].astype(int)[:, k] for k in range(3))
+    return {
+        "crimson": float(np.mean((r > 1.8 * g) & (r > 1.8 * b) & (r > 60))),
+        "blue": float(np.mean((b > 1.5 * r) & (b > 1.2 * g) & (b > 60))),
+        "green": float(np.mean((g > 1.5 * r) & (g > 1.3 * b))), "orange": float(np.mean((r > 1.1 * g) & (g > 1.5 * b) & (r > 90))),
+        "black": float(np.mean(np.maximum(np.maximum(r, g), b) < 60)), "pale": float(np.mean((b >= r) & (r > 110) & (b - r < 60))),
+    }
+
+
+def test_materials_have_their_colours(drawn: dict[str, tuple[np.ndarray, np.ndarray]]) -> None:
+    """The pen is royal blue, its cap crimson, printed parts lavender, servos nearly black."""
+    found = hues(*drawn["home"])
+    assert found["blue"] > 0.05 and found["crimson"] > 0.005 and found["pale"] > 0.2 and found["black"] > 0.1, found
+    found = hues(*drawn["primitives"])
+    assert found["green"] > 0.1 and found["orange"] > 0.1 and found["black"] < 0.01, found
+
+
+def test_there_is_a_shadow(drawn: dict[str, tuple[np.ndarray, np.ndarray]]) -> None:
+    image, mask = drawn["home"]
+    ground = image[~around(mask, 2)].astype(int).max(axis=1)
+    assert np.mean(ground < 0.85 * np.median(ground)) > 0.01
+
+
+# --- the command -----------------------------------------------------------------------------------------------------
+
+
+def test_the_command(root: Path, shared_store: str, tmp_path: Path) -> None:
+    """Its default name, its own pose, only that file; twice the same."""
+    more = {"DISPLAY": "", "WAYLAND_DISPLAY": "", "MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl")}
+    made = set()
+    for _ in range(2):
+        ran = command("render", root / ARM, "--mode", "drawing", "--size", "96x64", store=shared_store, cwd=tmp_path, more=more)
+        assert ran.code == 0 and ran.out == "", ran.err
+        assert ran.err.endswith("arm_drawing_writing.png: mode drawing, pose writing\n")
+        assert [path.name for path in tmp_path.iterdir()] == ["arm_drawing_writing.png"]
+        made.add((tmp_path / "arm_drawing_writing.png").read_bytes())
+    assert len(made) == 1
+    with Image.open(tmp_path / "arm_drawing_writing.png") as image:
+        assert image.size == (96, 64) and image.format == "PNG" and image.mode == "RGB"
+
+
+def no_egl(folder: Path) -> dict[str, str]:
+    """An environment in which EGL is not to be had: a file that is no library stands in its way."""
+    for name in ("libEGL.so", "libEGL.so.1"):
+        (folder / name).write_bytes(b"")
+    return {"LD_LIBRARY_PATH": str(folder), "MUJOCO_GL": "egl"}
+
+
+def no_screen(folder: Path) -> dict[str, str]:
+    return {"MUJOCO_GL": "glfw", "DISPLAY": "", "WAYLAND_DISPLAY": ""}
+
+
+@pytest.mark.parametrize(("without", "said"), [
+    (no_egl, "error[TC808]: no picture can be drawn with MUJOCO_GL=egl: its library is not there\n"
+     "  help: install EGL (Debian, Ubuntu: apt install libegl1); it needs neither a screen nor a graphics card\n"),
+    (no_screen, "error[TC808]: no picture can be drawn with MUJOCO_GL=glfw: an OpenGL platform library has not been loaded into this "
+     "process\n  help: set MUJOCO_GL=egl, which needs neither a screen nor a graphics card\n"),
+    (lambda _: {"MUJOCO_GL": "pencil"}, "error[TC808]: no picture can be drawn with MUJOCO_GL=pencil: invalid value for environment "
+     "variable MUJOCO_GL: pencil\n  help: set MUJOCO_GL=egl, which needs neither a screen nor a graphics card\n"),
+], ids=["no EGL", "no screen", "no such thing"])
+def test_a_machine_that_cannot_draw(
+    root: Path, shared_store: str, tmp_path: Path, without: Callable[[Path], dict[str, str]], said: str
+) -> None:
+    (tmp_path / "here").mkdir()
+    more = without(tmp_path)
+    ran = command("render", root / ARM, store=shared_store, cwd=tmp_path / "here", more=more)
+    assert ran.code == 2 and ran.out == ""
+    assert re.sub(r"^(modelling|decomposing) parts.*\n", "", ran.err, flags=re.MULTILINE) == said + "\n1 error\n"
+    assert list((tmp_path / "here").iterdir()) == []
+
+
+WRONG = {
+    "--mode benc": "`assemblies/arm.yaml` has no mode `benc`\n  help: did you mean `bench`?",
+    "--pose hom": "mode `bench` of `assemblies/arm.yaml` has no pose `hom`\n  help: did you mean `home`?",
+    "--mode adrift --pose x": "mode `adrift` of `assemblies/arm.yaml` has no pose `x`\n"
+    "  help: known poses: `folded`, `home`, `stretched`, `writing`",
+    "--size 640": "--size: expected WIDTHxHEIGHT from 16x16 to 8192x8192, found `640`\n  help: `thingc render --help` shows what it takes",
+    "--size 8x8": "--size: expected WIDTHxHEIGHT from 16x16 to 8192x8192, found `8x8`\n  help: `thingc render --help` shows what it takes",
+    "--azimuth north": "--azimuth: expected degrees from -360 to 360, found `north`\n  help: `thingc render --help` shows what it takes",
+    "--elevation 91": "--elevation: expected degrees from -90 to 90, found `91`\n  help: `thingc render --help` shows what it takes",
+    "--elevation nan": "--elevation: expected degrees from -90 to 90, found `nan`\n  help: `thingc render --help` shows what it takes",
+    "-o arm.jpg": "-o: expected the name of a .png file, found `arm.jpg`\n  help: write for example -o arm.png",
+    "-o nowhere/arm.png": "-o: there is no folder `nowhere`\n  help: make the folder, or choose another one",
+}
+
+
+@pytest.mark.parametrize("words", WRONG)
+def test_a_wrong_command_line(
+    root: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: str
+) -> None:
+    monkeypatch.chdir(root)
+    monkeypatch.setenv("THINGC_STORE", shared_store)
+    code = "TC805" if "nowhere" in words else "TC801"
+    assert main(["render", ARM, *words.split()]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert re.sub(r"^modelling parts.*\n", "", said.err, flags=re.MULTILINE) == f"error[{code}]: {WRONG[words]}\n\n1 error\n"
+
+
+def test_what_is_no_place_for_a_picture_stays_as_it_is(root: Path, shared_store: str, tmp_path: Path) -> None:
+    (tmp_path / "arm.png").mkdir()
+    ran = command("render", root / ARM, "-o", "arm.png", "--size", "16x16", store=shared_store, cwd=tmp_path)
+    assert ran.code == 2 and ran.err.endswith(
+        "error[TC805]: cannot write `arm.png`: is a directory\n  help: choose another file with -o\n\n1 error\n"
+    )
+    assert [path.name for path in tmp_path.rglob("*")] == ["arm.png"]
+
+
+def test_a_wrong_document_is_said_as_by_build(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("THINGC_STORE", str(tmp_path / "store"))
+    (tmp_path / "r.yaml").write_text("thingc: assembly/1\nname: r\ncomponents: {a: {frame: true}, b: {frame: true}}\n")
+    assert main(["render", "r.yaml"]) == 1
+    assert "error[TC322]" in capsys.readouterr().err and list(tmp_path.glob("*.png")) == []
+
+
+# --- the camera ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_nearest_camera_that_sees_all(seed: int) -> None:
+    """Projected by hand, every point is within the margin; it is touched on both sides in one direction."""
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(30, 3)) * rng.uniform(0.01, 2, 3) + rng.normal(size=3)
+    azimuth, elevation, aspect = rng.uniform(-7, 7), rng.uniform(-1.5, 1.5), rng.uniform(0.3, 3)
+    axes = directions(azimuth, elevation, np.eye(3))
+    np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(np.cross(axes[0], axes[1]), axes[2], atol=1e-12)
+    look = [math.cos(elevation) * math.cos(azimuth), math.cos(elevation) * math.sin(azimuth), math.sin(elevation)]
+    np.testing.assert_allclose(-axes[2], look, atol=1e-12)
+    assert abs(axes[0][2]) < 1e-12, "the horizon is level"
+    camera = fitted(points, axes, 0.4, aspect, 0.1)
+    seen = []
+    for point in points:
+        x, y, back = axes @ (point - camera.position)
+        seen.append((x / -back / (math.tan(0.2) * aspect), y / -back / math.tan(0.2)))
+        assert -back > camera.near > 0
+    low, high = np.min(seen, axis=0), np.max(seen, axis=0)
+    assert (low >= -0.9 - 1e-9).all() and (high <= 0.9 + 1e-9).all()
+    touched = [k for k in range(2) if abs(low[k] + 0.9) < 1e-9 and abs(high[k] - 0.9) < 1e-9]
+    assert touched
+    np.testing.assert_allclose(camera.project(points), seen, atol=1e-12)
+
+
+@pytest.mark.parametrize(("gravity", "down"), [(FLOOR, (0, 0, -1)), (WALL, (-1, 0, 0)), (CEILING, (0, 0, 1)), ((0, 0, 0), (0, 0, -1)), (
+    (3.0, -4.0, 0.0), (0.6, -0.8, 0.0))])
+def test_gravity_points_down_in_the_picture(gravity: tuple[float, ...], down: tuple[float, ...]) -> None:
+    frame = upright(np.array(gravity))
+    np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(frame) == pytest.approx(1.0)
+    axes = directions(0.7, -0.3, frame)
+    assert axes[0] @ down == pytest.approx(0.0, abs=1e-12) and axes[1] @ down == pytest.approx(-math.cos(0.3))
+    if down[2] == 0:
+        assert frame[0] @ [0, 0, -1] > 0.99, "azimuth 0 looks at the wall z = 0, from above it"
