@@ -13,6 +13,7 @@ import random
 import select
 import signal
 import sys
+import time
 
 from thingc import output
 
@@ -109,7 +110,10 @@ def every(folder: str, how: str) -> dict[str, object]:
 def at_random(folder: str, seed: int, count: int) -> dict[str, object]:
     """Let a child build version after version and kill it some time after it has begun."""
     chance = random.Random(seed)
+    began = time.perf_counter()
     write(folder, 1)
+    # a few builds long, however slow the machine is at the moment: the kills are to come at different places
+    longest = 4.0 * (time.perf_counter() - began)
     damaged: list[str] = []
     versions: set[int] = set()
     for _ in range(count):
@@ -123,7 +127,7 @@ def at_random(folder: str, seed: int, count: int) -> dict[str, object]:
                 version += 1
                 write(folder, version)
         os.read(reader, 1)
-        select.select([], [], [], chance.uniform(0.0, 0.012))
+        select.select([], [], [], chance.uniform(0.0, longest))
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
         os.close(reader)
