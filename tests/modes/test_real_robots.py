@@ -60,7 +60,9 @@ def test_every_named_pose_is_the_keyframe(made: Made) -> None:
 
 def test_there_and_back_through_every_pair(made: Made) -> None:
     rng = np.random.default_rng(2)
-    for source, target in product(made.modes, standing(made, "free")):
+    # A random state of a robot with a further mount held is none that it can have: there is no way back into it.
+    whole = [name for name, mode in made.modes.items() if not mode.holds]
+    for source, target in product(whole, standing(made, "free")):
         one, other, back = stir(rng, made.data(source)), made.data(target), made.data(source)
         made.modes.switch((source, one), (target, other))
         same_motion(one, other)

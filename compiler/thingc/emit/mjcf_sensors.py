@@ -23,7 +23,9 @@ def cameras(robot: Robot, bodies: list[Element]) -> None:
     for sensor in robot.assembly.sensors:
         if sensor.kind == "camera" and sensor.site is not None and sensor.fovy is not None:
             site = sites[sensor.site]
-            attributes = {"name": sensor.path, **pose_attributes(site.pose @ LOOKING), "fovy": number(math.degrees(sensor.fovy))}
+            # MJCF has degrees here whatever the compiler's `angle` says; 60 deg must not come back as 59.99999999999999
+            degrees = float(f"{math.degrees(sensor.fovy):.12g}")
+            attributes = {"name": sensor.path, **pose_attributes(site.pose @ LOOKING), "fovy": number(degrees)}
             bodies[site.body].add("camera", attributes, sensor.origin)
 
 
