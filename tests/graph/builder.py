@@ -420,3 +420,14 @@ __all__ = [
     "where",
     "whole",
 ]
+
+
+PLATE = box("p:Plate", mounts={"servo_seat": t(0, 0, 0.02), "foot": rx(np.pi) @ t(0, 0, 0.02)})
+CAP = box("p:Cap", mounts={"top": t(0, 0, 0.02), "foot": rx(np.pi) @ t(0, 0, 0.02)})
+
+
+def notes(report: Report, index: int = 0) -> list[tuple[str, str | None, int | None]]:
+    """Of one diagnostic: message, file and line of each note."""
+    return [
+        (n.message, n.span.file if n.span else None, n.span.line if n.span else None) for n in report.diagnostics[index].notes
+    ]

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from graph.builder import (
+    CAP,
+    PLATE,
     Drive,
     assembly,
     attach,
-    box,
     component,
     faults,
     joint,
@@ -16,27 +17,16 @@ from graph.builder import (
     linked,
     mimic,
     mode,
+    notes,
     pose,
     ref,
-    rx,
     said,
-    t,
     where,
     whole,
 )
 from thingc.diagnostics import Code, Report
 from thingc.graph import link
 from thingc.resolve.model import AssemblyDefinition
-
-PLATE = box("p:Plate", mounts={"servo_seat": t(0, 0, 0.02), "foot": rx(np.pi) @ t(0, 0, 0.02)})
-CAP = box("p:Cap", mounts={"top": t(0, 0, 0.02), "foot": rx(np.pi) @ t(0, 0, 0.02)})
-
-
-def notes(report: Report, index: int = 0) -> list[tuple[str, str | None, int | None]]:
-    return [
-        (n.message, n.span.file if n.span else None, n.span.line if n.span else None) for n in report.diagnostics[index].notes
-    ]
-
 
 # --- mounts --------------------------------------------------------------------------------------------------------
 

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from graph.builder import (
+    CAP,
+    PLATE,
     Expectation,
     PartFailure,
     PartWarning,
@@ -17,23 +19,14 @@ from graph.builder import (
     joint,
     laid,
     linked,
+    notes,
     rx,
     said,
     t,
     warnings,
 )
-from thingc.diagnostics import Report
 from thingc.realize.record import PartRecord
 from thingc.resolve.model import AssemblyDefinition, Component
-
-PLATE = box("p:Plate", mounts={"servo_seat": t(0, 0, 0.02), "foot": rx(np.pi) @ t(0, 0, 0.02)})
-CAP = box("p:Cap", mounts={"top": t(0, 0, 0.02), "foot": rx(np.pi) @ t(0, 0, 0.02)})
-
-
-def notes(report: Report, index: int = 0) -> list[tuple[str, str | None, int | None]]:
-    return [
-        (n.message, n.span.file if n.span else None, n.span.line if n.span else None) for n in report.diagnostics[index].notes
-    ]
 
 
 def hand(**exported: str) -> AssemblyDefinition:

@@ -16,7 +16,6 @@ import hashlib
 import json
 import os
 import sys
-from collections.abc import Callable
 from typing import Any
 
 SEALED = 946_684_800
@@ -145,10 +144,6 @@ class Store:
         payload = json.dumps(value, separators=(",", ":"), sort_keys=True, ensure_ascii=False).encode()
         checksum = hashlib.sha256(payload).hexdigest().encode()
         self._write(self._document(kind, key), checksum + b"\n" + payload)
-
-    def update_json(self, kind: str, key: str, change: Callable[[Any | None], Any]) -> None:
-        """Replace the value by `change(value)`. Two writers at once: the later one wins, whole."""
-        self.put_json(kind, key, change(self.get_json(kind, key)))
 
     # --- files ---------------------------------------------------------------------------------------------------
 
