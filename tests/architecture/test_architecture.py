@@ -30,11 +30,17 @@ ROOMS: dict[str, set[str]] = {
     "emit": BASE | {"resolve", "realize", "joints", "graph", "robot"},
     "modes": {"diagnostics"},  # read at run time, next to a simulation
     "render": set(),
+    "reporting": {"source", "diagnostics"},
+    "layout": BASE | {"load", "spec"},
+    "editor": BASE | {"load", "spec", "realize", "resolve", "pipeline"},
+    "testing": BASE | {"resolve", "realize", "joints", "graph", "robot", "emit"},
     "output": BASE | {"realize", "emit"},
     "stamp": BASE | {"realize"},
     "pipeline": BASE | {"stamp", "load", "spec", "realize", "resolve", "joints", "graph", "robot", "emit"},
+    "variants": BASE | {"pipeline", "load", "spec", "realize", "resolve", "graph", "robot", "emit", "output"},
     "api": BASE | {"pipeline", "realize", "graph", "robot", "emit"},
-    "cli": BASE | {"pipeline", "realize", "graph", "robot", "emit", "output", "stamp", "resolve", "render"},
+    "cli": BASE | {"pipeline", "realize", "graph", "robot", "emit", "output", "stamp", "resolve", "render",
+        "reporting", "layout", "editor", "testing", "variants", "load", "spec"},
     "__init__": {"things", "api", "modes"},
     "__main__": {"cli"},
 }
