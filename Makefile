@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 JOBS ?= 2
 
-.PHONY: demo test lint bench bench-naming bench-weld walk schemas docs pictures clean
+.PHONY: demo test lint bench bench-naming bench-designs bench-weld walk fuzz schemas docs pictures clean
 
 demo: $(VENV)/.thingc
 	$(BIN)/thingc build assemblies/arm.yaml
@@ -37,6 +37,15 @@ walk: $(VENV)/.thingc-dev
 
 bench-naming: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/naming/study.py
+
+bench-designs: $(VENV)/.thingc-dev
+	$(BIN)/python benchmarks/designs/study.py
+
+MINUTES ?= 30
+
+fuzz: $(VENV)/.thingc-dev
+	$(BIN)/thingc lock
+	$(BIN)/python tests/fuzz/fuzz.py --minutes $(MINUTES) --lock parts.lock.json --keep build/fuzz
 
 schemas: $(VENV)/.thingc-dev
 	$(BIN)/python -m thingc.spec.schema

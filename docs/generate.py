@@ -1,14 +1,31 @@
-"""Writes `docs/diagnostics.md` from the closed set of codes: `python docs/generate.py`."""
+"""Writes the pages of the diagnostics, and what `thingc explain` shows of them: `python docs/generate.py`.
+
+From the closed set of codes, the sentences of `docs/codes/meanings.toml` and the examples of `tests/cases/codes` it makes
+`docs/diagnostics.md`, a page `docs/codes/TC302.md` for every code, and `compiler/thingc/reporting/examples.json`.
+
+The wrong example of a code is a case: `TC302.yaml` with what is said of it in `TC302.txt`. The right one is `TC302.right.yaml`.
+Where an example needs a workspace of its own they are `TC120/wrong/robot.yaml` and `TC120/right/robot.yaml`.
+"""
 
 from __future__ import annotations
 
 import inspect
+import json
 import re
+import shlex
+import tomllib
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from thingc.diagnostics import Code
 
-PAGE = Path(__file__).resolve().parent / "diagnostics.md"
+DOCS = Path(__file__).resolve().parent
+ROOT = DOCS.parent
+PAGE = DOCS / "diagnostics.md"
+MEANINGS = DOCS / "codes" / "meanings.toml"
+CASES = ROOT / "tests" / "cases" / "codes"
+EXAMPLES = ROOT / "compiler" / "thingc" / "reporting" / "examples.json"
+SUFFIXES = ("yaml", "toml")
 
 HEAD = """\
 # Diagnostics
@@ -47,7 +64,10 @@ error[TC302]: this document has no component `plat`
 
 Several faults are said in one run. A document that is not well-formed, or whose keys and values are wrong (TC1xx, TC2xx), is
 mended first: names, parts and masses are looked at when it is right. Errors end a build. Warnings do not, unless `--strict` is
-given. How all this looks in JSON is in [outputs](outputs.md#json).
+given. How all this looks in JSON, as annotations of GitHub and in SARIF is in [outputs](outputs.md#json).
+
+Each code has a page with a wrong and a right example; `thingc explain TC302` prints it (`thingc explain 302` does, too), and
+`thingc explain` lists all codes.
 
 Codes are never used twice and never renumbered.
 """
@@ -59,6 +79,96 @@ def sections() -> dict[str, str]:
     return dict(found)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Example:
+    """A document, the files it needs by name (itself first), the command that was run on it, and what that printed."""
+
+    files: dict[str, str]
+    command: str
+    said: str
+
+
+def example(code: Code, side: str) -> Example | None:
+    """The `wrong` or the `right` example of a code, or None where `tests/cases/codes` has none."""
+    stem = code.code if side == "wrong" else f"{code.code}.right"
+    candidates = [CASES / f"{stem}.{suffix}" for suffix in SUFFIXES] + [CASES / code.code / side / "robot.yaml"]
+    document = next((path for path in candidates if path.exists()), None)
+    if document is None or not document.with_suffix(".txt").exists():
+        return None
+    text = _read(document)
+    files = {document.name: text}
+    for path in sorted(document.parent.iterdir()):
+        own = document.parent != CASES and path.suffix in (".py", ".toml")
+        if own or (path.name.startswith("_") and path.name in text):
+            files[path.name] = _read(path)
+    first = re.match(r"# \$ (thingc .*)", text)
+    said = document.with_suffix(".txt").read_text(encoding="utf-8")
+    return Example(
+        files=files, command=first.group(1) if first else f"thingc check {document.name}",
+        said=re.sub(r"exit \d+\n$", "", said).rstrip("\n"),
+    )
+
+
+def _read(path: Path) -> str:
+    return path.read_text(encoding="utf-8", errors="replace")
+
+
+def meanings() -> dict[str, str]:
+    """What each code means, by code."""
+    return {code: str(text) for code, text in tomllib.loads(MEANINGS.read_text(encoding="utf-8")).items()}
+
+
+def code_page(code: Code, meaning: str | None) -> str:
+    """The page of one code."""
+    lines = [f"# {code.code}: {code.title}", ""]
+    lines += [meaning, ""] if meaning else []
+    lines += [f"**Cure.** {code.cure}", ""]
+    wrong, right = example(code, "wrong"), example(code, "right")
+    if wrong is not None:
+        lines += ["## Wrong", "", *_files(wrong), "```console", f"$ {wrong.command}", wrong.said, "```", ""]
+    if right is not None:
+        lines += ["## Right", "", *_files(right)]
+        if not _is_plain(right.command):
+            lines += ["```console", f"$ {right.command}", right.said, "```", ""]
+    texts = "".join(text for one in (wrong, right) if one is not None for text in one.files.values())
+    parts = sorted({module for module in ("boxes", "failing") if f"{module}:" in texts})
+    if parts:
+        named = " and ".join(f"[`{module}`](../../tests/cases/parts/{module}.py)" for module in parts)
+        lines += [f"The parts come from {named}, small parts for examples.", ""]
+    lines += [f"`thingc explain {code.code}` prints this page. [All codes](../diagnostics.md)", ""]
+    return "\n".join(lines)
+
+
+def _is_plain(command: str) -> bool:
+    """Whether a command is nothing but the check of one document."""
+    return len(shlex.split(command)) == 3 and command.startswith("thingc check ")
+
+
+def _files(one: Example) -> list[str]:
+    lines = []
+    for name, text in one.files.items():
+        language = {"py": "python", "toml": "toml"}.get(name.rpartition(".")[2], "yaml")
+        lines += [f"`{name}`", "", f"```{language}", text.rstrip("\n"), "```", ""]
+    return lines
+
+
+def examples() -> str:
+    """What `thingc explain` reads: the sections, and by code the meaning and the two examples."""
+    told = meanings()
+    codes = {}
+    for code in sorted(Code, key=lambda code: code.code):
+        sides = {side: example(code, side) for side in ("wrong", "right")}
+        codes[code.code] = {"meaning": told.get(code.code), **{side: asdict(one) if one else None for side, one in sides.items()}}
+    return json.dumps({"sections": sections(), "codes": codes}, indent=1, ensure_ascii=False) + "\n"
+
+
+def generated() -> dict[Path, str]:
+    """Every file that is made here, with its text."""
+    told = meanings()
+    pages = {DOCS / "codes" / f"{code.code}.md": code_page(code, told.get(code.code)) for code in Code}
+    return {PAGE: page(), EXAMPLES: examples(), **pages}
+
+
 def page() -> str:
     """The whole page."""
     lines = [HEAD]
@@ -66,7 +176,8 @@ def page() -> str:
     for hundred in sorted({code.code[:3] for code in Code}):
         lines += [f"## {hundred}xx: {titles[hundred]}", "", "| code | | cure |", "|---|---|---|"]
         for code in sorted((code for code in Code if code.code.startswith(hundred)), key=lambda code: code.code):
-            lines.append(f"| {code.code} | {_cell(code.title)} | {_cell(code.cure)} |")
+            link = f"[{code.code}](codes/{code.code}.md)"
+            lines.append(f"| {link} | {_cell(code.title)} | {_cell(code.cure)} |")
         lines.append("")
     return "\n".join(lines)
 
@@ -76,5 +187,9 @@ def _cell(text: str) -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8", newline="\n")
-    print(f"{PAGE.name}: {len(Code)} codes")
+    files = generated()
+    for stale in set((DOCS / "codes").glob("TC*.md")) - set(files):
+        stale.unlink()
+    for path, text in files.items():
+        path.write_text(text, encoding="utf-8", newline="\n")
+    print(f"{len(Code)} codes, {len(files)} files")

@@ -71,7 +71,7 @@ def on_steel(folder: Path, mode: str) -> mujoco.MjModel:
     spec.worldbody.add_geom(
         name="steel", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05], rgba=[0, 0, 0, 0], group=4, **STEEL
     )
-    decorate(spec, wall=mode.endswith("_wall"))
+    decorate(spec, next((place for place in ("wall", "ceiling") if mode.endswith(place)), "floor"))
     return spec.compile()
 
 
@@ -186,7 +186,7 @@ def on_no_steel(model: mujoco.MjModel) -> mujoco.MjModel:
 
 
 class Climb:
-    """The robot on a floor (`where=""`) or a wall (`"_wall"`): the worlds of its modes, and what was seen."""
+    """The robot on a floor (`where=""`), a wall (`"_wall"`) or a ceiling (`"_ceiling"`): the worlds of its modes, and what was seen."""
 
     def __init__(self, folder: Path, where: str) -> None:
         self.robot = Modes.load(folder)

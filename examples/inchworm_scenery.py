@@ -1,4 +1,4 @@
-"""What is only looked at: a steel beam on a floor or on a wall, and moving pictures of a robot on it."""
+"""What is only looked at: a steel beam on a floor, at a wall or under a ceiling, and moving pictures of a robot on it."""
 
 from __future__ import annotations
 
@@ -9,15 +9,17 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 HEIGHT = 300
-WIDTHS = {"floor": 280, "wall": 200}
+WIDTHS = {"floor": 280, "wall": 200, "ceiling": 280}
 COLORS = 64
 HOLDING, LOOSE = (0.93, 0.42, 0.13, 1.0), (0.72, 0.74, 0.78, 1.0)
 """A magnet's colour [rgba] while it holds, and while it does not."""
 
 
-def decorate(spec: mujoco.MjSpec, *, wall: bool) -> None:
-    """A beam under the plane z = 0, what it stands on, a light and the camera `aside`; of a wall x is up."""
+def decorate(spec: mujoco.MjSpec, place: str) -> None:
+    """A beam under the plane z = 0, what it stands on or hangs from, a light and the camera `aside`; up is z on the floor, x at
+    a wall and -z under a ceiling."""
     world = spec.worldbody
+    wall = place == "wall"
     look = {"contype": 0, "conaffinity": 0, "group": 2}
     for name, z, thick, half in (("flange", -0.005, 0.005, 0.05), ("web", -0.05, 0.04, 0.004), ("base", -0.095, 0.005, 0.05)):
         world.add_geom(
@@ -39,7 +41,9 @@ def decorate(spec: mujoco.MjSpec, *, wall: bool) -> None:
         name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT, width=16, height=16,
         rgb1=[0.94, 0.95, 0.97], rgb2=[0.94, 0.95, 0.97],
     )
-    up, out = (np.array([1.0, 0, 0]), np.array([0, 0, 1.0])) if wall else (np.array([0, 0, 1.0]), np.array([0, 0, 0.0]))
+    up = {"floor": np.array([0.0, 0, 1]), "wall": np.array([1.0, 0, 0]), "ceiling": np.array([0.0, 0, -1])}[place]
+    # Where the beam is not below the robot, the light comes from its side.
+    out = np.array([0, 0, {"floor": 0.0, "wall": 1.0, "ceiling": 4.0}[place]])
     world.add_light(
         name="sun", type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, pos=2 * up + out, dir=-up - 0.6 * out + np.array([0, 0.35, 0]),
         diffuse=[0.55] * 3, specular=[0.1] * 3,

@@ -1,4 +1,5 @@
-"""MInchW climbs a steel beam, lying on the floor and standing at a wall: `make walk`, or `python examples/walk.py BUILD`.
+"""MInchW climbs a steel beam, lying on the floor and standing at a wall: `make walk`, or `python examples/walk.py BUILD`;
+with `--on ceiling` hanging from one.
 
 Once rooted at the foot that holds, the root changing from foot to foot with `thingc.modes`, and once with a free base, held
 by its magnets alone. What is printed is what the simulation measured.
@@ -11,6 +12,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 os.environ.setdefault("MUJOCO_GL", "egl")  # before mujoco is imported, which chooses its renderer then
@@ -23,16 +25,17 @@ ROOT = Path(__file__).resolve().parent.parent
 SHORT, STRIDE, LIFT = 0.31, 0.09, 0.025
 """Soles apart when drawn up, length of a step, height of a lifted foot [m]."""
 
-PLACES = {"floor": "", "wall": "_wall"}
+PLACES = {"floor": "", "wall": "_wall", "ceiling": "_ceiling"}
+SHOWN = ("floor", "wall")
 FRAME = 0.15
 """Time [s] between two frames of the film, which is shown a third faster than that."""
 
 
-def walk(folder: Path, steps: int, film: Path | None = None) -> dict[tuple[str, str], Seen]:
-    """Both ways of walking at both places, by (place, way)."""
+def walk(folder: Path, steps: int, film: Path | None = None, places: Sequence[str] = SHOWN) -> dict[tuple[str, str], Seen]:
+    """Both ways of walking at every place, by (place, way)."""
     found, films = {}, []
-    for place, where in PLACES.items():
-        climb = Climb(folder, where)
+    for place in places:
+        climb = Climb(folder, PLACES[place])
         plan = swings(climb.models, steps, SHORT, STRIDE, LIFT)
         watch = None if film is None else Film(place, FRAME)
         found[place, "rooted"] = climb.rooted(plan, watch)
@@ -77,6 +80,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("build", nargs="?", type=Path, help="the folder of a built MInchW; built afresh unless given")
     parser.add_argument("--steps", type=int, default=3)
+    parser.add_argument("--on", nargs="+", choices=PLACES, default=SHOWN, help="where it climbs; `floor wall` unless given")
     parser.add_argument("--gif", type=Path, help="where to draw a film of the rooted walks")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
@@ -85,7 +89,7 @@ def main() -> int:
             command = [sys.executable, "-m", "thingc", "build", "assemblies/minchw/minchw.yaml", "-o", scratch]
             subprocess.run(command, cwd=ROOT, check=True)
             folder = Path(scratch) / "minchw"
-        found = walk(folder, given.steps, given.gif)
+        found = walk(folder, given.steps, given.gif, given.on)
     print(report(found))
     return 0
 

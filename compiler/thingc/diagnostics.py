@@ -9,8 +9,10 @@ import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from itertools import islice
 
-from thingc.source import Origin, Span
+from thingc.slips import meant
+from thingc.source import Edit, Origin, Span
 
 
 class Severity(str, Enum):
@@ -25,7 +27,7 @@ class Code(Enum):
     """Every diagnostic there is: `NAME = ("code", "title", "cure")`. Codes are never used twice or renumbered.
 
     TC1xx reading, TC2xx one document, TC3xx names and values across documents, TC4xx parts, TC5xx the assembly,
-    TC6xx modes, TC7xx targets, TC8xx folders and files.
+    TC6xx modes (TC65x tests), TC7xx targets, TC8xx folders and files, TC9xx variants.
     """
 
     # --- TC1xx: reading files (load) -------------------------------------------------------------------------------
@@ -100,6 +102,14 @@ class Code(Enum):
     RAW_TARGET = ("TC336", "unknown target", "Raw attributes go to `mjcf`.")
     JOINT_FIELD = ("TC338", "key that this joint has no use for", "Take the key out, or choose another joint type.")
     LIBRARY = ("TC339", "library cannot be read", "Install the library, or write the material out.")
+    NO_LOCK = ("TC340", "no lock of the parts", "Run `thingc lock` where part code may run, and keep `parts.lock.json` with the documents.")
+    LOCK_STALE = ("TC341", "the lock of the parts is stale", "Run `thingc lock` again, and keep what it writes.")
+    LOCK_BROKEN = ("TC342", "the lock of the parts is broken", "Run `thingc lock` again; the file is not written by hand.")
+    NOT_LOCKED = ("TC343", "a part is not in the lock", "Run `thingc lock` again, and keep what it writes.")
+    LOCK_DOCUMENT = ("TC344", "a document could not be looked through for the lock", "Mend the document, then run `thingc lock` again.")
+    NOT_LOOKED_AT = ("TC345", "geometry that was not looked at", "Run `thingc lock` again to have these parameters in the lock.")
+    TOO_COSTLY = ("TC346", "a check beyond its bounds", "Make the documents smaller, or allow more with `--time-limit`.")
+    TEST = ("TC348", "test that cannot be run", "Mend the key that the message names.")
     # --- TC4xx: parts (realize) ------------------------------------------------------------------------------------
     PART_RAISED = ("TC401", "part raised an exception", "Give the part parameters that it can be made with, or mend the part file.")
     PART_HUNG = ("TC402", "part took too long", "Mend the part, or allow more time with `part_timeout`.")
@@ -128,6 +138,16 @@ class Code(Enum):
     HOLD = ("TC603", "hold of what stands still", "Hold mounts of links that move in the mode, each once.")
     UNCLOSED = ("TC604", "loop that does not close", "Move the hold, widen the limits of the joints, or start from another pose.")
     CUT = ("TC605", "cut of no loop", "Name joints of a loop under `cut`, one for each loop.")
+    # --- TC65x: tests of the document (thingc test) ----------------------------------------------------------------
+    TEST_MASS = ("TC651", "mass outside its bounds", "Change what weighs too much or too little, or the bound.")
+    TEST_CENTRE = ("TC652", "centre of mass outside its box", "Move what is heavy, or widen the box.")
+    TEST_REACH = ("TC653", "reach outside its bounds", "Change lengths or the limits of joints, or the bound.")
+    TEST_POINT = ("TC654", "point out of reach", "Move the point, change lengths or the limits of joints, or allow more distance.")
+    TEST_COLLISION = ("TC655", "parts that collide", "Change a part, a pose or a range, or allow the pair with a reason.")
+    TEST_TORQUE = ("TC656", "too little torque", "Choose a stronger drive, a lighter robot or another pose, or lower the margin.")
+    TEST_SETTLES = ("TC657", "no rest in simulation", "Change the pose, the drives or the bounds; look at it with `thingc build`.")
+    TEST_POSE = ("TC658", "pose that a test cannot take", "Name a pose in which the mode's loops close.")
+    TEST_ALLOWANCE = ("TC659", "allowance that is never needed", "Take the pair out of `allow`.")
     # --- TC7xx: targets (emit) -------------------------------------------------------------------------------------
     RAW_UNKNOWN = ("TC701", "raw attribute of nothing", "Name a kind of element and an element that the model has.")
     MJCF_REFUSED = ("TC702", "MuJoCo refuses the model", "Change what stands at the place named, as MuJoCo's words say.")
@@ -141,11 +161,28 @@ class Code(Enum):
     COMMAND_LINE = ("TC801", "wrong command line", "`thingc COMMAND --help` shows what it takes.")
     NO_DOCUMENT = ("TC802", "no such document", "Name an assembly document that is there.")
     PARAMETER_OPTION = ("TC803", "bad -p", "Write -p 'NAME=VALUE' with a parameter of the document, as the document would.")
+    CHOICE_OPTION = ("TC809", "bad --set", "Write --set 'components.NAME.part=module:Class' with a component that the document has.")
     STRANGERS = ("TC804", "strangers in the build folder", "Move the named files away, or build elsewhere with -o.")
     OUTPUT = ("TC805", "cannot write", "Make room, or choose a folder that can be written with -o or --store.")
     PART_UNREADABLE = ("TC807", "a part file that does not load", "Mend the part file at the line named.")
     NO_GRAPHICS = ("TC808", "no picture can be drawn here", "Install EGL (Debian, Ubuntu: apt install libegl1), or set MUJOCO_GL.")
+    EDITOR_SETTINGS = ("TC820", "settings of an editor that cannot be read", "Mend the file, or use --no-wire.")
     INTERNAL = ("TC899", "a defect of thingc", "Report it with the document and what --debug shows.")
+    # --- TC9xx: variants (batch) -----------------------------------------------------------------------------------
+    VARIANT_VALUE = ("TC901", "a value that variants cannot have", "Write values, ranges and counts as the message says.")
+    VARIANT_CHOICE = ("TC902", "a choice that cannot be made", "Choose a part, an assembly or a material that fits at the place named.")
+    RULE = ("TC903", "a rule that cannot be decided", "Compare parameters and results of one dimension: `mass < 2.5 kg`.")
+    VARIANT_TARGET = ("TC904", "an unknown target", "Name targets that `thingc build --emit` knows.")
+    DUPLICATE_VARIANT = ("TC905", "a variant written twice", "Remove one of the two: a variant is built once.")
+    RESULT = ("TC906", "a result that a variant has not", "Leave the result out of the rules, or let the mode and the mounts give it.")
+    VARIANT_DIED = ("TC911", "a runner died", "The other variants are unharmed; build this one alone with its `command`.")
+    VARIANT_HUNG = ("TC912", "a variant took too long", "Allow more time with --timeout, or build this one alone with its `command`.")
+    VARIANT_RAISED = ("TC913", "a defect of thingc, met by a variant", "Report it with what the journal says of the variant.")
+    BATCH_LOCKED = ("TC921", "a batch is under way in this folder", "Wait for it, or write into another folder with -o.")
+    BATCH_UNFINISHED = ("TC922", "the folder holds an unfinished batch", "Go on with --resume, or delete the folder.")
+    BATCH_CHANGED = ("TC923", "not the batch that was begun", "Undo the change, or begin anew in another folder with -o.")
+    NO_BATCH = ("TC924", "nothing to resume", "Begin without --resume.")
+    RUNNERS = ("TC925", "no runner starts", "Mend what the message names; what has been built stays, and --resume goes on.")
 
     def __init__(self, code: str, title: str, cure: str) -> None:
         self.code = code
@@ -164,7 +201,7 @@ class Note:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnostic:
     """One thing to say. `path` is the key path in the document or the path of the occurrence or joint; `detail` is
-    shown only with `--debug` (the traceback of a part)."""
+    shown only with `--debug` (the traceback of a part); `fixes` what surely mends it, for `thingc check --fix`."""
 
     code: Code
     severity: Severity
@@ -174,6 +211,20 @@ class Diagnostic:
     help: str | None = None
     notes: tuple[Note, ...] = ()
     detail: str | None = None
+    fixes: tuple[Edit, ...] = ()
+
+
+class Hint(str):
+    """Words that say what was meant. `mends` is (written, meant) where nothing else can have been; `Report.add` makes a
+    fix of it."""
+
+    mends: tuple[str, str] | None
+
+    def __new__(cls, words: str, mends: tuple[str, str] | None = None) -> Hint:
+        """A hint that reads `words`."""
+        hint = super().__new__(cls, words)
+        hint.mends = mends
+        return hint
 
 
 @dataclass(slots=True)
@@ -195,7 +246,10 @@ class Report:
         severity: Severity = Severity.ERROR,
         detail: str | None = None,
     ) -> None:
-        """Say `message` at `where`; of an `Origin` the innermost span is the place and the others become notes."""
+        """Say `message` at `where`; of an `Origin` the innermost span is the place and the others become notes.
+
+        A `Hint` that is sure, as message or as help, gives the diagnostic its fix.
+        """
         span: Span | None
         extra: list[Note] = list(notes)
         if where is None or isinstance(where, Span):
@@ -205,8 +259,12 @@ class Report:
             extra.extend(Note(message="nested from here", span=outer) for outer in where[1:])
         found = Diagnostic(
             code=code, severity=severity, message=message, span=span, path=path, help=help, notes=tuple(extra),
-            detail=detail,
+            detail=detail, fixes=_fixes(span, message, help),
         )
+        self.say(found)
+
+    def say(self, found: Diagnostic) -> None:
+        """Say what was put together elsewhere; what has been said already is not said again."""
         if found not in self._known:
             self._known.add(found)
             self.diagnostics.append(found)
@@ -223,6 +281,10 @@ class Report:
     ) -> None:
         """`add` with severity warning."""
         self.add(code, message, where, help=help, path=path, notes=notes, severity=Severity.WARNING)
+
+    def continued(self) -> Report:
+        """A report of its own that begins with what this one has."""
+        return Report(list(self.diagnostics), set(self._known))
 
     @property
     def failed(self) -> bool:
@@ -243,24 +305,69 @@ class Report:
         ])
 
 
+MAX_NAME = 100
+MAX_CANDIDATES = 1000
+MAX_COMPARED = 20
+MAX_CIRCLE = 12
+MAX_FAULTS = 200
+"""Faults said of one document, or by one pass: nobody reads more."""
+
+
+def circle_words(names: Sequence[str]) -> str:
+    """A circle of names as a chain that ends where it begins, its middle left out where it is long."""
+    shown = [f"`{name}`" for name in names]
+    if len(shown) > MAX_CIRCLE:
+        shown = [*shown[: MAX_CIRCLE - 2], f"... ({len(shown) - MAX_CIRCLE + 1} more)", shown[-1]]
+    return " -> ".join([*shown, f"`{names[0]}`"])
+
+
+def _common_ends(one: str, other: str) -> int:
+    """How many characters two names share at their beginnings and at their ends."""
+    return len(os.path.commonprefix((one, other))) + len(os.path.commonprefix((one[::-1], other[::-1])))
+
+
 def nearest(name: str, candidates: Iterable[str]) -> str | None:
-    """The candidate a person who wrote `name` most likely meant, or None."""
+    """The candidate a person who wrote `name` most likely meant, or None.
+
+    Comparing is quadratic in the length of names, and happens for every mistake: names longer than a line, and more candidates
+    than a person would look through, are left out.
+    """
     import difflib
 
-    known = sorted(set(candidates))
-    lowered = {candidate.lower(): candidate for candidate in reversed(known)}
+    listed = sorted(candidates) if isinstance(candidates, (set, frozenset)) else candidates
+    known = sorted({candidate for candidate in islice(listed, MAX_CANDIDATES) if len(candidate) <= MAX_NAME})
+    if len(name) > MAX_NAME:
+        return None
+    lowered: dict[str, str] = {candidate.lower(): candidate for candidate in reversed(known)}
     if name.lower() in lowered:
         return lowered[name.lower()]
+    if len(known) > MAX_COMPARED:
+        known.sort(key=lambda candidate: -_common_ends(name, candidate))
+        known = sorted(known[:MAX_COMPARED])
     close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
     return close[0] if close else None
+
+
+def _fixes(span: Span | None, *words: str | None) -> tuple[Edit, ...]:
+    mends = next((hint.mends for hint in words if isinstance(hint, Hint) and hint.mends is not None), None)
+    return (Edit(span=span, written=mends[0], replacement=mends[1]),) if mends is not None and span is not None else ()
+
+
+def near_hint(name: str, candidates: Iterable[str]) -> Hint | None:
+    """`did you mean ...?`, or None where no candidate is near."""
+    known = list(candidates)
+    close = nearest(name, known)
+    if close is None:
+        return None
+    return Hint(f"did you mean `{close}`?", (name, close) if meant(name, known) == close else None)
 
 
 def did_you_mean(name: str, candidates: Iterable[str], *, what: str = "names") -> str:
     """A hint for an unknown name: the near one, else what there is (at most twelve)."""
     known = sorted(set(candidates))
-    close = nearest(name, known)
+    close = near_hint(name, known)
     if close is not None:
-        return f"did you mean `{close}`?"
+        return close
     if not known:
         return f"there are no {what} here"
     shown = ", ".join(f"`{candidate}`" for candidate in known[:12])
@@ -272,7 +379,8 @@ def file_meant(name: str, files: Iterable[str], *, what: str = "files") -> str:
     by_stem = {os.path.splitext(file)[0]: file for file in sorted(files, reverse=True)}
     close = nearest(os.path.splitext(name)[0], by_stem)
     if close is not None:
-        return f"did you mean `{by_stem[close]}`?"
+        sure = meant(os.path.splitext(name)[0], by_stem) == close and by_stem[close].endswith(os.path.splitext(name)[1])
+        return Hint(f"did you mean `{by_stem[close]}`?", (name, by_stem[close]) if sure else None)
     return did_you_mean("", by_stem.values(), what=what)
 
 
@@ -299,6 +407,13 @@ def as_json(diagnostics: Sequence[Diagnostic]) -> list[dict[str, object]]:
             "path": d.path,
             "help": d.help,
             "notes": [{"message": n.message, **place(n.span)} for n in d.notes],
+            "fixes": [
+                {
+                    **place(e.span), "end_line": e.span.end_line, "end_column": e.span.end_column,
+                    "written": e.written, "replacement": e.replacement,
+                }
+                for e in d.fixes
+            ],
         }
         for d in diagnostics
     ]

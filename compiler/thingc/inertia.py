@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 from thingc.pose import Matrix, Pose, Vector, multiply, transpose
 
@@ -75,6 +76,7 @@ def symmetric(a: Matrix) -> Matrix:
     return ((a[0][0], xy, xz), (xy, a[1][1], yz), (xz, yz, a[2][2]))
 
 
+@lru_cache(maxsize=1024)
 def principal_moments(a: Matrix) -> Vector:
     """The eigenvalues of a symmetric matrix, ascending.
 

@@ -31,6 +31,15 @@ Origin = tuple[Span, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Edit:
+    """A change of a document that mends something: `written`, which stands once in `span`, becomes `replacement`."""
+
+    span: Span
+    written: str
+    replacement: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ScalarNode:
     """A leaf: its typed value (YAML 1.2 core schema or TOML), the text as written, and where.
 
@@ -137,7 +146,11 @@ class Document:
     tree: MappingNode
     sha256: str
     text: str = field(repr=False)
+    _spans: dict[tuple[Path, bool], Span] = field(default_factory=dict, init=False, compare=False, repr=False)
 
     def span(self, path: Path = (), *, key: bool = False) -> Span:
         """The span at `path` in this document, see `span_at`."""
-        return span_at(self.tree, path, key=key)
+        found = self._spans.get((path, key))
+        if found is None:  # a document that is compiled again is asked for the same places
+            found = self._spans[path, key] = span_at(self.tree, path, key=key)
+        return found

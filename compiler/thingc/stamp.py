@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from thingc.diagnostics import Code, Diagnostic, Note, Severity
-from thingc.source import Span
+from thingc.source import Edit, Span
 
 if TYPE_CHECKING:
     from thingc.realize.store import Store
@@ -76,7 +76,7 @@ def save(
     kept = {
         "fingerprint": fingerprint(),
         "inputs": dict(inputs),
-        "diagnostics": [_pack(d) for d in diagnostics],
+        "diagnostics": [packed(d) for d in diagnostics],
         "answer": dict(answer),
     }
     # A store that can only be read makes the next run slower, not this one wrong.
@@ -91,7 +91,7 @@ def load(store: Store, key: str) -> tuple[list[Diagnostic], dict[str, Any]] | No
         return None
     if any(state_of(path) != state for path, state in kept["inputs"].items()):
         return None
-    return [_unpack(d) for d in kept["diagnostics"]], dict(kept["answer"])
+    return [unpacked(d) for d in kept["diagnostics"]], dict(kept["answer"])
 
 
 def _span(span: Span | None) -> list[object] | None:
@@ -107,14 +107,17 @@ def _unspan(kept: Sequence[object] | None) -> Span | None:
     )
 
 
-def _pack(d: Diagnostic) -> dict[str, object]:
+def packed(d: Diagnostic) -> dict[str, object]:
+    """A diagnostic as plain JSON values."""
     return {
         "code": d.code.name, "severity": d.severity.value, "message": d.message, "span": _span(d.span), "path": d.path,
         "help": d.help, "notes": [[n.message, _span(n.span)] for n in d.notes], "detail": d.detail,
+        "fixes": [[_span(edit.span), edit.written, edit.replacement] for edit in d.fixes],
     }
 
 
-def _unpack(kept: Mapping[str, object]) -> Diagnostic:
+def unpacked(kept: Mapping[str, object]) -> Diagnostic:
+    """The inverse of `packed`."""
     fields: dict[str, object] = dict(kept)
     notes = fields["notes"]
     assert isinstance(notes, list)
@@ -127,4 +130,11 @@ def _unpack(kept: Mapping[str, object]) -> Diagnostic:
         help=fields["help"],  # type: ignore[arg-type]
         notes=tuple(Note(message=message, span=_unspan(span)) for message, span in notes),
         detail=fields["detail"],  # type: ignore[arg-type]
+        fixes=tuple(_unfix(*edit) for edit in kept["fixes"]),  # type: ignore[attr-defined]
     )
+
+
+def _unfix(span: Sequence[object], written: str, replacement: str) -> Edit:
+    place = _unspan(span)
+    assert place is not None
+    return Edit(span=place, written=written, replacement=replacement)

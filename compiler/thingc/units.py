@@ -11,7 +11,8 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Union
 
-from thingc.diagnostics import nearest
+from thingc.diagnostics import Hint, nearest
+from thingc.slips import meant
 
 if TYPE_CHECKING:
     from fractions import Fraction
@@ -337,10 +338,17 @@ def unknown_unit(word: str, at: int) -> UnitError:
     """The error for a word that is no unit, with the one that was meant."""
     close = _MEANT.get(word) or nearest(word, UNITS)
     hint = f"; did you mean `{close}`?" if close else ""
+    sure = close is not None and (word in _MEANT or (meant(word, UNITS) == close and not _other_prefix(word, close)))
+    message = Hint(f"unknown unit `{shortened(word)}`{hint}", (word, close) if sure and close else None)
     return UnitError(
-        f"unknown unit `{shortened(word)}`{hint}", kind="unit", offset=at, end=at + len(word),
+        message, kind="unit", offset=at, end=at + len(word),
         help=None if close else "units are for example mm, m, deg, rad, g, kg, s, N, N*m, rpm, kg/m^3, %",
     )
+
+
+def _other_prefix(word: str, unit: str) -> bool:
+    """Whether a word may be a unit that the table does not have: `MN` is 10^9 `mN`, and a `G` may be anything."""
+    return len(word) < 2 or (word[0] != unit[0] and word[0].lower() == unit[0].lower() and word != "MM")
 
 
 def parse_quantity(text: str) -> Quantity:

@@ -18,6 +18,8 @@ from thingc.units import ANGLE, LENGTH, TIME, Dimension, Quantity, checked, pars
 if TYPE_CHECKING:
     from thingc.source import Document
 
+MAX_BYTES = 500_000
+"""Of a workspace file. (A `pyproject.toml` that does not mention thingc may have any size.)"""
 OWN_FILE = "thingc.toml"
 SHARED_FILE = "pyproject.toml"
 DEFAULT_PARTS = ("parts",)
@@ -93,17 +95,24 @@ def _default(folder: str, inputs: dict[str, str | None]) -> Workspace:
 
 
 def _existing(root: str, names: tuple[str, ...], inputs: dict[str, str | None]) -> tuple[str, ...]:
-    """The folders that are there; those that are not are inputs, too: should one appear, the workspace is another."""
+    """The folders that are there, inside the workspace; others are inputs, too: should one appear, the workspace is another."""
     folders = [os.path.normpath(os.path.join(root, name)) for name in names]
-    inputs.update({folder: None for folder in folders if not os.path.isdir(folder)})
+    inputs.update({folder: None for folder in folders if not os.path.isdir(folder) or not _inside(folder, root)})
     return tuple(folder for folder in folders if folder not in inputs)
 
 
 def _bytes(path: str) -> bytes | None:
-    """The content of a file (its first 10 MB), None where there is no such file; raises OSError where it cannot be read."""
+    """The content of a file (of a larger one a byte more than the bound), None where there is none; raises OSError where it cannot
+    be read.
+
+    What is no regular file counts as absent (a pipe would be waited for), and so does a link out of the folder: its target is
+    none of the workspace's business.
+    """
+    if not os.path.isfile(path) or os.path.islink(path) and not _inside(path, os.path.dirname(path)):
+        return None
     try:
         with open(path, "rb") as stream:
-            return stream.read(10_000_001)
+            return stream.read(MAX_BYTES + 1)
     except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
         return None
 
@@ -115,6 +124,8 @@ def _has_table(data: bytes) -> bool:
     """
     if b"thingc" not in data:
         return False
+    if len(data) > MAX_BYTES:
+        return b"[tool.thingc" in data
     import tomllib
 
     try:
@@ -130,6 +141,12 @@ def _read(path: str, data: bytes, root: str, inputs: dict[str, str | None], repo
     The settings are first read plainly, which costs nothing of the machinery for positions and models; where
     anything is unusual, the document model looks at the file and says what is wrong.
     """
+    if len(data) > MAX_BYTES:
+        report.add(
+            Code.TOO_LARGE, f"the file has more than {MAX_BYTES} bytes, which is the bound",
+            Span(file=path, line=1, column=1, end_line=1, end_column=1), help="move what is not about thingc elsewhere",
+        )
+        return None
     import tomllib
 
     prefix: Path = () if os.path.basename(path) == OWN_FILE else ("tool", "thingc")
@@ -198,6 +215,8 @@ def _plain_value(table: dict[str, Any], key: str, dimension: Dimension, default:
 def _workspace(settings: _Settings, root: str, span: Span | None, inputs: dict[str, str | None]) -> Workspace | None:
     """The workspace, or None where one of its folders is wrong."""
     folders = DEFAULT_PARTS if settings.parts is None else settings.parts
+    if len(folders) > MAX_FOLDERS or len(settings.packages) > MAX_FOLDERS:
+        return None
     for text in (*folders, settings.build):
         if _folder_fault(text, root) is not None:
             return None
@@ -208,6 +227,9 @@ def _workspace(settings: _Settings, root: str, span: Span | None, inputs: dict[s
         root=root, parts=parts, packages=settings.packages, build=os.path.normpath(os.path.join(root, settings.build)),
         part_timeout=settings.part_timeout, linear=settings.linear, angular=settings.angular, origin=span, inputs=inputs,
     )
+
+
+MAX_FOLDERS = 100
 
 
 def _folder_fault(text: str, root: str) -> tuple[str, str] | None:
@@ -279,6 +301,10 @@ def _from_spec(spec: Any, document: Document, report: Report) -> _Settings:
 
 
 def _check_folders(settings: _Settings, document: Document, root: str, report: Report) -> None:
+    for key, texts in (("parts", settings.parts or ()), ("packages", settings.packages)):
+        if len(texts) > MAX_FOLDERS:
+            report.add(Code.TOO_LARGE, f"more than {MAX_FOLDERS} {key}", document.span((key,)))
+            return
     named: list[tuple[str, Path]] = [(text, ("parts", index)) for index, text in enumerate(settings.parts or ())]
     for text, path in [*named, (settings.build, ("build",))]:
         where = document.span(path)

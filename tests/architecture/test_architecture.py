@@ -13,11 +13,12 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "compiler" / "thingc"
 
-BASE = {"source", "diagnostics", "units", "expressions", "pose", "inertia", "workspace"}
+BASE = {"source", "slips", "diagnostics", "units", "expressions", "pose", "inertia", "memo", "workspace"}
 # What each room may import of thingc, besides itself. `workspace` reads its own document with load and spec.
 ROOMS: dict[str, set[str]] = {
-    "source": set(), "diagnostics": {"source"}, "units": {"diagnostics"}, "expressions": {"diagnostics", "units"},
-    "pose": set(), "inertia": {"pose"},
+    "source": set(), "slips": set(), "diagnostics": {"source", "slips"}, "units": {"diagnostics", "slips"},
+    "expressions": {"diagnostics", "units"},
+    "pose": set(), "inertia": {"pose"}, "memo": set(),
     "workspace": BASE | {"load", "spec"},
     "load": BASE,
     "spec": BASE | {"load"},
@@ -32,15 +33,17 @@ ROOMS: dict[str, set[str]] = {
     "render": set(),
     "reporting": {"source", "diagnostics"},
     "layout": BASE | {"load", "spec"},
-    "editor": BASE | {"load", "spec", "realize", "resolve", "pipeline"},
+    "editor": BASE | {"load", "spec", "realize", "resolve", "joints", "pipeline"},
     "testing": BASE | {"resolve", "realize", "joints", "graph", "robot", "emit"},
+    "gate": BASE | {"load", "realize"},
     "output": BASE | {"realize", "emit"},
     "stamp": BASE | {"realize"},
     "pipeline": BASE | {"stamp", "load", "spec", "realize", "resolve", "joints", "graph", "robot", "emit"},
-    "variants": BASE | {"pipeline", "load", "spec", "realize", "resolve", "graph", "robot", "emit", "output"},
+    "session": BASE | {"pipeline"},
+    "variants": BASE | {"pipeline", "session", "load", "spec", "realize", "resolve", "graph", "robot", "emit", "output"},
     "api": BASE | {"pipeline", "realize", "graph", "robot", "emit"},
     "cli": BASE | {"pipeline", "realize", "graph", "robot", "emit", "output", "stamp", "resolve", "render",
-        "reporting", "layout", "editor", "testing", "variants", "load", "spec"},
+        "reporting", "layout", "editor", "testing", "variants", "load", "spec", "gate"},
     "__init__": {"things", "api", "modes"},
     "__main__": {"cli"},
 }

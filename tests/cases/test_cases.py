@@ -4,6 +4,8 @@ Every document `<area>/<name>.yaml` (or `.toml`) is a case, unless its name begi
 it `<name>.txt` holds what `thingc check <name>.yaml` prints when it is run in the document's folder, and the exit code.
 A first line `# $ thingc build bad.yaml -p 'reach=3 kg'` gives another command.
 
+`codes/` has the examples that `thingc explain` shows: `TC302.yaml` is wrong, `TC302.right.yaml` is the same document mended.
+
 `REGENERATE=1 pytest tests/cases` writes the texts anew: read the difference as the person at the keyboard would.
 """
 
@@ -36,6 +38,8 @@ ELSEWHERE = {
     "INCOMPLETE": "tests/graph/test_link_faults.py",  # what earlier passes should have caught
     "UNREACHED": "tests/robot/test_rooting.py",
     "INTERNAL": "tests/cases/test_folders.py",
+    "EDITOR_SETTINGS": "tests/editor/test_wiring.py",  # a file that is no document
+    "TOO_COSTLY": "tests/safety/test_bounds.py",  # takes its time
     "NO_GRAPHICS": "tests/cli/test_render.py",  # a machine without EGL
     "LIBRARY": "tests/resolve/test_components.py",  # a machine without the library
     "MJCF_WARNING": "tests/mjcf/test_mjcf_check.py",  # depends on the version of MuJoCo
@@ -44,6 +48,13 @@ ELSEWHERE = {
     "STEP_FAILED": "tests/emit/test_step.py",  # a kernel that fails
     "UNREADABLE": "tests/cases/test_folders.py",  # files and folders that no repository keeps
     "OUTPUT": "tests/cases/test_folders.py",
+    "VARIANT_DIED": "tests/variants/test_faults.py",  # what happens while variants are built
+    "VARIANT_HUNG": "tests/variants/test_faults.py",
+    "VARIANT_RAISED": "tests/variants/test_faults.py",
+    "RUNNERS": "tests/variants/test_faults.py",
+    "BATCH_LOCKED": "tests/variants/test_faults.py",
+    "BATCH_UNFINISHED": "tests/variants/test_batch.py",
+    "BATCH_CHANGED": "tests/variants/test_batch.py",
     "STRANGERS": "tests/cases/test_folders.py",
 }
 """Codes that no document on a healthy machine brings about, and where they are tested."""
@@ -52,6 +63,9 @@ _SPOKEN = {"UNREACHED": "does not hang together with the root of mode"}
 
 _PROGRESS = re.compile(r"^(modelling|decomposing) parts: \d+ of \d+\n", re.MULTILINE)
 """Depends on what the store holds already."""
+
+_SECONDS = re.compile(r"  \d+\.\d\d s$", re.MULTILINE)
+"""How long a test of a document took."""
 
 
 def command_of(document: Path) -> list[str]:
@@ -67,7 +81,7 @@ def said(document: Path) -> str:
     """What the command prints, standard output before standard error, and the exit code."""
     with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()) as err:
         code = main(command_of(document))
-    return f"{out.getvalue()}{_PROGRESS.sub('', err.getvalue())}exit {code}\n"
+    return f"{_SECONDS.sub('  0.00 s', out.getvalue())}{_PROGRESS.sub('', err.getvalue())}exit {code}\n"
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=NAMES)
@@ -156,7 +170,7 @@ def test_json_says_the_same(shared_store: str, monkeypatch: pytest.MonkeyPatch) 
         assert shown.endswith(f"exit {code}\n")
         heads = []
         for entry in answer["diagnostics"]:
-            assert set(entry) == {"code", "severity", "message", "file", "line", "column", "path", "help", "notes"}
+            assert set(entry) == {"code", "severity", "message", "file", "line", "column", "path", "help", "notes", "fixes"}
             assert all(set(note) == {"message", "file", "line", "column"} for note in entry["notes"])
             heads.append((f"{entry['severity']}[{entry['code']}]: {entry['message']}",
                           f"{entry['file']}:{entry['line']}:{entry['column']}"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 from collections.abc import Callable
 from itertools import permutations
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 
 import thingc
+from conformance import roots
 from conformance import simulation as sim
 from conformance.conftest import ARM
 from conformance.harness import ROOT
@@ -40,11 +42,6 @@ Array = sim.Array
 @pytest.fixture(scope="module")
 def models(arm: Path) -> dict[str, mujoco.MjModel]:
     return {mode: mujoco.MjModel.from_xml_path(str(arm / "mjcf" / f"arm_{mode}.xml")) for mode in MODES}
-
-
-def angles(source: np.random.Generator) -> dict[str, float]:
-    """Somewhere within the limits [rad]."""
-    return {name: np.radians(source.uniform(*limits)) for name, limits in LIMITS.items()}
 
 
 READERS: dict[str, Callable[[Path, str], mujoco.MjModel]] = {
@@ -93,130 +90,61 @@ def compiled(arm: Path, shared_store: str) -> thingc.Compiled:
     return thingc.compile(str(ROOT / ARM), store=shared_store)
 
 
-@pytest.mark.parametrize("mode", MODES)
 def test_mass_and_inertia_are_those_of_info_and_of_the_api(
-    models: dict[str, mujoco.MjModel], info: dict[str, Any], compiled: thingc.Compiled, mode: str
+    models: dict[str, mujoco.MjModel], info: dict[str, Any], compiled: thingc.Compiled
 ) -> None:
-    model = models[mode]
-    data = sim.at(model, dict.fromkeys(HOME, 0.0))
-    mass, centre, inertia = sim.whole(model, data, sim.parts(model, data)["plate"])
-    for said in (
-        (info["mass"], info["centre"], info["inertia"]),
-        (compiled.properties.mass, compiled.properties.centre, compiled.properties.inertia),
-    ):
-        assert mass == pytest.approx(said[0], rel=1e-12)
-        np.testing.assert_allclose(centre, said[1], rtol=0, atol=1e-9 * np.linalg.norm(centre))
-        np.testing.assert_allclose(inertia, said[2], rtol=0, atol=1e-9 * np.linalg.norm(inertia))
-    assert mass == pytest.approx(sum(o["mass"] for o in info["occurrences"]), rel=1e-12)
-    per_link = {name: sum(o["mass"] for o in info["occurrences"] if o["link"] == name) for name in sim.links(model)}
-    assert per_link == {name: pytest.approx(sim.inertia_of(model, name)[0], rel=1e-12) for name in per_link}
+    found = compiled.properties
+    said = {"info": (info["mass"], info["centre"], info["inertia"]), "API": (found.mass, found.centre, found.inertia)}
+    assert roots.said_of_all(models, "plate", said) == []
+    assert roots.said_of_links(models, info["occurrences"]) == []
+    assert found.mass == pytest.approx(sum(o["mass"] for o in info["occurrences"]), rel=1e-12)
 
 
 def test_a_link_is_the_same_body_in_every_mode(models: dict[str, mujoco.MjModel]) -> None:
     """To the bit: mass, centre, inertia and geometry are in the link's own frame."""
     bench = models["bench"]
-    names = sim.links(bench)
-    assert sim.joints(bench) == sorted(HOME) and names == ["base_link", "bracket", "forearm", "hand_link", "humerus"]
-    for model in models.values():
-        assert sim.links(model) == names and sim.joints(model) == sim.joints(bench)
-        for name in names:
-            one, other = bench.body(name), model.body(name)
-            for field in ("mass", "ipos", "iquat", "inertia"):
-                np.testing.assert_array_equal(getattr(one, field), getattr(other, field))
-        for name in (bench.geom(i).name for i in range(bench.ngeom)):
-            np.testing.assert_array_equal(bench.geom(name).pos, model.geom(name).pos)
-            np.testing.assert_array_equal(bench.geom(name).quat, model.geom(name).quat)
+    assert sim.joints(bench) == sorted(HOME)
+    assert sim.links(bench) == ["base_link", "bracket", "forearm", "hand_link", "humerus"]
+    assert roots.links(models) == []
 
 
 def test_at_rest_every_part_stands_where_the_api_says(models: dict[str, mujoco.MjModel], compiled: thingc.Compiled) -> None:
     assembly = compiled.assembly
-    for model in models.values():
-        data = sim.at(model, dict.fromkeys(HOME, 0.0))
-        found = sim.parts(model, data)
-        assert set(found) == {o.path for o in assembly.occurrences} - {"bus_board"}
-        back = np.linalg.inv(found["plate"])
-        for occurrence in assembly.occurrences:
-            if occurrence.path in found:
-                expected = np.array(assembly.rest[occurrence.index].rows())
-                np.testing.assert_allclose(back @ found[occurrence.path], expected, rtol=0, atol=1e-10)
+    rest = {o.path: np.array(assembly.rest[o.index].rows()) for o in assembly.occurrences if o.path != "bus_board"}
+    assert roots.at_rest(models, "plate", rest) == []
 
 
 def test_poses_of_all_occurrences_agree_in_all_modes(models: dict[str, mujoco.MjModel]) -> None:
-    """Relative to the pen, of every part and every site that two modes have in common, for joints and bases anywhere."""
+    """Of every part and every site, seen from every other, for joints and bases anywhere."""
     source = np.random.default_rng(20)
+    assert len(sim.frames(models["bench"], sim.at(models["bench"], {}))) > 25
     for _ in range(20):
-        q = angles(source)
-        seen: dict[str, dict[str, Array]] = {}
-        for mode, model in models.items():
-            found = sim.frames(model, sim.at(model, q, None if mode == "bench" else sim.random_pose(source)))
-            back = np.linalg.inv(found["hand/pen"])
-            seen[mode] = {name: back @ X for name, X in found.items()}
-        for mode in ("drawing", "adrift"):
-            assert set(seen[mode]) == set(seen["bench"]) and len(seen["bench"]) > 25
-            for name, X in seen[mode].items():
-                np.testing.assert_allclose(X, seen["bench"][name], rtol=0, atol=1e-9, err_msg=name)
+        q = roots.angles(models["bench"], source)
+        assert roots.poses(models, q, source) == []
+        assert roots.whole(models, q, "hand/pen", source) == []
 
 
 def test_kinematics_of_modes_json(arm: Path, models: dict[str, mujoco.MjModel]) -> None:
-    """X_PL(q) = X_PJ motion(q) inv(X_PJ) X_PL(0), as it says, gives MuJoCo's poses of links."""
-    described = json.loads((arm / "modes.json").read_text())
+    trees = json.loads((arm / "modes.json").read_text())
     source = np.random.default_rng(3)
     for mode, model in models.items():
-        tree, q = described[mode], angles(source)
-        assert tree["links"][0]["name"] == MODES[mode] and [j["name"] for j in tree["joints"] if j["reversed"]] == {
+        assert roots.root_of(model) == MODES[mode]
+        assert [j["name"] for j in trees[mode]["joints"] if j["reversed"]] == {
             "bench": [], "drawing": ["wrist", "elbow", "shoulder", "yaw"], "adrift": ["yaw"]}[mode]
-        rest = {link["name"]: np.array(link["X_root_link"]) for link in tree["links"]}
-        data = sim.at(model, q)
-        expected = {tree["links"][0]["name"]: np.eye(4)}
-        for joint in tree["joints"]:
-            assert data.joint(joint["name"]).qpos[0] == data.qpos[joint["qpos"]]
-            assert model.joint(joint["name"]).dofadr[0] == joint["dof"]
-            axis, frame = np.array(joint["axis"]), np.array(joint["X_PJ"])
-            angle = q[joint["name"]]
-            motion = sim.pose(np.zeros(3), sim.turned(np.array([np.cos(angle / 2), *(np.sin(angle / 2) * axis)])))
-            parent, child = joint["parent"], joint["child"]
-            zero = np.linalg.inv(rest[parent]) @ rest[child]
-            expected[child] = expected[parent] @ frame @ motion @ np.linalg.inv(frame) @ zero
-        body = {name: sim.pose(data.body(name).xpos, data.body(name).xmat) for name in expected}
-        back = np.linalg.inv(body[MODES[mode]])
-        for name, X in expected.items():
-            np.testing.assert_allclose(back @ body[name], X, rtol=0, atol=1e-10)
-
-
-def gravity_seen_from(model: mujoco.MjModel, q: dict[str, float], link: str, base: Array) -> Array:
-    data = sim.at(model, q, base)
-    found: Array = data.body(link).xmat.reshape(3, 3).T @ model.opt.gravity
-    return found
-
-
-def relative(one: Array, other: Array) -> float:
-    """The largest difference over the largest entry."""
-    return float(np.abs(one - other).max() / max(np.abs(one).max(), np.abs(other).max()))
+        assert roots.described(trees[mode], model, roots.angles(model, source)) == []
 
 
 def test_dynamics_with_a_link_held_still_are_those_of_its_mode(models: dict[str, mujoco.MjModel]) -> None:
-    """MuJoCo's own mass matrix and gravity torque of each mode, against those worked out from every mode's bodies with the
-    same link held still."""
     source = np.random.default_rng(9)
     for _ in range(5):
-        q = angles(source)
-        for mode, model in models.items():
-            base = sim.random_pose(source) if mode != "bench" else np.eye(4)
-            matrix, torque = sim.own_dynamics(model, q, base)
-            gravity = gravity_seen_from(model, q, MODES[mode], base)
-            for other in models.values():
-                elsewhere = sim.held(other, q, MODES[mode], gravity, sim.random_pose(source))
-                assert relative(matrix, elsewhere[0]) < 1e-9
-                assert relative(torque, elsewhere[1]) < 1e-9
+        assert roots.dynamics_of_modes(models, roots.angles(models["bench"], source), source) == []
 
 
 def test_dynamics_with_any_link_held_still_are_the_same_from_every_mode(models: dict[str, mujoco.MjModel]) -> None:
     source = np.random.default_rng(10)
     for link in sim.links(models["bench"]):
-        q, gravity = angles(source), source.normal(size=3)
-        (M, tau), *others = (sim.held(model, q, link, gravity, sim.random_pose(source)) for model in models.values())
-        for matrix, torque in others:
-            assert relative(M, matrix) < 1e-9 and relative(tau, torque) < 1e-9
+        q, gravity = roots.angles(models["bench"], source), source.normal(size=3)
+        assert roots.dynamics_held(models, q, link, gravity, source) == []
 
 
 def test_modes_that_hold_different_links_have_other_dynamics(models: dict[str, mujoco.MjModel]) -> None:
@@ -228,8 +156,8 @@ def test_modes_that_hold_different_links_have_other_dynamics(models: dict[str, m
             sim.held(models[mode], q, MODES[mode], placed.body(MODES[mode]).xmat.reshape(3, 3).T @ gravity, np.eye(4))
             for mode in (one, other)
         )
-        assert relative(M, sim.own_dynamics(models[one], q, np.eye(4))[0]) < 1e-9
-        assert relative(M, matrix) > 1e-3 and relative(tau, torque) > 1e-2, (one, other)
+        assert roots.relative(M, sim.own_dynamics(models[one], q, np.eye(4))[0]) < 1e-9
+        assert roots.relative(M, matrix) > 1e-3 and roots.relative(tau, torque) > 1e-2, (one, other)
 
 
 def test_bench_stands_upright(models: dict[str, mujoco.MjModel]) -> None:
@@ -299,8 +227,37 @@ def test_the_same_pairs_are_excluded_in_every_mode(models: dict[str, mujoco.MjMo
         )
     }
     for model in models.values():
-        found = [
-            frozenset((model.body(int(signature) >> 16).name, model.body(int(signature) & 0xFFFF).name))
-            for signature in model.exclude_signature
-        ]
-        assert len(found) == 4 and set(found) == expected
+        assert model.nexclude == 4 and roots.excluded(model) == expected
+
+
+FAULTS: dict[str, tuple[str, float, set[str]]] = {
+    "a body's place": ("body_pos", 1e-6, {"poses", "whole", "dynamics_held", "dynamics_of_modes"}),
+    "a site's place": ("site_pos", 3e-9, {"poses"}),
+    "a mass": ("body_mass", 1e-8, {"links", "whole", "dynamics_held", "dynamics_of_modes"}),
+    "a centre of mass": ("body_ipos", 1e-5, {"links", "whole", "dynamics_held", "dynamics_of_modes"}),
+    "an inertia": ("body_inertia", 1e-8, {"links", "whole", "dynamics_held", "dynamics_of_modes"}),
+    "an armature": ("dof_armature", 1e-7, {"dynamics_held", "dynamics_of_modes"}),
+    "an excluded pair": ("exclude_signature", -1, {"links"}),
+}
+"""A field of a model, what is added to its last entry, and the comparisons that must see it."""
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_what_is_looked_for_is_found(models: dict[str, mujoco.MjModel], fault: str) -> None:
+    """One number of one mode changed by little: what it matters to says so, and nothing else."""
+    field, by, expected = FAULTS[fault]
+    spoilt = {**models, "adrift": copy.copy(models["adrift"])}
+    getattr(spoilt["adrift"], field).reshape(-1)[-1] += by
+    q = roots.angles(models["bench"], np.random.default_rng(1))
+
+    def source() -> np.random.Generator:
+        return np.random.default_rng(2)
+
+    found = {
+        "links": roots.links(spoilt),
+        "poses": roots.poses(spoilt, q, source()),
+        "whole": roots.whole(spoilt, q, "plate", source()),
+        "dynamics_of_modes": roots.dynamics_of_modes(spoilt, q, source()),
+        "dynamics_held": roots.dynamics_held(spoilt, q, "base_link", np.array([1.0, 2.0, 3.0]), source()),
+    }
+    assert expected == {check for check, said in found.items() if said}

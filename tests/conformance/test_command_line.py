@@ -80,7 +80,7 @@ def test_build_in_json(arm: Path, shared_store: str, tmp_path: Path) -> None:
     assert answer["modelled"] == [] and len(answer["reused"]) == 9
     names = {path.relative_to(tmp_path / "arm").as_posix() for path in paths}
     assert {name for name in names if "assets" not in name} == {
-        "manifest.json", "modes.json", "bom.csv", "bom.json", "mjcf/arm_bench.xml", "mjcf/scene_bench.xml", "mjcf/arm_bench.mjz",
+        "manifest.json", "modes.json", "bom.csv", "bom.json", "mjcf/arm_bench.xml", "mjcf/scene_bench.xml",
     }
     choice = json.loads((tmp_path / "arm" / "manifest.json").read_text())["choice"]
     assert choice == {"modes": ["bench"], "emit": ["mjcf", "bom"], "parameters": {}}
@@ -163,7 +163,7 @@ def test_all_errors_of_a_document_at_once_and_no_output(copy: Path, shared_store
         marked = [lines[entry["file"]][entry["line"] - 1] for entry in found]
         assert all(any(new in line for line in marked) for new in wrong.values()) and len(found) == len(wrong)
         for entry in found:
-            assert list(entry) == ["code", "severity", "message", "file", "line", "column", "path", "help", "notes"]
+            assert list(entry) == ["code", "severity", "message", "file", "line", "column", "path", "help", "notes", "fixes"]
             assert entry["severity"] == "error" and 1 <= entry["column"] <= len(lines[entry["file"]][entry["line"] - 1])
         text = thingc(command, ARM, store=shared_store, cwd=copy)
         assert text.code == 1 and all(entry["message"] in getattr(text, stream) for entry in found)

@@ -15,7 +15,6 @@ from thingc.emit.request import EmitRequest
 from thingc.graph.types import (
     Assembly,
     Definition,
-    Hag,
     JointEdge,
     Link,
     LinkedMode,
@@ -208,7 +207,7 @@ def assembly(store: Store) -> Assembly:
         for name, values in (("home", {"yaw": 1.0}), ("start", {"hand/lift": 0.02, "yaw": -0.5}))
     ]
     return Assembly(
-        name="arm", definition=definition, hag=Hag(root="arm", definitions=(), edges=()), base=0, occurrences=things,
+        name="arm", definition=definition, base=0, occurrences=things,
         mates=mates(), links=links(), link_of=(0, 1, 1, 2, 2, 2, 2, 2, 2, 2),
         rest=tuple(placed((0.1 * k, 0, 0), (0, 0, 0.2 * k)) for k in range(len(things))), exported=(), poses=tuple(pose),
         modes=modes(), adhesions=(), raw=(),

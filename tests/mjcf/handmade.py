@@ -18,7 +18,6 @@ from thingc.graph.types import (
     Adhesion,
     Assembly,
     Definition,
-    Hag,
     JointEdge,
     Link,
     LinkedMode,
@@ -386,7 +385,6 @@ class Made:
         return Assembly(
             name=self.name,
             definition=definition,
-            hag=Hag(root=self.name, definitions=(), edges=()),
             base=0,
             occurrences=tuple(occurrences),
             mates=mates,

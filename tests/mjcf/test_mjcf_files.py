@@ -19,9 +19,10 @@ from hypothesis import strategies as st
 from mjcf.handmade import Made, Piece, Segment, box_part, material, matrix, raw, spin
 from mjcf.test_mjcf_model import arm
 from thingc.emit import EMITTERS, emitter, targets
-from thingc.emit.artifact import Stored
+from thingc.emit.artifact import Content, Stored
 from thingc.emit.mjcf import emit
 from thingc.emit.mjcf_xml import Element, number, write
+from thingc.emit.request import EmitRequest
 from thingc.realize.store import BlobMissing, Store
 
 
@@ -30,10 +31,15 @@ def store(tmp_path: Path) -> Store:
     return Store(str(tmp_path / "store"))
 
 
+def everything(request: EmitRequest) -> dict[str, Content]:
+    """The files of both targets."""
+    return {**emit(request).files, **emitter("mjz")(request).files}
+
+
 def written(made: Made, store: Store, folder: Path, *modes: tuple[str, str]) -> Path:
     """Build into a folder, as the driver does."""
     request = made.request(store, *modes)
-    for path, content in emit(request).files.items():
+    for path, content in everything(request).items():
         target = folder / path
         target.parent.mkdir(parents=True, exist_ok=True)
         target.write_bytes(store.read(content.sha256) if isinstance(content, Stored) else content)
@@ -45,13 +51,12 @@ MODES = (("bench", "fixed"), ("drawing", "held"), ("adrift", "free"))
 
 
 def test_names_of_files(store: Store) -> None:
-    files = emit(arm(store).request(store, *MODES)).files
+    request = arm(store).request(store, *MODES)
+    assert sorted(emitter("mjz")(request).files) == ["mjcf/arm_adrift.mjz", "mjcf/arm_bench.mjz", "mjcf/arm_drawing.mjz"]
+    files = emit(request).files
     assert [path for path in files if "assets" not in path] == [
-        "mjcf/arm_adrift.mjz",
         "mjcf/arm_adrift.xml",
-        "mjcf/arm_bench.mjz",
         "mjcf/arm_bench.xml",
-        "mjcf/arm_drawing.mjz",
         "mjcf/arm_drawing.xml",
         "mjcf/scene_adrift.xml",
         "mjcf/scene_bench.xml",
@@ -106,25 +111,27 @@ def test_the_archive_is_a_sound_zip(store: Store, tmp_path: Path) -> None:
 
 def test_a_compressed_asset_that_was_lost_is_made_again(store: Store) -> None:
     made = arm(store)
-    first = emit(made.request(store)).files
+    first = everything(made.request(store))
     kept = next(iter(path for path in first if path.endswith(".obj")))
     note = store.get_json("deflated", first[kept].sha256)  # type: ignore[union-attr]
     Path(store.path(note["sha256"])).unlink()
     with pytest.raises(BlobMissing):
         store.read(note["sha256"])
-    assert emit(made.request(store)).files == first
+    assert everything(made.request(store)) == first
 
 
 def test_same_input_same_bytes(store: Store, tmp_path: Path) -> None:
     """Twice here, once with an empty store, once in another process under another hash seed."""
-    first = emit(arm(store).request(store, *MODES)).files
-    assert emit(arm(store).request(store, *MODES)).files == first
+    first = everything(arm(store).request(store, *MODES))
+    assert everything(arm(store).request(store, *MODES)) == first
     other = Store(str(tmp_path / "other"))
-    assert emit(arm(other).request(other, *MODES)).files == first
+    assert everything(arm(other).request(other, *MODES)) == first
     program = (
         "import sys, pickle, hashlib; sys.path[:0] = sys.argv[2:]\n"
         "from thingc.emit.mjcf import emit\n"
-        "files = emit(pickle.load(open(sys.argv[1], 'rb'))).files\n"
+        "from thingc.emit import mjcf_archive\n"
+        "request = pickle.load(open(sys.argv[1], 'rb'))\n"
+        "files = {**emit(request).files, **mjcf_archive.emit(request).files}\n"
         "print(hashlib.sha256(repr(list(files.items())).encode()).hexdigest())\n"
     )
     third = Store(str(tmp_path / "third"))
@@ -290,7 +297,7 @@ def test_lines_lead_to_elements() -> None:
 
 
 def test_the_table_of_targets() -> None:
-    assert tuple(EMITTERS) == ("mjcf", "stl", "step", "bom", "hag") == targets()[:5]
+    assert tuple(EMITTERS) == ("mjcf", "mjz", "stl", "step", "bom", "hag") == targets()[:6]
     assert emitter("mjcf") is emit
     with pytest.raises(KeyError):
         emitter("nothing")

@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[2]
 KINDS = sorted(MODELS)
 DOCUMENTS = sorted(path for folder in ("assemblies", ".") for path in (ROOT / folder).glob("**/*" if folder != "." else "*")
                    if path.suffix in (".yaml", ".yml",
-                       ".toml") and path.name != "pyproject.toml" and not path.name.startswith("."))
+                       ".toml") and path.name not in ("pyproject.toml", "action.yml") and not path.name.startswith("."))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -41,12 +41,29 @@ def test_write_makes_the_files(tmp_path: Path) -> None:
     assert (tmp_path / "assembly-1.json").read_text() == (ROOT / "schemas" / "assembly-1.json").read_text()
 
 
-def test_every_field_has_a_title_or_a_description() -> None:
+def test_every_field_of_every_kind_has_a_title_a_description_and_examples() -> None:
+    """They are what an editor shows of a key; the examples are right for the field as its schema has it."""
+    silent, wrong = [], []
     for kind in KINDS:
-        schema = json_schema(kind)
-        for name, definition in {**schema.get("$defs", {}), kind: schema}.items():
-            for key, field in definition.get("properties", {}).items():
-                assert field.get("title") or field.get("description") or "$ref" in field, f"{name}.{key}"
+        schema = json.loads((ROOT / "schemas" / f"{kind}-1.json").read_text(encoding="utf-8"))
+        definitions = schema.get("$defs", {})
+        for name, definition in {**definitions, kind: schema}.items():
+            assert definition.get("description"), name
+            assert definition["type"] == "object" and definition["additionalProperties"] is False, name
+            for key, field in definition["properties"].items():
+                silent += [f"{kind}: {name}.{key}: {word}" for word in ("title", "description", "examples") if not field.get(word)]
+                validator = jsonschema.Draft202012Validator({**field, "$defs": definitions})
+                wrong += [f"{kind}: {name}.{key}: {example!r}" for example in field.get("examples", []) if not validator.is_valid(example)]
+    assert silent == []
+    assert wrong == []
+
+
+def test_a_field_that_takes_a_mapping_is_told_by_the_mapping() -> None:
+    schema = json_schema("assembly")
+    limit = schema["$defs"]["JointSpec"]["properties"]["limit"]
+    assert limit["$ref"] == "#/$defs/LimitSpec" and limit["title"] == "Limit"
+    assert limit["description"] == schema["$defs"]["LimitSpec"]["description"]
+    assert schema["$defs"]["DriveSpec"]["properties"]["kind"]["examples"] == ["position", "velocity", "motor"]
 
 
 def test_docstrings_are_descriptions_also_of_inherited_fields() -> None:

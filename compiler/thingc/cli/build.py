@@ -12,14 +12,14 @@ from typing import Any
 from thingc import stamp
 from thingc.cli import common
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, did_you_mean, shown_path
-from thingc.emit.artifact import Artifacts, Content, Loss
-from thingc.emit.manifest import Choice, manifest
+from thingc.emit.artifact import Artifacts, Loss
 from thingc.output import OutputError, verify, write_build
 from thingc.pipeline import Compilation, Options, UnknownChoice
 
 EPILOG = """\
 Everything appears at once in build/NAME/ (or DIR/NAME/), or nothing does. Targets: mjcf (MuJoCo models and scenes, one per
-mode), stl (print files), step (the whole robot), bom (bill of materials), hag (assembly graph).
+mode), mjz (each model in one file with its meshes), stl (print files), step (the whole robot), bom (bill of materials), hag
+(assembly graph).
 
   thingc build assemblies/arm.yaml
   thingc build assemblies/arm.yaml --mode bench --mode drawing --emit mjcf
@@ -35,7 +35,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--mode", metavar="M", action="append", default=[], help="only this mode (may be repeated; default: all)")
     parser.add_argument("--emit", metavar="T", action="append", default=[], help="only this target (may be repeated; default: all)")
     parser.add_argument("--deny-loss", action="store_true", help="what a target cannot say is an error")
-    common.add_format(parser)
+    common.add_format(parser, common.FINDINGS)
     common.add_compiling(parser)
 
 
@@ -52,13 +52,10 @@ def run(arguments: argparse.Namespace) -> int:
         answer = None
     except common.WrongCommandLine as fault:
         found, answer = [fault.diagnostic], None
-    if arguments.format == "json":
-        keys = ("artifacts", "modelled", "reused")
-        common.print_json(found, **{key: answer[key] if answer is not None else [] for key in keys})
-    else:
-        common.print_text(found, stream=sys.stderr, debug=arguments.debug)
-        if answer is not None:
-            _tell(answer, arguments.document)
+    more = {key: answer[key] if answer is not None else [] for key in ("artifacts", "modelled", "reused")}
+    common.print_found(found, arguments.format, stream=sys.stderr, debug=arguments.debug, **more)
+    if answer is not None and arguments.format != "json":
+        _tell(answer, arguments.document)
     return common.exit_code(found)
 
 
@@ -94,7 +91,8 @@ def _build(
     """What there is to say, and the answer where the build succeeded. Raises `UnknownChoice` and `OutputError`."""
     options = compilation.options
     key = stamp.key_of("build", arguments.document, {
-        "parameters": dict(options.parameters), "modes": arguments.mode, "targets": targets, "strict": arguments.strict,
+        "parameters": dict(options.parameters), "choices": dict(options.choices), "modes": arguments.mode, "targets": targets,
+        "strict": arguments.strict,
         "output": os.path.abspath(arguments.output) if arguments.output else None, "deny_loss": arguments.deny_loss,
     })
     earlier = stamp.load(compilation.store, key)
@@ -114,7 +112,7 @@ def _build(
     found = common.final(compilation.report, strict=arguments.strict)
     if common.exit_code(found):
         return found, None
-    answer = _write(arguments, compilation, targets, artifacts, losses)
+    answer = _write(arguments, compilation, artifacts, losses)
     stamp.save(compilation.store, key, compilation.inputs(), found, answer)
     return found, answer
 
@@ -137,7 +135,6 @@ def _deny(losses: Sequence[Loss], report: Report) -> None:
 def _write(
     arguments: argparse.Namespace,
     compilation: Compilation,
-    targets: tuple[str, ...],
     artifacts: Mapping[str, Artifacts],
     losses: Sequence[Loss],
 ) -> dict[str, Any]:
@@ -145,27 +142,13 @@ def _write(
     assembly, workspace, documents = compilation.assembly, compilation.workspace, compilation.documents
     if assembly is None or workspace is None or documents is None:
         raise RuntimeError("a compilation without errors has an assembly")
-    files: dict[str, Content] = {}
-    for target in targets:
-        files.update(artifacts[target].files)
-    document = documents.root.relative
-    files["manifest.json"] = manifest(
-        assembly,
-        document=document,
-        documents={path: d.sha256 for path, d in documents.by_path.items()},
-        choice=Choice(
-            modes=tuple(robot.mode.name for robot in compilation.robots), emit=targets, parameters=dict(compilation.options.parameters)
-        ),
-        files=files,
-        losses=losses,
-        workspace=workspace,
-    )
+    files = compilation.files(artifacts)
     parent = arguments.output or os.path.join(workspace.root, workspace.build)
 
     def on_wait(folder: str) -> None:
         print(f"another build of {shown_path(folder)} is under way; waiting for it", file=sys.stderr)
 
-    folder = write_build(parent, assembly.name, files, compilation.store, document, on_wait=on_wait)
+    folder = write_build(parent, assembly.name, files, compilation.store, documents.root.relative, on_wait=on_wait)
     lost = Counter(loss.target for loss in losses)
     return {
         "folder": folder,

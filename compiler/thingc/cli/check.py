@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 
 from thingc import stamp
 from thingc.cli import common
-from thingc.diagnostics import Diagnostic
+from thingc.diagnostics import Diagnostic, Report, Severity, shown_path
 from thingc.pipeline import Compilation, Options
 
 EPILOG = """\
@@ -15,7 +19,12 @@ Every key, name, unit, reference, limit and mass of the document and of those it
 up in the store; those that are not there are modelled first (in a worker of its own).
 
   thingc check assemblies/*.yaml
+  thingc check robot.yaml --fix                          mend misspelt names, units and the like
   thingc check robot.yaml --format json | jq '.diagnostics[].message'
+  thingc check assemblies/*.yaml --format github         annotations of a pull request
+  thingc check assemblies/*.yaml --format sarif > thingc.sarif
+
+`thingc explain CODE` says more about one of the codes.
 """
 
 
@@ -23,7 +32,20 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `check`."""
     parser.epilog = EPILOG
     common.add_document(parser, many=True)
-    common.add_format(parser)
+    parser.add_argument(
+        "--touched", action="store_true", help="the words are files that have changed: check the documents that they concern"
+    )
+    parser.add_argument(
+        "--no-code", action="store_true", help="run nothing of the workspace: parts are as parts.lock.json says (see `thingc lock`)"
+    )
+    parser.add_argument(
+        "--time-limit", metavar="TIME", default="5 s", help="with --no-code: longest computing for one document (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--fix", action="store_true", help="mend in the documents what can only have meant one thing, then say what is left"
+    )
+    parser.add_argument("--diff", action="store_true", help="with --fix: write nothing, show what would be mended")
+    common.add_format(parser, common.FINDINGS)
     common.add_compiling(parser)
 
 
@@ -35,7 +57,13 @@ def run(arguments: argparse.Namespace) -> int:
         options = common.options_of(arguments)
     except common.WrongCommandLine as fault:
         return _answer(arguments, [fault.diagnostic], [])
-    for document in arguments.document:
+    if arguments.fix or arguments.diff:
+        from thingc.cli.mending import run_fix
+
+        return run_fix(arguments, options)
+    if arguments.no_code:
+        return _answer(arguments, *_untrusted(arguments, options))
+    for document in concerned(arguments.document, arguments.store) if arguments.touched else arguments.document:
         try:
             common.require_document(document)
         except common.WrongCommandLine as fault:
@@ -48,11 +76,65 @@ def run(arguments: argparse.Namespace) -> int:
     return _answer(arguments, found, good)
 
 
+def _untrusted(arguments: argparse.Namespace, options: Options) -> tuple[list[Diagnostic], list[str]]:
+    """The findings, and the documents without any, of documents that nobody trusts: each is looked at in a process of its own."""
+    from thingc.cli.confined import confined
+
+    found: list[Diagnostic] = []
+    good: list[str] = []
+    try:
+        if "" in sys.path or os.getcwd() in sys.path and not sys.flags.safe_path:
+            raise common.WrongCommandLine(
+                "Python looks for modules in the working folder, which may be part of the change", "run `thingc`, or `python -I -m thingc`"
+            )
+        seconds = common.time_of("--time-limit", arguments.time_limit)
+    except common.WrongCommandLine as fault:
+        return [fault.diagnostic], []
+    documents = arguments.document
+    if arguments.touched:
+        documents = confined(partial(_concerned_without_code, arguments.document), seconds)
+        if isinstance(documents, Diagnostic):
+            return [documents], []
+    for document in documents:
+        try:
+            common.require_document(document)
+        except common.WrongCommandLine as fault:
+            found.append(fault.diagnostic)
+            continue
+        answer = confined(partial(_packed, document, options, arguments.strict), seconds)
+        said = [replace(answer, path=document)] if isinstance(answer, Diagnostic) else [stamp.unpacked(one) for one in answer]
+        found.extend(d for d in said if d not in found)
+        if all(d.severity is Severity.NOTE for d in said):
+            good.append(document)
+    return found, good
+
+
+def _concerned_without_code(files: Sequence[str]) -> list[str]:
+    from thingc.gate import touched
+
+    return [shown_path(path) for path in touched([os.path.abspath(file) for file in files], os.getcwd(), None).documents]
+
+
+def without_code(document: str, options: Options, *, strict: bool) -> list[Diagnostic]:
+    """What there is to say about one document when nothing of its workspace may run. Bounds are the caller's business."""
+    with Compilation(document, replace(options, lock=True, code=False)) as compilation:
+        return common.final(_report_of(compilation), strict=strict)
+
+
+def _packed(document: str, options: Options, strict: bool) -> list[dict[str, object]]:
+    return [stamp.packed(d) for d in without_code(document, options, strict=strict)]
+
+
+def concerned(files: Sequence[str], store: str | None) -> list[str]:
+    """The documents below the working folder that depend on the files, as a person here would name them."""
+    from thingc.cli.touched import documents
+
+    return [shown_path(path) for path in documents(files, store=store)]
+
+
 def _answer(arguments: argparse.Namespace, found: list[Diagnostic], good: list[str]) -> int:
-    if arguments.format == "json":
-        common.print_json(found)
-    else:
-        common.print_text(found, stream=sys.stdout, debug=arguments.debug)
+    common.print_found(found, arguments.format, stream=sys.stdout, debug=arguments.debug)
+    if arguments.format == "text":
         for document in good:
             print(f"{document}: ok")
     return common.exit_code(found)
@@ -60,13 +142,27 @@ def _answer(arguments: argparse.Namespace, found: list[Diagnostic], good: list[s
 
 def check(document: str, options: Options, *, strict: bool = False) -> list[Diagnostic]:
     """What there is to say about one document; from the stamp of an earlier run where nothing has changed."""
-    with Compilation(document, options) as compilation:
-        key = stamp.key_of("check", document, {"parameters": dict(options.parameters), "strict": strict})
+    with Compilation(document, replace(options, lock=True)) as compilation:
+        key = stamp.key_of("check", document, {
+            "parameters": dict(options.parameters), "choices": dict(options.choices), "strict": strict,
+        })
         earlier = stamp.load(compilation.store, key)
         if earlier is not None:
             return earlier[0]
-        compilation.run(kinds=("assembly", "materials"))
-        found = common.final(compilation.report, strict=strict)
-        if not compilation.report.failed:
+        report = _report_of(compilation)
+        found = common.final(report, strict=strict)
+        if not report.failed and report is compilation.report:
             stamp.save(compilation.store, key, compilation.inputs(), found, {})
         return found
+
+
+def _report_of(compilation: Compilation) -> Report:
+    """What is said of a document of any kind that may be checked."""
+    compilation.run(kinds=("assembly", "materials", "variants"))
+    if compilation.documents is None or compilation.documents.root.kind != "variants":
+        return compilation.report
+    from thingc.variants.planning import read_plan
+
+    report = Report()
+    read_plan(compilation.document, compilation.options, report)
+    return report

@@ -12,6 +12,8 @@ from thingc.diagnostics import Code, Diagnostic, Report, Severity, as_json, as_t
 from thingc.pipeline import Options
 
 USAGE = 2
+FINDINGS = ("text", "json", "github", "sarif")
+"""How `check` and `build` print what they find."""
 DOCUMENTS = (".yaml", ".yml", ".toml")
 """What the names of documents end with."""
 
@@ -38,16 +40,20 @@ def add_compiling(parser: argparse.ArgumentParser) -> None:
         "-p", "--parameter", metavar="NAME=VALUE", action="append", default=[],
         help="set a parameter as a document would, for example -p 'reach=120 mm' (may be repeated)",
     )
+    parser.add_argument(
+        "--set", metavar="PATH=TEXT", action="append", default=[], dest="choice",
+        help="choose a part, a nested assembly or a material, for example --set components.foot.part=feet:Wide (may be repeated)",
+    )
     parser.add_argument("--strict", action="store_true", help="warnings are errors")
     add_geometry(parser)
 
 
-def add_geometry(parser: argparse.ArgumentParser) -> None:
-    """The options of every command that may model parts."""
+def add_geometry(parser: argparse.ArgumentParser, *, jobs: str = "parts modelled at once") -> None:
+    """The options of every command that may model parts; `jobs` is what `--jobs` counts."""
     parser.add_argument(
         "--store", metavar="DIR", help="where modelled parts are kept (default: THINGC_STORE, else the user's cache folder)"
     )
-    parser.add_argument("--jobs", metavar="N", type=_positive, default=0, help="parts modelled at once (default: one per core)")
+    parser.add_argument("--jobs", metavar="N", type=positive, default=0, help=f"{jobs} (default: one per core)")
     parser.add_argument("--part-timeout", metavar="TIME", help="longest time for one part, for example '30 s'")
     parser.add_argument("--debug", action="store_true", help="show the Python traceback of a part that fails")
 
@@ -64,7 +70,8 @@ def add_format(parser: argparse.ArgumentParser, choices: Sequence[str] = ("text"
     parser.add_argument("--format", type=choice, metavar=metavar, default=choices[0], help="how to print (default: %(default)s)")
 
 
-def _positive(text: str) -> int:
+def positive(text: str) -> int:
+    """A whole number from 1, as argparse wants it checked."""
     if not text.isdigit() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"expected a whole number from 1, found `{text}`")
     return int(text)
@@ -84,23 +91,38 @@ def parameters(words: Sequence[str]) -> Mapping[str, str]:
     return found
 
 
+def choices(words: Sequence[str]) -> Mapping[str, str]:
+    """`PATH=TEXT` words to a mapping. Raises `WrongCommandLine`."""
+    found: dict[str, str] = {}
+    for word in words:
+        path, equals, text = (piece.strip() for piece in word.partition("="))
+        if not equals or not path or not text:
+            raise WrongCommandLine(f"expected --set PATH=TEXT, found `{word}`", "write for example --set components.foot.part=feet:Wide")
+        if path in found:
+            raise WrongCommandLine(f"--set chooses `{path}` twice", "keep one of them")
+        found[path] = text
+    return found
+
+
+def time_of(option: str, text: str) -> float:
+    """The time [s] that an option states. Raises `WrongCommandLine`."""
+    from thingc.units import TIME, UnitError, parse_quantity
+
+    try:
+        quantity = parse_quantity(text)
+    except UnitError as fault:
+        raise WrongCommandLine(f"{option}: {fault}", f"write for example {option} '30 s'") from fault
+    if quantity.dimension != TIME or quantity.value <= 0.0:
+        raise WrongCommandLine(f"{option}: expected a time above 0, found `{text}`", "write for example '30 s'")
+    return quantity.value
+
+
 def options_of(arguments: argparse.Namespace) -> Options:
     """The compile options that the command line states. Raises `WrongCommandLine`."""
-    timeout: float | None = None
-    if arguments.part_timeout is not None:
-        from thingc.units import TIME, UnitError, parse_quantity
-
-        try:
-            quantity = parse_quantity(arguments.part_timeout)
-        except UnitError as fault:
-            raise WrongCommandLine(f"--part-timeout: {fault}", "write for example --part-timeout '30 s'") from fault
-        if quantity.dimension != TIME or quantity.value <= 0.0:
-            raise WrongCommandLine(
-                f"--part-timeout: expected a time above 0, found `{arguments.part_timeout}`", "write for example '30 s'"
-            )
-        timeout = quantity.value
+    timeout = None if arguments.part_timeout is None else time_of("--part-timeout", arguments.part_timeout)
     return Options(
         parameters=parameters(getattr(arguments, "parameter", [])),
+        choices=choices(getattr(arguments, "choice", [])),
         store=arguments.store,
         jobs=arguments.jobs,
         part_timeout=timeout,
@@ -153,6 +175,42 @@ def print_json(diagnostics: Sequence[Diagnostic], **more: object) -> None:
     print(json.dumps({"diagnostics": as_json(diagnostics), **more}, indent=2, ensure_ascii=False))
 
 
+def print_found(diagnostics: Sequence[Diagnostic], form: str, *, stream: object, debug: bool, **more: object) -> None:
+    """What was found in one of the forms of `FINDINGS`: text goes to `stream`, the others go alone to standard output.
+
+    `more` are further keys of the JSON answer.
+    """
+    if form == "text":
+        print_text(diagnostics, stream=stream, debug=debug)
+    elif form == "json":
+        print_json(diagnostics, **more)
+    else:
+        from thingc.reporting.places import repository
+
+        base = repository(os.getcwd())
+        if form == "github":
+            from thingc.reporting.github import as_github
+
+            sys.stdout.write(as_github(diagnostics, base=base))
+        else:
+            from thingc import __version__
+            from thingc.reporting.sarif import as_sarif
+
+            sys.stdout.write(as_sarif(diagnostics, base=base, version=__version__, documentation=_documentation()))
+
+
+def _documentation() -> str | None:
+    """Where the pages of codes are published, as the installed package says, or None where it does not."""
+    from importlib.metadata import PackageNotFoundError, metadata
+
+    try:
+        addresses = metadata("thingc").get_all("Project-URL") or []
+    except PackageNotFoundError:
+        return None
+    labelled = (address.partition(",") for address in addresses)
+    return next((url.strip() for label, _, url in labelled if label.strip().lower() == "diagnostics"), None)
+
+
 def final(report: Report, *, strict: bool) -> list[Diagnostic]:
     """The diagnostics in order, warnings made errors where that was asked."""
     return (report.strict() if strict else report).ordered()
@@ -187,5 +245,6 @@ def of_exception(fault: Exception) -> Diagnostic:
 
 
 USAGE_CODES = frozenset({
-    Code.COMMAND_LINE, Code.NO_DOCUMENT, Code.PARAMETER_OPTION, Code.STRANGERS, Code.OUTPUT, Code.NO_GRAPHICS,
+    Code.COMMAND_LINE, Code.NO_DOCUMENT, Code.PARAMETER_OPTION, Code.CHOICE_OPTION, Code.STRANGERS, Code.OUTPUT, Code.NO_GRAPHICS,
+    Code.BATCH_LOCKED, Code.BATCH_UNFINISHED, Code.BATCH_CHANGED, Code.NO_BATCH,
 })

@@ -11,11 +11,18 @@ from typing import NoReturn
 
 COMMANDS = {
     "build": "write simulation models and manufacturing files of a robot",
+    "batch": "build every variant of a document of variants",
     "check": "say everything that is wrong with documents, and write nothing",
+    "fmt": "write documents in canonical layout; comments stay",
+    "test": "run the tests that a document states of its robot",
     "info": "masses, links and joints of a robot, and where each number comes from",
     "render": "draw a picture of a robot in one of its poses",
     "hag": "print the assembly graph (text, DOT, Mermaid or SVG)",
+    "lock": "write down what the parts take and are, so that checking needs none of their code",
     "parts": "list every part in reach, with its parameters and mounts",
+    "schema": "write, for editors, a JSON Schema per document that knows its parts, mounts and names",
+    "explain": "what a code such as TC302 means, with a wrong and a right example",
+    "touched": "name the documents that a change concerns",
     "why": "why a part was modelled or reused, and what a target could not say",
 }
 
@@ -132,10 +139,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from thingc.cli import common
 
         diagnostic = common.of_exception(fault)
-        if getattr(options, "format", "text") == "json":
-            common.print_json([diagnostic])
-        else:
-            common.print_text([diagnostic], stream=sys.stderr, debug=False)
+        common.print_found([diagnostic], _form(getattr(options, "format", "text")), stream=sys.stderr, debug=False)
         return common.exit_code([diagnostic])
     return code
 
@@ -145,11 +149,19 @@ def _refuse(fault: WrongUsage, words: Sequence[str]) -> int:
     from thingc.cli import common
 
     found = [common.WrongCommandLine(str(fault), fault.hint).diagnostic]
-    if "--format=json" in words or ("--format", "json") in zip(words, words[1:]):
-        common.print_json(found)
-    else:
-        common.print_text(found, stream=sys.stderr, debug=False)
+    asked = [after for word, after in zip(words, words[1:]) if word == "--format"]
+    asked += [word.removeprefix("--format=") for word in words if word.startswith("--format=")]
+    # Who asks for a form that the command has not, is told so in text.
+    form = _form(asked[-1]) if asked and not str(fault).startswith("--format") else "text"
+    common.print_found(found, form, stream=sys.stderr, debug=False)
     return common.USAGE
+
+
+def _form(asked: str) -> str:
+    """The form in which diagnostics are printed where `asked` is one of theirs or of a command's own."""
+    from thingc.cli import common
+
+    return asked if asked in common.FINDINGS else "text"
 
 
 def entry() -> None:

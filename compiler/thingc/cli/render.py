@@ -102,7 +102,7 @@ def _render(arguments: argparse.Namespace, compilation: Compilation) -> list[Dia
         return found
     read = {
         path: content if isinstance(content, bytes) else compilation.store.read(content.sha256)
-        for path, content in artifacts.files.items() if not path.endswith(".mjz")
+        for path, content in artifacts.files.items()
     }
     prefix = "mjcf/assets/"
     png = picture(

@@ -20,6 +20,7 @@ GROUP = "thingc.emitters"
 
 EMITTERS: dict[str, str] = {
     "mjcf": "thingc.emit.mjcf:emit",
+    "mjz": "thingc.emit.mjcf_archive:emit",
     "stl": "thingc.emit.stl:emit",
     "step": "thingc.emit.step:emit",
     "bom": "thingc.emit.bom:emit",

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
+from json.encoder import encode_basestring
 
 
 def encode(value: object) -> bytes:
@@ -14,17 +16,31 @@ def encode(value: object) -> bytes:
     return (_text(value, "\n") + "\n").encode()
 
 
+class Fragment(str):
+    """A value that is JSON already, at the depth where it will stand (see `fragment`)."""
+
+    __slots__ = ()
+
+
+def fragment(value: object, depth: int) -> Fragment:
+    """The text of a value that will stand `depth` mappings or sequences deep in another one. Raises as `encode`."""
+    return Fragment(_text(value, "\n" + "  " * depth))
+
+
 def _text(value: object, newline: str) -> str:
+    if type(value) is float and math.isfinite(value):
+        return repr(value + 0.0)  # a rotation leaves -0.0 where nothing is
+    if isinstance(value, str):
+        return value if type(value) is Fragment else encode_basestring(value)
     inner = newline + "  "
     if isinstance(value, Mapping):
         if not value:
             return "{}"
-        entries = (f"{json.dumps(str(key), ensure_ascii=False)}: {_text(item, inner)}" for key, item in value.items())
+        entries = [f"{encode_basestring(str(key))}: {_text(item, inner)}" for key, item in value.items()]
         return "{" + inner + ("," + inner).join(entries) + newline + "}"
-    if isinstance(value, Sequence) and not isinstance(value, (str, bytes)):
-        if not any(isinstance(item, (Mapping, list, tuple)) for item in value):
-            return "[" + ", ".join(_text(item, inner) for item in value) + "]"
-        return "[" + inner + ("," + inner).join(_text(item, inner) for item in value) + newline + "]"
-    if isinstance(value, float):
-        value += 0.0  # a rotation leaves -0.0 where nothing is
+    if isinstance(value, Sequence) and not isinstance(value, bytes):
+        texts = [_text(item, inner) for item in value]
+        if not any(isinstance(item, (Mapping, list, tuple, Fragment)) for item in value):
+            return "[" + ", ".join(texts) + "]"
+        return "[" + inner + ("," + inner).join(texts) + newline + "]"
     return json.dumps(value, ensure_ascii=False, allow_nan=False)

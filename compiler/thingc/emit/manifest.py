@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import os
 import re
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from thingc import __version__
@@ -24,11 +25,12 @@ DISTRIBUTIONS = ("build123d", "cadquery-ocp-novtk", "cadquery-ocp", "mujoco")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choice:
-    """What the build was asked for: modes and targets by name, in document and table order, and parameters as texts."""
+    """What the build was asked for: modes and targets by name, in document and table order, parameters and choices as texts."""
 
     modes: tuple[str, ...]
     emit: tuple[str, ...]
     parameters: Mapping[str, str]
+    choices: Mapping[str, str] = field(default_factory=dict)
 
 
 def manifest(
@@ -58,6 +60,7 @@ def manifest(
                 "modes": choice.modes,
                 "emit": choice.emit,
                 "parameters": dict(sorted(choice.parameters.items())),
+                "choices": dict(sorted(choice.choices.items())),
             },
             "versions": versions(),
             "documents": dict(sorted(documents.items())),
@@ -95,8 +98,10 @@ def sha256_of(content: Content) -> str:
     return content.sha256 if isinstance(content, Stored) else hashlib.sha256(content).hexdigest()
 
 
-def versions() -> dict[str, str]:
-    """Versions of Python, thingc and `DISTRIBUTIONS` as installed, by name; the first on the import path counts.
+@functools.cache
+def versions() -> Mapping[str, str]:
+    """Versions of Python, thingc and `DISTRIBUTIONS` as installed, by name; the first on the import path counts. Looked up once
+    in a process.
 
     Read from the names of the `NAME-VERSION.dist-info` folders ("Recording installed projects", PyPA specifications):
     `importlib.metadata` finds the same, but importing it takes longer than writing everything else.

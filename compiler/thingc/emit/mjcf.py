@@ -1,44 +1,61 @@
-"""MJCF: one MuJoCo model, one scene and one archive per mode, and the meshes that all of them share."""
+"""MJCF: one MuJoCo model and one scene per mode, and the meshes that all of them share."""
 
 from __future__ import annotations
 
-from thingc.emit import mjcf_archive, mjcf_check, mjcf_geometry, mjcf_model, mjcf_raw, mjcf_scene
-from thingc.emit.artifact import Artifacts, Content, Loss
+from dataclasses import dataclass
+
+from thingc.emit import mjcf_check, mjcf_geometry, mjcf_model, mjcf_raw, mjcf_scene
+from thingc.emit.artifact import Artifacts, Content, Loss, Stored
 from thingc.emit.mjcf_xml import write
 from thingc.emit.request import EmitRequest
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Models:
+    """What is written of every mode, before it is laid out as files: `assets` are the meshes, by their name in `assets/`."""
+
+    candidates: tuple[mjcf_check.Candidate, ...]
+    assets: dict[str, Stored]
+    losses: tuple[Loss, ...]
+
+
 def emit(request: EmitRequest) -> Artifacts:
-    """`mjcf/<name>_<mode>.xml`, `.mjz` and `mjcf/scene_<mode>.xml` of each chosen mode, and `mjcf/assets/`.
-
-    Every file has been compiled by MuJoCo; what it says against one is in the report, at the place in the documents.
-    """
-    assembly, robots, report = request.assembly, request.robots, request.report
-    geometry = mjcf_geometry.geometry(assembly, report)
-    models = [mjcf_model.model(robot, geometry) for robot in robots]
-    mjcf_raw.lay(assembly, robots, models, report)
-
+    """`mjcf/<name>_<mode>.xml` and `mjcf/scene_<mode>.xml` of each chosen mode, and `mjcf/assets/`."""
+    made = models(request)
     files: dict[str, Content] = {}
+    for candidate in made.candidates:
+        files[f"mjcf/{candidate.file}"] = candidate.model.text.encode()
+        files[f"mjcf/scene_{candidate.mode}.xml"] = candidate.scene.text.encode()
+    files |= {f"mjcf/assets/{file}": stored for file, stored in made.assets.items()}
+    return Artifacts(files=dict(sorted(files.items())), losses=made.losses)
+
+
+def models(request: EmitRequest) -> Models:
+    """The models of the chosen modes, made once for all targets of a request.
+
+    With `verify` every one has been compiled by MuJoCo; what it says against one is in the report, at the place in the documents.
+    """
+    known = request.made.get("mjcf")
+    if isinstance(known, Models):
+        return known
+    assembly, robots, report = request.assembly, request.robots, request.report
+    geometry = mjcf_geometry.geometry(assembly, report, request.memo)
+    roots = [mjcf_model.model(robot, geometry, request.memo) for robot in robots]
+    mjcf_raw.lay(assembly, robots, roots, report)
+
     losses: dict[Loss, None] = dict.fromkeys(geometry.losses)
     candidates: list[mjcf_check.Candidate] = []
-    for robot, model in zip(robots, models, strict=True):
-        stem = f"{assembly.name}_{robot.mode.name}"
+    for robot, root in zip(robots, roots, strict=True):
+        file = f"{assembly.name}_{robot.mode.name}.xml"
         heading = f"Written by thingc from {assembly.definition.document}, mode {robot.mode.name}."
-        written = write(model, heading)
-        scene = write(mjcf_scene.scene(robot, model, f"{stem}.xml"), heading)
-        files[f"mjcf/{stem}.xml"] = written.text.encode()
-        files[f"mjcf/scene_{robot.mode.name}.xml"] = scene.text.encode()
         losses |= dict.fromkeys(mjcf_model.losses(robot))
+        model = write(root, heading)
         candidates.append(mjcf_check.Candidate(
-            mode=robot.mode.name, file=f"{stem}.xml", root=model, heading=heading, model=written, scene=scene,
-            origin=robot.mode.origin,
+            mode=robot.mode.name, file=file, root=root, heading=heading, model=model,
+            scene=mjcf_scene.scene(robot, file, heading, model, request.memo), origin=robot.mode.origin,
         ))
-    mjcf_check.check(candidates, geometry.meshes, request.store, report)
-    if not report.failed:
-        for candidate in candidates:
-            model_text = candidate.model.text.encode()
-            files[f"mjcf/{candidate.file.removesuffix('.xml')}.mjz"] = mjcf_archive.archive(
-                model_text, geometry.assets, request.store
-            )
-    files |= {f"mjcf/assets/{file}": stored for file, stored in geometry.assets.items()}
-    return Artifacts(files=dict(sorted(files.items())), losses=tuple(losses))
+    if request.verify:
+        mjcf_check.check(candidates, geometry.meshes, request.store, report)
+    made = Models(candidates=tuple(candidates), assets=geometry.assets, losses=tuple(losses))
+    request.made["mjcf"] = made
+    return made

@@ -11,7 +11,9 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from thingc.emit.artifact import Stored
+from thingc.emit import mjcf
+from thingc.emit.artifact import Artifacts, Stored
+from thingc.emit.request import EmitRequest
 from thingc.realize.store import BlobMissing, Store
 
 MODEL = "model.xml"
@@ -31,6 +33,20 @@ class Deflated:
     data: bytes
     crc: int
     size: int
+
+
+def emit(request: EmitRequest) -> Artifacts:
+    """`mjcf/<name>_<mode>.mjz` of each chosen mode. What it cannot say is what the model in it cannot say."""
+    made = mjcf.models(request)
+    if request.report.failed:
+        return Artifacts(files={}, losses=made.losses)
+    return Artifacts(
+        files={
+            f"mjcf/{candidate.file.removesuffix('.xml')}.mjz": archive(candidate.model.text.encode(), made.assets, request.store)
+            for candidate in made.candidates
+        },
+        losses=made.losses,
+    )
 
 
 def archive(model: bytes, assets: Mapping[str, Stored], store: Store) -> bytes:

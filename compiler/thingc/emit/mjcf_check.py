@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from thingc.diagnostics import Code, Report, Severity
+from thingc.diagnostics import Code, Note, Report, Severity
 from thingc.emit.mjcf_geometry import MeshAsset
 from thingc.emit.mjcf_known import Known, mujoco_version
 from thingc.emit.mjcf_xml import Element, RawValue, Written, write
@@ -71,7 +71,7 @@ def attempt(text: str, files: Mapping[str, bytes]) -> Verdict:
     """Compile one text, with the files that it names in memory."""
     import mujoco
 
-    with _heard() as warnings:
+    with heard() as warnings:
         try:
             mujoco.MjModel.from_xml_string(text, dict(files))
         except (ValueError, mujoco.FatalError) as fault:
@@ -80,7 +80,7 @@ def attempt(text: str, files: Mapping[str, bytes]) -> Verdict:
 
 
 @contextmanager
-def _heard() -> Iterator[list[str]]:
+def heard() -> Iterator[list[str]]:
     """MuJoCo's warnings. Left alone it prints them and writes `MUJOCO_LOG.TXT` into the working folder."""
     import mujoco
 
@@ -115,11 +115,17 @@ def _explain(candidate: Candidate, data: Mapping[str, bytes], report: Report, *,
             value.attribute.origin,
             path=".".join(("raw", value.attribute.target, *value.attribute.path)),
             help="see the XML reference of MuJoCo for the attributes and values it takes",
+            notes=[Note(message=f"{owner.label} comes from here", span=owner.origin[0])] if _of_document(owner) else (),
         )
         written = write(candidate.root, candidate.heading)
     if written is candidate.model:
         message = f"MuJoCo refuses the scene of mode `{candidate.mode}`: {_words(scene_error)}"
         report.add(Code.MJCF_REFUSED, message, candidate.origin, path=candidate.mode)
+
+
+def _of_document(element: Element) -> bool:
+    """Whether something that a document names made this element (an `option` is everybody's)."""
+    return bool(element.origin) and "name" in element.attributes
 
 
 def _blame(

@@ -10,8 +10,10 @@ from dataclasses import dataclass
 from thingc.diagnostics import Code, Note, Report
 from thingc.emit.artifact import Loss, Stored
 from thingc.graph.types import Assembly, Occurrence
+from thingc.memo import Memo
 from thingc.pose import NO_POSE, Pose
 from thingc.realize.record import Mesh, PartDefinition, PartRecord
+from thingc.resolve.model import Material
 from thingc.source import Origin
 
 STL_FACES = 200_000
@@ -42,8 +44,12 @@ class Shape:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shapes:
-    """Of one occurrence: what is drawn (None: nothing) and what collides."""
+    """Of one occurrence, at `path`: what is drawn (None: nothing) and what collides, of what material, in what colour."""
 
+    path: str
+    origin: Origin
+    material: Material | None
+    color: str | None
     visual: Shape | None
     collision: tuple[Shape, ...]
 
@@ -62,9 +68,24 @@ class Geometry:
         return {mesh.file: mesh.stored for mesh in self.meshes}
 
 
-def geometry(assembly: Assembly, report: Report) -> Geometry:
+def geometry(assembly: Assembly, report: Report, memo: Memo | None = None) -> Geometry:
     """The geometry of every occurrence; what MuJoCo cannot take is reported, what it takes differently is a loss."""
-    return _Collector(report).collect(assembly)
+    inputs = tuple(
+        (
+            one.path, one.definition, one.record, one.component.definition, one.overrides.collision, one.overrides.visual,
+            one.material, one.color, one.origin,
+        )
+        for one in assembly.occurrences
+    )
+    found, said = (memo or Memo())("geometry", lambda _: _collected(assembly), inputs)
+    for diagnostic in said.diagnostics:
+        report.say(diagnostic)
+    return found
+
+
+def _collected(assembly: Assembly) -> tuple[Geometry, Report]:
+    report = Report()
+    return _Collector(report).collect(assembly), report
 
 
 class _Collector:
@@ -80,11 +101,16 @@ class _Collector:
 
     def shapes(self, occurrence: Occurrence) -> Shapes:
         record, definition = occurrence.record, occurrence.component.definition
-        if record is None or not record.meshes or not isinstance(definition, PartDefinition):
-            return Shapes(visual=None, collision=())
-        visual = record.meshes.get("visual") if occurrence.overrides.visual else None
-        drawn = self.mesh(occurrence, definition.stem, "", "obj", visual) if visual is not None else None
-        return Shapes(visual=drawn, collision=self.collision(occurrence, definition.stem, record))
+        drawn: Shape | None = None
+        touching: tuple[Shape, ...] = ()
+        if record is not None and record.meshes and isinstance(definition, PartDefinition):
+            visual = record.meshes.get("visual") if occurrence.overrides.visual else None
+            drawn = self.mesh(occurrence, definition.stem, "", "obj", visual) if visual is not None else None
+            touching = self.collision(occurrence, definition.stem, record)
+        return Shapes(
+            path=occurrence.path, origin=occurrence.origin, material=occurrence.material, color=occurrence.color, visual=drawn,
+            collision=touching,
+        )
 
     def collision(self, occurrence: Occurrence, stem: str, record: PartRecord) -> tuple[Shape, ...]:
         """What `collision:` chose for an occurrence."""

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from thingc.emit.mjcf_xml import number, numbers
-from thingc.graph.types import Link
-from thingc.inertia import ZERO, physical_fault, principal_moments
+from thingc.inertia import ZERO, MassProperties, physical_fault, principal_moments
 from thingc.pose import Matrix
 
 
-def inertial(link: Link) -> dict[str, str]:
+def inertial(properties: MassProperties) -> dict[str, str]:
     """Mass [kg], centre [m] and inertia [kg m^2] about the centre, in the link's frame, as attributes of `<inertial>`.
 
     A link that never moves may have an inertia that no solid has (a mass at a point): MuJoCo refuses to find its
     principal axes, and nothing depends on it, so it gets none.
     """
-    properties = link.properties
     inertia = properties.inertia
     attributes = {"pos": numbers(properties.centre), "mass": number(properties.mass)}
     if inertia == ZERO or physical_fault(inertia) is not None:

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from typing import Any
+
 from thingc.emit import mjcf_closures, mjcf_sensors
 from thingc.emit.artifact import Loss
 from thingc.emit.mjcf_drives import NOTHING, both_ways, drive_attributes, joint_range
-from thingc.emit.mjcf_geometry import Geometry, Shape
+from thingc.emit.mjcf_geometry import Geometry, MeshAsset, Shape, Shapes
 from thingc.emit.mjcf_inertial import inertial
 from thingc.emit.mjcf_xml import Element, number, numbers, pose_attributes
-from thingc.graph.types import Link, Occurrence
+from thingc.graph.types import ActuatorModel, Link
+from thingc.inertia import MassProperties
+from thingc.memo import Memo
 from thingc.pose import Pose
+from thingc.resolve.model import Material
 from thingc.robot.types import CoreJoint, Robot
+from thingc.source import Origin
 
 FREE_JOINT = "root"
 """The name of a free base's joint."""
@@ -23,9 +30,9 @@ STIFF = "0.9999 0.9999 0.001 0.5 2"
 inverse inertias, whatever the multiplier; with its default a slide that mimics a light hinge lags by seconds instead of 20 ms."""
 
 
-def model(robot: Robot, geometry: Geometry) -> Element:
-    """The whole `<mujoco>` element of a mode, before raw attributes."""
-    return _Builder(robot, geometry).build()
+def model(robot: Robot, geometry: Geometry, memo: Memo | None = None) -> Element:
+    """The whole `<mujoco>` element of a mode, before raw attributes. What `memo` has of it is taken from there."""
+    return _Builder(robot, geometry, memo or Memo()).build()
 
 
 def losses(robot: Robot) -> tuple[Loss, ...]:
@@ -60,8 +67,10 @@ def _joints(robot: Robot) -> list[CoreJoint]:
 class _Builder:
     """The sections of one model, one method each."""
 
-    def __init__(self, robot: Robot, geometry: Geometry) -> None:
+    def __init__(self, robot: Robot, geometry: Geometry, memo: Memo) -> None:
         self.robot = robot
+        self.memo = memo
+        self.raw = {word for attribute in robot.assembly.raw for word in _suffixes(attribute.path[1:2])}
         self.geometry = geometry
         self.assembly = robot.assembly
         self.links: list[Link] = [robot.assembly.links[body.link] for body in robot.bodies]
@@ -70,6 +79,14 @@ class _Builder:
         self.root = Element(
             tag="mujoco", attributes={"model": f"{self.assembly.name}_{robot.mode.name}"}, origin=robot.mode.origin
         )
+
+    def grow(self, parent: Element, place: tuple[str, ...], make: Callable[..., tuple[Element, ...]], *inputs: Any) -> None:
+        """Add the elements that `make(*inputs)` gives, which are none of this model alone, unless raw attributes name them."""
+        elements, names = self.memo(place, _made, make, *inputs)
+        if self.raw.isdisjoint(names):
+            parent.children.extend(elements)
+        else:
+            parent.children.extend(element.copy() for element in elements)
 
     def build(self) -> Element:
         """The sections in the order of the Menagerie."""
@@ -117,16 +134,8 @@ class _Builder:
     def asset(self) -> None:
         """Materials and meshes, in the order in which the document's occurrences first need them."""
         section = self.root.add("asset")
-        met: set[str] = set()
-        for occurrence in self.assembly.occurrences:
-            name = _material_name(occurrence)
-            if name is not None and name not in met and self.geometry.shapes[occurrence.index].visual is not None:
-                met.add(name)
-                origin = occurrence.material.origin if occurrence.material is not None else occurrence.origin
-                section.add("material", {"name": name, "rgba": _rgba(occurrence.color or "")}, origin)
-        for mesh in self.geometry.meshes:
-            attributes = {"name": mesh.name, "file": mesh.file}
-            section.add("mesh", {**attributes, "inertia": "shell"} if mesh.shell else attributes, mesh.origin)
+        self.grow(section, ("material",), _materials, self.geometry.shapes)
+        self.grow(section, ("mesh",), _meshes, self.geometry.meshes)
 
     def worldbody(self) -> None:
         """The tree of links."""
@@ -142,54 +151,20 @@ class _Builder:
             element = (world if body.parent is None else made[body.parent]).add("body", attributes, link.origin)
             made.append(element)
             if link.properties.mass > 0.0:
-                element.add("inertial", inertial(link), link.origin)
+                self.grow(element, ("inertial", link.name), _inertial, link.properties, link.origin)
             if body.parent is None and self.robot.base == "free":
                 element.add("freejoint", {"name": FREE_JOINT}, self.robot.mode.origin)
             if body.joint is not None:
-                element.add("joint", self.joint(body.joint), body.joint.origin)
-            for member, pose in zip(link.members, link.poses, strict=True):
-                self.geoms(element, self.assembly.occurrences[member], pose)
+                driven = body.joint.path in self.driven
+                self.grow(element, ("joint", self.robot.mode.name, body.joint.path), _joint, body.joint, driven)
+            self.grow(element, ("geoms", link.name), _geoms, link.poses, tuple(self.geometry.shapes[member] for member in link.members))
         for site in self.robot.sites:
-            made[site.body].add("site", {"name": site.path, **pose_attributes(site.pose)}, site.origin)
+            self.grow(made[site.body], ("site", site.path), _site, site.path, site.pose, site.origin)
         mjcf_closures.sites(self.robot, made)
         mjcf_sensors.cameras(self.robot, made)
         # The sites of a link belong to it, not to what hangs on it: children come last.
         for element in made:
             element.children.sort(key=lambda child: child.tag == "body")
-
-    def joint(self, joint: CoreJoint) -> dict[str, str]:
-        """A hinge or slide. An effort limit stands on its actuator; on the joint itself only where there is none."""
-        attributes = {"name": joint.path, "type": joint.kind}
-        if any(joint.anchor):
-            attributes["pos"] = numbers(joint.anchor)
-        attributes["axis"] = numbers(joint.axis)
-        bounds = joint_range(joint.limit)
-        if bounds is not None:
-            attributes["range"] = numbers(bounds)
-        if joint.limit.effort is not None and joint.path not in self.driven:
-            attributes["actuatorfrcrange"] = both_ways(joint.limit.effort)
-        dynamics = joint.dynamics
-        for name, value in (
-            ("stiffness", dynamics.stiffness), ("damping", dynamics.damping), ("frictionloss", dynamics.friction),
-            ("armature", dynamics.armature),
-        ):
-            if value is not None:
-                attributes[name] = number(value)
-        return attributes
-
-    def geoms(self, body: Element, occurrence: Occurrence, pose: Pose) -> None:
-        """What an occurrence shows and what it touches with; `pose` is its own in the link."""
-        shapes = self.geometry.shapes[occurrence.index]
-        if shapes.visual is not None:
-            attributes = {"name": occurrence.path, "class": "visual", **_shape(shapes.visual, pose)}
-            material = _material_name(occurrence)
-            if material is not None:
-                attributes["material"] = material
-            body.add("geom", attributes, occurrence.origin)
-        for index, shape in enumerate(shapes.collision):
-            name = f"{occurrence.path}:collision" + (f"_{index}" if index else "")
-            attributes = {"name": name, "class": "collision", **_shape(shape, pose), **_friction(occurrence)}
-            body.add("geom", attributes, occurrence.origin)
 
     def contact(self) -> None:
         """Pairs of links that never touch; a held link no more touches the world that holds it than the root does."""
@@ -219,7 +194,7 @@ class _Builder:
         for path in self.driven:
             joint, drive = self.joints[path], self.joints[path].actuator
             if drive is not None:
-                section.add(drive.kind, {"name": path, "joint": path, **drive_attributes(joint, drive)}, drive.origin)
+                self.grow(section, ("actuator", self.robot.mode.name, path), _drive, joint, drive)
         body_of = {body.link: index for index, body in enumerate(self.robot.bodies)}
         for magnet in self.assembly.adhesions:
             link = self.links[body_of[self.assembly.link_of[magnet.occurrence]]]
@@ -232,20 +207,110 @@ class _Builder:
         section = self.root.add("keyframe")
         for frame in self.robot.keyframes:
             base = frame.base or self.robot.bodies[0].X_PL
-            qpos = [*base.translation, *base.quaternion()] if self.robot.base == "free" else []
+            turned = self.memo(("base", self.robot.mode.name, frame.name), Pose.quaternion, base)
+            qpos = [*base.translation, *turned] if self.robot.base == "free" else []
             qpos += [frame.q[path] for path in self.joints]
             ctrl = [frame.q[path] if self.is_position(path) else 0.0 for path in self.driven]
             ctrl += [self.robot.adhesion.get(magnet.path, 0.0) for magnet in self.assembly.adhesions]
-            attributes = {"name": frame.name}
-            attributes |= {name: numbers(values) for name, values in (("qpos", qpos), ("ctrl", ctrl)) if values}
+            values: list[tuple[str, str | tuple[float, ...]]] = [("name", frame.name)]
+            values += [(name, tuple(row)) for name, row in (("qpos", qpos), ("ctrl", ctrl)) if row]
             if self.robot.base == "held":
-                attributes |= {"mpos": numbers(base.translation), "mquat": numbers(base.quaternion())}
-            section.add("key", attributes, frame.origin)
+                values += [("mpos", base.translation), ("mquat", turned)]
+            self.grow(section, ("key", self.robot.mode.name, frame.name), _key, tuple(values), frame.origin)
 
     def is_position(self, path: str) -> bool:
         """Whether a joint's control is a position."""
         drive = self.joints[path].actuator
         return drive is not None and drive.kind == "position"
+
+
+def _suffixes(words: tuple[str, ...]) -> Iterator[str]:
+    """What the name in the path of a raw attribute may mean: see `mjcf_raw`."""
+    for word in words:
+        parts = word.replace(".", "/").split("/")
+        yield from ("/".join(parts[first:]) for first in range(len(parts)))
+
+
+def _made(make: Callable[..., tuple[Element, ...]], *inputs: Any) -> tuple[tuple[Element, ...], frozenset[str]]:
+    """Elements, and their names as raw attributes have them."""
+    elements = make(*inputs)
+    return elements, frozenset(element.attributes.get("name", "").replace(".", "/") for element in elements)
+
+
+def _meshes(meshes: tuple[MeshAsset, ...]) -> tuple[Element, ...]:
+    return tuple(
+        Element(
+            tag="mesh", attributes={"name": mesh.name, "file": mesh.file, **({"inertia": "shell"} if mesh.shell else {})},
+            origin=mesh.origin,
+        )
+        for mesh in meshes
+    )
+
+
+def _materials(shapes: tuple[Shapes, ...]) -> tuple[Element, ...]:
+    found: dict[str, Element] = {}
+    for one in shapes:
+        name = _material_name(one)
+        if name is not None and name not in found and one.visual is not None:
+            origin = one.material.origin if one.material is not None else one.origin
+            found[name] = Element(tag="material", attributes={"name": name, "rgba": _rgba(one.color or "")}, origin=origin)
+    return tuple(found.values())
+
+
+def _inertial(properties: MassProperties, origin: Origin) -> tuple[Element, ...]:
+    return (Element(tag="inertial", attributes=inertial(properties), origin=origin),)
+
+
+def _site(path: str, pose: Pose, origin: Origin) -> tuple[Element, ...]:
+    return (Element(tag="site", attributes={"name": path, **pose_attributes(pose)}, origin=origin),)
+
+
+def _joint(joint: CoreJoint, driven: bool) -> tuple[Element, ...]:
+    """A hinge or slide. An effort limit stands on its actuator; on the joint itself only where it is not `driven`."""
+    attributes = {"name": joint.path, "type": joint.kind}
+    if any(joint.anchor):
+        attributes["pos"] = numbers(joint.anchor)
+    attributes["axis"] = numbers(joint.axis)
+    bounds = joint_range(joint.limit)
+    if bounds is not None:
+        attributes["range"] = numbers(bounds)
+    if joint.limit.effort is not None and not driven:
+        attributes["actuatorfrcrange"] = both_ways(joint.limit.effort)
+    dynamics = joint.dynamics
+    for name, value in (
+        ("stiffness", dynamics.stiffness), ("damping", dynamics.damping), ("frictionloss", dynamics.friction),
+        ("armature", dynamics.armature),
+    ):
+        if value is not None:
+            attributes[name] = number(value)
+    return (Element(tag="joint", attributes=attributes, origin=joint.origin),)
+
+
+def _geoms(poses: tuple[Pose, ...], shapes: tuple[Shapes, ...]) -> tuple[Element, ...]:
+    """What the occurrences of a link show and what they touch with; `poses` are their own in the link."""
+    made: list[Element] = []
+    for pose, one in zip(poses, shapes, strict=True):
+        if one.visual is not None:
+            attributes = {"name": one.path, "class": "visual", **_shape(one.visual, pose)}
+            material = _material_name(one)
+            if material is not None:
+                attributes["material"] = material
+            made.append(Element(tag="geom", attributes=attributes, origin=one.origin))
+        for index, shape in enumerate(one.collision):
+            name = f"{one.path}:collision" + (f"_{index}" if index else "")
+            attributes = {"name": name, "class": "collision", **_shape(shape, pose), **_friction(one.material)}
+            made.append(Element(tag="geom", attributes=attributes, origin=one.origin))
+    return tuple(made)
+
+
+def _drive(joint: CoreJoint, drive: ActuatorModel) -> tuple[Element, ...]:
+    attributes = {"name": joint.path, "joint": joint.path, **drive_attributes(joint, drive)}
+    return (Element(tag=drive.kind, attributes=attributes, origin=drive.origin),)
+
+
+def _key(attributes: tuple[tuple[str, str | tuple[float, ...]], ...], origin: Origin) -> tuple[Element, ...]:
+    texts = {name: value if isinstance(value, str) else numbers(value) for name, value in attributes}
+    return (Element(tag="key", attributes=texts, origin=origin),)
 
 
 def _shape(shape: Shape, pose: Pose) -> dict[str, str]:
@@ -254,13 +319,12 @@ def _shape(shape: Shape, pose: Pose) -> dict[str, str]:
     return {"type": shape.kind, "size": numbers(shape.size), **pose_attributes(pose @ shape.pose)}
 
 
-def _friction(occurrence: Occurrence) -> dict[str, str]:
+def _friction(material: Material | None) -> dict[str, str]:
     """`friction` where the material states any, the rest MuJoCo's own.
 
     MuJoCo takes the larger of two geoms' friction, which would lose the document's number on any floor: a priority makes
     it count (the larger one again between two of ours). Torsional and rolling friction only act with `condim` 4 and 6.
     """
-    material = occurrence.material
     if material is None or (material.slide is None and material.torsion is None and material.roll is None):
         return {}
     slide = 1.0 if material.slide is None else material.slide
@@ -274,12 +338,12 @@ def _friction(occurrence: Occurrence) -> dict[str, str]:
     return attributes
 
 
-def _material_name(occurrence: Occurrence) -> str | None:
+def _material_name(one: Shapes) -> str | None:
     """`petg_e6e6fa`: material and colour, because a document may colour one material differently."""
-    if occurrence.color is None:
+    if one.color is None:
         return None
-    name = occurrence.material.name if occurrence.material is not None else "color"
-    return f"{name}_{occurrence.color.removeprefix('#')}"
+    name = one.material.name if one.material is not None else "color"
+    return f"{name}_{one.color.removeprefix('#')}"
 
 
 def _rgba(color: str) -> str:

@@ -3,22 +3,36 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
-from thingc.emit.mjcf_xml import Element, number, numbers
+from thingc.emit.mjcf_xml import Element, Written, number, numbers, write
+from thingc.memo import Memo
 from thingc.pose import NO_POSE, Pose, Vector
 from thingc.robot.types import Robot
+from thingc.source import Origin
 
 FLOOR = "floor"
 
 
-def scene(robot: Robot, model: Element, file: str) -> Element:
-    """The scene of a mode around `file`, which lies beside it; `model` is what that file holds.
+Box = tuple[Vector, Vector]
+"""Two corners [m], the lower one first."""
+
+
+def scene(robot: Robot, file: str, heading: str, model: Written, memo: Memo | None = None) -> Written:
+    """The scene of a mode around `file`, which lies beside it; `model` is what that file holds."""
+    memo, mode = memo or Memo(), robot.mode
+    box = memo(("bounds", mode.name), bounds, *placements(robot))
+    title = f"{robot.assembly.name}_{mode.name} scene"
+    return memo(("scene", mode.name), _scene, title, box, file, floor_name(model), heading, mode.origin)
+
+
+def _scene(title: str, box: Box | None, file: str, floor: str, heading: str, origin: Origin) -> Written:
+    """The text of a scene.
 
     What is stated before the `include` a raw attribute may override. The floor is z = 0 of the world, where a mode's root
     is mated, so on a wall or a ceiling the plane is that wall or ceiling.
     """
-    root = Element(tag="mujoco", attributes={"model": f"{robot.assembly.name}_{robot.mode.name} scene"}, origin=robot.mode.origin)
-    box = bounds(robot)
+    root = Element(tag="mujoco", attributes={"model": title}, origin=origin)
     if box is not None:
         low, high = box
         centre = [round((low[k] + high[k]) / 2.0, 3) for k in range(3)]
@@ -42,31 +56,41 @@ def scene(robot: Robot, model: Element, file: str) -> Element:
     })
     world = root.add("worldbody")
     world.add("light", {"pos": "0 0 1.5", "dir": "0 0 -1", "directional": "true"})
-    world.add("geom", {"name": floor_name(model), "size": "0 0 0.05", "type": "plane", "material": "groundplane"})
-    return root
+    world.add("geom", {"name": floor, "size": "0 0 0.05", "type": "plane", "material": "groundplane"})
+    return write(root, heading)
 
 
-def floor_name(model: Element) -> str:
+def floor_name(model: Written) -> str:
     """`floor`, unless a component has the name: then `scene:floor`, which none can have."""
-    taken = any(element.tag == "geom" and element.attributes.get("name") == FLOOR for element in model.walk())
+    taken = f'<geom name="{FLOOR}"' in model.text  # the name is the first attribute of every geom
     return f"scene:{FLOOR}" if taken else FLOOR
 
 
-def bounds(robot: Robot) -> tuple[Vector, Vector] | None:
-    """The box [m] around the robot in the world at q = 0, from its parts' boxes; None without geometry."""
+def placements(robot: Robot) -> tuple[tuple[tuple[int | None, Pose], ...], tuple[tuple[tuple[Pose, Box | None], ...], ...]]:
+    """Of every body its parent and its pose there, and of every body the poses and boxes of its parts."""
+    links, occurrences = robot.assembly.links, robot.assembly.occurrences
+    boxes = tuple(one.record.box if one.record is not None else None for one in occurrences)
+    return tuple((body.parent, body.X_PL) for body in robot.bodies), tuple(
+        tuple((pose, boxes[member]) for member, pose in zip(links[body.link].members, links[body.link].poses, strict=True))
+        for body in robot.bodies
+    )
+
+
+def bounds(
+    bodies: Sequence[tuple[int | None, Pose]], parts: Sequence[Sequence[tuple[Pose, Box | None]]]
+) -> Box | None:
+    """The box [m] around the robot in the world at q = 0, from its parts' boxes (see `placements`); None without geometry."""
     low, high = [math.inf] * 3, [-math.inf] * 3
     poses: list[Pose] = []
-    for body in robot.bodies:
-        at = (NO_POSE if body.parent is None else poses[body.parent]) @ body.X_PL
+    for (parent, X_PL), inside in zip(bodies, parts, strict=True):
+        at = (NO_POSE if parent is None else poses[parent]) @ X_PL
         poses.append(at)
-        link = robot.assembly.links[body.link]
-        for member, pose in zip(link.members, link.poses, strict=True):
-            record = robot.assembly.occurrences[member].record
-            if record is None or record.box is None:
+        for pose, box in inside:
+            if box is None:
                 continue
             placed = at @ pose
             for corner in range(8):
-                x, y, z = (record.box[corner >> k & 1][k] for k in range(3))
+                x, y, z = (box[corner >> k & 1][k] for k in range(3))
                 point = placed.apply((x, y, z))
                 low = [min(a, b) for a, b in zip(low, point, strict=True)]
                 high = [max(a, b) for a, b in zip(high, point, strict=True)]

@@ -5,6 +5,7 @@ MuJoCo's own `to_xml` writes six digits, and knows nothing of documents.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
@@ -23,9 +24,11 @@ class RawValue:
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Element:
-    """An XML element. `origin` is what in the documents made it (empty: nothing in particular); `raw` its raw attributes.
+    """An XML element. `origin` is what in the documents made it (empty: nothing in particular); `raw` its raw attributes; `opening`
+    its tag with its attributes as text, once that was asked for.
 
-    Not frozen: a tree is grown from the top, and raw attributes are laid over it when every name is known.
+    Not frozen: a tree is grown from the top, and raw attributes are laid over it when every name is known. An element that stands
+    in several trees is never changed: a tree that needs another one takes a `copy`.
     """
 
     tag: str
@@ -33,6 +36,22 @@ class Element:
     children: list[Element] = field(default_factory=list)
     origin: Origin = ()
     raw: dict[str, RawValue] = field(default_factory=dict)
+    _opening: str | None = field(default=None, init=False, repr=False)
+
+    @property
+    def opening(self) -> str:
+        """`<joint name="yaw"`: the tag and its attributes, escaped, without what closes it."""
+        if self._opening is None:
+            values = "".join(self.attributes.values())
+            attributes = self.attributes.items() if _SPECIAL.search(values) is None else (
+                (name, value.translate(_ESCAPES)) for name, value in self.attributes.items()
+            )
+            self._opening = f"<{self.tag}" + "".join([f' {name}="{value}"' for name, value in attributes])
+        return self._opening
+
+    def copy(self) -> Element:
+        """The same element, to be changed; only of one without children."""
+        return Element(tag=self.tag, attributes=dict(self.attributes), origin=self.origin)
 
     def add(self, tag: str, attributes: Mapping[str, str] | None = None, origin: Origin = ()) -> Element:
         """A new last child."""
@@ -63,6 +82,7 @@ class Element:
         before = self.raw[name].before if name in self.raw else self.attributes.get(name)
         self.raw[name] = RawValue(attribute=attribute, before=before)
         self.attributes[name] = attribute.value
+        self._opening = None
 
     def lift(self, name: str) -> RawValue:
         """Undo `lay`: the attribute is again what the compiler wrote."""
@@ -71,6 +91,7 @@ class Element:
             del self.attributes[name]
         else:
             self.attributes[name] = value.before
+        self._opening = None
         return value
 
 
@@ -114,27 +135,26 @@ def write(root: Element, heading: str) -> Written:
     """The document: one element per line, two spaces per level, a blank line between sections; `heading` is a comment."""
     text: list[str] = [f"<!-- {heading.replace('--', '- -')} -->"]
     lines: list[Element | None] = [None]
-    waiting: list[tuple[Element | str, str]] = [(root, "")]
-    while waiting:
-        element, indent = waiting.pop()
-        if isinstance(element, str):
-            text.append(element)
-            lines.append(None)
-            continue
-        attributes = "".join(f' {name}="{_escaped(value)}"' for name, value in element.attributes.items())
-        text.append(f"{indent}<{element.tag}{attributes}{'>' if element.children else '/>'}")
-        lines.append(element)
-        if element.children:
-            waiting.append((f"{indent}</{element.tag}>", ""))
-        for child in reversed(element.children):
-            waiting.append((child, indent + "  "))
-            if element is root and child is not element.children[0]:
-                waiting.append(("", ""))
+    under_way: list[tuple[Iterator[Element], str, str]] = [(iter((root,)), "", "")]  # a stack: a chain of links may be long
+    while under_way:
+        waiting, indent, closing = under_way[-1]
+        for element in waiting:
+            if len(under_way) == 2 and len(lines) > 2:
+                text.append("")
+                lines.append(None)
+            lines.append(element)
+            if element.children:
+                text.append(f"{indent}{element.opening}>")
+                under_way.append((iter(element.children), indent + "  ", f"{indent}</{element.tag}>"))
+                break
+            text.append(f"{indent}{element.opening}/>")
+        else:
+            under_way.pop()
+            if closing:
+                text.append(closing)
+                lines.append(None)
     return Written(text="\n".join(text) + "\n", lines=tuple(lines))
 
 
 _ESCAPES = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"})
-
-
-def _escaped(value: str) -> str:
-    return value.translate(_ESCAPES)
+_SPECIAL = re.compile('[&<>"\n\r\t]')

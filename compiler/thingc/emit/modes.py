@@ -13,13 +13,19 @@ from __future__ import annotations
 
 from thingc.emit import jsontext
 from thingc.emit.artifact import Artifacts
+from thingc.emit.jsontext import Fragment, fragment
 from thingc.emit.request import EmitRequest
-from thingc.pose import NO_POSE, Pose, shifted
+from thingc.inertia import MassProperties
+from thingc.memo import Memo
+from thingc.pose import NO_POSE, Pose, Vector, shifted
 from thingc.resolve.model import Mimic
 from thingc.robot.types import Robot
 
 WIDTHS = {"hinge": (1, 1), "slide": (1, 1)}
 """How many entries of MuJoCo's qpos and qvel a joint of each kind of the core has."""
+
+LISTED = 3
+"""How deep a link or a joint stands in the file: in a list of a mode of the whole."""
 
 FREE = (7, 6)
 """The same for a free base: position and quaternion; linear and angular velocity."""
@@ -27,12 +33,12 @@ FREE = (7, 6)
 
 def emit(request: EmitRequest) -> Artifacts:
     """`modes.json` of the chosen modes, in document order. It goes with the MJCF files, whose addresses it states."""
-    described = {robot.mode.name: describe(robot) for robot in request.robots}
+    described = {robot.mode.name: describe(robot, request.memo) for robot in request.robots}
     return Artifacts(files={"modes.json": jsontext.encode(described)})
 
 
-def describe(robot: Robot) -> dict[str, object]:
-    """One mode as plain data, lengths in metres and angles in radians.
+def describe(robot: Robot, memo: Memo | None = None) -> dict[str, object]:
+    """One mode as plain data for `jsontext`, lengths in metres and angles in radians.
 
     - `root` the path of the site on which the mode stands, `base` `fixed | held | free`, `gravity` [m/s^2] in the world,
       `X_world_root` where the mode puts its root link, 4 x 4, by rows;
@@ -50,38 +56,26 @@ def describe(robot: Robot) -> dict[str, object]:
     """
     names = [robot.assembly.links[body.link].name for body in robot.bodies]
     at_zero: list[Pose] = []
-    links: list[dict[str, object]] = []
-    joints: list[dict[str, object]] = []
+    memo, mode = memo or Memo(), robot.mode.name
+    links: list[Fragment] = []
+    joints: list[Fragment] = []
+    order: list[str] = []
     qpos, dof = FREE if robot.base == "free" else (0, 0)
     for name, body in zip(names, robot.bodies, strict=True):
         pose = NO_POSE if body.parent is None else at_zero[body.parent] @ body.X_PL
         at_zero.append(pose)
         own = robot.assembly.links[body.link].properties
-        links.append({
-            "name": name, "X_root_link": pose.rows(), "mass": own.mass, "centre": own.centre, "inertia": own.inertia,
-        })
+        links.append(memo(("modes.json", mode, "link", name), _link, name, pose, own))
         joint = body.joint
         if joint is None or body.parent is None:
             continue
-        joints.append(
-            {
-                "name": joint.path,
-                "kind": joint.kind,
-                "parent": names[body.parent],
-                "child": name,
-                "X_PJ": (body.X_PL @ shifted(*joint.anchor)).rows(),
-                "axis": joint.axis,
-                "offset": joint.offset,
-                "reversed": joint.reversed,
-                "armature": joint.dynamics.armature or 0.0,
-                "mimic": _mimic(joint.mimic),
-                "qpos": qpos,
-                "dof": dof,
-            }
-        )
+        joints.append(memo(
+            ("modes.json", mode, "joint", joint.path), _joint, joint.path, joint.kind, names[body.parent], name, body.X_PL,
+            joint.anchor, joint.axis, joint.offset, joint.reversed, joint.dynamics.armature, joint.mimic, qpos, dof,
+        ))
+        order.append(joint.path)
         positions, velocities = WIDTHS[joint.kind]
         qpos, dof = qpos + positions, dof + velocities
-    order = [str(joint["name"]) for joint in joints]
     order += [closure.path for closure in robot.closures if closure.joint is not None]
     return {
         "root": robot.mode.root.path,
@@ -98,6 +92,32 @@ def describe(robot: Robot) -> dict[str, object]:
         "poses": {frame.name: {name: frame.q[name] for name in order} for frame in robot.keyframes},
         **(_loops(robot, names) if robot.closures else {}),
     }
+
+
+def _link(name: str, pose: Pose, own: MassProperties) -> Fragment:
+    return fragment({
+        "name": name, "X_root_link": pose.rows(), "mass": own.mass, "centre": own.centre, "inertia": own.inertia,
+    }, LISTED)
+
+
+def _joint(
+    path: str, kind: str, parent: str, child: str, X_PL: Pose, anchor: Vector, axis: Vector, offset: float, reversed_: bool,
+    armature: float | None, mimic: Mimic | None, qpos: int, dof: int,
+) -> Fragment:
+    return fragment({
+        "name": path,
+        "kind": kind,
+        "parent": parent,
+        "child": child,
+        "X_PJ": (X_PL @ shifted(*anchor)).rows(),
+        "axis": axis,
+        "offset": offset,
+        "reversed": reversed_,
+        "armature": armature or 0.0,
+        "mimic": _mimic(mimic),
+        "qpos": qpos,
+        "dof": dof,
+    }, LISTED)
 
 
 def _loops(robot: Robot, names: list[str]) -> dict[str, object]:

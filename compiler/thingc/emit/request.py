@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 from thingc.diagnostics import Report
 from thingc.graph.types import Assembly
+from thingc.memo import Memo
 from thingc.robot.types import Robot
 
 if TYPE_CHECKING:
@@ -18,7 +19,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EmitRequest:
     """The robot, once without a root (`assembly`) and once per chosen mode (`robots`, document order), and the doors
-    an emitter may need: the store for meshes, the geometry service for a STEP file, the report for diagnostics."""
+    an emitter may need: the store for meshes, the geometry service for a STEP file, the report for diagnostics. `verify`: what
+    another program shall read is given to that program first."""
 
     assembly: Assembly
     robots: tuple[Robot, ...]
@@ -26,3 +28,8 @@ class EmitRequest:
     geometry: GeometryService
     workspace: Workspace
     report: Report
+    verify: bool = True
+    memo: Memo = field(default_factory=Memo, compare=False, repr=False)
+    """What is worked out once for all modes, and in a session for all requests."""
+    made: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)
+    """What one target has made that others use, by a name of its own."""

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from thingc.diagnostics import did_you_mean
 from thingc.expressions.terms import (
+    COMPARISONS,
     CONSTANTS,
     FUNCTIONS,
     MAX_DEPTH,
@@ -22,16 +23,19 @@ from thingc.expressions.terms import (
 from thingc.units import MAX_TEXT, NUMBER, UNITS, Quantity, UnitError, converted, scan_number, scan_unit
 
 
-def parse_expression(text: str) -> Expression:
-    """Read an expression, with or without its leading `=`. Raises ExpressionError."""
+def parse_expression(text: str, *, dotted: bool = False) -> Expression:
+    """Read an expression, with or without its leading `=`; with `dotted` names may have dots in them (`centre.x`).
+
+    Raises ExpressionError.
+    """
     if len(text) > MAX_TEXT:
         raise ExpressionError(f"an expression of {len(text)} characters is too long (at most {MAX_TEXT})", 0, len(text))
-    return Expression(text=text, tree=_Parser(text).whole())
+    return Expression(text=text, tree=_Parser(text, _DOTTED if dotted else _NAME).whole())
 
 
 _NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
+_DOTTED = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*", re.ASCII)
 _OPERATOR = re.compile(r"\*\*|<=|>=|==|!=|[-+*/<>(),]")
-_COMPARISONS = frozenset(("<", "<=", ">", ">=", "==", "!="))
 _FOREIGN = {
     "^": "a power is written `**`", "%": "`%` is a unit here: `15 %`", "=": "equal is written `==`",
     ".": "a name here is one word: a parameter of this document",
@@ -42,10 +46,11 @@ _FOREIGN = {
 
 
 class _Parser:
-    """Precedence climbing over one text; `at` is the next character."""
+    """Precedence climbing over one text; `at` is the next character, `names` what names are like."""
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, names: re.Pattern[str] = _NAME) -> None:
         self.text = text
+        self.names = names
         self.at = 0
         self.depth = 0
 
@@ -87,11 +92,11 @@ class _Parser:
     def comparison(self) -> Term:
         left = self.sum()
         operator = self.peek()
-        if operator not in _COMPARISONS:
+        if operator not in COMPARISONS:
             return left
         self.at += len(operator)
         right = self.sum()
-        if self.peek() in _COMPARISONS:
+        if self.peek() in COMPARISONS:
             raise ExpressionError("comparisons cannot be chained", self.at, self.at + len(self.peek()), help="compare twice")
         return Binary(operator=operator, left=left, right=right, offset=left.offset, end=right.end)
 
@@ -150,7 +155,7 @@ class _Parser:
         number = scan_number(self.text, self.at)
         if number is not None and self.text[self.at] not in "+-":
             return self.literal(*number)
-        name = _NAME.match(self.text, self.at)
+        name = self.names.match(self.text, self.at)
         if name is None:
             raise self.unexpected("a number, a name or `(`")
         offset, self.at = self.at, name.end()

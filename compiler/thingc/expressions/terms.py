@@ -82,6 +82,9 @@ FUNCTIONS: dict[str, tuple[int, int]] = {
 }
 """Every function, with its least and largest number of arguments."""
 
+COMPARISONS = frozenset(("<", "<=", ">", ">=", "==", "!="))
+"""Operators whose value is true or false."""
+
 CONSTANTS = {"pi": Quantity(math.pi)}
 
 MAX_DEPTH = 60
@@ -94,6 +97,11 @@ class Expression:
 
     text: str
     tree: Term
+
+    @property
+    def compares(self) -> bool:
+        """Whether it is a comparison, whose value is true or false."""
+        return isinstance(self.tree, Binary) and self.tree.operator in COMPARISONS
 
     @property
     def names(self) -> tuple[NameUse, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from thingc.diagnostics import Code, Note, did_you_mean
-from thingc.graph.findings import Findings, written_at
+from thingc.graph.findings import Findings, noted, written_at
 from thingc.graph.types import ActuatorModel, JointEdge
 from thingc.graph.unroll import Instance, Tree
 from thingc.joints import JointKind
@@ -32,6 +32,7 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, kind: JointKind, fi
                 f"and its actuator gives at most {drive.effort:.6g} {unit}",
                 ((span,) + origin[1:]) if span is not None else origin, path=path,
                 help="lower `limit.effort`, or drive the joint by a stronger actuator",
+                notes=noted("its actuator is named here", drive.origin),
             )
         limit = replace(
             limit,
@@ -45,6 +46,7 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, kind: JointKind, fi
                 Code.NO_GAIN, f"joint `{joint.name}` is driven to a position, and its actuator states no gain `kp`",
                 place, path=path,
                 help="state `kp` in the Thing's `Actuator`, or drive inline: `drive: {kind: position, kp: 20}`",
+                notes=_written(tree, instance, drive),
             )
         actuator = ActuatorModel(
             kind=drive.kind or "position", kp=drive.kp, kv=drive.kv, effort=limit.effort, velocity=limit.velocity, origin=place,
@@ -68,7 +70,17 @@ def _filled(tree: Tree, instance: Instance, joint: Joint, drive: Drive, findings
     if actuator is None:
         _no_actuator(instance, joint, drive.component.text, named, drive.component.origin + instance.origin, findings)
         return None
+    if leaf is not None and leaf.record is not None and not leaf.record.exact:
+        return None
     return _over(drive, actuator)
+
+
+def _written(tree: Tree, instance: Instance, drive: Drive) -> tuple[Note, ...]:
+    """The note that shows where the Thing that drives is written; none of an inline drive."""
+    named = tree.component(instance, drive.component) if drive.component is not None else None
+    if named is None or named.leaf is None or named.leaf.record is None:
+        return ()
+    return written_at(f"`{named.leaf.definition.text}`", named.leaf.record.code)
 
 
 def _over(drive: Drive, actuator: Actuator) -> Drive:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from thingc.diagnostics import Code, Note, Report, Severity
+from thingc.diagnostics import MAX_FAULTS, Code, Note, Report, Severity
 from thingc.source import Origin, Span
 
 
@@ -60,9 +60,12 @@ class Findings:
         notes: Iterable[Note], detail: str | None,
     ) -> None:
         key = (code, message, origin[0] if origin else None)
-        if key in self._said:
+        if key in self._said or len(self._said) > MAX_FAULTS:
             return
         self._said.add(key)
+        if len(self._said) > MAX_FAULTS:
+            self.report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} faults; the rest is not said", None)
+            return
         self.report.add(
             code, message, origin or None, help=help, path=path, notes=notes, severity=severity, detail=detail,
         )

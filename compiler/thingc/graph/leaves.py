@@ -10,6 +10,7 @@ from thingc.graph.findings import Findings, line_of, noted, written_at
 from thingc.graph.mass import NOTHING, Density, Weighed, incomplete_infill, merged, stated_inertia, weigh
 from thingc.graph.types import Definition, MountFrame
 from thingc.inertia import MassProperties, physical_fault
+from thingc.memo import Memo
 from thingc.pose import NO_POSE
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord
 from thingc.resolve.model import AssemblyDefinition, BomEntry, Component, Material
@@ -26,6 +27,8 @@ _FAILED = {
     "refused": (Code.PART_REFUSED, "is refused", "take a part from the workspace's `parts` folders or its `packages`"),
     "missing": (Code.PART_MISSING, "is not there", "write `module:Class` with a module on the part path and a class in it"),
     "invalid": (Code.PART_INVALID, "is not valid", "mend the part file"),
+    "stale": (Code.LOCK_STALE, "has changed", "run `thingc lock`, and keep what it writes with the documents"),
+    "unlocked": (Code.NOT_LOCKED, "is not locked", "run `thingc lock`, and keep what it writes with the documents"),
 }
 """By kind of failure: the code, the words that follow the part, and what to do."""
 _SHOWN_PLACES = 8
@@ -49,22 +52,40 @@ class Leaf:
 
 
 class Leaves:
-    """Leaves by component. A component of a definition that is used twice is asked for twice and worked out once."""
+    """Leaves by component. A component of a definition that is used twice is asked for twice and worked out once.
 
-    def __init__(self, records: Mapping[str, PartRecord | PartFailure], findings: Findings) -> None:
+    `unknown`: a part was met of which nobody may know more (see `PartRecord.exact`); the caller has said so.
+    """
+
+    def __init__(self, records: Mapping[str, PartRecord | PartFailure], findings: Findings, memo: Memo) -> None:
+        self._memo = memo
         self._records = records
         self._findings = findings
         self._known: dict[int, Leaf | None] = {}
         self._failures: dict[str, list[tuple[Component, str, Origin]]] = {}
         self._unknown: dict[tuple[str, str, bool], list[tuple[Component, PartRecord, AssemblyDefinition, str, Origin]]] = {}
         self._warned: set[str] = set()
+        self.unknown = False
 
     def leaf(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> Leaf | None:
         """The leaf of `component`, which stands in `scope` and was first met at `path`; None where its part failed."""
         key = id(component)
         if key not in self._known:
-            self._known[key] = self._work_out(component, scope, path, origin)
+            self._known[key] = self._remembered(component, scope, path, origin)
         return self._known[key]
+
+    def _remembered(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> Leaf | None:
+        """The leaf as it was worked out last, if nothing at all was to be said then."""
+        record = self._records.get(component.definition.text) if isinstance(component.definition, PartDefinition) else None
+        material = scope.materials.get(record.material) if isinstance(record, PartRecord) and record.material else None
+        inputs = (component, record, material, scope.materials_known)
+        known: Leaf | None = self._memo.last(("leaf", path), inputs)
+        if known is None:
+            known = self._work_out(component, scope, path, origin)
+            told = self._findings.incomplete or self._findings.report.diagnostics or self._unknown
+            if known is not None and not told:
+                self._memo.keep(("leaf", path), inputs, known)
+        return known
 
     def report_materials(self) -> None:
         """One finding per default material that a document lacks: at its first component, the others as notes."""
@@ -120,8 +141,12 @@ class Leaves:
                 self._failures.setdefault(part.text, []).append((component, path, origin))
                 return None
             if found is None:
+                self.unknown = True
                 return None
             record = found
+            if not record.exact:  # its numbers are those of a relative: nothing that follows from them is said
+                self._findings.leave_out()
+                self.unknown = True
             self._warn(record, path, origin)
             definition = Definition(text=part.text, reference=part.reference, kind="part" if part.kind == "code" else "file")
         elif not component.frame:
@@ -219,7 +244,7 @@ class Leaves:
                     help="inertia is about the centre of mass, in component axes: check units and signs",
                 )
             return fault is None
-        if record is not None and record.matrix is not None:
+        if record is not None and record.exact and record.matrix is not None:
             fault = physical_fault(record.matrix.value)  # type: ignore[arg-type]
             if fault is not None:
                 self._findings.error(

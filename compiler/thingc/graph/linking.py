@@ -2,46 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from thingc.diagnostics import Code, Report
 from thingc.graph.expectations import check_expectations
 from thingc.graph.findings import Findings
-from thingc.graph.hag import hag_of
 from thingc.graph.kinematics import neighbourhood, on_loops, spread
 from thingc.graph.leaves import Leaves
 from thingc.graph.links import fused, links_of
 from thingc.graph.mates import check_loops, mates_of
 from thingc.graph.modes import adhesions_of, check_poses, exported_of, modes_of, raw_of, sensors_of
 from thingc.graph.physics import check_links
-from thingc.graph.types import Assembly, Occurrence
+from thingc.graph.tests import tests_of
+from thingc.graph.types import Assembly, Mate, Occurrence
 from thingc.graph.unroll import Instance, Tree
-from thingc.pose import NO_POSE
+from thingc.memo import Memo
+from thingc.pose import NO_POSE, Pose
 from thingc.realize.record import PartFailure, PartRecord
 from thingc.resolve.model import AssemblyDefinition
 
 
-def link(model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure], report: Report) -> Assembly | None:
+def link(
+    model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure], report: Report, memo: Memo | None = None,
+) -> Assembly | None:
     """The linked assembly, or None where something is wrong (it is in `report`).
 
     `records` answers every part definition of `model` by its text. What depends on something that is wrong is left out
-    without a word of its own. The work is linear in the occurrences.
+    without a word of its own. The work is linear in the occurrences. What `memo` has of it is taken from there.
     """
+    memo = memo or Memo()
     findings = Findings(report)
-    leaves = Leaves(records, findings)
+    leaves = Leaves(records, findings, memo)
     tree = Tree(model, leaves, findings)
     leaves.report_failures()
     leaves.report_materials()
-    mates, laid = mates_of(tree, findings)
+    mates, laid = mates_of(tree, findings, memo)
     exported = exported_of(tree, findings)
-    occurrences = tuple(_occurrence(index, instance, tree) for index, instance in enumerate(tree.leaves))
+    occurrences = tuple(
+        memo.same(("occurrence", instance.path), _occurrence(index, instance, tree)) for index, instance in enumerate(tree.leaves)
+    )
     link_of = fused(len(occurrences), mates)
-    links = links_of(tree, occurrences, mates, findings)
+    links = links_of(tree, occurrences, mates, findings, memo)
     check_loops(mates, link_of, links, findings)
     modes = modes_of(tree, model, link_of, findings)
     sensors = sensors_of(tree)
     adhesions = adhesions_of(tree, model)
     joints = tuple(mate.joint for mate in mates if mate.joint is not None)
+    tests = tests_of(tree, model.tests, joints, findings)
     base = tree.top.index
     if not findings.incomplete:
         # Only of whole assemblies: what was left out may be what carries the mass, or what sits on the mount.
@@ -50,10 +57,11 @@ def link(model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailu
         shown = {(mount.occurrence, mount.mount) for mount in exported if "/" not in mount.path}
         check_expectations(occurrences, mates, laid, shown, findings)
     check_poses(model.poses, model.modes, joints, findings, on_loops(len(occurrences), mates))
-    at = spread(mates, neighbourhood(len(occurrences), mates), base, NO_POSE, {}) if base is not None else {}
+    lie = tuple((m.parent, m.child, m.X_PJ, m.X_JC, m.loop, m.joint and (m.joint.kind, m.joint.offset)) for m in mates)
+    at = memo("rest", lambda *_: _rest(mates, base, len(occurrences)), lie, base, len(occurrences))
     placing = sum(1 for mate in mates if mate.loop is None)
     if base is None or findings.incomplete or len(at) != len(occurrences) or placing != len(occurrences) - 1:
-        if not findings.failed and not findings.earlier:
+        if not findings.failed and not findings.earlier and not leaves.unknown:
             alone = next((tree.leaves[k] for k in range(len(occurrences)) if k not in at), tree.top)
             findings.error(
                 Code.INCOMPLETE, f"`{alone.path or model.name}` does not hang together with the base of `{model.name}`",
@@ -63,10 +71,16 @@ def link(model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailu
     if findings.failed:
         return None
     return Assembly(
-        name=model.name, definition=model, hag=hag_of(model), base=base, occurrences=occurrences, mates=mates, links=links,
+        name=model.name, definition=model, base=base, occurrences=occurrences, mates=mates, links=links,
         link_of=link_of, rest=tuple(at[index] for index in range(len(occurrences))), exported=exported, poses=model.poses,
         modes=modes, adhesions=adhesions, raw=raw_of(tree), sensors=sensors,
+        tests=tests,
     )
+
+
+def _rest(mates: Sequence[Mate], base: int | None, count: int) -> dict[int, Pose]:
+    """The poses of the occurrences at q = 0 in the frame of the base, as far as they hang together with it."""
+    return spread(mates, neighbourhood(count, mates), base, NO_POSE, {}) if base is not None else {}
 
 
 def _occurrence(index: int, instance: Instance, tree: Tree) -> Occurrence:

@@ -10,8 +10,9 @@ from thingc.graph.findings import Findings, noted
 from thingc.graph.kinematics import neighbourhood, spread
 from thingc.graph.types import Link, Mate, Occurrence
 from thingc.graph.unroll import Tree
-from thingc.inertia import total
-from thingc.pose import NO_POSE
+from thingc.inertia import MassProperties, total
+from thingc.memo import Memo
+from thingc.pose import NO_POSE, Pose
 from thingc.source import Origin
 
 
@@ -47,7 +48,9 @@ class _Naming:
     origin: Origin
 
 
-def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], findings: Findings) -> tuple[Link, ...]:
+def links_of(
+    tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], findings: Findings, memo: Memo,
+) -> tuple[Link, ...]:
     """The links in order, named and framed as `links:` says (the outermost document wins), else as their first occurrence."""
     link_of = fused(len(occurrences), mates)
     members: list[list[int]] = [[] for _ in range(max(link_of, default=-1) + 1)]
@@ -55,28 +58,39 @@ def links_of(tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate
         members[number].append(occurrence)
     namings = _namings(tree, link_of, findings)
     neighbours = neighbourhood(len(occurrences), mates)
+    rigid = tuple((m.parent, m.child, m.X_PJ, m.X_JC) for m in mates if m.joint is None and m.loop is None)
     links: list[Link] = []
     taken: dict[str, Link] = {}
     for index, inside in enumerate(members):
         naming = namings.get(index)
         first = occurrences[inside[0]]
         frame = naming.occurrence if naming is not None else inside[0]
-        at = spread(mates, neighbours, frame, NO_POSE, {}, rigid=True)
-        found = tuple(at[k] for k in inside)
-        link = Link(
-            name=naming.name if naming is not None else first.path,
+        name = naming.name if naming is not None else first.path
+
+        def lie(_: object, frame: int, inside: tuple[int, ...]) -> tuple[Pose, ...]:
+            at = spread(mates, neighbours, frame, NO_POSE, {}, rigid=True)
+            return tuple(at[k] for k in inside)
+
+        found = memo(("poses", name), lie, rigid, frame, tuple(inside))
+        link = memo.same(("link", name), Link(
+            name=name,
             index=index,
             frame=frame,
             members=tuple(inside),
             poses=found,
-            properties=total(occurrences[k].properties.seen_from(pose) for k, pose in zip(inside, found)),
+            properties=memo(("weight", name), _summed, tuple(occurrences[k].properties for k in inside), found),
             origin=naming.origin if naming is not None else first.origin,
-        )
+        ))
         other = taken.setdefault(link.name, link)
         if other is not link:
             _clash(other, link, named=naming is not None, occurrences=occurrences, findings=findings)
         links.append(link)
     return tuple(links)
+
+
+def _summed(properties: Sequence[MassProperties], poses: Sequence[Pose]) -> MassProperties:
+    """Bodies, each in its own frame, as one; `poses` are those of their frames."""
+    return total(own.seen_from(pose) for own, pose in zip(properties, poses, strict=True))
 
 
 def _namings(tree: Tree, link_of: Sequence[int], findings: Findings) -> dict[int, _Naming]:

@@ -15,12 +15,13 @@ from thingc.graph.findings import Findings, noted
 from thingc.graph.types import JointEdge, Link, Mate
 from thingc.graph.unroll import Found, Instance, Tree, unplaced
 from thingc.joints import KINDS
+from thingc.memo import Memo
 from thingc.pose import MATE, Pose, shifted, turned_z
 from thingc.resolve.model import AssemblyDefinition, At, Attach, Component, Joint, Reference
 from thingc.source import Origin
 
 
-def mates_of(tree: Tree, findings: Findings) -> tuple[tuple[Mate, ...], frozenset[int]]:
+def mates_of(tree: Tree, findings: Findings, memo: Memo) -> tuple[tuple[Mate, ...], frozenset[int]]:
     """Every edge, and the numbers of those that `at` made (they put no mount onto another).
 
     Of an assembly first its `attach` and `at` in component order, then its joints as written, then the edges of the
@@ -36,33 +37,32 @@ def mates_of(tree: Tree, findings: Findings) -> tuple[tuple[Mate, ...], frozense
             _check_bases(instance, definition, findings)
         for component in definition.components:
             if isinstance(component.placement, Attach):
-                mates.extend(_attached(tree, instance, component.placement))
+                mates.extend(_attached(tree, instance, component.placement, memo))
             elif isinstance(component.placement, At):
                 before = len(mates)
-                mates.extend(_laid(tree, instance, component, component.placement))
+                mates.extend(_laid(tree, instance, component, component.placement, memo))
                 laid.update(range(before, len(mates)))
         for joint in definition.joints:
-            mates.extend(_jointed(tree, instance, joint, findings))
+            mates.extend(_jointed(tree, instance, joint, findings, memo))
     return tuple(mates), frozenset(laid)
 
 
-def _attached(tree: Tree, instance: Instance, attach: Attach) -> Iterator[Mate]:
+def _attached(tree: Tree, instance: Instance, attach: Attach, memo: Memo) -> Iterator[Mate]:
     child, parent = tree.find(instance, attach.mount), tree.find(instance, attach.to)
     if child is not None and parent is not None:
-        yield _mated(parent, child, attach.turn, attach.gap, None, attach.origin + instance.origin)
+        place = ("mate", instance.within(attach.mount.text))
+        yield memo(place, _mated, parent, child, attach.turn, attach.gap, None, attach.origin + instance.origin, None)
 
 
-def _laid(tree: Tree, instance: Instance, component: Component, at: At) -> Iterator[Mate]:
+def _laid(tree: Tree, instance: Instance, component: Component, at: At, memo: Memo) -> Iterator[Mate]:
     mine = Reference(path=(component.name,), mount="origin", origin=component.origin)
     child, parent = tree.find(instance, mine), tree.find(instance, at.to)
     if child is not None and parent is not None:
-        yield Mate(
-            parent=parent.occurrence, child=child.occurrence, parent_mount=parent.mount, child_mount="origin",
-            X_PJ=parent.pose @ at.pose, X_JC=child.pose.inverse(), joint=None, origin=at.origin + instance.origin,
-        )
+        place = ("mate", instance.within(component.name))
+        yield memo(place, _laid_on, parent, child, at.pose, at.origin + instance.origin)
 
 
-def _jointed(tree: Tree, instance: Instance, joint: Joint, findings: Findings) -> Iterator[Mate]:
+def _jointed(tree: Tree, instance: Instance, joint: Joint, findings: Findings, memo: Memo) -> Iterator[Mate]:
     child, parent = tree.find(instance, joint.child), tree.find(instance, joint.parent)
     kind = KINDS.get(joint.kind)
     if kind is None:
@@ -71,7 +71,8 @@ def _jointed(tree: Tree, instance: Instance, joint: Joint, findings: Findings) -
         return
     edge = joint_edge(tree, instance, joint, kind, findings) if kind.moves else None
     path = instance.within(joint.name)
-    yield _mated(parent, child, joint.turn, joint.gap, edge, joint.origin + instance.origin, loop=path if joint.loop else None)
+    origin = joint.origin + instance.origin
+    yield memo(("joint", path), _mated, parent, child, joint.turn, joint.gap, edge, origin, path if joint.loop else None)
 
 
 def check_loops(mates: Sequence[Mate], link_of: Sequence[int], links: Sequence[Link], findings: Findings) -> None:
@@ -82,11 +83,12 @@ def check_loops(mates: Sequence[Mate], link_of: Sequence[int], links: Sequence[L
             findings.error(
                 Code.LOOP, f"joint `{mate.loop}` closes no loop: both its mounts are on link `{name}`", mate.origin,
                 path=mate.loop, help="name mounts of two links that move against each other, or take the joint out",
+                notes=noted(f"link `{name}` begins here", links[link_of[mate.parent]].origin),
             )
 
 
 def _mated(
-    parent: Found, child: Found, turn: float, gap: float, joint: JointEdge | None, origin: Origin, *, loop: str | None = None,
+    parent: Found, child: Found, turn: float, gap: float, joint: JointEdge | None, origin: Origin, loop: str | None,
 ) -> Mate:
     at: Pose = parent.pose
     if turn != 0.0:
@@ -96,6 +98,13 @@ def _mated(
     return Mate(
         parent=parent.occurrence, child=child.occurrence, parent_mount=parent.mount, child_mount=child.mount,
         X_PJ=at, X_JC=MATE @ child.pose.inverse(), joint=joint, origin=origin, loop=loop,
+    )
+
+
+def _laid_on(parent: Found, child: Found, pose: Pose, origin: Origin) -> Mate:
+    return Mate(
+        parent=parent.occurrence, child=child.occurrence, parent_mount=parent.mount, child_mount="origin",
+        X_PJ=parent.pose @ pose, X_JC=child.pose.inverse(), joint=None, origin=origin,
     )
 
 

@@ -19,7 +19,9 @@ from thingc.resolve.model import (
     NamedPose,
     Overrides,
     RawAttribute,
+    Reference,
 )
+from thingc.resolve.tests_model import Test
 from thingc.source import Origin
 
 
@@ -234,6 +236,23 @@ class LinkedMode:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MountAt:
+    """A mount of an occurrence."""
+
+    occurrence: int
+    mount: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkedTest:
+    """A test of the top document with its references worked out: mounts, and components to all occurrences that they hold."""
+
+    test: Test
+    mounts: dict[Reference, MountAt]
+    components: dict[Reference, tuple[int, ...]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Assembly:
     """The output of `link`: everything about the robot that does not depend on a root.
 
@@ -244,7 +263,6 @@ class Assembly:
 
     name: str
     definition: AssemblyDefinition
-    hag: Hag
     base: int
     occurrences: tuple[Occurrence, ...]
     mates: tuple[Mate, ...]
@@ -257,6 +275,14 @@ class Assembly:
     adhesions: tuple[Adhesion, ...]
     raw: tuple[RawAttribute, ...]
     sensors: tuple[LinkedSensor, ...] = ()
+    tests: tuple[LinkedTest, ...] = ()
+
+    @property
+    def hag(self) -> Hag:
+        """The hierarchical assembly graph, worked out when it is asked for."""
+        from thingc.graph.hag import hag_of
+
+        return hag_of(self.definition)
 
     @property
     def properties(self) -> MassProperties:

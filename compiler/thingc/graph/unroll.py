@@ -6,7 +6,7 @@ An instance is one place of a definition: of a nested assembly, or of a part or 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from thingc.diagnostics import Code, Note, did_you_mean
@@ -232,13 +232,20 @@ class Tree:
             return _SILENT
         if name in leaf.mounts:
             return Found(occurrence=instance.index, mount=name, pose=leaf.mounts[name].pose)
-        if exported:
+        if exported or leaf.record is not None and not leaf.record.exact and _of_a_list(name, leaf.mounts):
             return _SILENT
         return _Fault(
             code=Code.UNKNOWN_MOUNT, message=f"{_owner(instance, shown)} has no mount `{name}`",
             help=did_you_mean(name, leaf.mounts, what="mounts"),
             notes=written_at(f"`{leaf.definition.text}`", leaf.record.code) if leaf.record is not None else (),
         )
+
+
+def _of_a_list(name: str, mounts: Iterable[str]) -> bool:
+    """Whether a mount would be a member of a list of mounts (`hip_7` where there is a `hip_0`): how many it has may follow from
+    any parameter."""
+    stem, _, index = name.rpartition("_")
+    return index.isdigit() and f"{stem}_0" in mounts
 
 
 def _owner(instance: Instance, shown: str) -> str:

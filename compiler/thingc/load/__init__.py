@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from thingc.load.documents import Documents, load, read_tree
+from thingc.load.documents import Documents, load, load_more, read_tree
 
-__all__ = ["Documents", "load", "read_tree"]
+__all__ = ["Documents", "load", "load_more", "read_tree"]

@@ -5,13 +5,13 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from thingc.diagnostics import Code, Note, Report, did_you_mean, nearest
+from thingc.diagnostics import Code, Note, Report, did_you_mean, near_hint, nearest
 from thingc.load.paths import DOCUMENT_SUFFIXES, PART_SUFFIXES, find_file
-from thingc.load.text import decode
+from thingc.load.text import MAX_ALL_BYTES, MAX_FAULTS, decode
 from thingc.source import Document, MappingNode, Node, ScalarNode, SequenceNode, Span
 from thingc.units import shortened
 
@@ -44,18 +44,28 @@ class Documents:
         return None if path is None else self.by_path.get(path)
 
 
-def load(document: str, workspace: Workspace, report: Report, *, kinds: Collection[str] = ("assembly",)) -> Documents | None:
+def load(
+    document: str, workspace: Workspace, report: Report, *, kinds: Collection[str] = ("assembly",),
+    texts: Mapping[str, bytes] | None = None,
+) -> Documents | None:
     """Read a document and follow its `assembly:` and `materials:`.
 
     Everything wrong is reported; what can still be read is returned, None where the document itself cannot be.
-    `kinds` are the kinds that the document itself may have.
+    `kinds` are the kinds that the document itself may have; `texts` what documents hold instead of what is on disk, by absolute
+    path.
     """
     path = os.path.abspath(document)
     if not path.lower().endswith(DOCUMENT_SUFFIXES):
         name = shortened(os.path.basename(path))
         report.add(Code.FILE_TYPE, f"expected a document ({', '.join(DOCUMENT_SUFFIXES)}), found `{name}`", None)
         return None
-    reader = _Reader(workspace, report)
+    if not workspace.contains(path):
+        name = shortened(os.path.basename(path))
+        report.add(
+            Code.OUTSIDE_WORKSPACE, f"`{name}` is a link that leaves the workspace", None, help="name the file that the link leads to",
+        )
+        return None
+    reader = _Reader(workspace, report, texts)
     root = reader.read(path)
     if root is None:
         return None
@@ -66,18 +76,36 @@ def load(document: str, workspace: Workspace, report: Report, *, kinds: Collecti
     return Documents(root=root, by_path=reader.by_path, links=reader.links, broken=frozenset(reader.broken))
 
 
+def load_more(documents: Documents, texts: Iterable[str], workspace: Workspace, report: Report) -> Documents:
+    """The documents together with further assemblies that stand in none of them (as the root document would name them), and
+    what those name. Documents that have been read are not read again; everything wrong with the new ones is reported."""
+    reader = _Reader(workspace, report)
+    reader.by_path.update(documents.by_path)
+    reader.links.update(documents.links)
+    reader.done.update(documents.by_path)
+    reader.broken.update(documents.broken)
+    for text in texts:
+        found = reader.named(documents.root, text, None, "assembly")
+        if found is not None:
+            reader.follow(found, [])
+    return Documents(root=documents.root, by_path=reader.by_path, links=reader.links, broken=frozenset(reader.broken))
+
+
 def _refuse(root: Document, kinds: Collection[str], report: Report) -> None:
     """Say that a document is of a kind that is not wanted here."""
     if root.kind == "variants":
         report.add(
-            Code.NOT_YET, "documents of variants are not built yet", root.span(("thingc",)),
-            help="build its assembly, with -p 'NAME=VALUE' for each variant",
+            Code.WRONG_KIND, "this document is of many variants, and one assembly is wanted here", root.span(("thingc",)),
+            help="`thingc batch` builds them all; or name the assembly, with -p 'NAME=VALUE' for one of them",
         )
         return
     wanted = " or ".join(f"`{kind}`" for kind in kinds)
     report.add(
         Code.WRONG_KIND, f"expected a document of kind {wanted}, found `{root.kind}`", root.span(("thingc",)),
-        help=f"name the assembly {'that uses it' if root.kind == 'materials' else 'itself; this document is found by itself'}",
+        help=(
+            "name a document of variants; `thingc build` builds one assembly" if "variants" in kinds
+            else f"name the assembly {'that uses it' if root.kind == 'materials' else 'itself; this document is found by itself'}"
+        ),
     )
 
 
@@ -113,14 +141,31 @@ def read_tree(path: str, data: bytes, report: Report) -> MappingNode | None:
 class _Reader:
     """Reads every file once; `by_path` in the order first named."""
 
-    def __init__(self, workspace: Workspace, report: Report) -> None:
+    def __init__(self, workspace: Workspace, report: Report, texts: Mapping[str, bytes] | None = None) -> None:
         self.workspace = workspace
         self.report = report
+        self.texts = texts or {}
         self.by_path: dict[str, Document] = {}
         self.failed: set[str] = set()
         self.done: set[str] = set()
         self.links: dict[tuple[str, str], str] = {}
         self.broken: set[str] = set()
+        self.bytes = 0
+        self.ended = False
+        self.before = len(report.diagnostics)
+
+    def enough(self, where: Span) -> bool:
+        """Whether nothing more is to be read: more has been, or more has been said, than anybody looks through."""
+        if self.ended:
+            return True
+        if self.bytes > MAX_ALL_BYTES:
+            self.report.add(Code.TOO_LARGE, f"this document and those that it names have more than {MAX_ALL_BYTES} bytes", where)
+        elif len(self.report.diagnostics) - self.before > MAX_FAULTS:
+            self.report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} faults; the rest of the files is not looked for", where)
+        else:
+            return False
+        self.ended = True
+        return True
 
     def read(self, path: str) -> Document | None:
         relative = self.workspace.relative(path)
@@ -128,13 +173,13 @@ class _Reader:
             return self.by_path.get(relative)
         self.failed.add(relative)
         try:
-            with open(path, "rb") as stream:
-                data = stream.read(10_000_001)
+            data = self.texts.get(path) or _content(path)
         except (OSError, ValueError) as error:
             reason = error.strerror if isinstance(error, OSError) and error.strerror else "it cannot be read"
             name = shortened(os.path.basename(path))
             self.report.add(Code.UNREADABLE, f"cannot read `{name}`: {reason[:1].lower()}{reason[1:]}", None)
             return None
+        self.bytes += len(data)
         tree = read_tree(path, data, self.report)
         kind = None if tree is None else document_kind(tree, self.report)
         if tree is None or kind is None:
@@ -155,13 +200,19 @@ class _Reader:
         if document.kind != "assembly":
             return
         for text, where in _materials(document.tree):
+            if self.enough(where):
+                return
             self.named(document, text, where, "materials")
         for text, where in _files(document.tree):
+            if self.enough(where):
+                return
             find_file(
                 text, beside=document.path, where=where, workspace=self.workspace, suffixes=PART_SUFFIXES,
                 what="a file of a part", report=self.report,
             )
         for text, where in _assemblies(document.tree):
+            if self.enough(where):
+                return
             nested = self.named(document, text, where, "assembly")
             if nested is None:
                 continue
@@ -187,7 +238,7 @@ class _Reader:
             help="an assembly cannot be a part of itself",
         )
 
-    def named(self, document: Document, text: str, where: Span, kind: str) -> Document | None:
+    def named(self, document: Document, text: str, where: Span | None, kind: str) -> Document | None:
         path = find_file(
             text, beside=document.path, where=where, workspace=self.workspace, suffixes=DOCUMENT_SUFFIXES,
             what="an assembly document" if kind == "assembly" else "a materials document", report=self.report,
@@ -204,6 +255,11 @@ class _Reader:
             return None
         self.links[document.relative, text] = found.relative
         return found
+
+
+def _content(path: str) -> bytes:
+    with open(path, "rb") as stream:
+        return stream.read(10_000_001)
 
 
 def head_line(path: str, kind: str = "assembly") -> str:
@@ -223,7 +279,7 @@ def document_kind(tree: MappingNode, report: Report, *, usual: str = "assembly")
         first = next(iter(tree.keys), None)
         if first is not None and nearest(first, ["thingc"]) and isinstance(tree.entries[first], ScalarNode):
             message = f"expected the key `thingc`, found `{shortened(first)}`"
-            report.add(Code.HEADER, message, tree.keys[first], help="did you mean `thingc`?")
+            report.add(Code.HEADER, message, tree.keys[first], help=near_hint(first, ["thingc"]))
         else:
             where = tree.keys[first] if first is not None else tree.span
             report.add(

@@ -20,7 +20,7 @@ _DRIVE = re.compile(r"[A-Za-z]:|\\\\")
 
 
 def find_file(
-    text: str, *, beside: str, where: Span, workspace: Workspace, suffixes: tuple[str, ...], what: str, report: Report,
+    text: str, *, beside: str, where: Span | None, workspace: Workspace, suffixes: tuple[str, ...], what: str, report: Report,
 ) -> str | None:
     """The absolute path of the file that a document at the path `beside` calls `text`.
 

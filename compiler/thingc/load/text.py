@@ -9,9 +9,11 @@ from thingc.diagnostics import Code, Report
 from thingc.source import Span
 
 MAX_BYTES = 10_000_000
+MAX_ALL_BYTES = 40_000_000
+"""Of a document and all that it names."""
 MAX_LEVELS = 100
 MAX_ALIAS_NODES = 10_000
-MAX_NODES = 1_000_000
+MAX_NODES = 300_000
 """Values of one document: ten megabytes of `{}` would take a gigabyte."""
 MAX_FAULTS = 200
 """Faults said of one document: nobody reads more, and a broken file of ten megabytes has a million."""

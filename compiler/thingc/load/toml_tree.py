@@ -273,7 +273,7 @@ def _too_large(root: Syntax, places: _Places, report: Report) -> bool:
     while waiting:
         node, level = waiting.pop()
         values += 1
-        if values > 4 * MAX_NODES:  # a pair is a statement, a key, its words and a value
+        if values > 2 * MAX_NODES:  # a pair is a statement, a key, its words and a value; a table one, its header and its words
             start = places.index(node.start_byte)
             report.add(Code.TOO_LARGE, f"more than {MAX_NODES} values in one document", places.source.span(start, start + 1))
             return True
@@ -365,4 +365,6 @@ def _in_words(words: str) -> tuple[str, str | None]:
         return "a list is not closed", "add `]`, or `,` between the items"
     if "Unclosed inline table" in words:
         return "an inline table is not closed", "add `}`, or `,` between the entries; it stands on one line"
+    if "integer string conversion" in words:
+        return "a whole number with too many digits", None
     return f"not well-formed TOML: {words[:1].lower()}{words[1:]}", None

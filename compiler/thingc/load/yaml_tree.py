@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from thingc.diagnostics import Code, Note, Report, did_you_mean
+from thingc.diagnostics import Code, Hint, Note, Report, did_you_mean
 from thingc.load.scalars import core_value
 from thingc.load.text import MAX_ALIAS_NODES, MAX_FAULTS, MAX_LEVELS, MAX_NODES, Source
 from thingc.load.yaml_syntax import explain
@@ -344,7 +344,8 @@ class _Builder:
         quoted = f"'{text}'" if '"' in text else f'"{text}"'
         self.report.add(
             Code.EXPRESSION_COMMA, "the comma ends the expression: inside `{}` and `[]` an expression with a comma needs quotes",
-            self.source.span(start, end), help=f"write `{shortened(quoted)}`",
+            self.source.span(start, end),
+            help=Hint(f"write `{shortened(quoted)}`", (text, quoted) if text == self.source.text[start:end] else None),
         )
 
 

@@ -11,8 +11,9 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import Any
 
 GRACE = 15.0
@@ -67,19 +68,22 @@ class Workers:
             flags = ["--jobs", str(self.jobs)] if self.forking else ["--inline"]
             self._processes.append(self._start(flags, self.jobs if self.forking else 1))
 
-    def run(self, requests: Sequence[Mapping[str, Any]]) -> Iterator[tuple[Mapping[str, Any], dict[str, Any]]]:
+    def run(self, requests: Iterable[Mapping[str, Any]]) -> Iterator[tuple[Mapping[str, Any], dict[str, Any]]]:
         """Every request with its answer, in the order they come: `{"answer": ...}` or `{"failed", "words", "detail"}`.
 
-        A request has `op` and `timeout` [s]. Raises `WorkerBroken` when no worker can be had.
+        A request has `op` and `timeout` [s]; `requests` are asked for shortly before it is their turn. Raises `WorkerBroken` when
+        no worker can be had.
         """
-        waiting = deque(requests)
+        source = iter(requests)
+        waiting: deque[Mapping[str, Any]] = deque(islice(source, 1))
         own: set[int] = set()
         under_way = 0
         lost = 0
         while waiting or under_way:
             self.warm()
             for worker in self._processes:
-                limit = len(waiting) if self.forking else worker.capacity - len(worker.asked)
+                limit = (2 if self.forking else 1) * worker.capacity - len(worker.asked)
+                waiting.extend(islice(source, max(0, limit - len(waiting))))
                 while waiting and limit > 0:
                     limit -= 1
                     request = waiting.popleft()

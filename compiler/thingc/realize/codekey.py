@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from thingc.realize.code_facts import (
@@ -24,6 +25,9 @@ from thingc.realize.code_facts import (
 )
 from thingc.realize.modules import Finder, Module
 from thingc.realize.store import Store, StoreUnusable
+
+MAX_UNTRUSTED = 1_000_000
+"""Bytes of source that are read of a workspace that is not trusted: the syntax tree takes a hundred times as much memory."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,11 +50,17 @@ class SourceFile:
 
 
 class Sources:
-    """Reads the source files of content-tracked modules, each once; their facts are kept in the store by content."""
+    """Reads the source files of content-tracked modules, each once; their facts are kept in the store by content.
 
-    def __init__(self, finder: Finder, store: Store | None = None) -> None:
+    `within` is for workspaces that are not trusted: only files of part folders for which it holds are read, and at most
+    `MAX_UNTRUSTED` bytes of them. What is not read has no source, so that the key of what uses it is another.
+    """
+
+    def __init__(self, finder: Finder, store: Store | None = None, within: Callable[[str], bool] | None = None) -> None:
         self.finder = finder
         self.store = store
+        self._within = within
+        self._left = MAX_UNTRUSTED
         self._read: dict[str, SourceFile | None] = {}
 
     def source(self, name: str) -> SourceFile | None:
@@ -62,11 +72,19 @@ class Sources:
     def _load(self, module: Module) -> SourceFile | None:
         if module.kind != "content" or module.file is None:
             return None
+        doubtful = self._within is not None and module.workspace
+        if doubtful and self._within is not None and not self._within(module.file):
+            return None
         try:
             with open(module.file, "rb") as stream:
-                source = stream.read()
+                source = stream.read(self._left + 1 if doubtful else -1)
         except OSError:
             return None
+        if doubtful:
+            self._left -= len(source)
+            if self._left < 0:
+                self._left = 0
+                return None
         sha256 = hashlib.sha256(source).hexdigest()
         kept = self.store.get_json("facts", facts_key(sha256)) if self.store is not None else None
         if kept is not None:

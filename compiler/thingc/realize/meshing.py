@@ -87,7 +87,7 @@ def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
             point = mesh.Node(index)
             if moved is not None:
                 point = point.Transformed(moved)
-            vertices.append((point.X(), point.Y(), point.Z()))
+            vertices.append(point.Coord())
         turned = (face.Orientation() == TopAbs_REVERSED) != (moved is not None and moved.IsNegative())
         for index in range(1, mesh.NbTriangles() + 1):
             a, b, c = mesh.Triangle(index).Get()
@@ -213,8 +213,12 @@ _STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("count", "<u
 def rounded_for_stl(mesh: Triangles) -> Triangles:
     """With vertices as the 32-bit numbers of an STL file leave them: those that become equal are one."""
     single = mesh.vertices.astype(np.float32).astype(np.float64) + 0.0
-    unique, first, inverse = np.unique(single, axis=0, return_index=True, return_inverse=True)
-    return without_slivers(single, first[np.asarray(inverse).ravel()[mesh.faces]])
+    order = np.lexsort(single.T)  # stable: of equal vertices the first one comes first
+    begins = np.ones(len(order), dtype=bool)
+    begins[1:] = (single[order[1:]] != single[order[:-1]]).any(axis=1)
+    stands = np.empty(len(order), dtype=np.int64)
+    stands[order] = order[begins][np.cumsum(begins) - 1]
+    return without_slivers(single, stands[mesh.faces])
 
 
 def stl(mesh: Triangles) -> bytes:

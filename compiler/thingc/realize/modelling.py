@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 import warnings
@@ -48,7 +49,8 @@ class Tessellation:
 def model(definition: dict[str, Any], tessellation: Tessellation, around: Surroundings) -> dict[str, Any]:
     """The record (or failure) of one part definition and what it read: `{"record" | "failure": ..., "reads": [...]}`.
 
-    `definition` has `kind`, `reference`, `text` and the canonical `parameters` (SI). Blobs go to the store.
+    `definition` has `kind`, `reference`, `text` and the canonical `parameters` (SI), and whether it is known where its class is
+    written (`placed`): to find that out takes long. Blobs go to the store.
     """
     store = Store(around.store)
     text = definition["text"]
@@ -96,10 +98,10 @@ def _model_code(definition: dict[str, Any], tessellation: Tessellation, session:
     statements = inspection.statements_of(thing)
     color, extra = _color(inspection.color_of(thing), [shape.color for shape in shapes])
     actuator = inspection.actuator_of(thing)
-    try:
-        code = (inspect.getsourcefile(part) or "", inspect.getsourcelines(part)[1])
-    except (OSError, TypeError):
-        code = None
+    code = None
+    if not definition["placed"]:
+        with contextlib.suppress(OSError, TypeError):
+            code = (inspect.getsourcefile(part) or "", inspect.getsourcelines(part)[1])
     return _record(
         definition["text"],
         [shape.wrapped for shape in shapes],

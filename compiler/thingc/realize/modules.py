@@ -83,6 +83,7 @@ class Finder:
         self.parts = tuple(parts)
         self.probed: set[str] = set()
         self._found: dict[str, Module] = {}
+        self._part_modules: list[str] | None = None
 
     def find(self, name: str) -> Module:
         """The module `name` (dotted, absolute)."""
@@ -130,6 +131,11 @@ class Finder:
 
     def part_modules(self) -> list[str]:
         """Names of the modules in the part folders (two levels), for near-name hints."""
+        if self._part_modules is None:
+            self._part_modules = self._list_modules()
+        return self._part_modules
+
+    def _list_modules(self) -> list[str]:
         found: set[str] = set()
         for folder in self.parts:
             for name in listed(folder):

@@ -2,26 +2,32 @@
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING, Any
 
 from thingc.realize.codekey import Code, Sources, binds, code_of, defined_in
 from thingc.realize.modules import OWN, Finder, listed
-from thingc.realize.record import PartFailure
+from thingc.realize.record import PartDefinition, PartFailure
 from thingc.realize.record_json import shortened
 from thingc.realize.store import Store
 from thingc.realize.versions import KERNEL, compiler_version, platform_versions, versions_of
 
 if TYPE_CHECKING:
+    from thingc.realize.results import Results
     from thingc.workspace import Workspace
+
+FILES = (".step", ".stp", ".brep", ".brp", ".stl", ".3mf", ".obj")
+"""Suffixes of files that can be parts."""
 
 
 class PartCode:
-    """The code of parts of one workspace, each read once; `sources` are the files."""
+    """The code of parts of one workspace, each read once; `sources` are the files. Without a store the workspace is not trusted:
+    files of part folders that lie outside of it are not read."""
 
-    def __init__(self, workspace: Workspace, store: Store) -> None:
+    def __init__(self, workspace: Workspace, store: Store | None) -> None:
         self.workspace = workspace
         self.store = store
-        self.sources = Sources(Finder(workspace.parts), store)
+        self.sources = Sources(Finder(workspace.parts), store, within=None if store is not None else workspace.contains)
         self._codes: dict[str, Code | None | PartFailure] = {}
         self._known_versions: dict[tuple[str, ...], dict[str, str]] = {}
 
@@ -33,7 +39,11 @@ class PartCode:
     def code(self, reference: str) -> Code | None | PartFailure:
         """The code of `module:Class`; None for an installed package; or why it may not or cannot be loaded."""
         if reference not in self._codes:
-            self._codes[reference] = self._read_code(reference)
+            try:
+                self._codes[reference] = self._read_code(reference)
+            except RecursionError:
+                message = "its modules import one another in a chain that is too long to follow"
+                self._codes[reference] = PartFailure(subject=reference, kind="invalid", message=message)
         return self._codes[reference]
 
     def _read_code(self, reference: str) -> Code | None | PartFailure:
@@ -103,3 +113,21 @@ class PartCode:
             shortened(file, self.workspace.root) or file: f"file:{one.hashes[name]}"
             for one in code for name, file in one.modules.items() if file is not None and name in one.hashes
         }
+
+
+def file_state(definition: PartDefinition, workspace: Workspace, results: Results) -> str | PartFailure:
+    """What lies at the place of a part that is a file, as `reads` has it; or why there is none."""
+    path = os.path.join(workspace.root, definition.reference)
+    if os.path.isabs(definition.reference) or not workspace.contains(path):
+        return PartFailure(
+            subject=definition.text, kind="refused", message=f"`{definition.reference}` is outside of the workspace"
+        )
+    state = results.state(definition.reference, "file:")
+    if not state.startswith("file:"):
+        folder = os.path.dirname(definition.reference)
+        near = [os.path.join(folder, name).replace(os.sep, "/") for name in listed(os.path.dirname(path))]
+        return PartFailure(
+            subject=definition.text, kind="missing", message=f"there is no file `{definition.reference}`",
+            candidates=tuple(name for name in near if name.lower().endswith(FILES)),
+        )
+    return state

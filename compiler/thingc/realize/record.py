@@ -165,7 +165,8 @@ class PartRecord:
     over the B-rep; all zero for a Thing without geometry (`box` None). `meshes`: `visual` (OBJ, metres), `hull` and
     `mesh` (binary STL, metres), `print` (binary STL, millimetres), absent without geometry; `pieces` the
     STL files of the Thing's own `collision()`, `convex` those of the convex decomposition where it was asked for.
-    `brep` is the B-rep in the store. `code` is `(file, line)` of the class.
+    `brep` is the B-rep in the store. `code` is `(file, line)` of the class. A record that is not `exact` stands in for one that
+    nobody may model now: only the names of its mounts, its material and that it has an actuator hold, no number does.
     """
 
     text: str
@@ -192,13 +193,14 @@ class PartRecord:
     convex: tuple[Mesh, ...]
     brep: str | None
     code: tuple[str, int] | None
+    exact: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartFailure:
     """Why a part could not be described or modelled.
 
-    `kind` is `refused | missing | raised | hung | crashed | empty | invalid`; `message` the exception's words;
+    `kind` is `refused | missing | raised | hung | crashed | empty | invalid | stale | unlocked`; `message` the exception's words;
     `file`, `line` the place in the part file; `candidates` near names for `missing`; `detail` the traceback, for
     `--debug` only.
     """
@@ -229,3 +231,13 @@ class StoredFile:
 
     sha256: str
     size: int
+
+
+class AssemblyFailed(Exception):
+    """The kernel could not write the STEP file of the assembly `name`: `reason` in words, `detail` the traceback."""
+
+    def __init__(self, name: str, reason: str, detail: str = "") -> None:
+        super().__init__(f"the STEP file of {name} could not be written: {reason}")
+        self.name = name
+        self.reason = reason
+        self.detail = detail

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -40,7 +40,6 @@ class Results:
         self.consulted: set[str] = set()
         self.met: dict[str, str] = {}
         self._states: dict[tuple[str, bool], str] = {}
-        self._last: dict[str, str] | None = None
 
     def state(self, path: str, like: str) -> str:
         """What lies at `path` (relative to the workspace, or absolute); `like` is a state that tells how to look."""
@@ -88,25 +87,29 @@ class Results:
 
     def last(self, text: str) -> Recipe | None:
         """The recipe that a definition had when it was last realized in this workspace."""
-        key = self._last_keys().get(text)
-        ingredients = self.store.get_json("recipe", key) if key is not None else None
+        key = self.store.get_json("last", self._of(text))
+        ingredients = self.store.get_json("recipe", key) if isinstance(key, str) else None
         return Recipe(ingredients=ingredients) if isinstance(ingredients, dict) else None
 
-    def known_texts(self) -> frozenset[str]:
-        """The definitions that have been realized in this workspace."""
-        return frozenset(self._last_keys())
+    def met_before(self, reference: str) -> bool:
+        """Whether some definition of a `module:Class` (or a file) has been realized in this workspace."""
+        return self.store.get_json("met", self._of(reference)) is not None
 
-    def remember(self, recipes: Mapping[str, Recipe]) -> None:
-        """Note what was realized now; nothing is written when it is what was realized before."""
-        known = self._last_keys()
-        changed = {text: recipe for text, recipe in recipes.items() if known.get(text) != recipe.key}
-        if not changed:
-            return
-        self._last = {**known, **{text: recipe.key for text, recipe in changed.items()}}
+    def remember(self, realized: Iterable[tuple[str, str, Recipe]]) -> None:
+        """Note what was realized now (reference, definition text, recipe); nothing is written when it is what was realized
+        before."""
         with contextlib.suppress(StoreUnusable):  # what is reused from a read-only store is not worth an error
-            for recipe in changed.values():
+            for reference, text, recipe in realized:
+                if self.store.get_json("last", self._of(text)) == recipe.key:
+                    continue
                 self.store.put_json("recipe", recipe.key, recipe.ingredients)
-            self.store.put_json("last", self.root, self._last)
+                self.store.put_json("last", self._of(text), recipe.key)
+                if not self.met_before(reference):
+                    self.store.put_json("met", self._of(reference), True)
+
+    def _of(self, name: str) -> str:
+        """A key for something of this workspace alone."""
+        return f"{self.root}\n{name}"
 
     def changed_read(self, key: str) -> str | None:
         """In words, what keeps the newest answer under a recipe from being the answer."""
@@ -120,12 +123,6 @@ class Results:
                 words = [_words(path, state, now) for path, state, now in changed]
                 return "; ".join(words[:3]) + (f" and {len(words) - 3} more" if len(words) > 3 else "")
         return None
-
-    def _last_keys(self) -> dict[str, str]:
-        if self._last is None:
-            found = self.store.get_json("last", self.root)
-            self._last = found if isinstance(found, dict) else {}
-        return self._last
 
 
 def _words(path: str, state: str, now: str) -> str:

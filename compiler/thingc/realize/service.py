@@ -5,16 +5,19 @@ With nothing new to model no process is started and nothing heavy is imported.
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
+from thingc.realize.claims import Claims
 from thingc.realize.codekey import Code
-from thingc.realize.modules import listed
-from thingc.realize.part_code import PartCode
-from thingc.realize.recipe import Recipe, describe_recipe, difference, model_recipe
-from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema, Placed, StoredFile
+from thingc.realize.decisions import Decision, Recent, unchanged, why
+from thingc.realize.lock import LOCK_FILE, Lock
+from thingc.realize.locked import LockBeside
+from thingc.realize.part_code import PartCode, file_state
+from thingc.realize.recipe import Recipe, describe_recipe, model_recipe
+from thingc.realize.record import AssemblyFailed, PartDefinition, PartFailure, PartRecord, PartSchema, Placed, StoredFile
 from thingc.realize.record_json import (
     blobs_of,
     failure_from_json,
@@ -31,19 +34,10 @@ if TYPE_CHECKING:
     from thingc.realize.client import Workers
     from thingc.workspace import Workspace
 
-FILES = (".step", ".stp", ".brep", ".brp", ".stl", ".3mf", ".obj")
-"""Suffixes of files that can be parts."""
+PATIENCE = 150.0
+"""How long [s] beyond a part's own timeout to wait for the process that has claimed it: its worker may have to load the kernel."""
 
 Progress = Callable[[str, int, int], None]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Decision:
-    """Why a part was modelled, or not: `reason` in words (`class arm:RotorBrace changed`)."""
-
-    text: str
-    reused: bool
-    reason: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,21 +54,21 @@ class GeometryService:
     """Part schemas, part records and STEP files for one workspace. A context manager: leaving it ends its workers.
 
     `jobs` parts are modelled at once, each for at most `timeout` [s]; `on_progress(what, done, total)` hears of it.
-    `modelled` and `reused` are the definition texts of parts made and of parts found, `decisions` says why;
+    `modelled` and `reused` are the definition texts of parts made and of parts found by the last `realize`, `decisions` says why;
     `inputs` are the absolute paths of all files and folders that decided about answers, there or not.
-    `workers` are those of somebody else, who also ends them (many services in one long-lived process).
+    `workers` are those of somebody else, who also ends them (many services in one long-lived process). `lock` reads the
+    workspace's lock when first needed: it answers what the store cannot, for callers who need no meshes. `broken` are its faults.
+    `reads` are the files that decided about answers that were not taken from a lock, by what was asked: states by path.
     Raises `StoreUnusable` where the store cannot be written and something has to be.
     """
 
     def __init__(
         self, workspace: Workspace, store: Store, jobs: int, timeout: float, on_progress: Progress | None = None,
-        workers: Workers | None = None,
+        workers: Workers | None = None, lock: Callable[[], Lock | None] | None = None,
     ) -> None:
         self.workspace = workspace
         self.store = store
         self.timeout = timeout
-        self.modelled: list[str] = []
-        self.reused: list[str] = []
         self.decisions: dict[str, Decision] = {}
         self._jobs = jobs
         self._on_progress = on_progress
@@ -83,6 +77,12 @@ class GeometryService:
         self._parts = PartCode(workspace, store)
         self._results = Results(store, workspace.root)
         self._mesh = (workspace.linear, workspace.angular)
+        self._claims = Claims(store)
+        self._recent = Recent()
+        self._locked = LockBeside(lock, workspace, self._parts)
+        self.unknown: list[str] = []
+        self.reads: dict[str, dict[str, str]] = {}
+        self.broken = self._locked.broken
 
     def __enter__(self) -> GeometryService:
         return self
@@ -91,9 +91,19 @@ class GeometryService:
         self.close()
 
     @property
+    def modelled(self) -> list[str]:
+        """Definition texts of the parts that the last `realize` modelled, in the order in which they were done."""
+        return [text for text, decision in self.decisions.items() if not decision.reused]
+
+    @property
+    def reused(self) -> list[str]:
+        """Definition texts of the parts whose records the last `realize` found in the store."""
+        return [text for text, decision in self.decisions.items() if decision.reused]
+
+    @property
     def inputs(self) -> frozenset[str]:
         """Absolute paths of everything in folders and packages tracked by content that the answers depend on."""
-        return frozenset(self._parts.probed | self._results.consulted)
+        return frozenset(self._parts.probed | self._results.consulted | self._locked.consulted)
 
     def warm(self) -> None:
         """Start the worker without waiting for it: it loads the kernel while the caller does something else."""
@@ -102,9 +112,10 @@ class GeometryService:
     def anticipate(self) -> None:
         """`warm` when a file that parts depend on has changed since the last run in this workspace, or there was none.
 
-        Worth calling before the documents are read: what the kernel takes to load is the longest part of a build.
+        Worth calling before the documents are read: what the kernel takes to load is the longest part of a build. Where a lock may
+        answer, the kernel is likely not to be needed at all.
         """
-        if self._results.files_changed():
+        if not self._locked.there and self._results.files_changed():
             self.warm()
 
     def close(self) -> None:
@@ -118,6 +129,24 @@ class GeometryService:
         from thingc.realize.catalogue import classes_in_reach
 
         return classes_in_reach(self._parts.sources, self.workspace.packages)
+
+    @property
+    def part_code(self) -> PartCode:
+        """The code of the parts asked for so far."""
+        return self._parts
+
+    def code(self, reference: str) -> Code | None:
+        """The code of a part that was described; None for one of an installed package."""
+        found = self._parts.code(reference)
+        return found if isinstance(found, Code) else None
+
+    def in_part_folders(self, reference: str) -> bool:
+        """Whether `module:Class` is in a part folder of the workspace."""
+        return self._parts.sources.finder.find(reference.partition(":")[0]).workspace
+
+    def state(self, path: str) -> str:
+        """What lies at a path in the workspace (see `reads`)."""
+        return self._results.state(path, "file:")
 
     def not_python(self) -> list[PartFailure]:
         """The modules in the same places that are no well-formed Python."""
@@ -140,6 +169,11 @@ class GeometryService:
             kept = self._results.find("schema", recipe.key)
             if kept is not None:
                 found[reference] = self._schema(reference, kept.value, code)
+                self.reads[reference] = dict(kept.reads)
+                continue
+            locked = self._locked.schema(reference)
+            if locked is not None:
+                found[reference] = locked
                 continue
             request = {"op": "describe", "references": [reference], **self._around(code)}
             tasks.setdefault(reference.partition(":")[0], []).append(_Task(subject=reference, recipe=recipe, request=request))
@@ -169,6 +203,7 @@ class GeometryService:
                 value = given["answers"][task.subject]
                 # what was read for one class of a module counts for all that were asked for together
                 self._results.keep("schema", task.recipe, value, given["reads"])
+                self.reads[task.subject] = dict(given["reads"])
                 found[task.subject] = self._schema(task.subject, value, self._parts.code(task.subject))
         self._describe_in_workers(alone, found)
 
@@ -186,11 +221,17 @@ class GeometryService:
         self, definitions: Sequence[PartDefinition], convex: Collection[str] = ()
     ) -> dict[str, PartRecord | PartFailure]:
         """The record of each definition, by text; with convex pieces for the texts in `convex`."""
+        self.decisions = {}
         found: dict[str, PartRecord | PartFailure] = {}
         tasks: list[_Task] = []
         unique = {definition.text: definition for definition in definitions}
         recipes: dict[str, Recipe] = {}
         for text, definition in unique.items():
+            recent = self._recent.get(definition, text in convex)
+            if recent is not None:
+                found[text], reason = recent
+                self._decide(text, True, reason)
+                continue
             prepared = self._prepare(definition)
             if isinstance(prepared, PartFailure):
                 found[text] = prepared
@@ -199,34 +240,86 @@ class GeometryService:
             recipes[text] = recipe
             kept = self._results.find("record", recipe.key, self._whole)
             if kept is not None:
-                made = f" since it was modelled ({kept.reason})" if kept.reason else ""
-                self._decide(text, True, f"nothing that it depends on changed{made}")
+                self._decide(text, True, unchanged(kept.reason))
                 found[text] = self._record(kept.value, code)
+                self.reads[text] = dict(kept.reads)
+            elif (locked := self._locked.record(definition)) is not None:
+                self._decide(text, True, f"{LOCK_FILE} holds it")
+                found[text] = locked
+                del recipes[text]  # nothing was modelled, which is what `thingc why` would say of it
             else:
-                reason = self._why(definition, recipe)
+                reason = why(definition, recipe, self._results)
                 tasks.append(_Task(subject=text, recipe=recipe, request=request, reason=reason))
-        by_text = {task.subject: task for task in tasks}
-        for request, answer in self._run([task.request for task in tasks], "modelling"):
-            task = by_text[request["definition"]["text"]]
-            self._decide(task.subject, False, task.reason)
-            if "failed" in answer:
-                found[task.subject] = self._broken(task.subject, answer)
-                continue
-            given = answer["answer"]
-            reads = given.pop("reads")
-            self._results.keep("record", task.recipe, given, reads, task.reason)
-            found[task.subject] = self._record(given, self._code_of_definition(unique[task.subject]))
-        self._results.remember({text: recipe for text, recipe in recipes.items() if isinstance(found[text], PartRecord)})
-        self._results.note_files({**self._parts.files(), **self._results.met})
-        self._decompose(found, convex)
+        with self._claims.given_back():
+            self._model(tasks, unique, found)
+        self._results.remember(
+            (definition.reference, text, recipes[text])
+            for text, definition in unique.items() if text in recipes and isinstance(found[text], PartRecord)
+        )
+        if recipes:
+            self._results.note_files({**self._parts.files(), **self._results.met})
+        new = {text: record for text, record in found.items() if self._recent.get(unique[text], text in convex) is None}
+        self._decompose(new, convex)
+        found |= new
+        self._recent.keep(unique, found, convex, self.decisions)
         return {text: found[text] for text in unique}
+
+    def _model(
+        self, tasks: Sequence[_Task], definitions: Mapping[str, PartDefinition], found: dict[str, PartRecord | PartFailure],
+    ) -> None:
+        """Fill `found` for these tasks, each modelled here or by the process that has claimed it."""
+        by_text = {task.subject: task for task in tasks}
+        elsewhere: list[_Task] = []
+
+        def reuse(task: _Task) -> bool:
+            """Whether somebody else has modelled it in the meantime."""
+            kept = self._results.find("record", task.recipe.key, self._whole)
+            if kept is not None:
+                self._decide(task.subject, True, unchanged(kept.reason))
+                self.reads[task.subject] = dict(kept.reads)
+                found[task.subject] = self._record(kept.value, self._code_of_definition(definitions[task.subject]))
+                self._claims.give_back(task.recipe.key)
+            return kept is not None
+
+        def own() -> Iterator[dict[str, Any]]:
+            for task in tasks:
+                if not self._claims.take(task.recipe.key):
+                    elsewhere.append(task)
+                elif not reuse(task):
+                    yield task.request
+
+        def take_in(answers: Iterable[tuple[dict[str, Any], dict[str, Any]]]) -> None:
+            for request, answer in answers:
+                task = by_text[request["definition"]["text"]]
+                self._decide(task.subject, False, task.reason)
+                if "failed" in answer:
+                    found[task.subject] = self._broken(task.subject, answer)
+                else:
+                    given = answer["answer"]
+                    reads = given.pop("reads")
+                    self._results.keep("record", task.recipe, given, reads, task.reason)
+                    self.reads[task.subject] = dict(reads)
+                    found[task.subject] = self._record(given, self._code_of_definition(definitions[task.subject]))
+                self._claims.give_back(task.recipe.key)
+
+        take_in(self._run([task.request for task in tasks], "modelling", own()))
+        for task in elsewhere:
+            if task.subject not in found:
+                self._claims.wait(task.recipe.key, self.timeout + PATIENCE)
+                if not reuse(task):
+                    take_in(self._run([task.request]))
+
+    def in_store(self, definition: PartDefinition) -> bool:
+        """Whether a part need not be modelled."""
+        prepared = self._prepare(definition)
+        return not isinstance(prepared, PartFailure) and self._results.find("record", prepared[0].key, self._whole) is not None
 
     def _prepare(self, definition: PartDefinition) -> tuple[Recipe, Code | None, dict[str, Any]] | PartFailure:
         code: Code | None = None
         extra: dict[str, str] = {}
         package = definition.reference
         if definition.kind == "file":
-            state = self._file_state(definition)
+            state = file_state(definition, self.workspace, self._results)
             if isinstance(state, PartFailure):
                 return state
             extra["file"] = state
@@ -241,28 +334,12 @@ class GeometryService:
             "op": "model",
             "definition": {
                 "kind": definition.kind, "reference": definition.reference, "text": definition.text,
-                "parameters": dict(definition.parameters),
+                "parameters": dict(definition.parameters), "placed": code is not None and code.place is not None,
             },
             "tessellation": [self._mesh[0] * 1000.0, self._mesh[1]],
             **self._around(code),
         }
         return recipe, code, request
-
-    def _file_state(self, definition: PartDefinition) -> str | PartFailure:
-        path = os.path.join(self.workspace.root, definition.reference)
-        if os.path.isabs(definition.reference) or not self.workspace.contains(path):
-            return PartFailure(
-                subject=definition.text, kind="refused", message=f"`{definition.reference}` is outside of the workspace"
-            )
-        state = self._results.state(definition.reference, "file:")
-        if not state.startswith("file:"):
-            folder = os.path.dirname(definition.reference)
-            near = [os.path.join(folder, name).replace(os.sep, "/") for name in listed(os.path.dirname(path))]
-            return PartFailure(
-                subject=definition.text, kind="missing", message=f"there is no file `{definition.reference}`",
-                candidates=tuple(name for name in near if name.lower().endswith(FILES)),
-            )
-        return state
 
     def _whole(self, value: Any) -> bool:
         """Whether everything a kept record speaks of is in the store."""
@@ -275,23 +352,7 @@ class GeometryService:
         return replace(record, code=code.place) if code is not None and code.place is not None else record
 
     def _decide(self, text: str, reused: bool, reason: str) -> None:
-        if text not in self.decisions or not reused:
-            (self.reused if reused else self.modelled).append(text)
-            if not reused and text in self.reused:
-                self.reused.remove(text)
-            self.decisions[text] = Decision(text=text, reused=reused, reason=reason)
-
-    def _why(self, definition: PartDefinition, recipe: Recipe) -> str:
-        last = self._results.last(definition.text)
-        if last is None:
-            others = self._results.known_texts()
-            family = definition.reference + "("
-            if any(text == definition.reference or text.startswith(family) for text in others):
-                return "parameters are new"
-            return "first time"
-        if last.key == recipe.key:
-            return self._results.changed_read(recipe.key) or "its files were missing from the store"
-        return difference(last.ingredients, recipe.ingredients, definition.reference.partition(":")[0])
+        self.decisions[text] = Decision(text=text, reused=reused, reason=reason)
 
     def _decompose(self, found: dict[str, PartRecord | PartFailure], convex: Collection[str]) -> None:
         """Convex pieces, kept by the mesh they are made of: asking for them models nothing anew."""
@@ -372,9 +433,12 @@ class GeometryService:
             self._workers = Workers(self._jobs)
         return self._workers
 
-    def _run(self, requests: Sequence[dict[str, Any]], what: str = "") -> Any:
-        """Answers of the workers as they come; a kernel that does not load fails every request."""
-        if not requests:
+    def _run(self, requests: Sequence[dict[str, Any]], what: str = "", wanted: Iterator[dict[str, Any]] | None = None) -> Any:
+        """Answers of the workers as they come; a kernel that does not load fails every request. `wanted` are those of the requests
+        that are still wanted when it is their turn."""
+        chosen = iter(requests) if wanted is None else wanted
+        first = next(chosen, None)
+        if first is None:
             return
         from thingc.realize.client import WorkerBroken
 
@@ -382,7 +446,7 @@ class GeometryService:
         self._progress(what, done, len(requests))
         answered: set[int] = set()
         try:
-            for request, answer in self._worker_pool().run(requests):
+            for request, answer in self._worker_pool().run(chain((first,), chosen)):
                 done += 1
                 answered.add(id(request))
                 self._progress(what, done, len(requests))
@@ -410,16 +474,6 @@ class GeometryService:
             subject=subject, kind=answer["failed"], message=message, file=full(file, self.workspace.root), line=line,
             detail=answer.get("detail") or None,
         )
-
-
-class AssemblyFailed(Exception):
-    """The kernel could not write the STEP file of the assembly `name`: `reason` in words, `detail` the traceback."""
-
-    def __init__(self, name: str, reason: str, detail: str = "") -> None:
-        super().__init__(f"the STEP file of {name} could not be written: {reason}")
-        self.name = name
-        self.reason = reason
-        self.detail = detail
 
 
 __all__ = ["AssemblyFailed", "Decision", "GeometryService", "Kept"]

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from thingc.diagnostics import Report
+from thingc.diagnostics import MAX_FAULTS, Code, Report
+from thingc.memo import Memo
 from thingc.realize.record import PartDefinition, PartFailure, PartSchema
 from thingc.resolve.model import AssemblyDefinition
 
@@ -20,15 +21,19 @@ __all__ = ["part_definitions", "resolve", "resolve_materials"]
 def resolve(
     documents: Documents, specs: Specs, workspace: Workspace,
     schemas: Mapping[str, PartSchema | PartFailure], parameters: Mapping[str, str], report: Report,
+    choices: Mapping[str, str] | None = None, memo: Memo | None = None,
 ) -> AssemblyDefinition | None:
     """The model of the root document.
 
     `specs` has the documents (or their sound rest) by their path in the workspace, `schemas` what each `part:` takes,
-    `parameters` the texts of `-p NAME=VALUE`. Everything wrong is reported; what depends on it is left out of the model.
-    None where the root document is unsound as a whole.
+    `parameters` the texts of `-p NAME=VALUE`, `choices` those of `--set PATH=TEXT` (what they name is among the
+    others). Everything wrong is reported; what depends on it is left out of the model.
+    None where the root document is unsound as a whole. What `memo` has of it is taken from there.
     """
+    from thingc.resolve import choices as choose
     from thingc.resolve.assembly import resolved
     from thingc.resolve.parameters import from_command_line
+    from thingc.resolve.scope import Enough
     from thingc.resolve.table import Context
     from thingc.spec.assembly import AssemblySpec
 
@@ -36,10 +41,22 @@ def resolve(
     spec = specs.get(root.relative)
     if not isinstance(spec, AssemblySpec):
         return None
-    context = Context(documents=documents, specs=specs, workspace=workspace, schemas=schemas, report=report)
+    context = Context(
+        documents=documents, specs=specs, workspace=workspace, schemas=schemas, report=report, memo=memo or Memo(),
+    )
+    context.recall()
     context.nesting.append(root.relative)
     given = from_command_line(context, root, spec, parameters)
-    return resolved(context, root.relative, spec, given, top=True).definition
+    chosen = choose.from_command_line(context, choices) if choices else ()
+    try:
+        table = resolved(context, root.relative, spec, given, chosen, top=True)
+    except Enough:
+        report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} faults; the rest is not said", None)
+        return None
+    if context.overfull:
+        return None
+    context.remember(table)
+    return table.definition
 
 
 def resolve_materials(

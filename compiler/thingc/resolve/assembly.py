@@ -8,6 +8,7 @@ from itertools import chain
 from thingc.diagnostics import Code
 from thingc.expressions import CONSTANTS, FUNCTIONS, Expression
 from thingc.realize.record import definition_text
+from thingc.resolve import choices as chosen
 from thingc.resolve import references
 from thingc.resolve.components import components, nodes
 from thingc.resolve.joints import joints
@@ -24,14 +25,19 @@ from thingc.resolve.repeats import check_names, unrolled
 from thingc.resolve.scope import Found, Scope
 from thingc.resolve.sensors import sensors
 from thingc.resolve.table import Context, Table
+from thingc.resolve.tests import tests
 from thingc.source import Path
 from thingc.spec.assembly import AssemblySpec
 
+MAX_DEFINITIONS = 2000
+"""Nested documents with different parameters: two uses in each of thirty documents would make 2^30 of them."""
+
 
 def resolved(
-    context: Context, relative: str, spec: AssemblySpec, given: Mapping[str, Found | Expression], *, top: bool = False,
+    context: Context, relative: str, spec: AssemblySpec, given: Mapping[str, Found | Expression], choices: chosen.Choices = (), *,
+    top: bool = False,
 ) -> Table:
-    """The table of a document, its `definition` filled in; equal parameters of one document give the same table.
+    """The table of a document, its `definition` filled in; equal parameters and choices of one document give the same table.
 
     Only of the top document are modes and simulation worked out: a parent does not use them.
     """
@@ -40,22 +46,32 @@ def resolved(
     values, broken = (dict(own.values), set(own.broken)) if not given else worked_out(
         document, spec, given, context.report, context.doubts(document),
     )
-    parameters = canonical(values)
+    choices = chosen.that_say_more(context, relative, spec, choices) if choices else ()
+    parameters = tuple(sorted((*canonical(values), *choices)))
     key = (relative, parameters)
-    known = context.tables.get(key)
+    known = context.table(key)
     if known is not None:
         return known
     scope = context.scope(document, values, frozenset(broken))
+    if len(context.tables) >= MAX_DEFINITIONS and not context.overfull:
+        context.overfull = True
+        scope.error(
+            Code.TOO_MANY, f"more than {MAX_DEFINITIONS} assemblies, each with parameters of its own, are nested here", ("name",),
+            help="nest fewer documents, or with fewer different parameters",
+        )
     if given:
         check_bounds(scope, spec, [name for name in values if name not in given])
     doubts = scope.doubts
     table = Table(
         document=document, spec=spec, scope=scope, parameters=parameters,
-        text=definition_text(spec.name, dict(parameters), dict(canonical(own.values))),
+        text=definition_text(spec.name, dict(parameters), dict(canonical(own.values))), choices=choices,
     )
     context.tables[key] = table
     _check_names(scope, spec)
     table.materials = in_scope(context, scope, spec)
+    lacking = table.materials_unreadable = unreadable(context, scope, spec)
+    if choices:
+        spec = table.spec = chosen.with_default_material(context, table)
     parts, table.unbuilt = unrolled(scope, "components", spec.components, spec.parameters)
     moving, table.unbuilt_joints = unrolled(scope, "joints", spec.joints, spec.parameters)
     check_names(scope, chain(
@@ -65,23 +81,25 @@ def resolved(
     check_names(scope, ((item.name, item.path, "a joint") for item in moving))
     nodes(context, table, parts, resolved)
     places: Places = {}
-    placements = own_placements(table, places)
+    placements = own_placements(context, table, places)
     unsure = joints(table, moving, places)
     mimics(table, moving)
     check(table, places, unsure=unsure)
     _exports(table, scope)
     links = tuple(_links(table, scope))
     poses(table, scope)
-    lacking = unreadable(context, scope, spec)
-    made = components(table, placements, unreadable=lacking)
+    made = components(context, table, placements, unreadable=lacking)
+    stated = (spec.modes, context.values(scope, "modes", spec.modes), *context.around(table))
+    own_modes = context.sound("modes", stated, lambda: modes(table, scope)) if top else ()
     table.definition = AssemblyDefinition(
         document=relative, name=spec.name, description=spec.description, parameters=parameters, text=table.text,
         materials={name: one for name, one in table.materials.items() if one is not None}, components=made,
-        joints=tuple(joint for joint in table.joints.values() if joint is not None), links=links,
+        joints=context.same("joint", relative, [joint for joint in table.joints.values() if joint is not None]), links=links,
         mounts={name: one for name, one in table.exports.items() if one is not None},
-        poses=tuple(pose for pose in table.poses.values() if pose is not None), modes=modes(table, scope) if top else (),
+        poses=tuple(pose for pose in table.poses.values() if pose is not None), modes=own_modes,
         simulation=simulation(scope, Layers(((spec.simulation, ("simulation",)),))) if top and spec.simulation else {},
         raw=raw(scope, spec.raw), sensors=tuple(sensors(table, scope)),
+        tests=tuple(tests(context, table, scope, own_modes)) if top and spec.tests else (),
         origin=scope.origin(("name",)), materials_known=not lacking, whole=not doubts,
     )
     return table
@@ -98,7 +116,7 @@ def _check_names(scope: Scope, spec: AssemblySpec) -> None:
     sections: tuple[tuple[str, Mapping[str, object], str, bool], ...] = (
         ("parameters", spec.parameters, "a parameter", False), ("links", spec.links, "a link", True),
         ("poses", spec.poses, "a pose", False), ("modes", spec.modes, "a mode", False),
-        ("sensors", spec.sensors, "a sensor", False),
+        ("sensors", spec.sensors, "a sensor", False), ("tests", spec.tests, "a test", False),
         ("materials", spec.materials if isinstance(spec.materials, Mapping) else {}, "a material", False),
     )
     for section, entries, what, reserved in sections:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 
 from thingc.diagnostics import Code, Note
+from thingc.resolve import choices as choose
 from thingc.resolve import overrides as said
 from thingc.resolve.layers import Layers
 from thingc.resolve.model import At, Attach, Component, Material
@@ -12,24 +14,30 @@ from thingc.resolve.parameters import fitting
 from thingc.resolve.parts import of_code, of_file
 from thingc.resolve.repeats import MAX_OCCURRENCES, Item
 from thingc.resolve.scope import Found
-from thingc.resolve.table import Context, Node, Table
+from thingc.resolve.table import Context, Node, Table, names_in
 from thingc.source import Path
 from thingc.spec.assembly import AssemblySpec, ComponentSpec
 
 MAX_NESTING = 120
 """Documents inside each other: a little more than `load` follows, which reports the usual case."""
 
-Nest = Callable[[Context, str, AssemblySpec, Mapping[str, Found]], Table]
-"""Resolves a nested document with the values set for its parameters."""
+Nest = Callable[[Context, str, AssemblySpec, Mapping[str, Found], choose.Choices], Table]
+"""Resolves a nested document with the values set for its parameters, and the choices made inside it."""
 
 
 def nodes(context: Context, table: Table, items: Iterable[Item[ComponentSpec]], nest: Nest) -> None:
     """Fill `table.nodes`, with definitions worked out as far as they are sound, and count the occurrences."""
+    items = tuple(items)
+    if table.choices:
+        choose.check_names(context, table, items)
     for item in items:
-        node = Node(name=item.name, spec=item.spec, path=item.path, scope=item.scope)
+        if context.overfull:  # nothing will come of it
+            return
+        spec, chosen = choose.chosen(context, table, item)
+        node = Node(name=item.name, spec=spec, path=item.path, scope=item.scope, chosen=chosen)
         table.nodes[item.name] = node
         node.doubtful = node.unsound = _in_doubt(table, node)
-        _define(context, node, nest)
+        _define(context, table, node, nest)
         node.mounts = said.extra_mounts(node) if item.spec.mounts else {}
         if item.spec.mirror is not None:
             node.scope.error(
@@ -56,23 +64,31 @@ def _in_doubt(table: Table, node: Node) -> bool:
     return bool(table.doubts) and (table.doubts.touch(node.path) or table.doubts.touch(("defaults", "component")))
 
 
-def _define(context: Context, node: Node, nest: Nest) -> None:
+def _define(context: Context, table: Table, node: Node, nest: Nest) -> None:
     spec = node.spec
     if spec.part is not None:
-        node.definition = of_code(context, node, spec.part)
+        if "part" not in node.chosen or choose.check_part(context, node, spec.part):
+            place = ("definition", node.scope.document.relative, *context.route, node.name)
+            stated = (spec, context.schemas.get(spec.part), context.values(node.scope, f"params {node.name}", spec.params))
+            node.definition = context.sound(place, stated, partial(of_code, context, node, spec.part))
     elif spec.file is not None:
         node.definition = of_file(context, node, spec.file)
+        if node.definition is None and "file" in node.chosen:
+            choose.refuse_file(context, node, spec.file)
     elif spec.assembly is not None:
         said.refuse_on_assembly(node)
-        node.table = _nested(context, node, spec.assembly, nest)
+        node.table = _nested(context, table, node, spec.assembly, nest)
         node.definition = node.table.definition if node.table is not None else None
 
 
-def _nested(context: Context, node: Node, text: str, nest: Nest) -> Table | None:
+def _nested(context: Context, table: Table, node: Node, text: str, nest: Nest) -> Table | None:
     """The table of a nested document; None where it could not be read or stands inside itself (both reported by `load`)."""
     scope, path = node.scope, (*node.path, "assembly")
-    document = context.documents.named(scope.document, text)
+    chosen = "assembly" in node.chosen
+    document = context.documents.named(context.documents.root if chosen else scope.document, text)
     if document is None or document.relative in context.nesting:
+        if document is not None and chosen:
+            choose.refuse_circle(context, node, document.relative)
         return None
     relative = document.relative
     spec = context.specs.get(relative)
@@ -83,10 +99,12 @@ def _nested(context: Context, node: Node, text: str, nest: Nest) -> Table | None
         return None
     given = _given(context, node, relative, spec)
     context.nesting.append(relative)
+    context.route.append(node.name)
     try:
-        return nest(context, relative, spec, given)
+        return nest(context, relative, spec, given, choose.below(table.choices, str(node.path[-1]), node.name))
     finally:
         context.nesting.pop()
+        context.route.pop()
 
 
 def _given(context: Context, node: Node, relative: str, spec: AssemblySpec) -> dict[str, Found]:
@@ -105,21 +123,35 @@ def _given(context: Context, node: Node, relative: str, spec: AssemblySpec) -> d
     return fitting(context, document, spec, values, f"`{spec.name}`", complain)
 
 
-def components(table: Table, placements: dict[str, Attach | At | None], *, unreadable: bool) -> tuple[Component, ...]:
+def components(
+    context: Context, table: Table, placements: dict[str, Attach | At | None], *, unreadable: bool,
+) -> tuple[Component, ...]:
     """The model's components, in document order. What is unsound has no definition, so that later passes leave it out."""
     defaults = table.spec.defaults.component if table.spec.defaults is not None else None
     below: tuple[tuple[object, Path], ...] = ((defaults, ("defaults", "component")),) if defaults is not None else ()
     made: list[Component] = []
     for node in table.nodes.values():
-        scope = node.scope
-        is_part = node.spec.part is not None or node.spec.file is not None
-        layers = Layers(((node.spec, node.path), *(below if is_part else ())))  # type: ignore[arg-type]
-        nested = node.spec.assembly is not None
-        material: Material | None = None if nested else said.material(scope, layers, table.materials, unreadable=unreadable)
-        over = said.NONE_SAID if nested else said.overrides(scope, layers)
-        made.append(Component(
-            name=node.name, definition=None if node.unsound else node.definition, frame=node.frame and not node.unsound,
-            placement=None if node.unsound else placements.get(node.name), material=material, overrides=over, mounts=node.mounts,
-            bom=said.bom(layers), origin=scope.origin(node.path, key=True),
-        ))
+        place = ("component", table.document.relative, *context.route, node.name)
+        names = context.memo(("names", *place), names_in, node.spec, defaults)
+        inputs = (
+            node.spec, defaults, tuple(node.scope.names.get(name) for name in names), node.definition, node.unsound,
+            placements.get(node.name), table.materials, node.mounts, unreadable,
+        )
+        made.append(context.sound(place, inputs, partial(_component, node, table, placements.get(node.name), below, unreadable)))
     return tuple(made)
+
+
+def _component(
+    node: Node, table: Table, placement: Attach | At | None, below: tuple[tuple[object, Path], ...], unreadable: bool,
+) -> Component:
+    scope = node.scope
+    is_part = node.spec.part is not None or node.spec.file is not None
+    layers = Layers(((node.spec, node.path), *(below if is_part else ())))  # type: ignore[arg-type]
+    nested = node.spec.assembly is not None
+    material: Material | None = None if nested else said.material(scope, layers, table.materials, unreadable=unreadable)
+    over = said.NONE_SAID if nested else said.overrides(scope, layers)
+    return Component(
+        name=node.name, definition=None if node.unsound else node.definition, frame=node.frame and not node.unsound,
+        placement=None if node.unsound else placement, material=material, overrides=over, mounts=node.mounts,
+        bom=said.bom(layers), origin=scope.origin(node.path, key=True),
+    )

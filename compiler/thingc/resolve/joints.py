@@ -152,7 +152,8 @@ def _joint(table: Table, item: Item[JointSpec], kind: JointKind, parent: Referen
             if key in spec.model_fields_set and getattr(spec, key) is not None:
                 code = Code.DRIVE if key == "drive" else Code.JOINT_FIELD
                 scope.error(code, f"joint `{name}` is {spec.type} and does not move: it has no `{key}`", (*path, key), key=True,
-                            help="take it out, or choose another `type`")
+                            help="take it out, or choose another `type`",
+                            notes=scope.beside(f"it is {spec.type} here", (*path, "type"), (*path, key)))
     else:
         limit = _limit(scope, item, kind, kind.coordinate, layers.sub("limit"))
         dynamics = _dynamics(scope, name, kind.coordinate, layers.sub("dynamics"))
@@ -194,10 +195,11 @@ def _limit(scope: Scope, item: Item[JointSpec], kind: JointKind, coordinate: Dim
             scope.error(
                 Code.LIMIT, f"joint `{name}` is {kind.name} and has no {named}", own[0][1], key=True,
                 help="a joint that stops somewhere is `type: revolute`",
+                notes=scope.beside(f"it is {kind.name} here", (*path, "type"), own[0][1]),
             )
     else:
-        low = scope.number(*lower, coordinate, f"`limit.lower` of joint `{name}`") if lower else None
-        high = scope.number(*upper, coordinate, f"`limit.upper` of joint `{name}`") if upper else None
+        low = scope.number(*lower, coordinate, f"`limit.lower` of joint `{name}`", notes=_type(scope, item, lower)) if lower else None
+        high = scope.number(*upper, coordinate, f"`limit.upper` of joint `{name}`", notes=_type(scope, item, upper)) if upper else None
         missing = [f"`limit.{key}`" for key, said in (("lower", lower), ("upper", upper)) if said is None]
         in_doubt = scope.doubts.touch(path) or scope.doubts.touch(("defaults", "joint"))
         if missing and kind.limits == "required" and item.spec.mimic is None and not in_doubt:
@@ -214,9 +216,15 @@ def _limit(scope: Scope, item: Item[JointSpec], kind: JointKind, coordinate: Dim
                 Code.LIMIT, f"limits of joint `{name}` {fault}: expected lower < upper, "
                 f"found {(', and ' if any(',' in one for one in shown) else ' and ').join(shown)}",
                 lower[1], help="swap them" if low > high else "let the joint move, or make it `fixed`",
+                notes=scope.beside("the upper limit is written here", upper[1], lower[1]),
             )
             low = high = None
     return Limit(lower=low, upper=high, **_values(scope, name, coordinate, "limit", layers, ("effort", "velocity")))
+
+
+def _type(scope: Scope, item: Item[JointSpec], said: tuple[Any, Path]) -> list[Note]:
+    """The note that shows why a value of a joint has the dimension that it should have."""
+    return scope.beside(f"`{item.name}` is {item.spec.type} here", (*item.path, "type"), said[1])
 
 
 def _dynamics(scope: Scope, name: str, coordinate: Dimension, layers: Layers) -> Dynamics:
@@ -246,6 +254,7 @@ def _drive(table: Table, scope: Scope, name: str, coordinate: Dimension, layers:
         scope.error(
             Code.DRIVE, f"joint `{name}` is driven by a part with an actuator; `{reference.text}` is {what}", path,
             help=f"name the part inside it, as in `{reference.text}.servo`" if node.spec.assembly is not None else "name a part",
+            notes=references.declared(node),
         )
         return None
     if node.definition is not None and not isinstance(node.definition, PartDefinition):

@@ -14,7 +14,7 @@ from thingc.resolve.table import Context
 from thingc.source import Document, Path
 from thingc.spec.assembly import AssemblySpec
 from thingc.spec.materials import MaterialSpec, MaterialsSpec
-from thingc.units import DENSITY, LENGTH, NUMBER
+from thingc.units import DENSITY, LENGTH, NUMBER, shortened
 
 _STAND_IN = 1000.0
 """Density [kg/m^3] of a material whose own was wrong and has been reported, so that no later pass says that it has none.
@@ -153,14 +153,14 @@ def _library(scope: Scope, text: str, path: Path) -> tuple[float, str | None] | 
     found = _BASE.fullmatch(text.strip())
     if found is None:
         scope.error(
-            Code.REFERENCE, f"a library material is written `bd_materials:NAME`, found `{text}`", path,
-            help=f"write for example `bd_materials:{text.strip().rpartition(':')[2] or 'abs'}`",
+            Code.REFERENCE, f"a library material is written `bd_materials:NAME`, found `{shortened(text)}`", path,
+            help=f"write for example `bd_materials:{shortened(text.strip().rpartition(':')[2]) or 'abs'}`",
         )
         return None
     try:
         import bd_materials
     except ImportError:
-        scope.error(Code.LIBRARY, f"`{text}` needs the package `bd_materials`, which is not installed", path,
+        scope.error(Code.LIBRARY, f"`{shortened(text)}` needs the package `bd_materials`, which is not installed", path,
                     help="install it, or write `density` and `color` instead of `base`")
         return None
     name = found.group(1).strip()
@@ -168,7 +168,7 @@ def _library(scope: Scope, text: str, path: Path) -> tuple[float, str | None] | 
         known = bd_materials.resolve(name)
     except ValueError:
         scope.error(
-            Code.UNKNOWN_MATERIAL, f"the library bd_materials has no material `{name}`", path,
+            Code.UNKNOWN_MATERIAL, f"the library bd_materials has no material `{shortened(name)}`", path,
             help=did_you_mean(name, bd_materials.material_names(), what="library materials"),
         )
         return None

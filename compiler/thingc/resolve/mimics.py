@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
-from thingc.diagnostics import Code, Note
+from thingc.diagnostics import MAX_CIRCLE, Code, Note, circle_words
 from thingc.joints import KINDS
 from thingc.resolve import references
 from thingc.resolve.model import Mimic
@@ -37,7 +37,7 @@ def _mimic(table: Table, item: Item[JointSpec]) -> Mimic | None:
     if coordinate is None:
         scope.error(
             Code.MIMIC, f"joint `{item.name}` is {joint.kind} and does not move: it cannot mimic", path, key=True,
-            help="take it out",
+            help="take it out", notes=scope.beside(f"it is {joint.kind} here", (*item.path, "type"), path),
         )
         return None
     parts = references.words(scope, spec.joint, (*path, "joint"))
@@ -79,10 +79,12 @@ def _mimic(table: Table, item: Item[JointSpec]) -> Mimic | None:
             f"joint `{item.name}` and `{name}` differ in kind: `mimic` needs a `multiplier` that is {ratio.words}", path,
             key=True,
             help=f"write for example `multiplier: {ratio.example}`",
+            notes=[Note(message=f"`{name}` is written here", span=other.origin[0])],
         )
         return None
     raw = spec.multiplier
-    multiplier = scope.number(raw, (*path, "multiplier"), ratio, what)
+    there = [Note(message=f"`{name}` is written here", span=other.origin[0])]
+    multiplier = scope.number(raw, (*path, "multiplier"), ratio, what, notes=there)
     if multiplier is not None and isinstance(raw, Quantity) and raw.value == 0.0:
         scope.error(Code.MIMIC, f"{what} is 0: the joint would never move", (*path, "multiplier"), help="make it `type: fixed`")
         return None
@@ -97,22 +99,23 @@ def _break_cycles(table: Table, items: dict[str, Item[JointSpec]]) -> None:
     order = list(table.joints)
     done: set[str] = set()
     for start in order:
-        chain: list[str] = []
+        steps: dict[str, None] = {}
         name: str | None = start
-        while name is not None and name not in done and name not in chain:
-            chain.append(name)
+        while name is not None and name not in done and name not in steps:
+            steps[name] = None
             joint = table.joints.get(name)
             name = joint.mimic.joint if joint is not None and joint.mimic is not None else None
-        if name is not None and name in chain:
+        chain = list(steps)
+        if name is not None and name in steps:
             circle = chain[chain.index(name):]
-            shown = " -> ".join(f"`{step}`" for step in (*circle, circle[0]))
+            shown = circle_words(circle)
             first = items[circle[0]]
             first.scope.error(
                 Code.MIMIC, f"joints mimic each other in a circle: {shown}", (*first.path, "mimic", "joint"),
                 help="let one of them move by itself",
                 notes=[
                     Note(message=f"`{step}` mimics here", span=items[step].scope.span((*items[step].path, "mimic", "joint")))
-                    for step in circle[1:]
+                    for step in circle[1:MAX_CIRCLE]
                 ],
             )
             for step in circle:

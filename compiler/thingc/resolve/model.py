@@ -7,10 +7,14 @@ Everything is SI.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from thingc.pose import Pose, Vector
 from thingc.realize.record import PartDefinition, Value
 from thingc.source import Origin, Span
+
+if TYPE_CHECKING:
+    from thingc.resolve.tests_model import Test
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -309,9 +313,9 @@ class AssemblyDefinition:
 
     `document` is its path in the workspace, `parameters` the complete canonical ones; `text` prints those that differ
     from the document's own values (`end_effector(pen_diameter=0.02)`). `materials` is its scope by name. Poses are of
-    this document, over paths relative to it. `modes` and `simulation` count only at the top. `materials_known` is False
-    where a document of materials could not be read: then a name that is not in `materials` is no news. `whole` is False
-    where validation has left something out of the document.
+    this document, over paths relative to it. `modes`, `simulation` and `tests` count only at the top. `materials_known`
+    is False where a document of materials could not be read: then a name that is not in `materials` is no news. `whole` is
+    False where validation has left something out of the document.
     """
 
     document: str
@@ -332,3 +336,4 @@ class AssemblyDefinition:
     materials_known: bool = True
     whole: bool = True
     sensors: tuple[Sensor, ...] = ()
+    tests: tuple[Test, ...] = ()

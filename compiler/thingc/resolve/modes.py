@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from fnmatch import fnmatchcase
 from itertools import product
 
-from thingc.diagnostics import Code, Note
+from thingc.diagnostics import MAX_CIRCLE, Code, Note, circle_words
 from thingc.pose import NO_POSE, Pose, Vector
 from thingc.resolve import references
 from thingc.resolve.layers import Layers
@@ -17,6 +18,9 @@ from thingc.resolve.table import Table
 from thingc.source import Path
 from thingc.spec.assembly import ModeSpec
 from thingc.units import ACCELERATION, FORCE, NUMBER, TIME
+
+MAX_EXTENDED = 20
+MAX_EXCLUDED = 100_000
 
 GRAVITY: dict[str, Vector] = {"floor": (0.0, 0.0, -9.81), "wall": (-9.81, 0.0, 0.0), "ceiling": (0.0, 0.0, 9.81)}
 """Gravity [m/s^2] in the world frame by its word: what the robot stands on, clings to or hangs from."""
@@ -51,19 +55,21 @@ def _circular(scope: Scope, specs: dict[str, ModeSpec]) -> set[str]:
     for start in specs:
         chain: list[str] = []
         name: str | None = start
-        while name is not None and name in specs and name not in done and name not in chain:
+        met: set[str] = set()
+        while name is not None and name in specs and name not in done and name not in met:
             chain.append(name)
+            met.add(name)
             name = specs[name].extends
         if name is not None and name in chain:
             circle = chain[chain.index(name):]
             circular.update(circle)
-            shown = " -> ".join(f"`{step}`" for step in (*circle, circle[0]))
+            shown = circle_words(circle)
             scope.error(
                 Code.EXTENDS_CYCLE,
                 f"modes extend each other in a circle: {shown}" if len(circle) > 1 else f"mode `{name}` extends itself",
                 ("modes", circle[0], "extends"), help="let one of them extend none" if len(circle) > 1 else "take `extends` out",
                 notes=[
-                    Note(message=f"`{step}` extends here", span=scope.span(("modes", step, "extends"))) for step in circle[1:]
+                    Note(message=f"`{step}` extends here", span=scope.span(("modes", step, "extends"))) for step in circle[1:MAX_CIRCLE]
                 ],
             )
         done.update(chain)
@@ -76,6 +82,12 @@ def _layers(scope: Scope, specs: dict[str, ModeSpec], name: str, circular: set[s
     step: str | None = name
     while step is not None:
         if step in circular:
+            return None
+        if len(items) == MAX_EXTENDED:
+            scope.error(
+                Code.TOO_MANY, f"mode `{name}` extends more than {MAX_EXTENDED} modes, one through the other",
+                ("modes", name, "extends"),
+            )
             return None
         if step not in specs:
             if scope.doubts.at(("modes", step)) or scope.doubts.lacks("modes"):
@@ -186,35 +198,39 @@ def _actuators(table: Table, scope: Scope, layers: Layers) -> tuple[str, ...] | 
     said = layers.pick("actuators")
     if said is None:
         return None
-    patterns, path = said
+    return driven(table, scope, [(pattern, (*said[1], index)) for index, pattern in enumerate(said[0])])
+
+
+def driven(table: Table, scope: Scope, patterns: Sequence[tuple[str, Path]]) -> tuple[str, ...]:
+    """Paths (with `/`) of the driven joints that names and patterns fit, in document order; `patterns` with their places."""
     joints = dict(table.all_joints())
-    driven = [name for name, joint in joints.items() if joint is not None and joint.drive is not None]
+    known = [name for name, joint in joints.items() if joint is not None and joint.drive is not None]
     chosen: set[str] = set()
-    for index, pattern in enumerate(patterns):
-        at = (*path, index)
+    for pattern, at in patterns:
         if pattern in joints:
             joint = joints[pattern]
             if joint is not None and joint.drive is None and "drive" not in joint.spans:  # a wrong one has been reported
                 scope.error(
                     Code.DRIVE, f"joint `{pattern}` has no `drive`: it is no actuator", at, help="give the joint a `drive`",
+                    notes=[Note(message=f"`{pattern}` is written here", span=joint.origin[0])],
                 )
             chosen.add(pattern)
             continue
-        fitting = [name for name in driven if fnmatchcase(name, pattern)]
+        fitting = [name for name in known if fnmatchcase(name, pattern)]
         chosen.update(fitting)
         if fitting or table.unsure_joints():
             continue
         if GLOB.search(pattern):
             scope.error(
                 Code.NO_MATCH, f"pattern `{pattern}` fits no driven joint", at,
-                help=suggested(pattern, driven, what="driven joints"),
+                help=suggested(pattern, known, what="driven joints"),
             )
         else:
             scope.error(
                 Code.UNKNOWN_JOINT, f"there is no joint `{pattern}`", at,
-                help=suggested(pattern, driven, what="driven joints"),
+                help=suggested(pattern, known, what="driven joints"),
             )
-    return tuple(name.replace(".", "/") for name in driven if name in chosen)
+    return tuple(name.replace(".", "/") for name in known if name in chosen)
 
 
 def _exclude(table: Table, scope: Scope, contacts: Layers) -> tuple[tuple[Reference, Reference], ...]:
@@ -225,8 +241,14 @@ def _exclude(table: Table, scope: Scope, contacts: Layers) -> tuple[tuple[Refere
     for index, entry in enumerate(said[0]):
         sides: list[list[str]] = []
         for side, text in enumerate(entry):
-            sides.append(_components(table, scope, text, (*said[1], index, side)))
+            sides.append(components_fitting(table, scope, text, (*said[1], index, side)))
         origin = scope.origin((*said[1], index))
+        if len(pairs) + len(sides[0]) * len(sides[1]) > MAX_EXCLUDED:
+            scope.error(
+                Code.TOO_MANY, f"with this entry more than {MAX_EXCLUDED} pairs are excluded from contact", (*said[1], index),
+                help="write patterns that fit fewer components",
+            )
+            break
         for first, second in product(*sides):
             if first != second:
                 one, other = (
@@ -236,7 +258,7 @@ def _exclude(table: Table, scope: Scope, contacts: Layers) -> tuple[tuple[Refere
     return tuple(pairs.values())
 
 
-def _components(table: Table, scope: Scope, text: str, path: Path) -> list[str]:
+def components_fitting(table: Table, scope: Scope, text: str, path: Path) -> list[str]:
     """The components that a name or pattern fits."""
     if not GLOB.search(text):
         found = references.component(table, scope, text, path)

@@ -30,6 +30,7 @@ def refuse_on_assembly(node: Node) -> None:
             node.scope.error(
                 Code.OVERRIDE, f"`{key}` cannot be set on the nested assembly `{node.name}`", (*node.path, key), key=True,
                 help="write it on a component of the nested document; a parameter of it may carry the value",
+                notes=node.scope.beside(f"`{node.name}` is an assembly here", (*node.path, "assembly"), (*node.path, key)),
             )
 
 

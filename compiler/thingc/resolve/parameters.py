@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
-from thingc.diagnostics import Code, Note, Report, did_you_mean
+from thingc.diagnostics import MAX_CIRCLE, Code, Note, Report, circle_words, did_you_mean
 from thingc.expressions import Expression, ExpressionError, parse_expression
 from thingc.realize.record import Value
 from thingc.resolve.scope import Found, Scope, dimension_message, kind_of, words_of
@@ -84,16 +84,16 @@ def _used(raw: Any, spec: AssemblySpec) -> Iterator[str]:
 
 
 def _report_cycle(document: Document, spec: AssemblySpec, chain: list[str], places: Mapping[str, Path], report: Report) -> None:
-    order = list(spec.parameters)
-    start = chain.index(min(chain, key=order.index))
+    order = {name: number for number, name in enumerate(spec.parameters)}
+    start = chain.index(min(chain, key=order.__getitem__))
     turned = chain[start:] + chain[:start]
-    shown = " -> ".join(f"`{step}`" for step in (*turned, turned[0]))
+    shown = circle_words(turned)
     several = len(chain) > 1
     message = f"parameters depend on each other in a circle: {shown}" if several else f"parameter `{chain[0]}` depends on itself"
     report.add(
         Code.PARAMETER_CYCLE, message, document.span(places[turned[0]]), path=f"parameters.{turned[0]}",
         help="give one of them a value of its own" if several else "give it a value of its own",
-        notes=[Note(message=f"`{step}` is set here", span=document.span(places[step])) for step in turned[1:]],
+        notes=[Note(message=f"`{step}` is set here", span=document.span(places[step])) for step in turned[1:MAX_CIRCLE]],
     )
 
 
@@ -125,6 +125,7 @@ def fitting(
             complain(
                 name, Code.UNKNOWN_PARAMETER, f"{what} has no parameter `{name}`",
                 help=did_you_mean(name, spec.parameters, what="parameters"),
+                notes=[Note(message=f"{what} is defined here", span=document.span(("name",)))],
             )
             continue
         own = table.values.get(name)
@@ -225,7 +226,7 @@ def _own_within(scope: Scope, spec: AssemblySpec, name: str, value: Found) -> No
         key = "min" if isinstance(entry, ParameterSpec) and entry.min is not None else "max"
         scope.error(
             Code.VALUE_KIND, f"`{key}` belongs to a parameter with a number; `{name}` is {kind_of(value)}", (*path, key),
-            help="take it out", key=True,
+            help="take it out", key=True, notes=scope.beside(f"`{name}` is set here", (*path, "value"), (*path, key)),
         )
         return
     bounds = _bounds(scope, spec, name)
@@ -235,10 +236,12 @@ def _own_within(scope: Scope, spec: AssemblySpec, name: str, value: Found) -> No
         if found is not None and not isinstance(found, Quantity):
             at = (*path, key)
             message, help = dimension_message(found, (value.dimension,), f"`{key}` of parameter `{name}`", scope.written(at))
-            scope.error(Code.VALUE_KIND, message, at, help=help)
+            scope.error(Code.VALUE_KIND, message, at, help=help, notes=scope.beside(f"`{name}` is set here", (*path, "value"), at))
     for key, bound in list(bounds.items()):
         if not bound.fits(value.dimension) and not value.fits(bound.dimension):
-            scope.wrong_dimension(bound, (value.dimension,), f"`{key}` of parameter `{name}`", (*path, key))
+            at = (*path, key)
+            beside = scope.beside(f"`{name}` is set here", (*path, "value"), at)
+            scope.wrong_dimension(bound, (value.dimension,), f"`{key}` of parameter `{name}`", at, beside)
             del bounds[key]
     if len(bounds) == 2 and bounds["min"].value > bounds["max"].value:
         scope.error(

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 
-from thingc.diagnostics import Code, Note, did_you_mean, nearest
+from thingc.diagnostics import MAX_FAULTS, Code, Note, did_you_mean, nearest
 from thingc.load.paths import PART_SUFFIXES
 from thingc.realize.record import ParameterSchema, PartDefinition, PartFailure, PartSchema, Value, definition_text
-from thingc.resolve.scope import Found, Scope, dimension_message, kind_of, words_of
+from thingc.resolve.scope import Enough, Found, Scope, dimension_message, kind_of, words_of
 from thingc.resolve.table import Context, Node
 from thingc.source import Path, Span
 from thingc.units import ANGLE, LENGTH, MASS, NUMBER, Quantity, shortened
@@ -16,7 +16,8 @@ _DIMENSIONS = {"length": LENGTH, "angle": ANGLE, "mass": MASS, "ratio": NUMBER, 
 
 _FAILURES = {
     "missing": Code.PART_MISSING, "refused": Code.PART_REFUSED, "raised": Code.PART_RAISED, "hung": Code.PART_HUNG,
-    "crashed": Code.PART_CRASHED, "empty": Code.PART_EMPTY, "invalid": Code.PART_INVALID,
+    "crashed": Code.PART_CRASHED, "empty": Code.PART_EMPTY, "invalid": Code.PART_INVALID, "stale": Code.LOCK_STALE,
+    "unlocked": Code.NOT_LOCKED,
 }
 
 
@@ -87,18 +88,20 @@ def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, found
     written = scope.written(path)
     literal = written is not None and not written.lstrip().startswith("=")
     if parameter.kind == "choice":
-        return _choice(scope, parameter, found, what, path)
+        return _choice(scope, schema, parameter, found, what, path)
     if parameter.kind == "text":
         if isinstance(found, str):
             return found
         if isinstance(found, Quantity) and literal and written is not None:
             return written.strip()
-        scope.error(Code.VALUE_KIND, f"{what} is a text, found {kind_of(found)} ({scope.shown(found, path)})", path)
+        message = f"{what} is a text, found {kind_of(found)} ({scope.shown(found, path)})"
+        scope.error(Code.VALUE_KIND, message, path, help="put quotes around it" if literal else None, notes=_declared_at(schema))
         return None
     if parameter.kind == "flag":
         if isinstance(found, bool):
             return found
-        scope.error(Code.VALUE_KIND, f"{what} is `true` or `false`, found {kind_of(found)} ({scope.shown(found, path)})", path)
+        message = f"{what} is `true` or `false`, found {kind_of(found)} ({scope.shown(found, path)})"
+        scope.error(Code.VALUE_KIND, message, path, help="write `true` or `false`", notes=_declared_at(schema))
         return None
     dimension = _DIMENSIONS[parameter.kind]
     if not isinstance(found, Quantity) or not found.fits(dimension):
@@ -109,7 +112,8 @@ def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, found
         return None
     value = found.value + 0.0
     if parameter.kind == "count" and value != int(value):
-        scope.error(Code.VALUE_KIND, f"{what} must be a whole number, found {scope.shown(found, path)}", path)
+        message = f"{what} must be a whole number, found {scope.shown(found, path)}"
+        scope.error(Code.VALUE_KIND, message, path, notes=_declared_at(schema))
         return None
     least = 0.0 if parameter.kind == "count" and parameter.minimum is None else parameter.minimum
     for bound, broken, rule in (
@@ -127,7 +131,9 @@ def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, found
     return int(value) if parameter.kind == "count" else value
 
 
-def _choice(scope: Scope, parameter: ParameterSchema, found: Found, what: str, path: Path) -> Value | None:
+def _choice(
+    scope: Scope, schema: PartSchema, parameter: ParameterSchema, found: Found, what: str, path: Path,
+) -> Value | None:
     written = (scope.written(path) or "").strip()
     for choice in parameter.choices:
         if isinstance(choice, bool) or isinstance(found, bool):
@@ -142,7 +148,9 @@ def _choice(scope: Scope, parameter: ParameterSchema, found: Found, what: str, p
     text = shortened(written or words_of(found))
     help = did_you_mean(text, shown, what="choices") if nearest(text, shown) is not None else None
     listed = ", ".join(f"`{one}`" for one in shown[:12]) + (f" and {len(shown) - 12} more" if len(shown) > 12 else "")
-    scope.error(Code.VALUE_KIND, f"{what} is one of {listed}, found `{text}`", path, help=help)
+    scope.error(
+        Code.VALUE_KIND, f"{what} is one of {listed}, found `{text}`", path, help=help, notes=_declared_at(schema),
+    )
     return None
 
 
@@ -156,6 +164,8 @@ def _declared_at(schema: PartSchema) -> list[Note]:
 def _report_failure(context: Context, node: Node, reference: str, failure: PartFailure) -> None:
     if reference in context.failed_parts:
         return
+    if len(context.failed_parts) >= MAX_FAULTS:
+        raise Enough
     context.failed_parts.add(reference)
     path = (*node.path, "part")
     notes: list[Note] = []
@@ -169,7 +179,9 @@ def _report_failure(context: Context, node: Node, reference: str, failure: PartF
         message = f"part `{reference}` cannot be loaded: {failure.message}"
     elif failure.message.startswith(f"`{reference}`"):
         message, help = failure.message, "write a module of a part folder and a class in it, for example `arm:BasePlate`"
-    if failure.kind == "refused":
+    if failure.kind in ("stale", "unlocked"):
+        help = "run `thingc lock` where the code of the parts may run, and keep what it writes with the documents"
+    elif failure.kind == "refused":
         allowed = ", ".join(f"`{package}`" for package in failure.candidates)
         help = f"parts come from the part folders of the workspace{' and from ' + allowed if allowed else ''}"
     elif failure.candidates and failure.file is None:
@@ -184,8 +196,10 @@ def _report_failure(context: Context, node: Node, reference: str, failure: PartF
 
 
 def of_file(context: Context, node: Node, text: str) -> PartDefinition | None:
-    """The definition of a component that is a `file:`; None where the file cannot be used (which `load` has reported)."""
-    absolute = os.path.normpath(os.path.join(os.path.dirname(node.scope.document.path), text))
+    """The definition of a component that is a `file:`; None where the file cannot be used (which `load` has reported,
+    unless it was chosen)."""
+    beside = context.documents.root.path if "file" in node.chosen else node.scope.document.path
+    absolute = os.path.normpath(os.path.join(os.path.dirname(beside), text))
     workspace = context.workspace
     if os.path.isabs(text) or not workspace.contains(absolute) or not absolute.lower().endswith(PART_SUFFIXES):
         return None

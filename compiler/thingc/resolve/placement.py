@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from thingc.diagnostics import Code, Note
 from thingc.resolve import references
 from thingc.resolve.model import At, Attach
-from thingc.resolve.table import Node, Table
+from thingc.resolve.table import Context, Node, Table
 from thingc.source import Span
 from thingc.spec.assembly import AttachSpec
 from thingc.units import ANGLE, LENGTH
@@ -14,17 +16,17 @@ Places = dict[str, list[tuple[str, Span]]]
 """By component name: how it is placed (`` `attach` ``, `` joint `yaw` ``) and where that is written."""
 
 
-def own_placements(table: Table, places: Places) -> dict[str, Attach | At | None]:
+def own_placements(context: Context, table: Table, places: Places) -> dict[str, Attach | At | None]:
     """The placements that components write themselves; those that are wrong are reported and make the component unsound."""
     found: dict[str, Attach | At | None] = {}
+    there = context.there(table)
     for node in table.nodes.values():
-        if node.spec.attach is not None:
-            made: Attach | At | None = _attach(table, node)
-            key = "attach"
-        elif node.spec.at is not None:
-            made, key = _at(table, node), "at"
-        else:
+        if node.spec.attach is None and node.spec.at is None:
             continue
+        key = "attach" if node.spec.attach is not None else "at"
+        place = ("placement", table.document.relative, *context.route, node.name)
+        stated = (context.values(node.scope, f"{key} {node.name}", getattr(node.spec, key)), there)
+        made: Attach | At | None = context.sound(place, stated, partial(_attach if key == "attach" else _at, table, node))
         places.setdefault(node.name, []).append((f"`{key}`", node.scope.span((*node.path, key), key=True)))
         found[node.name] = made
         if made is None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from fnmatch import fnmatchcase
 from typing import Any
 
-from thingc.diagnostics import Code
+from thingc.diagnostics import Code, Note
 from thingc.joints import KINDS
 from thingc.resolve import references
 from thingc.resolve.model import Joint, NamedPose
@@ -75,12 +75,14 @@ def _set(scope: Scope, known: Joints, names: list[str], raw: Any, path: Path, in
         if coordinate is None:
             scope.error(
                 Code.POSE, f"joint `{name}` is {joint.kind} and has no coordinate to set", path, key=True, help="take it out",
+                notes=_written(name, joint),
             )
             continue
         if joint.mimic is not None:
             scope.error(
                 Code.POSE, f"joint `{name}` mimics `{joint.mimic.joint}`: a pose cannot set it", path, key=True,
                 help=f"set `{name.rpartition('.')[0] + '.' if '.' in name else ''}{joint.mimic.joint}`",
+                notes=[Note(message="it mimics here", span=joint.mimic.origin[0])],
             )
             continue
         what = f"the value of joint `{name}`" if exact else f"the value of joint `{name}`, which the pattern fits,"
@@ -88,12 +90,17 @@ def _set(scope: Scope, known: Joints, names: list[str], raw: Any, path: Path, in
             scope.error(
                 Code.POSE, f"joint `{name}` takes {coordinate.words} (such as {coordinate.example}), found the text `{raw}`",
                 path,
-                help=f"an expression begins with `=`: `={raw}`" if raw in scope.names else None,
+                help=f"an expression begins with `=`: `={raw}`" if raw in scope.names else None, notes=_written(name, joint),
             )
             continue
-        value = scope.number(raw, path, coordinate, what)
+        value = scope.number(raw, path, coordinate, what, notes=_written(name, joint))
         if value is not None:
             into[name.replace(".", "/")] = (value, scope.origin(path))
+
+
+def _written(name: str, joint: Joint) -> list[Note]:
+    """The note that shows where a joint is written."""
+    return [Note(message=f"`{name}` is written here", span=joint.origin[0])]
 
 
 def _movable(joint: Joint | None) -> bool:
@@ -131,7 +138,7 @@ def _use(table: Table, scope: Scope, key: str, pose: str, path: Path, into: Sett
             message, help = f"`{key}` is no nested assembly: it has no pose `{pose}`", suggested(
                 key, nested, what="nested assemblies",
             )
-            scope.error(Code.POSE, message, path, key=True, help=help)
+            scope.error(Code.POSE, message, path, key=True, help=help, notes=references.declared(matched[0][1]))
         elif GLOB.search(key):
             scope.error(
                 Code.NO_MATCH, f"pattern `{key}` fits no nested assembly", path, key=True,
@@ -156,7 +163,7 @@ def _use(table: Table, scope: Scope, key: str, pose: str, path: Path, into: Sett
             if len(lacking) == 1:
                 scope.error(
                     Code.UNKNOWN_POSE, f"`{name}` (`{inner.document.relative}`) has no pose `{pose}`", path,
-                    help=suggested(pose, inner.spec.poses, what="poses"),
+                    help=suggested(pose, inner.spec.poses, what="poses"), notes=references.defined(inner),
                 )
             continue
         found = inner.poses.get(pose)
@@ -185,7 +192,7 @@ def _report_unknown(table: Table, scope: Scope, known: Joints, key: str, path: P
                 "", node.table.spec.poses, what="poses")
         else:
             message, help = f"`{key}` is a component, not a joint", suggested(key, names, what="joints")
-        scope.error(Code.POSE, message, path, key=True, help=help)
+        scope.error(Code.POSE, message, path, key=True, help=help, notes=references.declared(node))
         return
     repeated = table.spec.joints.get(key)
     if repeated is not None and repeated.repeat is not None:

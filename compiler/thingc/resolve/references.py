@@ -21,7 +21,7 @@ _INDEX = re.compile(r"\$(?:\{([A-Za-z][A-Za-z0-9_]*)\}|([A-Za-z][A-Za-z0-9_]*))"
 GLOB = re.compile(r"[*?\[]")
 """A character that makes a pattern of a name."""
 
-MAX_SUGGESTED = 2000
+MAX_SUGGESTED = 1000
 """Names that a misspelled one is compared with."""
 
 
@@ -90,6 +90,10 @@ def shown_mount(table: Table, scope: Scope, text: str, path: Path, *, key: bool 
     wrong before)."""
     if text not in table.exports:
         if "." not in text and table.doubts.lacks("mounts"):
+            return None
+        close = nearest(text, table.exports) if "." not in text and text not in table.nodes else None
+        if close is not None:
+            scope.error(Code.UNKNOWN_MOUNT, f"this document shows no mount `{text}`", path, help=f"did you mean `{close}`?", key=key)
             return None
         return mount(table, scope, text, path, key=key)
     shown = table.exports[text]
@@ -244,6 +248,7 @@ def _mount_of(node: Node, scope: Scope, rest: tuple[str, ...], parts: tuple[str,
         scope.error(
             Code.UNKNOWN_MOUNT, f"`{name}` is a component of {what}, not a mount", path,
             help=f"name a mount of it, as in `{'.'.join(parts[:-1])}.{inner_exports[0]}`", key=key,
+            notes=declared(node.table.nodes[name]),
         )
         return False
     if _unbuilt(node.table.unbuilt, name) or node.table.doubts.lacks("mounts"):
@@ -254,17 +259,30 @@ def _mount_of(node: Node, scope: Scope, rest: tuple[str, ...], parts: tuple[str,
         help += "; or export it there under `mounts:`"
     scope.error(
         Code.UNKNOWN_MOUNT, f"{what} exports no mount `{name}`", path, help=help, key=key,
-        notes=[Note(message=f"`{node.table.spec.name}` is defined here", span=_place(node.table))],
+        notes=defined(node.table),
     )
     return False
+
+
+def declared(node: Node) -> list[Note]:
+    """The note that shows where a component is written."""
+    return [Note(message=f"`{node.name}` is written here", span=node.scope.span(node.path, key=True))]
+
+
+def defined(table: Table) -> list[Note]:
+    """The note that shows where the assembly of a nested document is written."""
+    return [Note(message=f"`{table.spec.name}` is defined here", span=_place(table))]
 
 
 def _report_single(table: Table, scope: Scope, name: str, path: Path, key: bool) -> None:
     if _unbuilt(table.unbuilt, name):
         return
+    notes: list[Note] = []
     if name in table.nodes:
         message, help = f"`{name}` is a component, and a mount is wanted here", f"name one of its mounts, as in `{name}.{ORIGIN}`"
+        notes = declared(table.nodes[name])
     elif name in table.exports:
+        notes = [Note(message=f"`{name}` is exported here", span=table.scope.span(("mounts", name), key=True))]
         message, help = f"`{name}` is what this document exports; here the mount itself is wanted", "write `component.mount`"
     else:
         message, help = f"a mount is written `component.mount`, found `{name}`", suggested(
@@ -272,7 +290,7 @@ def _report_single(table: Table, scope: Scope, name: str, path: Path, key: bool)
         )
         if nearest(name, islice(table.nodes, MAX_SUGGESTED)) is not None:
             help = f"{help[:-1]}, with one of its mounts after a `.`?"
-    scope.error(Code.REFERENCE, message, path, help=help, key=key)
+    scope.error(Code.REFERENCE, message, path, help=help, key=key, notes=notes)
 
 
 def _report_mount(scope: Scope, what: str, name: str, known: list[str], place: Span, path: Path, key: bool) -> None:
@@ -296,17 +314,22 @@ def _report_component(
         scope.error(
             Code.UNKNOWN_COMPONENT, f"`{name}` is a mount that {what} exports, and has nothing inside", path,
             help=f"write `{'.'.join(parts[: depth + 1])}`" if depth else "name a component first", key=key,
+            notes=[Note(message=f"`{name}` is exported here", span=inner.scope.span(("mounts", name), key=True))],
         )
         return
     repeated = inner.spec.components.get(name)
     if repeated is not None and repeated.repeat is not None:
         made = [one for one in inner.nodes.values() if one.path == ("components", name)]
         help = f"`{name}` is repeated: `{made[0].name}` to `{made[-1].name}`" if made else f"`{name}` is repeated 0 times"
-        scope.error(Code.UNKNOWN_COMPONENT, f"{what} has no component `{name}`", path, help=help, key=key)
+        scope.error(
+            Code.UNKNOWN_COMPONENT, f"{what} has no component `{name}`", path, help=help, key=key,
+            notes=[Note(message=f"`{name}` is repeated here", span=inner.scope.span(("components", name, "repeat")))],
+        )
         return
     scope.error(
         Code.UNKNOWN_COMPONENT, f"{what} has no component `{name}`", path,
         help=suggested(name, [*inner.nodes, *(prefix[:-1] for prefix in inner.unbuilt if prefix)], what="components"), key=key,
+        notes=[] if inner is table and depth == 0 else defined(inner),
     )
 
 
@@ -316,5 +339,5 @@ def _report_leaf(node: Node, scope: Scope, parts: tuple[str, ...], depth: int, p
     kind = "a frame" if node.frame else "an assembly" if isinstance(node.definition, AssemblyDefinition) else "a part"
     scope.error(
         Code.UNKNOWN_COMPONENT, f"`{node.name}` is {kind} and has no components: `{'.'.join(parts)}` goes too deep", path,
-        help=f"write `{'.'.join(parts[:depth])}.mount`", key=key,
+        help=f"write `{'.'.join(parts[:depth])}.mount`", key=key, notes=declared(node),
     )

@@ -71,7 +71,7 @@ list[str]]:
                 f"with `{name}` the {section} of this document are {total + count}; at most {MAX_OCCURRENCES} are possible",
                 (*path, "count"),
             )
-            count = None
+            return [], [""]
         if count is None:
             unbuilt.append(f"{name}_")
         else:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from thingc.diagnostics import Code, Note, Report
+from thingc.diagnostics import MAX_FAULTS, Code, Note, Report
 from thingc.expressions import Expression, ExpressionError, evaluate
 from thingc.pose import Pose, Vector, placed
 from thingc.source import Document, Origin, Path, ScalarNode, Span, node_at
@@ -27,6 +27,10 @@ def dotted(path: Path) -> str:
     for step in path:
         text += f"[{step}]" if isinstance(step, int) else f".{step}" if text else step
     return text
+
+
+class Enough(Exception):
+    """More faults than anybody reads have been said: the pass ends here."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,8 +83,15 @@ class Scope:
         known = (self.document.relative, code, path, key)
         if known in self.said:
             return
+        if len(self.said) >= MAX_FAULTS:
+            raise Enough
         self.said.add(known)
         self.report.add(code, message, span or self.document.span(path, key=key), help=help, notes=notes, path=dotted(path))
+
+    def beside(self, message: str, path: Path, of: Path, *, key: bool = False) -> list[Note]:
+        """A note on the second place `path` of a fault at `of`; none where both are on one line, which is shown anyway."""
+        second, first = self.document.span(path, key=key), self.document.span(of)
+        return [] if second.line == first.line else [Note(message=message, span=second)]
 
     # --- values ---------------------------------------------------------------------------------------------------
 
@@ -122,18 +133,19 @@ class Scope:
 
     def number(
         self, raw: Any, path: Path, dimension: Dimension | tuple[Dimension, ...], what: str, *,
-        above: float | None = None, least: float | None = None, most: float | None = None,
+        above: float | None = None, least: float | None = None, most: float | None = None, notes: Iterable[Note] = (),
     ) -> float | None:
         """The SI value of a field of one of these dimensions and within bounds; None where it was wrong (reported).
 
-        `what` names the field for messages with its article or name: "the mass", "`limit.lower` of joint `yaw`".
+        `what` names the field for messages with its article or name: "the mass", "`limit.lower` of joint `yaw`"; `notes`
+        show where it is said that the dimension is this one.
         """
         found = self.value(raw, path)
         if found is None:
             return None
         dimensions = dimension if isinstance(dimension, tuple) else (dimension,)
         if not isinstance(found, Quantity) or not any(found.fits(one) for one in dimensions):
-            self.wrong_dimension(found, dimensions, what, path)
+            self.wrong_dimension(found, dimensions, what, path, notes)
             return None
         value = found.value + 0.0
         rule = None
@@ -176,10 +188,12 @@ class Scope:
         text = (self.written(path) or words_of(found)).strip()
         return f"`{shortened(text)}`, which is {words_of(found)}" if text.startswith("=") else f"`{shortened(text)}`"
 
-    def wrong_dimension(self, found: Found, expected: tuple[Dimension, ...], what: str, path: Path) -> None:
+    def wrong_dimension(
+        self, found: Found, expected: tuple[Dimension, ...], what: str, path: Path, notes: Iterable[Note] = (),
+    ) -> None:
         """Report a value of another dimension, naming both."""
         message, help = dimension_message(found, expected, what, self.written(path))
-        self.error(Code.DIMENSION, message, path, help=help)
+        self.error(Code.DIMENSION, message, path, help=help, notes=notes)
 
 
 def dimension_message(found: Found, expected: tuple[Dimension, ...], what: str, written: str | None) -> tuple[str, str | None]:

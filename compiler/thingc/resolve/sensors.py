@@ -13,7 +13,7 @@ from thingc.resolve.references import suggested
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Table
 from thingc.source import Path
-from thingc.spec.assembly import SensorSpec
+from thingc.spec.sensors import SensorSpec
 from thingc.units import ANGLE, Quantity
 
 FOVY = math.radians(45.0)

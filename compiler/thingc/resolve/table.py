@@ -3,13 +3,17 @@ reported once and not again by everything that refers to it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
+
+from pydantic import BaseModel
 
 from thingc.diagnostics import Code, Report
+from thingc.expressions import Expression
+from thingc.memo import Memo
 from thingc.realize.record import PartDefinition, PartFailure, PartSchema, Value
-from thingc.resolve.model import AssemblyDefinition, ExtraMount, Joint, Material, NamedPose, Reference
+from thingc.resolve.model import AssemblyDefinition, Component, ExtraMount, Joint, Material, NamedPose, Reference
 from thingc.resolve.scope import NOTHING, Found, Scope
 from thingc.source import Document, Path
 from thingc.spec.doubts import NO_DOUBTS, Doubts
@@ -21,10 +25,15 @@ if TYPE_CHECKING:
     from thingc.workspace import Workspace
 
 
+Named = TypeVar("Named", Component, Joint)
+Answer = TypeVar("Answer")
+
+
 @dataclass(slots=True, kw_only=True)
 class Node:
     """A component while its document is resolved. `table` is that of the nested document, None for parts and frames;
-    `unsound`: something that later passes need was wrong; `doubtful`: validation has left something of it out."""
+    `unsound`: something that later passes need was wrong; `doubtful`: validation has left something of it out; `chosen` are the
+    keys whose values are choices (see `choices`)."""
 
     name: str
     spec: ComponentSpec
@@ -35,6 +44,7 @@ class Node:
     mounts: dict[str, ExtraMount] = field(default_factory=dict)
     unsound: bool = False
     doubtful: bool = False
+    chosen: frozenset[str] = frozenset()
 
     @property
     def frame(self) -> bool:
@@ -46,8 +56,9 @@ class Node:
 class Table:
     """One document with one set of parameters. In `exports`, `joints` and `poses` None stands for one that was wrong.
 
-    `unbuilt` and `unbuilt_joints` are the prefixes (`leg_`) of repeats that could not be unrolled; `occurrences` counts
-    the leaves; `base` is the name of the base component.
+    `parameters` include the `choices` made inside it (see `thingc.resolve.choices`). `unbuilt` and `unbuilt_joints` are the
+    prefixes (`leg_`) of repeats that could not be unrolled; `occurrences` counts the leaves; `base` is the name of the base
+    component.
     """
 
     document: Document
@@ -55,6 +66,8 @@ class Table:
     scope: Scope
     parameters: tuple[tuple[str, Value], ...]
     text: str
+    choices: tuple[tuple[str, str], ...] = ()
+    materials_unreadable: bool = False
     materials: dict[str, Material | None] = field(default_factory=dict)
     nodes: dict[str, Node] = field(default_factory=dict)
     unbuilt: list[str] = field(default_factory=list)
@@ -70,6 +83,15 @@ class Table:
     def doubts(self) -> Doubts:
         """What validation has left out of the document."""
         return self.scope.doubts
+
+    @property
+    def key(self) -> tuple[str, tuple[tuple[str, Value], ...]]:
+        """What it is known by."""
+        return self.document.relative, self.parameters
+
+    def inner(self) -> Iterator[Table]:
+        """The tables of the documents nested in it, each as often as it is nested."""
+        return (node.table for _, node in self.all_nodes() if node.table is not None)
 
     def all_joints(self) -> Iterator[tuple[str, Joint | None]]:
         """Every joint with its path in dots, nested ones after this document's own; None for one that was wrong."""
@@ -107,7 +129,8 @@ class Context:
     """One run of `resolve`: its inputs, and what has been worked out or reported already.
 
     `tables` is keyed by document and canonical parameters (equal definitions are one object); `nesting` holds the
-    documents being resolved, outermost first; `said` is that of every scope; `overfull`: too many occurrences were reported.
+    documents being resolved, outermost first, `route` the components that nest them; `said` is that of every scope; `overfull`: too many
+    occurrences were reported.
     """
 
     documents: Documents
@@ -118,11 +141,73 @@ class Context:
     tables: dict[tuple[str, tuple[tuple[str, Value], ...]], Table] = field(default_factory=dict)
     declared: dict[str, Declared] = field(default_factory=dict)
     nesting: list[str] = field(default_factory=list)
+    route: list[str] = field(default_factory=list)
     parts: dict[tuple[str, tuple[tuple[str, Value], ...]], PartDefinition] = field(default_factory=dict)
     failed_parts: set[str] = field(default_factory=set)
     materials: dict[str, dict[str, Material | None]] = field(default_factory=dict)
     said: set[tuple[str, Code, Path, bool]] = field(default_factory=set)
     overfull: bool = False
+    recalled: Mapping[tuple[str, tuple[tuple[str, Value], ...]], Table] = field(default_factory=dict)
+    memo: Memo = field(default_factory=Memo)
+
+    def recall(self) -> None:
+        """Take over from the last run what was sound there: nested documents with their parameters, and material documents."""
+        known = self.memo.last("resolve", (self.specs, self.schemas))
+        if known is not None:
+            self.recalled, declared, materials = known
+            self.declared.update(declared)
+            self.materials.update(materials)
+
+    def table(self, key: tuple[str, tuple[tuple[str, Value], ...]]) -> Table | None:
+        """What has been worked out of a document with these parameters, in this run or the last."""
+        known = self.tables.get(key)
+        if known is None and key in self.recalled:
+            known = self.tables[key] = self.recalled[key]
+            self.tables.update((table.key, table) for table in known.inner())
+        return known
+
+    def values(self, scope: Scope, place: str, model: object) -> tuple[Found | None, ...]:
+        """The values of all names that expressions in a section of a document use."""
+        names = self.memo(("names", scope.document.relative, place), names_in, model)
+        return tuple(scope.names.get(name) for name in names)
+
+    def there(self, table: Table) -> list[tuple[object, ...]]:
+        """The components of a document, as far as references can see them."""
+        return [
+            (node.name, node.spec, node.unsound, node.definition if node.table is not None else node.definition is None)
+            for node in table.nodes.values()
+        ]
+
+    def around(self, table: Table) -> tuple[object, ...]:
+        """What a sound section of a document can see of the others: what is there, but no numbers."""
+        return (
+            self.there(table),
+            [
+                (name, joint and (joint.kind, joint.drive is not None, joint.mimic is not None, joint.loop))
+                for name, joint in table.joints.items()
+            ],
+            dict(table.exports), list(table.poses), table.base,
+        )
+
+    def sound(self, place: Hashable, inputs: tuple[object, ...], make: Callable[[], Answer]) -> Answer:
+        """What `make` gives, or gave in the last run with equal inputs; kept as long as nothing at all was said."""
+        known: Answer | None = self.memo.last(place, inputs)
+        if known is None:
+            known = make()
+            if not self.report.diagnostics:
+                self.memo.keep(place, inputs, known)
+        return known
+
+    def same(self, what: str, document: str, made: Iterable[Named]) -> tuple[Named, ...]:
+        """What a document's text makes, each the equal object of the last run where it is no other: later passes know it then."""
+        return tuple(self.memo.same((what, document, *self.route, one.name), one) for one in made)
+
+    def remember(self, top: Table) -> None:
+        """Keep for the next run the nested documents that this one has used, if nothing at all was said."""
+        if self.report.diagnostics:
+            return
+        tables = {table.key: table for table in top.inner()}
+        self.memo.keep("resolve", (self.specs, self.schemas), (tables, self.declared, self.materials))
 
     def scope(self, document: Document, names: Mapping[str, Found], broken: frozenset[str] = NOTHING) -> Scope:
         """A scope that reports to this run."""
@@ -133,3 +218,20 @@ class Context:
     def doubts(self, document: Document) -> Doubts:
         """What validation has left out of a document."""
         return self.specs.doubts.get(document.relative, NO_DOUBTS)
+
+
+def names_in(*models: object) -> tuple[str, ...]:
+    """The names that expressions anywhere in these models use: all that what is made of them depends on besides."""
+    found: set[str] = set()
+    waiting = list(models)
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, Expression):
+            found.update(use.name for use in value.names)
+        elif isinstance(value, BaseModel):
+            waiting.extend(vars(value).values())
+        elif isinstance(value, Mapping):
+            waiting.extend(value.values())
+        elif isinstance(value, (list, tuple)):
+            waiting.extend(value)
+    return tuple(sorted(found))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Mapping
 
-from thingc.diagnostics import Code, Report
+from thingc.diagnostics import Code, Note, Report
 from thingc.graph import coordinates, joints_of, on_loops
 from thingc.graph.types import Assembly, LinkedHold, LinkedMode
 from thingc.pose import MATE, NO_POSE, Pose
@@ -48,6 +48,7 @@ def closures_of(
             report.add(
                 Code.HOLD, f"mode `{mode.name}` holds `{choice.path}`, which is on its root `{assembly.links[link].name}`: "
                 "that stands still already", hold.origin, path=choice.path, help="hold a mount of another link, or take it out",
+                notes=[Note(message=f"`{assembly.links[link].name}` begins here", span=assembly.links[link].origin[0])],
             )
             sound = False
             continue

@@ -7,19 +7,23 @@ from collections.abc import Iterator
 from thingc.diagnostics import Code, Report
 from thingc.graph import joints_of
 from thingc.graph.types import Assembly, LinkedMode
+from thingc.memo import Memo
+from thingc.pose import Pose
 from thingc.robot.closing import closures_of, keyframes_of
 from thingc.robot.tree import bodies_from, in_link, root_pose, spanning
 from thingc.robot.types import Robot, Site
 
 
-def root(assembly: Assembly, mode: LinkedMode, report: Report) -> Robot | None:
+def root(assembly: Assembly, mode: LinkedMode, report: Report, memo: Memo | None = None) -> Robot | None:
     """The robot of `mode`; None where a link cannot be reached from its root, or a loop does not close (said in `report`).
 
     The frames of bodies are the frames of their links, whatever the root; what depends on it is which end of a joint
-    is the parent. Coordinates keep their meaning: q is the document's child relative to its parent.
+    is the parent. Coordinates keep their meaning: q is the document's child relative to its parent. What `memo` has of it is taken
+    from there.
     """
+    memo = memo or Memo()
     taken = spanning(assembly, mode)
-    bodies = bodies_from(assembly, assembly.link_of[mode.root.occurrence], taken, root_pose(assembly, mode))
+    bodies = bodies_from(assembly, assembly.link_of[mode.root.occurrence], taken, root_pose(assembly, mode), memo)
     if len(bodies) < len(assembly.links):
         reached = {body.link for body in bodies}
         missing = next(link for link in assembly.links if link.index not in reached)
@@ -42,7 +46,7 @@ def root(assembly: Assembly, mode: LinkedMode, report: Report) -> Robot | None:
         base=mode.base,
         gravity=mode.gravity,
         bodies=bodies,
-        sites=tuple(_sites(assembly, body_of)),
+        sites=tuple(_sites(assembly, body_of, memo)),
         excluded=_excluded(assembly, mode, body_of),
         keyframes=closed[0],
         present=_present(assembly, mode),
@@ -52,7 +56,7 @@ def root(assembly: Assembly, mode: LinkedMode, report: Report) -> Robot | None:
     )
 
 
-def _sites(assembly: Assembly, body_of: dict[int, int]) -> Iterator[Site]:
+def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[Site]:
     """Exported mounts at every level, frames, the roots and holds of every mode, and where sensors sit, each name once."""
     placed = in_link(assembly)
     named: set[str] = set()
@@ -68,7 +72,7 @@ def _sites(assembly: Assembly, body_of: dict[int, int]) -> Iterator[Site]:
     for path, occurrence, mount, origin in wanted:
         if path not in named:
             named.add(path)
-            pose = placed[occurrence] @ assembly.occurrences[occurrence].mounts[mount].pose
+            pose = memo(("site at", path), Pose.__matmul__, placed[occurrence], assembly.occurrences[occurrence].mounts[mount].pose)
             yield Site(path=path, body=body_of[assembly.link_of[occurrence]], pose=pose, origin=origin)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Collection
 
 from thingc.graph.types import Assembly, JointEdge, LinkedMode, Mate
 from thingc.joints import KINDS
+from thingc.memo import Memo
 from thingc.pose import MATE, Pose, Vector
 from thingc.robot.types import Body, Closure, CoreJoint
 
@@ -56,9 +57,11 @@ def placing(assembly: Assembly) -> frozenset[int]:
     return frozenset(n for n, mate in enumerate(assembly.mates) if mate.joint is not None and mate.loop is None)
 
 
-def bodies_from(assembly: Assembly, start: int, taken: Collection[int], at: Pose) -> tuple[Body, ...]:
+def bodies_from(
+    assembly: Assembly, start: int, taken: Collection[int], at: Pose, memo: Memo | None = None,
+) -> tuple[Body, ...]:
     """The tree over the mates `taken`, depth first from link `start`, which is at `at`; children in the order of their links."""
-    placed = in_link(assembly)
+    placed, memo = in_link(assembly), memo or Memo()
     edges: list[list[tuple[int, int]]] = [[] for _ in assembly.links]
     for number, mate in enumerate(assembly.mates):
         if number in taken:
@@ -77,7 +80,7 @@ def bodies_from(assembly: Assembly, start: int, taken: Collection[int], at: Pose
             bodies.append(Body(link=link, parent=None, X_PL=at, joint=None))
         else:
             mate = assembly.mates[number]
-            bodies.append(_across(mate, number, parent, link, reversed_=assembly.link_of[mate.parent] == link, placed=placed))
+            bodies.append(_across(mate, number, parent, link, assembly.link_of[mate.parent] == link, placed, memo))
         here = len(bodies) - 1
         waiting.extend((there, here, along) for there, along in sorted(edges[link], reverse=True) if there not in met)
     return tuple(bodies)
@@ -113,26 +116,37 @@ def cut_closures(assembly: Assembly, bodies: tuple[Body, ...], taken: Collection
     return tuple(found)
 
 
-def _across(mate: Mate, number: int, parent: int, link: int, *, reversed_: bool, placed: tuple[Pose, ...]) -> Body:
-    """The body beyond a joint. With F the joint's frame in the document's parent link and G the child link in the
+def _across(
+    mate: Mate, number: int, parent: int, link: int, reversed_: bool, placed: tuple[Pose, ...], memo: Memo,
+) -> Body:
+    """The body beyond a joint."""
+    joint = mate.joint
+    if joint is None:
+        raise ValueError("only a mate with a joint separates two links")
+    kind = KINDS[joint.kind]
+    at_zero, axis, frame = memo(
+        ("across", joint.path, reversed_), _moved, placed[mate.parent], mate.X_PJ, mate.X_JC, placed[mate.child], joint.kind,
+        joint.offset, reversed_,
+    )
+    return Body(link=link, parent=parent, X_PL=at_zero, joint=_core(joint, kind.core or "hinge", axis, frame, number, reversed_))
+
+
+def _moved(
+    parent: Pose, X_PJ: Pose, X_JC: Pose, child: Pose, kind: str, offset: float, reversed_: bool
+) -> tuple[Pose, Vector, Pose]:
+    """A joint's child link in its parent link at q = 0, its axis, and the frame whose origin the axis goes through; `parent` and
+    `child` are the mated occurrences in their links. With F the joint's frame in the document's parent link and G the child link in the
     joint's moving frame, `X_parent_child(q) = F @ motion(q + offset) @ G`; reversed, the inverse of that.
 
     Forward the child turns about z of the moving frame, which `inv(G)` lays in the child's link. Backward the tree's
     child is the document's parent: it turns by -q about z of F, that is by q about -z, which F lays in that link.
     """
-    joint = mate.joint
-    if joint is None:
-        raise ValueError("only a mate with a joint separates two links")
-    kind = KINDS[joint.kind]
-    F, G = placed[mate.parent] @ mate.X_PJ, mate.X_JC @ placed[mate.child].inverse()
-    at_zero = F @ kind.motion(joint.offset) @ G
+    F, G = parent @ X_PJ, X_JC @ child.inverse()
+    at_zero = F @ KINDS[kind].motion(offset) @ G
     if reversed_:
-        at_zero, frame = at_zero.inverse(), F
-        axis = _negated(_z(frame))
-    else:
-        frame = G.inverse()
-        axis = _z(frame)
-    return Body(link=link, parent=parent, X_PL=at_zero, joint=_core(joint, kind.core or "hinge", axis, frame, number, reversed_))
+        return at_zero.inverse(), _negated(_z(F)), F
+    frame = G.inverse()
+    return at_zero, _z(frame), frame
 
 
 def _core(joint: JointEdge, core: str, axis: Vector, frame: Pose, number: int, reversed_: bool) -> CoreJoint:

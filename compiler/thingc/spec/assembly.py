@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from thingc.spec.base import Model
@@ -35,11 +35,13 @@ from thingc.spec.fields import (
     Vector3Length,
 )
 from thingc.spec.materials import MaterialSpec, ProcessSpec
+from thingc.spec.sensors import SensorSpec
+from thingc.spec.tests import TestSpec
 
 Source = Literal["measured", "vendor", "estimated"]
 
 
-def _rule(message: str, help: str = "", key: str | None = None) -> PydanticCustomError:
+def rule(message: str, help: str = "", key: str | None = None) -> PydanticCustomError:
     """A broken rule of a whole mapping, in words; `key` is the one of its keys that is to blame."""
     return PydanticCustomError("rule", "{message}", {"message": message, "help": help, "path": (key,) if key is not None else ()})
 
@@ -53,7 +55,7 @@ class ParameterSpec(Model):
     """The smallest value allowed, in the same dimension."""
     max: AnyQuantityField | None = None
     """The largest value allowed, in the same dimension."""
-    doc: str = ""
+    doc: str = Field(default="", examples=["servo axis to servo axis"])
     """One line for the people who set it."""
 
 
@@ -61,6 +63,7 @@ class StatedMass(Model):
     """A mass and where it is from."""
 
     value: MassField
+    """The mass."""
     source: Source
     """`measured`, `vendor` or `estimated`."""
 
@@ -69,44 +72,59 @@ class StatedCentre(Model):
     """A centre of mass and where it is from."""
 
     value: Vector3Length
+    """The centre of mass."""
     source: Source
+    """`measured`, `vendor` or `estimated`."""
 
 
 class InertiaMatrix(Model):
     """Inertia about the centre of mass, component axes. Products default to 0."""
 
     ixx: InertiaField
+    """Moment about x."""
     iyy: InertiaField
+    """Moment about y."""
     izz: InertiaField
-    ixy: InertiaField | Literal[0] = 0
-    ixz: InertiaField | Literal[0] = 0
-    iyz: InertiaField | Literal[0] = 0
+    """Moment about z."""
+    ixy: InertiaField | Literal[0] = Field(default=0, examples=["1e-6 kg*m^2", 0])
+    """Product of x and y."""
+    ixz: InertiaField | Literal[0] = Field(default=0, examples=["1e-6 kg*m^2", 0])
+    """Product of x and z."""
+    iyz: InertiaField | Literal[0] = Field(default=0, examples=["1e-6 kg*m^2", 0])
+    """Product of y and z."""
 
 
 class StatedInertia(Model):
     """An inertia and where it is from."""
 
-    value: InertiaMatrix
+    value: InertiaMatrix = Field(examples=[{"ixx": "2e-5 kg*m^2", "iyy": "2e-5 kg*m^2", "izz": "3e-5 kg*m^2"}])
+    """The inertia."""
     source: Source
+    """`measured`, `vendor` or `estimated`."""
 
 
 class MountSpec(Model):
     """A mount added to a component: a frame on it, z pointing out of the material."""
 
     xyz: Vector3Length = (0, 0, 0)  # type: ignore[assignment]
+    """Where it is, in the component's frame."""
     rpy: Vector3Angle = (0, 0, 0)  # type: ignore[assignment]
     """Extrinsic roll, pitch, yaw, as in URDF."""
-    interface: str | None = None
+    interface: str | None = Field(default=None, examples=["x430-horn", "m2.5-clearance"])
     """What fits: `x430-horn`, `m2.5-clearance`."""
 
 
 class BomSpec(Model):
     """The line of the bill of materials."""
 
-    number: str | None = None
-    supplier: str | None = None
+    number: str | None = Field(default=None, examples=["902-0135-000"])
+    """Order number, or that of a drawing."""
+    supplier: str | None = Field(default=None, examples=["ROBOTIS"])
+    """Who sells it."""
     cost: CostField | None = None
+    """Price of one."""
     make: Literal["buy", "print", "machine"] | None = None
+    """Whether it is bought, printed or machined; what is bought gets no print file."""
 
 
 class AtSpec(Model):
@@ -114,6 +132,7 @@ class AtSpec(Model):
 
     in_: ReferenceField = Field(alias="in", description="The frame: a mount, or a component's `origin`.")
     xyz: Vector3Length = (0, 0, 0)  # type: ignore[assignment]
+    """Where it is, in that frame."""
     rpy: Vector3Angle = (0, 0, 0)  # type: ignore[assignment]
     """Extrinsic roll, pitch, yaw, as in URDF."""
 
@@ -144,72 +163,94 @@ Collision = Literal["hull", "box", "cylinder", "capsule", "sphere", "decompose",
 class ComponentDefaults(Model):
     """What `defaults: component:` may set for every component of this document."""
 
-    material: str | None = None
+    material: str | None = Field(default=None, examples=["petg"])
     """A material in scope."""
-    mass: StatedMass | MassField | None = None
+    mass: StatedMass | MassField | None = Field(default=None, examples=["57.2 g", {"value": "57.2 g", "source": "measured"}])
     """Mass, over what the part and its material say."""
-    com: StatedCentre | Vector3Length | None = None
+    com: StatedCentre | Vector3Length | None = Field(default=None, examples=["0 0 12 mm", {"value": "0 0 12 mm", "source": "vendor"}])
     """Centre of mass, component axes."""
-    inertia: StatedInertia | InertiaMatrix | None = None
+    inertia: StatedInertia | InertiaMatrix | None = Field(
+        default=None, examples=[{"ixx": "2e-5 kg*m^2", "iyy": "2e-5 kg*m^2", "izz": "3e-5 kg*m^2"}],
+    )
     """Inertia about the centre of mass, component axes."""
     collision: Collision | None = None
     """The shape that simulators collide: `hull` unless said otherwise."""
     visual: bool | None = None
     """Whether it is drawn; true unless said otherwise."""
-    process: ProcessSpec | None = None
+    process: ProcessSpec | None = Field(default=None, examples=[{"kind": "fdm", "walls": 4, "infill": "30 %"}])
     """How it is made, merged over the material's process."""
-    bom: BomSpec | None = None
+    bom: BomSpec | None = Field(
+        default=None, examples=[{"number": "902-0135-000", "supplier": "ROBOTIS", "cost": "269.90 USD", "make": "buy"}],
+    )
     """The line of the bill of materials."""
     expect: Literal["ignore"] | None = None
     """`ignore`: do not warn where the geometry was cut for another part."""
 
 
+def _component_rules(schema: dict[str, Any]) -> None:
+    """What `ComponentSpec` checks beyond its fields, for editors."""
+    schema["oneOf"] = [{"required": [kind]} for kind in ("part", "file", "assembly", "frame")]
+    schema["not"] = {"required": ["attach", "at"]}
+    schema["dependentSchemas"] = {
+        key: {"anyOf": [{"required": [of]}, {"properties": {key: {"maxProperties": 0}}}]}
+        for key, of in (("params", "part"), ("parameters", "assembly"))
+    }
+    for branch in schema["properties"]["attach"]["anyOf"]:
+        if "additionalProperties" in branch:
+            branch |= {"minProperties": 1, "maxProperties": 1}
+
+
 class ComponentSpec(ComponentDefaults):
     """A node: exactly one of `part`, `file`, `assembly`, `frame`, placed by at most one of `attach`, `at`."""
 
-    part: str | None = None
+    model_config = ConfigDict(json_schema_extra=_component_rules)
+
+    part: str | None = Field(default=None, examples=["arm:BasePlate", "thingc_stock.dynamixel:XM430"])
     """A Thing or shape as `module:Class`."""
-    file: str | None = None
+    file: str | None = Field(default=None, examples=["parts/motor.step"])
     """A part of a file: STEP, BREP, STL, 3MF or OBJ, relative to this document."""
-    assembly: str | None = None
+    assembly: str | None = Field(default=None, examples=["end_effector.yaml"])
     """Another assembly document, relative to this one."""
     frame: Literal[True] | None = None
     """A component without geometry."""
-    params: dict[str, AnyQuantityField] = {}
+    params: dict[str, AnyQuantityField] = Field(default={}, examples=[{"length": "120 mm", "holes": 4}])
     """The part's parameters."""
-    parameters: dict[str, AnyQuantityField] = {}
+    parameters: dict[str, AnyQuantityField] = Field(default={}, examples=[{"pen_diameter": "15 mm"}])
     """The nested assembly's parameters."""
-    attach: Annotated[AttachSpec | dict[str, ReferenceField] | None, Field(union_mode="left_to_right")] = None
+    attach: Annotated[AttachSpec | dict[str, ReferenceField] | None, Field(union_mode="left_to_right")] = Field(
+        default=None, examples=[{"back": "plate.servo_seat"}, {"mount": "back", "to": "plate.servo_seat", "turn": "90 deg"}],
+    )
     """The rigid mate: `{my_mount: other.mount}`, or in full."""
-    at: AtSpec | None = None
+    at: AtSpec | None = Field(default=None, examples=[{"in": "bracket.board", "xyz": "0 0 4 mm"}])
     """Plain placement in another frame."""
-    mounts: dict[Name, MountSpec] = {}
+    mounts: dict[Name, MountSpec] = Field(default={}, examples=[{"shaft": {"xyz": "0 0 20 mm", "rpy": "180 0 0 deg"}}])
     """Mounts to add."""
     mirror: Literal["x", "y", "z"] | None = None
     """Reserved."""
-    repeat: RepeatSpec | None = None
+    repeat: RepeatSpec | None = Field(default=None, examples=[{"count": 6}, {"count": "=legs", "as": "k"}])
+    """Makes `name_0`, `name_1` and so on of it."""
 
     @model_validator(mode="after")
     def _one_kind(self) -> ComponentSpec:
         kinds = [k for k in ("part", "file", "assembly", "frame") if getattr(self, k) is not None]
         if not kinds:
-            raise _rule("a component needs one of `part`, `file`, `assembly` or `frame: true`; none is here",
+            raise rule("a component needs one of `part`, `file`, `assembly` or `frame: true`; none is here",
                         "write for example `part: arm:BasePlate`")
         if len(kinds) > 1:
             named = " and ".join(f"`{k}`" for k in kinds)
-            raise _rule(
+            raise rule(
                 f"a component has exactly one of `part`, `file`, `assembly`, `frame`; here are {named}", "keep one of them",
             )
         if self.params and self.part is None:
-            raise _rule(
+            raise rule(
                 "`params` belongs to a `part`", "a nested assembly takes `parameters`" if self.assembly else "take it out",
             )
         if self.parameters and self.assembly is None:
-            raise _rule("`parameters` belongs to a nested `assembly`", "a part takes `params`" if self.part else "take it out")
+            raise rule("`parameters` belongs to a nested `assembly`", "a part takes `params`" if self.part else "take it out")
         if self.attach is not None and self.at is not None:
-            raise _rule("a component is placed by `attach` or by `at`, not by both", "keep one of them")
+            raise rule("a component is placed by `attach` or by `at`, not by both", "keep one of them")
         if isinstance(self.attach, dict) and len(self.attach) != 1:
-            raise _rule(f"`attach` names one mate `{{my_mount: other.mount}}`; here are {len(self.attach)}",
+            raise rule(f"`attach` names one mate `{{my_mount: other.mount}}`; here are {len(self.attach)}",
                         "one mate places a component; a second one would have to agree with it" if self.attach
                         else "write for example `{back: plate.servo_seat}`", "attach")
         return self
@@ -219,7 +260,9 @@ class LimitSpec(Model):
     """Where a joint stops, and how hard and fast it may be driven."""
 
     lower: JointValueField | None = None
+    """The smallest position."""
     upper: JointValueField | None = None
+    """The largest position."""
     effort: EffortField | None = None
     """Largest torque or force; from the drive unless written."""
     velocity: SpeedField | None = None
@@ -230,10 +273,13 @@ class DynamicsSpec(Model):
     """What a joint does by itself."""
 
     damping: DampingField | None = None
+    """Viscous friction: torque or force per speed."""
     friction: FrictionField | None = None
+    """Dry friction: torque or force."""
     armature: ArmatureField | None = None
     """Reflected rotor inertia; from the drive unless written."""
     stiffness: StiffnessField | None = None
+    """A spring towards q = 0: torque or force per turn or length."""
 
 
 class MimicSpec(Model):
@@ -242,36 +288,51 @@ class MimicSpec(Model):
     joint: ReferenceField
     """A joint of this document."""
     multiplier: MultiplierField = 1  # type: ignore[assignment]
+    """How far this joint moves for each unit of the other; 1 unless written."""
     offset: JointValueField = 0  # type: ignore[assignment]
+    """Where this joint is when the other is at 0; 0 unless written."""
 
 
 class DriveSpec(Model):
     """An inline actuator."""
 
+    model_config = ConfigDict(json_schema_extra={
+        "if": {"properties": {"kind": {"const": "position"}}, "required": ["kind"]}, "then": {"required": ["kp"]},
+    })
+
     kind: Literal["position", "velocity", "motor"]
+    """What is commanded: a position, a velocity, or the torque or force itself (`motor`)."""
     kp: NumberField | None = None
     """Position gain [N m/rad or N/m]."""
     kv: NumberField | None = None
     """Velocity gain [N m s/rad or N s/m]."""
     effort: EffortField | None = None
+    """Largest torque or force."""
     velocity: SpeedField | None = None
+    """Largest speed."""
     armature: ArmatureField | None = None
+    """Reflected rotor inertia."""
 
     @model_validator(mode="after")
     def _gain(self) -> DriveSpec:
         if self.kind == "position" and self.kp is None:
-            raise _rule("a position drive needs `kp`; none is here", "write for example `kp: 20`")
+            raise rule("a position drive needs `kp`; none is here", "write for example `kp: 20`")
         return self
 
 
 class JointDefaults(Model):
     """What `defaults: joint:` may set for every joint of this document."""
 
-    limit: LimitSpec | None = None
-    dynamics: DynamicsSpec | None = None
+    limit: LimitSpec | None = Field(default=None, examples=[{"lower": "-90 deg", "upper": "90 deg"}, {"lower": 0, "upper": "20 mm"}])
+    dynamics: DynamicsSpec | None = Field(default=None, examples=[{"damping": "0.02 N*m*s/rad", "friction": "0.05 N*m"}])
     turn: AngleField | None = None
+    """A constant turn about and along the parent mount's z, before the motion."""
     gap: LengthField | None = None
-    drive: DriveSpec | ReferenceField | None = None
+    """A constant distance along the parent mount's z."""
+    drive: DriveSpec | ReferenceField | None = Field(
+        default=None, examples=["yaw_servo", {"kind": "position", "kp": 20, "effort": "4 N*m"}],
+    )
+    """The component whose Thing is the actuator, or an actuator written here."""
 
 
 JointType = Literal["fixed", "revolute", "continuous", "prismatic", "cylindrical", "universal", "ball", "planar", "screw"]
@@ -281,47 +342,59 @@ class JointSpec(JointDefaults):
     """An edge that moves: the child's mount on the parent's mount."""
 
     type: JointType
+    """How the child may move on the parent: `revolute` turns within limits, `continuous` without, `prismatic` slides."""
     parent: ReferenceField
     """The mount that stays: `component.mount`."""
     child: ReferenceField
     """The mount that moves; its component is placed by this joint."""
     offset: JointValueField | None = None
     """Pose of the geometry at q = 0."""
-    mimic: MimicSpec | None = None
+    mimic: MimicSpec | None = Field(default=None, examples=[{"joint": "left_jaw", "multiplier": -1}])
     loop: bool = False
     """Closes a loop instead of placing the child."""
-    repeat: RepeatSpec | None = None
+    repeat: RepeatSpec | None = Field(default=None, examples=[{"count": 6}])
+    """Makes `name_0`, `name_1` and so on of it."""
 
 
 class DefaultsSpec(Model):
     """Merged under this document's own components and joints, not inside nested ones."""
 
-    component: ComponentDefaults | None = None
-    joint: JointDefaults | None = None
+    component: ComponentDefaults | None = Field(default=None, examples=[{"material": "petg"}])
+    """What every component has that says nothing else."""
+    joint: JointDefaults | None = Field(default=None, examples=[{"dynamics": {"damping": "0.02 N*m*s/rad"}}])
+    """What every joint has that says nothing else."""
 
 
 class SimulationSpec(Model):
     """How simulators step."""
 
     timestep: TimeField | None = None
+    """Time between two states."""
     integrator: Literal["euler", "rk4", "implicit", "implicitfast"] | None = None
+    """MuJoCo's way from one state to the next."""
     cone: Literal["pyramidal", "elliptic"] | None = None
+    """The shape of the friction cone of contacts."""
     impratio: NumberField | None = None
+    """Ratio of friction to normal impedance; above 1 contacts slip less."""
 
 
 class WorldAtSpec(Model):
     """The world side of a mode's root."""
 
     xyz: Vector3Length = (0, 0, 0)  # type: ignore[assignment]
+    """Where the root is, in the world."""
     rpy: Vector3Angle = (0, 0, 0)  # type: ignore[assignment]
+    """Extrinsic roll, pitch, yaw, as in URDF."""
 
 
 class ContactsSpec(Model):
     """Who may touch whom in this mode."""
 
-    exclude: list[Annotated[list[ReferenceField], Field(min_length=2, max_length=2)]] = []
+    exclude: list[Annotated[list[ReferenceField], Field(min_length=2, max_length=2)]] = Field(
+        default=[], examples=[[["plate", "hand"], ["leg_*", "body"]]],
+    )
     """Pairs of components (globs allowed) that never touch."""
-    adhesion: dict[ReferenceField, ForceField] = {}
+    adhesion: dict[ReferenceField, ForceField] = Field(default={}, examples=[{"front_foot.sole": "300 N"}])
     """Pull-off force per mount."""
 
 
@@ -329,7 +402,9 @@ class HoldPoseSpec(Model):
     """Where a further mount is held: the world side, as `at` of a root."""
 
     xyz: Vector3Length = (0, 0, 0)  # type: ignore[assignment]
+    """Where the mount is held, in the world."""
     rpy: Vector3Angle = (0, 0, 0)  # type: ignore[assignment]
+    """Extrinsic roll, pitch, yaw, as in URDF."""
 
 
 class ModeSpec(Model):
@@ -339,48 +414,27 @@ class ModeSpec(Model):
     """A mount (mated to the world) or a component (laid on the world frame)."""
     base: Literal["fixed", "held", "free", "planar", "ball"] | None = None
     """`fixed` (default), `held` or `free`."""
-    at: WorldAtSpec | None = None
-    gravity: Literal["floor", "wall", "ceiling"] | Vector3Acceleration | None = None
+    at: WorldAtSpec | None = Field(default=None, examples=[{"xyz": "0 0 300 mm", "rpy": "0 0 90 deg"}])
+    """Where in the world the root is; its origin unless written."""
+    gravity: Literal["floor", "wall", "ceiling"] | Vector3Acceleration | None = Field(default=None, examples=["wall", "0 0 -1.62 m/s^2"])
+    """What the robot stands on or hangs from, or a vector in the world frame; `floor` unless written."""
     pose: Name | None = None
     """Where it starts."""
-    poses: list[Name] | None = None
+    poses: list[Name] | None = Field(default=None, examples=[["home", "folded"]])
     """Its keyframes; all unless written."""
-    actuators: list[str] | None = None
+    actuators: list[str] | None = Field(default=None, examples=[["yaw", "leg_*"]])
     """The joints driven here, globs allowed; all unless written."""
-    contacts: ContactsSpec | None = None
-    hold: dict[ReferenceField, HoldPoseSpec | Literal["here"]] | None = None
+    contacts: ContactsSpec | None = Field(default=None, examples=[{"exclude": [["plate", "hand"]]}])
+    hold: dict[ReferenceField, HoldPoseSpec | Literal["here"]] | None = Field(
+        default=None, examples=[{"rear_foot.sole": "here"}, {"rear_foot.sole": {"xyz": "200 0 0 mm"}}],
+    )
     """Further mounts held to the world, each at a pose or `here`: where the mode's own pose puts it."""
-    cut: list[str] | None = None
+    cut: list[str] | None = Field(default=None, examples=[["rear_knee"]])
     """The joints at which loops are cut, globs allowed."""
-    simulation: SimulationSpec | None = None
+    simulation: SimulationSpec | None = Field(default=None, examples=[{"timestep": "1 ms"}])
+    """How simulators step in this mode, over what the document says."""
     extends: Name | None = None
     """Another mode that this one is merged over."""
-
-
-class SensorSpec(Model):
-    """What the robot measures: on a mount (`imu`, `force`, `camera`), or of a joint."""
-
-    type: Literal["imu", "force", "joint", "camera"]
-    at: ReferenceField | None = None
-    """The mount it sits on; a camera looks along its z, with its y up."""
-    joint: ReferenceField | None = None
-    """Of a `joint` sensor the joint, if it is not the one that is called like the sensor."""
-    fovy: AngleField | None = None
-    """Of a camera the angle of view from bottom to top; 45 deg unless written."""
-
-    @model_validator(mode="after")
-    def _keys(self) -> SensorSpec:
-        if self.type == "joint":
-            if self.at is not None:
-                raise _rule("a `joint` sensor has no `at`: it measures a joint", "write `joint: NAME`, or choose another `type`")
-        else:
-            if self.at is None:
-                raise _rule(f"a sensor of type `{self.type}` needs `at`; none is here", "write for example `at: body.top`")
-            if self.joint is not None:
-                raise _rule(f"`joint` belongs to a sensor of type `joint`; this one is `{self.type}`", "take it out")
-        if self.fovy is not None and self.type != "camera":
-            raise _rule(f"`fovy` belongs to a camera; this sensor is `{self.type}`", "take it out")
-        return self
 
 
 class AssemblySpec(Model):
@@ -390,23 +444,33 @@ class AssemblySpec(Model):
     """Kind and version of this document."""
     name: Name
     """The robot's name: also of the build folder."""
-    description: str = ""
-    parameters: dict[Name, ParameterSpec | AnyQuantityField] = {}
+    description: str = Field(default="", examples=["Four-axis pen-drawing arm."])
+    """One line for people."""
+    parameters: dict[Name, ParameterSpec | AnyQuantityField] = Field(
+        default={}, examples=[{"reach": {"value": "100 mm", "min": "60 mm", "max": "200 mm"}, "pen_diameter": "15 mm"}],
+    )
     """What a variant or a parent assembly may set."""
-    materials: list[str] | dict[Name, MaterialSpec] = []
+    materials: list[str] | dict[Name, MaterialSpec] = Field(default=[], examples=[["materials.yaml"], {"petg": {"density": "1270 kg/m^3"}}])
     """Material documents in scope, or materials written here."""
-    defaults: DefaultsSpec | None = None
-    components: Annotated[dict[Name, ComponentSpec], Field(min_length=1)]
-    joints: dict[Name, JointSpec] = {}
-    links: dict[Name, ReferenceField] = {}
+    defaults: DefaultsSpec | None = Field(default=None, examples=[{"component": {"material": "petg"}}])
+    components: Annotated[dict[Name, ComponentSpec], Field(min_length=1)] = Field(examples=[{"plate": {"part": "arm:BasePlate"}}])
+    """What it is made of, by name: parts, nested assemblies and frames."""
+    joints: dict[Name, JointSpec] = Field(
+        default={}, examples=[{"yaw": {"type": "continuous", "parent": "servo.horn", "child": "bracket.seat"}}],
+    )
+    """What moves, by name."""
+    links: dict[Name, ReferenceField] = Field(default={}, examples=[{"base_link": "plate"}])
     """Names a link and picks its frame."""
-    mounts: dict[Name, ReferenceField] = {}
+    mounts: dict[Name, ReferenceField] = Field(default={}, examples=[{"base": "plate.bottom", "tip": "hand.tip"}])
     """Frames this assembly shows to a parent assembly."""
-    poses: dict[Name, dict[str, JointValueField]] = {}
-    modes: dict[Name, ModeSpec] = {}
+    poses: dict[Name, dict[str, JointValueField]] = Field(default={}, examples=[{"home": {"yaw": "30 deg", "leg_*.knee": "-90 deg"}}])
+    """Positions of joints, by name of the pose; what is not set is at 0."""
+    modes: dict[Name, ModeSpec] = Field(default={}, examples=[{"bench": {"root": "plate", "pose": "home"}}])
     """One simulation model each; the first is the default."""
-    simulation: SimulationSpec | None = None
-    raw: dict[str, RawField] = {}
+    simulation: SimulationSpec | None = Field(default=None, examples=[{"timestep": "2 ms", "integrator": "implicitfast"}])
+    raw: dict[str, RawField] = Field(default={}, examples=[{"mjcf": {"joint": {"yaw": {"solreflimit": "0.01 1"}}}}])
     """Attributes by path, checked by the target alone."""
-    sensors: dict[Name, SensorSpec] = {}
+    sensors: dict[Name, SensorSpec] = Field(default={}, examples=[{"imu": {"type": "imu", "at": "body.imu"}}])
     """What the robot measures."""
+    tests: dict[Name, TestSpec] = Field(default={}, examples=[{"light": {"mass": {"max": "2.2 kg"}}}])
+    """What has to be true of the robot; `thingc test` runs them."""

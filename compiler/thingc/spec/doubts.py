@@ -57,3 +57,9 @@ class Specs(dict[str, "AssemblySpec | MaterialsSpec"]):
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self.doubts: dict[str, Doubts] = {}
+
+    def joined(self, more: Specs) -> Specs:
+        """These and others together."""
+        both = Specs({**self, **more})
+        both.doubts = {**self.doubts, **more.doubts}
+        return both

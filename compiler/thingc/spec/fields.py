@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 
 from pydantic_core import PydanticCustomError, core_schema
 
-from thingc.diagnostics import nearest
+from thingc.diagnostics import Hint, near_hint
 from thingc.expressions import Expression, ExpressionError, parse_expression
+from thingc.spec.patterns import ANY_VALUE, EXPRESSION, quantity_pattern, raw_schema, vector_pattern
 from thingc.units import (
     ACCELERATION,
     ANGLE,
@@ -161,20 +162,30 @@ def _quantity_in(text: str, words: str, example: str) -> Quantity:
         comma = re.fullmatch(r"\s*([-+]?\d+),(\d.*)", text)
         if comma is not None:
             raise UnitError(
-                "a number is written with a point, not with a comma", help=f"write `{comma.group(1)}.{comma.group(2)}`",
+                "a number is written with a point, not with a comma",
+                help=decimal_point(text.strip(), comma.group(1), comma.group(2)),
             ) from None
         if error.help is None and re.search(r"[*/(]", text):
             error.help = _expression_hint(text)
         raise
 
 
-def _expression_hint(text: str) -> str | None:
+def decimal_point(text: str, whole: str, rest: str) -> Hint:
+    """The hint for a decimal comma; 1,500 may be 1500, so that a fix is only of other numbers of digits."""
+    point = f"{whole}.{rest}"
+    decimals = re.match(r"\d*", rest)
+    sure = decimals is not None and len(decimals.group()) != 3 and shortened(point) == point
+    return Hint(f"write `{shortened(point)}`", (text, point) if sure else None)
+
+
+def _expression_hint(text: str) -> Hint | None:
     """A hint where somebody wrote an expression without its `=`."""
     try:
         parse_expression(f"={text.strip()}")
     except ExpressionError:
         return None
-    return f"an expression begins with `=`: `={shortened(text.strip())}`"
+    text = text.strip()
+    return Hint(f"an expression begins with `=`: `={shortened(text)}`", (text, f"={text}") if "\n" not in text else None)
 
 
 def quantity(*dimensions: Dimension, doc: str = "") -> Any:
@@ -185,20 +196,16 @@ def quantity(*dimensions: Dimension, doc: str = "") -> Any:
     """
     words = doc or " or ".join(dimension.words for dimension in dimensions)
     examples = [dimension.example for dimension in dimensions]
-    schema = _schema(words, examples, NUMBER in dimensions)
+    schema = _schema(words, examples, dimensions)
     return Annotated[
         Union[Quantity, Expression], Checked(lambda value: read_value(value, dimensions, words, examples[0]), words, schema),
     ]
 
 
-_QUANTITY_PATTERN = r"^\s*(=.*|[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?\s*[^\s\d].*|[-+]?0+(\.0*)?)\s*$"
-
-
-def _schema(words: str, examples: list[str], numbers: bool) -> dict[str, Any]:
-    text: dict[str, Any] = {"type": "string", "pattern": _QUANTITY_PATTERN}
+def _schema(words: str, examples: list[str], dimensions: tuple[Dimension, ...]) -> dict[str, Any]:
+    numbers = NUMBER in dimensions
+    text: dict[str, Any] = {"type": "string", "pattern": quantity_pattern(*dimensions)}
     number: dict[str, Any] = {"type": "number"} if numbers else {"const": 0}
-    if numbers:
-        text.pop("pattern")
     return {
         "description": f"{words[0].upper()}{words[1:]}, such as `{examples[0]}`, or an expression such as `=reach / 2`.",
         "examples": [2 if numbers else examples[0], *examples[1:], "=reach / 2"],
@@ -301,14 +308,14 @@ def _vector(dimension: Dimension) -> Any:
                 raise _within(error, (index,)) from None
         return items[0], items[1], items[2]
 
-    item = _schema(dimension.words, [dimension.example], False)
+    item = _schema(dimension.words, [dimension.example], (dimension,))
     return Annotated[
         tuple[Value, Value, Value],
         Checked(validate, words, {
             "description": f"Three values, each {dimension.words}: `{short}` or `{listed}`.",
             "examples": [short, [dimension.example, 0, 0]],
             "anyOf": [
-                {"type": "string", "pattern": r"^\s*[-+.\d][^=]*$"},
+                {"type": "string", "pattern": vector_pattern(dimension)},
                 {"type": "array", "items": {"anyOf": item["anyOf"]}, "minItems": 3, "maxItems": 3},
             ],
         }),
@@ -376,10 +383,8 @@ def _color(value: Any) -> str:
         return known
     if value.startswith("#"):
         raise fault("color", f"`{shortened(value)}` is no colour", help='write `"#rrggbb"` with hexadecimal digits')
-    close = nearest(value, COLORS)
     raise fault(
-        "color", f"unknown colour `{shortened(value)}`",
-        help=f"did you mean `{close}`?" if close else 'write a CSS name or `"#rrggbb"`',
+        "color", f"unknown colour `{shortened(value)}`", help=near_hint(value, COLORS) or 'write a CSS name or `"#rrggbb"`',
     )
 
 
@@ -429,20 +434,24 @@ def _cost(value: Any) -> str:
 _ANY_SCHEMA = {
     "description": "A quantity with its unit, a number, an expression such as `=reach / 2`, true or false, or text.",
     "examples": ["120 mm", 6, "=reach / 2", True],
-    "type": ["string", "number", "boolean"],
+    "type": ["string", "number", "boolean"], "pattern": ANY_VALUE,
 }
 _NAME_SCHEMA = {"type": "string", "pattern": "^[A-Za-z][A-Za-z0-9_]*$", "examples": ["shoulder"]}
 _REFERENCE_SCHEMA = {
-    "type": "string", "description": "Dotted names; the last may be a mount; `$i` inside a repeat.",
+    "type": "string", "pattern": rf"^{_REFERENCE_WORD.pattern}(\.{_REFERENCE_WORD.pattern})*$",
+    "description": "Dotted names; the last may be a mount; `$i` inside a repeat.",
     "examples": ["plate.servo_seat", "hand.cap.pen", "body.hip_$i"],
 }
 _COLOR_SCHEMA = {"type": "string", "description": "A CSS colour name or `#rrggbb`.", "examples": ["lavender", "#8899aa"]}
 _COUNT_SCHEMA = {
     "description": "A whole number, or an expression.", "examples": [6, "=legs"],
-    "anyOf": [{"type": "integer", "minimum": 0}, {"type": "string", "pattern": "^\\s*="}],
+    "anyOf": [
+        {"type": "integer", "minimum": 0, "maximum": 1_000_000_000}, {"type": "string", "pattern": rf"^\s*{EXPRESSION}$"},
+    ],
 }
 _NUMBER_SCHEMA = {
-    "description": "A number, or an expression.", "examples": [0.4, "=grip"], "anyOf": [{"type": "number"}, {"type": "string"}],
+    "description": "A number, or an expression.", "examples": [0.4, "=grip"], 
+    "anyOf": [{"type": "number"}, {"type": "string", "pattern": quantity_pattern(NUMBER)}],
 }
 _COST_SCHEMA = {
     "type": "string", "pattern": r"^\d+(\.\d+)? [A-Z]{3}$", "description": "An amount and a currency.", "examples": ["12.50 EUR"],
@@ -450,10 +459,10 @@ _COST_SCHEMA = {
 _JOINT_SCHEMA = {
     "description": "An angle (`30 deg`) or a length (`20 mm`), an expression, or the name of a nested document's pose.",
     "examples": ["30 deg", "20 mm", "=open / 2", "folded"],
-    "anyOf": [{"type": "string"}, {"const": 0}],
+    "anyOf": [{"type": "string", "pattern": quantity_pattern(ANGLE, LENGTH, word="[A-Za-z][A-Za-z0-9_]*")}, {"const": 0}],
 }
 
-_RAW_SCHEMA = {"description": "Attributes by path.", "type": ["string", "number", "boolean", "object"]}
+_RAW_SCHEMA = {"description": "Attributes by path.", "examples": [{"joint": {"yaw": {"solreflimit": "0.01 1"}}}], **raw_schema(4)}
 
 if TYPE_CHECKING:
     RawField = Union[str, int, float, bool, dict[str, Any]]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+from pydantic import Field
+
 from thingc.spec.base import Model
 from thingc.spec.fields import ColorField, CountField, DensityField, LengthField, Name, NumberField, RatioField
 
@@ -13,9 +15,9 @@ class FrictionSpec(Model):
 
     slide: NumberField
     """Sliding (Coulomb) friction."""
-    torsion: LengthField | NumberField | None = None
+    torsion: LengthField | NumberField | None = Field(default=None, examples=[0.005, "5 mm"])
     """Torsional friction, as MuJoCo's [m]."""
-    roll: LengthField | NumberField | None = None
+    roll: LengthField | NumberField | None = Field(default=None, examples=[0.0001, "0.1 mm"])
     """Rolling friction, as MuJoCo's [m]."""
 
 
@@ -23,11 +25,17 @@ class ProcessSpec(Model):
     """How a part is made. For `fdm` prints the infill model estimates the mass from it."""
 
     kind: Literal["fdm", "resin", "machined", "cast", "molded", "bought"] | None = None
+    """Printed from filament (`fdm`) or resin, machined, cast, molded, or bought."""
     walls: CountField | None = None
+    """How many lines a wall is thick."""
     line_width: LengthField | None = None
+    """Width of one printed line."""
     layer: LengthField | None = None
+    """Height of one layer."""
     top: CountField | None = None
+    """Solid layers on top."""
     bottom: CountField | None = None
+    """Solid layers below."""
     infill: RatioField | None = None
     """0 % to 100 %."""
 
@@ -35,17 +43,20 @@ class ProcessSpec(Model):
 class MaterialSpec(Model):
     """A material: density, looks, friction and how parts are made of it."""
 
-    base: str | None = None
+    base: str | None = Field(default=None, examples=["bd_materials:pla"])
     """A library material to start from: `bd_materials:pla`; what is written here goes over it."""
     density: DensityField | None = None
+    """Mass per volume of the solid material."""
     color: ColorField | None = None
     """A CSS name or `#rrggbb`."""
-    friction: FrictionSpec | None = None
-    process: ProcessSpec | None = None
+    friction: FrictionSpec | None = Field(default=None, examples=[{"slide": 0.4}])
+    process: ProcessSpec | None = Field(default=None, examples=[{"kind": "fdm", "walls": 3, "line_width": "0.45 mm", "infill": "15 %"}])
 
 
 class MaterialsSpec(Model):
     """A document of materials."""
 
     thingc: Literal["materials/1"]
-    materials: dict[Name, MaterialSpec]
+    """Kind and version of this document."""
+    materials: dict[Name, MaterialSpec] = Field(examples=[{"petg": {"density": "1270 kg/m^3", "color": "lavender"}}])
+    """The materials, by name."""

@@ -15,21 +15,28 @@ from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema
 
-from thingc.spec import assembly, materials, workspace
+from thingc.spec import assembly, materials, sensors, tests, variants, workspace
 from thingc.spec.validation import MODELS
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def json_schema(kind: str) -> dict[str, Any]:
-    """The JSON Schema of a kind of document (`assembly`, `materials`, `workspace`)."""
+    """The JSON Schema of a kind of document (`assembly`, `materials`, `variants`, `workspace`)."""
     schema = MODELS[kind].model_json_schema(schema_generator=_Generator)
-    documented = _documentation(assembly, materials, workspace)
+    documented = _documentation(assembly, materials, sensors, tests, variants, workspace)
     for name, definition in {**schema.get("$defs", {}), MODELS[kind].__name__: schema}.items():
         _describe(definition, documented.get(name, {}))
     cleaned: dict[str, Any] = _without_null(schema)
+    definitions = cleaned.get("$defs", {})
+    for definition in (*definitions.values(), cleaned):
+        for name, field in definition.get("properties", {}).items():
+            _complete(name, field, definitions)
     properties: dict[str, Any] = cleaned["properties"]
-    properties["$schema"] = {"type": "string", "title": "Schema", "description": "Where this schema is, for editors."}
+    properties["$schema"] = {
+        "type": "string", "title": "Schema", "description": "Where this schema is, for editors.",
+        "examples": [f"../schemas/{kind}-1.json"],
+    }
     return {"$schema": DIALECT, **cleaned, "title": f"thingc {kind} document, version 1"}
 
 
@@ -73,6 +80,23 @@ def _describe(definition: dict[str, Any], documented: dict[str, str]) -> None:
         if text is not None:
             own = field.get("description")
             field["description"] = f"{text} {own}" if own and own != text else text
+
+
+def _complete(name: str, field: dict[str, Any], definitions: dict[str, Any]) -> None:
+    """Give a field what an editor shows of it and what its type knows: its title, the words of the mapping that it takes, and
+    its choices as examples."""
+    field.setdefault("title", name.replace("_", " ").title())
+    if "$ref" in field:
+        inner = definitions[field["$ref"].rpartition("/")[2]]
+        if "description" not in field and "description" in inner:
+            field["description"] = inner["description"]
+    if "examples" not in field:
+        if "enum" in field:
+            field["examples"] = list(field["enum"])
+        elif "const" in field:
+            field["examples"] = [field["const"]]
+        elif field.get("type") == "boolean":
+            field["examples"] = [not field.get("default", False)]
 
 
 def _without_null(schema: Any) -> Any:

@@ -15,15 +15,16 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic_core import PydanticCustomError, ValidationError
 
-from thingc.diagnostics import Code, Report, did_you_mean, nearest
+from thingc.diagnostics import Code, Hint, Report, did_you_mean, near_hint, nearest
 from thingc.source import Document, MappingNode, Path, ScalarNode, SequenceNode, Span, node_at, walk
 from thingc.spec.assembly import AssemblySpec
 from thingc.spec.base import Model
 from thingc.spec.doubts import Doubts, Specs
-from thingc.spec.fields import found
+from thingc.spec.fields import decimal_point, found
 from thingc.spec.materials import MaterialsSpec
 from thingc.spec.pruning import ROUNDS, Fault, prune, take_out
 from thingc.spec.shapes import Shape, branch_of, model_keys, one_of, shape_of, spoken
+from thingc.spec.variants import VariantsSpec
 from thingc.spec.workspace import WorkspaceSpec
 from thingc.units import shortened
 
@@ -33,7 +34,9 @@ if TYPE_CHECKING:
 MAX_FAULTS = 200
 """Faults said of one document."""
 
-MODELS: dict[str, type[Model]] = {"assembly": AssemblySpec, "materials": MaterialsSpec, "workspace": WorkspaceSpec}
+MODELS: dict[str, type[Model]] = {
+    "assembly": AssemblySpec, "materials": MaterialsSpec, "workspace": WorkspaceSpec, "variants": VariantsSpec,
+}
 """The model of each kind of document."""
 
 _KINDS: dict[str, Code] = {
@@ -137,7 +140,7 @@ def _report_empty(document: Document, report: Report) -> frozenset[Path]:
         if isinstance(node, ScalarNode) and node.value is None:
             paths.add(path)
             named = next((f"`{shortened(step)}`" for step in reversed(path) if isinstance(step, str)), "the document")
-            help = "write a value after the colon, or remove the key"
+            help: str = "write a value after the colon, or remove the key"
             key = document.span(path, key=True)
             comment = re.match(r":?\s+(#[0-9a-fA-F]{3,8})\b", _line(document, key.end_line)[key.end_column - 1 :])
             if comment is not None:
@@ -147,7 +150,7 @@ def _report_empty(document: Document, report: Report) -> frozenset[Path]:
             code, cut = Code.NO_VALUE, _decimal_comma(document, path)
             if cut is not None:
                 paths.add(cut[0])
-                code, message, where, help = Code.BAD_QUANTITY, _COMMA, cut[1], f"write `{cut[2]}`"
+                code, message, where, help = Code.BAD_QUANTITY, _COMMA, cut[1], cut[2]
             if len(paths) > MAX_FAULTS:
                 continue
             report.add(code, message, where, help=help, path=dotted(path))
@@ -157,9 +160,9 @@ def _report_empty(document: Document, report: Report) -> frozenset[Path]:
 _COMMA = "a number is written with a point, not with a comma"
 
 
-def _decimal_comma(document: Document, path: Path) -> tuple[Path, Span, str] | None:
+def _decimal_comma(document: Document, path: Path) -> tuple[Path, Span, Hint] | None:
     """Where `{gap: 1,5 mm}` was meant to be 1.5 mm and came as `gap: 1` and a key `5 mm`: the path of the value, where the
-    whole stands, and what it should be."""
+    whole stands, and a hint that says what it should be."""
     mapping = node_at(document.tree, path[:-1])
     if not isinstance(mapping, MappingNode) or not isinstance(path[-1], str) or not path[-1][:1].isdigit():
         return None
@@ -171,7 +174,7 @@ def _decimal_comma(document: Document, path: Path) -> tuple[Path, Span, str] | N
     if (before.span.end_line, before.span.end_column + 1) != (key.line, key.column):
         return None
     where = replace(before.span, end_line=key.end_line, end_column=key.end_column)
-    return (*path[:-1], keys[keys.index(path[-1]) - 1]), where, f"{before.text}.{shortened(path[-1])}"
+    return (*path[:-1], keys[keys.index(path[-1]) - 1]), where, decimal_point(f"{before.text},{path[-1]}", before.text, path[-1])
 
 
 def _faults(shape: Shape, value: Any, path: Path, error: ValidationError) -> Iterator[Fault]:
@@ -317,7 +320,9 @@ class _Reporter:
     def unknown_key(self, fault: Fault) -> None:
         key = str(fault.path[-1])
         close = self.near_key(fault)
-        help = f"did you mean `{close}`?" if close else did_you_mean(key, _keys(fault.shape), what="keys")
+        help: str = did_you_mean(key, _keys(fault.shape), what="keys")
+        if close and help != f"did you mean `{close}`?":
+            help = f"did you mean `{close}`?"
         if close is None and nearest(key, _keys(fault.shape)):
             help = f"`{nearest(key, _keys(fault.shape))}` is already here"
         message = f"unknown key `{shortened(key)}`{_inside(fault.path[:-1])}"
@@ -336,10 +341,9 @@ class _Reporter:
     def unknown_choice(self, fault: Fault) -> None:
         choices = [spoken(choice) for choice in fault.shape.choices]
         text = spoken(fault.value)
-        close = nearest(text, choices) if isinstance(fault.value, str) else None
         self.add(
             Code.UNKNOWN_CHOICE, f"expected {one_of(choices)}, found {found(fault.value)}", self.place(fault.path), fault.path,
-            f"did you mean `{close}`?" if close else None,
+            near_hint(text, choices) if isinstance(fault.value, str) else None,
         )
 
     def wrong_length(self, fault: Fault) -> None:
@@ -364,12 +368,15 @@ class _Reporter:
 
     def wrong_type(self, fault: Fault) -> None:
         shape, value = fault.shape, fault.value
-        help = _mapping_hint(fault.path, value) if shape.kind in ("model", "dict", "union") else None
+        help: str | None = _mapping_hint(fault.path, value) if shape.kind in ("model", "dict", "union") else None
         if shape.kind == "text" and isinstance(value, (int, float)):
             node = node_at(self.document.tree, fault.path)
-            help = f'write `"{shortened(node.text)}"`' if isinstance(node, ScalarNode) else None
+            if isinstance(node, ScalarNode):
+                quoted = f'"{node.text}"'
+                help = Hint(f"write `{shortened(quoted)}`", (node.text, quoted))
         elif shape.kind == "flag" and isinstance(value, str) and value.lower() in ("yes", "no", "on", "off"):
-            help = f"write `{'true' if value.lower() in ('yes', 'on') else 'false'}`"
+            flag = "true" if value.lower() in ("yes", "on") else "false"
+            help = Hint(f"write `{flag}`", (value, flag))
         elif help is None and isinstance(value, str) and any(member.kind == "list" for member in _alternatives(shape)):
             help = f"write `[{shortened(value)}]`"
         self.add(Code.WRONG_TYPE, f"expected {shape.words}, found {found(value)}", self.place(fault.path), fault.path, help)

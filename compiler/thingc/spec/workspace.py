@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+from pydantic import Field
+
 from thingc.spec.base import Model
 from thingc.spec.fields import AngleField, LengthField, TimeField
 
@@ -21,12 +23,13 @@ class WorkspaceSpec(Model):
     """Where parts are looked for and how they are made."""
 
     thingc: Literal["workspace/1"]
-    parts: list[str] = ["parts"]
+    """Kind and version of this document."""
+    parts: list[str] = Field(default=["parts"], examples=[["parts"]])
     """Folders whose modules may be named in `part:`."""
-    packages: list[str] = ["thingc_stock", "bd_warehouse"]
+    packages: list[str] = Field(default=["thingc_stock", "bd_warehouse"], examples=[["thingc_stock", "bd_warehouse"]])
     """Installed packages that may be, too."""
-    build: str = "build"
+    build: str = Field(default="build", examples=["build"])
     """The folder that builds go to."""
     part_timeout: TimeField | None = None
     """Longest time for one part; 120 s unless written."""
-    mesh: MeshSpec | None = None
+    mesh: MeshSpec | None = Field(default=None, examples=[{"linear": "0.1 mm", "angular": "10 deg"}])

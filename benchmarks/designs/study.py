@@ -1,0 +1,176 @@
+"""`make bench-designs`: random designs of MInchW; does each build into one robot, or is it refused by a rule that is named?
+
+Prints the tables and writes them to `docs/designs.md`. Counts depend on nothing but the seed; times do on the machine.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+import time
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from drawing import EDITS, ROOT, design, ranges, workspace, write
+from verdicts import Verdict, judged
+
+from thingc.diagnostics import Severity
+
+PAGE = ROOT / "docs" / "designs.md"
+COUNT, SEED = 200, 7
+
+
+def main() -> int:
+    """Draw, judge, print, write; 1 where a design crashed or has a fault."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=COUNT, help="how many designs")
+    parser.add_argument("--seed", type=int, default=SEED, help="another seed gives other designs")
+    parser.add_argument("--first", type=int, default=0, metavar="N", help="begin with design N: to look at one again")
+    parser.add_argument("--store", type=Path, help="keep modelled parts there: what was stopped goes on faster; else an empty one")
+    parser.add_argument("--print", action="store_true", help="only print, leave the page as it is")
+    arguments = parser.parse_args()
+    if arguments.count < 1:
+        parser.error("there is at least 1 design to draw")
+    numbers = range(arguments.first, arguments.first + arguments.count)
+    with tempfile.TemporaryDirectory() as folder:
+        started = time.perf_counter()
+        verdicts = run(numbers, arguments.seed, Path(folder), arguments.store or Path(folder) / "store")
+        wall = time.perf_counter() - started
+    page = written(verdicts, arguments.seed, wall)
+    print(page)
+    for verdict in verdicts:
+        for fault in verdict.faults:
+            print(f"design {verdict.design.number} ({verdict.design}): {fault}", file=sys.stderr)
+    if not arguments.print:
+        PAGE.write_text(page, encoding="utf-8")
+    return 1 if any(v.outcome == "crashed" or v.faults for v in verdicts) else 0
+
+
+def run(numbers: range, seed: int, folder: Path, store: Path) -> list[Verdict]:
+    """Every design after the other, in this process; a line for each on standard error."""
+    workspace(folder)
+    verdicts: list[Verdict] = []
+    known: set[str] = set()
+    for number in numbers:
+        one = design(number, seed)
+        found = judged(one, write(one, folder), store)
+        if again := sorted(known & set(found.modelled)):
+            found = replace(found, faults=(*found.faults, f"modelled before: {again}"))
+        known.update(found.modelled)
+        verdicts.append(found)
+        codes = " ".join(sorted(codes_of(verdicts[-1])))
+        print(f"{number:4} {verdicts[-1].seconds:6.2f} s  {verdicts[-1].outcome} {codes}  {one}", file=sys.stderr)
+    return verdicts
+
+
+def codes_of(verdict: Verdict) -> set[str]:
+    """The codes of its errors."""
+    return {d.code.code for d in verdict.diagnostics if d.severity is Severity.ERROR}
+
+
+def written(verdicts: list[Verdict], seed: int, wall: float) -> str:
+    """The page: what was drawn and how it was judged, and the tables."""
+    lines = [
+        "# Random designs", "", "```sh", command(len(verdicts), seed), "```", "",
+        *MEASURED.format(count=len(verdicts), edits=len(EDITS)).strip().splitlines(), "",
+        "## Outcomes", "", *outcome_table(verdicts), "", timing(verdicts, wall), "",
+        "## Rules that refused", "",
+        "A design may break several; of each the first message.", "", *code_table(verdicts), "",
+        "## What was drawn", "", *parameter_table(verdicts), "", *edit_table(verdicts), "",
+    ]
+    return "\n".join(lines)
+
+
+def command(count: int, seed: int) -> str:
+    """What makes this page."""
+    usual = (count, seed) == (COUNT, SEED)
+    return f"python benchmarks/designs/study.py --count {count} --seed {seed}" + ("   # or: make bench-designs" if usual else "")
+
+
+def outcome_table(verdicts: list[Verdict]) -> list[str]:
+    built = [v for v in verdicts if v.outcome == "built"]
+    refused = [v for v in verdicts if v.outcome == "refused"]
+    rows: list[list[object]] = [
+        ["built, all modes agree", sum(not v.faults for v in built)],
+        ["built, with a fault", sum(bool(v.faults) for v in built)],
+        ["refused, the rule named", sum(not v.faults for v in refused)],
+        ["refused, with a fault", sum(bool(v.faults) for v in refused)],
+        ["crashed", sum(v.outcome == "crashed" for v in verdicts)],
+        ["**all**", len(verdicts)],
+    ]
+    return table(["outcome", "designs"], rows)
+
+
+def timing(verdicts: list[Verdict], wall: float) -> str:
+    """Parts and seconds."""
+    built = [v for v in verdicts if v.outcome == "built"]
+    modelled, reused = sum(len(v.modelled) for v in built), sum(len(v.reused) for v in built)
+    mean = sum(v.seconds for v in built) / len(built) if built else 0.0
+    return (
+        f"{sum(v.modes for v in built)} models of {len(built)} robots; {modelled} parts modelled and {reused} reused for them, beginning "
+        f"with an empty store. {wall:.0f} s on {os.cpu_count()} cores, {mean:.1f} s for a design that builds."
+    )
+
+
+def code_table(verdicts: list[Verdict]) -> list[str]:
+    counts: Counter[str] = Counter()
+    first: dict[str, tuple[str, str]] = {}
+    for verdict in verdicts:
+        counts.update(codes_of(verdict))
+        for found in verdict.diagnostics:
+            if found.severity is Severity.ERROR:
+                first.setdefault(found.code.code, (found.code.title, found.message.replace("\n", " ").replace("|", "\\|")))
+    return table(["code", "rule", "designs", "such as"], [[code, first[code][0], n, first[code][1]] for code, n in sorted(counts.items())])
+
+
+def parameter_table(verdicts: list[Verdict]) -> list[str]:
+    rows: list[list[object]] = []
+    for name, (low, high) in ranges().items():
+        drawn = [float(v.design.parameters[name].split()[0]) for v in verdicts if name in v.design.parameters]
+        outside = sum(not low <= value <= high for value in drawn)
+        spread = f"{min(drawn):g} to {max(drawn):g} mm" if drawn else "-"
+        rows.append([f"`{name}`", f"{low:g} to {high:g} mm", len(drawn), spread, outside])
+    return table(["parameter", "declared", "drawn", "from, to", "outside"], rows)
+
+
+def edit_table(verdicts: list[Verdict]) -> list[str]:
+    counts: dict[str, Counter[str]] = {}
+    for verdict in verdicts:
+        for edit in verdict.design.edits:
+            counts.setdefault(edit.name, Counter())[verdict.outcome] += 1
+    rows: list[list[object]] = [[name, sum(found.values()), found["built"], found["refused"]] for name, found in sorted(counts.items())]
+    return table(["edit of a document", "designs", "built", "refused"], rows)
+
+
+def table(heads: list[str], rows: list[list[object]]) -> list[str]:
+    lines = [heads, ["---"] * len(heads), *([str(cell) for cell in row] for row in rows)]
+    return ["| " + " | ".join(line) + " |" for line in lines]
+
+
+MEASURED = """
+{count} designs of MInchW are drawn at random. `leg_length`, `body_length` and `wall` are always drawn, a length of its own for
+either leg half of the time; values are spread over the range that the documents declare, ends included, and one in twenty lies
+outside, by up to a tenth of the range. Besides, any of {edits} edits is made to the documents: thicker or thinner braces of one
+leg, other materials, densities, walls and infill, stated masses and inertias, another limit of the knees, another place for the
+held rear foot, other collision shapes, simulation settings and magnets. Some of those break a rule on purpose.
+
+Each design goes through `thingc.compile` in one process that never restarts. One that builds is loaded by MuJoCo in all of its
+modes, which are compared for random joint angles and random poses of the bases: every pairwise pose of parts and sites within
+1e-9 m; mass, centre and inertia of everything within 1e-12; links and excluded pairs the same; mass matrix and gravity torque of
+each mode, against those from every mode's bodies with the same link held, within 1e-9 (`tests/conformance/roots.py`). No part may
+be modelled twice.
+
+One that does not build must say why. A design that was drawn to break a rule has to be refused with the code of that rule, in a
+message that names what breaks it; one that keeps all bounds must not be told otherwise; a part that refuses must do so in words
+of its author; every error has a place. An exception, a part that crashes or is no valid solid, a model that MuJoCo refuses, and
+`TC899` are no answers.
+"""
+
+
+if __name__ == "__main__":
+    sys.exit(main())

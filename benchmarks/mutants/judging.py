@@ -1,0 +1,147 @@
+"""What thingc says of a mutant: refused at the right line, refused elsewhere, or accepted and then built."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+from mutations import Mutant
+
+from thingc.diagnostics import Code, Diagnostic, Severity, as_json, as_text
+from thingc.load.finding import documents_in
+from thingc.pipeline import Compilation, Options
+from thingc.source import Document, MappingNode, ScalarNode, walk
+
+ROOT = Path(__file__).resolve().parents[2]
+COPIED = ("assemblies", "parts", "thingc.toml")
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A good document in the scratch workspace, and the document that is compiled to see what it means."""
+
+    document: Document
+    root: str
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """`outcome`: `right` (refused at the touched line, a neighbour, or where what is gone is missed), `elsewhere`, `built`.
+
+    `said` is the first error, or for an accepted mutant its warnings.
+    """
+
+    outcome: str
+    codes: tuple[str, ...]
+    said: str
+
+
+def subjects(folder: Path, store: str) -> list[Subject]:
+    """Every good document of the repository in a scratch workspace: those of the robots, and the first as TOML, too."""
+    for name in COPIED:
+        source = ROOT / name
+        if source.is_dir():
+            shutil.copytree(source, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy(source, folder / name)
+    twin = folder / "assemblies" / "arm_twin.toml"
+    twin.write_text(_as_toml(folder / "assemblies" / "arm.yaml"))
+    found: dict[str, Subject] = {}
+    # assemblies that nest most come first: a nested document is judged through the robot that it is a part of
+    paths = [path for path in documents_in(str(folder)) if "thingc: variants/" not in Path(path).read_text()]
+    compiled = {path: _compiled(path, store) for path in paths}
+    by_size = sorted((path for path in paths if compiled[path] is not None), key=lambda path: (-len(compiled[path] or ()), path))
+    for root in by_size:
+        for document in compiled[root] or ():
+            found.setdefault(document.path, Subject(document, root))
+    return [found[path] for path in sorted(found)]
+
+
+def _compiled(path: str, store: str) -> list[Document] | None:
+    """The documents of a compilation that had nothing to say; None for a document that is no assembly."""
+    with Compilation(path, Options(store=store)) as compilation:
+        compilation.run(kinds=("assembly", "materials"))
+        assert not compilation.report.diagnostics, as_text(compilation.report.ordered())
+        assert compilation.documents is not None
+        documents = compilation.documents
+        return list(documents.by_path.values()) if documents.root.kind == "assembly" else None
+
+
+def _as_toml(path: Path) -> str:
+    """The same document as TOML: tables for what is a block, inline tables below."""
+    import tomlkit
+    import yaml
+
+    return tomlkit.dumps(yaml.safe_load(path.read_text()) | {"name": "arm_twin"})
+
+
+def judge(subject: Subject, mutant: Mutant, store: str) -> Verdict:
+    """Compile with the mutant in place of the document; what is accepted is built for MuJoCo. Raises where thingc does."""
+    path = Path(subject.document.path)
+    path.write_text(mutant.text)
+    try:
+        with Compilation(subject.root, Options(store=store, part_timeout=30.0)) as compilation:
+            compilation.run()
+            if not compilation.report.failed:
+                compilation.emit(["mjcf"])
+            said = compilation.report.ordered()
+    finally:
+        path.write_text(subject.document.text)
+    as_text(said)
+    as_json(said)
+    errors = [d for d in said if d.severity is Severity.ERROR]
+    assert not any(d.code is Code.INTERNAL for d in said), said
+    codes = tuple(sorted({d.code.code for d in errors}))
+    if not errors:
+        return Verdict("built", codes, "; ".join(d.message for d in said))
+    right = any(_blames(d, subject, mutant) for d in errors)
+    return Verdict("right" if right else "elsewhere", codes, f"line {errors[0].span.line if errors[0].span else '-'}: {errors[0].message}")
+
+
+def _blames(diagnostic: Diagnostic, subject: Subject, mutant: Mutant) -> bool:
+    """Whether it points at the touched lines or a neighbour, itself or with its second place; or at a line that names what is
+    no longer there, which is where a reader has to look when a thing is missed."""
+    places = [diagnostic.span, *(note.span for note in diagnostic.notes)]
+    lines = mutant.text.splitlines()
+    parent = _parent(subject.document, mutant)
+    for span in places:
+        if span is None:
+            continue
+        if span.file == subject.document.path:
+            if mutant.first - 1 <= span.line <= mutant.last + 1 or span.line == parent:
+                return True
+            shown = lines[span.line - 1] if span.line <= len(lines) else ""
+        else:
+            shown = _line(span.file, span.line)
+        if mutant.gone and mutant.gone in shown:
+            return True
+    return False
+
+
+def _line(file: str, number: int) -> str:
+    lines = Path(file).read_text(errors="replace").splitlines() if os.path.isfile(file) else []
+    return lines[number - 1] if number <= len(lines) else ""
+
+
+def _parent(document: Document, mutant: Mutant) -> int | None:
+    """The line of the mapping that a deleted or misspelled key stood in: a required key is missed there."""
+    if mutant.kind not in ("delete", "misspell key"):
+        return None
+    return document.span(mutant.path[:-1], key=True).line if len(mutant.path) > 1 else 1
+
+
+def field_of(document: Document, mutant: Mutant) -> str:
+    """The field that was touched, names that the author chose left open: `joints.*.limit.lower`."""
+    named = {"components", "joints", "parameters", "poses", "modes", "materials", "mounts", "links", "sensors", "tests", "params",
+             "attach", "hold", "adhesion", "actuators", "raw", "mjcf", "joint", "body", "geom"}
+    steps: list[str] = []
+    for step in mutant.path:
+        steps.append("*" if isinstance(step, int) or (steps and steps[-1] in named) else str(step))
+    return ".".join(steps)
+
+
+def scalars_in(document: Document) -> int:
+    """How many values a document has."""
+    return sum(isinstance(node, ScalarNode) for _, node in walk(document.tree) if not isinstance(node, MappingNode))

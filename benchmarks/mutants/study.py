@@ -1,0 +1,127 @@
+"""`make mutants`: every good document with one value broken at a time; what thingc says. Prints the tables and writes `docs/mutants.md`."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+import time
+from collections import Counter
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(Path(__file__).resolve().parent), str(ROOT / "compiler")]
+
+from judging import Verdict, field_of, judge, scalars_in, subjects  # noqa: E402
+from mutations import KINDS, Mutant, mutants  # noqa: E402
+
+PAGE = ROOT / "docs" / "mutants.md"
+HEAD = Path(__file__).resolve().parent / "page.md"
+COUNT = 2400
+REFUSED, RIGHT = 0.80, 0.95
+
+
+def main() -> int:
+    """Judge, print, write; 1 where too few are refused or too few of those at the right line."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=COUNT, help="mutants in all, spread over the documents by their size")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--store", default=None, help="where modelled parts are kept")
+    parser.add_argument("--print", action="store_true", help="only print, leave the page as it is")
+    parser.add_argument("--list", action="store_true", help="also print every mutant that is accepted or blamed elsewhere")
+    arguments = parser.parse_args()
+    begun = time.monotonic()
+    with ProcessPoolExecutor(arguments.jobs) as pool:
+        parts = list(pool.map(run, [
+            (part, arguments.jobs, arguments.count, arguments.seed, arguments.store) for part in range(arguments.jobs)
+        ]))
+    results = [result for part in parts for result in part]
+    page = written(results, arguments.count, arguments.seed)
+    print(page)
+    print(f"{time.monotonic() - begun:.0f} s", file=sys.stderr)
+    if arguments.list:
+        for name, field, mutant, verdict in results:
+            if verdict.outcome != "right":
+                print(f"{verdict.outcome}: {name}:{mutant.first}: {mutant.kind} {field}: {mutant.what}  => {verdict.said}", file=sys.stderr)
+    if not arguments.print:
+        PAGE.write_text(HEAD.read_text() + page)
+    tally = Counter(verdict.outcome for *_, verdict in results)
+    refused = tally["right"] + tally["elsewhere"]
+    return 0 if refused >= REFUSED * len(results) and tally["right"] >= RIGHT * refused else 1
+
+
+Result = tuple[str, str, Mutant, Verdict]
+
+
+def run(task: tuple[int, int, int, int, str | None]) -> list[Result]:
+    """Every `jobs`-th mutant, in a scratch workspace of this process."""
+    part, jobs, count, seed, store = task
+    found: list[Result] = []
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(os.path.realpath(scratch)) / "workspace"
+        folder.mkdir()
+        kept = store or str(folder.parent / "store")
+        good = subjects(folder, kept)
+        sizes = [scalars_in(subject.document) for subject in good]
+        for subject, size in zip(good, sizes, strict=True):
+            name = os.path.relpath(subject.document.path, folder)
+            source = mutants(subject.document, seed)
+            for number in range(-(-count * size // sum(sizes))):
+                mutant = next(source)
+                if number % jobs == part:
+                    found.append((name, field_of(subject.document, mutant), mutant, judge(subject, mutant, kept)))
+    return found
+
+
+def written(results: list[Result], count: int, seed: int) -> str:
+    """The tables."""
+    tally = Counter(verdict.outcome for *_, verdict in results)
+    refused = tally["right"] + tally["elsewhere"]
+    command = "make mutants" if (count, seed) == (COUNT, 1) else f"python benchmarks/mutants/study.py --count {count} --seed {seed}"
+    lines = [
+        "```sh", command, "```", "",
+        f"{len(results)} mutants: {refused} refused ({refused / len(results):.1%}), {tally['built']} accepted, and all of these "
+        f"built for MuJoCo. Of the refused, {tally['right']} ({tally['right'] / max(refused, 1):.1%}) are blamed on the right line.", "",
+        "| what was done | mutants | refused | at the right line | accepted |", "|---|---:|---:|---:|---:|",
+    ]
+    for kind in KINDS:
+        mine = Counter(verdict.outcome for _, _, mutant, verdict in results if mutant.kind == kind)
+        lines.append(_row(kind, mine))
+    lines += ["", "| document | mutants | refused | at the right line | accepted |", "|---|---:|---:|---:|---:|"]
+    for name in sorted({name for name, *_ in results}):
+        lines.append(_row(f"`{name}`", Counter(verdict.outcome for one, _, _, verdict in results if one == name)))
+    codes = Counter(code for *_, verdict in results for code in verdict.codes)
+    lines += ["", "## What was said", "", ", ".join(f"{code} ({times})" for code, times in codes.most_common()) + ".", ""]
+    lines += ["## Accepted, by kind", "", "| what was done | field | times | for example |", "|---|---|---:|---|"]
+    lines += _groups(results, "built")
+    lines += ["", "## Blamed elsewhere, by kind", "", "| what was done | field | times | for example |", "|---|---|---:|---|"]
+    lines += _groups(results, "elsewhere")
+    return "\n".join([*lines, ""])
+
+
+def _row(name: str, tally: Counter[str]) -> str:
+    total, refused = sum(tally.values()), tally["right"] + tally["elsewhere"]
+    return f"| {name} | {total} | {refused} | {tally['right']} | {tally['built']} |"
+
+
+def _groups(results: list[Result], outcome: str) -> list[str]:
+    grouped: dict[tuple[str, str], list[tuple[Mutant, Verdict]]] = {}
+    for _, field, mutant, verdict in results:
+        if verdict.outcome == outcome:
+            grouped.setdefault((mutant.kind, field), []).append((mutant, verdict))
+    rows = sorted(grouped.items(), key=lambda item: (KINDS.index(item[0][0]), -len(item[1]), item[0][1]))
+    return [
+        f"| {kind} | `{field}` | {len(found)} | {_cell(found[0][0].what)}{': ' + _cell(found[0][1].said[:90]) if found[0][1].said else ''} |"
+        for (kind, field), found in rows
+    ]
+
+
+def _cell(text: str) -> str:
+    return "`" + text.replace("|", "\\|").replace("`", "'").replace("\n", " ") + "`"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,192 @@
+"""How many variants a second one process compiles: `python benchmarks/variants/throughput.py [--count N] [--scale N]`.
+
+The arm, with its three modes, from a scratch copy of its documents and parts in which a mass, a damping, a limit and a pose are
+parameters, too. One session, store warm. A rate is given per second of the clock and per second of processor time of this process and
+its children; the second hardly feels what else the machine does.
+
+- `plain`: those four numbers differ in each variant, so that no part is modelled; the MJCF of three modes and `modes.json` are
+  written to the disk;
+- `verified`: the same, and MuJoCo compiles every model as it was written, with its meshes;
+- `modelled`: the reach differs in each variant, so that one part is modelled for each, and the same files are written.
+
+`--scale N` runs `plain` for 10, 100, ... N variants, and says how time and memory grow with their number.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from thingc.emit.artifact import Stored
+from thingc.pipeline import Options
+from thingc.session import Session, Settings
+
+ROOT = Path(__file__).resolve().parents[2]
+ADDED = """
+  board_mass: {value: 12 g, min: 1 g}
+  damping: 0.02 N*m*s/rad
+  bend: {value: 130 deg, min: 100 deg}
+  lift: 0 deg
+"""
+EDITS = {
+    "\nparameters:": "\nparameters:" + ADDED.rstrip(),
+    "mass: {value: 12 g, source: measured}": "mass: {value: =board_mass, source: measured}",
+    "damping: 0.02 N*m*s/rad, friction": "damping: =damping, friction",
+    "limit: {lower: -130 deg, upper: 130 deg}": "limit: {lower: -130 deg, upper: =bend}",
+    "wrist: -30 deg}": "wrist: =lift - 30 deg}",
+}
+
+
+def workspace(folder: Path) -> Path:
+    """The scratch copy; the path of its document."""
+    for name in ("assemblies", "parts"):
+        shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(ROOT / "thingc.toml", folder)
+    document = folder / "assemblies" / "arm.yaml"
+    text = document.read_text()
+    for old, new in EDITS.items():
+        if text.count(old) != 1:
+            raise SystemExit(f"{old!r} stands {text.count(old)} times in arm.yaml; the benchmark expects one place")
+        text = text.replace(old, new)
+    document.write_text(text)
+    return document
+
+
+def plain(index: int) -> Settings:
+    """Numbers that model no part, never the same twice."""
+    part = (index * 0.6180339887498949) % 1.0
+    return Settings(parameters={
+        "board_mass": f"{10 + 10 * part} g", "damping": f"{0.01 + 0.02 * part} N*m*s/rad", "bend": f"{125 + 15 * part} deg",
+        "lift": f"{10 * part} deg",
+    })
+
+
+def modelled(index: int) -> Settings:
+    """A reach that was never modelled before, on any machine."""
+    return Settings(parameters={"reach": f"{70 + 45 * ((index + FRESH) * 0.6180339887498949 % 1.0)} mm"})
+
+
+FRESH = int.from_bytes(os.urandom(3), "big") / 2**24
+
+
+def build(session: Session, settings: Settings, folder: Path, *, verify: bool) -> None:
+    """One variant, from its settings to its files on the disk. Raises where anything was said, or any part reused wrongly."""
+    compilation = session.compile(settings)
+    artifacts = compilation.emit(["mjcf"], verify=False)["mjcf"]
+    if compilation.report.diagnostics:
+        raise SystemExit(f"{settings}: {compilation.report.diagnostics}")
+    os.makedirs(folder / "mjcf", exist_ok=True)
+    for path, content in artifacts.files.items():
+        if not isinstance(content, Stored):  # the meshes are shared by all variants
+            with open(folder / path, "wb") as stream:
+                stream.write(content)
+    if verify:
+        for robot in compilation.robots:
+            MODELS.model(artifacts, f"mjcf/arm_{robot.mode.name}.xml", session.front.store)
+
+
+class Models:
+    """MuJoCo's models of what was written."""
+
+    def __init__(self) -> None:
+        self.assets: dict[str, bytes] = {}
+
+    def model(self, artifacts: object, path: str, store: object) -> object:
+        """The compiled model of one file, with its meshes."""
+        import mujoco
+
+        files = artifacts.files  # type: ignore[attr-defined]
+        assets = {}
+        for name, content in files.items():
+            if isinstance(content, Stored):
+                if content.sha256 not in self.assets:
+                    self.assets[content.sha256] = store.read(content.sha256)  # type: ignore[attr-defined]
+                assets[name.removeprefix("mjcf/assets/")] = self.assets[content.sha256]
+        return mujoco.MjModel.from_xml_string(files[path].decode(), assets)
+
+
+MODELS = Models()
+
+
+def processor() -> float:
+    """Seconds of processor time of this process, of the worker under it, and of the worker's children that have ended."""
+    ticks = 0
+    with open(f"/proc/{os.getpid()}/task/{os.getpid()}/children", encoding="ascii") as stream:
+        running = stream.read().split()
+    for process in ("self", *running):
+        with open(f"/proc/{process}/stat", encoding="ascii") as stream:
+            ticks += sum(map(int, stream.read().rpartition(")")[2].split()[11:15]))
+    return ticks / os.sysconf("SC_CLK_TCK")
+
+
+def resident() -> float:
+    """Megabytes of memory that this process holds."""
+    with open("/proc/self/statm", encoding="ascii") as stream:
+        return int(stream.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def measure(
+    document: Path, store: str | None, folder: Path, settings: Callable[[int], Settings], count: int, *, verify: bool = False,
+) -> tuple[float, float, float]:
+    """`count` variants in one session: seconds of the clock, of processor time, and megabytes grown after the first ten."""
+    with Session(str(document), Options(store=store, jobs=1)) as session:
+        for index in range(3):
+            build(session, settings(-1 - index), folder / "warm", verify=verify)
+        before, wall, cpu = 0.0, time.perf_counter(), processor()
+        for index in range(count):
+            build(session, settings(index), folder / str(index), verify=verify)
+            if index == min(10, count - 1):
+                before = resident()
+        return time.perf_counter() - wall, processor() - cpu, resident() - before
+
+
+def scales(largest: int) -> Iterator[int]:
+    """10, 100, ... up to `largest`."""
+    count = 10
+    while count <= largest:
+        yield count
+        count *= 10
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=200, help="variants that model nothing (default: %(default)s)")
+    parser.add_argument("--models", type=int, default=20, help="variants that model a part each (default: %(default)s)")
+    parser.add_argument("--scale", type=int, default=0, help="largest number of variants for growth (default: not measured)")
+    parser.add_argument("--store", help="where modelled parts are kept")
+    arguments = parser.parse_args()
+    if sys.platform == "win32":
+        raise SystemExit("this benchmark reads /proc")
+    with tempfile.TemporaryDirectory(prefix="thingc-throughput-") as name:
+        folder = Path(name)
+        document = workspace(folder)
+        runs: list[tuple[str, Callable[[int], Settings], int, bool]] = [
+            ("plain", plain, arguments.count, False), ("verified", plain, arguments.count, True),
+            ("modelled", modelled, arguments.models, False),
+        ]
+        for label, settings, count, verify in runs:
+            if count:
+                wall, cpu, grown = measure(document, arguments.store, folder / label, settings, count, verify=verify)
+                print(f"{label:9}{count:6} variants {count / wall:8.1f}/s of the clock {count / cpu:8.1f}/s of processor time "
+                      f"{1e3 * cpu / count:8.2f} ms each, {grown:+.1f} MB")
+        points = []
+        for count in scales(arguments.scale):
+            wall, cpu, grown = measure(document, arguments.store, folder / f"scale{count}", plain, count)
+            shutil.rmtree(folder / f"scale{count}")
+            points.append((math.log(count), math.log(cpu)))
+            print(f"{count:6} variants: {wall:.2f} s of the clock, {cpu:.2f} s of processor time, {grown:+.1f} MB")
+        if len(points) > 1:
+            (x0, y0), (x1, y1) = points[0], points[-1]
+            print(f"time grows with the power {(y1 - y0) / (x1 - x0):.3f} of the number of variants")
+
+
+if __name__ == "__main__":
+    main()

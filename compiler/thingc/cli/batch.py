@@ -1,0 +1,223 @@
+"""`thingc batch`: every variant of a `variants/1` document, each as `thingc build` would write it."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from thingc.cli import common
+from thingc.diagnostics import Diagnostic, did_you_mean, shown_path
+from thingc.pipeline import Options
+
+if TYPE_CHECKING:
+    from thingc.variants.batch import Progress, Summary
+    from thingc.variants.forecast import Forecast
+    from thingc.variants.planning import Plan
+
+EPILOG = """\
+Writes build/NAME/ (or DIR/NAME/): a folder for each variant in variants/, their meshes once in assets/, and the tables results.csv
+and results.parquet. Stopped at any moment, it goes on with --resume.
+
+  thingc batch leg_sweep.yaml --dry-run
+  thingc batch leg_sweep.yaml
+  thingc batch leg_sweep.yaml --limit 100 --emit mjcf -o /data/robots
+  thingc batch leg_sweep.yaml --resume
+"""
+INTERRUPTED = 130
+"""The exit code of who was interrupted (128 and the number of SIGINT)."""
+STATUSES = {"built": "built", "kept_out": "kept out", "refused": "refused", "failed": "failed"}
+"""How statuses are spoken."""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `batch`."""
+    parser.epilog = EPILOG
+    parser.add_argument("document", metavar="DOC", help="a document of variants (YAML or TOML)")
+    parser.add_argument("-o", "--output", metavar="DIR", help="write DIR/NAME/ (default: the workspace's build folder)")
+    parser.add_argument(
+        "--emit", metavar="T", action="append", default=[], help="only this target (may be repeated; default: those of the document)",
+    )
+    parser.add_argument("--limit", metavar="N", type=common.positive, help="only the first N variants")
+    parser.add_argument("--resume", action="store_true", help="go on with a batch that was stopped")
+    parser.add_argument("--dry-run", action="store_true", help="say what would be built, and write nothing")
+    parser.add_argument("--timeout", metavar="TIME", help="longest time for one variant (default: '10 min')")
+    parser.add_argument("--no-verify", action="store_true", help="do not ask MuJoCo whether it takes each model")
+    common.add_format(parser)
+    common.add_geometry(parser, jobs="variants built at once")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exit code 0 when every variant was built or kept out by a rule."""
+    from thingc.variants import BatchFault, Interrupted, PlanError
+
+    try:
+        common.require_document(arguments.document)
+        options = replace(common.options_of(arguments), progress=None)
+        timeout = None if arguments.timeout is None else common.time_of("--timeout", arguments.timeout)
+        targets = _targets(arguments.emit)
+        if arguments.dry_run:
+            return _forecast(arguments, options, targets)
+        summary = _build(arguments, options, targets, timeout)
+    except common.WrongCommandLine as fault:
+        return _refuse(arguments, [fault.diagnostic])
+    except PlanError as fault:
+        return _refuse(arguments, fault.diagnostics)
+    except BatchFault as fault:
+        _clear()
+        return _refuse(arguments, [fault.diagnostic])
+    except Interrupted as fault:
+        _clear()
+        again = shlex.join(["thingc", "batch", arguments.document, *(["-o", arguments.output] if arguments.output else []), "--resume"])
+        print(f"interrupted: {fault.done} of {fault.count} variants are done; go on with: {again}", file=sys.stderr)
+        return INTERRUPTED
+    return _answer(arguments, summary)
+
+
+def _targets(words: Sequence[str]) -> tuple[str, ...]:
+    """The targets chosen, in the order in which a build writes them. Raises `WrongCommandLine`."""
+    from thingc.emit import targets
+
+    known = targets()
+    wanted = [part for word in words for part in word.split(",") if part]
+    for word in wanted:
+        if word not in known:
+            raise common.WrongCommandLine(f"there is no target `{word}`", did_you_mean(word, known, what="targets"))
+    return tuple(target for target in known if target in wanted)
+
+
+def _build(
+    arguments: argparse.Namespace, options: Options, targets: tuple[str, ...], timeout: float | None,
+) -> Summary:
+    from thingc.variants.batch import TIMEOUT, run
+
+    summary = run(
+        arguments.document, output=arguments.output, jobs=options.jobs, emit=targets, limit=arguments.limit, resume=arguments.resume,
+        timeout=timeout or TIMEOUT, verify=not arguments.no_verify, options=options,
+        on_progress=_show if arguments.format == "text" else None,
+    )
+    _clear()
+    return summary
+
+
+def _show(progress: Progress) -> None:
+    """One line that counts, on a terminal; nothing where standard error is a file."""
+    if not sys.stderr.isatty():
+        return
+    counts = ", ".join(f"{count} {STATUSES[status]}" for status, count in sorted(progress.counts.items()))
+    left = progress.left
+    estimate = f", {_time(left)} left" if left is not None else ""
+    sys.stderr.write(f"\r\x1b[K{progress.done} of {progress.count} variants ({counts}); {progress.rate:.3g} a second{estimate}")
+    sys.stderr.flush()
+
+
+def _clear() -> None:
+    if sys.stderr.isatty():
+        sys.stderr.write("\r\x1b[K")
+
+
+def _time(seconds: float) -> str:
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
+
+
+def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
+    code = 1 if summary.statuses.get("refused") or summary.statuses.get("failed") else 0
+    if arguments.format == "json":
+        common.print_json(
+            summary.notes, folder=shown_path(summary.folder), count=summary.count, statuses=summary.statuses, modelled=summary.modelled,
+            duplicates=summary.duplicates,
+        )
+        return code
+    common.print_text(summary.notes, stream=sys.stderr, debug=False)
+    counts = ", ".join(f"{summary.statuses[status]} {spoken}" for status, spoken in STATUSES.items() if status in summary.statuses)
+    earlier = f" ({summary.before} of them before)" if summary.before else ""
+    print(
+        f"{shown_path(summary.folder)}: {summary.count} variants{earlier}: {counts}; {summary.modelled} parts modelled",
+        file=sys.stderr,
+    )
+    if summary.duplicates:
+        print(f"{summary.duplicates} more are equal to one of these", file=sys.stderr)
+    if code:
+        for line in _complaints(summary.folder):
+            print(line, file=sys.stderr)
+    return code
+
+
+def _complaints(folder: str) -> list[str]:
+    """One line for each code with which variants were refused or failed: how many, and what was said of the first."""
+    import os
+
+    from thingc.variants.journal import in_order
+    from thingc.variants.places import JOURNAL
+
+    first: dict[str, dict[str, Any]] = {}
+    counts: dict[str, int] = {}
+    for line in in_order(os.path.join(folder, JOURNAL)):
+        if line["status"] in ("refused", "failed"):
+            counts[line["code"]] = counts.get(line["code"], 0) + 1
+            first.setdefault(line["code"], line)
+    return [f"{code} ({counts[code]}), first `{line['name']}`: {line['message']}" for code, line in sorted(first.items())]
+
+
+def _forecast(arguments: argparse.Namespace, options: Options, targets: tuple[str, ...]) -> int:
+    from thingc.variants.forecast import forecast
+    from thingc.variants.planning import plan
+
+    planned = plan(arguments.document, options=options)
+    if targets:
+        planned = replace(planned, emit=targets)
+    found = forecast(planned, options, arguments.limit)
+    if arguments.format == "json":
+        common.print_json(
+            planned.notes, count=found.count, of=planned.count, duplicates=planned.written - planned.count,
+            axes=[{"name": axis.key, "values": len(axis.values) or None} for axis in planned.axes], failing=found.failing,
+            unsound=found.unsound, parts=found.parts, modelled=found.parts - found.known, reused=found.known,
+            first=[{"index": one.index, "id": one.id, "name": one.name, "parameters": one.parameters, "choices": one.choices}
+                   for one in found.first],
+        )
+        return 0
+    common.print_text(list(planned.notes), stream=sys.stderr, debug=False)
+    print("\n".join(_told(planned, found)))
+    return 0
+
+
+def _told(planned: Plan, found: Forecast) -> list[str]:
+    """A forecast for people."""
+    some = f"{found.count} of {planned.count}" if found.count != planned.count else f"{found.count}"
+    lines = [f"{planned.name}: {some} variants of {planned.assembly_relative}; modes {', '.join(planned.modes)}; "
+             f"targets {', '.join(planned.emit)}"]
+    for axis in planned.axes:
+        if axis.range is not None:
+            lines.append(f"  {axis.key}: {axis.range[0]} to {axis.range[1]}{', whole numbers' if axis.whole else ''}")
+        else:
+            shown = ", ".join(str(value).lower() if isinstance(value, bool) else str(value) for value in axis.values[:6])
+            lines.append(f"  {axis.key}: {shown}{f' and {len(axis.values) - 6} more' if len(axis.values) > 6 else ''}")
+    duplicates = planned.written - planned.count
+    if duplicates:
+        lines.append(f"{duplicates} more are equal to one of these")
+    lines.extend(f"{count} fail the rule `{rule}`" for rule, count in found.failing.items())
+    lines.extend(f"{count} would be refused: {code}" for code, count in sorted(found.unsound.items()))
+    lines.append(f"models {found.parts - found.known} parts, reuses {found.known}")
+    for one in found.first:
+        settings = {**one.parameters, **one.choices}
+        shown = ", ".join(f"{name}={text}" for name, text in settings.items()) or "as the assembly says"
+        lines.append(f"  {one.id} {one.name}: {shown}{' (kept out)' if one.failed else ''}")
+    if found.count > len(found.first):
+        lines.append("  ...")
+    return lines
+
+
+def _refuse(arguments: argparse.Namespace, found: Sequence[Diagnostic]) -> int:
+    if arguments.format == "json":
+        common.print_json(found)
+    else:
+        common.print_text(found, stream=sys.stderr, debug=arguments.debug)
+    return common.exit_code(found)
+
+
+

@@ -1,0 +1,166 @@
+"""Work on documents that nobody trusts: in a child process with bounds on time and memory, which starts no process, opens no
+connection, writes nothing, and whose death, whatever the cause, is one diagnostic.
+
+The passes have bounds of their own; these are the last line of defence, against what nobody thought of.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+import select
+import signal
+import sys
+import time
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+from thingc.cli import common
+from thingc.diagnostics import Code, Diagnostic, Severity
+from thingc.stamp import packed, unpacked
+
+MEMORY = 900_000_000
+"""Bytes of address space that the child may have beyond what it begins with, so that all of it stays below a gigabyte."""
+PATIENCE = 6.0
+"""Seconds of waiting allowed for each second of computing: a machine may be busy, a read may hang for ever."""
+_REFUSED = (
+    "os.exec", "os.fork", "os.forkpty", "os.posix_spawn", "os.startfile", "os.system", "pty.spawn", "socket.", "subprocess.Popen",
+    "os.remove", "os.rename", "os.rmdir", "os.mkdir", "os.link", "os.symlink", "os.chmod", "os.chown", "os.truncate", "os.kill",
+    "ctypes.dlopen", "webbrowser.open", "urllib.Request",
+)
+_WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
+
+
+class Refused(Exception):
+    """Something that work on untrusted documents never does: a defect of thingc, stopped before it happens."""
+
+
+def confined(work: Callable[[], Any], seconds: float, *, memory: int = MEMORY) -> Any | Diagnostic:
+    """What `work` answers (JSON values), done in a child process that may compute for `seconds` and have `memory` bytes; or a
+    diagnostic of how the child ended before it was done.
+
+    Where the system knows no such processes (Windows), `work` is done here, without bounds.
+    """
+    if not hasattr(os, "fork"):
+        return _done(work)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    _load_ahead()
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(reading)
+        _in_child(work, seconds, memory, writing)
+    os.close(writing)
+    data, in_time = _collected(reading, seconds * PATIENCE)
+    if not in_time:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(child, signal.SIGKILL)
+    _, status = os.waitpid(child, 0)
+    return _answer(data) if in_time and status == 0 else _costly(in_time, status, seconds, memory)
+
+
+def _answer(data: bytes) -> Any | Diagnostic:
+    kind, value = json.loads(data)
+    if kind == "failed":
+        return unpacked(value)
+    return value
+
+
+def _load_ahead() -> None:
+    """What every check imports, once for all children."""
+    import thingc.graph
+    import thingc.load.yaml_tree
+    import thingc.realize.answers
+    import thingc.realize.locked
+    import thingc.resolve.assembly
+    import thingc.robot
+    import thingc.spec.validation  # noqa: F401
+
+
+def _collected(reading: int, patience: float) -> tuple[bytes, bool]:
+    """What the child writes until it ends, and whether it did within `patience` [s]."""
+    until = time.monotonic() + patience
+    pieces: list[bytes] = []
+    with os.fdopen(reading, "rb", buffering=0) as stream:
+        while True:
+            left = until - time.monotonic()
+            if left <= 0.0 or not select.select([stream], [], [], left)[0]:
+                return b"", False
+            piece = stream.read(1 << 16)
+            if not piece:
+                return b"".join(pieces), True
+            pieces.append(piece)
+
+
+def _costly(in_time: bool, status: int, seconds: float, memory: int) -> Diagnostic:
+    ended_by = os.WTERMSIG(status) if os.WIFSIGNALED(status) else None
+    if not in_time or ended_by == signal.SIGXCPU:
+        message = f"the check was not done after {seconds:g} s and was ended"
+        help = "make the documents smaller, or allow more time with --time-limit"
+    elif os.WIFEXITED(status) and os.WEXITSTATUS(status) == _OUT_OF_MEMORY:
+        message = f"the check needed more than {memory // 1_000_000} MB and was ended"
+        help = "make the documents smaller"
+    else:
+        how = f"by {signal.Signals(ended_by).name}" if ended_by is not None else f"with status {os.WEXITSTATUS(status)}"
+        message = f"the check ended {how} before it was done"
+        help = "take the documents for hostile until they are understood; please report how they do this"
+    return Diagnostic(code=Code.TOO_COSTLY, severity=Severity.ERROR, message=message, help=help)
+
+
+_OUT_OF_MEMORY = 91
+
+
+def _in_child(work: Callable[[], Any], seconds: float, memory: int, writing: int) -> NoReturn:
+    """Never returns, whatever happens: two processes must not both go on."""
+    code = 1
+    try:
+        sys.dont_write_bytecode = True
+        _bound(seconds, memory)
+        sys.addaudithook(_refuse)
+        found = _done(work)
+        data = json.dumps(["failed", packed(found)] if isinstance(found, Diagnostic) else ["done", found]).encode()
+        view = memoryview(data)
+        while view:
+            view = view[os.write(writing, view):]
+        code = 0
+    except MemoryError:
+        code = _OUT_OF_MEMORY
+    except BaseException:
+        code = 1
+    finally:
+        os._exit(code)
+
+
+def _done(work: Callable[[], Any]) -> Any | Diagnostic:
+    try:
+        return work()
+    except MemoryError:
+        raise
+    except Exception as fault:
+        return common.of_exception(fault)
+
+
+def _bound(seconds: float, memory: int) -> None:
+    import resource
+
+    with contextlib.suppress(OSError, ValueError), open("/proc/self/statm", "rb") as stream:
+        memory += int(stream.read().split()[0]) * resource.getpagesize()
+    whole = max(1, math.ceil(seconds))  # a child begins with no time spent
+    limits = ((resource.RLIMIT_CPU, (whole, whole + 1)), (resource.RLIMIT_AS, (memory, memory)), (resource.RLIMIT_CORE, (0, 0)))
+    for kind, bounds in limits:
+        with contextlib.suppress(ValueError, OSError):  # a lower bound than ours is there already
+            resource.setrlimit(kind, bounds)
+    signal.signal(signal.SIGXCPU, signal.SIG_DFL)
+
+
+def _refuse(event: str, arguments: tuple[Any, ...]) -> None:
+    """The audit hook of the child: refuses what no check ever does."""
+    if event == "open":
+        _, mode, flags = arguments
+        if isinstance(flags, int) and flags & _WRITING or isinstance(mode, str) and set(mode) & set("wax+"):
+            raise Refused("a file was to be written")
+    elif event.startswith(_REFUSED):
+        raise Refused(f"`{event}` was to be done")

@@ -1,0 +1,60 @@
+"""`thingc explain`: what a code means, how it is cured, and an example of either side."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+
+from thingc.cli import common
+from thingc.diagnostics import Code
+from thingc.reporting.explanations import as_page, explained, find, near, sections
+
+EPILOG = """\
+Without CODE it lists all codes.
+
+  thingc explain TC302
+  thingc explain 302
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `explain`."""
+    parser.epilog = EPILOG
+    parser.add_argument("code", metavar="CODE", nargs="?", help="a code such as TC302, also without the TC (default: all of them)")
+    common.add_format(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exit code 0 when the code is known, else 2."""
+    if arguments.code is None:
+        _list(arguments.format)
+        return 0
+    code = find(arguments.code)
+    if code is None:
+        found = [common.WrongCommandLine(f"there is no code `{arguments.code}`", _hint(near(arguments.code))).diagnostic]
+        common.print_found(found, arguments.format, stream=sys.stderr, debug=False)
+        return common.USAGE
+    if arguments.format == "json":
+        print(json.dumps(explained(code), indent=2, ensure_ascii=False))
+    else:
+        print(as_page(code), end="")
+    return 0
+
+
+def _hint(codes: list[Code]) -> str:
+    if not codes:
+        return "`thingc explain` lists all codes"
+    return "near it: " + ", ".join(f"`{code.code}` ({code.title})" for code in codes)
+
+
+def _list(form: str) -> None:
+    if form == "json":
+        listed = [{"code": code.code, "title": code.title, "cure": code.cure} for _, codes in sections() for code in codes]
+        print(json.dumps({"codes": listed}, indent=2, ensure_ascii=False))
+        return
+    for title, codes in sections():
+        print(title)
+        for code in codes:
+            print(f"  {code.code}  {code.title}")
+        print()

@@ -1,0 +1,139 @@
+"""`thingc check --fix`: mends in the documents what can only have meant one thing, then says what is left."""
+
+from __future__ import annotations
+
+import argparse
+import difflib
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from thingc.cli import common
+from thingc.diagnostics import Code, Diagnostic, Severity, shown_path
+from thingc.layout.fixing import Looked, Mending, mend
+from thingc.layout.formatting import write_in_place
+from thingc.load.paths import DOCUMENT_SUFFIXES
+from thingc.pipeline import Compilation, Options
+from thingc.workspace import Workspace
+
+
+def run_fix(arguments: argparse.Namespace, options: Options) -> int:
+    """Exit code 0 when nothing is left that is wrong with any of the documents (with `--diff`: would be left)."""
+    try:
+        if not arguments.fix:
+            raise common.WrongCommandLine("--diff belongs to --fix", "write `thingc check --fix --diff`")
+        if arguments.no_code:
+            raise common.WrongCommandLine("--fix and --no-code do not go together", "mend documents that you trust")
+    except common.WrongCommandLine as fault:
+        return _say(arguments, [fault.diagnostic], [])
+    documents = arguments.document
+    if arguments.touched:
+        from thingc.cli.check import concerned
+
+        documents = concerned(documents, arguments.store)
+    disk = _Disk()
+    texts: dict[str, bytes] = {}
+    mended: list[Mending] = []
+    found: list[Diagnostic] = []
+    for document in documents:
+        try:
+            common.require_document(document)
+        except common.WrongCommandLine as fault:
+            found.append(fault.diagnostic)
+            continue
+        done, texts, left = _mend(document, replace(options, lock=True), texts, disk, strict=arguments.strict)
+        mended += done
+        found.extend(d for d in left if d not in found)
+    if not arguments.diff:
+        refused = disk.write(texts)
+        if refused is not None:
+            return _say(arguments, [refused], [])
+    elif arguments.format == "text":
+        _print_diff(texts, disk)
+        print(f"{_count(len(mended), 'place')} would be mended, {_count(len(found), 'diagnostic')} would be left")
+        return common.exit_code(found)
+    return _say(arguments, found, mended)
+
+
+def _mend(
+    document: str, options: Options, texts: Mapping[str, bytes], disk: _Disk, *, strict: bool
+) -> tuple[list[Mending], dict[str, bytes], Sequence[Diagnostic]]:
+    spaces: list[Workspace] = []
+
+    def look(contents: Mapping[str, bytes]) -> Looked:
+        with Compilation(document, replace(options, texts=contents)) as compilation:
+            compilation.run(kinds=("assembly", "materials"))
+            if compilation.workspace is not None:
+                spaces.append(compilation.workspace)
+            documents = compilation.documents
+            read = () if documents is None else tuple(documents.by_path.values())
+            return Looked(found=common.final(compilation.report, strict=strict), documents=read)
+
+    def allowed(file: str) -> bool:
+        return file.lower().endswith(DOCUMENT_SUFFIXES) and bool(spaces) and spaces[-1].contains(file)
+
+    return mend(look, texts, allowed, disk.read)
+
+
+class _Disk:
+    """Files as they were when they were first read."""
+
+    def __init__(self) -> None:
+        self.known: dict[str, bytes | None] = {}
+
+    def read(self, file: str) -> bytes | None:
+        """The bytes of a file, None where it cannot be read."""
+        if file not in self.known:
+            self.known[file] = _bytes(file)
+        return self.known[file]
+
+    def write(self, texts: Mapping[str, bytes]) -> Diagnostic | None:
+        """Write the files that have other contents now, each at once; says why not where one cannot be written or has been
+        changed by somebody else."""
+        for file, data in sorted(texts.items()):
+            message = None
+            if _bytes(file) != self.known[file]:
+                message = f"`{shown_path(file)}` has changed meanwhile, and is left as it is"
+            else:
+                try:
+                    write_in_place(file, data)
+                except OSError as fault:
+                    message = f"cannot write `{shown_path(file)}`: {(fault.strerror or str(fault)).lower()}"
+            if message is not None:
+                return Diagnostic(code=Code.OUTPUT, severity=Severity.ERROR, message=message)
+        return None
+
+
+def _bytes(file: str) -> bytes | None:
+    try:
+        with open(file, "rb") as stream:
+            return stream.read()
+    except OSError:
+        return None
+
+
+def _say(arguments: argparse.Namespace, found: Sequence[Diagnostic], mended: Sequence[Mending]) -> int:
+    rows = [
+        {"file": shown_path(one.file), "line": one.line, "written": one.written, "replacement": one.replacement} for one in mended
+    ]
+    if arguments.format == "text":
+        for one in mended:
+            print(f"{shown_path(one.file)}:{one.line}: mended `{one.written}` -> `{one.replacement}`")
+        if mended and found:
+            print()
+    common.print_found(found, arguments.format, stream=sys.stdout, debug=arguments.debug, mended=rows)
+    if arguments.format == "text" and not found:
+        print(f"{_count(len(mended), 'place')} mended, nothing is left")
+    return common.exit_code(found)
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def _print_diff(texts: Mapping[str, bytes], disk: _Disk) -> None:
+    for file, data in sorted(texts.items()):
+        name = shown_path(file)
+        old, new = (one.decode("utf-8-sig").splitlines() for one in (disk.read(file) or b"", data))
+        for line in difflib.unified_diff(old, new, name, name, lineterm=""):
+            print(line)

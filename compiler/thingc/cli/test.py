@@ -1,0 +1,140 @@
+"""`thingc test`: run the tests that a document states of its robot."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from thingc.cli import common
+from thingc.diagnostics import Code, Diagnostic, Report, Severity, did_you_mean, shown_path
+from thingc.pipeline import Compilation, UnknownChoice
+
+if TYPE_CHECKING:
+    from thingc.graph.types import Assembly
+    from thingc.testing import Result, Selection
+
+EPILOG = """\
+The tests of the document named, not those of the documents nested in it. Each failure is an error at the value that it
+contradicts. The exit code is 0 when every test passed.
+
+  thingc test assemblies/arm.yaml
+  thingc test assemblies/arm.yaml --only weight --only 'holds_*'
+  thingc test assemblies/arm.yaml --mode bench -p 'reach=120 mm'
+  thingc test assemblies/arm.yaml --format junit > arm.xml
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `test`."""
+    parser.epilog = EPILOG
+    common.add_document(parser)
+    parser.add_argument(
+        "--only", metavar="NAME", action="append", default=[], help="only tests of this name, patterns allowed (may be repeated)",
+    )
+    parser.add_argument(
+        "--mode", metavar="M", action="append", default=[],
+        help="of tests that run in modes only these (may be repeated; default: the modes of each test)",
+    )
+    common.add_format(parser, ("text", "json", "junit"))
+    common.add_compiling(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exit code 0 when every test that was meant has passed."""
+    results: list[Result] = []
+    name = "thingc"
+    try:
+        common.require_document(arguments.document)
+        with Compilation(arguments.document, common.options_of(arguments)) as compilation:
+            found, name = _run(arguments, compilation, results)
+    except UnknownChoice as fault:
+        found = [Diagnostic(code=Code.COMMAND_LINE, severity=Severity.ERROR, message=fault.message, help=fault.hint)]
+    except common.WrongCommandLine as fault:
+        found = [fault.diagnostic]
+    _tell(arguments, name, results, found)
+    return common.exit_code(found)
+
+
+def _run(arguments: argparse.Namespace, compilation: Compilation, results: list[Result]) -> tuple[list[Diagnostic], str]:
+    """Compile and run; what there is to say, and the robot's name. Raises `UnknownChoice`."""
+    compilation.run()
+    found = common.final(compilation.report, strict=arguments.strict)
+    assembly = compilation.assembly
+    if common.exit_code(found) or assembly is None:
+        return found, "thingc"
+    from thingc.emit.request import EmitRequest
+    from thingc.testing import run as run_tests
+
+    selection = _selection(arguments, assembly)
+    if compilation.workspace is None:
+        raise RuntimeError("a compilation without errors has a workspace")
+    width = max((len(linked.test.name) for linked in assembly.tests if selection.takes(linked)), default=0)
+
+    def on_result(result: Result) -> None:
+        results.append(result)
+        if arguments.format == "text":
+            print(_line(result, width), flush=True)
+
+    report = Report()
+    request = EmitRequest(
+        assembly=assembly, robots=compilation.robots, store=compilation.store, geometry=compilation.geometry,
+        workspace=compilation.workspace, report=report,
+    )
+    run_tests(request, selection, on_result)
+    return [*found, *common.final(report, strict=arguments.strict)], assembly.name
+
+
+def _selection(arguments: argparse.Namespace, assembly: Assembly) -> Selection:
+    """What the command line asks for. Raises `UnknownChoice` where that is nothing."""
+    from thingc.testing import Selection
+
+    selection = Selection(only=tuple(arguments.only), modes=tuple(arguments.mode))
+    names, modes = [linked.test.name for linked in assembly.tests], [mode.name for mode in assembly.modes]
+    document = shown_path(arguments.document)
+    for text in selection.only:
+        if not any(Selection(only=(text,)).takes(linked) for linked in assembly.tests):
+            raise UnknownChoice(f"`{document}` has no test `{text}`", did_you_mean(text, names, what="tests"))
+    for mode in selection.modes:
+        if mode not in modes:
+            raise UnknownChoice(f"`{document}` has no mode `{mode}`", did_you_mean(mode, modes, what="modes"))
+    return selection
+
+
+def _line(result: Result, width: int) -> str:
+    """One result for people."""
+    where = f"[{result.where}] " if result.where else ""
+    verdict = "passed" if result.passed else "FAILED"
+    return f"{verdict}  {result.name.ljust(width)}  {where}{result.outcome.said}  {result.seconds:.2f} s"
+
+
+def _tell(arguments: argparse.Namespace, name: str, results: Sequence[Result], found: Sequence[Diagnostic]) -> None:
+    """The answer in the form that was asked for, apart from the lines that were printed on the way."""
+    if arguments.format == "json":
+        common.print_json(found, tests=[_data(result) for result in results])
+        return
+    if arguments.format == "junit":
+        from thingc.testing.junit import as_junit
+
+        sys.stdout.write(as_junit(name, results, [d for d in found if not results and d.severity is Severity.ERROR]))
+        return
+    if results:
+        print()
+    common.print_text(found, stream=sys.stdout, debug=arguments.debug)
+    passed = sum(1 for result in results if result.passed)
+    if results:
+        counted = f"{len(results)} test{'' if len(results) == 1 else 's'}"
+        print(f"{counted}: {passed} passed, {len(results) - passed} failed")
+    elif not common.exit_code(list(found)):
+        chosen = " that run in the modes chosen" if arguments.mode else ""
+        print(f"{shown_path(arguments.document)}: no tests{chosen}")
+
+
+def _data(result: Result) -> dict[str, object]:
+    """One result of the JSON answer; numbers in SI."""
+    return {
+        "name": result.name, "kind": result.kind, "mode": result.mode, "pose": result.pose, "passed": result.passed,
+        "measured": dict(result.outcome.measured), "expected": dict(result.outcome.expected), "said": result.outcome.said,
+        "seconds": round(result.seconds, 3),
+    }

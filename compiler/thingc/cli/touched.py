@@ -1,0 +1,78 @@
+"""`thingc touched`: the documents that a change concerns."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+
+from thingc.cli import common
+from thingc.diagnostics import shown_path
+
+EPILOG = """\
+Names the documents below this folder that depend on the files given: through the documents that they nest, their
+materials, the code of their parts, files that are parts. Nothing of theirs is run.
+
+  thingc touched parts/arm.py
+  thingc touched --since origin/main                    everything that this branch has changed
+  thingc check $(thingc touched --since origin/main)
+  thingc touched --since origin/main --roots            only what nothing else nests: what to build
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `touched`."""
+    parser.epilog = EPILOG
+    parser.add_argument("files", metavar="FILE", nargs="*", help="a file that has changed (it need not be there any more)")
+    parser.add_argument("--since", metavar="REVISION", help="also every file that has changed since this branch left REVISION (git)")
+    parser.add_argument("--all", action="store_true", help="every document below this folder, whatever has changed")
+    parser.add_argument("--roots", action="store_true", help="only assemblies that no other touched document nests")
+    parser.add_argument(
+        "--store", metavar="DIR", help="where modelled parts are kept (default: THINGC_STORE, else the user's cache folder)"
+    )
+    common.add_format(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exit code 0, whether anything is touched or not; 2 where git cannot say what has changed."""
+    try:
+        found = documents(
+            arguments.files, arguments.since, everything=arguments.all, roots=arguments.roots, store=arguments.store
+        )
+    except common.WrongCommandLine as fault:
+        if arguments.format == "json":
+            common.print_json([fault.diagnostic])
+        else:
+            common.print_text([fault.diagnostic], stream=sys.stderr, debug=False)
+        return common.USAGE
+    shown = [shown_path(path) for path in found]
+    if arguments.format == "json":
+        common.print_json([], documents=shown)
+    else:
+        for path in shown:
+            print(path)
+    return 0
+
+
+def documents(
+    files: Sequence[str], since: str | None = None, *, everything: bool = False, roots: bool = False, store: str | None = None
+) -> tuple[str, ...]:
+    """Absolute paths of the documents below the working folder that the files, or what changed since a revision, touch.
+
+    Raises `WrongCommandLine` where nothing was asked, or where git cannot answer.
+    """
+    from thingc.gate import NotARepository, changed_since, touched
+    from thingc.pipeline import Options, store_of
+
+    if not files and since is None and not everything:
+        raise common.WrongCommandLine("expected files that have changed, or --since", "write for example --since origin/main")
+    changed = [os.path.abspath(file) for file in files]
+    if since is not None:
+        try:
+            changed += changed_since(since, os.getcwd())
+        except NotARepository as fault:
+            hint = "name a branch, a tag or a commit of this repository; a shallow clone may not have it (git fetch --unshallow)"
+            raise common.WrongCommandLine(f"--since {since}: {fault}", hint) from fault
+    found = touched(None if everything else changed, os.getcwd(), store_of(Options(store=store)))
+    return found.roots if roots else found.documents

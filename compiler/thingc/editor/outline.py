@@ -1,0 +1,126 @@
+"""What others see of a document: its kind, its name, what it is, and the parameters that a parent may set."""
+
+from __future__ import annotations
+
+import copy
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from thingc.diagnostics import Report
+from thingc.editor import values
+from thingc.editor.values import Schema
+from thingc.load.documents import read_tree
+from thingc.source import MappingNode, Node, ScalarNode
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterOutline:
+    """A parameter as it is written; empty texts for what is not."""
+
+    value: str
+    minimum: str = ""
+    maximum: str = ""
+    doc: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outline:
+    """Of one document; `kind` is empty where it has none. `whole`: it could be parsed."""
+
+    kind: str
+    whole: bool = True
+    name: str = ""
+    description: str = ""
+    parameters: Mapping[str, ParameterOutline] = field(default_factory=dict)
+
+
+_KIND = re.compile(rb"""^[^#\n]*thingc["']?[ \t]*[:=][ \t]*["']?(\w+)/""", re.MULTILINE)
+
+
+def read_outline(path: str) -> Outline:
+    """Of the file at a path; of one that cannot be parsed the kind alone."""
+    try:
+        with open(path, "rb") as stream:
+            data = stream.read(10_000_001)
+    except OSError:
+        return Outline(kind="", whole=False)
+    tree = read_tree(path, data, Report())
+    if tree is not None:
+        return outline_of(tree)
+    kind = _KIND.search(data)
+    return Outline(kind=kind.group(1).decode() if kind is not None else "", whole=False)
+
+
+def outline_of(tree: MappingNode) -> Outline:
+    """Of a tree, as far as it makes sense."""
+    parameters = tree.entries.get("parameters")
+    return Outline(
+        kind=_text(tree.entries.get("thingc")).partition("/")[0], name=_text(tree.entries.get("name")),
+        description=" ".join(_text(tree.entries.get("description")).split()),
+        parameters={name: _parameter(node) for name, node in parameters.entries.items()}
+        if isinstance(parameters, MappingNode) else {},
+    )
+
+
+def _parameter(node: Node) -> ParameterOutline:
+    if not isinstance(node, MappingNode):
+        return ParameterOutline(value=_text(node))
+    value, low, high, doc = (_text(node.entries.get(key)) for key in ("value", "min", "max", "doc"))
+    return ParameterOutline(value=value, minimum=low, maximum=high, doc=doc)
+
+
+def _text(node: Node | None) -> str:
+    if not isinstance(node, ScalarNode) or node.value is None:
+        return ""
+    return (node.value if isinstance(node.value, str) else node.text).strip()
+
+
+def parameters_schema(document: str, outline: Outline) -> Schema:
+    """The schema of the `parameters:` that a parent sets in a nested document."""
+    return {
+        "type": "object", "title": f"Parameters of {document}", "description": outline.description or f"What `{document}` takes.",
+        "properties": {name: _schema(name, one) for name, one in outline.parameters.items()}, "additionalProperties": False,
+    }
+
+
+def _schema(name: str, one: ParameterOutline) -> Schema:
+    quantity = values.read(one.value)
+    schema: Schema = {"type": ["string", "number", "boolean"]}
+    words = ""
+    if quantity is not None and quantity.dimension.symbol and quantity.value:
+        schema = values.quantity(quantity.dimension)
+        words = quantity.dimension.words
+    doc = one.doc[:1].upper() + one.doc[1:] + ("" if one.doc.endswith((".", "!", "?")) else ".") + " " if one.doc else ""
+    limits = values.within(one.minimum or None, one.maximum or None)
+    said = ", ".join(word for word in (words and words[0].upper() + words[1:], limits) if word)
+    default = f"`{one.value}` unless set." if one.value else ""
+    schema.update({
+        "title": name, "description": f"{doc}{said}{'; ' if said and default else ''}{default}".strip() or f"`{name}`.",
+        "examples": [one.value] if one.value else [],
+    })
+    return schema
+
+
+def of_variants(general: Schema, assembly: Outline | None, others: Mapping[str, Outline]) -> Schema:
+    """The schema of a variants document: the assemblies that it can name, and the parameters of the one that it names."""
+    schema = copy.deepcopy(general)
+    fields: Schema = schema["properties"]
+    choices = [(name, one.description or one.name) for name, one in others.items()]
+    fields["assembly"] = {**fields["assembly"], **values.one_of(choices)}
+    if assembly is not None and assembly.whole:
+        section = fields["parameters"]
+        each = section.pop("patternProperties", {"": section.get("additionalProperties")})
+        (value,) = each.values()
+        section["properties"] = {
+            name: {**value, "title": name, "description": one["description"]}
+            for name, one in parameters_schema("", assembly)["properties"].items()
+        }
+        section["additionalProperties"] = False
+    return schema
+
+
+def near(document: str, other: str) -> str:
+    """How a document names another one: both are paths in the workspace."""
+    return os.path.relpath(other, os.path.dirname(document) or ".").replace(os.sep, "/")

@@ -1,0 +1,127 @@
+"""What is known of parts: what the store has at once, and what workers find out meanwhile."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from thingc.diagnostics import Report
+from thingc.editor.facts import Names, Records, usual_mounts
+from thingc.editor.reading import Stat, stat_of
+from thingc.editor.workers import ABSENT
+from thingc.realize.locking import default_of
+from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema
+
+if TYPE_CHECKING:
+    from thingc.pipeline import Progress
+    from thingc.realize.client import Workers
+    from thingc.realize.service import GeometryService
+    from thingc.realize.store import Store
+    from thingc.workspace import Workspace
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Missing:
+    """What the store does not have: references that were not described, definitions that were not modelled."""
+
+    references: tuple[str, ...] = ()
+    definitions: tuple[PartDefinition, ...] = ()
+
+    def __bool__(self) -> bool:
+        return bool(self.references or self.definitions)
+
+
+@dataclass(slots=True)
+class Parts:
+    """The answers of one geometry service, as long as no file that they depend on changes."""
+
+    service: GeometryService
+    schemas: dict[str, PartSchema | PartFailure] = field(default_factory=dict)
+    records: dict[str, PartRecord | PartFailure] = field(default_factory=dict)
+    unreadable: frozenset[str] = frozenset()
+    _reach: tuple[str, ...] | None = None
+    _inputs: dict[str, Stat] = field(default_factory=dict)
+
+    def describe(self, references: Iterable[str]) -> Mapping[str, PartSchema | PartFailure]:
+        """What every class in reach takes, and those that are named."""
+        if self._reach is None:
+            self._reach = tuple(self.service.catalogue())
+            self.unreadable = frozenset(failure.subject for failure in self.service.not_python())
+        wanted = [one for one in dict.fromkeys((*self._reach, *references)) if one not in self.schemas]
+        if wanted:
+            self.schemas.update(self.service.describe(wanted))
+        return self.schemas
+
+    def realize(self, definitions: Iterable[PartDefinition]) -> Records:
+        """The records of definitions."""
+        wanted = {one.text: one for one in definitions if one.text not in self.records}
+        if wanted:
+            self.records.update(self.service.realize(list(wanted.values())))
+        return self.records
+
+    def things(self) -> dict[str, PartSchema]:
+        """The Things in reach, and the other parts that are named, by reference."""
+        return {
+            name: one for name, one in sorted(self.schemas.items())
+            if isinstance(one, PartSchema) and (one.kind == "thing" or name not in (self._reach or ()))
+        }
+
+    def defaults(self) -> dict[str, PartDefinition]:
+        """The member of every Thing's family with every parameter at its default, for those that have one."""
+        return {name: made for name, one in self.things().items() if (made := default_of(one)) is not None}
+
+    def usual(self, definitions: Iterable[PartDefinition]) -> dict[str, Names]:
+        """The mounts that a part has as a rule: those of its default member, else of the first that is known."""
+        found: dict[str, Names] = {}
+        defaults = self.defaults()
+        for one in (*defaults.values(), *sorted(definitions, key=lambda one: one.text)):
+            record = self.records.get(one.text)
+            if isinstance(record, PartRecord):
+                found.setdefault(one.reference, usual_mounts(record))
+        return found
+
+    def unsure(self, references: Iterable[str]) -> list[str]:
+        """Those that cannot be described now, but could be a moment ago: their file is being edited."""
+        found = []
+        for reference in references:
+            answer = self.schemas.get(reference)
+            gone = answer is None and reference.partition(":")[0] in self.unreadable
+            if gone or (isinstance(answer, PartFailure) and (answer.kind not in ("missing", "refused") or self._broken(reference))):
+                found.append(reference)
+        return found
+
+    def _broken(self, reference: str) -> bool:
+        return reference.partition(":")[0] in self.unreadable
+
+    def missing(self, definitions: Iterable[PartDefinition]) -> Missing:
+        """What only workers can tell."""
+        return Missing(
+            references=tuple(sorted(name for name, one in self.schemas.items() if isinstance(one, PartFailure) and one.kind == ABSENT)),
+            definitions=tuple({
+                one.text: one for one in definitions
+                if isinstance(found := self.records.get(one.text), PartFailure) and found.kind == ABSENT
+            }.values()),
+        )
+
+    def note(self) -> None:
+        """Remember what the files that the answers depend on are like."""
+        for path in self.service.inputs:
+            if path not in self._inputs:
+                self._inputs[path] = stat_of(path)
+
+    def current(self) -> bool:
+        """Whether they are still like that."""
+        return all(stat_of(path) == state for path, state in self._inputs.items())
+
+
+
+def ask(
+    workspace: Workspace, store: Store, *, jobs: int = 1, timeout: float, progress: Progress | None = None,
+    workers: Workers | None = None,
+) -> GeometryService:
+    """A geometry service that may answer from the workspace's lock, too: mounts are wanted, and no mesh."""
+    from thingc.realize.lock import read_lock
+    from thingc.realize.service import GeometryService
+
+    return GeometryService(workspace, store, jobs, timeout, progress, workers, lambda: read_lock(workspace, Report()))

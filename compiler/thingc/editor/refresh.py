@@ -1,0 +1,216 @@
+"""The schemas of a workspace, made anew where something that they say has changed."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from thingc.diagnostics import Report
+from thingc.editor import folder
+from thingc.editor.facts import Facts, facts_of
+from thingc.editor.narrowing import Surroundings, narrowed, remembered
+from thingc.editor.outline import Outline, near, of_variants, read_outline
+from thingc.editor.parts import Missing, Parts
+from thingc.editor.reading import Reading, Stat, read, stat_of
+from thingc.load.finding import documents_in
+from thingc.realize.record import PartDefinition
+from thingc.source import ScalarNode
+from thingc.workspace import OWN_FILE, Workspace
+
+if TYPE_CHECKING:
+    from thingc.realize.service import GeometryService
+    from thingc.resolve.model import AssemblyDefinition
+
+MAX_OTHERS = 100
+"""Documents of a workspace that are offered to each other, the nearest first."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """What a refresh did, by the documents' paths in the workspace: all `documents`, those whose schema was `written` or was
+    the `same`, those that are not readable now and `kept` their last schema, and those `removed` because there is no such
+    document any more. `missing` is what only workers can tell."""
+
+    documents: tuple[str, ...]
+    written: tuple[str, ...]
+    kept: tuple[str, ...]
+    removed: tuple[str, ...]
+    missing: Missing
+
+
+class Schemas:
+    """The schemas of one workspace; `geometry` is asked for parts, and `only` these documents (absolute paths) are looked at
+    (None: all that there are)."""
+
+    def __init__(self, workspace: Workspace, geometry: GeometryService, only: Collection[str] | None = None) -> None:
+        self.workspace = workspace
+        self.only = None if only is None else frozenset(workspace.relative(path) for path in only)
+        self._parts = Parts(geometry)
+        self._general: dict[str, dict[str, Any]] = {}
+        self._seen: dict[str, Stat] = {}
+        self._readings: dict[str, Reading | None] = {}
+        self._models: dict[str, AssemblyDefinition | None] = {}
+        self._outlines: dict[str, Outline] = {}
+        self._done: dict[str, tuple[object, Surroundings]] = {}
+        self._settings: dict[str, Stat] = {path: stat_of(path) for path in workspace.inputs}
+
+    def changed(self) -> bool:
+        """Whether a document or a file that parts depend on is another than at the last refresh."""
+        return self._scan() != self._seen or not self._parts.current()
+
+    def moved(self) -> bool:
+        """Whether the workspace's own file has changed: then it may be another workspace."""
+        return any(stat_of(path) != state for path, state in self._settings.items())
+
+    def outdated(self) -> bool:
+        """Whether a file that parts depend on has changed: then `renew` comes before the next refresh."""
+        return not self._parts.current()
+
+    def renew(self, geometry: GeometryService) -> None:
+        """Ask another service, which has seen nothing yet."""
+        self._parts = Parts(geometry)
+        self._models.clear()
+        self._done.clear()
+
+    def _scan(self) -> dict[str, Stat]:
+        paths = documents_in(self.workspace.root, self.workspace)
+        own = os.path.join(self.workspace.root, OWN_FILE)
+        if os.path.exists(own):
+            paths.append(own)
+        return {path: stat_of(path) for path in paths}
+
+    def refresh(self) -> Outcome:
+        """Read what has changed, and write the schemas that say something else then. Raises OSError where that cannot be."""
+        before, self._seen = self._seen, self._scan()
+        relatives = {path: self.workspace.relative(path) for path in self._seen}
+        self._read(relatives, before)
+        readings = {name: one for name in relatives.values() if (one := self._readings.get(name)) is not None}
+        references = dict.fromkeys(reference for one in readings.values() for reference in one.references)
+        schemas = self._parts.describe(references)
+        for name, reading in readings.items():
+            if reading.kind == "assembly" and name not in self._models:
+                self._models[name] = reading.model(self.workspace, schemas)
+        definitions = self._definitions(readings)
+        wanted = (*definitions, *self._parts.defaults().values())
+        self._parts.realize(wanted)
+        self._parts.note()
+        usual = self._parts.usual(definitions)
+        written, kept = [], []
+        for name in relatives.values():
+            if self.only is not None and name not in self.only:
+                continue
+            result = self._write(name, readings.get(name), usual)
+            if result is None:
+                kept.append(name)
+            elif result:
+                written.append(name)
+        removed = [] if self.only is not None else folder.remove_others(self.workspace.root, relatives.values())
+        chosen = [name for name in relatives.values() if self.only is None or name in self.only]
+        return Outcome(
+            documents=tuple(chosen), written=tuple(written), kept=tuple(kept), removed=tuple(removed),
+            missing=self._parts.missing(wanted),
+        )
+
+    def _read(self, relatives: Mapping[str, str], before: Mapping[str, Stat]) -> None:
+        anything = before != self._seen
+        gone = set(self._outlines) - set(relatives.values())
+        for name in gone:
+            del self._outlines[name]
+        for path, name in relatives.items():
+            if before.get(path) != self._seen[path]:
+                outline = read_outline(path)
+                if outline.whole or name not in self._outlines:
+                    self._outlines[name] = outline
+            known = self._readings.get(name)
+            if name in self._readings and known is not None and known.current() and not (known.waiting and anything):
+                continue
+            if name in self._readings and known is None and before.get(path) == self._seen[path]:
+                continue
+            self._readings[name] = read(path, self.workspace, self._seen)
+            self._models.pop(name, None)
+
+    def _definitions(self, readings: Iterable[str]) -> tuple[PartDefinition, ...]:
+        from thingc.resolve import part_definitions
+
+        found = (part_definitions(model) for name in readings if (model := self._models.get(name)) is not None)
+        return tuple(dict.fromkeys(definition for one in found for definition in one))
+
+    def _write(self, name: str, reading: Reading | None, usual: Mapping[str, Any]) -> bool | None:
+        """Whether the schema of a document was written; None where it keeps its last one."""
+        outline = self._outlines[name]
+        kind = reading.kind if reading is not None else outline.kind
+        last: dict[str, Any] | None = None
+        if reading is None or reading.broken:
+            last = folder.read(self.workspace.root, name)
+            if last:
+                return None
+        general = self._schema(kind)
+        if general is None:
+            return False
+        if kind == "variants" and reading is not None:
+            others = self._others(name, "assembly")
+            assembly = reading.documents.root.tree.entries.get("assembly")
+            named = others.get(str(assembly.value)) if isinstance(assembly, ScalarNode) else None
+            return folder.write(self.workspace.root, name, of_variants(general, named, others))
+        if kind != "assembly":
+            return folder.write(self.workspace.root, name, general)
+        references = tuple(reading.references) if reading is not None else ()
+        unsure = self._parts.unsure({**dict.fromkeys(references), **dict.fromkeys(self._last_references(name))})
+        lost: dict[str, Any] = {}
+        if unsure:
+            last = last if last is not None else folder.read(self.workspace.root, name)
+            lost, mounts = remembered(last, unsure)
+            usual = {**mounts, **usual}
+        around = Surroundings(
+            parts=self._parts.things(), usual=dict(usual), assemblies=self._others(name, "assembly"),
+            materials=self._others(name, "materials"), lost=lost,
+        )
+        made = (reading, self._models.get(name), dict(self._parts.records) if reading is not None else None)
+        done = self._done.get(name)
+        there = os.path.exists(os.path.join(self.workspace.root, folder.schema_path(name)))
+        if there and done is not None and done[1] == around and _same(done[0], made):
+            return False
+        facts = Facts()
+        if reading is not None:
+            facts = facts_of(
+                reading.documents.root.tree, self._models.get(name), self._parts.records, self._parts.schemas, usual,
+            )
+        written = folder.write(self.workspace.root, name, narrowed(general, facts, around))
+        self._done[name] = (made, around)
+        return written
+
+    def _last_references(self, name: str) -> list[str]:
+        """The Things of modules that cannot be parsed now, as the last schema of a document has them."""
+        if not self._parts.unreadable:
+            return []
+        definitions = folder.read(self.workspace.root, name).get("$defs", {})
+        return [one.removeprefix("params of ") for one in definitions if one.startswith("params of ")]
+
+    def _schema(self, kind: str) -> dict[str, Any] | None:
+        """The general schema of a kind; None where there is none."""
+        from thingc.spec.schema import json_schema
+        from thingc.spec.validation import MODELS
+
+        if kind not in MODELS:
+            return None
+        if kind not in self._general:
+            self._general[kind] = json_schema(kind)
+        return self._general[kind]
+
+    def _others(self, name: str, kind: str) -> dict[str, Outline]:
+        """The other documents of a kind by what this one would call them, the nearest first."""
+        found = {near(name, other): one for other, one in self._outlines.items() if one.kind == kind and other != name}
+        order = sorted(found, key=lambda text: (text.count("/"), text))[:MAX_OTHERS]
+        return {text: found[text] for text in order}
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Whether two makings are of the same objects: a reading that was kept is the same object."""
+    return one[0] is other[0] and one[1] is other[1] and one[2] == other[2]
+
+
+def workspace_of(path: str, report: Report) -> Workspace | None:
+    """The workspace of a folder or of a document; None where its file is wrong, which is reported."""
+    return Workspace.find(os.path.join(path, OWN_FILE) if os.path.isdir(path) else path, report)

@@ -1,0 +1,119 @@
+"""Schemas of single values: quantities of a dimension, choices of names, and how values are shown to a reader."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+from thingc.realize.record import Value
+from thingc.units import ANGLE, LENGTH, MASS, NUMBER, UNITS, Dimension, Quantity, UnitError, fits, parse_quantity
+
+Schema = dict[str, Any]
+
+DIMENSIONS: Mapping[str, Dimension] = {"length": LENGTH, "angle": ANGLE, "mass": MASS}
+"""Of the kinds of part parameters that are written with a unit."""
+
+_NUMBER = r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?"
+_ZERO = r"[-+]?0+(\.0*)?"
+EXPRESSION = r"^\s*="
+"""What an expression begins with."""
+
+MAX_BRANCHES = 300
+"""Names of one place that a language server has to try one by one."""
+
+_SHOWN_IN = {"length": ("mm", 1000.0), "angle": ("deg", 180.0 / math.pi), "mass": ("g", 1000.0)}
+
+
+def quantity(dimension: Dimension) -> Schema:
+    """A quantity of a dimension with its unit, or an expression. Products of units (`0.1 N*m/N`) are left to the compiler."""
+    units = "|".join(re.escape(name) for name, (_, _, own) in UNITS.items() if own == dimension and name != "%")
+    pattern = rf"^\s*(=.*|{_NUMBER}\s*({units}|°|[^\s\d].*[*/·^²³].*)|{_ZERO})\s*$"
+    words = dimension.words
+    return {
+        "oneOf": [
+            {
+                "type": "string", "pattern": pattern,
+                "patternErrorMessage": f"expected {words} such as `{dimension.example}`, or an expression such as `=reach / 2`",
+            },
+            {"const": 0},
+        ],
+    }
+
+
+def ratio() -> Schema:
+    """A number or a percentage, or an expression."""
+    return {"oneOf": [{"type": "string", "pattern": rf"^\s*(=.*|{_NUMBER}\s*%?)\s*$"}, {"type": "number"}]}
+
+
+def number(kind: str, minimum: Value | None, maximum: Value | None) -> Schema:
+    """A bare number (`count`: a whole one) within bounds, or an expression."""
+    plain: Schema = {"type": "integer" if kind == "count" else "number"}
+    if kind == "count" and minimum is None:
+        minimum = 0
+    if minimum is not None:
+        plain["minimum"] = minimum
+    if maximum is not None:
+        plain["maximum"] = maximum
+    return {"oneOf": [plain, {"type": "string", "pattern": EXPRESSION}]}
+
+
+def one_of(choices: Iterable[tuple[str, str]], **more: Any) -> Schema:
+    """A text for which names are offered, each with its description; others are as good, where `more` does not say otherwise.
+
+    One `const` per name rather than an `enum`: language servers show the description of the name that is written, not the
+    whole list. They try every branch at every value, though: of many names snippets are made, which are only offered.
+    """
+    known = list(choices)
+    if len(known) > MAX_BRANCHES:
+        return {"type": "string", **more, "defaultSnippets": [
+            {"label": name, "body": name.replace("$", "\\$"), "description": text} for name, text in known
+        ]}
+    branches = [{"const": name, "title": name, **({"description": text} if text else {})} for name, text in known]
+    return {"type": "string", "anyOf": [*branches, {"type": "string"}], **more} if branches else {"type": "string", **more}
+
+
+def listed(names: Sequence[str], limit: int = 12) -> str:
+    """Names in backquotes for a message, at most `limit` of them."""
+    shown = ", ".join(f"`{name}`" for name in names[:limit])
+    return shown + (f" and {len(names) - limit} more" if len(names) > limit else "")
+
+
+def shown(kind: str, value: Value) -> str:
+    """A canonical value as a document would have it: `100 mm`, `30 deg`, `82 g`, `15 %`."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return value
+    if kind == "ratio":
+        return f"{value * 100.0:.12g} %"
+    if kind in _SHOWN_IN:
+        unit, scale = _SHOWN_IN[kind]
+        return f"{value * scale:.12g} {unit}"
+    return f"{value:.12g}"
+
+
+def within(low: str | None, high: str | None) -> str:
+    """A range in words: `60 mm to 200 mm`, `at least 0`; empty without bounds."""
+    if low is not None and high is not None:
+        return f"{low} to {high}"
+    return f"at least {low}" if low is not None else f"at most {high}" if high is not None else ""
+
+
+def read(text: str) -> Quantity | None:
+    """The quantity that a text is; None for anything else."""
+    try:
+        return parse_quantity(text)
+    except UnitError:
+        return None
+
+
+def fitting(parameters: Mapping[str, Quantity], dimension: Dimension) -> list[str]:
+    """`=name` of the document's parameters that can stand where a dimension is wanted."""
+    return [f"={name}" for name, value in parameters.items() if fits(value.dimension, dimension)]
+
+
+def dimension_of(kind: str) -> Dimension:
+    """Of a part parameter's kind; numbers, ratios and counts have none."""
+    return DIMENSIONS.get(kind, NUMBER)

@@ -1,0 +1,33 @@
+"""The files that git says have changed."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+
+
+class NotARepository(Exception):
+    """git cannot say: there is no repository here, no such revision, or no git. The message is git's own, in one line."""
+
+
+def changed_since(revision: str, folder: str) -> list[str]:
+    """Absolute paths of the files below a folder that differ from where this branch left `revision`, sorted.
+
+    Committed, uncommitted and untracked changes count, deleted files, too; ignored files do not. Raises `NotARepository`.
+    """
+    base = _git(folder, "merge-base", "--end-of-options", revision, "HEAD").strip()
+    top = _git(folder, "rev-parse", "--show-toplevel").rstrip("\n")
+    names = _git(folder, "diff", "--name-only", "--no-renames", "-z", base, "--", ".").split("\0")
+    untracked = _git(folder, "ls-files", "--others", "--exclude-standard", "--full-name", "-z", "--", ".").split("\0")
+    return sorted({os.path.join(top, name) for name in (*names, *untracked) if name})
+
+
+def _git(folder: str, *words: str) -> str:
+    try:
+        done = subprocess.run(["git", *words], cwd=folder, capture_output=True, text=True, errors="surrogateescape")
+    except FileNotFoundError as fault:
+        raise NotARepository("git is not installed here") from fault
+    if done.returncode != 0:
+        said = done.stderr.strip().splitlines()
+        raise NotARepository(said[0] if said else f"git {words[0]} found nothing in common with it")
+    return done.stdout

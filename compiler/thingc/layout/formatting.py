@@ -1,0 +1,129 @@
+"""`format_document`: a document in canonical layout, proven to mean the same."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+
+from thingc.diagnostics import Code, Report
+from thingc.layout.order import root_shape, shape_below, shape_for
+from thingc.layout.pieces import Unusual
+from thingc.layout.quantities import equal_values, takes_vectors
+from thingc.load import read_tree
+from thingc.load.documents import document_kind
+from thingc.source import MappingNode, Node, ScalarNode, SequenceNode
+from thingc.spec.shapes import Shape
+
+MODELINE = "# yaml-language-server: $schema="
+"""What begins the comment in which the YAML language server looks for a schema."""
+
+
+def format_document(path: str, data: bytes, report: Report, *, schema: str | None = None) -> bytes | None:
+    """The bytes of a document in canonical layout; None where it is not well-formed, which has been reported.
+
+    Lines end as the first of the file does; a byte order mark goes. With `schema` (a path relative to the document) a
+    YAML document has a modeline that names it. Texts in a form that is left alone come back as they are.
+    """
+    before = read_tree(path, data, report)
+    kind = None if before is None else document_kind(before, report)
+    if before is None or kind is None or report.failed:
+        return None
+    text = data.decode("utf-8-sig")
+    first = re.search(r"\r\n|\r|\n", text)
+    line_end = first.group() if first is not None else "\n"
+    shape = root_shape(kind)
+    plain = re.sub(r"\r\n?", "\n", text)
+    try:
+        plain = _layout(path, plain, shape)
+    except Unusual:
+        pass
+    if schema is not None and not path.lower().endswith(".toml"):
+        plain = with_modeline(plain, schema)
+    formatted = plain.replace("\n", line_end).encode()
+    if formatted != data:
+        again = Report()
+        after = read_tree(path, formatted, again)
+        if after is None or again.failed or not same(before, after, shape):
+            report.add(
+                Code.INTERNAL, "the canonical layout of this document would not mean the same; it is left as it is", before.span,
+                help="this is a defect of thingc, not of your document; please report it with the document",
+            )
+            return None
+    return formatted
+
+
+def _layout(path: str, text: str, shape: Shape | None) -> str:
+    if path.lower().endswith(".toml"):
+        from thingc.layout.toml_layout import toml_layout
+
+        return toml_layout(text, shape)
+    from thingc.layout.yaml_layout import yaml_layout
+
+    return yaml_layout(text, shape)
+
+
+def with_modeline(text: str, schema: str) -> str:
+    """The text with a modeline that names a schema: the one that is there mended, else one above all."""
+    line = MODELINE + schema
+    lines = text.split("\n")
+    for at, old in enumerate(lines):
+        if old.strip() and not old.lstrip().startswith("#"):
+            break
+        if re.match(r"#\s*yaml-language-server:\s*\$schema=", old):
+            return "\n".join([*lines[:at], line, *lines[at + 1 :]])
+    return f"{line}\n{text}"
+
+
+def schema_path(relative: str) -> str:
+    """Where `thingc schema` writes the schema of a document (its path in the workspace), relative to the document."""
+    up = "../" * relative.count("/")
+    return f"{up}.thingc/schema/{relative}.json"
+
+
+def same(before: Node, after: Node, shape: Shape | None) -> bool:
+    """Whether two trees mean the same: equal values and keys, and the keys that a person chooses in the same order.
+
+    A quantity may have another space before its unit.
+    """
+    if isinstance(before, ScalarNode) and isinstance(after, ScalarNode):
+        if type(before.value) is type(after.value) and before.value == after.value:
+            return True
+        old, new = before.value, after.value
+        spaced = isinstance(old, str) and isinstance(new, str) and old.replace(" ", "") == new.replace(" ", "")
+        return spaced and equal_values(str(old), str(new), shape_for(shape, old))
+    if isinstance(before, SequenceNode) and isinstance(after, SequenceNode):
+        shape = shape_for(shape, [])
+        below = shape if shape is not None and takes_vectors(shape) else shape_below(shape, None)
+        return len(before.items) == len(after.items) and all(
+            same(one, other, below) for one, other in zip(before.items, after.items, strict=True)
+        )
+    if isinstance(before, MappingNode) and isinstance(after, MappingNode):
+        shape = shape_for(shape, dict.fromkeys(before.entries))
+        names, others = list(before.entries), list(after.entries)
+        if shape is not None and shape.kind == "model":
+            names, others = sorted(names), sorted(others)
+        return names == others and all(
+            same(before.entries[name], after.entries[name], shape_below(shape, name)) for name in names
+        )
+    return False
+
+
+def write_in_place(path: str, data: bytes) -> None:
+    """Put new bytes into a file at once (a new file beside it takes its place), with the mode that it has.
+
+    Where the file is a symbolic link, what it points to is replaced. Raises OSError; the file is then as it was.
+    """
+    target = os.path.realpath(path)
+    mode = os.stat(target).st_mode & 0o7777
+    folder, name = os.path.split(target)
+    fresh = os.path.join(folder, f".{name}.thingc-{os.getpid()}-{hashlib.sha256(data).hexdigest()[:8]}")
+    descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    try:
+        with open(descriptor, "wb") as stream:
+            stream.write(data)
+            os.fchmod(descriptor, mode)
+        os.replace(fresh, target)
+    except BaseException:
+        os.unlink(fresh)
+        raise

@@ -1,0 +1,96 @@
+"""The canonical order of keys: that of the document models; the keys that a person chooses stay as they are."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from typing import Any
+
+from pydantic import BaseModel
+
+from thingc.spec.assembly import AssemblySpec, ComponentSpec, JointSpec, ModeSpec
+from thingc.spec.shapes import Shape, branch_of, model_keys, shape_of
+from thingc.spec.validation import MODELS
+
+FIRST: dict[type[BaseModel], tuple[str, ...]] = {
+    ComponentSpec: (
+        "repeat", "part", "file", "assembly", "frame", "params", "parameters", "material", "mass", "com", "inertia", "attach",
+        "at", "mounts", "mirror", "collision", "visual", "process", "bom", "expect",
+    ),
+    JointSpec: (
+        "repeat", "type", "parent", "child", "loop", "turn", "gap", "offset", "limit", "dynamics", "mimic", "drive",
+    ),
+    ModeSpec: ("extends",),
+    AssemblySpec: (
+        "name", "description", "parameters", "materials", "defaults", "components", "joints", "links", "mounts", "poses", "modes",
+        "sensors",
+    ),
+}
+"""Models whose keys do not stand as a person reads them (those of defaults come before their own): these keys first, the
+others behind them in the model's order."""
+
+FREE = ("$schema", "thingc")
+"""Keys that stand above all others of a document."""
+
+
+@functools.cache
+def _keys(model: type[BaseModel]) -> tuple[dict[str, int], dict[str, Shape]]:
+    """The rank and the shape of every key of a model."""
+    known = model_keys(model)
+    first = [key for key in FIRST.get(model, ()) if key in known]
+    names = [*first, *(key for key in known if key not in first)]
+    if "thingc" in known:
+        names = [*FREE, *(name for name in names if name != "thingc")]
+    return {name: rank for rank, name in enumerate(names)}, {key: shape for key, (shape, _) in known.items()}
+
+
+def root_shape(kind: str | None) -> Shape | None:
+    """The shape of a document of a kind; None where no model is known."""
+    model = MODELS.get(kind or "")
+    return None if model is None else shape_of(model)
+
+
+def shape_for(shape: Shape | None, value: Any) -> Shape | None:
+    """The shape of what is written: of a union the branch that was meant. `value` needs the right type and keys only."""
+    if shape is None or shape.kind != "union":
+        return shape
+    return branch_of(shape, value)
+
+
+def shape_below(shape: Shape | None, key: str | None) -> Shape | None:
+    """The shape of an entry (or, without a key, of an item) of a value of this shape, if it is known."""
+    if shape is None:
+        return None
+    if shape.model is not None and shape.kind == "model":
+        return None if key is None else _keys(shape.model)[1].get(key)
+    if (shape.kind == "dict") == (key is not None) and shape.kind in ("dict", "list"):
+        return _member(shape.members[0])
+    return None
+
+
+@functools.lru_cache(maxsize=256)
+def _member_of(annotation: Any) -> Shape:
+    return shape_of(annotation)
+
+
+def _member(annotation: Any) -> Shape:
+    try:
+        return _member_of(annotation)
+    except TypeError:  # an annotation that cannot be hashed
+        return shape_of(annotation)
+
+
+def ordered(names: Sequence[str], shape: Shape | None) -> list[int]:
+    """The canonical order of the keys of a mapping, as indices into `names`.
+
+    A key that the model does not know stays behind the key that it stands behind.
+    """
+    if shape is None or shape.kind != "model" or shape.model is None:
+        return list(range(len(names)))
+    ranks = _keys(shape.model)[0]
+    places: list[tuple[int, int]] = []
+    rank = -1
+    for at, name in enumerate(names):
+        rank = ranks.get(name, rank)
+        places.append((rank, at))
+    return [at for _, at in sorted(places)]

@@ -1,0 +1,149 @@
+"""The text of a document cut into pieces: where every key and value begins and ends, and which comments stand by it.
+
+A piece knows nothing of values. All places are indices into the text, whose lines end with a line feed.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+COMMENT_GAP = 2
+"""Spaces before a comment at the end of a line, at least."""
+
+
+class Unusual(Exception):
+    """The text has a form that is left alone: the document stays as it is."""
+
+
+@dataclass(slots=True, kw_only=True)
+class EndComment:
+    """A comment at the end of a line: its text, its column (from 0) and the spaces before it."""
+
+    text: str
+    column: int
+    gap: int
+
+    def after(self, line: str) -> str:
+        """The line with the comment: in its old column where that is free, and where it was not simply the usual gap."""
+        spaces = COMMENT_GAP if self.gap <= COMMENT_GAP else max(COMMENT_GAP, self.column - len(line))
+        return line + " " * spaces + self.text
+
+
+@dataclass(slots=True, kw_only=True)
+class Item:
+    """An entry of a mapping (`key` the place of its key, `name` what it says) or an item of a list (no key).
+
+    `leading` are the comments on lines of their own above it, None for an empty line; `key_comment` stands behind the
+    colon (or dash) where the value begins below, `comment` behind the value.
+    """
+
+    value: Piece
+    key: tuple[int, int] | None = None
+    name: str = ""
+    dash: int = 0
+    leading: list[str | None] = field(default_factory=list)
+    key_comment: EndComment | None = None
+    comment: EndComment | None = None
+    verbatim: bool = False
+
+    @property
+    def start(self) -> int:
+        """Where it begins."""
+        return self.key[0] if self.key is not None else self.value.start
+
+
+@dataclass(slots=True, kw_only=True)
+class Piece:
+    """A value: `scalar` (also an alias), `map` or `list`; `flow` where it is written in braces or brackets.
+
+    `body` is where it begins behind its anchor. `names` are the anchors in it and, in `aliases`, those that it refers to.
+    `trailing` are comments at the end of a block. `column` (from 0) is that of a block's keys or dashes.
+    """
+
+    kind: str
+    start: int
+    end: int
+    body: int
+    flow: bool = False
+    odd: bool = False
+    column: int = 0
+    items: list[Item] = field(default_factory=list)
+    anchors: frozenset[str] = frozenset()
+    aliases: frozenset[str] = frozenset()
+    trailing: list[str | None] = field(default_factory=list)
+
+    @property
+    def block(self) -> bool:
+        """Whether its entries stand on lines of their own."""
+        return self.kind != "scalar" and not self.flow
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gap:
+    """What stands between two pieces: a comment at the end of the line, and lines of their own: (column, text), None for
+    an empty one."""
+
+    comment: EndComment | None
+    lines: list[tuple[int, str] | None]
+
+
+def gap(text: str, start: int, end: int, *, compact: bool = False) -> Gap:
+    """Read the gap from `start` to `end`; with `compact` what follows may stand on the same line (`- key: value`).
+
+    Raises Unusual where anything but comments and empty lines stands there.
+    """
+    lines = text[start:end].split("\n")
+    comment: EndComment | None = None
+    own: list[tuple[int, str] | None] = []
+    begins_line = start == 0 or text[start - 1] == "\n"
+    for number, line in enumerate(lines):
+        bare = line.strip(" \t")
+        if bare and not bare.startswith("#"):
+            raise Unusual
+        last = number == len(lines) - 1
+        if last and end < len(text):  # the indentation of what follows
+            if "\t" in line or (number == 0 and not begins_line and not compact):
+                raise Unusual
+        elif number == 0 and not begins_line:
+            if bare:
+                before = line.index("#")
+                comment = EndComment(text=bare, column=start + before - (text.rfind("\n", 0, start) + 1), gap=before)
+        elif bare:
+            own.append((line.index("#"), bare))
+        else:
+            own.append(None)
+    if end == len(text) and own and own[-1] is None and text.endswith("\n"):
+        own.pop()
+    return Gap(comment=comment, lines=own)
+
+
+def tidy(lines: list[str | None]) -> list[str | None]:
+    """Comment lines with never two empty lines in a row."""
+    return [line for at, line in enumerate(lines) if line is not None or at == 0 or lines[at - 1] is not None]
+
+
+def shifted(text: str, by: int) -> str:
+    """Text over several lines with all lines after the first moved right (or left, as far as there are spaces)."""
+    if by == 0 or "\n" not in text:
+        return text
+    first, *others = text.split("\n")
+    return "\n".join([first, *(_moved(line, by) for line in others)])
+
+
+def _moved(line: str, by: int) -> str:
+    if not line:
+        return line
+    if by > 0:
+        return " " * by + line
+    spaces = len(line) - len(line.lstrip(" "))
+    return line[min(spaces, -by) :]
+
+
+_PROPERTY = re.compile(r"&[^\s\[\]{},]+\s+")
+
+
+def body_of(text: str, start: int) -> int:
+    """Where a value begins behind its `&anchor`, if it stands on the same line."""
+    found = _PROPERTY.match(text, start)
+    return found.end() if found is not None else start

@@ -1,0 +1,56 @@
+"""Which files of a folder are documents: by their ending and their first words, without reading them whole."""
+
+from __future__ import annotations
+
+import os
+import re
+from typing import TYPE_CHECKING
+
+from thingc.load.paths import DOCUMENT_SUFFIXES
+
+if TYPE_CHECKING:
+    from thingc.workspace import Workspace
+
+HEAD = 65536
+"""Bytes in which a document's `thingc:` key is looked for."""
+
+_HEADER = re.compile(rb"""^(?:\xef\xbb\xbf)?["']?thingc["']?[ \t]*[:=][ \t]*["']?(assembly|materials|variants)/""", re.MULTILINE)
+_OTHERS = frozenset({"node_modules", "__pycache__"})
+
+
+def documents_in(folder: str, workspace: Workspace | None = None) -> list[str]:
+    """Absolute paths of the assembly, materials and variants documents below a folder, sorted.
+
+    With a workspace only its own: its build folder and workspaces inside of it are passed over. Hidden folders and virtual
+    environments always are; links to folders are not followed. A file that cannot be read is no document here: whoever
+    names it hears why.
+    """
+    found: list[str] = []
+    build = os.path.realpath(workspace.build) if workspace is not None else None
+    for path, folders, files in os.walk(os.path.abspath(folder)):
+        folders[:] = sorted(
+            name for name in folders
+            if not name.startswith(".") and name not in _OTHERS and _belongs(os.path.join(path, name), build)
+        )
+        found += [
+            os.path.join(path, name) for name in sorted(files)
+            if name.lower().endswith(DOCUMENT_SUFFIXES) and not name.startswith(".") and is_document(os.path.join(path, name))
+        ]
+    return sorted(found)
+
+
+def is_document(path: str) -> bool:
+    """Whether a file says at its beginning that it is an assembly, materials or variants document."""
+    if not os.path.isfile(path):  # a pipe would be waited for
+        return False
+    try:
+        with open(path, "rb") as stream:
+            return _HEADER.search(stream.read(HEAD)) is not None
+    except OSError:
+        return False
+
+
+def _belongs(path: str, build: str | None) -> bool:
+    if os.path.exists(os.path.join(path, "pyvenv.cfg")):
+        return False
+    return build is None or (os.path.realpath(path) != build and not os.path.exists(os.path.join(path, "thingc.toml")))

@@ -1,0 +1,327 @@
+"""What `parts.lock.json` says of a part, to and from plain JSON values. What is read was perhaps written by nobody we know:
+every value is looked at before it is used.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from thingc.pose import Pose
+from thingc.realize.record import (
+    Actuator,
+    Expectation,
+    MountRecord,
+    ParameterSchema,
+    PartRecord,
+    PartSchema,
+    PartWarning,
+    Stated,
+    Value,
+)
+
+UNITS = {"length": "m", "angle": "rad", "mass": "kg", "ratio": "1", "number": "1"}
+"""The units that the lock names for people who read it; values are SI."""
+
+KINDS = frozenset({*UNITS, "count", "flag", "text", "choice"})
+SOURCES = frozenset({"measured", "vendor", "estimated", "stated"})
+_ORTHOGONAL = 1e-6
+_NOTHING = 1e-20
+"""Far below any inertia of a part at density 1 [m^5] that weighs something."""
+_ENTRIES = 9
+_POSE = 12
+
+
+class BadLock(Exception):
+    """A value of the lock that cannot be: `path` says where (`things.arm:Pen.parameters.length`), the text what."""
+
+    def __init__(self, path: str, message: str) -> None:
+        super().__init__(message)
+        self.path = path
+
+
+# --- writing -----------------------------------------------------------------------------------------------------------
+
+
+def schema_values(schema: PartSchema) -> dict[str, Any]:
+    """The inverse of `read_schema`: without the place in the part file, which every comment moves."""
+    return {
+        "kind": schema.kind, "doc": schema.doc, "material": schema.material, "actuator": schema.actuator,
+        "parameters": {parameter.name: _parameter_values(parameter) for parameter in schema.parameters},
+    }
+
+
+def _parameter_values(parameter: ParameterSchema) -> dict[str, Any]:
+    found: dict[str, Any] = {"kind": parameter.kind}
+    if parameter.kind in UNITS and UNITS[parameter.kind] != "1":
+        found["unit"] = UNITS[parameter.kind]
+    if not parameter.required:
+        found["default"] = parameter.default
+    for key, value in (("minimum", parameter.minimum), ("maximum", parameter.maximum)):
+        if value is not None:
+            found[key] = value
+    if parameter.choices:
+        found["choices"] = list(parameter.choices)
+    if parameter.doc:
+        found["doc"] = parameter.doc
+    return found
+
+
+def record_values(record: PartRecord) -> dict[str, Any]:
+    """The inverse of `read_record`: what assemblies are checked with, without meshes and without places in part files."""
+    found: dict[str, Any] = {
+        "material": record.material, "color": record.color, "volume": _rounded(record.volume), "area": _rounded(record.area),
+        "centre": [_rounded(entry) for entry in record.centre],
+        "inertia": [_rounded(entry) for row in record.inertia for entry in row],
+        "box": None if record.box is None else [_rounded(entry) for corner in record.box for entry in corner],
+        "mounts": {name: _mount_values(mount) for name, mount in record.mounts.items()},
+    }
+    optional: dict[str, Any] = {
+        "references": list(record.references),
+        "expectations": [[one.mount, one.text, one.child_mount] for one in record.expectations],
+        "actuator": None if record.actuator is None else _actuator_values(record.actuator),
+        **{key: _stated_values(getattr(record, key)) for key in ("mass", "com", "matrix", "density")},
+        "bom": dict(sorted(record.bom.items())), "warnings": [warning.message for warning in record.warnings],
+    }
+    return {**found, **{key: value for key, value in optional.items() if value}}
+
+
+def _rounded(value: float) -> float:
+    """Twelve digits: what two builds of the CAD kernel differ by must not show in the difference of two locks."""
+    return 0.0 if abs(value) < _NOTHING else float(f"{value:.12g}")
+
+
+def _mount_values(mount: MountRecord) -> dict[str, Any]:
+    rotation = [entry for row in mount.pose.rotation for entry in row]
+    found: dict[str, Any] = {"pose": [_rounded(entry) for entry in (*rotation, *mount.pose.translation)]}
+    if mount.interface is not None:
+        found["interface"] = mount.interface
+    if mount.tolerance is not None:
+        found["tolerance"] = mount.tolerance
+    return found
+
+
+_NUMBERS = ("stall_torque", "no_load_speed", "gear_ratio", "rotor_inertia", "kp", "kv")
+
+
+def _actuator_values(actuator: Actuator) -> dict[str, Any]:
+    numbers = {key: getattr(actuator, key) for key in _NUMBERS}
+    return {
+        "kind": actuator.kind, **{key: value for key, value in numbers.items() if value is not None},
+        "sources": dict(sorted(actuator.sources.items())),
+    }
+
+
+def _stated_values(stated: Stated | None) -> Any:
+    if stated is None:
+        return None
+    value: Any = stated.value
+    if isinstance(value, tuple):
+        value = [entry for row in value for entry in row] if isinstance(value[0], tuple) else list(value)
+    return {"value": value, "source": stated.source}
+
+
+# --- reading -----------------------------------------------------------------------------------------------------------
+
+
+def read_schema(reference: str, value: Any, path: str) -> PartSchema:
+    """The part schema of `module:Class`, without its place. Raises `BadLock`."""
+    table = mapping(value, path)
+    return PartSchema(
+        reference=reference, kind=_one_of({"thing", "shape", "function"}, table, "kind", path), doc=_text(table, "doc", path) or "",
+        parameters=tuple(
+            _parameter(name, one, f"{path}.parameters.{name}")
+            for name, one in mapping(table.get("parameters", {}), f"{path}.parameters").items()
+        ),
+        material=_text(table, "material", path), actuator=_flag(table, "actuator", path), file="", line=0,
+    )
+
+
+def _parameter(name: str, value: Any, path: str) -> ParameterSchema:
+    table = mapping(value, path)
+    kind = _one_of(KINDS, table, "kind", path)
+    required = "default" not in table
+    default = None if required else _value(table["default"], f"{path}.default")
+    choices = tuple(_value(one, f"{path}.choices") for one in sequence(table.get("choices", []), f"{path}.choices"))
+    if default is not None and not _of_kind(kind, default, choices):
+        raise BadLock(f"{path}.default", f"expected a {kind}")
+    if kind == "choice" and not choices:
+        raise BadLock(f"{path}.choices", "expected at least one choice")
+    if isinstance(default, int) and kind in UNITS:
+        default = float(default)
+    return ParameterSchema(
+        name=name, kind=kind, required=required, default=default, minimum=_maybe(table, "minimum", path),
+        maximum=_maybe(table, "maximum", path), choices=choices, doc=_text(table, "doc", path) or "",
+    )
+
+
+def _of_kind(kind: str, value: Value, choices: tuple[Value, ...]) -> bool:
+    if kind == "choice":
+        return value in choices
+    if kind == "flag":
+        return isinstance(value, bool)
+    if kind == "text":
+        return isinstance(value, str)
+    if kind == "count":
+        return isinstance(value, int) and not isinstance(value, bool)
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def read_record(text: str, value: Any, path: str, code: tuple[str, int] | None) -> PartRecord:
+    """The part record of the definition `text`, without meshes; `code` is where its class is written. Raises `BadLock`."""
+    table = mapping(value, path)
+    box = None if table.get("box") is None else numbers(table["box"], 6, f"{path}.box")
+    inertia = numbers(table.get("inertia"), _ENTRIES, f"{path}.inertia")
+    return PartRecord(
+        text=text, material=_text(table, "material", path), color=_text(table, "color", path),
+        volume=_least(table, "volume", path), area=_least(table, "area", path),
+        centre=numbers(table.get("centre"), 3, f"{path}.centre"),  # type: ignore[arg-type]
+        inertia=(inertia[:3], inertia[3:6], inertia[6:]),  # type: ignore[arg-type]
+        box=None if box is None else (box[:3], box[3:]),  # type: ignore[arg-type]
+        mounts={
+            name: _mount(one, f"{path}.mounts.{name}") for name, one in mapping(table.get("mounts", {}), f"{path}.mounts").items()
+        },
+        references=tuple(_texts(table.get("references", []), f"{path}.references")),
+        expectations=tuple(_expectation(one, f"{path}.expectations") for one in sequence(
+            table.get("expectations", []), f"{path}.expectations")),
+        actuator=None if table.get("actuator") is None else _actuator(table["actuator"], f"{path}.actuator"),
+        mass=_stated(table, "mass", 1, path), com=_stated(table, "com", 3, path), matrix=_stated(table, "matrix", _ENTRIES, path),
+        density=_stated(table, "density", 1, path), bom=_words(table.get("bom", {}), f"{path}.bom"),
+        warnings=tuple(PartWarning(message=one) for one in _texts(table.get("warnings", []), f"{path}.warnings")),
+        fits={}, meshes={}, pieces=(), convex=(), brep=None, code=code,
+    )
+
+
+def _mount(value: Any, path: str) -> MountRecord:
+    table = mapping(value, path)
+    found = numbers(table.get("pose"), _POSE, f"{path}.pose")
+    rows = (found[:3], found[3:6], found[6:9])
+    for i, row in enumerate(rows):
+        for j, other in enumerate(rows):
+            if abs(sum(a * b for a, b in zip(row, other, strict=True)) - (i == j)) > _ORTHOGONAL:
+                raise BadLock(f"{path}.pose", "expected a rotation (nine numbers, rows of a rotation matrix) and a place")
+    return MountRecord(
+        pose=Pose(rotation=rows, translation=found[9:]),  # type: ignore[arg-type]
+        interface=_text(table, "interface", path), tolerance=_maybe(table, "tolerance", path),
+    )
+
+
+def _expectation(value: Any, path: str) -> Expectation:
+    texts = list(_texts(value, path))
+    if len(texts) != 3:
+        raise BadLock(path, "expected a mount, a definition and its mount")
+    return Expectation(mount=texts[0], text=texts[1], child_mount=texts[2])
+
+
+def _actuator(value: Any, path: str) -> Actuator:
+    table = mapping(value, path)
+    found = {key: _maybe(table, key, path) for key in _NUMBERS}
+    gear_ratio = found.pop("gear_ratio")
+    return Actuator(
+        kind=_one_of({"position", "velocity", "motor"}, table, "kind", path), gear_ratio=1.0 if gear_ratio is None else gear_ratio,
+        sources=_words(table.get("sources", {}), f"{path}.sources"), **found,
+    )
+
+
+def _stated(table: Mapping[str, Any], key: str, count: int, path: str) -> Stated | None:
+    if table.get(key) is None:
+        return None
+    path = f"{path}.{key}"
+    inner = mapping(table[key], path)
+    source = _one_of(SOURCES, inner, "source", path)
+    if count == 1:
+        return Stated(value=number(inner.get("value"), f"{path}.value"), source=source)
+    found: Any = numbers(inner.get("value"), count, f"{path}.value")
+    return Stated(value=found if count == 3 else (found[:3], found[3:6], found[6:]), source=source)
+
+
+# --- small readers -----------------------------------------------------------------------------------------------------
+
+
+def mapping(value: Any, path: str) -> Mapping[str, Any]:
+    """The value, which must be a mapping."""
+    if not isinstance(value, dict):
+        raise BadLock(path, "expected a mapping")
+    return value
+
+
+def sequence(value: Any, path: str) -> list[Any]:
+    """The value, which must be a list."""
+    if not isinstance(value, list):
+        raise BadLock(path, "expected a list")
+    return value
+
+
+def number(value: Any, path: str) -> float:
+    """The value, which must be a finite number."""
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        try:
+            found = float(value)
+        except OverflowError:
+            found = math.inf
+        if math.isfinite(found):
+            return found
+    raise BadLock(path, "expected a finite number")
+
+
+def numbers(value: Any, count: int, path: str) -> tuple[float, ...]:
+    """The value, which must be a list of so many finite numbers."""
+    found = sequence(value, path)
+    if len(found) != count:
+        raise BadLock(path, f"expected {count} numbers")
+    return tuple(number(one, path) for one in found)
+
+
+def _value(value: Any, path: str) -> Value:
+    if isinstance(value, (bool, str)):
+        return value
+    return value if isinstance(value, int) and abs(value) < 2**53 else number(value, path)
+
+
+def _maybe(table: Mapping[str, Any], key: str, path: str) -> float | None:
+    return None if table.get(key) is None else number(table[key], f"{path}.{key}")
+
+
+def _least(table: Mapping[str, Any], key: str, path: str) -> float:
+    found = number(table.get(key), f"{path}.{key}")
+    if found < 0.0:
+        raise BadLock(f"{path}.{key}", "expected a number of at least 0")
+    return found
+
+
+def _text(table: Mapping[str, Any], key: str, path: str) -> str | None:
+    found = table.get(key)
+    if found is not None and not isinstance(found, str):
+        raise BadLock(f"{path}.{key}", "expected a text")
+    return found
+
+
+def _flag(table: Mapping[str, Any], key: str, path: str) -> bool:
+    found = table.get(key)
+    if not isinstance(found, bool):
+        raise BadLock(f"{path}.{key}", "expected true or false")
+    return found
+
+
+def _one_of(known: set[str] | frozenset[str], table: Mapping[str, Any], key: str, path: str) -> str:
+    found = table.get(key)
+    if not isinstance(found, str) or found not in known:
+        raise BadLock(f"{path}.{key}", f"expected one of {', '.join(sorted(known))}")
+    return found
+
+
+def _texts(value: Any, path: str) -> list[str]:
+    found = sequence(value, path)
+    if not all(isinstance(one, str) for one in found):
+        raise BadLock(path, "expected a list of texts")
+    return found
+
+
+def _words(value: Any, path: str) -> dict[str, str]:
+    found = mapping(value, path)
+    if not all(isinstance(one, str) for one in found.values()):
+        raise BadLock(path, "expected texts by name")
+    return dict(found)
+
+

@@ -1,0 +1,1 @@
+"""What there is to say, for machines other than ours: GitHub's annotations, SARIF, and the pages of `thingc explain`."""

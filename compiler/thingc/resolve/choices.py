@@ -1,0 +1,192 @@
+"""What is chosen for components in place of what a document says: `components.foot.part` and a text.
+
+A choice names a component by the components on the way (`components.leg.components.foot.part`), or what a document's
+components have by default (`defaults.component.material`). It replaces what is written there, and is part of the identity of
+every definition that it stands in. Files and documents are named from the document that is compiled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from thingc.diagnostics import Code, did_you_mean
+from thingc.realize.record import PartFailure
+from thingc.resolve.repeats import Item
+from thingc.resolve.table import Context, Node, Table
+from thingc.spec.assembly import AssemblySpec, ComponentDefaults, ComponentSpec, DefaultsSpec
+from thingc.spec.choices import DEFAULT_MATERIAL, EXAMPLES, KEYS, ChoicePath, parse
+from thingc.units import shortened
+
+Choices = tuple[tuple[str, str], ...]
+"""Paths from one document down, and what is chosen there; sorted."""
+
+
+def from_command_line(context: Context, choices: Mapping[str, str]) -> Choices:
+    """Those choices whose paths can be read; the others are reported."""
+    sound: dict[str, str] = {}
+    for path, text in choices.items():
+        if parse(path) is None:
+            context.report.add(
+                Code.CHOICE_OPTION, f"`{shortened(path)}` is nothing that can be chosen", None, path=f"--set {path}",
+                help=f"write {EXAMPLES}",
+            )
+        else:
+            sound[path] = text
+    return tuple(sorted(sound.items()))
+
+
+def that_say_more(context: Context, relative: str, spec: AssemblySpec, choices: Choices) -> Choices:
+    """The choices without those that a document makes itself: they are no choice."""
+    return tuple((path, text) for path, text in choices if not _written(context, relative, spec, path, text))
+
+
+def _written(context: Context, relative: str, spec: AssemblySpec, path: str, text: str) -> bool:
+    found = parse(path)
+    assert found is not None
+    if found.key == DEFAULT_MATERIAL and not found.components:
+        default = spec.defaults.component if spec.defaults is not None else None
+        return default is not None and default.material == text
+    if len(found.components) != 1 or found.components[0] not in spec.components:
+        return False
+    own = getattr(spec.components[found.components[0]], found.key, None)
+    if found.key not in ("assembly", "file") or own is None:
+        return bool(own == text)
+    return _place(context, relative, own) == _place(context, context.documents.root.relative, text)
+
+
+def _place(context: Context, relative: str, text: str) -> str:
+    """The path in the workspace of what a document calls `text`."""
+    import posixpath
+
+    return posixpath.normpath(posixpath.join(posixpath.dirname(relative), text))
+
+
+def below(choices: Choices, *names: str) -> Choices:
+    """The choices inside the nested document of a component, by paths from there on; `names` are those that it goes by, and
+    a later one is the more exact."""
+    found: dict[str, str] = {}
+    for name in names:
+        prefix = f"components.{name}."
+        found.update({
+            path[len(prefix):]: text for path, text in choices
+            if path.startswith((f"{prefix}components.", f"{prefix}defaults."))
+        })
+    return tuple(sorted(found.items()))
+
+
+def own(choices: Choices, *names: str) -> dict[str, str]:
+    """What is chosen for a component itself, by key; `names` as of `below`."""
+    found: dict[str, str] = {}
+    for name in names:
+        found.update({key: text for key in KEYS for path, text in choices if path == f"components.{name}.{key}"})
+    return found
+
+
+def with_default_material(context: Context, table: Table) -> AssemblySpec:
+    """The document's model with the material that is chosen for its components."""
+    spec = table.spec
+    text = dict(table.choices).get(DEFAULT_MATERIAL)
+    if text is None or not _known_material(context, table, text, DEFAULT_MATERIAL):
+        return spec
+    defaults = spec.defaults or DefaultsSpec()
+    component = defaults.component or ComponentDefaults()
+    chosen = component.model_copy(update={"material": text})
+    return spec.model_copy(update={"defaults": defaults.model_copy(update={"component": chosen})})
+
+
+def check_names(context: Context, table: Table, items: Sequence[Item[ComponentSpec]]) -> None:
+    """Report choices for components that the document has not."""
+    known = {item.name for item in items} | set(table.spec.components)
+    if table.doubts.lacks("components") or table.unbuilt:
+        return
+    for path, _ in table.choices:
+        found = parse(path)
+        assert found is not None
+        if found.components and found.components[0] not in known:
+            _complain(
+                context, path, f"`{table.spec.name}` has no component `{found.components[0]}`",
+                did_you_mean(found.components[0], table.spec.components, what="components"),
+            )
+
+
+def chosen(context: Context, table: Table, item: Item[ComponentSpec]) -> tuple[ComponentSpec, frozenset[str]]:
+    """A component's model with what is chosen for it, and the keys that are; a choice that cannot be is reported."""
+    spec = item.spec
+    if not table.choices:
+        return spec, frozenset()
+    names = (str(item.path[-1]), item.name)
+    kind = next((key for key in ("part", "file", "assembly") if getattr(spec, key) is not None), "frame")
+    taken: dict[str, str] = {}
+    for key, text in own(table.choices, *names).items():
+        path = f"components.{item.name}.{key}"
+        if key == "material":
+            if kind == "assembly":
+                _complain(
+                    context, path, f"`{item.name}` is an assembly, which has no material of its own",
+                    f"choose `components.{item.name}.{DEFAULT_MATERIAL}`, or the material of one of its components",
+                )
+                continue
+            if not _known_material(context, table, text, path):
+                continue
+        elif key != kind:
+            said = "is a frame, without geometry" if kind == "frame" else f"is written with `{kind}`, not with `{key}`"
+            help = f"choose `components.{item.name}.{kind}`" if kind != "frame" else "choose for a component with geometry"
+            _complain(context, path, f"component `{item.name}` {said}", help)
+            continue
+        taken[key] = text
+    inside = below(table.choices, *names)
+    if inside and kind != "assembly":
+        path = f"components.{item.name}.{inside[0][0]}"
+        _complain(context, path, f"component `{item.name}` is no assembly: there is nothing inside it", None)
+    return (spec.model_copy(update=dict(taken)) if taken else spec), frozenset(taken)
+
+
+def check_part(context: Context, node: Node, reference: str) -> bool:
+    """Whether a part that was chosen can be looked at; reported where it cannot."""
+    schema = context.schemas.get(reference)
+    if schema is not None and not isinstance(schema, PartFailure):
+        return True
+    if isinstance(schema, PartFailure):
+        help = did_you_mean(reference, schema.candidates, what="parts") if schema.candidates else None
+        _complain(context, f"components.{node.name}.part", f"part `{shortened(reference)}`: {schema.message}", help)
+    return False
+
+
+def refuse_file(context: Context, node: Node, text: str) -> None:
+    """Report a file that was chosen and is none of a part."""
+    _complain(
+        context, f"components.{node.name}.file", f"`{shortened(text)}` is no file of a part in this workspace",
+        f"name it from `{context.documents.root.relative}`, for example `parts/motor.step`",
+    )
+
+
+def refuse_circle(context: Context, node: Node, relative: str) -> None:
+    """Report an assembly that would stand inside itself."""
+    _complain(context, f"components.{node.name}.assembly", f"`{relative}` would stand inside itself", "choose another assembly")
+
+
+def _known_material(context: Context, table: Table, name: str, path: str) -> bool:
+    if name in table.materials:
+        return True
+    if not table.materials_unreadable:
+        _complain(
+            context, path, f"no material `{shortened(name)}` is in scope of `{table.spec.name}`",
+            did_you_mean(name, table.materials, what="materials"),
+        )
+    return False
+
+
+def _complain(context: Context, path: str, message: str, help: str | None) -> None:
+    """Say it of the whole path, from the top document down."""
+    whole = ".".join((*(f"components.{name}" for name in context.route), path))
+    context.report.add(Code.CHOICE_OPTION, message, None, path=f"--set {whole}", help=help)
+
+
+def documents_and_parts(choices: Mapping[str, str]) -> tuple[list[str], list[str]]:
+    """The documents (as the top document names them) and the parts that choices name: what has to be read beforehand."""
+    return _named(choices, "assembly"), _named(choices, "part")
+
+
+def _named(choices: Mapping[str, str], key: str) -> list[str]:
+    paths: Iterable[tuple[ChoicePath | None, str]] = ((parse(path), text) for path, text in choices.items())
+    return list(dict.fromkeys(text for found, text in paths if found is not None and found.key == key))

@@ -1,0 +1,8 @@
+"""Running the tests that a document states of its robot: `thingc test`."""
+
+from __future__ import annotations
+
+from thingc.testing.results import Outcome, Result
+from thingc.testing.running import Selection, run
+
+__all__ = ["Outcome", "Result", "Selection", "run"]

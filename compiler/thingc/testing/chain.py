@@ -1,0 +1,128 @@
+"""The tree of a robot in numbers: where its bodies are at given coordinates, and how fast they go."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thingc.graph import coordinates, joints_of
+from thingc.graph.types import MountAt
+from thingc.pose import NO_POSE, Pose
+from thingc.robot import in_link
+from thingc.robot.closure import Loops, moved_along_z, rotation_vector
+from thingc.robot.kinematics import placed_bodies
+from thingc.robot.types import Robot
+
+Array = NDArray[np.float64]
+
+ROUND = np.pi
+"""How far a joint without limits is turned either way [rad]: once round."""
+
+
+class Chain:
+    """The coordinates of a robot are its joints that mimic none (`paths`, n of them, `lower` and `upper` [rad or m]); `q(x)`
+    gives all joints. A base that floats stays where it is."""
+
+    def __init__(self, robot: Robot, base: Pose | None = None) -> None:
+        self.robot = robot
+        self.base = robot.bodies[0].X_PL if base is None else base
+        loops = Loops(robot.bodies, robot.closures, joints_of(robot.assembly), self.base)
+        self.paths = [c.path for c in loops.coordinates]
+        self.lower = np.array([max(c.lower, -ROUND) if np.isinf(c.lower) else c.lower for c in loops.coordinates])
+        self.upper = np.array([min(c.upper, ROUND) if np.isinf(c.upper) else c.upper for c in loops.coordinates])
+        self._column = {path: k for k, path in enumerate(self.paths)}
+        self._follows = {path: (c.path, factor) for c in loops.coordinates for path, factor in c.moves}
+        self._joints = {joint.path: joint for joint in joints_of(robot.assembly)}
+        self._body_of = {body.link: index for index, body in enumerate(robot.bodies)}
+        self._in_link = in_link(robot.assembly)
+
+    def x(self, q: Mapping[str, float]) -> Array:
+        """The coordinates (n) of a state that is given by joint path."""
+        return np.array([q[path] for path in self.paths], dtype=np.float64)
+
+    def q(self, x: Array) -> dict[str, float]:
+        """Every joint [rad or m] by path at the coordinates x (n)."""
+        return coordinates(self._joints.values(), {path: float(value) for path, value in zip(self.paths, x, strict=True)})
+
+    def bodies(self, q: Mapping[str, float]) -> tuple[Pose, ...]:
+        """The pose of every body in the world."""
+        return placed_bodies(self.robot.bodies, q, self.base)
+
+    def mount(self, mount: MountAt) -> tuple[int, Pose]:
+        """The body that carries a mount, and the mount's pose in it."""
+        assembly = self.robot.assembly
+        pose = self._in_link[mount.occurrence] @ assembly.occurrences[mount.occurrence].mounts[mount.mount].pose
+        return self._body_of[assembly.link_of[mount.occurrence]], pose
+
+    def jacobian(self, body: int | None, point: Array, at: tuple[Pose, ...]) -> Array:
+        """Velocity of a point (3, in the world) of a body by coordinates: 6 x n, linear over angular; 0 of the world (None)."""
+        found = np.zeros((6, len(self.paths)))
+        while body is not None:
+            link = self.robot.bodies[body]
+            if link.joint is not None:
+                axis = np.array(at[body].rotation) @ np.array(link.joint.axis)
+                path, factor = self._follows[link.joint.path]
+                column = self._column[path]
+                if link.joint.kind == "slide":
+                    found[:3, column] += factor * axis
+                else:
+                    arm = point - np.array(at[body].apply(link.joint.anchor))
+                    found[:3, column] += factor * np.cross(axis, arm)
+                    found[3:, column] += factor * axis
+            body = link.parent
+        return found
+
+    def closing(self, q: Mapping[str, float], at: tuple[Pose, ...]) -> tuple[Array, Array]:
+        """How far the loops are from closed (6 for each: [m] over [rad], in the world), and its derivative by coordinates."""
+        errors, rows = [np.zeros(0)], [np.zeros((0, len(self.paths)))]
+        for closure in self.robot.closures:
+            parent = NO_POSE if closure.parent is None else at[closure.parent]
+            A = parent @ closure.X_PA
+            if closure.joint is not None:
+                A = A @ moved_along_z(closure.kind, q[closure.joint.path])
+            B = at[closure.child] @ closure.X_CB
+            turn = np.array(A.rotation)
+            point = np.array(B.translation)
+            error = np.concatenate([
+                point - np.array(A.translation), turn @ np.array(rotation_vector((A.inverse() @ B).rotation)),
+            ])
+            row = self.jacobian(closure.child, point, at) - self.jacobian(closure.parent, point, at)
+            if closure.joint is not None:
+                path, factor = self._follows[closure.joint.path]
+                if closure.kind == "slide":
+                    row[:3, self._column[path]] -= factor * turn[:, 2]
+                else:
+                    row[:3, self._column[path]] -= factor * np.cross(turn[:, 2], error[:3])
+                    row[3:, self._column[path]] -= factor * turn[:, 2]
+            errors.append(error)
+            rows.append(row)
+        return np.concatenate(errors), np.concatenate(rows)
+
+    def drive(self, path: str) -> tuple[int, float]:
+        """The coordinate that a joint is, or follows, and its speed at unit speed of the coordinate."""
+        leader, factor = self._follows[path]
+        return self._column[leader], factor
+
+
+def spread(count: int, dimensions: int) -> Array:
+    """`count` points in the unit cube, evenly spread and the same in every run (count x dimensions).
+
+    Of one dimension equal steps from end to end. Else the additive recurrence of the generalised golden ratio g, the root of
+    g**(d + 1) = g + 1 (Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018), after the corners of the
+    cube as far as they are at most a quarter of the points.
+    """
+    if dimensions == 0:
+        return np.zeros((1, 0))
+    if dimensions == 1:
+        return np.linspace(0.0, 1.0, count)[:, None] if count > 1 else np.array([[0.5]])
+    corners = np.zeros((0, dimensions))
+    if dimensions < 20 and 2**dimensions <= count // 4:
+        corners = np.array([[number >> k & 1 for k in range(dimensions)] for number in range(2**dimensions)], dtype=np.float64)
+    golden = 2.0
+    for _ in range(64):
+        golden = (1.0 + golden) ** (1.0 / (dimensions + 1.0))
+    steps = golden ** -np.arange(1.0, dimensions + 1.0)
+    inside = (0.5 + np.arange(1, count - len(corners) + 1)[:, None] * steps) % 1.0
+    return np.concatenate([corners, inside])

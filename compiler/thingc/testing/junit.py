@@ -1,0 +1,49 @@
+"""Results as JUnit XML, which every continuous integration reads."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from xml.etree import ElementTree
+
+from thingc.diagnostics import Diagnostic, as_text
+from thingc.testing.results import Result
+
+_FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""Characters that XML 1.0 cannot hold."""
+
+
+def as_junit(name: str, results: Sequence[Result], stopping: Sequence[Diagnostic]) -> str:
+    """One suite, called like the robot, with a case for each test, mode and pose.
+
+    The text of a failure is its diagnostic as the command line shows it. `stopping` is what has kept the tests from running: then
+    the suite is one error.
+    """
+    root = ElementTree.Element("testsuites")
+    suite = ElementTree.SubElement(root, "testsuite", {
+        "name": name, "tests": str(len(results) + bool(stopping)), "failures": str(sum(1 for r in results if not r.passed)),
+        "errors": str(int(bool(stopping))), "skipped": "0", "time": f"{sum(r.seconds for r in results):.3f}",
+    })
+    if stopping:
+        case = ElementTree.SubElement(suite, "testcase", {"name": "document", "classname": name, "time": "0.000"})
+        _said(ElementTree.SubElement(case, "error"), stopping)
+    for result in results:
+        words = f"{result.name} [{result.where}]" if result.where else result.name
+        case = ElementTree.SubElement(suite, "testcase", {
+            "name": words, "classname": f"{name}.{result.kind}", "time": f"{result.seconds:.3f}",
+        })
+        if result.diagnostic is not None:
+            _said(ElementTree.SubElement(case, "failure"), [result.diagnostic])
+        ElementTree.SubElement(case, "system-out").text = _clean(result.outcome.said)
+    ElementTree.indent(root)
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
+
+
+def _said(element: ElementTree.Element, diagnostics: Sequence[Diagnostic]) -> None:
+    element.set("message", _clean(diagnostics[0].message))
+    element.set("type", diagnostics[0].code.code)
+    element.text = _clean(as_text(diagnostics))
+
+
+def _clean(text: str) -> str:
+    return _FORBIDDEN.sub("\N{REPLACEMENT CHARACTER}", text)

@@ -1,0 +1,236 @@
+"""Tests of reach: the greatest distance of two mounts, and whether a mount gets to a point."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from thingc.diagnostics import Code, Note
+from thingc.graph import joints_of, on_loops
+from thingc.graph.types import Assembly
+from thingc.pose import NO_POSE, Pose, rotate
+from thingc.resolve.model import NamedPose
+from thingc.resolve.tests_model import JointRange, PointCheck, ReachCheck
+from thingc.robot.types import Keyframe
+from thingc.testing.chain import Array, Chain, spread
+from thingc.testing.masses import bounded
+from thingc.testing.results import Case, Failure, Measure, Outcome, shown
+from thingc.testing.stances import joints_text, posed, swept
+from thingc.units import ANGLE, LENGTH, Quantity
+
+SAMPLES = 1000
+"""Positions from which the farthest are taken."""
+LOOPED = 100
+"""Positions of a robot with loops, each of which has to be closed first."""
+CLIMBED = 6
+"""Of those, how many are followed uphill."""
+STARTS = 24
+"""From how many positions a point is tried."""
+CLOSED = 1e-6
+"""How far a loop may be open [m or rad] in a position that counts."""
+
+
+
+def reach(case: Case, check: ReachCheck) -> Outcome:
+    """The greatest distance found: positions spread over the joint ranges, the best of them followed uphill within the limits
+    (SLSQP, the loops of the document as constraints). What is found can be taken: a lower bound of the true reach.
+
+    Which mode it is does not matter: it has neither a hold nor a base that moves the mounts against each other.
+    """
+    robot = case.robot
+    chain = Chain(robot)
+    ends = chain.mount(case.linked.mounts[check.of]), chain.mount(case.linked.mounts[check.base])
+    best, at = -1.0, np.zeros(len(chain.paths))
+    found: list[tuple[float, Array]] = []
+    for x in _starts(robot.assembly, chain, case):
+        distance, _ = _distance(chain, ends, x)
+        found.append((distance, x))
+    found.sort(key=lambda pair: -pair[0])
+    for distance, x in found[:CLIMBED]:
+        if distance > best:
+            best, at = distance, x
+        climbed = _climb(chain, ends, x)
+        if climbed is not None and climbed[0] > best:
+            best, at = climbed
+    outcome = bounded("reach", "the reach", best, check.minimum, check.maximum, LENGTH, Code.TEST_REACH)
+    where = joints_text(robot.assembly, _joints(chain, at))
+    if outcome.failure is not None:
+        message = f"{outcome.failure.message}, over the ranges of all joints"
+        note = Note(message=f"farthest at {where}") if where else None
+        outcome = replace(outcome, failure=replace(outcome.failure, message=message, notes=(note,) if note else ()))
+    return replace(outcome, measured={**outcome.measured, "joints": _joints(chain, at)})
+
+
+def _starts(assembly: Assembly, chain: Chain, case: Case) -> list[Array]:
+    """Positions within the limits; of a robot with loops the poses of its document and others, closed."""
+    if not chain.robot.closures:
+        return [chain.lower + part * (chain.upper - chain.lower) for part in spread(SAMPLES, len(chain.paths))]
+    # A loop follows the joints that are driven; told where all of its joints should be, it would close almost nowhere.
+    following = on_loops(len(assembly.occurrences), assembly.mates)
+    led = {joint.path for joint in joints_of(assembly) if joint.path not in following or joint.actuator is not None}
+    led |= set() if led & following else {next(path for path in chain.paths if path in following)}
+    ranges = tuple(
+        JointRange(joint=path, lower=low, upper=high)
+        for path, low, high in zip(chain.paths, chain.lower.tolist(), chain.upper.tolist(), strict=True) if path in led
+    )
+    start = NamedPose(name="reach", values={}, origins={}, origin=case.linked.test.origin)
+    robot = posed(assembly, case.robot.mode, [*assembly.poses, *swept(start, ranges, LOOPED)])
+    return [] if robot is None else [chain.x(frame.q) for frame in robot.keyframes]
+
+
+Ends = tuple[tuple[int, Pose], tuple[int, Pose]]
+
+
+def _distance(chain: Chain, ends: Ends, x: Array) -> tuple[float, Array]:
+    """The distance [m] of two mounts and its derivative (n)."""
+    at = chain.bodies(chain.q(x))
+    one, other = (np.array((at[body] @ pose).translation) for body, pose in ends)
+    distance = float(np.linalg.norm(one - other))
+    if distance == 0.0:
+        return 0.0, np.zeros(len(x))
+    row = chain.jacobian(ends[0][0], one, at)[:3] - chain.jacobian(ends[1][0], other, at)[:3]
+    return distance, (one - other) / distance @ row
+
+
+def _climb(chain: Chain, ends: Ends, start: Array) -> tuple[float, Array] | None:
+    from scipy.optimize import minimize
+
+    def down(x: Array) -> tuple[float, Array]:
+        distance, slope = _distance(chain, ends, x)
+        return -distance, -slope
+
+    def closing(x: Array) -> tuple[Array, Array]:
+        q = chain.q(x)
+        return chain.closing(q, chain.bodies(q))
+
+    loops = [{"type": "eq", "fun": lambda x: closing(x)[0], "jac": lambda x: closing(x)[1]}] if chain.robot.closures else []
+    if not len(start):
+        return None
+    found = minimize(
+        down, start, jac=True, method="SLSQP", bounds=list(zip(chain.lower, chain.upper, strict=True)), constraints=loops,
+        options={"maxiter": 200, "ftol": 1e-12},
+    )
+    x = np.clip(np.asarray(found.x, dtype=np.float64), chain.lower, chain.upper)
+    if len(loops) and float(np.abs(closing(x)[0]).max()) > CLOSED:
+        return None
+    return _distance(chain, ends, x)[0], x
+
+
+def point(case: Case, check: PointCheck, frame: Keyframe) -> Outcome:
+    """The nearest that a mount gets to a point, and how far off a direction it is there: inverse kinematics within the joints'
+    limits, by a trust-region least-squares method (scipy's `trf`) from the mode's own pose and from positions spread over
+    the joint ranges, until one is near enough."""
+    chain = Chain(case.robot, frame.base)
+    mount = chain.mount(case.linked.mounts[check.mount])
+    seen_from = None if check.frame is None else chain.mount(case.linked.mounts[check.frame])
+    best: tuple[float, float, Array] | None = None
+    for start in _tries(chain, frame):
+        x = _approach(chain, mount, seen_from, check, start)
+        distance, off, open_ = _missed(chain, mount, seen_from, check, x)
+        if open_ > 1e-5:
+            continue
+        if best is None or max(distance / check.within, off / check.angle) < max(best[0] / check.within, best[1] / check.angle):
+            best = distance, off, x
+        if distance <= check.within and off <= check.angle:
+            break
+    target = f"within {Quantity(check.within, LENGTH)}"
+    expected = {"distance": check.within} | ({"angle": check.angle} if check.direction is not None else {})
+    failure: Failure | None = None
+    if best is None:
+        failure = Failure(code=Code.TEST_POINT, key="at", message="the loops of the robot close in no position that was tried")
+        return Outcome(measured={}, expected=expected, said="no position", failure=failure)
+    distance, off, x = best
+    said = f"{shown(distance, LENGTH)} from the point ({target}"
+    measured: dict[str, Measure] = {"distance": distance}
+    if check.direction is not None:
+        measured["angle"] = off
+        said += f"; {shown(off, ANGLE)} off the direction, at most {Quantity(check.angle, ANGLE)}"
+    where = joints_text(case.robot.assembly, _joints(chain, x))
+    notes = (Note(message=f"nearest at {where}"),) if where else ()
+    if distance > check.within:
+        failure = Failure(
+            code=Code.TEST_POINT, key="at", notes=notes,
+            message=f"`{check.mount.text}` comes no nearer to the point than {shown(distance, LENGTH)}, and "
+            f"{Quantity(check.within, LENGTH)} were asked for",
+        )
+    elif check.direction is not None and off > check.angle:
+        failure = Failure(
+            code=Code.TEST_POINT, key="direction", notes=notes,
+            message=f"`{check.mount.text}` reaches the point, but at best {shown(off, ANGLE)} off the direction, and "
+            f"{Quantity(check.angle, ANGLE)} were asked for",
+        )
+    return Outcome(measured={**measured, "joints": _joints(chain, x)}, expected=expected, said=f"{said})", failure=failure)
+
+
+def _tries(chain: Chain, frame: Keyframe) -> list[Array]:
+    middle = chain.lower + 0.5 * (chain.upper - chain.lower)
+    spread_out = [chain.lower + part * (chain.upper - chain.lower) for part in spread(STARTS, len(chain.paths))]
+    return [chain.x(frame.q), middle, *spread_out]
+
+
+def _target(check: PointCheck, frame: tuple[int, Pose] | None, at: tuple[Pose, ...]) -> tuple[Array, Array]:
+    """The point and the direction in the world."""
+    X_WF = NO_POSE if frame is None else at[frame[0]] @ frame[1]
+    direction = check.direction or (0.0, 0.0, 1.0)
+    return np.array(X_WF.apply(check.point)), np.array(rotate(X_WF.rotation, direction))
+
+
+def _approach(chain: Chain, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, check: PointCheck, start: Array) -> Array:
+    from scipy.optimize import least_squares
+
+    def residual(x: Array) -> Array:
+        q = chain.q(x)
+        at = chain.bodies(q)
+        there = at[mount[0]] @ mount[1]
+        goal, direction = _target(check, frame, at)
+        parts = [(np.array(there.translation) - goal) / check.within]
+        if check.direction is not None:
+            parts.append((np.array(there.rotation)[:, 2] - direction) / check.angle)
+        if chain.robot.closures:
+            parts.append(chain.closing(q, at)[0] / (0.01 * min(check.within, check.angle)))
+        return np.concatenate(parts)
+
+    def slope(x: Array) -> Array:
+        q = chain.q(x)
+        at = chain.bodies(q)
+        there = at[mount[0]] @ mount[1]
+        goal, direction = _target(check, frame, at)
+        place, axis = np.array(there.translation), np.array(there.rotation)[:, 2]
+        own, other = chain.jacobian(mount[0], place, at), chain.jacobian(None if frame is None else frame[0], goal, at)
+        parts = [(own[:3] - other[:3]) / check.within]
+        if check.direction is not None:
+            parts.append((np.cross(own[3:].T, axis).T - np.cross(other[3:].T, direction).T) / check.angle)
+        if chain.robot.closures:
+            parts.append(chain.closing(q, at)[1] / (0.01 * min(check.within, check.angle)))
+        return np.concatenate(parts)
+
+    if not len(start):
+        return start
+    inside = 1e-9 * (chain.upper - chain.lower)
+    found = least_squares(
+        residual, np.clip(start, chain.lower + inside, chain.upper - inside), jac=slope, bounds=(chain.lower, chain.upper),
+        xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=200,
+    )
+    return np.asarray(found.x, dtype=np.float64)
+
+
+def _missed(
+    chain: Chain, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, check: PointCheck, x: Array,
+) -> tuple[float, float, float]:
+    """How far the mount is from the point [m] and off the direction [rad], and how far the loops are open."""
+    q = chain.q(x)
+    at = chain.bodies(q)
+    there = at[mount[0]] @ mount[1]
+    goal, direction = _target(check, frame, at)
+    off = 0.0
+    if check.direction is not None:
+        axis = np.array(there.rotation)[:, 2]
+        off = float(np.arctan2(np.linalg.norm(np.cross(axis, direction)), axis @ direction))
+    error, _ = chain.closing(q, at)
+    return float(np.linalg.norm(np.array(there.translation) - goal)), off, float(np.abs(error).max(initial=0.0))
+
+
+def _joints(chain: Chain, x: Array) -> dict[str, float]:
+    """The coordinates [rad or m] by joint path."""
+    return {path: float(value) for path, value in zip(chain.paths, x, strict=True)}

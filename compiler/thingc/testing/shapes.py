@@ -1,0 +1,71 @@
+"""The true shapes of parts as solids of manifold3d, and how they lie to each other."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from manifold3d import Manifold, Mesh64
+from numpy.typing import NDArray
+
+from thingc.pose import Pose
+from thingc.realize.record import PartRecord
+from thingc.realize.store import Store
+
+_STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("count", "<u2")])
+
+
+class Shapes:
+    """Solids by the text of the part's definition, made when first asked for. Metres, the part's own frame."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._solids: dict[str, Any] = {}
+        self.hulls: set[str] = set()
+        """The texts of the definitions whose surface is not closed: their convex hulls stand for them."""
+
+    def solid(self, record: PartRecord) -> Any | None:
+        """The solid of a part, tessellated as in the artifacts; None of a part without geometry."""
+        mesh = record.meshes.get("mesh")
+        if mesh is None:
+            return None
+        if record.text not in self._solids:
+            vertices, faces = _read(self._store.read(mesh.sha256))
+            solid = Manifold(Mesh64(vert_properties=vertices, tri_verts=faces))
+            if not mesh.closed or solid.num_tri() == 0:
+                solid = Manifold.hull_points(vertices)
+                self.hulls.add(record.text)
+            self._solids[record.text] = solid
+        return self._solids[record.text]
+
+
+def _read(data: bytes) -> tuple[NDArray[np.float64], NDArray[np.uint64]]:
+    """Vertices (n x 3) and triangles (m x 3) of a binary STL file; equal vertices are one."""
+    count = int.from_bytes(data[80:84], "little")
+    corners = np.frombuffer(data, dtype=_STL, count=count, offset=84)["corners"].astype(np.float64).reshape(-1, 3)
+    vertices, inverse = np.unique(corners, axis=0, return_inverse=True)
+    faces = np.asarray(inverse).reshape(-1, 3).astype(np.uint64)
+    kept = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    return np.ascontiguousarray(vertices), np.ascontiguousarray(faces[kept])
+
+
+def at(solid: Any, pose: Pose) -> Any:
+    """A solid somewhere else."""
+    return solid.transform(np.hstack([np.array(pose.rotation), np.array(pose.translation)[:, None]]))
+
+
+def box(solid: Any, pose: Pose) -> NDArray[np.float64]:
+    """A box (2 x 3: low, high) along the axes of the world around a solid at a pose."""
+    bounds = np.array(solid.bounding_box(), dtype=np.float64).reshape(2, 3)
+    middle, half = (bounds[0] + bounds[1]) / 2.0, (bounds[1] - bounds[0]) / 2.0
+    turn = np.array(pose.rotation)
+    centre, reach = turn @ middle + np.array(pose.translation), np.abs(turn) @ half
+    return np.stack([centre - reach, centre + reach])
+
+
+def overlap(one: Any, other: Any) -> tuple[float, float]:
+    """Of what two solids share: the volume [m^3], and its mean thickness [m], twice the volume by the surface (of a thin layer
+    that is its thickness). 0 where they only touch."""
+    shared = one ^ other
+    volume = float(shared.volume())
+    return (volume, 2.0 * volume / float(shared.surface_area())) if volume > 0.0 else (0.0, 0.0)

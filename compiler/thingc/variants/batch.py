@@ -1,0 +1,426 @@
+"""Running a batch: a plan handed out in chunks to an executor, and every variant that is done noted in the journal."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import queue
+import shlex
+import signal
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass, replace
+from itertools import islice
+from typing import Any
+
+from thingc.diagnostics import Code, Diagnostic, Report, shown_path
+from thingc.emit.manifest import versions
+from thingc.pipeline import Options
+from thingc.units import Quantity
+from thingc.variants import places
+from thingc.variants.engine import Cancelled, LocalExecutor, RunnersBroken, evaluate
+from thingc.variants.folder import BatchFault, begin, differences, in_words, locked, read_batch, write_batch
+from thingc.variants.job import STOPPED, Job, Row, Task
+from thingc.variants.journal import Journal, lines
+from thingc.variants.planning import Plan, PlanError, Variant, read_plan
+from thingc.variants.tables import Column, write_tables
+
+TIMEOUT = 600.0
+"""Longest time [s] for one variant, unless the caller says otherwise."""
+CHUNK_SECONDS = 0.5
+"""How long [s] a chunk should take."""
+CHUNK_MOST = 64
+"""Variants of one chunk."""
+ATTEMPTS = 3
+"""How often a chunk is handed out that an executor loses."""
+REFRESH = 30.0
+"""How often [s] the tables are written while the batch runs, at least; a long table less often."""
+
+
+class Interrupted(Exception):
+    """Somebody stopped the batch: `done` of `count` variants are in the journal of `folder`."""
+
+    def __init__(self, folder: str, done: int, count: int) -> None:
+        super().__init__(f"interrupted after {done} of {count} variants")
+        self.folder = folder
+        self.done = done
+        self.count = count
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Progress:
+    """How far a batch is. `before` are the variants that an earlier run has done; `rate` variants per second of this one."""
+
+    count: int
+    before: int
+    counts: dict[str, int]
+    rate: float
+
+    @property
+    def done(self) -> int:
+        """Variants in the journal."""
+        return self.before + sum(self.counts.values())
+
+    @property
+    def left(self) -> float | None:
+        """The estimate [s] of what is left to wait, None while nobody knows."""
+        return (self.count - self.done) / self.rate if self.rate > 0.0 else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Summary:
+    """What came of a batch: how many variants have each status (those of earlier runs included), parts that were modelled in this
+    run, and how long it took [s]. `duplicates` were asked for more than once; `notes` are the warnings about the documents."""
+
+    folder: str
+    name: str
+    count: int
+    statuses: dict[str, int]
+    before: int
+    modelled: int
+    duplicates: int
+    seconds: float
+    notes: tuple[Diagnostic, ...] = ()
+
+
+OnProgress = Callable[[Progress], None]
+
+
+def run(
+    document: str, *, output: str | None = None, executor: Executor | None = None, jobs: int = 0, emit: Sequence[str] = (),
+    limit: int | None = None, resume: bool = False, timeout: float = TIMEOUT, verify: bool = True, options: Options | None = None,
+    on_progress: OnProgress | None = None,
+) -> Summary:
+    """Build the variants of a `variants/1` document into `<output>/<name>/` (`output` None: the workspace's build folder).
+
+    `executor` is somebody else's engine; it calls `thingc.variants.engine.evaluate`, and its workers see the documents and the
+    folder under the same paths. None: runners on this machine, `jobs` of them (0: one per core; of another's executor: how many
+    chunks are under way at once). `emit` replaces the document's targets, `limit` leaves out all variants but the first ones,
+    `timeout` [s] is for one variant, `options` name the store.
+
+    Raises `PlanError` for a document with errors, `BatchFault` where the batch cannot begin or go on, and `Interrupted` when SIGINT
+    or SIGTERM has come: then `resume` goes on where it was.
+    """
+    report = Report()
+    options = options or Options()
+    plan = read_plan(document, options, report)
+    if plan is None or report.failed:
+        raise PlanError(report.ordered())
+    if emit:
+        plan = replace(plan, emit=tuple(emit))
+    parent = os.path.abspath(output or os.path.join(plan.workspace.root, plan.workspace.build))
+    folder = os.path.join(parent, plan.name)
+    if resume:
+        _begun(plan, folder)
+    try:
+        with locked(folder):
+            count = plan.count if limit is None else min(limit, plan.count)
+            batch = _Batch(plan, folder, options, jobs or os.cpu_count() or 1, timeout, verify, count, on_progress)
+            batch.prepare(resume=resume)
+            with Journal(os.path.join(folder, places.JOURNAL)) as journal:
+                return batch.run(executor, journal)
+    except OSError as fault:
+        raise in_words(folder, fault) from fault
+
+
+def _begun(plan: Plan, folder: str) -> dict[str, Any]:
+    """What `batch.json` says of the batch to go on with. Raises `BatchFault` where there is none of this document."""
+    before = read_batch(folder)
+    if before is None or before.get("document") != plan.relative:
+        raise BatchFault(
+            Code.NO_BATCH, f"there is no batch of `{plan.relative}` in `{shown_path(folder)}`", "begin without --resume",
+        )
+    return before
+
+
+@dataclass(slots=True)
+class _Chunk:
+    """Variants that are under way together."""
+
+    variants: list[Variant]
+    attempts: int = 0
+
+
+class _Batch:
+    """One run of a batch. All of it but the engine's threads happens in one thread."""
+
+    def __init__(
+        self, plan: Plan, folder: str, options: Options, jobs: int, timeout: float, verify: bool, count: int,
+        on_progress: OnProgress | None,
+    ) -> None:
+        self.plan = plan
+        self.folder = folder
+        self.options = options
+        self.jobs = jobs
+        self.timeout = timeout
+        self.verify = verify
+        self.count = count
+        self.on_progress = on_progress
+        self.done = bytearray(count)
+        self.earlier: Counter[str] = Counter()
+        self.counts: Counter[str] = Counter()
+        self.modelled: set[str] = set()
+        self.stopping = False
+        self.started = time.monotonic()
+        self.told = 0.0
+        self.spent = 0.0
+        self.measured = 0
+        self.events: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
+        self.under_way: dict[int, Variant] = {}
+        self.chunks: dict[Future[Any], _Chunk] = {}
+        self.parameters = [
+            Column(name=name, kind="number", unit=plan.units[name]) if isinstance(own, Quantity)
+            else Column(name=name, kind="flag" if isinstance(own, bool) else "text")
+            for name, own in plan.own.items()
+        ]
+
+    # --- the folder -----------------------------------------------------------------------------------------------
+
+    def prepare(self, *, resume: bool) -> None:
+        """Make the folder ready, and learn what an earlier run has done. Raises `BatchFault`."""
+        described = self._described(finished=False)
+        if not resume:
+            begin(self.folder, self.plan.relative, self.plan.assembly_relative)
+        else:
+            words = differences(_begun(self.plan, self.folder), described)
+            if words:
+                raise BatchFault(
+                    Code.BATCH_CHANGED, f"the batch in `{shown_path(self.folder)}` was begun with something else: {'; '.join(words)}",
+                    "undo the change, or begin anew: delete the folder, or write into another one with -o",
+                )
+            places.sweep(self.folder)
+            for inner in (places.VARIANTS, places.ASSETS):
+                os.makedirs(os.path.join(self.folder, inner), exist_ok=True)
+            self._remember()
+        write_batch(self.folder, described)
+
+    def _described(self, *, finished: bool, columns: Sequence[Column] = ()) -> dict[str, Any]:
+        plan = self.plan
+        return {
+            "name": plan.name, "document": plan.relative, "assembly": plan.assembly_relative, "plan": plan.digest, "count": plan.count,
+            "inputs": dict(plan.inputs), "versions": dict(versions()), "emit": list(plan.emit), "modes": list(plan.modes),
+            "pose": plan.pose, "reach": list(plan.reach) if plan.reach is not None else None, "finished": finished,
+            "columns": [{"name": one.name, "kind": one.kind, "unit": one.unit} for one in columns],
+        }
+
+    def _remember(self) -> None:
+        """What the journal says has been done; a variant that is said to be built and is not there is not."""
+        last: dict[int, str] = {}
+        for _, line in lines(os.path.join(self.folder, places.JOURNAL)):
+            index, status = int(line["index"]), str(line["status"])
+            if index >= self.count:
+                continue
+            there = status != "built" or os.path.isfile(os.path.join(places.variant_folder(self.folder, line["id"]), "manifest.json"))
+            if self.done[index]:
+                self.earlier[last.pop(index)] -= 1
+            self.done[index] = there
+            if there:
+                self.earlier[status] += 1
+                last[index] = status
+        self.earlier += Counter()
+
+    # --- the run --------------------------------------------------------------------------------------------------
+
+    def run(self, executor: Executor | None, journal: Journal) -> Summary:
+        """Everything that is left. Raises `BatchFault` and `Interrupted`."""
+        own = LocalExecutor(min(self.jobs, max(1, self.count))) if executor is None else None
+        engine: Executor = own if own is not None else executor  # type: ignore[assignment]
+        job = self._job().encode()
+        whole = False
+        with self._signals():
+            try:
+                self._loop(engine, job, journal, streaming=own is not None)
+                whole = True
+            finally:
+                if own is not None:
+                    own.shutdown(wait=True, cancel_futures=not whole)
+                else:
+                    for future in self.chunks:
+                        future.cancel()
+                if not whole:
+                    self._drain(journal)
+        journal.sync()
+        columns = write_tables(self.folder, self.parameters, self.plan.choice_paths)
+        write_batch(self.folder, self._described(finished=True, columns=columns))
+        statuses = self.earlier + self.counts
+        return Summary(
+            folder=self.folder, name=self.plan.name, count=self.count, statuses=dict(sorted(statuses.items())),
+            before=sum(self.earlier.values()), modelled=len(self.modelled), duplicates=self.plan.written - self.plan.count,
+            seconds=time.monotonic() - self.started, notes=self.plan.notes,
+        )
+
+    def _loop(self, engine: Executor, job: str, journal: Journal, *, streaming: bool) -> None:
+        waiting = self._left(journal)
+        exhausted = False
+        refreshed, pause = time.monotonic(), REFRESH
+        while True:
+            while not exhausted and len(self.chunks) < 2 * self.jobs:
+                variants = list(islice(waiting, self._size()))
+                exhausted = not variants
+                if variants:
+                    self._submit(engine, job, _Chunk(variants), streaming)
+            self._tell()
+            if exhausted and not self.chunks:
+                break
+            with contextlib.suppress(queue.Empty):
+                self._handle(*self.events.get(timeout=1.0), engine, job, journal, streaming)
+            now = time.monotonic()
+            if now - refreshed > pause:
+                write_tables(self.folder, self.parameters, self.plan.choice_paths)
+                refreshed = time.monotonic()
+                pause = max(REFRESH, 20.0 * (refreshed - now))
+        self._tell(last=True)
+
+    def _left(self, journal: Journal) -> Iterator[Variant]:
+        """The variants to build, in plan order; those that fail a rule on parameters are noted on the way."""
+        for variant in islice(self.plan, self.count):
+            if self.done[variant.index]:
+                continue
+            if variant.failed is not None:
+                self._note(journal, variant, {"status": "kept_out", "rule": variant.failed})
+                if self.stopping:  # while nothing but rules is decided nobody looks at events
+                    raise Interrupted(self.folder, self._total(), self.count)
+                self._tell()
+                continue
+            yield variant
+
+    def _size(self) -> int:
+        """How many variants make a chunk: as many as take about half a second, and few enough for all to have something to do."""
+        if not self.measured:
+            return 1
+        left = self.count - self._total() - len(self.under_way)
+        fair = max(1, left // (2 * self.jobs))
+        return max(1, min(CHUNK_MOST, fair, int(CHUNK_SECONDS * self.measured / max(self.spent, 1e-6))))
+
+    def _submit(self, engine: Executor, job: str, chunk: _Chunk, streaming: bool) -> None:
+        chunk.attempts += 1
+        tasks = []
+        for variant in chunk.variants:
+            self.under_way[variant.index] = variant
+            tasks.append(Task(
+                index=variant.index, id=variant.id, parameters=variant.parameters, choices=variant.choices, values=variant.values,
+            ))
+        if streaming:
+            future = engine.submit(evaluate, job, tasks, self.timeout, lambda row: self.events.put(("row", row)))
+        else:
+            future = engine.submit(evaluate, job, tasks, self.timeout)
+        self.chunks[future] = chunk
+        future.add_done_callback(lambda done: self.events.put(("done", done)))
+
+    def _handle(self, what: str, found: Any, engine: Executor, job: str, journal: Journal, streaming: bool) -> None:
+        if what == "signal":
+            raise Interrupted(self.folder, self._total(), self.count)
+        if what == "row":
+            self._take(journal, found)
+            return
+        chunk = self.chunks.pop(found, None)
+        if chunk is None:
+            return
+        fault = found.exception() if not found.cancelled() else Cancelled()
+        if fault is None:
+            for row in found.result():
+                self._take(journal, row)
+            return
+        if isinstance(fault, RunnersBroken):
+            raise BatchFault(Code.RUNNERS, str(fault), "mend what it says, and go on with --resume", fault.detail)
+        left = [variant for variant in chunk.variants if variant.index in self.under_way]
+        if chunk.attempts < ATTEMPTS:
+            self._submit(engine, job, _Chunk(left, chunk.attempts), streaming)
+            return
+        for variant in left:
+            message = f"the executor lost it {ATTEMPTS} times: {type(fault).__name__}: {' '.join(str(fault).split())}"
+            self._take(journal, {
+                "index": variant.index, "id": variant.id, "status": "failed", "code": Code.VARIANT_DIED.code, "message": message,
+            })
+
+    def _take(self, journal: Journal, row: Row) -> None:
+        """Note what came of a variant, once."""
+        variant = self.under_way.get(row["index"])
+        if variant is None:
+            return
+        if row["status"] == STOPPED:
+            raise BatchFault(
+                Code.OUTPUT, f"the batch cannot go on: {row['message']}", "mend that, and go on with --resume; what has been built stays",
+            )
+        self.spent += row.get("seconds", 0.0)
+        self.measured += 1
+        self.modelled.update(row.get("modelled", ()))
+        self._note(journal, variant, row)
+        del self.under_way[row["index"]]
+
+    def _note(self, journal: Journal, variant: Variant, row: Row) -> None:
+        line = {
+            "index": variant.index, "id": variant.id, "name": variant.name, "status": row["status"],
+            "parameters": dict(variant.values),
+            "choices": {path: variant.choices.get(path, self.plan.own_choices.get(path)) for path in self.plan.choice_paths},
+            **{key: value for key, value in row.items() if key not in ("index", "id", "status")},
+            "path": f"{places.VARIANTS}/{variant.id}" if row["status"] == "built" else None,
+            "command": shlex.join(self.plan.command(variant)),
+        }
+        journal.append(line)
+        self.done[variant.index] = True
+        self.counts[row["status"]] += 1
+
+    def _drain(self, journal: Journal) -> None:
+        """Note what has been done up to the end of the runners."""
+        with contextlib.suppress(BatchFault, OSError):
+            while True:
+                try:
+                    what, found = self.events.get_nowait()
+                except queue.Empty:
+                    return
+                if what == "row" and found["status"] != STOPPED:
+                    self._take(journal, found)
+
+    # --- who listens ----------------------------------------------------------------------------------------------
+
+    def _tell(self, *, last: bool = False) -> None:
+        """Say how far it is, a few times a second."""
+        now = time.monotonic()
+        if self.on_progress is not None and (last or now - self.told > 0.2):
+            self.told = now
+            seconds = now - self.started
+            rate = sum(self.counts.values()) / seconds if seconds > 0.0 else 0.0
+            self.on_progress(Progress(count=self.count, before=sum(self.earlier.values()), counts=dict(self.counts), rate=rate))
+
+    @contextlib.contextmanager
+    def _signals(self) -> Iterator[None]:
+        """Let SIGINT and SIGTERM end the batch between two lines of the journal, never within one."""
+        if threading.current_thread() is not threading.main_thread():
+            yield
+            return
+
+        def stop(number: int, frame: object) -> None:
+            self.stopping = True
+            self.events.put(("signal", number))
+
+        before = {one: signal.signal(one, stop) for one in (signal.SIGINT, signal.SIGTERM)}
+        try:
+            yield
+        finally:
+            for one, handler in before.items():
+                signal.signal(one, handler)
+
+    def _total(self) -> int:
+        return sum(self.earlier.values()) + sum(self.counts.values())
+
+    def _job(self) -> Job:
+        plan = self.plan
+        rules = [rule for rule in plan.rules if rule.needs_results]
+        return Job(
+            assembly=plan.assembly, folder=self.folder, store=self.options.store, part_timeout=self.options.part_timeout,
+            modes=plan.chosen_modes, results_mode=plan.modes[0], pose=plan.pose, reach=plan.reach,
+            rules=tuple(rule.text for rule in rules), rule_names=tuple(dict(rule.names) for rule in rules),
+            dimensions={
+                name: (_exponent(one.length), _exponent(one.mass), _exponent(one.time), _exponent(one.angle))
+                for name, one in plan.dimensions.items()
+            },
+            emit=plan.emit, verify=self.verify,
+        )
+
+
+def _exponent(exponent: Any) -> float | int:
+    return exponent if isinstance(exponent, int) else float(exponent)

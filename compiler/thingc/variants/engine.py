@@ -1,0 +1,282 @@
+"""The engine: any `concurrent.futures.Executor` may call `evaluate`, which drives isolated runners; the local one does so in threads.
+
+A batch hands out chunks of tasks, `executor.submit(evaluate, job, tasks)`. Wherever that runs, in a thread here or on another
+machine, the variants are built by a runner process of their own (`thingc.variants.runner`): when it dies or hangs, the variant that it
+was on is recorded, and a new runner goes on with the one after it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import select
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from typing import Any, TypeVar
+
+from thingc.diagnostics import Code
+from thingc.variants.job import STOPPED, Job, Row, Task, row
+
+LOADING = 120.0
+"""How long [s] a runner may take until it has read the documents."""
+STARTS = 3
+"""How often in a row a runner may fail to start."""
+FAREWELL = 5.0
+"""How long [s] a runner may take to end once its input has."""
+
+T = TypeVar("T")
+OnRow = Callable[[Row], None]
+
+
+class Cancelled(Exception):
+    """The runners have been ended by those who wanted their answers."""
+
+
+class RunnersBroken(Exception):
+    """No runner starts: `detail` has what the last one said."""
+
+    def __init__(self, message: str, detail: str) -> None:
+        super().__init__(message)
+        self.detail = detail
+
+
+class _Lost(Exception):
+    """A runner that cannot be asked any more: `hung`, or what it died of."""
+
+    def __init__(self, words: str, *, hung: bool = False) -> None:
+        super().__init__(words)
+        self.words = words
+        self.hung = hung
+
+
+class RunnerProcess:
+    """A runner and the pipe to it. Raises `_Lost` where it dies or is silent too long; then `close` it."""
+
+    def __init__(self, job: str) -> None:
+        self.job = job
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed with the runner
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "thingc.variants.runner"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors,
+            start_new_session=True,  # an interrupt of the terminal is the driver's to act on
+        )
+        self._buffer = b""
+        self._send(job)
+
+    @property
+    def pid(self) -> int:
+        """Its process id."""
+        return self._process.pid
+
+    def ready(self) -> None:
+        """Wait until it has read the documents."""
+        self.answer(LOADING)
+
+    def ask(self, tasks: Sequence[Task]) -> None:
+        """Hand it tasks; an `answer` for each will follow."""
+        self._send(json.dumps([task.plain() for task in tasks], separators=(",", ":")))
+
+    def answer(self, timeout: float) -> dict[str, Any]:
+        """The next answer, waited for at most `timeout` [s]."""
+        assert self._process.stdout is not None
+        descriptor = self._process.stdout.fileno()
+        deadline = time.monotonic() + timeout
+        while b"\n" not in self._buffer:
+            left = deadline - time.monotonic()
+            if left <= 0.0 or not select.select([descriptor], [], [], left)[0]:
+                raise _Lost(f"it took longer than {timeout:g} s", hung=True)
+            data = os.read(descriptor, 1 << 16)
+            if not data:
+                raise _Lost(self._death())
+            self._buffer += data
+        line, _, self._buffer = self._buffer.partition(b"\n")
+        found: dict[str, Any] = json.loads(line)
+        return found
+
+    def errors(self) -> str:
+        """The end of what it wrote to standard error."""
+        size = self._errors.seek(0, os.SEEK_END)
+        self._errors.seek(max(0, size - 10_000))
+        return self._errors.read().decode(errors="replace")
+
+    def kill(self) -> None:
+        """End it at once; safe from any thread."""
+        with contextlib.suppress(OSError):
+            self._process.kill()
+
+    def close(self) -> None:
+        """End it, at once where it does not end by itself, and forget it."""
+        assert self._process.stdin is not None and self._process.stdout is not None
+        with contextlib.suppress(OSError):
+            self._process.stdin.close()
+        try:
+            self._process.wait(FAREWELL)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._process.stdout.close()
+        self._errors.close()
+
+    def _send(self, text: str) -> None:
+        assert self._process.stdin is not None
+        with contextlib.suppress(BrokenPipeError):  # the answer that does not come will tell
+            self._process.stdin.write(text.encode() + b"\n")
+            self._process.stdin.flush()
+
+    def _death(self) -> str:
+        code = self._process.wait()
+        if code < 0:
+            with contextlib.suppress(ValueError):
+                return f"it was ended by {signal.Signals(-code).name}"
+        return f"it ended with exit code {code}"
+
+
+class Runners:
+    """The runners of a process: idle ones are used again, by whoever has the same job. Thread-safe."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._idle: list[RunnerProcess] = []
+        self._busy: set[RunnerProcess] = set()
+        self._closed = False
+
+    def take(self, job: str) -> RunnerProcess:
+        """An idle runner of the job, or a new one. Raises `RunnersBroken`, and `Cancelled` after `cancel`."""
+        with self._lock:
+            if self._closed:
+                raise Cancelled
+            known = next((runner for runner in self._idle if runner.job == job), None)
+            if known is not None:
+                self._idle.remove(known)
+                self._busy.add(known)
+                return known
+            others, self._idle = self._idle, []
+        for runner in others:  # of a batch that is over
+            runner.close()
+        said = ""
+        for _ in range(STARTS):
+            runner = RunnerProcess(job)
+            with self._lock:
+                self._busy.add(runner)
+                if self._closed:
+                    runner.kill()
+            try:
+                runner.ready()
+                return runner
+            except _Lost as fault:
+                said = f"{fault.words}\n{runner.errors()}"
+                self.drop(runner)
+        self._raise_if_closed()
+        raise RunnersBroken(f"a runner does not start: {said.splitlines()[0]}", said)
+
+    def give_back(self, runner: RunnerProcess) -> None:
+        """It is idle."""
+        with self._lock:
+            self._busy.discard(runner)
+            self._idle.append(runner)
+
+    def drop(self, runner: RunnerProcess) -> None:
+        """It is of no more use."""
+        runner.kill()
+        runner.close()
+        with self._lock:
+            self._busy.discard(runner)
+
+    def lost(self) -> None:
+        """Raises `Cancelled` where runners die because they have been ended."""
+        self._raise_if_closed()
+
+    def cancel(self) -> None:
+        """End all at once; whoever waits for an answer gets `Cancelled`."""
+        with self._lock:
+            self._closed = True
+            busy = [*self._busy, *self._idle]
+        for runner in busy:
+            runner.kill()
+
+    def close(self) -> None:
+        """End the idle ones in peace."""
+        with self._lock:
+            idle, self._idle = self._idle, []
+        for runner in idle:
+            runner.close()
+
+    def _raise_if_closed(self) -> None:
+        with self._lock:
+            if self._closed:
+                raise Cancelled
+
+
+RUNNERS = Runners()
+"""Those of executors that know nothing of runners; they end with this process."""
+
+
+def evaluate(
+    job: str, tasks: Sequence[Task], timeout: float, on_row: OnRow | None = None, runners: Runners | None = None,
+) -> list[Row]:
+    """Build the variants of a chunk: a row for each, in their order, handed to `on_row` as soon as it is there.
+
+    `job` is `Job.encode()`, `timeout` [s] the longest time for one variant. When the runner dies or hangs, the variant that it was on
+    is recorded as failed and a new runner goes on. A row of status `stopped` is the last: nothing can be written.
+    """
+    pool = runners if runners is not None else RUNNERS
+    rows: list[Row] = []
+    left = list(tasks)
+
+    def take(found: Row) -> None:
+        rows.append(found)
+        if on_row is not None:
+            on_row(found)
+
+    while left:
+        runner = pool.take(job)
+        try:
+            runner.ask(left)
+            while left:
+                found = runner.answer(timeout)
+                found["pid"] = runner.pid
+                take(found)
+                left.pop(0)
+                if found["status"] == STOPPED:
+                    pool.drop(runner)
+                    return rows
+        except _Lost as fault:
+            pool.lost()
+            code = Code.VARIANT_HUNG if fault.hung else Code.VARIANT_DIED
+            what = f"its runner was ended: {fault.words}" if fault.hung else f"its runner died: {fault.words}"
+            take(row(left.pop(0), "failed", code=code.code, message=what, detail=runner.errors(), pid=runner.pid))
+            pool.drop(runner)
+        else:
+            pool.give_back(runner)
+    return rows
+
+
+class LocalExecutor(Executor):
+    """The engine of one machine: as many threads as `jobs`, each driving a runner."""
+
+    def __init__(self, jobs: int) -> None:
+        self.jobs = jobs
+        self.runners = Runners()
+        self._threads = ThreadPoolExecutor(max_workers=jobs, thread_name_prefix="thingc-runner")
+
+    def submit(self, fn: Callable[..., T], /, *arguments: Any, **named: Any) -> Future[T]:
+        """Call it in a thread; `evaluate` with the runners of this executor."""
+        if fn is evaluate:
+            named.setdefault("runners", self.runners)
+        return self._threads.submit(fn, *arguments, **named)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End the runners: in peace, or with `cancel_futures` at once."""
+        if cancel_futures:
+            self.runners.cancel()
+        self._threads.shutdown(wait=wait, cancel_futures=cancel_futures)
+        self.runners.close()
+
+
+__all__ = ["Cancelled", "Job", "LocalExecutor", "RunnersBroken", "evaluate"]

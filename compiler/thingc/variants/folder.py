@@ -1,0 +1,164 @@
+"""A batch's folder: one batch at a time, nothing of anybody else deleted, and what has been begun can be gone on with."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import json
+import os
+import re
+import shutil
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from thingc.diagnostics import Code, Diagnostic, Severity, shown_path
+from thingc.output import strangers as strangers_of_build
+from thingc.variants import places
+
+KIND = "batch/1"
+_VARIANT = re.compile(r"[0-9a-f]{12}")
+_ASSET = re.compile(r"[0-9a-f]{64}")
+
+
+class BatchFault(Exception):
+    """A batch that cannot begin or go on: `diagnostic` says why. What has been built stays as it is."""
+
+    def __init__(self, code: Code, message: str, help: str | None = None, detail: str | None = None) -> None:
+        super().__init__(message)
+        self.diagnostic = Diagnostic(code=code, severity=Severity.ERROR, message=message, help=help, detail=detail)
+
+
+@contextlib.contextmanager
+def locked(folder: str) -> Iterator[None]:
+    """Hold the folder for one batch. Raises `BatchFault` where another one does."""
+    parent, name = os.path.split(folder)
+    os.makedirs(parent, exist_ok=True)
+    descriptor = os.open(os.path.join(parent, f".{name}.thingc-lock"), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+    try:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise BatchFault(
+                Code.BATCH_LOCKED, f"another batch is being written to `{shown_path(folder)}`",
+                "wait until it has finished, or write into another folder with -o",
+            ) from None
+        try:
+            yield
+        finally:
+            with contextlib.suppress(OSError):
+                os.unlink(os.path.join(parent, f".{name}.thingc-lock"))
+    finally:
+        os.close(descriptor)
+
+
+def read_batch(folder: str) -> dict[str, Any] | None:
+    """What `batch.json` says; None where there is none of ours."""
+    try:
+        with open(os.path.join(folder, places.BATCH), encoding="utf-8") as stream:
+            found = json.load(stream)
+    except (OSError, ValueError):
+        return None
+    return found if isinstance(found, dict) and found.get("thingc") == KIND else None
+
+
+def write_batch(folder: str, found: Mapping[str, Any]) -> None:
+    """Write `batch.json`; it appears as a whole."""
+    path = os.path.join(folder, places.BATCH)
+    with open(f"{path}.new", "w", encoding="utf-8") as stream:
+        stream.write(json.dumps({"thingc": KIND, **found}, indent=2, sort_keys=True, ensure_ascii=False) + "\n")
+    os.replace(f"{path}.new", path)
+
+
+def begin(folder: str, document: str, assembly: str) -> None:
+    """Make the folder ready for a new batch of `document`; a finished batch of the same document is deleted.
+
+    Raises `BatchFault` where it holds anything else.
+    """
+    if not os.path.lexists(folder):
+        os.makedirs(folder)
+    elif not os.path.isdir(folder):
+        raise BatchFault(
+            Code.STRANGERS, f"`{shown_path(folder)}` is a file, and the batch needs a folder there",
+            "move it away, or write into another folder with -o",
+        )
+    elif os.listdir(folder):
+        before = read_batch(folder)
+        if before is not None and before.get("document") != document:
+            raise BatchFault(
+                Code.STRANGERS, f"`{shown_path(folder)}` holds the batch of another document, `{before.get('document')}`, and is left "
+                "as it is", "move it away, or write into another folder with -o",
+            )
+        found = strangers(folder, assembly)
+        if before is None or found:
+            shown = ", ".join(f"`{name}`" for name in found[:8]) + (f" and {len(found) - 8} more" if len(found) > 8 else "")
+            raise BatchFault(
+                Code.STRANGERS, f"`{shown_path(folder)}` holds files that no batch of `{document}` wrote, and is left as it is: {shown}",
+                "move these files away, or write into another folder with -o",
+            )
+        if not before.get("finished"):
+            raise BatchFault(
+                Code.BATCH_UNFINISHED, f"`{shown_path(folder)}` holds a batch that has not finished",
+                "go on with --resume, or delete the folder to begin anew",
+            )
+        _empty(folder, before)
+    for inner in (places.VARIANTS, places.ASSETS):
+        os.makedirs(os.path.join(folder, inner), exist_ok=True)
+
+
+def _empty(folder: str, before: Mapping[str, Any]) -> None:
+    """Delete a finished batch. A kill on the way leaves one that has not finished and can be gone on with."""
+    write_batch(folder, {**{key: value for key, value in before.items() if key != "thingc"}, "finished": False})
+    for name in (places.JOURNAL, places.TABLE_CSV, places.TABLE_PARQUET):
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(os.path.join(folder, name))
+    for inner in (places.VARIANTS, places.ASSETS):
+        shutil.rmtree(os.path.join(folder, inner), ignore_errors=True)
+
+
+def strangers(folder: str, assembly: str) -> list[str]:
+    """Everything in the folder that no batch over `assembly` wrote, by path in it, sorted."""
+    found = [name for name in os.listdir(folder) if name.removesuffix(".new") not in places.OWN]
+    for inner, pattern in ((places.VARIANTS, _VARIANT), (places.ASSETS, _ASSET)):
+        place = os.path.join(folder, inner)
+        for name in os.listdir(place) if os.path.isdir(place) else ():
+            if name.startswith(places.NEW):
+                continue
+            path = f"{inner}/{name}"
+            if not pattern.fullmatch(name):
+                found.append(path)
+            elif inner == places.VARIANTS:
+                found.extend(f"{path}/{one}" for one in strangers_of_build(os.path.join(folder, path), assembly))
+    return sorted(found)
+
+
+def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """What keeps a batch from being gone on with, in words; empty where nothing does."""
+    words: list[str] = []
+    if before.get("plan") != now["plan"]:
+        words.append("the settings, rules, modes or targets of the variants are others")
+    old, new = before.get("inputs"), now["inputs"]
+    old = old if isinstance(old, dict) else {}
+    changed = sorted(name for name in {*old, *new} if old.get(name) != new.get(name))
+    if changed:
+        shown = ", ".join(f"`{name}`" for name in changed[:4]) + (f" and {len(changed) - 4} more" if len(changed) > 4 else "")
+        words.append(f"{shown} changed")
+    versions = {name for name in {*before.get("versions", {}), *now["versions"]}
+                if before.get("versions", {}).get(name) != now["versions"].get(name)}
+    if versions:
+        words.append("other versions are installed: " + ", ".join(f"`{name}`" for name in sorted(versions)))
+    return words
+
+
+def in_words(folder: str, fault: OSError) -> BatchFault:
+    """Why the system refuses to write a batch."""
+    place = shown_path(str(fault.filename)) if fault.filename is not None else shown_path(folder)
+    if fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        return BatchFault(
+            Code.OUTPUT, f"there is no room for the batch in `{shown_path(folder)}`: {os.strerror(fault.errno)}",
+            "free some space and go on with --resume; what has been built stays",
+        )
+    return BatchFault(
+        Code.OUTPUT, f"the batch cannot be written to `{place}`: {fault.strerror or fault}",
+        "let the folder be written and go on with --resume, or write into another folder with -o",
+    )

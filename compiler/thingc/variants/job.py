@@ -1,0 +1,78 @@
+"""What a runner is told: one job for a batch, and tasks, one for each variant. Plain JSON, so that any executor can carry it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from thingc.realize.record import Value
+
+STOPPED = "stopped"
+"""The status of a row that ends the batch: nothing is wrong with its variant, but nothing can be written (or read) any more."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """What all variants of a batch have in common.
+
+    `assembly` is the absolute path of the document, `folder` that of the batch's folder (None: nothing is written); `rules` the
+    comparisons that need results, `dimensions` the exponents (length, mass, time, angle) of the parameters that are numbers;
+    `verify`: MuJoCo is asked whether it takes each model.
+    """
+
+    assembly: str
+    folder: str | None
+    store: str | None
+    part_timeout: float | None
+    modes: tuple[str, ...]
+    results_mode: str
+    pose: str | None
+    reach: tuple[str, str] | None
+    rules: tuple[str, ...]
+    rule_names: tuple[dict[str, str | None], ...]
+    dimensions: Mapping[str, tuple[Any, ...]]
+    emit: tuple[str, ...]
+    verify: bool = True
+
+    def encode(self) -> str:
+        """One line of JSON; `decode` reads it."""
+        return json.dumps(asdict(self), sort_keys=True)
+
+    @staticmethod
+    def decode(text: str) -> Job:
+        """The job of `encode`."""
+        found = json.loads(text)
+        for key in ("modes", "rules", "rule_names", "emit"):
+            found[key] = tuple(found[key])
+        found["reach"] = tuple(found["reach"]) if found["reach"] is not None else None
+        return Job(**found)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Task:
+    """One variant: its settings as texts, and the values of its parameters (for rules)."""
+
+    index: int
+    id: str
+    parameters: Mapping[str, str]
+    choices: Mapping[str, str]
+    values: Mapping[str, Value]
+
+    def plain(self) -> dict[str, Any]:
+        """As JSON has it."""
+        return {
+            "index": self.index, "id": self.id, "parameters": dict(self.parameters), "choices": dict(self.choices),
+            "values": dict(self.values),
+        }
+
+
+Row = dict[str, Any]
+"""What came of one variant: `index`, `id`, `status` (`built | kept_out | refused | failed`), `rule`, `code`, `message`, `detail`,
+`results`, `seconds`, `modelled`, `reused` (definition texts) and `pid` of the runner, as far as there is something to say."""
+
+
+def row(task: Task, status: str, **more: Any) -> Row:
+    """A row of the journal."""
+    return {"index": task.index, "id": task.id, "status": status, **more}

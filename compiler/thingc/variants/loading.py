@@ -1,0 +1,302 @@
+"""A batch's folder read back: its variants with their settings, their rows of the table and their models.
+
+    legs = thingc.variants.load("build/leg_sweep", mode="standing")
+    for variant in legs:
+        model = variant.model()             # a mujoco.MjModel
+"""
+
+from __future__ import annotations
+
+import os
+import xml.etree.ElementTree as ElementTree
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, overload
+
+from thingc.diagnostics import did_you_mean, shown_path
+from thingc.variants import places
+from thingc.variants.folder import read_batch
+from thingc.variants.journal import in_order
+from thingc.variants.tables import flat
+
+if TYPE_CHECKING:
+    import mujoco
+
+    from thingc.modes import Modes
+
+MESH_BYTES = 256 * 2**20
+"""How many bytes of meshes a family keeps in memory."""
+
+
+class FamilyError(ValueError):
+    """A batch that cannot be used as it was asked to be; the message says why and what to do."""
+
+
+class UnknownVariant(FamilyError, KeyError):
+    """A variant, a column or a mode that the batch has not."""
+
+    def __str__(self) -> str:
+        return ValueError.__str__(self)  # a KeyError would show the repr
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sizes:
+    """Numbers of coordinates `nq`, degrees of freedom `nv` and controls `nu` of a model."""
+
+    nq: int
+    nv: int
+    nu: int
+
+
+Where = Callable[["BuiltVariant"], bool] | Mapping[str, Any]
+"""Which variants: a function of one, or values by column; two numbers `(low, high)` are a range, its ends included."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BuiltVariant:
+    """A variant that has been built. `index` is its place in the plan, `settings` its parameters (SI) and choices by name,
+    `results` its row of the table by column (absent where the table is empty), `folder` what `thingc build` would have written."""
+
+    id: str
+    name: str
+    index: int
+    settings: Mapping[str, Any]
+    results: Mapping[str, Any]
+    folder: str
+    family: Family = field(repr=False)
+
+    def model(self, mode: str | None = None, *, scene: bool = False) -> mujoco.MjModel:
+        """Its model in a mode, compiled anew at each call; `scene`: with floor and light. The mode may be left out where the
+        family has one. Raises `UnknownVariant` for another mode, and `FamilyError` where there is no model."""
+        import mujoco
+
+        text, files = self.sources(mode, scene=scene)
+        try:
+            return mujoco.MjModel.from_xml_string(text.decode(), files)
+        except ValueError as fault:
+            raise FamilyError(f"MuJoCo refuses the model of variant `{self.name}`: {' '.join(str(fault).split())}") from fault
+
+    def sources(self, mode: str | None = None, *, scene: bool = False) -> tuple[bytes, dict[str, bytes]]:
+        """The text of its model in a mode, and the files that this names; meshes are those of the whole family. Raises as
+        `model` does."""
+        mode = self.family.chosen(mode)
+        robot = f"{self.family.robot}_{mode}.xml"
+        text = self._read(robot)
+        files = self.family.meshes(os.path.join(self.folder, "mjcf", "assets"))
+        return (self._read(f"scene_{mode}.xml"), {**files, robot: text}) if scene else (text, files)
+
+    def sizes(self, mode: str | None = None) -> Sizes:
+        """The sizes of its model, read from the file: nothing is compiled. Raises as `model` does."""
+        root = ElementTree.fromstring(self._read(f"{self.family.robot}_{self.family.chosen(mode)}.xml"))
+        free = sum(1 for _ in root.iter("freejoint"))
+        single = sum(len(body.findall("joint")) for body in root.iter("body"))  # hinges and slides, nothing else is written
+        return Sizes(nq=7 * free + single, nv=6 * free + single, nu=sum(len(section) for section in root.findall("actuator")))
+
+    def modes(self) -> Modes:
+        """Its modes, to switch between at run time."""
+        from thingc.modes import Modes
+
+        return Modes.load(self.folder)
+
+    def _read(self, file: str) -> bytes:
+        path = os.path.join(self.folder, "mjcf", file)
+        try:
+            with open(path, "rb") as stream:
+                return stream.read()
+        except FileNotFoundError:
+            raise FamilyError(
+                f"there is no `{shown_path(path)}`: the batch has been built without the target `mjcf`, or was moved or changed "
+                "since; build it again with `--emit mjcf`"
+            ) from None
+
+
+class Family(Sequence[BuiltVariant]):
+    """The built variants of a batch, in plan order: by place (`family[0]`, `family[-1]`), by id or name (`family["sweep_07"]`).
+
+    `count` is how many variants the plan has, `finished` whether the batch has finished; of one that has not there is what has
+    been built so far. `rows` are the rows of the table of all variants that are done, those that failed or were kept out, too.
+    """
+
+    def __init__(
+        self, *, folder: str, name: str, robot: str, modes: Sequence[str], mode: str | None, count: int, finished: bool,
+        rows: Sequence[Mapping[str, Any]], meshes: _Meshes,
+    ) -> None:
+        self.folder = folder
+        self.name = name
+        self.robot = robot
+        self.mode_names = tuple(modes)
+        self.mode = mode
+        self.count = count
+        self.finished = finished
+        self.rows = tuple(rows)
+        self._meshes = meshes
+        self._variants: tuple[BuiltVariant, ...] = ()
+
+    def _of(self, variants: Iterable[BuiltVariant]) -> Family:
+        found = Family(
+            folder=self.folder, name=self.name, robot=self.robot, modes=self.mode_names, mode=self.mode, count=self.count,
+            finished=self.finished, rows=self.rows, meshes=self._meshes,
+        )
+        found._variants = tuple(variants)
+        return found
+
+    def __len__(self) -> int:
+        return len(self._variants)
+
+    def __iter__(self) -> Iterator[BuiltVariant]:
+        return iter(self._variants)
+
+    @overload
+    def __getitem__(self, key: int | str) -> BuiltVariant: ...
+    @overload
+    def __getitem__(self, key: slice) -> Family: ...
+    def __getitem__(self, key: int | str | slice) -> BuiltVariant | Family:
+        """Raises `UnknownVariant` for an id or name, and `IndexError` for a place, that is not there."""
+        if isinstance(key, slice):
+            return self._of(self._variants[key])
+        if isinstance(key, str):
+            if key not in self._by_name:
+                row = next((row for row in self.rows if key in (row["id"], row["name"])), None)
+                if row is not None:
+                    known = f"it is `{row['status']}`" if row["status"] != "built" else "it is left out here"
+                    raise UnknownVariant(f"the variant `{key}` cannot be had: {known}{_because(row)}")
+                names = [variant.name for variant in self]
+                raise UnknownVariant(f"batch `{self.name}` has no variant `{key}`: {did_you_mean(key, names, what='variants')}")
+            return self._by_name[key]
+        if not -len(self) <= key < len(self):
+            raise IndexError(f"batch `{self.name}` has {len(self)} variants here, and none at place {key}")
+        return self._variants[key]
+
+    def __repr__(self) -> str:
+        return f"Family({self.name!r}, {len(self)} of {self.count} variants)"
+
+    @cached_property
+    def _by_name(self) -> dict[str, BuiltVariant]:
+        return {**{variant.name: variant for variant in self}, **{variant.id: variant for variant in self}}
+
+    @cached_property
+    def columns(self) -> tuple[str, ...]:
+        """The columns of the table that any variant has, in their order."""
+        return tuple(dict.fromkeys(name for row in self.rows for name in row))
+
+    def column(self, name: str) -> list[Any]:
+        """The cells of a column, one for each variant here; None where it is empty. Raises `UnknownVariant`."""
+        if name not in self.columns:
+            raise UnknownVariant(f"batch `{self.name}` has no column `{name}`: {did_you_mean(name, self.columns, what='columns')}")
+        return [variant.results.get(name) for variant in self]
+
+    def filter(self, where: Where) -> Family:
+        """The variants for which `where` holds. Raises `UnknownVariant` for a column that is not there."""
+        if not isinstance(where, Mapping):
+            return self._of(variant for variant in self if where(variant))
+        kept = [True] * len(self)
+        for name, wanted in where.items():
+            kept = [one and _holds(cell, wanted) for one, cell in zip(kept, self.column(name), strict=True)]
+        return self._of(variant for variant, one in zip(self, kept, strict=True) if one)
+
+    def chosen(self, mode: str | None) -> str:
+        """The mode that is meant where `mode` is said. Raises `UnknownVariant` for one that has not been built, and
+        `FamilyError` where several have been and none is said."""
+        name = mode if mode is not None else self.mode
+        if name is None:
+            if len(self.mode_names) > 1:
+                known = ", ".join(f"`{one}`" for one in self.mode_names)
+                raise FamilyError(f"batch `{self.name}` has {len(self.mode_names)} modes, {known}: say which, `mode=\"...\"`")
+            name = self.mode_names[0]
+        if name not in self.mode_names:
+            raise UnknownVariant(f"batch `{self.name}` has no mode `{name}`: {did_you_mean(name, self.mode_names, what='modes')}")
+        return name
+
+    def meshes(self, folder: str) -> dict[str, bytes]:
+        """The files of a folder of assets by name. A file that variants share is read once."""
+        return self._meshes.of(folder)
+
+
+class _Meshes:
+    """Files by what they are on the disk: the hard links of all variants to one mesh are one file. Those used least lately are
+    forgotten when there are more than `most` bytes."""
+
+    def __init__(self, most: int = MESH_BYTES) -> None:
+        self._most = most
+        self._size = 0
+        self._kept: OrderedDict[tuple[int, int], bytes] = OrderedDict()
+
+    def of(self, folder: str) -> dict[str, bytes]:
+        found: dict[str, bytes] = {}
+        if not os.path.isdir(folder):
+            return found
+        for entry in sorted(os.scandir(folder), key=lambda entry: entry.name):
+            state = os.stat(entry.path)
+            key = (state.st_dev, state.st_ino)
+            data = self._kept.get(key)
+            if data is None:
+                with open(entry.path, "rb") as stream:
+                    data = self._kept[key] = stream.read()
+                self._size += len(data)
+            self._kept.move_to_end(key)
+            found[entry.name] = data
+        while self._size > self._most and len(self._kept) > len(found):
+            self._size -= len(self._kept.popitem(last=False)[1])
+        return found
+
+
+def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where | None = None) -> Family:
+    """The built variants of the batch in `folder` (`build/leg_sweep`).
+
+    `mode` is the one that models are of unless said otherwise; `where` chooses variants: `{"status": "built"}`,
+    `{"mass": (0, 2.5)}` or a function of a `BuiltVariant`. Nothing but the journal is read. Raises `FamilyError` for a folder
+    that holds no batch, and `UnknownVariant` for a mode or a column that is not there.
+    """
+    import json
+
+    place = os.path.abspath(os.fspath(folder))
+    described = read_batch(place)
+    if described is None:
+        within = sorted(name for name in (os.listdir(place) if os.path.isdir(place) else ()) if read_batch(os.path.join(place, name)))
+        hint = f"; in it there are: {', '.join(f'`{name}`' for name in within)}" if within else ""
+        raise FamilyError(f"`{shown_path(place)}` is no folder of a batch{hint}: `thingc batch` writes one")
+    lines = list(in_order(os.path.join(place, places.JOURNAL)))
+    built = [
+        line for line in lines
+        if line["status"] == "built" and os.path.isfile(os.path.join(places.variant_folder(place, line["id"]), "manifest.json"))
+    ]
+    robot = ""
+    if built:
+        with open(os.path.join(places.variant_folder(place, built[0]["id"]), "manifest.json"), encoding="utf-8") as stream:
+            robot = json.load(stream)["name"]
+    family = Family(
+        folder=place, name=described["name"], robot=robot, modes=described["modes"], mode=mode, count=described["count"],
+        finished=described["finished"], rows=[_row(line) for line in lines], meshes=_Meshes(),
+    )
+    if mode is not None:
+        family.chosen(mode)
+    rows = {row["index"]: row for row in family.rows}
+    family._variants = tuple(
+        BuiltVariant(
+            id=line["id"], name=line["name"], index=line["index"], settings={**line["parameters"], **line["choices"]},
+            results=rows[line["index"]], folder=places.variant_folder(place, line["id"]), family=family,
+        )
+        for line in built
+    )
+    return family if where is None else family.filter(where)
+
+
+def _row(line: Mapping[str, Any]) -> dict[str, Any]:
+    """The cells of a line that are not empty."""
+    numbers = {name: float(value) for name, value in line.get("results", {}).items()}
+    return {name: numbers.get(name, value) for name, value in flat(line).items() if value is not None}
+
+
+def _holds(cell: Any, wanted: Any) -> bool:
+    if isinstance(wanted, tuple):
+        low, high = wanted
+        return cell is not None and low <= cell <= high
+    return bool(cell == wanted)
+
+
+def _because(row: Mapping[str, Any]) -> str:
+    if "rule" in row:
+        return f" by the rule `{row['rule']}`"
+    return f" ({row['code']}: {row['message']})" if "code" in row else ""

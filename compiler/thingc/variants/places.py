@@ -1,0 +1,136 @@
+"""Where a batch lies: its folder, the folder of each variant, and the meshes that variants share.
+
+    <name>/batch.json            what the batch is of; whose folder it is
+    <name>/journal.jsonl         one line for each variant that is done
+    <name>/results.csv, .parquet the table
+    <name>/variants/<id>/        what `thingc build` writes of the variant
+    <name>/assets/<sha256>       every mesh once; variants have hard links to it
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+from collections.abc import Mapping
+
+from thingc.emit.artifact import Content, Stored
+from thingc.output import Blobs
+
+BATCH = "batch.json"
+JOURNAL = "journal.jsonl"
+TABLE_CSV = "results.csv"
+TABLE_PARQUET = "results.parquet"
+VARIANTS = "variants"
+ASSETS = "assets"
+OWN = frozenset((BATCH, JOURNAL, TABLE_CSV, TABLE_PARQUET, VARIANTS, ASSETS))
+"""Everything that lies in a batch's folder."""
+
+NEW = ".new-"
+"""What the name of a folder or file begins with while it is written."""
+
+
+def variant_folder(folder: str, id: str) -> str:
+    """The folder of a variant."""
+    return os.path.join(folder, VARIANTS, id)
+
+
+def write_variant(folder: str, id: str, files: Mapping[str, Content], store: Blobs) -> None:
+    """Write a variant's folder: it appears as a whole, by one rename, or not at all. Files that lie in the store are hard links
+    to one file in `assets/`.
+
+    Replaces what an earlier run left there. Raises `OSError` when the system refuses, `BlobMissing` of the store.
+    """
+    place = variant_folder(folder, id)
+    fresh = os.path.join(folder, VARIANTS, f"{NEW}{id}-{os.getpid()}")
+    os.mkdir(fresh)
+    try:
+        made = {""}
+        for path, content in files.items():
+            _make(fresh, path.rpartition("/")[0], made)
+            target = f"{fresh}/{path}"
+            if isinstance(content, Stored):
+                _share(os.path.join(folder, ASSETS), content, store, target)
+            else:
+                _write(target, content)
+        try:
+            os.rename(fresh, place)
+        except OSError as fault:
+            if fault.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+                raise
+            shutil.rmtree(place)
+            os.rename(fresh, place)
+    except BaseException:
+        shutil.rmtree(fresh, ignore_errors=True)
+        raise
+
+
+def _make(fresh: str, folder: str, made: set[str]) -> None:
+    """Make a folder inside the new one, and those around it, as far as they have not been `made`."""
+    if folder not in made:
+        _make(fresh, folder.rpartition("/")[0], made)
+        os.mkdir(f"{fresh}/{folder}")
+        made.add(folder)
+
+
+def _write(path: str, data: bytes) -> None:
+    """Write a file with as few calls as possible: a batch writes tens of thousands."""
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
+    try:
+        rest = memoryview(data)
+        while rest:
+            rest = rest[os.write(descriptor, rest):]
+    finally:
+        os.close(descriptor)
+
+
+def _share(assets: str, content: Stored, store: Blobs, target: str) -> None:
+    """Make `target` a link to the asset with this content, which is written first where it is not there; a copy where the file
+    system has no links."""
+    asset = os.path.join(assets, content.sha256)
+    try:
+        os.link(asset, target)
+        return
+    except FileNotFoundError:
+        pass
+    except OSError as fault:
+        if fault.errno == errno.EMLINK:  # ext4 has at most 65 000 links to a file: begin another one
+            pass
+        elif fault.errno in (errno.EPERM, errno.ENOTSUP, errno.EXDEV, errno.ENOSYS):
+            _write(target, store.read(content.sha256))
+            return
+        else:
+            raise
+    fresh = os.path.join(assets, f"{NEW}{content.sha256}-{os.getpid()}")
+    _write(fresh, store.read(content.sha256))
+    try:
+        os.link(fresh, target)
+        os.rename(fresh, asset)
+    except OSError as fault:
+        if fault.errno not in (errno.EPERM, errno.ENOTSUP, errno.EXDEV, errno.ENOSYS):
+            _remove(fresh)
+            raise
+        os.rename(fresh, target)
+
+
+def _remove(path: str) -> None:
+    try:
+        os.unlink(path)
+    except OSError:
+        pass
+
+
+def sweep(folder: str) -> None:
+    """Remove what a killed run was writing."""
+    for inner in (VARIANTS, ASSETS):
+        place = os.path.join(folder, inner)
+        for name in os.listdir(place) if os.path.isdir(place) else ():
+            if not name.startswith(NEW):
+                continue
+            path = os.path.join(place, name)
+            if os.path.isdir(path) and not os.path.islink(path):
+                shutil.rmtree(path, ignore_errors=True)
+            else:
+                _remove(path)
+
+

@@ -1,0 +1,349 @@
+"""Reading a `variants/1` document against its assembly: every key checked at its place, everything wrong said at once."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from thingc.diagnostics import Code, Note, Report, Severity, did_you_mean
+from thingc.load import load
+from thingc.load.paths import DOCUMENT_SUFFIXES, find_file
+from thingc.pipeline import Front, Options, Sources
+from thingc.realize.record import PartDefinition
+from thingc.resolve import resolve
+from thingc.resolve.model import AssemblyDefinition
+from thingc.resolve.parameters import declared
+from thingc.resolve.scope import Found, dotted
+from thingc.resolve.table import Context
+from thingc.source import Document, Path
+from thingc.spec import validate_one
+from thingc.spec.assembly import AssemblySpec
+from thingc.spec.choices import DEFAULT_MATERIAL, parse
+from thingc.spec.variants import VariantsSpec
+from thingc.units import shortened
+from thingc.variants.axes import Axis, Reader
+from thingc.variants.planning import Plan, Setting, moved
+from thingc.variants.rules import Rule, read_rules
+from thingc.workspace import Workspace
+
+MOST_DRAWN = 10_000_000
+"""Variants that one document may draw."""
+
+
+def read(path: str, options: Options, report: Report) -> Plan | None:
+    """The plan of the document at `path`; None where it has errors, which are all in `report`."""
+    workspace = Workspace.find(path, report)
+    documents = load(path, workspace, report, kinds=("variants",)) if workspace is not None else None
+    if workspace is None or documents is None:
+        return None
+    document = documents.root
+    spec = validate_one(document, report)
+    if not isinstance(spec, VariantsSpec):
+        return None
+    assembly = find_file(
+        spec.assembly, beside=document.path, where=document.span(("assembly",)), workspace=workspace, suffixes=DOCUMENT_SUFFIXES,
+        what="an assembly document", report=report,
+    )
+    if assembly is None:
+        return None
+    with Front(assembly, options) as front:
+        front.read()
+        report.diagnostics.extend(front.report.diagnostics)
+        sources = front.sources({}, report)
+        if sources is None or front.workspace is None:
+            return None
+        return _Planner(document, spec, front, sources, front.workspace, report).plan()
+
+
+class _Planner:
+    """One document on its way to a plan."""
+
+    def __init__(
+        self, document: Document, spec: VariantsSpec, front: Front, sources: Sources, workspace: Workspace, report: Report,
+    ) -> None:
+        self.document = document
+        self.spec = spec
+        self.front = front
+        self.sources = sources
+        self.workspace = workspace
+        self.report = report
+        self.said: set[tuple[str, str]] = set()
+
+    def plan(self) -> Plan | None:
+        root = self.sources.documents.root
+        assembly = self.sources.specs.get(root.relative)
+        model = resolve(self.sources.documents, self.sources.specs, self.workspace, self.sources.schemas, {}, self.report)
+        if not isinstance(assembly, AssemblySpec) or model is None:
+            return None
+        context = Context(
+            documents=self.sources.documents, specs=self.sources.specs, workspace=self.workspace, schemas=self.sources.schemas,
+            report=Report(),
+        )
+        own = declared(context, root, assembly).values
+        reader = Reader(self.document, context, assembly, own, self.report)
+        axes, parameters = self.parameters(reader)
+        choice_axes, choices = self.choices(root.relative)
+        fixed = Setting(name=None, parameters=parameters, choices=choices)
+        listed = self.listed(reader, fixed, root.relative)
+        method, drawn, seed = self.sample(reader)
+        ranges = [reader.range(name, raw) for name, raw in (self.spec.sample.ranges if self.spec.sample else {}).items()]
+        drawn_axes = [axis for axis in ranges if axis is not None]
+        rules = read_rules(
+            self.document, self.spec.keep, own, [name.replace("/", ".") for name in _moving(model)],
+            reach=self.spec.reach is not None, report=self.report,
+        )
+        emit = self.targets()
+        self.names(model)
+        self.loops(model, rules)
+        if self.report.failed:
+            return None
+        return Plan(
+            document=self.document.path, relative=self.document.relative, name=self.spec.name, assembly=root.path,
+            assembly_relative=root.relative, assembly_spec=assembly, model=model, workspace=self.workspace, own=own,
+            own_choices=dict(_written(assembly)), fixed=fixed, listed=listed,
+            axes=(*drawn_axes, *axes, *choice_axes), method=method, drawn=drawn, seed=seed, rules=tuple(rules),
+            modes=tuple(self.spec.modes or (mode.name for mode in model.modes)), chosen_modes=tuple(self.spec.modes),
+            pose=self.spec.pose, reach=(self.spec.reach.of, self.spec.reach.from_) if self.spec.reach is not None else None,
+            emit=emit, inputs=self.inputs(), notes=tuple(self.report.ordered()),
+        )
+
+    # --- what changes ---------------------------------------------------------------------------------------------
+
+    def parameters(self, reader: Reader) -> tuple[list[Axis], dict[str, Found]]:
+        """The axes of parameters, and the values that hold for all variants."""
+        axes: list[Axis] = []
+        fixed: dict[str, Found] = {}
+        for name, raw in self.spec.parameters.items():
+            axis = reader.axis(name, raw)
+            if axis is not None and len(axis.values) == 1:
+                fixed[name] = axis.values[0]
+            elif axis is not None:
+                axes.append(axis)
+        return axes, fixed
+
+    def choices(self, root: str) -> tuple[list[Axis], dict[str, str]]:
+        """The axes of choices, and what is chosen for all variants."""
+        axes: list[Axis] = []
+        fixed: dict[str, str] = {}
+        for path, raw in self.spec.choices.items():
+            texts: dict[str, Path] = {}
+            missing = False
+            kind = parse(path)
+            for index, text in enumerate(raw if isinstance(raw, list) else [raw]):
+                at: Path = ("choices", path, index) if isinstance(raw, list) else ("choices", path)
+                if kind is None or kind.key != "assembly" or self.there(text, at):
+                    texts[self.named(path, text, root)] = at
+                else:
+                    missing = True
+            if not texts and not missing:
+                self.error(Code.VARIANT_CHOICE, f"`{path}` has nothing to choose from", ("choices", path), "write at least one")
+                continue
+            sound = [text for text, at in texts.items() if self.possible(path, text, at)]
+            if len(sound) == 1:
+                fixed[path] = sound[0]
+            elif sound:
+                axes.append(Axis(key=path, choice=True, values=tuple(sound)))
+        return axes, fixed
+
+    def named(self, path: str, text: str, root: str) -> str:
+        """A chosen file or document as the assembly would name it; other texts as they are."""
+        found = parse(path)
+        return moved(text, self.document.relative, root) if found is not None and found.key in ("assembly", "file") else text
+
+    def there(self, text: str, at: Path) -> bool:
+        """Whether a document that is chosen is there; reported if not."""
+        return find_file(
+            text, beside=self.document.path, where=self.document.span(at), workspace=self.workspace, suffixes=DOCUMENT_SUFFIXES,
+            what="an assembly document", report=self.report,
+        ) is not None
+
+    def possible(self, path: str, text: str, at: Path) -> bool:
+        """Whether a choice can be made, by itself or with one of the assemblies that are chosen around it; reported if not."""
+        said: Report | None = None
+        for around in self.around(path):
+            trial = Report()
+            choices = {**around, path: text}
+            sources = self.front.sources(choices, trial)
+            if sources is not None:
+                resolve(sources.documents, sources.specs, self.workspace, sources.schemas, {}, trial, choices)
+            trial = Report([found for found in trial.diagnostics if found.code is Code.CHOICE_OPTION])
+            if not trial.failed:
+                return True
+            said = said or trial
+        for found in said.diagnostics if said is not None else ():
+            if (path, found.message) in self.said:
+                continue
+            self.said.add((path, found.message))
+            self.report.add(
+                Code.VARIANT_CHOICE, found.message, self.document.span(at), help=found.help, notes=found.notes, path=f"choices.{path}",
+            )
+        return False
+
+    def around(self, path: str) -> Iterator[dict[str, str]]:
+        """Nothing, then each assembly that is chosen for a component on the way."""
+        yield {}
+        root = self.sources.documents.root.relative
+        for other, raw in self.spec.choices.items():
+            if other.endswith(".assembly") and path.startswith(other.removesuffix("assembly") + "components."):
+                for text in raw if isinstance(raw, list) else [raw]:
+                    yield {other: self.named(other, text, root)}
+
+    def listed(self, reader: Reader, fixed: Setting, root: str) -> tuple[Setting, ...]:
+        """The variants that are written out."""
+        met: dict[str, int] = {}
+        made: list[Setting] = []
+        for index, entry in enumerate(self.spec.list_):
+            at: Path = ("list", index)
+            values: dict[str, Found] = dict(fixed.parameters)
+            for name, raw in entry.parameters.items():
+                found = reader.value(name, raw, (*at, "parameters", name))
+                if found is not None:
+                    values[name] = found
+            chosen = dict(fixed.choices)
+            for path, text in entry.choices.items():
+                named, kind = self.named(path, text, root), parse(path)
+                if kind is not None and kind.key == "assembly" and not self.there(text, (*at, "choices", path)):
+                    continue
+                if self.possible(path, named, (*at, "choices", path)):
+                    chosen[path] = named
+            if entry.name is not None and entry.name in met:
+                self.report.add(
+                    Code.NAME_CLASH, f"two variants are called `{entry.name}`", self.document.span((*at, "name")),
+                    help="rename one of them", path=dotted((*at, "name")),
+                    notes=[Note(message="the other is here", span=self.document.span(("list", met[entry.name], "name")))],
+                )
+            elif entry.name is not None:
+                met[entry.name] = index
+            setting = Setting(name=entry.name, parameters=values, choices=chosen)
+            same = next((k for k, one in enumerate(made) if (one.parameters, one.choices) == (values, chosen)), None)
+            if same is not None:
+                self.report.warn(
+                    Code.DUPLICATE_VARIANT, "this variant is written twice and built once", self.document.span(at), help="remove it",
+                    path=dotted(at), notes=[Note(message="it is also written here", span=self.document.span(("list", same)))],
+                )
+            made.append(setting)
+        return tuple(made)
+
+    def sample(self, reader: Reader) -> tuple[str | None, int, int]:
+        """Method, count and seed of what is drawn."""
+        sample = self.spec.sample
+        if sample is None:
+            return None, 0, 0
+        count = reader.count(sample.count, ("sample", "count"), least=1, most=MOST_DRAWN)
+        seed = reader.count(sample.seed, ("sample", "seed"), least=0, most=2**31 - 1)
+        many = any(isinstance(raw, list) and len(raw) > 1 for raw in (*self.spec.parameters.values(), *self.spec.choices.values()))
+        if not sample.ranges and not many and not any(not isinstance(raw, list) and hasattr(raw, "count")
+                                                      for raw in self.spec.parameters.values()):
+            self.error(Code.VARIANT_VALUE, "there is nothing to draw", ("sample",), "add `ranges: {NAME: [smallest, largest]}`")
+        return sample.method, count or 0, seed or 0
+
+    # --- what is built --------------------------------------------------------------------------------------------
+
+    def targets(self) -> tuple[str, ...]:
+        """The targets that are written, in the order of a build."""
+        from thingc.emit import targets
+
+        known = targets()
+        for index, word in enumerate(self.spec.emit):
+            if word not in known:
+                self.error(
+                    Code.VARIANT_TARGET, f"there is no target `{shortened(word)}`", ("emit", index),
+                    did_you_mean(word, known, what="targets"),
+                )
+        return tuple(target for target in known if target in self.spec.emit)
+
+    def names(self, model: AssemblyDefinition) -> None:
+        """Report modes, a pose and mounts that the assembly has not."""
+        modes = [mode.name for mode in model.modes]
+        for index, name in enumerate(self.spec.modes):
+            if name not in modes:
+                self.error(
+                    Code.UNKNOWN_MODE, f"`{model.name}` has no mode `{name}`", ("modes", index), did_you_mean(name, modes, what="modes"),
+                )
+        poses = [pose.name for pose in model.poses]
+        if self.spec.pose is not None and self.spec.pose not in poses:
+            self.error(
+                Code.UNKNOWN_POSE, f"`{model.name}` has no pose `{self.spec.pose}`", ("pose",),
+                did_you_mean(self.spec.pose, poses, what="poses"),
+            )
+        if self.spec.reach is None or any(path.endswith(".assembly") for path in self.spec.choices):
+            return
+        for key, text in (("of", self.spec.reach.of), ("from", self.spec.reach.from_)):
+            missing = _missing(model, text.split("."))
+            if missing is not None:
+                word, known, what = missing
+                self.error(
+                    Code.UNKNOWN_COMPONENT if what == "components" else Code.UNKNOWN_MOUNT,
+                    f"there is no {'component' if what == 'components' else 'mount'} `{shortened(word)}` here", ("reach", key),
+                    did_you_mean(word, known, what=what),
+                )
+
+    def loops(self, model: AssemblyDefinition, rules: Sequence[Rule]) -> None:
+        """Report rules on the torque margin where the mode of the results has loops: how they share the load is not known."""
+        wanted = self.spec.modes[0] if self.spec.modes else model.modes[0].name
+        mode = next((mode for mode in model.modes if mode.name == wanted), None)
+        if mode is None or not (mode.holds or any(joint.loop for joint in model.joints)):
+            return
+        for index, expression in enumerate(self.spec.keep):
+            rule = next((rule for rule in rules if rule.expression is expression), None)
+            if rule is not None and "torque_margin" in rule.names.values():
+                self.error(
+                    Code.RESULT, f"there is no `torque_margin` in mode `{mode.name}`: its loops share the load", ("keep", index),
+                    "write another mode first under `modes`, or take the rule out",
+                )
+
+    def inputs(self) -> dict[str, str]:
+        """The digests of the documents and of the code that the plan depends on, by path (in the workspace where it lies there)."""
+        from thingc.stamp import state_of
+
+        found = {path: one.sha256 for path, one in self.sources.documents.by_path.items()}
+        for path in sorted(self.front.parts.inputs):
+            name = self.workspace.relative(path) if self.workspace.contains(path) else f"outside:{os.path.basename(path)}"
+            state = state_of(path)
+            if state is not None:
+                found.setdefault(name, state)
+        return dict(sorted(found.items()))
+
+    def error(self, code: Code, message: str, path: Path, help: str | None = None) -> None:
+        """Report it at a value of the document."""
+        self.report.add(code, message, self.document.span(path), help=help, path=dotted(path), severity=Severity.ERROR)
+
+
+def _written(assembly: AssemblySpec) -> Iterator[tuple[str, str]]:
+    """What a document says at the paths of choices of its own components: choosing it says nothing."""
+    default = assembly.defaults.component if assembly.defaults is not None else None
+    if default is not None and default.material is not None:
+        yield DEFAULT_MATERIAL, default.material
+    for name, component in assembly.components.items():
+        for key in ("part", "file", "assembly", "material"):
+            text = getattr(component, key)
+            if text is not None:
+                yield f"components.{name}.{key}", text
+
+
+def _moving(model: AssemblyDefinition, prefix: str = "") -> Iterator[str]:
+    """The paths of all joints that move, nested ones included."""
+    for joint in model.joints:
+        if joint.kind != "fixed":
+            yield prefix + joint.name
+    for component in model.components:
+        if isinstance(component.definition, AssemblyDefinition):
+            yield from _moving(component.definition, f"{prefix}{component.name}/")
+
+
+def _missing(model: AssemblyDefinition, words: list[str]) -> tuple[str, Mapping[str, Any] | list[str], str] | None:
+    """The word of a reference to a mount that the model has not, what it has, and what that is; None where there is nothing
+    to say (the mounts of a part are not known before it is modelled)."""
+    if len(words) == 1:
+        return None if words[0] in model.mounts else (words[0], model.mounts, "mounts")
+    components = {component.name: component for component in model.components}
+    component = components.get(words[0])
+    if component is None:
+        return words[0], list(components), "components"
+    definition = component.definition
+    if isinstance(definition, AssemblyDefinition):
+        return _missing(definition, words[1:]) if words[1:] != ["origin"] else None
+    if len(words) > 2 and isinstance(definition, PartDefinition):
+        return words[1], ["origin"], "components"
+    return None

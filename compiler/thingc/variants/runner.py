@@ -1,0 +1,187 @@
+"""`python -m thingc.variants.runner`: builds variants, one after the other, in a process of its own.
+
+The first line of its standard input is the job, each further line a list of tasks (JSON). It answers `{"ready": true}` when the
+documents have been read, then one row per task, in their order, each as soon as it is there. When its input ends, it ends, and with
+it the geometry worker that it may have started: nothing of a batch outlives its driver.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import queue
+import sys
+import threading
+import time
+import traceback
+from typing import TYPE_CHECKING, Any
+
+from thingc.diagnostics import Code, Diagnostic, Report, Severity, as_json, did_you_mean
+from thingc.expressions import ExpressionError, parse_expression
+from thingc.pipeline import Options
+from thingc.resolve.scope import Found
+from thingc.session import Session, Settings
+from thingc.units import Dimension, Quantity
+from thingc.variants.job import STOPPED, Job, Row, Task, row
+from thingc.variants.measure import Results, UnknownMount, measure
+from thingc.variants.places import write_variant
+from thingc.variants.rules import Rule
+
+if TYPE_CHECKING:
+    from thingc.pipeline import Compilation
+
+SHOWN = 5
+"""Diagnostics of a refused variant that the journal keeps."""
+
+
+class Runner:
+    """Builds the variants of one job. A context manager: leaving it ends the geometry worker."""
+
+    def __init__(self, job: Job) -> None:
+        self.job = job
+        self.session = Session(job.assembly, Options(store=job.store, jobs=1, part_timeout=job.part_timeout))
+        self.dimensions = {name: Dimension(*exponents) for name, exponents in job.dimensions.items()}
+        self.rules = [
+            Rule(text=text, expression=parse_expression(text, dotted=True), names=names)
+            for text, names in zip(job.rules, job.rule_names, strict=True)
+        ]
+
+    def __enter__(self) -> Runner:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.session.__exit__(*exception)
+
+    def build(self, task: Task) -> Row:
+        """Build one variant. What is wrong with it is in the row; so is an exception of thingc itself, and a system that
+        refuses to write."""
+        from thingc.realize.store import BlobMissing, StoreUnusable
+
+        started = time.perf_counter()
+        try:
+            try:
+                found = self._attempt(task)
+            except BlobMissing:  # a damaged blob of the store: it is made anew
+                found = self._attempt(task)
+        except StoreUnusable as fault:
+            found = row(task, STOPPED, code=Code.OUTPUT.code, message=f"the store `{fault.root}` cannot be used: {fault.reason}")
+        except OSError as fault:
+            if fault.filename is None and fault.errno is None:
+                found = _raised(task, fault)
+            else:
+                found = row(task, STOPPED, code=Code.OUTPUT.code, message=_words(fault))
+        except Exception as fault:
+            found = _raised(task, fault)
+        found["seconds"] = round(time.perf_counter() - started, 6)
+        return found
+
+    def _attempt(self, task: Task) -> Row:
+        compilation = self.session.compile(Settings(parameters=task.parameters, choices=task.choices), self.job.modes)
+        parts: dict[str, Any] = {"modelled": compilation.modelled, "reused": len(compilation.reused)}
+        if compilation.report.failed:
+            return row(task, "refused", **_said(compilation.report), **parts)
+        try:
+            results = self._measured(compilation)
+        except UnknownMount as fault:
+            report = Report()
+            report.add(
+                Code.RESULT, f"there is no mount `{fault.text}` for the reach", None,
+                help=did_you_mean(fault.text, fault.known, what="mounts"),
+            )
+            return row(task, "refused", **_said(report), **parts)
+        shown = _shown(results)
+        verdict = self._judge(task, results)
+        if verdict is not None:
+            return row(task, **verdict, results=shown, **parts)
+        artifacts = compilation.emit(self.job.emit, verify=self.job.verify)
+        if compilation.report.failed:
+            return row(task, "refused", **_said(compilation.report), results=shown, **parts)
+        if self.job.folder is not None:
+            write_variant(self.job.folder, task.id, compilation.files(artifacts), compilation.store)
+        return row(task, "built", results=shown, **parts)
+
+    def _measured(self, compilation: Compilation) -> Results:
+        robot = next(robot for robot in compilation.robots if robot.mode.name == self.job.results_mode)
+        return measure(robot, self.job.pose, self.job.reach)
+
+    def _judge(self, task: Task, results: Results) -> dict[str, Any] | None:
+        """What a rule says against a variant; None where all are kept."""
+        if not self.rules:
+            return None
+        values: dict[str, Found] = {
+            name: Quantity(float(value), self.dimensions[name]) if name in self.dimensions else value  # type: ignore[misc]
+            for name, value in task.values.items()
+        }
+        for rule in self.rules:
+            report = Report()
+            try:
+                if not rule.holds(values, results):
+                    return {"status": "kept_out", "rule": rule.text}
+                continue
+            except KeyError as fault:
+                report.add(
+                    Code.RESULT, f"`{rule.text}`: there is no `{fault.args[0]}` in mode `{self.job.results_mode}`", None,
+                    help="choose another mode or pose for the results, or take the rule out",
+                )
+            except ExpressionError as fault:
+                report.add(Code.RULE, f"`{rule.text}`: {fault.message}", None, help=fault.help)
+            return {"status": "refused", **_said(report)}
+        return None
+
+
+def _shown(results: Results) -> dict[str, float | str]:
+    """Results as JSON has them: an infinite torque margin is the text `inf`."""
+    return {name: value if math.isfinite(value) else "inf" for name, value in results.items() if value is not None}
+
+
+def _said(report: Report) -> dict[str, Any]:
+    """The first error and, for the journal, everything that was said."""
+    errors: list[Diagnostic] = [one for one in report.ordered() if one.severity is Severity.ERROR]
+    return {"code": errors[0].code.code, "message": errors[0].message, "diagnostics": as_json(errors[:SHOWN])}
+
+
+def _raised(task: Task, fault: BaseException) -> Row:
+    words = " ".join(str(fault).split())
+    return row(
+        task, "failed", code=Code.VARIANT_RAISED.code, message=f"thingc itself failed: {type(fault).__name__}: {words}",
+        detail="".join(traceback.format_exception(fault)),
+    )
+
+
+def _words(fault: OSError) -> str:
+    reason = fault.strerror or str(fault)
+    return f"`{fault.filename}`: {reason}" if fault.filename is not None else reason
+
+
+def main() -> None:
+    """Answer the lines of standard input on standard output until it ends."""
+    answers = os.dup(1)
+    os.dup2(2, 1)  # whatever is printed on the way goes to standard error
+    lines: queue.SimpleQueue[str] = queue.SimpleQueue()
+    job = Job.decode(sys.stdin.readline())
+
+    def listen() -> None:
+        for line in sys.stdin:
+            lines.put(line)
+        os._exit(0)  # whoever wanted the answers is gone
+
+    threading.Thread(target=listen, daemon=True).start()
+
+    def answer(found: dict[str, Any]) -> None:
+        data = memoryview(json.dumps(found, separators=(",", ":")).encode() + b"\n")
+        try:
+            while data:
+                data = data[os.write(answers, data):]
+        except BrokenPipeError:
+            os._exit(0)
+
+    with Runner(job) as runner:
+        answer({"ready": True})
+        while True:
+            for given in json.loads(lines.get()):
+                answer(runner.build(Task(**given)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,37 @@
+"""Drawing variants: points of the unit cube, one coordinate per axis, in a fixed order."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+
+BLOCK = 256
+"""Points that are made at once."""
+
+
+def points(method: str, dimensions: int, count: int, seed: int) -> Iterator[tuple[float, ...]]:
+    """`count` points of the unit cube [0, 1) of so many dimensions.
+
+    `sobol` is `scipy.stats.qmc.Sobol(d, scramble=True, rng=seed)`, `lhs` `scipy.stats.qmc.LatinHypercube(d, rng=seed)` and
+    `uniform` `numpy.random.default_rng(seed).random((count, d))`, row by row. The last of a Latin hypercube depends on the first:
+    its points are made all at once, those of the others in blocks.
+    """
+    import numpy
+    from scipy.stats import qmc
+
+    if dimensions == 0:
+        yield from (() for _ in range(count))
+        return
+    if method == "lhs":
+        for row in qmc.LatinHypercube(dimensions, rng=seed).random(count):
+            yield tuple(row.tolist())
+        return
+    sobol = qmc.Sobol(dimensions, scramble=True, rng=seed) if method == "sobol" else None
+    generator = numpy.random.default_rng(seed)
+    for start in range(0, count, BLOCK):
+        size = min(BLOCK, count - start)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # that the count should be a power of 2: docs/variants.md says so
+            block = sobol.random(size) if sobol is not None else generator.random((size, dimensions))
+        for row in block:
+            yield tuple(row.tolist())

@@ -1,0 +1,130 @@
+"""The table of a batch, `results.csv` and `results.parquet`: one row for each variant in plan order, made from the journal.
+
+Rows are read, written and forgotten one by one, so a table of any length needs no memory.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from thingc.variants import places
+from thingc.variants.journal import Line, in_order
+from thingc.variants.rules import LENGTHS, PARAMETERS, RESULTS, dimension_of
+from thingc.variants.values import unit_of
+
+BLOCK = 1024
+"""Rows of one group in the Parquet file."""
+
+HEAD = ("index", "id", "name", "status", "rule", "code", "message")
+TAIL = ("path", "command")
+RUN = ("parts_modelled", "parts_reused", "seconds")
+"""Columns that tell of the run and differ from one to the next."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Column:
+    """`name`, `kind` (`integer | number | text | flag`) and SI `unit` (empty for what has none)."""
+
+    name: str
+    kind: str
+    unit: str = ""
+
+
+def columns(parameters: Sequence[Column], choices: Sequence[str], lengths: Sequence[str]) -> tuple[Column, ...]:
+    """Every column, in order. `parameters` by their own names; `lengths` are the results `length.JOINT`."""
+    return (
+        *(Column(name=name, kind="integer" if name == "index" else "text") for name in HEAD),
+        *(Column(name=PARAMETERS + one.name, kind=one.kind, unit=one.unit) for one in parameters),
+        *(Column(name=path, kind="text") for path in choices),
+        *(Column(name=name, kind="number", unit=unit_of(dimension_of(name))) for name in (*RESULTS, *lengths)),
+        *(Column(name=name, kind="text") for name in TAIL),
+        *(Column(name=name, kind="number" if name == "seconds" else "integer", unit="s" if name == "seconds" else "") for name in RUN),
+    )
+
+
+def lengths_in(journal: str) -> list[str]:
+    """The results `length.JOINT` that any variant has, sorted."""
+    found: set[str] = set()
+    for line in in_order(journal):
+        found.update(name for name in line.get("results", ()) if name.startswith(LENGTHS))
+    return sorted(found)
+
+
+def flat(line: Line) -> dict[str, Any]:
+    """The cells of a line of the journal by column, None where it has none. An infinite result is the text `inf`."""
+    return {
+        **{name: line.get(name) for name in (*HEAD, *TAIL)},
+        **{PARAMETERS + name: value for name, value in line["parameters"].items()},
+        **line["choices"],
+        **line.get("results", {}),
+        "parts_modelled": len(line["modelled"]) if "modelled" in line else None,
+        "parts_reused": line.get("reused"),
+        "seconds": line.get("seconds"),
+    }
+
+
+def cells(line: Line, wanted: Sequence[Column]) -> list[Any]:
+    """One row: the values of a line of the journal, None where it has none."""
+    values = flat(line)
+    found = [(column.kind, values.get(column.name)) for column in wanted]
+    return [float(value) if kind == "number" and value is not None else value for kind, value in found]
+
+
+def write_tables(folder: str, parameters: Sequence[Column], choices: Sequence[str]) -> tuple[Column, ...]:
+    """Write both files anew from the journal of a batch; each appears as a whole. Returns their columns."""
+    journal = os.path.join(folder, places.JOURNAL)
+    wanted = columns(parameters, choices, lengths_in(journal))
+    _write_csv(os.path.join(folder, places.TABLE_CSV), journal, wanted)
+    _write_parquet(os.path.join(folder, places.TABLE_PARQUET), journal, wanted)
+    return wanted
+
+
+def _rows(journal: str, wanted: Sequence[Column]) -> Iterator[list[Any]]:
+    return (cells(line, wanted) for line in in_order(journal))
+
+
+def _write_csv(path: str, journal: str, wanted: Sequence[Column]) -> None:
+    def text(value: Any) -> str:
+        if value is None:
+            return ""
+        if isinstance(value, bool):
+            return "true" if value else "false"
+        return repr(value) if isinstance(value, float) else str(value)
+
+    fresh = f"{path}.new"
+    with open(fresh, "w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow([column.name for column in wanted])
+        for row in _rows(journal, wanted):
+            writer.writerow([text(value) for value in row])
+    os.replace(fresh, path)
+
+
+def _write_parquet(path: str, journal: str, wanted: Sequence[Column]) -> None:
+    import pyarrow
+    from pyarrow import parquet
+
+    types = {"integer": pyarrow.int64(), "number": pyarrow.float64(), "text": pyarrow.string(), "flag": pyarrow.bool_()}
+    schema = pyarrow.schema([
+        pyarrow.field(column.name, types[column.kind], metadata={"unit": column.unit} if column.unit else None) for column in wanted
+    ])
+    fresh = f"{path}.new"
+    with parquet.ParquetWriter(fresh, schema) as writer:
+        block: list[list[Any]] = []
+        for row in _rows(journal, wanted):
+            block.append(row)
+            if len(block) == BLOCK:
+                writer.write_table(_table(pyarrow, schema, block))
+                block.clear()
+        if block:
+            writer.write_table(_table(pyarrow, schema, block))
+    os.replace(fresh, path)
+
+
+def _table(pyarrow: Any, schema: Any, block: Sequence[Sequence[Any]]) -> Any:
+    arrays = [pyarrow.array([row[k] for row in block], type=field.type) for k, field in enumerate(schema)]
+    return pyarrow.Table.from_arrays(arrays, schema=schema)

@@ -1,0 +1,1 @@
+"""Parts of the workspace go here."""

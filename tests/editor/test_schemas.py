@@ -1,0 +1,214 @@
+"""The files that `thingc schema` writes: who gets one, what stays, and what wrong documents get. Validated with jsonschema."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+import yaml
+
+from editor.running import ROOT, thingc
+
+PLAIN = """\
+thingc: assembly/1
+name: small
+components:
+  plate: {part: arm:BasePlate}
+  servo: {part: thingc_stock.dynamixel:XM430, attach: {back: plate.servo_seat}}
+joints: {}
+"""
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> Path:
+    """A workspace with one document."""
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\nparts = ["parts"]\n')
+    (tmp_path / "parts").mkdir()
+    shutil.copy(ROOT / "parts" / "arm.py", tmp_path / "parts")
+    (tmp_path / "small.yaml").write_text(PLAIN)
+    return tmp_path
+
+
+def schema_of(folder: Path, name: str) -> Any:
+    found = json.loads((folder / ".thingc" / "schema" / f"{name}.json").read_text())
+    jsonschema.Draft202012Validator.check_schema(found)
+    assert found["$schema"] == "https://json-schema.org/draft/2020-12/schema"
+    return found
+
+
+def faults(schema: Any, document: Any) -> list[str]:
+    return [error.message for error in jsonschema.Draft202012Validator(schema).iter_errors(document)]
+
+
+def offered(schema: Any, definition: str) -> set[str]:
+    return {branch["const"] for branch in schema["$defs"][definition]["anyOf"] if "const" in branch}
+
+
+def test_every_document_has_one_that_it_fits(workspace: Path) -> None:
+    documents = sorted((workspace / "assemblies").rglob("*.yaml"))
+    written = sorted(path.relative_to(workspace / ".thingc/schema").as_posix() for path in (workspace / ".thingc/schema").rglob("*.json"))
+    assert written == sorted([*(f"{path.relative_to(workspace).as_posix()}.json" for path in documents), "thingc.toml.json"])
+    for path in documents:
+        schema = schema_of(workspace, path.relative_to(workspace).as_posix())
+        assert faults(schema, yaml.safe_load(path.read_text())) == []
+
+
+def test_every_reference_inside_leads_somewhere(workspace: Path) -> None:
+    from urllib.parse import unquote
+
+    for path in (workspace / ".thingc/schema").rglob("*.json"):
+        schema = json.loads(path.read_text())
+        waiting: list[Any] = [schema]
+        while waiting:
+            one = waiting.pop()
+            if isinstance(one, dict):
+                if isinstance(target := one.get("$ref"), str):
+                    name = unquote(target.removeprefix("#/$defs/")).replace("~1", "/").replace("~0", "~")
+                    assert name in schema["$defs"], target
+                waiting.extend(one.values())
+            elif isinstance(one, list):
+                waiting.extend(one)
+
+
+def test_nothing_changed_nothing_written(small: Path, shared_store: str) -> None:
+    first = thingc(small, shared_store, "schema")
+    assert first.startswith(".thingc/schema: schemas of 2 documents: 2 written, 0 as they were\n")
+    files = {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in small.rglob("*") if path.is_file()}
+    assert thingc(small, shared_store, "schema") == ".thingc/schema: schemas of 2 documents: 0 written, 2 as they were\n"
+    assert files == {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in small.rglob("*") if path.is_file()}
+    shutil.rmtree(small / ".thingc")
+    thingc(small, shared_store, "schema")
+    assert files.keys() == {path for path in small.rglob("*") if path.is_file()}
+    assert all(path.read_bytes() == data for path, (data, _) in files.items())
+
+
+def test_the_folder_is_never_in_git_and_stale_schemas_go(small: Path, shared_store: str) -> None:
+    (small / "deep").mkdir()
+    (small / "deep" / "other.yaml").write_text(PLAIN.replace("small", "other"))
+    thingc(small, shared_store, "schema")
+    assert (small / ".thingc" / ".gitignore").read_text() == "*\n"
+    assert (small / ".thingc/schema/deep/other.yaml.json").exists()
+    shutil.rmtree(small / "deep")
+    assert "1 removed" in thingc(small, shared_store, "schema")
+    assert not (small / ".thingc/schema/deep").exists()
+    assert "other" not in (small / ".vscode/settings.json").read_text()
+
+
+def test_the_rest_of_a_wrong_document_is_known(small: Path, shared_store: str) -> None:
+    (small / "small.yaml").write_text(PLAIN.replace("joints: {}", """\
+  half: {par: arm:RotorBrace}
+  wrong: {part: arm:RotorBrace, params: {length: 3 kg}}
+  lost: {part: arm:NotThere}
+joints:
+  turn: {type: revolute, parent: servo.rotor, chil: wrong.rotor_seat}
+poses: {up: {turn: }}
+modes: {bench: {root: plat, pose: up}}
+"""))
+    thingc(small, shared_store, "schema")
+    schema = schema_of(small, "small.yaml")
+    assert {"plate", "servo", "half", "wrong", "lost"} <= offered(schema, "component")
+    # what is wrong about a component takes neither its mounts nor anybody's name away
+    assert {"plate.servo_seat", "servo.rotor", "wrong.rotor_seat", "half.origin"} <= offered(schema, "mount")
+    poses = schema["properties"]["poses"]
+    joints = next(iter(poses.get("patternProperties", {"": poses.get("additionalProperties")}).values()))["properties"]
+    assert "turn" in joints
+    right = yaml.safe_load(PLAIN)
+    right["components"]["wrong"] = {"part": "arm:RotorBrace", "params": {"length": "80 mm"}, "attach": {"rotor_seat": "servo.rotor"}}
+    right["components"]["lost"] = {"part": "arm:NotThere", "params": {"any": 3}, "attach": {"thing": "plate.bottom"}}
+    assert faults(schema, right) == []
+
+
+def test_a_document_that_is_not_well_formed_keeps_its_last_schema(small: Path, shared_store: str) -> None:
+    thingc(small, shared_store, "schema")
+    before = (small / ".thingc/schema/small.yaml.json").read_bytes()
+    (small / "small.yaml").write_text(PLAIN + "joints: {turn: [\n")
+    printed = thingc(small, shared_store, "schema")
+    assert "small.yaml: not well-formed just now; it keeps its last schema" in printed
+    assert (small / ".thingc/schema/small.yaml.json").read_bytes() == before
+
+
+def test_one_that_was_never_well_formed_gets_what_is_known_without_it(small: Path, shared_store: str) -> None:
+    (small / "fresh.yaml").write_text("thingc: assembly/1\nname: [\n")
+    thingc(small, shared_store, "schema")
+    parts = schema_of(small, "fresh.yaml")["$defs"]["ComponentSpec"]["properties"]["part"]["anyOf"]
+    assert "arm:BasePlate" in {branch.get("const") for branch in parts}
+
+
+def test_a_part_file_that_is_being_edited_keeps_what_was_known(small: Path, shared_store: str) -> None:
+    thingc(small, shared_store, "schema")
+    before = schema_of(small, "small.yaml")
+    part = small / "parts" / "arm.py"
+    part.write_text(part.read_text() + "\ndef half(:\n")
+    thingc(small, shared_store, "schema")
+    after = schema_of(small, "small.yaml")
+    assert after["$defs"]["params of arm:BasePlate"] == before["$defs"]["params of arm:BasePlate"]
+    assert offered(after, "mount") >= {"plate.servo_seat", "plate.bottom", "servo.rotor"}
+
+
+def test_no_model_starts_no_kernel(small: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+    store = tmp_path_factory.mktemp("empty-store")
+    thingc(small, str(store), "schema", "--no-model")
+    schema = schema_of(small, "small.yaml")
+    assert offered(schema, "mount") == {"plate.origin", "servo.origin"}
+    assert faults(schema, yaml.safe_load(PLAIN)) == [], "what is not known is not refused"
+    assert not (store / "blobs").exists() or not any((store / "blobs").iterdir())
+
+
+def test_one_document_alone(small: Path, shared_store: str) -> None:
+    (small / "other.yaml").write_text(PLAIN.replace("small", "other"))
+    assert thingc(small, shared_store, "schema", "other.yaml") == ".thingc/schema: schemas of 1 document: 1 written, 0 as they were\n"
+    assert not (small / ".thingc/schema/small.yaml.json").exists() and not (small / ".vscode").exists()
+
+
+def test_other_files_are_no_documents(small: Path, shared_store: str) -> None:
+    (small / "compose.yaml").write_text("services: {}\n")
+    (small / "inner").mkdir()
+    (small / "inner" / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    (small / "inner" / "theirs.yaml").write_text(PLAIN)
+    assert "schemas of 2 documents" in thingc(small, shared_store, "schema")
+
+
+def test_repeats_and_nested_documents_keep_their_freedom(small: Path, shared_store: str) -> None:
+    (small / "big.yaml").write_text("""\
+thingc: assembly/1
+name: big
+parameters: {count: 3}
+components:
+  plate: {part: arm:BasePlate}
+  screw:
+    repeat: {count: =count, as: i}
+    part: thingc_stock.fasteners:Screw
+    attach: {seat: plate.servo_screw_$i}
+  inner: {assembly: small.yaml, attach: {plate.bottom: plate.table_0}}
+""")
+    thingc(small, shared_store, "schema")
+    schema = schema_of(small, "big.yaml")
+    document = yaml.safe_load((small / "big.yaml").read_text())
+    assert faults(schema, document) == []
+    assert {"screw_0.seat", "screw_2.seat", "inner.plate.bottom", "inner.servo.rotor"} <= offered(schema, "mount")
+    document["mounts"] = {"a": "screw_1.seat", "b": "inner.servo.rotor", "c": "inner.plate.origin"}
+    assert faults(schema, document) == []
+    for wrong in ("screw_1.seet", "plate.servo_screw_99", "inner.bottom"):
+        document["mounts"] = {"a": wrong}
+        assert len(faults(schema, document)) == 1, wrong
+
+
+def test_variants_know_the_parameters_of_their_assembly(small: Path, shared_store: str) -> None:
+    (small / "small.yaml").write_text(PLAIN.replace("components:", "parameters: {reach: {value: 90 mm, doc: how far}}\ncomponents:"))
+    sweep = {"thingc": "variants/1", "assembly": "small.yaml", "name": "sweep", "parameters": {"reach": ["80 mm", "90 mm"]}}
+    (small / "sweep.yaml").write_text(yaml.safe_dump(sweep, sort_keys=False))
+    thingc(small, shared_store, "schema")
+    schema = schema_of(small, "sweep.yaml")
+    assert faults(schema, sweep) == []
+    assert schema["properties"]["parameters"]["properties"]["reach"]["description"] == "How far. A length; `90 mm` unless set."
+    assert len(faults(schema, {**sweep, "parameters": {"reech": ["80 mm"]}})) == 1
+
+
+def test_the_lock_is_asked_where_the_store_knows_nothing(small: Path, shared_store: str, tmp_path_factory: pytest.TempPathFactory) -> None:
+    thingc(small, shared_store, "lock")
+    thingc(small, str(tmp_path_factory.mktemp("empty-store")), "schema", "--no-model")
+    assert {"plate.servo_seat", "servo.rotor"} <= offered(schema_of(small, "small.yaml"), "mount")

@@ -1,0 +1,344 @@
+"""`thingc fmt`: the canonical layout by example, and what the command does to files."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import stat
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomlkit
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+
+from thingc.cli.main import main
+from thingc.diagnostics import Report, as_text
+from thingc.layout import format_document
+from thingc.layout.order import FIRST
+from thingc.spec.shapes import model_keys
+
+UNTIDY = b"""\
+# yaml-language-server: $schema=x.json
+# About this robot.
+
+name:  arm     # not first
+# Which language.
+thingc: assembly/1
+
+
+components:
+    # the base
+    plate:   {part: arm:BasePlate,process: {  infill: 30% }}   # heavier
+    servo:   {part: s:XM430, attach: {back: plate.servo_seat}}
+
+
+    bus_board :            # hub
+          at: { xyz: 0 0 4mm,in: bracket.board }
+          # it was weighed
+          mass: {source: measured, value: 12g}
+          frame: true
+          # end of the board
+    # end of the components
+poses:
+  zero: {}
+  home: {yaw: 30deg, "a b": 'x' , b: [ 1,2 ]}
+joints:
+  yaw:
+    unknown: 3
+    parent: a.b
+    type: revolute
+    limit: {
+      upper: 3 deg,
+      lower: "=min(a, b)"
+    }
+materials: [ a.yaml,b.yaml, ]
+"""
+
+TIDY = b"""\
+# yaml-language-server: $schema=x.json
+# About this robot.
+
+# Which language.
+thingc: assembly/1
+name: arm      # not first
+materials: [a.yaml, b.yaml]
+
+components:
+  # the base
+  plate:   {part: arm:BasePlate, process: {infill: 30 %}}      # heavier
+  servo:   {part: s:XM430, attach: {back: plate.servo_seat}}
+
+  bus_board:               # hub
+    frame: true
+    # it was weighed
+    mass: {value: 12 g, source: measured}
+    at: {in: bracket.board, xyz: 0 0 4 mm}
+    # end of the board
+  # end of the components
+
+joints:
+  yaw:
+    unknown: 3
+    type: revolute
+    parent: a.b
+    limit: {
+      lower: "=min(a, b)",
+      upper: 3 deg
+    }
+
+poses:
+  zero: {}
+  home: {yaw: 30 deg, "a b": 'x', b: [1, 2]}
+"""
+
+
+def formatted(text: bytes, name: str = "/robot.yaml") -> bytes:
+    report = Report()
+    found = format_document(name, text, report)
+    assert found is not None, as_text(report.diagnostics)
+    return found
+
+
+def test_the_layout_by_example() -> None:
+    assert formatted(UNTIDY) == TIDY
+    assert formatted(TIDY) == TIDY
+
+
+def test_lines_end_as_the_first_and_a_byte_order_mark_goes() -> None:
+    assert formatted(b"\xef\xbb\xbf" + TIDY.replace(b"\n", b"\r\n")) == TIDY.replace(b"\n", b"\r\n")
+    assert formatted(TIDY.replace(b"\n", b"\r\n", 1)) == TIDY.replace(b"\n", b"\r\n")
+    assert formatted(TIDY.rstrip(b"\n") + b"\n\n \n") == TIDY == formatted(TIDY.rstrip(b"\n"))
+
+
+@pytest.mark.parametrize(("written", "meant"), [
+    ("mass: 120g", "mass: 120 g"), ("mass: 1.5e1kg", "mass: 1.5e1 kg"), ("mass:   12   g", "mass: 12 g"),
+    ('mass: "120g"', 'mass: "120 g"'), ("com: [1mm, 0, -2.5mm]", "com: [1 mm, 0, -2.5 mm]"), ("com: 1 2 3mm", "com: 1 2 3 mm"),
+    ("params: {length: 3mm}", "params: {length: 3 mm}"),
+    # text, names and expressions are nobody's quantities
+    ("bom: {number: 5mm}", "bom: {number: 5mm}"), ("mass: =2g", "mass: =2g"), ("material: 3mm", "material: 3mm"),
+    ("mass: 12quux", "mass: 12quux"), ("visual: 3mm", "visual: 3mm"), ("bom: {cost: 12EUR}", "bom: {cost: 12EUR}"),
+])
+def test_a_space_before_the_unit_only_where_a_quantity_stands(written: str, meant: str) -> None:
+    text = "thingc: assembly/1\nname: a\ncomponents:\n  b:\n    part: a:B\n    {}\n"
+    assert formatted(text.format(written).replace("{}", written).encode()).decode() == text.replace("{}", meant)
+
+
+def test_an_alias_never_comes_before_its_anchor() -> None:
+    text = b"thingc: assembly/1\nname: a\nposes: {a: &p {x: 1 deg}}\ncomponents:\n  b: {frame: true, params: *p}\n"
+    assert formatted(text) == text
+    apart = text.replace(b"*p", b"{}")
+    assert formatted(apart).index(b"components") < formatted(apart).index(b"poses")
+
+
+@pytest.mark.parametrize("text", [
+    "thingc: assembly/1\n? name\n:  a\n", "thingc: assembly/1\nname:  a\ndescription: |+\n  a\n\n\n", "thingc: assembly/1\nname:  a\n...\n",
+    "thingc: assembly/1\nname:  a\ndescription: |\n  a",
+])
+def test_rare_forms_are_left_alone(text: str) -> None:
+    assert formatted(text.encode()) == text.encode()
+
+
+def test_the_order_names_keys_of_its_models_only() -> None:
+    for model, keys in FIRST.items():
+        assert set(keys) <= set(model_keys(model)), model
+
+
+TOML = b"""\
+# a robot
+thingc="assembly/1"   # first
+name   = "arm"
+"quoted" = 1
+materials=[ "a.yaml",'b.yaml', ]
+
+[joints.yaw]
+parent = "a.b"
+type   = "revolute"
+limit={upper="30deg",lower= "-30 deg"}
+# the base
+[components . plate]   # flat
+  part="arm:BasePlate"
+  xs = [
+    1,   # one
+    2
+  ]
+  [components.plate.at]
+  xyz = "0 0 4mm"
+  in = "x.y"
+# the end
+"""
+TIDY_TOML = b"""\
+# a robot
+thingc = "assembly/1"  # first
+name   = "arm"
+"quoted" = 1
+materials = ["a.yaml", 'b.yaml']
+
+# the base
+[components . plate]   # flat
+part = "arm:BasePlate"
+xs = [
+    1,   # one
+    2
+  ]
+
+[components.plate.at]
+in = "x.y"
+xyz = "0 0 4 mm"
+
+[joints.yaw]
+type   = "revolute"
+parent = "a.b"
+limit = {lower = "-30 deg", upper = "30 deg"}
+# the end
+"""
+
+
+def test_toml_by_example() -> None:
+    assert formatted(TOML, "/robot.toml") == TIDY_TOML
+    assert formatted(TIDY_TOML, "/robot.toml") == TIDY_TOML
+
+
+@st.composite
+def tomls(draw: st.DrawFn) -> str:
+    """A TOML document with sections, dotted keys, and a comment with a number wherever one may stand."""
+    count = 0
+
+    def note(chance: int = 3) -> str:
+        nonlocal count
+        if draw(st.integers(0, chance)):
+            return ""
+        count += 1
+        return f"{draw(st.sampled_from(('', ' ', '     ')))}#c{count}."
+
+    def value() -> str:
+        return str(draw(st.sampled_from((
+            '"12mm"', "'x # y'", "3", "-1.5", "true", "[1,2 , 3]", '{type="a",in = "b.c" , xyz="0 0 4mm"}', "[]", "{}",
+            f'[\n  1,{note()}\n    "a"{note()}\n]', '"""two\n  lines"""',
+        ))))
+
+    def pairs(names: tuple[str, ...]) -> list[str]:
+        lines = []
+        for key in draw(st.lists(st.sampled_from(names), unique=True, max_size=5)):
+            lines += [f"{note(2)}" for _ in range(draw(st.integers(0, 2)))]
+            space = draw(st.sampled_from(("", " ", "   ")))
+            lines.append(f"{draw(st.sampled_from(('', '  ')))}{key}{space}={space}{value()}{note()}")
+        return lines
+
+    lines = [note(), "", f'thingc = "assembly/1"{note()}', *pairs(("name", "raw", '"a b"', "defaults.x", "defaults.y", "zzz"))]
+    sections = ("components.b", "components.a", "components.a.at", "joints.k", "modes.m", "poses", "joints.j.limit")
+    for section in draw(st.lists(st.sampled_from(sections), unique=True, max_size=5)):
+        lines += [note(2), f"[{section}]{note()}", *pairs(("part", "frame", "mass", "type", "parent", "xyz", "in", "value"))]
+    return "\n".join([*lines, note(), ""])
+
+
+@settings(max_examples=200, deadline=None, suppress_health_check=list(HealthCheck))
+@given(tomls())
+def test_toml_says_the_same_to_another_reader(text: str) -> None:
+    report = Report()
+    once = format_document("/robot.toml", text.encode(), report)
+    assert all(d.code.code != "TC899" for d in report.diagnostics), as_text(report.diagnostics)
+    assume(once is not None)
+    assert once is not None
+
+    def plain(data: str) -> Any:
+        return tomlkit.parse(data.replace("12mm", "12 mm").replace("4mm", "4 mm")).unwrap()
+
+    assert plain(once.decode()) == plain(text)
+    assert list(tomllib.loads(once.decode()).get("components", {})) == list(tomllib.loads(text).get("components", {}))
+    assert sorted(_numbers(once)) == sorted(_numbers(text.encode()))
+    assert format_document("/robot.toml", once, Report()) == once
+
+
+def _numbers(text: bytes) -> list[int]:
+    """Those of the comments."""
+    return [int(piece.partition(b".")[0]) for piece in text.split(b"#c")[1:]]
+
+
+# --- the command -----------------------------------------------------------------------------------------------------
+
+
+def test_the_documents_of_the_repository_are_canonical(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(root)
+    assert main(["fmt", "--check", "assemblies", "thingc.toml"]) == 0
+
+
+def test_files_are_replaced_with_their_mode_and_only_where_something_changes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    untidy, tidy, link = tmp_path / "untidy.yaml", tmp_path / "tidy.yaml", tmp_path / "link.yaml"
+    untidy.write_bytes(b"name: a\nthingc: assembly/1\n")
+    tidy.write_bytes(b"thingc: assembly/1\nname: a\n")
+    shutil.copy(untidy, tmp_path / "real.yaml")
+    link.symlink_to("real.yaml")
+    untidy.chmod(0o640)
+    os.utime(tidy, (1, 1))
+    assert main(["fmt", "--check", "untidy.yaml", "tidy.yaml"]) == 1
+    assert capsys.readouterr().out == "untidy.yaml: would be changed\n1 of 2 documents would be changed\n"
+    assert main(["fmt", "--diff", "untidy.yaml"]) == 0
+    assert capsys.readouterr().out.endswith("@@ -1,2 +1,2 @@\n+thingc: assembly/1\n name: a\n-thingc: assembly/1\n")
+    assert untidy.read_bytes().startswith(b"name")
+    assert main(["fmt", "untidy.yaml", "tidy.yaml", "link.yaml"]) == 0
+    assert capsys.readouterr().out == "untidy.yaml: changed\nlink.yaml: changed\n2 of 3 documents changed\n"
+    assert untidy.read_bytes() == tidy.read_bytes() == (tmp_path / "real.yaml").read_bytes()
+    assert stat.S_IMODE(untidy.stat().st_mode) == 0o640 and tidy.stat().st_mtime == 1 and link.is_symlink()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["link.yaml", "real.yaml", "tidy.yaml", "untidy.yaml"]
+
+
+def test_a_document_that_is_not_well_formed_is_said_and_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    broken = tmp_path / "broken.yaml"
+    broken.write_bytes(b"name:   a\nthingc: assembly/1\ncomponents: {a: {frame: true}\n")
+    before = broken.read_bytes()
+    (tmp_path / "good.yaml").write_bytes(b"name: a\nthingc: assembly/1\n")
+    assert main(["fmt", "broken.yaml", "good.yaml"]) == 1
+    said = capsys.readouterr().out
+    assert "TC103" in said and "broken.yaml:3:13" in said and "good.yaml: changed" in said
+    assert broken.read_bytes() == before
+    assert main(["fmt", "nowhere.yaml"]) == 2 and main(["fmt", "-", "good.yaml"]) == 2
+
+
+def test_of_a_folder_the_documents_and_of_touched_files_those_that_are_some(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "deep").mkdir()
+    (tmp_path / "deep" / "a.yaml").write_bytes(b"thingc:  materials/1\nmaterials: {}\n")
+    (tmp_path / "thingc.toml").write_bytes(b'thingc="workspace/1"\n')
+    (tmp_path / "other.yaml").write_bytes(b"on:   push\n")
+    (tmp_path / "part.py").write_bytes(b"x = 1\n")
+    assert main(["fmt", "--check", "."]) == 1
+    assert capsys.readouterr().out.splitlines()[-1] == "2 of 2 documents would be changed"
+    assert main(["fmt", "--touched", "other.yaml", "part.py", "gone.yaml", "deep/a.yaml"]) == 0
+    assert capsys.readouterr().out == "deep/a.yaml: changed\n1 of 1 document changed\n"
+
+
+def test_standard_input(tmp_path: Path) -> None:
+    import subprocess
+    import sys
+
+    for text, tidy in ((UNTIDY, TIDY), (TOML, TIDY_TOML)):
+        done = subprocess.run([sys.executable, "-m", "thingc", "fmt", "-"], input=text, capture_output=True, check=True, cwd=tmp_path)
+        assert done.stdout == tidy
+    wrong = subprocess.run([sys.executable, "-m", "thingc", "fmt", "-"], input=b"a: [", capture_output=True, cwd=tmp_path)
+    assert wrong.returncode == 1 and wrong.stdout == b"" and b"TC103" in wrong.stderr
+
+
+def test_a_modeline_names_the_schema_of_the_document(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "thingc.toml").write_bytes(b'thingc = "workspace/1"\n')
+    (tmp_path / "a").mkdir()
+    file = tmp_path / "a" / "robot.yaml"
+    file.write_bytes(b"name: a\nthingc: assembly/1\n")
+    line = b"# yaml-language-server: $schema=../.thingc/schema/a/robot.yaml.json\n"
+    for _ in range(2):
+        assert main(["fmt", "--modeline", "a"]) == 0
+        assert file.read_bytes() == line + b"thingc: assembly/1\nname: a\n"
+    file.write_bytes(file.read_bytes().replace(b"../.thingc", b"../../old"))
+    assert main(["fmt", "a"]) == 0 and b"../../old" in file.read_bytes()
+    assert main(["fmt", "--modeline", "a"]) == 0 and file.read_bytes().startswith(line)

@@ -1,0 +1,141 @@
+"""`--format` of the command line: every form for right documents, wrong ones, wrong command lines and defects; and colour."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import pty
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from reporting.test_github import parsed
+from reporting.test_sarif import checked
+from thingc.cli.main import main
+
+CASES = Path(__file__).resolve().parents[1] / "cases"
+FORMS = ("text", "json", "github", "sarif")
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shared_store: str) -> Path:
+    """The cases about names, in a repository of their own, which is the working folder."""
+    monkeypatch.setenv("THINGC_STORE", shared_store)
+    (tmp_path / ".git").mkdir()
+    shutil.copy(CASES / "thingc.toml", tmp_path)
+    for name in ("parts", "names", "codes"):
+        shutil.copytree(CASES / name, tmp_path / name)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def said(capsys: pytest.CaptureFixture[str], words: Sequence[str]) -> tuple[int, dict[str, list[str]], str]:
+    """Exit code, the codes that each form names in order, and standard error of the text form."""
+    codes, forms, err = set(), {}, ""
+    for form in FORMS:
+        capsys.readouterr()
+        codes.add(main([*words, "--format", form]))
+        printed = capsys.readouterr()
+        if form == "text":
+            err = printed.err
+            forms[form] = re.findall(r"^(?:error|warning)\[(TC\d+)\]", printed.out + printed.err, re.MULTILINE)
+        elif form == "json":
+            forms[form] = [entry["code"] for entry in json.loads(printed.out)["diagnostics"]]
+        elif form == "github":
+            forms[form] = [parsed(line)[1]["title"] for line in printed.out.splitlines()]
+        else:
+            run = checked(printed.out)
+            invocation = run["invocations"][0]
+            told = [result["ruleId"] for result in run["results"]]
+            for kind in ("toolConfigurationNotifications", "toolExecutionNotifications"):
+                told += [notification["descriptor"]["id"] for notification in invocation.get(kind, [])]
+            forms[form] = told
+    (code,) = codes
+    return code, forms, err
+
+
+@pytest.mark.parametrize(("words", "code"), [
+    (["check", "names/mount.yaml"], 1), (["check", "names/mount.yaml", "codes/TC302.yaml"], 1), (["check", "codes/TC302.right.yaml"], 0),
+    (["check", "codes/TC406/wrong/robot.yaml"], 0), (["build", "names/mount.yaml", "-o", "out"], 1), (["check", "nothing.yaml"], 2),
+    (["check", "codes/TC302.yaml", "-p", "x"], 2), (["check", "--speed", "3"], 2), (["chek", "codes/TC302.yaml"], 2),
+    (["build", "codes/TC302.right.yaml", "--mode", "nmae"], 2), (["build", "codes/TC302.right.yaml", "--emit", "bom", "-o", "out"], 0),
+])
+def test_every_form_says_the_same(words: list[str], code: int, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    exit_code, forms, _ = said(capsys, words)
+    assert exit_code == code
+    assert forms["text"] == forms["json"] == forms["github"] == forms["sarif"]
+    assert bool(forms["text"]) == (code != 0 or "TC406" in words[1])
+
+
+def test_an_unchanged_document_answers_in_every_form(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A warning is remembered with the stamp; the second run answers from it, in whatever form."""
+    words = ["check", "codes/TC406/wrong/robot.yaml"]
+    assert main(words) == 0
+    monkeypatch.setattr("thingc.pipeline.Compilation.run", lambda *_, **__: pytest.fail("the stamp should have answered"))
+    exit_code, forms, _ = said(capsys, words)
+    assert exit_code == 0 and list(forms.values()) == [["TC406"]] * 4
+
+
+def test_a_defect_is_told_in_the_form_that_was_asked_for(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def defect(*_: object, **__: object) -> None:
+        raise ZeroDivisionError("division by zero")
+
+    monkeypatch.setattr("thingc.pipeline.Compilation.run", defect)
+    (folder / "codes" / "TC302.yaml").write_text("thingc: assembly/1\nname: never_seen_before\ncomponents: {}\n")
+    exit_code, forms, _ = said(capsys, ["check", "codes/TC302.yaml"])
+    assert exit_code == 1 and list(forms.values()) == [["TC899"]] * 4
+
+
+def test_a_form_that_a_command_has_not_is_refused_in_text(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["info", "codes/TC302.right.yaml", "--format", "sarif"]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == "" and "expected `text` or `json`, found `sarif`" in printed.err
+
+
+def printed_on_terminal(words: Sequence[str], environment: dict[str, str]) -> str:
+    """What `thingc` prints where its standard output is a pseudo-terminal."""
+    master, slave = pty.openpty()
+    try:
+        subprocess.run([sys.executable, "-m", "thingc", *words], stdout=slave, stderr=slave, env=environment, check=False, timeout=60)
+        os.close(slave)
+        slave = -1
+        text = b""
+        with contextlib.suppress(OSError):  # Linux: EIO at the end
+            while more := os.read(master, 65536):
+                text += more
+    finally:
+        os.close(master)
+        if slave >= 0:
+            os.close(slave)
+    return text.decode().replace("\r\n", "\n")
+
+
+PLAIN = "error[TC302]: this document has no component `plaet`\n"
+
+
+def test_colour_is_for_terminals(folder: Path) -> None:
+    environment = {key: value for key, value in os.environ.items() if key != "NO_COLOR"}
+    words = ["check", "codes/TC302.yaml"]
+    colored = printed_on_terminal(words, environment)
+    assert "\x1b[1;31merror[TC302]\x1b[0m" in colored
+    plain = re.sub(r"\x1b\[[\d;]*[mK]", "", colored)
+    assert PLAIN in plain and "^^^^^^^^^" in plain
+    assert printed_on_terminal(words, {**environment, "NO_COLOR": "1"}).count("\x1b[1;31m") == 0
+    piped = subprocess.run([sys.executable, "-m", "thingc", *words], capture_output=True, text=True, env=environment, timeout=60)
+    assert piped.stdout.startswith(PLAIN) and "\x1b" not in piped.stdout
+
+
+@pytest.mark.parametrize("form", ["json", "github", "sarif"])
+def test_no_machine_gets_colours(form: str, folder: Path) -> None:
+    environment = {key: value for key, value in os.environ.items() if key != "NO_COLOR"}
+    assert "\x1b[1;31m" not in printed_on_terminal(["check", "codes/TC302.yaml", "--format", form], environment)

@@ -1,0 +1,52 @@
+"""`thingc check --no-code` of documents that are made to exhaust it: a diagnostic within five seconds and a gigabyte, whatever it is
+given. Each is a whole process, and what it used is what the kernel says it used."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from bombs import BOMBS
+from harness import ran
+
+SECONDS = 7.0
+"""Five that the check may compute, and what it takes to start and to print."""
+MEMORY = 1000.0
+
+SAID = {
+    "doubling": "TC331", "doubling_with_parameters": "TC331", "repeats_of_repeats": "TC331", "repeats_beside": "TC331",
+    "laughs": "TC108", "many_aliases": "TC108", "deep_flow": "TC108", "deep_flow_braces": "TC108", "deep_block": "TC108",
+    "deep_sequence": "TC108", "complex_keys": "TC108", "many_keys": "TC108", "one_line": "TC108", "long_expression": "TC209",
+    "deep_expression": "TC209", "chained_parameters": "TC315", "parameters_in_a_circle": "TC316", "digits": "TC109",
+    "globs_match_all": "TC331", "mode_chain": "TC331", "mode_circle": "TC333", "large_documents": "TC108", "materials_chain": "TC306",
+    "bad_bytes": "TC102", "zeros": "TC103", "too_large": "TC108", "large_lock": "TC342", "deep_lock": "TC342", "digits_lock": "TC342",
+    "large_python": "TC343", "settings": "TC108", "deep_settings": "TC108", "toml_deep": "TC108", "toml_deep_table": "TC108",
+    "toml_deep_header": "TC108", "toml_digits": "TC103",
+}
+"""Of those that take far less than the limit on any machine: what is said, which is not that a limit was met."""
+
+
+@pytest.mark.parametrize("name", BOMBS)
+def test_what_is_made_to_exhaust_it_does_not(name: str, tmp_path: Path) -> None:
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "blocks.py").write_text("class Block: pass\n")
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    (tmp_path / "parts.lock.json").write_text('{"thingc": "lock/1"}')
+    document = BOMBS[name](tmp_path)
+    done = ran(["check", "--no-code", document], tmp_path)
+    assert done.code in (0, 1), done.err
+    assert "Traceback" not in done.out + done.err and "TC899" not in done.out
+    assert done.err == ""
+    assert done.seconds < SECONDS and done.memory < MEMORY, (done.seconds, done.memory)
+    if name in SAID:
+        assert f"error[{SAID[name]}]" in done.out and "TC346" not in done.out
+
+
+def test_a_limit_that_is_met_is_one_diagnostic(tmp_path: Path) -> None:
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    (tmp_path / "parts.lock.json").write_text('{"thingc": "lock/1"}')
+    document = BOMBS["as_many_as_allowed"](tmp_path)
+    done = ran(["check", "--no-code", "--time-limit", "1 s", document], tmp_path)
+    assert done.code == 1
+    assert done.out.startswith("error[TC346]: the check was not done after 1 s and was ended")
+    assert done.seconds < 4.0

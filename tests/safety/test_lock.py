@@ -1,0 +1,215 @@
+"""`thingc lock` and what is said of a lock that is stale, broken, tampered with, or that does not hold what a document asks for."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from harness import Ran, ran
+
+from thingc.diagnostics import Severity
+from thingc.pipeline import Compilation, Options
+
+_CORNERS = ((0, 0, 0), (10, 0, 0), (0, 10, 0), (0, 0, 10))
+_FACES = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
+TETRAHEDRON = "solid t\n" + "".join(
+    "facet normal 0 0 0\nouter loop\n" + "".join(f"vertex {x} {y} {z}\n" for x, y, z in (_CORNERS[k] for k in face)) + "endloop\nendfacet\n"
+    for face in _FACES
+) + "endsolid t\n"
+
+ARM, MINCHW = "assemblies/arm.yaml", "assemblies/minchw/minchw.yaml"
+
+
+def checked(folder: Path, *words: str) -> Ran:
+    return ran(["check", "--no-code", *(words or (ARM,))], folder)
+
+
+def edit(file: Path, old: str, new: str) -> None:
+    text = file.read_text()
+    assert text.count(old) >= 1, f"{old!r} is not in {file}"
+    file.write_text(text.replace(old, new, 1))
+
+
+def test_the_lock_is_readable_and_the_same_wherever_it_is_made(workspace: Path, locked: Path, shared_store: str, root: Path) -> None:
+    text = (workspace / "parts.lock.json").read_text()
+    (workspace / "parts.lock.json").unlink()
+    assert ran(["lock", "--store", shared_store], workspace).code == 0
+    assert (workspace / "parts.lock.json").read_text() == text
+    assert str(locked) not in text and str(root) not in text and shared_store not in text
+    held = json.loads(text)
+    assert list(held["things"]) == sorted(held["things"])
+    assert held["things"]["arm:BasePlate"]["parameters"]["size"] == {
+        "kind": "length", "unit": "m", "default": 0.1, "minimum": 0.09, "maximum": 0.3, "doc": "edge of the plate",
+    }
+    assert max(len(line) for line in text.splitlines() if '"doc"' not in line) < 400  # a line is one thing
+
+
+def test_a_lock_says_of_the_robots_what_the_store_says(workspace: Path, shared_store: str) -> None:
+    for document in (ARM, MINCHW):
+        masses = []
+        for options in (Options(store=shared_store), Options(lock=True, code=False)):
+            with Compilation(str(workspace / document), options) as compilation:
+                compilation.run()
+                assert not compilation.report.diagnostics and compilation.assembly is not None
+                masses.append([
+                    (one.path, one.properties.mass, *one.properties.centre, *(entry for row in one.properties.inertia for entry in row))
+                    for one in compilation.assembly.occurrences
+                ])
+        for stored, held in zip(*masses, strict=True):
+            assert stored[0] == held[0]
+            assert held[1:] == pytest.approx(stored[1:], rel=1e-9, abs=1e-15)
+
+
+def test_comments_and_docstrings_are_no_change_of_code(workspace: Path, shared_store: str) -> None:
+    part = workspace / "parts" / "arm.py"
+    part.write_text("# a comment\n\n" + part.read_text())
+    assert checked(workspace).code == 0
+    assert ran(["lock", "--check", "--store", shared_store], workspace).code == 0
+
+
+def test_a_stale_lock_is_said_at_the_part(workspace: Path, shared_store: str) -> None:
+    edit(workspace / "parts" / "arm.py", "shaft = Cylinder(diameter / 2, length)", "shaft = Cylinder(diameter * 0.5, length)")
+    done = ran(["check", "--no-code", "assemblies/end_effector.yaml", "--format", "json"], workspace)
+    assert done.code == 1
+    (said,) = json.loads(done.out)["diagnostics"]
+    assert said["code"] == "TC341" and said["file"] == "assemblies/end_effector.yaml"
+    assert said["message"] == "part `arm:PenDummy`: its code has changed since `parts.lock.json` was written"
+    assert said["notes"][0]["file"] == "parts/arm.py"
+    # Where code may run, the change is modelled and nothing is said.
+    assert ran(["check", "assemblies/end_effector.yaml", "--store", shared_store], workspace).code == 0
+    stale = ran(["lock", "--check", "--store", shared_store], workspace)
+    assert stale.code == 1 and "the code of `arm:PenDummy` has changed" in stale.out
+    assert re.search(r"--> parts\.lock\.json:\d+:5\n +\d+ |\"arm:PenDummy\"", stale.out)
+    before = (workspace / "parts.lock.json").read_bytes()
+    assert ran(["lock", "--store", shared_store], workspace).code == 0
+    assert (workspace / "parts.lock.json").read_bytes() != before
+    assert checked(workspace).code == 0
+
+
+def test_lock_check_says_what_changed(workspace: Path, shared_store: str) -> None:
+    lock = workspace / "parts.lock.json"
+    held = json.loads(lock.read_text())
+    del held["things"]["arm:PenDummy"]
+    held["things"]["arm:Ghost"] = held["things"]["arm:BasePlate"]
+    held["things"]["arm:BasePlate"]["parameters"]["size"]["maximum"] = 0.4
+    plate = held["things"]["arm:BasePlate"]["records"]["arm:BasePlate"]
+    plate["volume"] *= 1.001
+    plate["centre"] = [one * (1 + 1e-12) for one in plate["centre"]]  # what two machines may differ by
+    lock.write_text(json.dumps(held, indent=1))
+    done = ran(["lock", "--check", "--store", shared_store], workspace)
+    assert done.code == 1
+    assert "the part `arm:PenDummy` is not in it" in done.out
+    assert "there is no part `arm:Ghost` any more" in done.out
+    assert "`parameters.size.maximum` of `arm:BasePlate` is another now" in done.out
+    assert "`volume` of `arm:BasePlate` is another now" in done.out and "`centre`" not in done.out
+    assert done.out.count("error[TC341]") == 4
+
+
+def test_parameters_that_the_lock_does_not_hold(workspace: Path) -> None:
+    arm = workspace / ARM
+    edit(arm, "{part: arm:BasePlate,", "{part: arm:BasePlate, params: {size: 120 mm},")
+    done = checked(workspace)
+    assert done.code == 0
+    assert "note[TC345]: 1 part has parameters that `parts.lock.json` does not hold: its geometry was not looked at" in done.out
+    assert "`arm:BasePlate(size=0.12)`" in done.out
+    # What can be checked is checked: bounds from the schema, and the names of mounts.
+    edit(arm, "size: 120 mm", "size: 1200 mm")
+    assert "error[TC3" in (bounds := checked(workspace)).out and bounds.code == 1 and "at most 300 mm" in bounds.out.replace("0.3 m",
+        "300 mm")
+    edit(arm, "size: 1200 mm", "size: 120 mm")
+    edit(arm, "servo_seat", "servo_seet")
+    misspelt = checked(workspace)
+    assert misspelt.code == 1 and "did you mean `servo_seat`?" in misspelt.out
+
+
+def test_names_of_mounts_that_parameters_may_change_are_not_judged(workspace: Path, shared_store: str) -> None:
+    (workspace / "parts" / "many.py").write_text(
+        "from build123d import Box, Location\nfrom thingc import MountPoint, Thing\n\n\nclass Comb(Thing):\n    \"\"\"A comb.\"\"\"\n\n"
+        "    def __init__(self, teeth: int = 2) -> None:\n        super().__init__(material='petg')\n"
+        "        self.tooth = [MountPoint(Location()) for _ in range(teeth)]\n\n"
+        "    def result(self) -> Box:\n        return Box(1, 1, 1)\n"
+    )
+    (workspace / "comb.yaml").write_text(
+        "thingc: assembly/1\nname: comb\nmaterials: [assemblies/materials.yaml]\ncomponents:\n  comb: {part: 'many:Comb', material: petg}\n"
+        "  tip: {frame: true, at: {in: comb.tooth_1}}\n"
+    )
+    made = ran(["lock", "--store", shared_store], workspace)
+    assert made.code == 0, made
+    edit(workspace / "comb.yaml", "material: petg", "material: petg, params: {teeth: 5}")
+    edit(workspace / "comb.yaml", "tooth_1", "tooth_4")
+    done = checked(workspace, "comb.yaml")
+    assert done.code == 0 and "TC345" in done.out
+    edit(workspace / "comb.yaml", "params: {teeth: 5}", "params: {teeth: 2}")
+    assert "TC303" in checked(workspace, "comb.yaml").out
+
+
+def test_files_that_are_parts_are_compared_with_the_lock(workspace: Path, shared_store: str) -> None:
+    (workspace / "motor.stl").write_text(TETRAHEDRON)
+    (workspace / "filed.yaml").write_text(
+        "thingc: assembly/1\nname: filed\ncomponents:\n  motor: {file: motor.stl, mass: 1 kg}\n"
+    )
+    made = ran(["lock", "--store", shared_store], workspace)
+    assert made.code == 0, made
+    assert checked(workspace, "filed.yaml").code == 0
+    (workspace / "motor.stl").write_text(TETRAHEDRON + "\n")
+    done = checked(workspace, "filed.yaml")
+    assert done.code == 1 and "TC341" in done.out
+    (workspace / "other.yaml").write_text((workspace / "filed.yaml").read_text().replace("motor.stl", "new.stl"))
+    (workspace / "new.stl").write_text(TETRAHEDRON)
+    assert "TC343" in checked(workspace, "other.yaml").out
+
+
+BROKEN = {
+    "empty": "", "no JSON": "{", "a list": "[]", "another version": '{"thingc": "lock/2"}', "no number": '{"thingc": "lock/1", "x": NaN}',
+    "a key twice": '{"thingc": "lock/1", "thingc": "lock/1"}', "things are a list": '{"thingc": "lock/1", "things": []}',
+    "a thing is a text": '{"thingc": "lock/1", "things": {"arm:PenDummy": "x"}}',
+    "no hash": '{"thingc": "lock/1", "things": {"arm:PenDummy": {}}}',
+    "a path outside": '{"thingc": "lock/1", "things": {"arm:PenDummy": {"code": "x", "reads": {"../x": "absent"}}}}',
+    "surrogates": '{"thingc": "lock/1", "others": ["\\ud800", 1]}',
+}
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_a_broken_lock_is_a_diagnostic(name: str, workspace: Path) -> None:
+    (workspace / "parts.lock.json").write_text(BROKEN[name])
+    done = checked(workspace)
+    assert done.code == 1 and "error[TC342]: `parts.lock.json` is broken" in done.out and "Traceback" not in done.err
+
+
+@pytest.mark.parametrize(("path", "value"), [
+    (("parameters",), []), (("parameters", "size"), 1), (("parameters", "size", "kind"), "colour"), (("parameters", "size", "default"),
+        "x"),
+    (("parameters", "size", "maximum"), "x"), (("kind",), None), (("actuator",), 1), (("records", "arm:BasePlate"), []),
+    (("records", "arm:BasePlate", "volume"), -1.0), (("records", "arm:BasePlate", "volume"), 10**400),
+    (("records", "arm:BasePlate", "centre"), [0, 0]), (("records", "arm:BasePlate", "inertia"), None),
+    (("records", "arm:BasePlate", "mounts"), {"servo_seat": {"pose": [1] * 12}}), (("records", "arm:BasePlate", "mass"), {"value": 1}),
+    (("records", "arm:BasePlate", "actuator"), {"kind": "rocket"}), (("records", "arm:BasePlate", "expectations"), [["a"]]),
+])
+def test_a_lock_that_was_tampered_with_is_a_diagnostic(path: tuple[str, ...], value: object, workspace: Path) -> None:
+    lock = workspace / "parts.lock.json"
+    held = json.loads(lock.read_text())
+    at = held["things"]["arm:BasePlate"]
+    for key in path[:-1]:
+        at = at[key]
+    at[path[-1]] = value
+    lock.write_text(json.dumps(held))
+    done = checked(workspace)
+    assert done.code == 1 and "error[TC342]: `parts.lock.json` is broken at `things.arm:BasePlate" in done.out
+
+
+def test_a_broken_lock_is_a_warning_where_code_may_run(workspace: Path, tmp_path: Path) -> None:
+    (workspace / "parts.lock.json").write_text("{")
+    with Compilation(str(workspace / "assemblies" / "end_effector.yaml"), Options(store=str(tmp_path / "store"), lock=True)) as compilation:
+        compilation.run()
+        assert [d.code.code for d in compilation.report.diagnostics] == ["TC342"]
+        assert compilation.report.diagnostics[0].severity is Severity.WARNING
+
+
+def test_a_part_that_cannot_be_made_is_not_locked(workspace: Path, shared_store: str) -> None:
+    before = (workspace / "parts.lock.json").read_bytes()
+    (workspace / "parts" / "torn.py").write_text("from thingc import Thing\n\n\nclass Torn(Thing):\n    x = 1 / 0\n")
+    done = ran(["lock", "--store", shared_store], workspace)
+    assert done.code == 1 and "`torn:Torn` cannot be locked: ZeroDivisionError" in done.err
+    assert (workspace / "parts.lock.json").read_bytes() == before

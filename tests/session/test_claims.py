@@ -1,0 +1,185 @@
+"""Several processes on one store: a part that two of them need is modelled once, and nobody waits for the dead."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from thingc.realize import claims
+from thingc.realize.claims import Claims
+from thingc.realize.store import Store
+
+PARTS = """
+    import time
+    from build123d import Box
+    from thingc import Length, Thing
+
+    class Block(Thing):
+        def __init__(self, width: Length = 30):
+            super().__init__()
+            time.sleep(0.3)
+            self.body = Box(width, 10, 5)
+
+        def result(self):
+            return self.body
+
+    class Endless(Block):
+        def __init__(self, width: Length = 30):
+            time.sleep(600)
+"""
+
+CLIENT = """
+import json, sys
+from thingc.realize.record import PartDefinition, PartRecord
+from thingc.realize.service import GeometryService
+from thingc.realize.store import Store
+from thingc.workspace import Workspace
+
+root, store, part, first, last = sys.argv[1:]
+workspace = Workspace(
+    root=root, parts=(root + "/parts",), packages=("thingc_stock",), build=root + "/build", part_timeout=60.0,
+    linear=1e-4, angular=0.17453292519943295,
+)
+def block(width):
+    text = f"blocks:{part}(width={width})"
+    return PartDefinition(reference=f"blocks:{part}", kind="code", parameters=(("width", width),), text=text)
+step = 1 if int(first) <= int(last) else -1
+with GeometryService(workspace, Store(store), 1, 60.0) as service:
+    service.warm()
+    print("ready", flush=True)
+    sys.stdin.readline()
+    found = service.realize([block(k / 1000) for k in range(int(first), int(last), step)])
+print(json.dumps({
+    "modelled": service.modelled, "reused": service.reused, "records": {text: repr(record) for text, record in found.items()},
+    "sound": all(isinstance(record, PartRecord) for record in found.values()),
+}))
+"""
+
+
+class Client:
+    """A process with a geometry service of its own, which models blocks of `first` to `last` mm when it is told to."""
+
+    def __init__(self, folder: Path, part: str, first: int, last: int) -> None:
+        arguments = [sys.executable, "-c", CLIENT, str(folder), str(folder / "store"), part, str(first), str(last)]
+        self.process = subprocess.Popen(arguments, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        assert self.process.stdout is not None
+        assert self.process.stdout.readline() == "ready\n"
+
+    def go(self) -> None:
+        assert self.process.stdin is not None
+        self.process.stdin.write("\n")
+        self.process.stdin.flush()
+
+    def answer(self) -> dict[str, Any]:
+        out, _ = self.process.communicate(timeout=120)
+        assert self.process.returncode == 0
+        found: dict[str, Any] = json.loads(out)
+        assert found["sound"]
+        return found
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A workspace whose parts take a while."""
+    tmp_path.joinpath("parts").mkdir()
+    tmp_path.joinpath("parts/blocks.py").write_text(textwrap.dedent(PARTS))
+    return tmp_path
+
+
+def test_two_processes_model_each_part_once(folder: Path) -> None:
+    """One goes up, the other comes down: in between each needs what the other has begun."""
+    both = Client(folder, "Block", 10, 20), Client(folder, "Block", 19, 9)
+    for client in both:
+        client.go()
+    one, other = (client.answer() for client in both)
+    assert len(one["modelled"]) + len(other["modelled"]) == 10
+    assert set(one["modelled"]).isdisjoint(other["modelled"])
+    assert one["modelled"] and other["modelled"], "they share the work"
+    assert len(one["reused"]) == 10 - len(one["modelled"])
+    assert one["records"] == other["records"]
+
+
+def test_a_killed_process_is_not_waited_for(folder: Path) -> None:
+    store = Store(str(folder / "store"))
+    store.check()
+    first = Client(folder, "Endless", 10, 11)
+    first.go()
+    own = Claims(store)
+    key = _key_under_way(folder)
+    assert not own.take(key), "somebody is at it"
+    os.kill(first.process.pid, signal.SIGKILL)
+    first.process.wait()
+    start = time.monotonic()
+    assert own.wait(key, 20.0)
+    assert time.monotonic() - start < 5.0
+    own.close()
+
+
+def _key_under_way(folder: Path) -> str:
+    """The recipe's key of the endless part, found as a service would."""
+    from thingc.realize.record import PartDefinition
+    from thingc.realize.service import GeometryService
+    from thingc.workspace import Workspace
+
+    workspace = Workspace(
+        root=str(folder), parts=(str(folder / "parts"),), packages=("thingc_stock",), build=str(folder / "build"), part_timeout=60.0,
+        linear=1e-4, angular=0.17453292519943295,
+    )
+    definition = PartDefinition(
+        reference="blocks:Endless", kind="code", parameters=(("width", 0.01),), text="blocks:Endless(width=0.01)",
+    )
+    with GeometryService(workspace, Store(str(folder / "store")), 1, 60.0) as service:
+        prepared = service._prepare(definition)
+    assert isinstance(prepared, tuple)
+    deadline = time.monotonic() + 30.0
+    probe = Claims(service.store)
+    while probe.take(prepared[0].key):
+        probe.give_back(prepared[0].key)
+        assert time.monotonic() < deadline, "it was never claimed"
+        time.sleep(0.02)
+    probe.close()
+    return prepared[0].key
+
+
+def test_without_locks_both_model_and_agree(folder: Path) -> None:
+    """A file that cannot be locked (here: a folder in its place) hinders nobody."""
+    (folder / "store" / claims.FILE).mkdir(parents=True)
+    both = Client(folder, "Block", 10, 12), Client(folder, "Block", 10, 12)
+    for client in both:
+        client.go()
+    one, other = (client.answer() for client in both)
+    assert one["records"] == other["records"]
+    assert len(one["modelled"]) + len(other["modelled"]) >= 2
+
+
+def test_a_claim_is_of_one_process(tmp_path: Path) -> None:
+    """Another process is refused until it is given back; other keys are free."""
+    store = Store(str(tmp_path / "store"))
+    own = Claims(store)
+    program = (
+        "import sys; from thingc.realize.claims import Claims; from thingc.realize.store import Store\n"
+        "print(Claims(Store(sys.argv[1])).take(sys.argv[2]))"
+    )
+
+    def other_takes(key: str) -> str:
+        return subprocess.run(
+            [sys.executable, "-c", program, store.root, key], capture_output=True, text=True, check=True,
+        ).stdout.strip()
+
+    one, two = "0f" * 32, "f0" * 32
+    assert own.take(one)
+    assert (other_takes(one), other_takes(two)) == ("False", "True")
+    own.give_back(one)
+    assert other_takes(one) == "True"
+    assert own.wait(one, 0.0)
+    own.close()
+    assert other_takes(one) == "True"

@@ -1,0 +1,204 @@
+"""The committed schemas by a second implementation, `check-jsonschema`: are they schemas, do they take every right document of
+the repository, and how many of the wrong ones do they refuse, fault by fault?
+
+What they cannot refuse is listed with its reason. `check-jsonschema` reads YAML and TOML with readers of its own, too.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import re
+import subprocess
+import sys
+from collections import defaultdict
+from collections.abc import Iterable
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from docs.pages import PAGES, documents, meant_to_be_wrong
+from thingc.cli.main import main
+from thingc.spec import fields
+from thingc.spec.validation import MODELS
+
+ROOT = Path(__file__).resolve().parents[2]
+CASES = ROOT / "tests" / "cases"
+SCHEMAS = [ROOT / "schemas" / f"{kind}-1.json" for kind in sorted(MODELS)]
+
+BEYOND = {
+    "TC209": "whether a text is an expression takes a parser: brackets nest, names have to be functions",
+}
+"""Codes most of whose faults no JSON Schema can see, and why."""
+EXCEPTIONS = {
+    ("spec/expressions.yaml", "parameters.k"): "a unit inside an expression",
+    ("modes/gravity.yaml", "modes.bench.gravity[2]"): "the dimension of a product of units",
+    ("spec/numbers_out_of_all_bounds.yaml", "joints.hinge.limit.lower"): "a number beyond all doubles, in a text",
+    ("spec/numbers_out_of_all_bounds.yaml", "joints.hinge.limit.upper"): "a number beyond all doubles, in a text",
+    ("codes/TC211.yaml", "materials.petg.color"): "colours are taken in any case, and JSON Schema's patterns know no case",
+}
+"""Other faults that the schemas let through: document and key path, and why."""
+SHARES = {
+    "TC201": 1.0, "TC202": 1.0, "TC203": 1.0, "TC204": 1.0, "TC205": 1.0, "TC206": 0.9, "TC207": 0.9, "TC208": 0.85, "TC209": 0.0,
+    "TC210": 1.0, "TC211": 0.7, "TC212": 1.0, "TC213": 1.0, "TC214": 1.0,
+}
+"""Of the faults of each code in `tests/cases`, the share that the schemas refuse, at least."""
+
+
+def run(*words: object) -> dict[str, object]:
+    """The answer of `check-jsonschema`, as JSON."""
+    command = [str(Path(sys.executable).parent / "check-jsonschema"), "--output-format", "json", *map(str, words)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.stdout.startswith("{"), done.stderr
+    answer: dict[str, object] = json.loads(done.stdout)
+    return answer
+
+
+def kind_of(path: Path) -> str | None:
+    """The kind that a document's first key states, or None where it states none of ours."""
+    found = re.search(r"^[\"']?thingc[\"']?\s*[:=]\s*[\"']?(\w+)/1", path.read_text(encoding="utf-8", errors="replace"), re.MULTILINE)
+    return found.group(1) if found and found.group(1) in MODELS else None
+
+
+def faults(paths: Iterable[Path]) -> dict[str, list[tuple[str, ...]]]:
+    """The key paths of what the schema of its kind refuses of each document, by file name."""
+    by_kind: dict[str, list[Path]] = defaultdict(list)
+    for path in paths:
+        by_kind[kind_of(path) or "assembly"].append(path)
+    refused: dict[str, list[tuple[str, ...]]] = defaultdict(list)
+    for kind, some in by_kind.items():
+        answer = run("--schemafile", ROOT / "schemas" / f"{kind}-1.json", *some)
+        for error in answer.get("errors", []):  # type: ignore[attr-defined]
+            refused[error["filename"]].append(keys(error["path"]))
+        assert not answer.get("parse_errors"), answer
+    return refused
+
+
+def keys(path: str) -> tuple[str, ...]:
+    """The words of a key path, however its brackets and dots are written."""
+    return tuple(re.findall(r"\w+", path))
+
+
+def test_the_schemas_are_schemas() -> None:
+    assert run("--check-metaschema", *SCHEMAS)["status"] == "ok"
+
+
+def test_it_would_say_so_if_they_were_not(tmp_path: Path) -> None:
+    broken = json.loads(SCHEMAS[0].read_text())
+    broken["properties"]["name"]["type"] = "txet"
+    (tmp_path / "broken.json").write_text(json.dumps(broken))
+    assert run("--check-metaschema", tmp_path / "broken.json")["status"] == "fail"
+
+
+def right_documents(folder: Path) -> list[Path]:
+    """Every right document of the repository: the robots, what the pages show (written into `folder`), and the cases that are `ok`."""
+    robots = [path for path in (ROOT / "assemblies").rglob("*") if path.suffix in (".yaml", ".yml", ".toml")]
+    shown = []
+    for page in PAGES:
+        for number, block in enumerate(documents(page)):
+            if not meant_to_be_wrong(block):
+                suffix = Path(block.file or "x.yaml").suffix
+                shown.append(folder / f"{page.stem}_{number}{suffix}")
+                shown[-1].write_text(block.text)
+    cases = [
+        path for path in CASES.rglob("*") if path.suffix in (".yaml", ".yml", ".toml") and path.with_suffix(".txt").exists()
+        and path.with_suffix(".txt").read_text() == f"{path.name}: ok\nexit 0\n"
+    ]
+    assert len(robots) > 5 and len(shown) > 10 and len(cases) > 80
+    return [path for path in (*robots, *shown, *cases, ROOT / "thingc.toml") if kind_of(path) is not None]
+
+
+def test_every_right_document_is_valid(tmp_path: Path) -> None:
+    paths = right_documents(tmp_path)
+    assert dict(faults(paths)) == {}
+
+
+def test_wrong_documents_are_refused_fault_by_fault(shared_store: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A fault is refused where the schema complains of its key, of one that holds it, or of what is in it."""
+    monkeypatch.setenv("THINGC_STORE", shared_store)
+    wrong = [
+        path for path in sorted(CASES.rglob("*")) if path.suffix in (".yaml", ".toml") and path.with_suffix(".txt").exists()
+        and re.search(r"\[TC2\d\d\]", path.with_suffix(".txt").read_text()) and not path.read_text("latin-1").startswith("# $ ")
+    ]
+    assert len(wrong) > 50
+    # ruamel, which reads for check-jsonschema, takes a lone `=` for the default value of YAML 1.1 and gives up.
+    copies = {path: tmp_path / f"{number}{path.suffix}" for number, path in enumerate(wrong)}
+    for path, copy in copies.items():
+        copy.write_bytes(re.sub(rb": =\n", b': "="\n', path.read_bytes()))
+    refused = faults(copies.values())
+    seen: dict[str, list[bool]] = defaultdict(list)
+    missed = set()
+    for path in wrong:
+        monkeypatch.chdir(path.parent)
+        with contextlib.redirect_stdout(io.StringIO()) as out:
+            main(["check", path.name, "--format", "json"])
+        for d in json.loads(out.getvalue())["diagnostics"]:
+            if not d["code"].startswith("TC2") or d["file"] != path.name:
+                continue
+            own = keys(d["path"] or "")
+            near = any(
+                (own[: len(of)] == of and (of or len(own) <= 1)) or of[: len(own)] == own for of in refused.get(str(copies[path]), [])
+            )
+            seen[d["code"]].append(near)
+            if not near and d["code"] not in BEYOND:
+                missed.add((path.relative_to(CASES).as_posix(), d["path"]))
+    shares = {code: sum(found) / len(found) for code, found in sorted(seen.items())}
+    assert {code: share for code, share in shares.items() if share < SHARES[code]} == {}
+    assert set(shares) == set(SHARES)
+    assert missed == set(EXCEPTIONS)
+    assert {code for code, share in shares.items() if share < 0.5} == set(BEYOND)
+
+
+# --- the patterns take whatever the compiler takes -------------------------------------------------------------------
+
+_PIECES = st.lists(
+    st.sampled_from([
+        "0", "12", "-3.5", "+.5", "1e3", "0.0", "-0", ".", "e", " ", "  ", "mm", "kg", "deg", "%", "s", "N", "rad", "Hz", "x", "*", "/",
+        "·", "^2",
+        "**-1", "²", "=", "reach", "(", ")", "\n", "mmm", "$i", "plate", "[", "true", "°",
+    ]),
+    max_size=8,
+).map("".join)
+
+
+def matches(schema: dict[str, object], text: str) -> bool:
+    branches = schema.get("anyOf", [schema])
+    patterns = [branch["pattern"] for branch in branches if "pattern" in branch]  # type: ignore[attr-defined]
+    assert patterns
+    return any(re.search(pattern, text) for pattern in patterns)
+
+
+CHECKED = {
+    name: getattr(fields, name).__metadata__[0]
+    for name in (
+        "LengthField", "AngleField", "MassField", "RatioField", "EffortField", "DampingField", "MultiplierField", "JointValueField",
+        "AnyQuantityField", "Vector3Length", "ReferenceField", "NumberField", "CountField",
+    )
+}
+
+
+@settings(max_examples=3000, deadline=None)
+@given(name=st.sampled_from(sorted(CHECKED)), text=_PIECES)
+def test_no_pattern_refuses_what_the_compiler_takes(name: str, text: str) -> None:
+    checked = CHECKED[name]
+    try:
+        checked.validate(text)
+    except Exception:
+        return
+    assert matches(checked.schema, text), (name, text)
+
+
+@pytest.mark.parametrize(("name", "text"), [
+    ("LengthField", "5 kg"), ("LengthField", "5 mmm"), ("LengthField", "5"), ("LengthField", "mm"), ("LengthField", "1,5 mm"),
+    ("LengthField", "="),
+    ("MassField", "12 mm"), ("EffortField", "3 kg"), ("AngleField", "90 s"), ("Vector3Length", "0 40 mm"), ("Vector3Length", "1 2 3"),
+    ("Vector3Length", "1 2 3 deg"), ("JointValueField", "about 90 deg"), ("ReferenceField", "plate..top"), ("ReferenceField", "plate/top"),
+    ("AnyQuantityField", "3 zz"), ("NumberField", "many"),
+])
+def test_patterns_refuse_what_is_no_value(name: str, text: str) -> None:
+    with pytest.raises(Exception, match="."):
+        CHECKED[name].validate(text)
+    assert not matches(CHECKED[name].schema, text)

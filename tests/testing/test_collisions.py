@@ -1,0 +1,132 @@
+"""Collisions of boxes at known places, of random boxes against MuJoCo's distances, and of the arm."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from manifold3d import Manifold
+from scipy.spatial.transform import Rotation
+
+from testing.rig import GROUND, HEAD, SLIDERS, Workspace
+from thingc.pose import Pose
+from thingc.testing.shapes import at, box, overlap
+
+
+@pytest.mark.parametrize(("pose", "gap", "passes"), [
+    ("close", 0.4, True), ("touching", 0.0, True), ("overlapping", 0.0, False),
+])
+def test_two_boxes_on_a_rail(rig: Workspace, pose: str, gap: float, passes: bool) -> None:
+    """20 mm wide, `two` to the right of `one`. Of an overlap of 3 mm the layer has 2V/A = 2*3*20*20 / (2*400 + 4*60)."""
+    answer = rig.test(SLIDERS, f"  free: {{no_collision: {{pose: {pose}}}}}\n")
+    found = answer["by_name"]["free"]
+    assert found["passed"] is passes and found["measured"]["gap"] == pytest.approx(gap / 1000, abs=1e-6)
+    if not passes:
+        depth = 2 * 3 * 400 / (2 * 400 + 4 * 60)
+        assert found["measured"]["overlap"] == pytest.approx(depth / 1000, rel=1e-4)
+        message = answer["diagnostics"][0]["message"]
+        assert f"`left` and `right` overlap by {depth:.4g} mm on average (1.2e+03 mm^3)" in message
+
+
+def test_a_layer_as_thin_as_the_mesh_is_inexact_is_no_overlap(rig: Workspace) -> None:
+    """0.1 mm is the tolerance of the workspace: two surfaces may be off by 0.2 mm together."""
+    for two, passes in (("19.85 mm", True), ("19.7 mm", False)):
+        text = SLIDERS.replace("touching: {two: 20 mm}", f"touching: {{two: {two}}}")
+        assert rig.test(text, "  free: {no_collision: {pose: touching}}\n")["by_name"]["free"]["passed"] is passes
+
+
+def test_a_clearance_that_is_not_kept_is_said_with_the_gap(rig: Workspace) -> None:
+    answer = rig.test(SLIDERS, "  free: {no_collision: {pose: [apart, close], clearance: 1 mm}}\n")
+    assert [result["passed"] for result in answer["tests"]] == [True, False]
+    said = answer["diagnostics"][0]
+    assert said["code"] == "TC655" and said["line"] == (rig.folder / "rig.yaml").read_text().count("\n")
+    assert said["message"] == "test `free` (mode `bench`, pose `close`): `left` and `right` are 0.4 mm apart, and 1 mm were asked for"
+    assert said["help"] == 'if that is right, write `allow: [{pair: [left, right], reason: "..."}]`'
+
+
+def test_a_box_within_a_box_is_found(rig: Workspace) -> None:
+    """No surface meets another."""
+    text = SLIDERS.replace("right: {part: rig_parts:Block}", "right: {part: rig_parts:Block, params: {x: 90 mm, y: 90 mm, z: 90 mm}}")
+    answer = rig.test(text, "  free: {no_collision: {joints: {one: [0, 0.001 mm]}, samples: 1, pose: close}}\n")
+    assert not answer["by_name"]["free"]["passed"]
+
+
+def test_a_sweep_finds_where_it_is_worst(rig: Workspace) -> None:
+    """`one` goes from -100 to 100 mm in steps of 2 mm past `two`, which stands at 50 mm."""
+    answer = rig.test(SLIDERS, "  sweep: {no_collision: {joints: {one: [-100 mm, 100 mm]}, samples: 101}}\n"
+                               "  part_of_it: {no_collision: {joints: {one: [-100 mm, 29 mm]}, samples: 130}}\n")
+    assert answer["diagnostics"][0]["message"].endswith(" at one 50 mm")
+    assert answer["by_name"]["sweep"]["measured"]["positions"] == 101
+    free = answer["by_name"]["part_of_it"]
+    assert free["passed"] and free["measured"]["gap"] == pytest.approx(0.001, abs=1e-6)
+
+
+def test_allowances(rig: Workspace) -> None:
+    tests = (
+        "  meant: {no_collision: {pose: overlapping, allow: [{pair: [left, right], reason: they are glued}]}}\n"
+        "  never: {no_collision: {pose: apart, allow: [{pair: [left, '*ight'], reason: they might}]}}\n"
+    )
+    answer = rig.test(SLIDERS, tests)
+    assert answer["code"] == 0 and all(result["passed"] for result in answer["tests"])
+    assert [(d["code"], d["severity"]) for d in answer["diagnostics"]] == [("TC659", "warning")]
+    assert answer["diagnostics"][0]["notes"][0]["message"] == "the reason given is: they might"
+    assert rig.test(SLIDERS, tests, "--strict")["code"] == 1
+
+
+def test_neighbours_may_touch_and_what_is_rigid_may_overlap(rig: Workspace) -> None:
+    """A joint's two sides, and two components of one link."""
+    text = HEAD + "components:\n" + GROUND + (
+        "  base: {part: rig_parts:Block, at: {in: ground.origin}}\n"
+        "  same: {part: rig_parts:Block, at: {in: ground.origin, xyz: 5 0 0 mm}}\n"
+        "  slider: {part: rig_parts:Block}\n"
+        "joints:\n  one: {type: prismatic, parent: base.right, child: slider.left, limit: {lower: 0, upper: 200 mm}}\n"
+    )
+    assert rig.test(text, "  free: {no_collision: {joints: {one: all}}}\n")["by_name"]["free"]["passed"]
+
+
+def test_distances_of_random_boxes_are_mujocos(tmp_path: Path) -> None:
+    """200 pairs of boxes anywhere, with any turn: `mj_geomDistance` is exact for convex shapes that are apart."""
+    source = np.random.default_rng(11)
+    apart = together = 0
+    for _ in range(200):
+        sizes = source.uniform(0.005, 0.03, (2, 3))
+        places, turns = source.uniform(-0.05, 0.05, (2, 3)), Rotation.random(2, rng=source)
+        geoms = "".join(
+            f'<body pos="{" ".join(map(str, p))}" quat="{" ".join(map(str, t.as_quat(scalar_first=True)))}">'
+            f'<geom type="box" size="{" ".join(map(str, s))}" mass="1"/></body>'
+            for p, t, s in zip(places, turns, sizes, strict=True)
+        )
+        model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{geoms}</worldbody></mujoco>")
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        expected = mujoco.mj_geomDistance(model, data, 0, 1, 1.0, None)
+        solids, boxes = [], []
+        for p, t, s in zip(places, turns, sizes, strict=True):
+            pose = Pose(rotation=tuple(map(tuple, t.as_matrix().tolist())), translation=tuple(p.tolist()))
+            solid = Manifold.cube(tuple(2 * s), True)
+            solids.append(at(solid, pose))
+            boxes.append(box(solid, pose))
+        gap = float(solids[0].min_gap(solids[1], 1.0))
+        assert gap == pytest.approx(max(expected, 0.0), abs=1e-6)
+        between = np.maximum(boxes[1][0] - boxes[0][1], boxes[0][0] - boxes[1][1])
+        assert float(np.linalg.norm(np.maximum(between, 0.0))) <= gap + 1e-9
+        apart += expected > 0
+        together += expected < 0
+        assert (overlap(*solids)[0] > 0) == (expected < -1e-9) or abs(expected) < 1e-6
+    assert apart > 20 and together > 20
+
+
+def test_two_hundred_positions_of_the_arm_take_seconds(root: Path, rig: Workspace) -> None:
+    shutil.copytree(root / "assemblies", rig.folder / "assemblies")
+    shutil.copytree(root / "parts", rig.folder / "parts", dirs_exist_ok=True)
+    document = rig.folder / "assemblies" / "arm.yaml"
+    text = document.read_text().partition("\ntests:")[0]
+    document.write_text(f"{text}\ntests:\n  sweep: {{no_collision: {{joints: {{'*': all}}, samples: 200}}}}\n")
+    started = time.perf_counter()
+    code, out, _ = rig.run(str(document))
+    assert time.perf_counter() - started < 30
+    assert code == 1 and "TC655" in out and "200 positions" in out

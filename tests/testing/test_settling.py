@@ -1,0 +1,57 @@
+"""Rest in simulation, against falls and springs that a formula knows."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from testing.rig import HEAD, Workspace, two_links
+
+DROP = HEAD + """\
+components:
+  block: {part: rig_parts:Block}
+modes:
+  falling: {root: block, base: free, at: {xyz: 0 0 60 mm}}
+  lying: {root: block, base: free, at: {xyz: 0 0 10 mm}}
+simulation: {timestep: 1 ms}
+"""
+
+
+def test_a_block_falls_and_lies(rig: Workspace) -> None:
+    """By 50 mm in sqrt(2 h / g) = 0.101 s; it cannot be at rest before."""
+    answer = rig.test(DROP, "  falls: {settles: {mode: falling, within: 1 s, drift: 1 mm}}\n"
+                            "  stays: {settles: {mode: [falling, lying], within: 1 s, drift: 1 mm, moved: 2 mm, penetration: 1 mm}}\n")
+    found = answer["by_name"]["falls"]
+    assert found["passed"] and found["measured"]["moved"] == pytest.approx(0.05, abs=0.001)
+    assert math.sqrt(2 * 0.05 / 9.81) - 0.005 < found["measured"]["rest"] < 0.5
+    assert [(r["name"], r["mode"], r["passed"]) for r in answer["tests"]] == [
+        ("falls", "falling", True), ("stays", "falling", False), ("stays", "lying", True),
+    ]
+    assert len(answer["diagnostics"]) == 1 and answer["diagnostics"][0]["code"] == "TC657"
+    assert "it comes to rest 50" in answer["diagnostics"][0]["message"] and "2 mm were allowed" in answer["diagnostics"][0]["message"]
+
+
+def test_without_a_floor_it_falls_for_ever(rig: Workspace) -> None:
+    """In the second after the first it falls by g (2^2 - 1^2) / 2."""
+    answer = rig.test(DROP, "  falls: {settles: {mode: falling, within: 1 s, drift: 1 mm, floor: false}}\n")
+    found = answer["by_name"]["falls"]
+    assert not found["passed"] and found["measured"]["rest"] is None
+    assert found["measured"]["drift"] == pytest.approx(9.81 * 1.5, rel=0.01)
+    assert "after 1 s it still moves by 147" in answer["diagnostics"][0]["message"]
+
+
+def test_a_pendulum_without_friction_never_rests(rig: Workspace) -> None:
+    text = two_links().replace("drive: {kind: position, kp: 5, effort: 1 N*m}", "drive: {kind: motor, effort: 1 N*m}")
+    answer = rig.test(text, "  rests: {settles: {within: 3 s, drift: 1 mm, floor: false}}\n")
+    assert not answer["by_name"]["rests"]["passed"]
+
+
+def test_a_position_drive_sags_by_torque_over_gain(rig: Workspace) -> None:
+    """With kp 5 the elbow gives way by 0.024 g 30 mm / 5, and the shoulder by its own: the far end goes down by both."""
+    text = two_links().replace("joints:\n", "defaults: {joint: {dynamics: {damping: 0.05 N*m*s/rad}}}\njoints:\n", 1)
+    found = rig.test(text, "  sags: {settles: {within: 3 s, drift: 0.01 mm, floor: false}}\n")["by_name"]["sags"]
+    elbow = 0.024 * 9.81 * 0.03 / 5
+    shoulder = (0.04 * 0.05 + 0.024 * 0.13) * 9.81 / 5
+    assert found["passed"]
+    assert found["measured"]["moved"] == pytest.approx(0.16 * shoulder + 0.06 * elbow, rel=0.1)

@@ -1,0 +1,199 @@
+"""Small workspaces: a pendulum of frames (nothing to model), one with a part, and an emitter that fails when it is told to."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+PENDULUM = """
+    thingc: assembly/1
+    name: pendulum
+    parameters:
+      length: {value: 300 mm, min: 100 mm, max: 900 mm}
+      bob: {value: 500 g, min: 1 g, max: 20 kg}
+      effort: 6 N*m
+      tilt: 20 deg
+      damped: true
+      label: plain
+      steps: 3
+      double: "=2 * length"
+      fault: none
+    materials:
+      light: {density: 500 kg/m^3}
+      heavy: {density: 5000 kg/m^3}
+    components:
+      stand: {frame: true, mass: 2 kg, inertia: {ixx: 0.01 kg*m^2, iyy: 0.01 kg*m^2, izz: 0.01 kg*m^2}}
+      rod:
+        frame: true
+        mass: 100 g
+        com: ["=length / 2", 0, 0]      # hangs along its x
+        inertia: {ixx: 0.001 kg*m^2, iyy: 0.002 kg*m^2, izz: 0.002 kg*m^2}
+        mounts: {end: {xyz: ["=length", 0, 0]}}
+      weight:
+        frame: true
+        mass: =bob
+        inertia: {ixx: 0.001 kg*m^2, iyy: 0.001 kg*m^2, izz: 0.001 kg*m^2}
+    joints:
+      swing:
+        type: revolute
+        parent: stand.origin
+        child: rod.origin
+        limit: {lower: -90 deg, upper: 90 deg}
+        drive: {kind: position, kp: 20, effort: =effort}
+      twist:
+        type: revolute
+        parent: rod.end
+        child: weight.origin
+        limit: {lower: -90 deg, upper: 90 deg}
+    mounts: {top: stand.origin, bob: weight.origin}
+    poses:
+      tilted: {swing: =tilt}
+    modes:
+      hanging: {root: stand, base: fixed, pose: tilted, at: {rpy: 90 0 0 deg}}
+      flying: {root: rod, base: free}
+"""
+
+SWEEP = """
+    thingc: variants/1
+    assembly: pendulum.yaml
+    name: sweep
+    parameters:
+      length: [200 mm, 300 mm, 400 mm]
+      bob: {from: 100 g, to: 400 g, count: 4}
+    reach: {of: bob, from: top}
+"""
+
+PLATES = """
+    from build123d import Box, Location
+
+    from thingc import Length, MountPoint, Thing
+
+
+    class Square(Thing):
+        def __init__(self, side: Length = 40):
+            super().__init__(material="light")
+            self.body = Box(side, side, 10)
+            self.top = MountPoint(Location((0, 0, 5)))
+
+        def result(self):
+            return self.body
+
+
+    class Round(Thing):
+        def __init__(self, side: Length = 40):
+            from build123d import Cylinder
+
+            super().__init__(material="light")
+            self.body = Cylinder(side / 2, 10)
+            self.top = MountPoint(Location((0, 0, 5)))
+
+        def result(self):
+            return self.body
+"""
+
+STAND = """
+    thingc: assembly/1
+    name: stand
+    parameters:
+      side: {value: 40 mm, min: 10 mm, max: 100 mm}
+    materials:
+      light: {density: 500 kg/m^3}
+      heavy: {density: 5000 kg/m^3}
+    components:
+      plate: {part: plates:Square, params: {side: =side}}
+      mast: {assembly: mast.yaml, attach: {foot: plate.top}}
+    mounts: {base: plate.origin}
+"""
+
+MAST = """
+    thingc: assembly/1
+    name: mast
+    materials:
+      light: {density: 500 kg/m^3}
+      heavy: {density: 5000 kg/m^3}
+    components:
+      lower: {part: plates:Square}
+      upper: {part: plates:Round, attach: {origin: lower.top}}
+    mounts: {foot: lower.origin, top: upper.top}
+"""
+
+TALL_MAST = """
+    thingc: assembly/1
+    name: tall_mast
+    materials:
+      light: {density: 500 kg/m^3}
+    components:
+      lower: {part: plates:Square}
+      middle: {part: plates:Square, attach: {origin: lower.top}}
+      upper: {part: plates:Round, attach: {origin: middle.top}}
+    mounts: {foot: lower.origin, top: upper.top}
+"""
+
+EMITTER = '''
+    """A target that does what the robot's parameter `fault` says: a process that dies, hangs or raises on the way."""
+
+    import ctypes
+    import os
+    import signal
+    import time
+
+    from thingc.emit.artifact import Artifacts
+
+
+    def emit(request):
+        fault = dict(request.assembly.definition.parameters)["fault"]
+        if fault == "kill":
+            os.kill(os.getpid(), signal.SIGKILL)
+        if fault == "segv":
+            ctypes.string_at(0)
+        if fault == "hang":
+            time.sleep(3600)
+        if fault == "raise":
+            raise RuntimeError("the emitter has given up")
+        if fault == "slow":
+            time.sleep(0.3)
+        return Artifacts(files={"fault.txt": fault.encode()})
+'''
+
+
+def workspace(folder: Path, **documents: str) -> Path:
+    """A folder with the documents above and more (`name="text"` is `name.yaml`); returns it."""
+    (folder / "parts").mkdir(parents=True, exist_ok=True)
+    (folder / "thingc.toml").write_text('thingc = "workspace/1"\nparts = ["parts"]\n')
+    (folder / "parts" / "plates.py").write_text(textwrap.dedent(PLATES))
+    known = {"pendulum": PENDULUM, "sweep": SWEEP, "stand": STAND, "mast": MAST, "tall_mast": TALL_MAST}
+    for name, text in {**known, **documents}.items():
+        (folder / f"{name}.yaml").write_text(textwrap.dedent(text).lstrip())
+    return folder
+
+
+def with_emitter(folder: Path) -> str:
+    """Install the emitter beside the workspace, as a package's entry point; the PYTHONPATH that finds it."""
+    place = folder / "installed"
+    info = place / "faulty-1.0.dist-info"
+    info.mkdir(parents=True)
+    (place / "faulty_target.py").write_text(textwrap.dedent(EMITTER))
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: faulty\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[thingc.emitters]\nfaulty = faulty_target:emit\n")
+    return str(place)
+
+
+def environment(store: str, path: str = "") -> dict[str, str]:
+    """Of a command run by itself."""
+    found = {**os.environ, "THINGC_STORE": store, "NO_COLOR": "1"}
+    if path:
+        found["PYTHONPATH"] = os.pathsep.join(part for part in (path, os.environ.get("PYTHONPATH", "")) if part)
+    return found
+
+
+def thingc(*words: str, cwd: Path, env: dict[str, str]) -> subprocess.CompletedProcess[str]:
+    """Run a command of thingc to its end."""
+    return subprocess.run([sys.executable, "-m", "thingc", *words], cwd=cwd, env=env, capture_output=True, text=True, timeout=300)
+
+
+def tree(folder: Path) -> dict[str, bytes]:
+    """Every file below a folder."""
+    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}

@@ -1,0 +1,394 @@
+"""Batches from end to end: the folder, the table, the journal, and what a batch refuses to do."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import csv
+import json
+import shlex
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet
+import pytest
+
+from thingc.diagnostics import Code
+from thingc.pipeline import Options
+from thingc.variants import BatchFault, Summary, run
+from thingc.variants.journal import Journal, in_order, lines
+from variants.robots import environment, thingc, tree, workspace
+
+RUN_COLUMNS = ("parts_modelled", "parts_reused", "seconds")
+
+
+def batch(folder: Path, store: str, document: str = "sweep", **options: Any) -> Summary:
+    return run(str(folder / f"{document}.yaml"), options=Options(store=store), **options)
+
+
+def rows(folder: Path) -> list[dict[str, str]]:
+    with (folder / "results.csv").open() as stream:
+        return list(csv.DictReader(stream))
+
+
+def spoken(cell: object) -> str:
+    """A cell of the Parquet table as CSV has it."""
+    if cell is None:
+        return ""
+    if isinstance(cell, bool):
+        return "true" if cell else "false"
+    return repr(cell) if isinstance(cell, float) else str(cell)
+
+
+def without_run(found: list[dict[str, str]]) -> list[dict[str, str]]:
+    return [{name: cell for name, cell in row.items() if name not in RUN_COLUMNS} for row in found]
+
+
+def test_a_batch_writes_a_folder_for_each_variant_and_a_row(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path)
+    summary = batch(here, shared_store, jobs=2)
+    out = here / "build" / "sweep"
+    assert summary.statuses == {"built": 12} and summary.modelled == 0 and Path(summary.folder) == out
+    assert sorted(p.name for p in out.iterdir()) == ["assets", "batch.json", "journal.jsonl", "results.csv", "results.parquet", "variants"]
+    table = rows(out)
+    assert [row["index"] for row in table] == [str(k) for k in range(12)]
+    assert {row["id"] for row in table} == {p.name for p in (out / "variants").iterdir()}
+    for row in table:
+        length, bob = float(row["parameters.length"]), float(row["parameters.bob"])
+        assert float(row["mass"]) == pytest.approx(2.1 + bob, rel=1e-14)
+        assert float(row["centre.y"]) == pytest.approx(-(0.1 * length / 2 + bob * length) / (2.1 + bob), rel=1e-12)
+        assert float(row["reach"]) == pytest.approx(length, rel=1e-12)
+        assert (out / row["path"] / "manifest.json").is_file()
+        assert row["parameters.damped"] == "true" and row["parameters.label"] == "plain"
+    assert list(table[0])[-3:] == list(RUN_COLUMNS)
+
+
+def test_the_parquet_table_says_the_same_with_types_and_units(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path)
+    batch(here, shared_store)
+    out = here / "build" / "sweep"
+    table = pyarrow.parquet.read_table(out / "results.parquet")
+    written = rows(out)
+    assert table.column_names == list(written[0])
+    for name in table.column_names:
+        for cell, text in zip(table.column(name).to_pylist(), (row[name] for row in written), strict=True):
+            assert text == spoken(cell), name
+    units = {field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in table.schema}
+    assert units["parameters.length"] == "m" and units["mass"] == "kg" and units["inertia.xx"] == "kg*m^2" and units["status"] == ""
+    assert units["parameters.effort"] == "kg*m^2/s^2" and units["torque_margin"] == ""
+    described = json.loads((out / "batch.json").read_text())
+    assert {one["name"]: one["unit"] for one in described["columns"]} == units
+
+
+def test_the_table_does_not_depend_on_how_many_work_on_it(tmp_path: Path, shared_store: str) -> None:
+    tables, trees = [], []
+    for name, executor, jobs in (("a", None, 1), ("b", None, 3), ("c", concurrent.futures.ThreadPoolExecutor(2), 2)):
+        here = workspace(tmp_path / name)
+        batch(here, shared_store, executor=executor, jobs=jobs)
+        tables.append(without_run(rows(here / "build" / "sweep")))
+        trees.append(tree(here / "build" / "sweep" / "variants"))
+        if executor is not None:
+            executor.shutdown()
+    assert tables[0] == tables[1] == tables[2] and trees[0] == trees[1] == trees[2]
+
+
+def test_somebody_elses_processes_build_the_same(tmp_path: Path, shared_store: str) -> None:
+    """What is handed to an executor can be carried to another process."""
+    here = workspace(tmp_path)
+    with concurrent.futures.ProcessPoolExecutor(2) as executor:
+        summary = batch(here, shared_store, executor=executor, jobs=2)
+    assert summary.statuses == {"built": 12}
+    assert [line["index"] for line in in_order(str(here / "build" / "sweep" / "journal.jsonl"))] == list(range(12))
+
+
+CHOICES = """
+    thingc: variants/1
+    assembly: stand.yaml
+    name: stands
+    parameters: {side: [30 mm, 40 mm]}
+    choices:
+      components.mast.assembly: [mast.yaml, tall_mast.yaml]
+      components.mast.components.upper.part: [plates:Round, plates:Square]
+      components.plate.material: [light, heavy]
+    emit: [mjcf, stl, bom]
+"""
+
+
+def test_every_variant_is_byte_for_byte_the_single_build(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path, stands=CHOICES)
+    summary = batch(here, shared_store, "stands", jobs=2)
+    assert summary.statuses == {"built": 16}
+    out = here / "build" / "stands"
+    for row in rows(out):
+        words = shlex.split(row["command"])
+        assert words[:3] == ["thingc", "build", "stand.yaml"]
+        done = thingc(*words[1:], "-o", str(tmp_path / "single"), cwd=here, env=environment(shared_store))
+        assert done.returncode == 0, done.stderr
+        assert tree(out / row["path"]) == tree(tmp_path / "single" / "stand"), row["name"]
+
+
+def test_choices_make_other_robots(tmp_path: Path, shared_store: str) -> None:
+    """Masses by hand: plates of 10 mm, square or round, at 500 or 5000 kg/m^3."""
+    here = workspace(tmp_path, stands=CHOICES)
+    batch(here, shared_store, "stands")
+    square, disc = 0.04**2 * 0.01, 3.141592653589793 * 0.02**2 * 0.01
+    found = set()
+    for row in rows(here / "build" / "stands"):
+        side = float(row["parameters.side"])
+        tall = row["components.mast.assembly"] == "tall_mast.yaml"
+        upper = square if row["components.mast.components.upper.part"] == "plates:Square" else disc
+        plate = side**2 * 0.01 * (10.0 if row["components.plate.material"] == "heavy" else 1.0)
+        assert float(row["mass"]) == pytest.approx(500.0 * (plate + square * (2 if tall else 1) + upper), rel=1e-9)
+        found.add(row["mass"])
+    assert len(found) == 16
+
+
+def test_meshes_are_written_once(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path, stands=CHOICES)
+    batch(here, shared_store, "stands")
+    out = here / "build" / "stands"
+    kept = {p.name: p.stat().st_ino for p in (out / "assets").iterdir()}
+    meshes = [p for p in (out / "variants").rglob("mjcf/assets/*") if p.is_file()]
+    assert len(meshes) > 16 and {p.stat().st_ino for p in meshes} <= set(kept.values())
+    import hashlib
+
+    assert all(hashlib.sha256((out / "assets" / name).read_bytes()).hexdigest() == name for name in kept)
+
+
+def test_parts_are_modelled_once_and_variants_of_masses_model_none(tmp_path: Path) -> None:
+    here = workspace(tmp_path, stands=CHOICES, heavier=CHOICES.replace("[30 mm, 40 mm]", "30 mm").replace("name: stands", "name: heavier"))
+    first = batch(here, str(tmp_path / "store"), "stands", jobs=1)
+    assert first.modelled == 3  # two squares and a disc
+    again = batch(here, str(tmp_path / "store"), "heavier", jobs=1)
+    assert again.modelled == 0 and again.statuses == {"built": 8}
+
+
+RULES = """
+    thingc: variants/1
+    assembly: pendulum.yaml
+    name: rules
+    parameters:
+      length: [200 mm, 400 mm]
+      bob: [1 g, 100 g, 15 kg]
+      effort: [6 N*m, 0.1 N*m]
+    keep: ["mass < 3 kg", "torque_margin > 1.3", "bob > 10 g", "centre.y > -0.5 m"]
+"""
+
+
+def test_rules_keep_variants_out_and_nothing_is_written_of_them(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path, rules=RULES)
+    summary = batch(here, shared_store, "rules")
+    out = here / "build" / "rules"
+    for row in rows(out):
+        bob, length, effort = (float(row[f"parameters.{name}"]) for name in ("bob", "length", "effort"))
+        torque = 9.81 * 0.3420201433256687 * length * (bob + 0.05)
+        rule = "bob > 10 g" if bob < 0.01 else "mass < 3 kg" if bob > 1 else "torque_margin > 1.3" if effort / torque <= 1.3 else ""
+        assert (row["status"], row["rule"]) == ("kept_out" if rule else "built", rule)
+        assert (row["mass"] == "") == (rule == "bob > 10 g")  # decided before anything was compiled
+        assert (out / "variants" / row["id"]).exists() == (not rule) == (row["path"] != "")
+    assert summary.statuses == {"built": 2, "kept_out": 10}
+
+
+REFUSED = """
+    thingc: variants/1
+    assembly: refused.yaml
+    name: some
+    parameters: {upper: [10 deg, 40 deg]}
+    list: [{name: named, parameters: {upper: 50 deg}}]
+"""
+
+
+def test_a_variant_with_an_error_is_refused_and_the_rest_goes_on(tmp_path: Path, shared_store: str) -> None:
+    """In the pose of 20 degrees a joint that stops at 10 is an error of that variant alone."""
+    from variants.robots import PENDULUM
+
+    here = workspace(
+        tmp_path, some=REFUSED,
+        refused=PENDULUM.replace("tilt: 20 deg", "tilt: 20 deg\n      upper: 90 deg")
+        .replace("upper: 90 deg}\n        drive", "upper: =upper}\n        drive"),
+    )
+    done = thingc("batch", "some.yaml", cwd=here, env=environment(shared_store))
+    table = rows(here / "build" / "some")
+    assert [(row["name"], row["status"], row["code"]) for row in table] == [
+        ("named", "built", ""), ("some_1", "refused", Code.POSE_LIMITS.code), ("some_2", "built", ""),
+    ]
+    assert done.returncode == 1 and "1 refused" in done.stderr and Code.POSE_LIMITS.code in done.stderr
+    assert table[1]["message"] and table[1]["path"] == ""
+
+
+# --- folders ---------------------------------------------------------------------------------------------------------
+
+
+def test_resume_does_only_what_is_left(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path)
+    out = here / "build" / "sweep"
+    assert batch(here, shared_store, limit=5).count == 5
+    stamps = {p.name: p.stat().st_mtime_ns for p in (out / "variants").iterdir()}
+    victim = sorted(stamps)[0]
+    for path in sorted((out / "variants" / victim).rglob("*"), reverse=True):
+        path.unlink() if path.is_file() else path.rmdir()
+    (out / "variants" / victim).rmdir()
+    summary = batch(here, shared_store, resume=True)
+    assert (summary.count, summary.before, summary.statuses) == (12, 4, {"built": 12})
+    now = {p.name: p.stat().st_mtime_ns for p in (out / "variants").iterdir()}
+    assert all(now[name] == when for name, when in stamps.items() if name != victim) and now[victim] != stamps[victim]
+    fresh = workspace(tmp_path / "fresh")
+    batch(fresh, shared_store)
+    assert without_run(rows(out)) == without_run(rows(fresh / "build" / "sweep"))
+
+
+def test_a_finished_batch_is_replaced(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path)
+    batch(here, shared_store)
+    text = (here / "sweep.yaml").read_text()
+    (here / "sweep.yaml").write_text(text.replace("[200 mm, 300 mm, 400 mm]", "[250 mm]"))
+    assert batch(here, shared_store).statuses == {"built": 4}
+    assert len(list((here / "build" / "sweep" / "variants").iterdir())) == 4
+
+
+@pytest.mark.parametrize("place", ["notes.txt", "variants/notes.txt", "variants/ID/notes.txt", "assets/notes.txt"])
+def test_a_folder_with_strangers_is_left_as_it_is(tmp_path: Path, shared_store: str, place: str) -> None:
+    here = workspace(tmp_path)
+    summary = batch(here, shared_store)
+    some = next((Path(summary.folder) / "variants").iterdir()).name
+    stranger = Path(summary.folder) / place.replace("ID", some)
+    stranger.write_text("mine")
+    before = tree(Path(summary.folder))
+    with pytest.raises(BatchFault) as fault:
+        batch(here, shared_store)
+    assert fault.value.diagnostic.code is Code.STRANGERS and place.replace("ID", some) in fault.value.diagnostic.message
+    assert tree(Path(summary.folder)) == before
+
+
+def test_the_folder_of_another_document_is_left_as_it_is(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path)
+    batch(here, shared_store)
+    (here / "other.yaml").write_text((here / "sweep.yaml").read_text())
+    with pytest.raises(BatchFault) as fault:
+        batch(here, shared_store, "other")
+    assert fault.value.diagnostic.code is Code.STRANGERS
+    (here / "build" / "robot").mkdir()
+    (here / "build" / "robot" / "model.xml").write_text("<mujoco/>")
+    (here / "sweep.yaml").write_text((here / "sweep.yaml").read_text().replace("name: sweep", "name: robot"))
+    with pytest.raises(BatchFault) as fault:
+        batch(here, shared_store)
+    assert fault.value.diagnostic.code is Code.STRANGERS and (here / "build" / "robot" / "model.xml").exists()
+
+
+@pytest.mark.parametrize(("change", "words"), [
+    (("sweep.yaml", "400 mm", "500 mm"), "settings"), (("pendulum.yaml", "mass: 2 kg", "mass: 3 kg"), "`pendulum.yaml` changed"),
+    (("sweep.yaml", "name: sweep", "name: sweep\nemit: [mjcf, bom]"), "targets"),
+])
+def test_resume_refuses_another_batch(tmp_path: Path, shared_store: str, change: tuple[str, str, str], words: str) -> None:
+    here = workspace(tmp_path)
+    batch(here, shared_store, limit=3)
+    before = tree(here / "build")
+    file, old, new = change
+    (here / file).write_text((here / file).read_text().replace(old, new))
+    with pytest.raises(BatchFault) as fault:
+        batch(here, shared_store, resume=True)
+    assert fault.value.diagnostic.code is Code.BATCH_CHANGED and words in fault.value.diagnostic.message
+    assert tree(here / "build") == before
+
+
+def test_resume_does_not_mind_how_the_settings_are_written(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path)
+    batch(here, shared_store, limit=3)
+    text = (here / "sweep.yaml").read_text()
+    (here / "sweep.yaml").write_text("# now in metres\n" + text.replace("[200 mm, 300 mm, 400 mm]", "[0.2 m, 30 cm, 0.4 m]"))
+    assert batch(here, shared_store, resume=True).before == 3
+
+
+def test_there_must_be_something_to_resume(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path)
+    with pytest.raises(BatchFault) as fault:
+        batch(here, shared_store, resume=True)
+    assert fault.value.diagnostic.code is Code.NO_BATCH
+
+
+# --- the command -----------------------------------------------------------------------------------------------------
+
+
+def test_a_dry_run_counts_and_writes_nothing(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path, stands=CHOICES, rules=RULES)
+    store = str(tmp_path / "store")
+    told = json.loads(thingc("batch", "stands.yaml", "--dry-run", "--format", "json", cwd=here, env=environment(store)).stdout)
+    assert (told["count"], told["of"], told["parts"], told["modelled"], told["reused"]) == (16, 16, 3, 3, 0)
+    assert len(told["first"]) == 5 and told["failing"] == {} and told["diagnostics"] == []
+    assert not (here / "build").exists()
+    batch(here, store, "stands")
+    told = json.loads(thingc("batch", "stands.yaml", "--dry-run", "--format", "json", cwd=here, env=environment(store)).stdout)
+    assert (told["modelled"], told["reused"]) == (0, 3)
+    told = json.loads(thingc("batch", "rules.yaml", "--dry-run", "--format", "json", cwd=here, env=environment(store)).stdout)
+    assert told["failing"] == {"bob > 10 g": 4}
+
+
+def test_the_command_says_what_it_did(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path)
+    done = thingc("batch", "sweep.yaml", "--jobs", "2", cwd=here, env=environment(shared_store))
+    assert (done.returncode, done.stdout) == (0, "")
+    assert done.stderr == "build/sweep: 12 variants: 12 built; 0 parts modelled\n"
+    told = thingc("batch", "sweep.yaml", "--format", "json", "-o", "elsewhere", "--limit", "2", cwd=here, env=environment(shared_store))
+    answer = json.loads(told.stdout)
+    assert answer["statuses"] == {"built": 2} and answer["folder"] == "elsewhere/sweep" and answer["diagnostics"] == []
+
+
+# --- the journal -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("torn", [0, 1, 9, 20])
+def test_a_torn_last_line_is_cut_off(tmp_path: Path, torn: int) -> None:
+    path = tmp_path / "journal.jsonl"
+    with Journal(str(path)) as journal:
+        for k in range(3):
+            journal.append({"index": k, "id": "x" * 12})
+    whole = path.read_bytes()
+    path.write_bytes(whole + b'{"index": 3, "id": "yyyy"'[:torn])
+    assert [line["index"] for _, line in lines(str(path))] == [0, 1, 2]
+    with Journal(str(path)) as journal:
+        journal.append({"index": 3, "id": "z"})
+    assert [line["index"] for _, line in lines(str(path))] == [0, 1, 2, 3] and path.read_bytes().startswith(whole)
+
+
+def test_of_two_lines_the_later_one_counts(tmp_path: Path) -> None:
+    path = tmp_path / "journal.jsonl"
+    with Journal(str(path)) as journal:
+        for index, status in ((2, "built"), (0, "failed"), (2, "refused"), (5, "built")):
+            journal.append({"index": index, "status": status})
+    assert [(line["index"], line["status"]) for line in in_order(str(path))] == [(0, "failed"), (2, "refused"), (5, "built")]
+
+
+# --- memory ----------------------------------------------------------------------------------------------------------
+
+MANY = """
+    thingc: variants/1
+    assembly: pendulum.yaml
+    name: many
+    parameters:
+      length: {from: 100 mm, to: 900 mm, count: COUNT}
+      bob: [100 g, 200 g, 300 g, 400 g, 500 g, 600 g, 700 g, 800 g, 900 g, 1 kg]
+    keep: ["length < 100.01 mm", "bob < 150 g"]
+"""
+
+PEAK = """
+import resource, sys
+from thingc.variants import run
+summary = run(sys.argv[1])
+print(summary.count, summary.statuses["built"], resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+def test_the_drivers_memory_does_not_grow_with_the_variants(tmp_path: Path, shared_store: str) -> None:
+    """Ten times as many: all but one are kept out by the plan, so that it is the driver who does the work."""
+    import subprocess
+    import sys
+
+    peaks = []
+    for count in (200, 2000):
+        here = workspace(tmp_path / str(count), many=MANY.replace("COUNT", str(count)))
+        done = subprocess.run(
+            [sys.executable, "-c", PEAK, "many.yaml"], cwd=here, env=environment(shared_store), capture_output=True, text=True, timeout=300,
+        )
+        variants, built, peak = map(int, done.stdout.split())
+        assert (variants, built) == (10 * count, 1), done.stderr
+        peaks.append(peak)
+    assert peaks[1] - peaks[0] < 8_000, f"{peaks} kB for 2 000 and 20 000 variants"

@@ -1,0 +1,282 @@
+"""What a batch survives: runners that die, hang or raise, interrupts, a killed driver, a full disk. Real processes, real signals.
+
+The faults are brought about by a target of our own (`robots.EMITTER`), installed as a package's entry point, which does in the
+runner what the variant's parameter `fault` says.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+
+import psutil
+import pytest
+
+from thingc.diagnostics import Code
+from variants.robots import environment, thingc, tree, with_emitter, workspace
+
+FAULTS = """
+    thingc: variants/1
+    assembly: pendulum.yaml
+    name: faults
+    parameters: {length: {from: 200 mm, to: 430 mm, count: 24}}
+    emit: [mjcf, faulty]
+"""
+
+
+def listed(faults: dict[int, str], count: int = 24) -> str:
+    """A document of so many variants, some of them with a fault."""
+    entries = "".join(
+        f"      - {{parameters: {{length: {200 + 10 * k} mm, fault: {faults.get(k, 'none')}}}}}\n" for k in range(count)
+    )
+    return f"""
+    thingc: variants/1
+    assembly: pendulum.yaml
+    name: faults
+    emit: [mjcf, faulty]
+    list:
+{entries}"""
+
+
+def table(folder: Path) -> list[dict[str, str]]:
+    with (folder / "build" / "faults" / "results.csv").open() as stream:
+        return list(csv.DictReader(stream))
+
+
+def journal(folder: Path) -> list[dict[str, object]]:
+    return [json.loads(line) for line in (folder / "build" / "faults" / "journal.jsonl").read_text().splitlines()]
+
+
+def started(folder: Path, env: dict[str, str], *more: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "thingc", "batch", "faults.yaml", *more], cwd=folder, env=env, stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE, text=True,
+    )
+
+
+def wait_for_lines(folder: Path, count: int, process: subprocess.Popen[str]) -> None:
+    """Until so many variants are in the journal."""
+    path = folder / "build" / "faults" / "journal.jsonl"
+    deadline = time.monotonic() + 120.0
+    while time.monotonic() < deadline:
+        if path.exists() and path.read_bytes().count(b"\n") >= count:
+            return
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.01)
+    raise AssertionError(f"{count} variants were not done in time")
+
+
+def descendants(pid: int) -> list[psutil.Process]:
+    return psutil.Process(pid).children(recursive=True)
+
+
+def assert_gone(processes: list[psutil.Process]) -> None:
+    """No process of a batch outlives it by more than a moment."""
+    _, alive = psutil.wait_procs(processes, timeout=10.0)
+    assert not [one for one in alive if one.status() != psutil.STATUS_ZOMBIE]
+
+
+def assert_whole(folder: Path, count: int) -> None:
+    """Every variant once in the journal, with a whole folder, and nothing else."""
+    out = folder / "build" / "faults"
+    assert Counter(line["index"] for line in journal(folder)) == Counter(range(count))
+    assert {line["id"] for line in journal(folder)} == {p.name for p in (out / "variants").iterdir()}
+    for place in (out / "variants").iterdir():
+        manifest = json.loads((place / "manifest.json").read_text())
+        assert {*manifest["files"], "manifest.json"} == {str(p.relative_to(place)) for p in place.rglob("*") if p.is_file()}
+    assert not [p for p in (out / "assets").iterdir() if len(p.name) != 64]
+
+
+def test_exactly_the_variants_that_end_their_runners_are_lost(tmp_path: Path, shared_store: str) -> None:
+    faults = {3: "kill", 4: "segv", 9: "hang", 10: "raise", 17: "kill", 23: "segv"}
+    here = workspace(tmp_path, faults=listed(faults))
+    env = environment(shared_store, with_emitter(tmp_path))
+    done = thingc("batch", "faults.yaml", "--timeout", "5 s", "--jobs", "2", cwd=here, env=env)
+    assert done.returncode == 1, done.stderr
+    rows = table(here)
+    codes = {"kill": Code.VARIANT_DIED, "segv": Code.VARIANT_DIED, "hang": Code.VARIANT_HUNG, "raise": Code.VARIANT_RAISED}
+    assert [(row["status"], row["code"]) for row in rows] == [
+        ("failed", codes[faults[k]].code) if k in faults else ("built", "") for k in range(24)
+    ]
+    assert "SIGKILL" in rows[3]["message"] and "SIGSEGV" in rows[4]["message"] and "5 s" in rows[9]["message"]
+    assert "the emitter has given up" in rows[10]["message"]
+    assert Counter(line["index"] for line in journal(here)) == Counter(range(24))
+    assert "Traceback" in next(str(line["detail"]) for line in journal(here) if line["index"] == 10)
+    assert {p.name for p in (here / "build" / "faults" / "variants").iterdir()} == {row["id"] for row in rows if row["status"] == "built"}
+    assert "failed" in done.stderr and Code.VARIANT_HUNG.code in done.stderr and "Traceback" not in done.stderr
+
+
+def test_a_runner_that_somebody_kills_costs_one_variant(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path, faults=listed(dict.fromkeys(range(24), "slow")))
+    env = environment(shared_store, with_emitter(tmp_path))
+    process = started(here, env, "--jobs", "2")
+    wait_for_lines(here, 6, process)
+    victims = [one for one in descendants(process.pid) if "thingc.variants.runner" in " ".join(one.cmdline())]
+    assert len(victims) == 2
+    victims[0].kill()
+    assert process.wait(120) == 1
+    rows = table(here)
+    lost = [row for row in rows if row["status"] == "failed"]
+    assert len(rows) == 24 and len(lost) == 1 and "SIGKILL" in lost[0]["message"]
+    assert Counter(line["index"] for line in journal(here)) == Counter(range(24))
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_leaves_a_batch_that_can_be_gone_on_with(tmp_path: Path, shared_store: str, number: signal.Signals) -> None:
+    here = workspace(tmp_path, faults=listed(dict.fromkeys(range(16), "slow"), 16))
+    env = environment(shared_store, with_emitter(tmp_path))
+    process = started(here, env, "--jobs", "2")
+    wait_for_lines(here, 4, process)
+    running = descendants(process.pid)
+    process.send_signal(number)
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == 130 and out == ""
+    done = len(journal(here))
+    assert err == f"interrupted: {done} of 16 variants are done; go on with: thingc batch faults.yaml --resume\n"
+    assert 4 <= done < 16 and running
+    assert_gone(running)
+    before = {line["id"]: (here / "build/faults/variants" / str(line["id"]) / "manifest.json").stat().st_mtime_ns for line in journal(here)}
+    again = thingc("batch", "faults.yaml", "--resume", cwd=here, env=env)
+    assert again.returncode == 0 and f"16 variants ({done} of them before): 16 built" in again.stderr, again.stderr
+    assert_whole(here, 16)
+    assert all((here / "build/faults/variants" / id / "manifest.json").stat().st_mtime_ns == when for id, when in before.items())
+
+
+def test_a_killed_driver_takes_its_runners_along_and_can_be_resumed(tmp_path: Path, shared_store: str) -> None:
+    """SIGKILL again and again, at any moment: what comes out is what an undisturbed batch writes."""
+    here = workspace(tmp_path, faults=FAULTS)
+    env = environment(shared_store, with_emitter(tmp_path))
+    more: list[str] = []
+    for lines in (1, 4, 9, 13, 20):
+        process = started(here, env, "--jobs", "2", *more)
+        wait_for_lines(here, lines, process)
+        running = descendants(process.pid)
+        process.kill()
+        process.wait()
+        assert_gone(running)
+        if lines == 9:  # as if the kill had torn the line that was being written
+            with (here / "build/faults/journal.jsonl").open("a") as stream:
+                stream.write('{"index": 2')
+        more = ["--resume"]
+    done = thingc("batch", "faults.yaml", "--resume", cwd=here, env=env)
+    assert done.returncode == 0, done.stderr
+    assert_whole(here, 24)
+    fresh = workspace(tmp_path / "fresh", faults=FAULTS)
+    assert thingc("batch", "faults.yaml", cwd=fresh, env=env).returncode == 0
+    assert tree(here / "build/faults/variants") == tree(fresh / "build/faults/variants")
+
+
+def test_the_second_batch_in_a_folder_is_told(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path, faults=listed(dict.fromkeys(range(12), "slow"), 12))
+    env = environment(shared_store, with_emitter(tmp_path))
+    process = started(here, env, "--jobs", "1")
+    wait_for_lines(here, 1, process)
+    second = thingc("batch", "faults.yaml", "--resume", cwd=here, env=env)
+    assert second.returncode == 2 and f"error[{Code.BATCH_LOCKED.code}]" in second.stderr
+    assert process.wait(120) == 0
+    assert_whole(here, 12)
+
+
+def test_two_batches_at_once_on_one_store(tmp_path: Path) -> None:
+    """Both need the same parts, which nobody has modelled before."""
+    text = """
+        thingc: variants/1
+        assembly: stand.yaml
+        name: faults
+        parameters: {side: {from: 20 mm, to: 60 mm, count: 5}}
+    """
+    first, second = workspace(tmp_path / "first", faults=text), workspace(tmp_path / "second", faults=text)
+    env = environment(str(tmp_path / "store"))
+    processes = [started(here, env, "--jobs", "1") for here in (first, second)]
+    assert [process.wait(300) for process in processes] == [0, 0], [process.communicate() for process in processes]
+    assert_whole(first, 5)
+    assert tree(first / "build/faults/variants") == tree(second / "build/faults/variants")
+
+
+# --- a system that refuses -------------------------------------------------------------------------------------------
+
+
+def test_a_folder_that_cannot_be_written_is_said_in_words(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path, faults=FAULTS)
+    env = environment(shared_store, with_emitter(tmp_path))
+    (tmp_path / "file").write_text("")
+    done = thingc("batch", "faults.yaml", "-o", "file/inside", cwd=here, env=env)
+    assert done.returncode == 2 and f"error[{Code.OUTPUT.code}]" in done.stderr and "Not a directory" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_disk_that_takes_no_more_ends_the_batch_in_words_and_it_goes_on_later(tmp_path: Path, shared_store: str) -> None:
+    """No file may grow beyond 6 kB: the journal meets the limit first, as it would meet a full disk."""
+    here = workspace(tmp_path, faults=FAULTS)
+    env = environment(shared_store, with_emitter(tmp_path))
+
+    def small() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (6_000, resource.RLIM_INFINITY))
+
+    done = subprocess.run(
+        [sys.executable, "-m", "thingc", "batch", "faults.yaml"], cwd=here, env=env, capture_output=True, text=True, preexec_fn=small,
+        timeout=120,
+    )
+    assert done.returncode == 2 and f"error[{Code.OUTPUT.code}]" in done.stderr and "no room" in done.stderr, done.stderr
+    assert "Traceback" not in done.stderr and "--resume" in done.stderr
+    noted = journal(here)  # every line is whole
+    assert 0 < len(noted) < 24
+    again = thingc("batch", "faults.yaml", "--resume", cwd=here, env=env)
+    assert again.returncode == 0, again.stderr
+    assert_whole(here, 24)
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Path:
+    """A file system of 1 MB."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(place)], capture_output=True)
+    if mounted.returncode:
+        pytest.skip("only root may mount a file system here")
+    yield place
+    subprocess.run(["umount", "-l", str(place)], check=True)
+
+
+def test_a_full_disk_ends_the_batch_in_words_and_it_goes_on_later(tmp_path: Path, shared_store: str, small_disk: Path) -> None:
+    here = workspace(tmp_path, faults=FAULTS.replace("[mjcf, faulty]", "[mjcf]").replace("count: 24", "count: 231"))
+    env = environment(shared_store)
+    done = thingc("batch", "faults.yaml", "-o", str(small_disk), cwd=here, env=env)
+    assert done.returncode == 2 and f"error[{Code.OUTPUT.code}]" in done.stderr and "No space left" in done.stderr, done.stderr
+    noted = [json.loads(line) for line in (small_disk / "faults" / "journal.jsonl").read_text().splitlines()]
+    assert 0 < len(noted) < 231 and all(line["status"] == "built" for line in noted)
+    for line in noted:
+        assert (small_disk / "faults" / line["path"] / "manifest.json").exists()
+    subprocess.run(["mount", "-o", "remount,size=64m", str(small_disk)], check=True)
+    again = thingc("batch", "faults.yaml", "-o", str(small_disk), "--resume", cwd=here, env=env)
+    assert again.returncode == 0 and f"({len(noted)} of them before)" in again.stderr, again.stderr
+
+
+def test_a_store_that_cannot_be_used_is_said_in_words(tmp_path: Path) -> None:
+    here = workspace(tmp_path, faults=FAULTS.replace("[mjcf, faulty]", "[mjcf]").replace("pendulum", "stand").replace("length", "side")
+                     .replace("200 mm, to: 430 mm", "20 mm, to: 43 mm"))
+    (tmp_path / "file").write_text("")
+    done = thingc("batch", "faults.yaml", cwd=here, env=environment(str(tmp_path / "file" / "store")))
+    assert done.returncode == 2 and f"error[{Code.OUTPUT.code}]" in done.stderr and "Traceback" not in done.stderr, done.stderr
+
+
+def test_runners_that_do_not_start_end_the_batch_in_words(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path, faults=FAULTS.replace("[mjcf, faulty]", "[mjcf]"))
+    place = tmp_path / "broken"
+    place.mkdir()
+    (place / "sitecustomize.py").write_text(
+        "import os, sys\nif 'thingc.variants.runner' in sys.orig_argv:\n    sys.stderr.write('no room for a runner')\n    os._exit(7)\n",
+    )
+    done = thingc("batch", "faults.yaml", cwd=here, env=environment(shared_store, str(place)))
+    assert done.returncode == 1 and f"error[{Code.RUNNERS.code}]" in done.stderr and "exit code 7" in done.stderr, done.stderr
+    told = thingc("batch", "faults.yaml", "--resume", "--debug", cwd=here, env=environment(shared_store, str(place)))
+    assert "no room for a runner" in told.stderr
+    assert os.path.exists(here / "build" / "faults" / "batch.json")
