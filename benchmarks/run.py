@@ -21,6 +21,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from wide import write_wide
+
 ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -63,6 +65,7 @@ class Workspace:
         for name in ("assemblies", "parts"):
             shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
         shutil.copy(ROOT / "thingc.toml", folder)
+        (folder / "wide").mkdir()
         self.environment = {**os.environ, "THINGC_STORE": str(self.store), "PYTHONDONTWRITEBYTECODE": ""}
 
     def edit(self, file: str, pattern: str, values: Callable[[int], str]) -> None:
@@ -85,6 +88,16 @@ class Workspace:
                 f"    bom: {{number: ISO 4762 M3 x 8}}  # {n}",
             ]
         (self.folder / file).write_text("\n".join([*lines[:3], *components, lines[3], ""]))
+
+    def known(self, document: str) -> None:
+        """See to it that the store has the parts of a document."""
+        cost([str(Path(sys.executable).parent / "thingc"), "check", document], self.folder, self.environment)
+
+    def lock_once(self) -> None:
+        """Make the lock, unless it is there, and forget the store: what --no-code checks with is the lock alone."""
+        if not (self.folder / "parts.lock.json").exists():
+            cost([str(Path(sys.executable).parent / "thingc"), "lock"], self.folder, self.environment)
+        self.empty()
 
     def empty(self) -> None:
         """Forget every part and every build."""
@@ -117,6 +130,8 @@ def scenarios(workspace: Workspace) -> list[Scenario]:
     color = edited("assemblies/materials.yaml", r"(petg:(?:.|\n)*?color: )(?:[a-z]+|\"[^\"]*\")", lambda n: f'"#{n:02x}aa{n:02x}"')
     dimension = edited("parts/arm.py", r"(class BasePlate(?:.|\n)*?thickness: Annotated.* = )[\d.]+", lambda n: f"{5 + n / 1000.0:.3f}")
     knee = edited("assemblies/minchw/leg.yaml", r"(knee:(?:.|\n)*?upper: )[\d.]+", lambda n: f"{115 - n / 1000.0:.3f}")
+    wide = f"wide/{write_wide(workspace.folder / 'wide')}"
+    value_of_wide = edited("wide/level7.yaml", r"(reach: \{value: )[\d.]+", lambda n: f"{40 + n / 1000.0:.3f}")
     leg = edited("assemblies/minchw/minchw.yaml", r"(  leg_length: \{value: )[\d.]+", lambda n: f"{64 + n / 100.0:.2f}")
     return [
         Scenario("arm: cold build, empty store", ("build", arm), workspace.empty, 1.6, 480.0),
@@ -129,6 +144,10 @@ def scenarios(workspace: Workspace) -> list[Scenario]:
         Scenario("minchw: cold build, empty store", ("build", minchw), workspace.empty, 2.2, 500.0),
         Scenario("minchw: build, nothing changed", ("build", minchw), lambda: None, 0.10),
         Scenario("minchw: build, a limit edited", ("build", minchw), knee, 0.35),
+        Scenario("minchw: check, one value edited", ("check", minchw), lambda: (workspace.known(minchw), knee())[1], 0.15),
+        Scenario("check: 1 000 in 20 documents", ("check", wide), lambda: (workspace.known(wide), value_of_wide())[1], 0.6),
+        Scenario("minchw: check --no-code", ("check", "--no-code", minchw), workspace.lock_once, 0.15),
+        Scenario("check --no-code: the same", ("check", "--no-code", wide), workspace.lock_once, 0.6),
         Scenario("fmt: 1 000 components", ("fmt", "thousand.yaml"), lambda: workspace.write_thousand("thousand.yaml"), 0.4),
         Scenario("minchw: build, one leg parameter", ("build", minchw), leg, None, counted=True),
     ]

@@ -6,7 +6,9 @@ its children; the second hardly feels what else the machine does.
 
 - `plain`: those four numbers differ in each variant, so that no part is modelled; the MJCF of three modes and `modes.json` are
   written to the disk;
-- `verified`: the same, and MuJoCo compiles every model as it was written, with its meshes;
+- `verified`: the same, and MuJoCo compiles every model, as a batch lets it do unless told otherwise: with a tetrahedron in the place
+  of a mesh that it has taken before;
+- `loaded`: the same as `plain`, and every model becomes a `mujoco.MjModel` with its meshes;
 - `modelled`: the reach differs in each variant, so that one part is modelled for each, and the same files are written.
 
 `--scale N` runs `plain` for 10, 100, ... N variants, and says how time and memory grow with their number.
@@ -23,9 +25,11 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
-from thingc.emit.artifact import Stored
+from thingc.emit.artifact import Artifacts, Stored
 from thingc.pipeline import Options
+from thingc.realize.store import Store
 from thingc.session import Session, Settings
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -76,43 +80,42 @@ def modelled(index: int) -> Settings:
 FRESH = int.from_bytes(os.urandom(3), "big") / 2**24
 
 
-def build(session: Session, settings: Settings, folder: Path, *, verify: bool) -> None:
-    """One variant, from its settings to its files on the disk. Raises where anything was said, or any part reused wrongly."""
+def build(session: Session, settings: Settings, folder: Path, *, verify: bool = False, loaded: Models | None = None) -> None:
+    """One variant, from its settings to its files on the disk. Raises where anything was said."""
     compilation = session.compile(settings)
-    artifacts = compilation.emit(["mjcf"], verify=False)["mjcf"]
+    artifacts = compilation.emit(["mjcf"], verify=verify)["mjcf"]
     if compilation.report.diagnostics:
         raise SystemExit(f"{settings}: {compilation.report.diagnostics}")
     os.makedirs(folder / "mjcf", exist_ok=True)
     for path, content in artifacts.files.items():
         if not isinstance(content, Stored):  # the meshes are shared by all variants
-            with open(folder / path, "wb") as stream:
+            with open(f"{folder}/{path}", "wb") as stream:
                 stream.write(content)
-    if verify:
+    if loaded is not None:
         for robot in compilation.robots:
-            MODELS.model(artifacts, f"mjcf/arm_{robot.mode.name}.xml", session.front.store)
+            loaded.model(artifacts, f"mjcf/arm_{robot.mode.name}.xml")
 
 
 class Models:
-    """MuJoCo's models of what was written."""
+    """MuJoCo's models of what was written; its meshes are handed over once as long as they are the same."""
 
-    def __init__(self) -> None:
-        self.assets: dict[str, bytes] = {}
+    def __init__(self, store: Store) -> None:
+        self.store = store
+        self.assets: dict[str, Stored] = {}
+        self.files: Any = None
 
-    def model(self, artifacts: object, path: str, store: object) -> object:
+    def model(self, artifacts: Artifacts, path: str) -> object:
         """The compiled model of one file, with its meshes."""
         import mujoco
 
-        files = artifacts.files  # type: ignore[attr-defined]
-        assets = {}
-        for name, content in files.items():
-            if isinstance(content, Stored):
-                if content.sha256 not in self.assets:
-                    self.assets[content.sha256] = store.read(content.sha256)  # type: ignore[attr-defined]
-                assets[name.removeprefix("mjcf/assets/")] = self.assets[content.sha256]
-        return mujoco.MjModel.from_xml_string(files[path].decode(), assets)
-
-
-MODELS = Models()
+        assets = {name.removeprefix("mjcf/assets/"): held for name, held in artifacts.files.items() if isinstance(held, Stored)}
+        if assets != self.assets:
+            self.assets, self.files = assets, mujoco.MjVfs()
+            for name, stored in assets.items():
+                self.files[name] = self.store.read(stored.sha256)
+        text = artifacts.files[path]
+        assert isinstance(text, bytes)
+        return mujoco.MjModel.from_xml_string(text.decode(), vfs=self.files)
 
 
 def processor() -> float:
@@ -134,14 +137,16 @@ def resident() -> float:
 
 def measure(
     document: Path, store: str | None, folder: Path, settings: Callable[[int], Settings], count: int, *, verify: bool = False,
+    load: bool = False,
 ) -> tuple[float, float, float]:
     """`count` variants in one session: seconds of the clock, of processor time, and megabytes grown after the first ten."""
     with Session(str(document), Options(store=store, jobs=1)) as session:
+        loaded = Models(session.front.store) if load else None
         for index in range(3):
-            build(session, settings(-1 - index), folder / "warm", verify=verify)
+            build(session, settings(-1 - index), folder / "warm", verify=verify, loaded=loaded)
         before, wall, cpu = 0.0, time.perf_counter(), processor()
         for index in range(count):
-            build(session, settings(index), folder / str(index), verify=verify)
+            build(session, settings(index), folder / str(index), verify=verify, loaded=loaded)
             if index == min(10, count - 1):
                 before = resident()
         return time.perf_counter() - wall, processor() - cpu, resident() - before
@@ -168,13 +173,15 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="thingc-throughput-") as name:
         folder = Path(name)
         document = workspace(folder)
-        runs: list[tuple[str, Callable[[int], Settings], int, bool]] = [
-            ("plain", plain, arguments.count, False), ("verified", plain, arguments.count, True),
-            ("modelled", modelled, arguments.models, False),
+        runs: list[tuple[str, Callable[[int], Settings], int, bool, bool]] = [
+            ("plain", plain, arguments.count, False, False), ("verified", plain, arguments.count, True, False),
+            ("loaded", plain, arguments.count, False, True), ("modelled", modelled, arguments.models, False, False),
         ]
-        for label, settings, count, verify in runs:
+        for label, settings, count, verify, load in runs:
             if count:
-                wall, cpu, grown = measure(document, arguments.store, folder / label, settings, count, verify=verify)
+                wall, cpu, grown = measure(
+                    document, arguments.store, folder / label, settings, count, verify=verify, load=load,
+                )
                 print(f"{label:9}{count:6} variants {count / wall:8.1f}/s of the clock {count / cpu:8.1f}/s of processor time "
                       f"{1e3 * cpu / count:8.2f} ms each, {grown:+.1f} MB")
         points = []

@@ -73,6 +73,7 @@ def compile(
     document: str,
     *,
     parameters: Mapping[str, str] | None = None,
+    choices: Mapping[str, str] | None = None,
     modes: Sequence[str] = (),
     store: str | None = None,
     jobs: int = 0,
@@ -80,11 +81,13 @@ def compile(
 ) -> Compiled:
     """Compile an assembly document.
 
-    `parameters` are texts as a document would have them (`{"reach": "120 mm"}`), `modes` the names wanted (none: all), `store`
-    the folder of modelled parts (None: the user's cache), `jobs` how many parts are modelled at once (0: one per core).
+    `parameters` are texts as a document would have them (`{"reach": "120 mm"}`), `choices` texts by path
+    (`{"components.foot.part": "feet:Wide"}`), `modes` the names wanted (none: all), `store` the folder of modelled parts (None: the
+    user's cache), `jobs` how many parts are modelled at once (0: one per core).
     Raises `CompileError` with every diagnostic; with `strict` for warnings, too. Writes nothing but the store.
     """
-    with Compilation(document, Options(parameters=dict(parameters or {}), store=store, jobs=jobs)) as compilation:
+    options = Options(parameters=dict(parameters or {}), choices=dict(choices or {}), store=store, jobs=jobs)
+    with Compilation(document, options) as compilation:
         compilation.run(modes)
         _stop_on_errors(compilation.report, strict)
         artifacts = compilation.emit(["mjcf"])["mjcf"]

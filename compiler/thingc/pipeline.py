@@ -351,7 +351,8 @@ class Compilation:
             raise RuntimeError("there is nothing to emit: the compilation failed")
         request = EmitRequest(
             assembly=self.assembly, robots=self.robots, store=self.store, geometry=self.geometry, workspace=self.workspace,
-            report=self.report, verify=verify, memo=self.front.memo,
+            report=self.report, verify=verify, repeated=self._lent,
+            memo=self.front.memo,
         )
         artifacts: dict[str, Artifacts] = {}
         told: dict[Loss, None] = {}

@@ -40,7 +40,7 @@ ROOMS: dict[str, set[str]] = {
     "stamp": BASE | {"realize"},
     "pipeline": BASE | {"stamp", "load", "spec", "realize", "resolve", "joints", "graph", "robot", "emit"},
     "session": BASE | {"pipeline"},
-    "variants": BASE | {"pipeline", "session", "load", "spec", "realize", "resolve", "graph", "robot", "emit", "output"},
+    "variants": BASE | {"pipeline", "stamp", "session", "load", "spec", "realize", "resolve", "graph", "robot", "emit", "output", "modes"},
     "api": BASE | {"pipeline", "realize", "graph", "robot", "emit"},
     "cli": BASE | {"pipeline", "realize", "graph", "robot", "emit", "output", "stamp", "resolve", "render",
         "reporting", "layout", "editor", "testing", "variants", "load", "spec", "gate"},

@@ -209,11 +209,13 @@ def test_kinds_of_joints() -> None:
 
 
 def test_gravity_and_raw_kinds_and_bounds() -> None:
+    from thingc import workspace
     from thingc.emit import mjcf_raw
     from thingc.expressions.terms import MAX_DEPTH
     from thingc.load.documents import MAX_CHAIN
-    from thingc.load.text import MAX_ALIAS_NODES, MAX_BYTES, MAX_LEVELS, MAX_NODES
-    from thingc.resolve.modes import GRAVITY
+    from thingc.load.text import MAX_ALIAS_NODES, MAX_ALL_BYTES, MAX_BYTES, MAX_LEVELS, MAX_NODES
+    from thingc.resolve.assembly import MAX_DEFINITIONS
+    from thingc.resolve.modes import GRAVITY, MAX_EXCLUDED, MAX_EXTENDED
     from thingc.resolve.repeats import MAX_OCCURRENCES, MAX_REPEAT
     from thingc.units import MAX_FACTORS, MAX_TEXT
 
@@ -225,6 +227,7 @@ def test_gravity_and_raw_kinds_and_bounds() -> None:
     cells = [row[1] for row in table(LANGUAGE, "bounds")]
     numbers = [int(digits.replace(" ", "")) for cell in cells for digits in re.findall(r"\d[\d ]*\d|\d", cell)]
     expected = [MAX_BYTES, MAX_LEVELS, MAX_NODES, MAX_ALIAS_NODES, MAX_TEXT, MAX_DEPTH, MAX_REPEAT, MAX_OCCURRENCES, MAX_CHAIN]
+    expected += [MAX_ALL_BYTES, MAX_DEFINITIONS, MAX_EXTENDED, MAX_EXCLUDED, workspace.MAX_BYTES]
     assert numbers == expected
     assert f"At most {MAX_FACTORS} factors" in "\n".join(paragraphs(LANGUAGE))
 

@@ -53,7 +53,7 @@ def test_every_entry(tmp_path: Path) -> None:
     found: dict[str, Any] = json.loads(made(store, {"bom.csv": b"x"}, {"materials.yaml": "b", "arm.yaml": "a"}, {"reach": "1 m"}))
     assert list(found) == ["name", "document", "choice", "versions", "documents", "files", "occurrences", "losses"]
     assert found["name"] == "arm" and found["document"] == "arm.yaml"
-    assert found["choice"] == {"modes": ["bench"], "emit": ["stl", "bom"], "parameters": {"reach": "1 m"}}
+    assert found["choice"] == {"modes": ["bench"], "emit": ["stl", "bom"], "parameters": {"reach": "1 m"}, "choices": {}}
     assert found["documents"] == {"arm.yaml": "a", "materials.yaml": "b"}
     assert found["occurrences"][2] == {
         "path": "brace_a", "definition": "arm:Brace(length=0.12)", "link": "servo_a", "mass": 0.018288, "mass_source": "derived",

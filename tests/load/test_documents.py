@@ -183,8 +183,9 @@ def test_a_chain_that_is_too_long(tmp_path: Path) -> None:
     ("thingc:\n", Code.HEADER, "`thingc` says kind and version, found nothing", "write for example `thingc: assembly/1`", (1, 1)),
     ("thingc: materials/1\nmaterials: {}\n", Code.WRONG_KIND, "expected a document of kind `assembly`, found `materials`",
      "name the assembly that uses it", (1, 9)),
-    ("thingc: variants/1\nassembly: b.yaml\n", Code.NOT_YET, "documents of variants are not built yet",
-     "build its assembly, with -p 'NAME=VALUE' for each variant", (1, 9)),
+    ("thingc: variants/1\nassembly: b.yaml\n", Code.WRONG_KIND,
+     "this document is of many variants, and one assembly is wanted here",
+     "`thingc batch` builds them all; or name the assembly, with -p 'NAME=VALUE' for one of them", (1, 9)),
 ])
 def test_heads(tmp_path: Path, text: str, code: Code, message: str, help: str | None, place: tuple[int, int]) -> None:
     documents, report = read(tmp_path, {"a.yaml": text})

@@ -113,14 +113,14 @@ FINGER = """
 """
 
 VALUES = {
-    "mass": ("100 g", "0.2 kg", "-1 g", "3 mm"),
+    "mass": ("100 g", "0.2 kg", "-1 g", "3 mm", "1e300 kg"),
     "swing": ("40 deg", "20 deg", "0.5 rad", "-20 deg", "200 deg", "=turn * 4"),
     "count": ("2", "1", "3", "0", "2.5"),
     "width": ("30 mm", "40 mm", "50 mm", "5 mm", "three"),
     "damping": ("0.1 N*m*s/rad", "0", "-0 N*m*s/rad", "2 N*m*s/rad"),
     "turn": ("10 deg", "0 deg", "-0 deg", "90 deg"),
     "timestep": ("2 ms", "1 ms", "0"),
-    "inner": ("20 g", "10 g", "0"),
+    "inner": ("20 g", "10 g", "0", "1e-17 g"),
     "nothing": ("1",),
 }
 """Texts for each parameter of the rig: sound ones, and ones that fail in every pass."""

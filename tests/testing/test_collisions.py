@@ -126,7 +126,7 @@ def test_two_hundred_positions_of_the_arm_take_seconds(root: Path, rig: Workspac
     document = rig.folder / "assemblies" / "arm.yaml"
     text = document.read_text().partition("\ntests:")[0]
     document.write_text(f"{text}\ntests:\n  sweep: {{no_collision: {{joints: {{'*': all}}, samples: 200}}}}\n")
-    started = time.perf_counter()
+    started = time.process_time()  # of this process alone, whatever else the machine does
     code, out, _ = rig.run(str(document))
-    assert time.perf_counter() - started < 30
+    assert time.process_time() - started < 10
     assert code == 1 and "TC655" in out and "200 positions" in out

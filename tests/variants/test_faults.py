@@ -15,12 +15,15 @@ import subprocess
 import sys
 import time
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import psutil
 import pytest
 
 from thingc.diagnostics import Code
+from thingc.pipeline import Options
+from thingc.variants import run
 from variants.robots import environment, thingc, tree, with_emitter, workspace
 
 FAULTS = """
@@ -280,3 +283,115 @@ def test_runners_that_do_not_start_end_the_batch_in_words(tmp_path: Path, shared
     told = thingc("batch", "faults.yaml", "--resume", "--debug", cwd=here, env=environment(shared_store, str(place)))
     assert "no room for a runner" in told.stderr
     assert os.path.exists(here / "build" / "faults" / "batch.json")
+
+
+# --- parts that fail -------------------------------------------------------------------------------------------------
+
+BAD_PART = '''
+import ctypes
+import time
+from typing import Literal
+
+from build123d import Box
+
+from thingc import Length, Thing
+
+
+class Bad(Thing):
+    def __init__(self, how: Literal["well", "hang", "crash", "raise"] = "well", side: Length = 20):
+        super().__init__(material="light")
+        if how == "hang":
+            time.sleep(3600)
+        if how == "crash":
+            ctypes.string_at(0)
+        if how == "raise":
+            raise ValueError("it cannot be cut")
+        self.body = Box(side, side, side)
+
+    def result(self):
+        return self.body
+'''
+
+BAD_ROBOT = """
+    thingc: assembly/1
+    name: bad
+    parameters: {how: well, side: 20 mm}
+    materials: {light: {density: 500 kg/m^3}}
+    components: {cube: {part: bad:Bad, params: {how: =how, side: =side}}}
+"""
+
+
+def bad_parts(folder: Path, text: str) -> Path:
+    here = workspace(folder, bad=BAD_ROBOT, faults=text)
+    (here / "parts" / "bad.py").write_text(BAD_PART)
+    return here
+
+
+def test_a_part_that_fails_costs_its_variant_alone_and_no_runner(tmp_path: Path) -> None:
+    here = bad_parts(tmp_path, """
+        thingc: variants/1
+        assembly: bad.yaml
+        name: faults
+        parameters: {how: [well, crash, raise, hang], side: [10 mm, 30 mm]}
+    """)
+    done = thingc("batch", "faults.yaml", "--jobs", "1", "--part-timeout", "3 s", cwd=here, env=environment(str(tmp_path / "store")))
+    assert done.returncode == 1, done.stderr
+    codes = {"well": "", "crash": Code.PART_CRASHED.code, "raise": Code.PART_RAISED.code, "hang": Code.PART_HUNG.code}
+    rows = table(here)
+    assert [(row["parameters.how"], row["code"]) for row in rows] == [(how, codes[how]) for how in codes for _ in range(2)]
+    assert [row["status"] for row in rows] == ["built"] * 2 + ["refused"] * 6
+    assert len({line["pid"] for line in journal(here)}) == 1
+
+
+def test_a_killed_driver_takes_the_geometry_workers_along(tmp_path: Path) -> None:
+    here = bad_parts(tmp_path, """
+        thingc: variants/1
+        assembly: bad.yaml
+        name: faults
+        parameters: {how: [well, hang], side: [10 mm, 30 mm]}
+    """)
+    process = started(here, environment(str(tmp_path / "store")), "--jobs", "2")
+    wait_for_lines(here, 2, process)
+    time.sleep(1.0)
+    running = descendants(process.pid)
+    names = [" ".join(one.cmdline()) for one in running]
+    assert any("thingc.realize.worker" in name for name in names) and any("thingc.variants.runner" in name for name in names)
+    process.kill()
+    process.wait()
+    assert_gone(running)
+
+
+# --- somebody else's engine ------------------------------------------------------------------------------------------
+
+
+class Losing(ThreadPoolExecutor):
+    """An executor that loses the first `losses` submissions of every chunk, as a cluster loses workers."""
+
+    def __init__(self, losses: int) -> None:
+        super().__init__(2)
+        self.losses = losses
+        self.met: Counter[tuple[int, ...]] = Counter()
+
+    def submit(self, fn, /, *arguments, **named):  # type: ignore[no-untyped-def]
+        key = tuple(task.index for task in arguments[1])
+        self.met[key] += 1
+        if self.met[key] <= self.losses:
+            return super().submit(_lose)
+        return super().submit(fn, *arguments, **named)
+
+
+def _lose() -> None:
+    raise ConnectionError("the worker is gone")
+
+
+@pytest.mark.parametrize(("losses", "statuses"), [(1, {"built": 24}), (2, {"built": 24}), (3, {"failed": 24})])
+def test_chunks_that_an_executor_loses_are_handed_out_again(
+    tmp_path: Path, shared_store: str, losses: int, statuses: dict[str, int],
+) -> None:
+    here = workspace(tmp_path, faults=FAULTS.replace("[mjcf, faulty]", "[mjcf]"))
+    with Losing(losses) as executor:
+        summary = run(str(here / "faults.yaml"), executor=executor, jobs=2, options=Options(store=shared_store))
+    assert summary.statuses == statuses
+    assert Counter(line["index"] for line in journal(here)) == Counter(range(24))
+    assert {row["code"] for row in table(here)} == ({""} if losses < 3 else {Code.VARIANT_DIED.code})
+    assert not [one for one in psutil.Process().children() if "thingc.variants.runner" in " ".join(one.cmdline())]

@@ -234,7 +234,8 @@ def test_a_name_of_two_things_wants_a_prefix(root: Path, tmp_path: Path, shared_
     for folder in ("assemblies", "parts"):
         shutil.copytree(root / folder, tmp_path / folder)
     shutil.copy(root / "thingc.toml", tmp_path)
-    text = "thingc: variants/1\nassembly: assemblies/arm.yaml\nname: arms\nparameters: {reach: [80 mm, 120 mm]}\nreach: {of: tip, from: base}\n"
+    text = "thingc: variants/1\nassembly: assemblies/arm.yaml\nname: arms\nparameters: {reach: [80 mm, 120 mm]}\n"
+    text += "reach: {of: tip, from: base}\n"
     (tmp_path / "arms.yaml").write_text(text + "keep: [reach > 100 mm]\n")
     with pytest.raises(PlanError) as fault:
         plan(str(tmp_path / "arms.yaml"), options=Options(store=shared_store))

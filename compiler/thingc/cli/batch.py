@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -19,16 +20,20 @@ if TYPE_CHECKING:
     from thingc.variants.planning import Plan
 
 EPILOG = """\
-Writes build/NAME/ (or DIR/NAME/): a folder for each variant in variants/, their meshes once in assets/, and the tables results.csv
-and results.parquet. Stopped at any moment, it goes on with --resume.
+Writes build/NAME/ (or DIR/NAME/): a folder for each variant in variants/, their meshes once in assets/, the tables results.csv and
+results.parquet, and the page index.html. Stopped at any moment, it goes on with --resume.
 
   thingc batch leg_sweep.yaml --dry-run
   thingc batch leg_sweep.yaml
   thingc batch leg_sweep.yaml --limit 100 --emit mjcf -o /data/robots
   thingc batch leg_sweep.yaml --resume
 """
+PICTURES = 48
+"""On the page, unless the command line says otherwise."""
 INTERRUPTED = 130
 """The exit code of who was interrupted (128 and the number of SIGINT)."""
+PAUSE = 30.0
+"""How often [s] progress is said where standard error is no terminal."""
 STATUSES = {"built": "built", "kept_out": "kept out", "refused": "refused", "failed": "failed"}
 """How statuses are spoken."""
 
@@ -45,6 +50,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--resume", action="store_true", help="go on with a batch that was stopped")
     parser.add_argument("--dry-run", action="store_true", help="say what would be built, and write nothing")
     parser.add_argument("--timeout", metavar="TIME", help="longest time for one variant (default: '10 min')")
+    parser.add_argument("--pictures", metavar="N", type=_pictures, default=PICTURES,
+                        help="pictures on the batch's page: so many, `none` or `all` (default: 48)")
+    parser.add_argument("--page-only", action="store_true", help="write the page of a batch anew, and build nothing")
     parser.add_argument("--no-verify", action="store_true", help="do not ask MuJoCo whether it takes each model")
     common.add_format(parser)
     common.add_geometry(parser, jobs="variants built at once")
@@ -61,6 +69,8 @@ def run(arguments: argparse.Namespace) -> int:
         targets = _targets(arguments.emit)
         if arguments.dry_run:
             return _forecast(arguments, options, targets)
+        if arguments.page_only:
+            return _page(arguments, options)
         summary = _build(arguments, options, targets, timeout)
     except common.WrongCommandLine as fault:
         return _refuse(arguments, [fault.diagnostic])
@@ -97,21 +107,64 @@ def _build(
     summary = run(
         arguments.document, output=arguments.output, jobs=options.jobs, emit=targets, limit=arguments.limit, resume=arguments.resume,
         timeout=timeout or TIMEOUT, verify=not arguments.no_verify, options=options,
-        on_progress=_show if arguments.format == "text" else None,
+        on_progress=_Show() if arguments.format == "text" else None, pictures=arguments.pictures,
+        on_picture=_draw if arguments.format == "text" else None,
     )
     _clear()
     return summary
 
 
-def _show(progress: Progress) -> None:
-    """One line that counts, on a terminal; nothing where standard error is a file."""
-    if not sys.stderr.isatty():
-        return
-    counts = ", ".join(f"{count} {STATUSES[status]}" for status, count in sorted(progress.counts.items()))
-    left = progress.left
-    estimate = f", {_time(left)} left" if left is not None else ""
-    sys.stderr.write(f"\r\x1b[K{progress.done} of {progress.count} variants ({counts}); {progress.rate:.3g} a second{estimate}")
-    sys.stderr.flush()
+class _Show:
+    """One line that counts, on a terminal; else a line now and then."""
+
+    def __init__(self) -> None:
+        self.said = time.monotonic()
+
+    def __call__(self, progress: Progress) -> None:
+        """Show how far a batch is."""
+        counts = ", ".join(f"{count} {STATUSES[status]}" for status, count in sorted(progress.counts.items())) or "none yet"
+        left = progress.left
+        estimate = f", {_time(left)} left" if left is not None else ""
+        line = f"{progress.done} of {progress.count} variants ({counts}); {progress.rate:.3g} a second{estimate}"
+        if sys.stderr.isatty():
+            print(f"\r\x1b[K{line}", end="", file=sys.stderr, flush=True)
+        elif time.monotonic() - self.said >= PAUSE:
+            self.said = time.monotonic()
+            print(line, file=sys.stderr, flush=True)
+
+
+def _draw(done: int, count: int) -> None:
+    """How many pictures are drawn, on a terminal."""
+    if sys.stderr.isatty():
+        sys.stderr.write(f"\r\x1b[K{done} of {count} pictures")
+        sys.stderr.flush()
+
+
+def _page(arguments: argparse.Namespace, options: Options) -> int:
+    from thingc.variants.showing import show_again
+
+    path, warning = show_again(
+        arguments.document, output=arguments.output, pictures=arguments.pictures, jobs=options.jobs, options=options,
+        on_picture=_draw if arguments.format == "text" else None,
+    )
+    _clear()
+    found = [warning] if warning is not None else []
+    if arguments.format == "json":
+        common.print_json(found, page=shown_path(path))
+    else:
+        common.print_text(found, stream=sys.stderr, debug=False)
+        print(shown_path(path), file=sys.stderr)
+    return 0
+
+
+def _pictures(text: str) -> int | None:
+    """How many pictures `--pictures` asks for; None: all."""
+    if text in ("none", "all"):
+        return 0 if text == "none" else None
+    try:
+        return common.positive(text)
+    except argparse.ArgumentTypeError:
+        raise argparse.ArgumentTypeError(f"expected a whole number from 1, `none` or `all`, found `{text}`") from None
 
 
 def _clear() -> None:

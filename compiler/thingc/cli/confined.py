@@ -23,7 +23,7 @@ from thingc.stamp import packed, unpacked
 
 MEMORY = 900_000_000
 """Bytes of address space that the child may have beyond what it begins with, so that all of it stays below a gigabyte."""
-PATIENCE = 6.0
+PATIENCE = 20.0
 """Seconds of waiting allowed for each second of computing: a machine may be busy, a read may hang for ever."""
 _REFUSED = (
     "os.exec", "os.fork", "os.forkpty", "os.posix_spawn", "os.startfile", "os.system", "pty.spawn", "socket.", "subprocess.Popen",
@@ -97,8 +97,11 @@ def _collected(reading: int, patience: float) -> tuple[bytes, bool]:
 
 def _costly(in_time: bool, status: int, seconds: float, memory: int) -> Diagnostic:
     ended_by = os.WTERMSIG(status) if os.WIFSIGNALED(status) else None
-    if not in_time or ended_by == signal.SIGXCPU:
-        message = f"the check was not done after {seconds:g} s and was ended"
+    if not in_time:
+        message = f"the check has hung: after {seconds * PATIENCE:g} s it was ended"
+        help = "see whether the machine is busy, or a file of the workspace cannot be read"
+    elif ended_by == signal.SIGXCPU:
+        message = f"the check was not done after {seconds:g} s of computing and was ended"
         help = "make the documents smaller, or allow more time with --time-limit"
     elif os.WIFEXITED(status) and os.WEXITSTATUS(status) == _OUT_OF_MEMORY:
         message = f"the check needed more than {memory // 1_000_000} MB and was ended"

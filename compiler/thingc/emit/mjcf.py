@@ -54,8 +54,14 @@ def models(request: EmitRequest) -> Models:
             mode=robot.mode.name, file=file, root=root, heading=heading, model=model,
             scene=mjcf_scene.scene(robot, file, heading, model, request.memo), origin=robot.mode.origin,
         ))
+    every = tuple(candidates)
     if request.verify:
+        if request.repeated:
+            candidates = [one for one in candidates if not mjcf_check.passes(one, geometry.meshes, request.store, request.memo)]
         mjcf_check.check(candidates, geometry.meshes, request.store, report)
-    made = Models(candidates=tuple(candidates), assets=geometry.assets, losses=tuple(losses))
+        if not report.diagnostics:
+            for one in candidates:
+                request.memo.keep(("mujoco scene", one.mode), (one.scene.text,), True)
+    made = Models(candidates=every, assets=geometry.assets, losses=tuple(losses))
     request.made["mjcf"] = made
     return made

@@ -50,9 +50,14 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def archive(model: bytes, assets: Mapping[str, Stored], store: Store) -> bytes:
-    """The zip file: the model, and each asset as `assets/<file>`, sorted by name (layout: PKWARE APPNOTE.TXT 6.3)."""
+    """The zip file: the model, and each asset as `assets/<file>`."""
     entries = {f"assets/{file}": _asset(stored, store) for file, stored in assets.items()}
     entries[MODEL] = deflate(model)
+    return zipped(entries)
+
+
+def zipped(entries: Mapping[str, Deflated]) -> bytes:
+    """A zip file with these entries, sorted by name, the same bytes every time (layout: PKWARE APPNOTE.TXT 6.3)."""
     body, directory = bytearray(), bytearray()
     for name in sorted(entries):
         entry, encoded = entries[name], name.encode()

@@ -9,11 +9,13 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 from thingc.diagnostics import Code, Note, Report, Severity
 from thingc.emit.mjcf_geometry import MeshAsset
-from thingc.emit.mjcf_known import Known, mujoco_version
+from thingc.emit.mjcf_known import Known, about_meshes, mujoco_version, tetrahedron
 from thingc.emit.mjcf_xml import Element, RawValue, Written, write
+from thingc.memo import Memo
 from thingc.realize.store import Store
 from thingc.source import Origin
 
@@ -65,6 +67,46 @@ def check(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store: S
             known.accept(candidate.texts, meshes)
         for warning in verdict.warnings if verdict.error is None else ():
             _say(Code.MJCF_WARNING, "warns of", warning, candidate, candidate.model, report, severity=Severity.WARNING)
+
+
+def passes(candidate: Candidate, meshes: Sequence[MeshAsset], store: Store, memo: Memo) -> bool:
+    """Whether MuJoCo takes a model without a word, found out quickly: for the many models of a session.
+
+    Only where it has taken every mesh and the same scene before. The model is compiled by itself, with tetrahedra in the place of
+    the meshes; where anything is said against it, `check` has to find out what and why.
+    """
+    import mujoco
+
+    if memo.last(("mujoco scene", candidate.mode), (candidate.scene.text,)) is None:
+        return False
+    files = memo.last("mujoco files", (tuple(meshes),))
+    if files is None:
+        files = _files(meshes, store)
+        if files is not None:
+            memo.keep("mujoco files", (tuple(meshes),), files)
+    if files is None or about_meshes(candidate.root):
+        return False
+    # threads for the meshes cost more than they save where every mesh is a tetrahedron
+    text = candidate.model.text.replace("<compiler ", '<compiler usethread="false" ', 1)
+    with heard() as warnings:
+        try:
+            mujoco.MjModel.from_xml_string(text, vfs=files)
+        except (ValueError, mujoco.FatalError):
+            return False
+    return not warnings
+
+
+def _files(meshes: Sequence[MeshAsset], store: Store) -> Any | None:
+    """MuJoCo's file system with a tetrahedron for every mesh, or None where one of them is not known."""
+    import mujoco
+
+    known = Known(store, mujoco_version())
+    if not all(known.mesh(mesh) for mesh in meshes):
+        return None
+    files = mujoco.MjVfs()
+    for mesh in meshes:
+        files[mesh.file] = tetrahedron(mesh.file)
+    return files
 
 
 def attempt(text: str, files: Mapping[str, bytes]) -> Verdict:

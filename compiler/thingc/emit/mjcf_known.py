@@ -44,20 +44,24 @@ class Known:
         kept = list(meshes)
         self.store.put_json(MODEL, self._model_key(texts, kept), True)
         for mesh in kept:
-            if self.store.get_json(MESH, self._mesh_key(mesh)) is None:
+            if not self.mesh(mesh):
                 self.store.put_json(MESH, self._mesh_key(mesh), True)
+
+    def mesh(self, mesh: MeshAsset) -> bool:
+        """Whether a mesh was in a model that was accepted."""
+        return self.store.get_json(MESH, self._mesh_key(mesh)) is not None
 
     def data(self, models: Iterable[Element], meshes: Iterable[MeshAsset]) -> dict[str, bytes]:
         """What MuJoCo shall read as each file: its bytes where it is not known, else a tetrahedron.
 
         All bytes are the files' own when raw attributes may change what MuJoCo makes of meshes.
         """
-        whole = any(_about_meshes(model) for model in models)
+        whole = any(about_meshes(model) for model in models)
         return {
             mesh.file: (
                 self.store.read(mesh.stored.sha256)
-                if whole or self.store.get_json(MESH, self._mesh_key(mesh)) is None
-                else _tetrahedron(mesh.file)
+                if whole or not self.mesh(mesh)
+                else tetrahedron(mesh.file)
             )
             for mesh in meshes
         }
@@ -86,7 +90,7 @@ def mujoco_version() -> str:
     return version("mujoco")
 
 
-def _about_meshes(model: Element) -> bool:
+def about_meshes(model: Element) -> bool:
     """Whether raw attributes touch meshes, or how they are read or used."""
     sections: Mapping[str, Element] = {child.tag: child for child in model.children}
     if any(element.raw for tag in ("compiler", "default") if tag in sections for element in sections[tag].walk()):
@@ -97,7 +101,8 @@ def _about_meshes(model: Element) -> bool:
     )
 
 
-def _tetrahedron(file: str) -> bytes:
+def tetrahedron(file: str) -> bytes:
+    """A mesh that MuJoCo takes as any file of this name, and quickly."""
     if file.endswith(".obj"):
         lines = [f"v {x} {y} {z}" for x, y, z in _CORNERS] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in _SIDES]
         return "\n".join(lines).encode() + b"\n"

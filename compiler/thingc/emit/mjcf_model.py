@@ -6,18 +6,15 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from thingc.emit import mjcf_closures, mjcf_sensors
+from thingc.emit import mjcf_elements as elements
 from thingc.emit.artifact import Loss
-from thingc.emit.mjcf_drives import NOTHING, both_ways, drive_attributes, joint_range
-from thingc.emit.mjcf_geometry import Geometry, MeshAsset, Shape, Shapes
-from thingc.emit.mjcf_inertial import inertial
+from thingc.emit.mjcf_drives import NOTHING
+from thingc.emit.mjcf_geometry import Geometry
 from thingc.emit.mjcf_xml import Element, number, numbers, pose_attributes
-from thingc.graph.types import ActuatorModel, Link
-from thingc.inertia import MassProperties
+from thingc.graph.types import Link
 from thingc.memo import Memo
 from thingc.pose import Pose
-from thingc.resolve.model import Material
 from thingc.robot.types import CoreJoint, Robot
-from thingc.source import Origin
 
 FREE_JOINT = "root"
 """The name of a free base's joint."""
@@ -82,11 +79,11 @@ class _Builder:
 
     def grow(self, parent: Element, place: tuple[str, ...], make: Callable[..., tuple[Element, ...]], *inputs: Any) -> None:
         """Add the elements that `make(*inputs)` gives, which are none of this model alone, unless raw attributes name them."""
-        elements, names = self.memo(place, _made, make, *inputs)
+        found, names = self.memo(place, elements.made, make, *inputs)
         if self.raw.isdisjoint(names):
-            parent.children.extend(elements)
+            parent.children.extend(found)
         else:
-            parent.children.extend(element.copy() for element in elements)
+            parent.children.extend(element.copy() for element in found)
 
     def build(self) -> Element:
         """The sections in the order of the Menagerie."""
@@ -134,8 +131,8 @@ class _Builder:
     def asset(self) -> None:
         """Materials and meshes, in the order in which the document's occurrences first need them."""
         section = self.root.add("asset")
-        self.grow(section, ("material",), _materials, self.geometry.shapes)
-        self.grow(section, ("mesh",), _meshes, self.geometry.meshes)
+        self.grow(section, ("material",), elements.materials, self.geometry.shapes)
+        self.grow(section, ("mesh",), elements.meshes, self.geometry.meshes)
 
     def worldbody(self) -> None:
         """The tree of links."""
@@ -151,15 +148,16 @@ class _Builder:
             element = (world if body.parent is None else made[body.parent]).add("body", attributes, link.origin)
             made.append(element)
             if link.properties.mass > 0.0:
-                self.grow(element, ("inertial", link.name), _inertial, link.properties, link.origin)
+                self.grow(element, ("inertial", link.name), elements.inertial_of, link.properties, link.origin)
             if body.parent is None and self.robot.base == "free":
                 element.add("freejoint", {"name": FREE_JOINT}, self.robot.mode.origin)
             if body.joint is not None:
                 driven = body.joint.path in self.driven
-                self.grow(element, ("joint", self.robot.mode.name, body.joint.path), _joint, body.joint, driven)
-            self.grow(element, ("geoms", link.name), _geoms, link.poses, tuple(self.geometry.shapes[member] for member in link.members))
+                self.grow(element, ("joint", self.robot.mode.name, body.joint.path), elements.joint, body.joint, driven)
+            shapes = tuple(self.geometry.shapes[member] for member in link.members)
+            self.grow(element, ("geoms", link.name), elements.geoms, link.poses, shapes)
         for site in self.robot.sites:
-            self.grow(made[site.body], ("site", site.path), _site, site.path, site.pose, site.origin)
+            self.grow(made[site.body], ("site", site.path), elements.site, site.path, site.pose, site.origin)
         mjcf_closures.sites(self.robot, made)
         mjcf_sensors.cameras(self.robot, made)
         # The sites of a link belong to it, not to what hangs on it: children come last.
@@ -194,7 +192,7 @@ class _Builder:
         for path in self.driven:
             joint, drive = self.joints[path], self.joints[path].actuator
             if drive is not None:
-                self.grow(section, ("actuator", self.robot.mode.name, path), _drive, joint, drive)
+                self.grow(section, ("actuator", self.robot.mode.name, path), elements.drive, joint, drive)
         body_of = {body.link: index for index, body in enumerate(self.robot.bodies)}
         for magnet in self.assembly.adhesions:
             link = self.links[body_of[self.assembly.link_of[magnet.occurrence]]]
@@ -216,7 +214,7 @@ class _Builder:
             values += [(name, tuple(row)) for name, row in (("qpos", qpos), ("ctrl", ctrl)) if row]
             if self.robot.base == "held":
                 values += [("mpos", base.translation), ("mquat", turned)]
-            self.grow(section, ("key", self.robot.mode.name, frame.name), _key, tuple(values), frame.origin)
+            self.grow(section, ("key", self.robot.mode.name, frame.name), elements.key, tuple(values), frame.origin)
 
     def is_position(self, path: str) -> bool:
         """Whether a joint's control is a position."""
@@ -229,125 +227,3 @@ def _suffixes(words: tuple[str, ...]) -> Iterator[str]:
     for word in words:
         parts = word.replace(".", "/").split("/")
         yield from ("/".join(parts[first:]) for first in range(len(parts)))
-
-
-def _made(make: Callable[..., tuple[Element, ...]], *inputs: Any) -> tuple[tuple[Element, ...], frozenset[str]]:
-    """Elements, and their names as raw attributes have them."""
-    elements = make(*inputs)
-    return elements, frozenset(element.attributes.get("name", "").replace(".", "/") for element in elements)
-
-
-def _meshes(meshes: tuple[MeshAsset, ...]) -> tuple[Element, ...]:
-    return tuple(
-        Element(
-            tag="mesh", attributes={"name": mesh.name, "file": mesh.file, **({"inertia": "shell"} if mesh.shell else {})},
-            origin=mesh.origin,
-        )
-        for mesh in meshes
-    )
-
-
-def _materials(shapes: tuple[Shapes, ...]) -> tuple[Element, ...]:
-    found: dict[str, Element] = {}
-    for one in shapes:
-        name = _material_name(one)
-        if name is not None and name not in found and one.visual is not None:
-            origin = one.material.origin if one.material is not None else one.origin
-            found[name] = Element(tag="material", attributes={"name": name, "rgba": _rgba(one.color or "")}, origin=origin)
-    return tuple(found.values())
-
-
-def _inertial(properties: MassProperties, origin: Origin) -> tuple[Element, ...]:
-    return (Element(tag="inertial", attributes=inertial(properties), origin=origin),)
-
-
-def _site(path: str, pose: Pose, origin: Origin) -> tuple[Element, ...]:
-    return (Element(tag="site", attributes={"name": path, **pose_attributes(pose)}, origin=origin),)
-
-
-def _joint(joint: CoreJoint, driven: bool) -> tuple[Element, ...]:
-    """A hinge or slide. An effort limit stands on its actuator; on the joint itself only where it is not `driven`."""
-    attributes = {"name": joint.path, "type": joint.kind}
-    if any(joint.anchor):
-        attributes["pos"] = numbers(joint.anchor)
-    attributes["axis"] = numbers(joint.axis)
-    bounds = joint_range(joint.limit)
-    if bounds is not None:
-        attributes["range"] = numbers(bounds)
-    if joint.limit.effort is not None and not driven:
-        attributes["actuatorfrcrange"] = both_ways(joint.limit.effort)
-    dynamics = joint.dynamics
-    for name, value in (
-        ("stiffness", dynamics.stiffness), ("damping", dynamics.damping), ("frictionloss", dynamics.friction),
-        ("armature", dynamics.armature),
-    ):
-        if value is not None:
-            attributes[name] = number(value)
-    return (Element(tag="joint", attributes=attributes, origin=joint.origin),)
-
-
-def _geoms(poses: tuple[Pose, ...], shapes: tuple[Shapes, ...]) -> tuple[Element, ...]:
-    """What the occurrences of a link show and what they touch with; `poses` are their own in the link."""
-    made: list[Element] = []
-    for pose, one in zip(poses, shapes, strict=True):
-        if one.visual is not None:
-            attributes = {"name": one.path, "class": "visual", **_shape(one.visual, pose)}
-            material = _material_name(one)
-            if material is not None:
-                attributes["material"] = material
-            made.append(Element(tag="geom", attributes=attributes, origin=one.origin))
-        for index, shape in enumerate(one.collision):
-            name = f"{one.path}:collision" + (f"_{index}" if index else "")
-            attributes = {"name": name, "class": "collision", **_shape(shape, pose), **_friction(one.material)}
-            made.append(Element(tag="geom", attributes=attributes, origin=one.origin))
-    return tuple(made)
-
-
-def _drive(joint: CoreJoint, drive: ActuatorModel) -> tuple[Element, ...]:
-    attributes = {"name": joint.path, "joint": joint.path, **drive_attributes(joint, drive)}
-    return (Element(tag=drive.kind, attributes=attributes, origin=drive.origin),)
-
-
-def _key(attributes: tuple[tuple[str, str | tuple[float, ...]], ...], origin: Origin) -> tuple[Element, ...]:
-    texts = {name: value if isinstance(value, str) else numbers(value) for name, value in attributes}
-    return (Element(tag="key", attributes=texts, origin=origin),)
-
-
-def _shape(shape: Shape, pose: Pose) -> dict[str, str]:
-    if shape.kind == "mesh":
-        return {"mesh": shape.mesh or "", **pose_attributes(pose @ shape.pose)}
-    return {"type": shape.kind, "size": numbers(shape.size), **pose_attributes(pose @ shape.pose)}
-
-
-def _friction(material: Material | None) -> dict[str, str]:
-    """`friction` where the material states any, the rest MuJoCo's own.
-
-    MuJoCo takes the larger of two geoms' friction, which would lose the document's number on any floor: a priority makes
-    it count (the larger one again between two of ours). Torsional and rolling friction only act with `condim` 4 and 6.
-    """
-    if material is None or (material.slide is None and material.torsion is None and material.roll is None):
-        return {}
-    slide = 1.0 if material.slide is None else material.slide
-    torsion = 0.005 if material.torsion is None else material.torsion
-    roll = 0.0001 if material.roll is None else material.roll
-    attributes = {"friction": numbers((slide, torsion, roll)), "priority": "1"}
-    if material.roll is not None:
-        attributes["condim"] = "6"
-    elif material.torsion is not None:
-        attributes["condim"] = "4"
-    return attributes
-
-
-def _material_name(one: Shapes) -> str | None:
-    """`petg_e6e6fa`: material and colour, because a document may colour one material differently."""
-    if one.color is None:
-        return None
-    name = one.material.name if one.material is not None else "color"
-    return f"{name}_{one.color.removeprefix('#')}"
-
-
-def _rgba(color: str) -> str:
-    """`#rrggbb` or `#rrggbbaa` as four numbers from 0 to 1."""
-    digits = color.removeprefix("#")
-    channels = [int(digits[k : k + 2], 16) / 255.0 for k in range(0, len(digits), 2)]
-    return numbers(channels if len(channels) == 4 else [*channels, 1.0])

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 from thingc.pose import IDENTITY, Pose
 from thingc.resolve.model import RawAttribute
@@ -123,12 +124,17 @@ def numbers(values: Iterable[float]) -> str:
 
 def pose_attributes(pose: Pose) -> dict[str, str]:
     """`pos` [m] and `quat` (w, x, y, z) of a pose, each only where it says something."""
-    attributes: dict[str, str] = {}
+    return dict(_pose_texts(pose))
+
+
+@lru_cache(maxsize=4096)
+def _pose_texts(pose: Pose) -> tuple[tuple[str, str], ...]:
+    found: list[tuple[str, str]] = []
     if any(component != 0.0 for component in pose.translation):
-        attributes["pos"] = numbers(pose.translation)
+        found.append(("pos", numbers(pose.translation)))
     if pose.rotation != IDENTITY:
-        attributes["quat"] = numbers(pose.quaternion())
-    return attributes
+        found.append(("quat", numbers(pose.quaternion())))
+    return tuple(found)
 
 
 def write(root: Element, heading: str) -> Written:

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 class EmitRequest:
     """The robot, once without a root (`assembly`) and once per chosen mode (`robots`, document order), and the doors
     an emitter may need: the store for meshes, the geometry service for a STEP file, the report for diagnostics. `verify`: what
-    another program shall read is given to that program first."""
+    another program shall read is given to that program first. `repeated`: this is one of many requests of a session, and what
+    is learned of its models alone is not worth keeping."""
 
     assembly: Assembly
     robots: tuple[Robot, ...]
@@ -29,6 +30,7 @@ class EmitRequest:
     workspace: Workspace
     report: Report
     verify: bool = True
+    repeated: bool = False
     memo: Memo = field(default_factory=Memo, compare=False, repr=False)
     """What is worked out once for all modes, and in a session for all requests."""
     made: dict[str, Any] = field(default_factory=dict, compare=False, repr=False)

@@ -92,9 +92,11 @@ class Leaves:
         for (_, name, needed), users in self._unknown.items():
             component, record, scope, path, origin = users[0]
             hint = did_you_mean(name, scope.materials, what="materials")
-            if nearest(name, scope.materials) is None:
+            near = nearest(name, scope.materials)
+            if near is None:
                 hint += "; list a document that has it under `materials:`, or write `material:` here"
-            notes = list(written_at(f"`{record.text}`", record.code))
+            notes = list(noted(f"`{near}` is written here", scope.materials[near].origin)) if near is not None else []
+            notes += written_at(f"`{record.text}`", record.code)
             places = {place: other for other, _, _, _, place in reversed(users[1:]) if place[:1] != origin[:1]}
             others = [note for place, other in reversed(places.items()) for note in noted(f"so is `{other.name}`", place)]
             notes += others[: _SHOWN_PLACES - 1]
@@ -141,7 +143,6 @@ class Leaves:
                 self._failures.setdefault(part.text, []).append((component, path, origin))
                 return None
             if found is None:
-                self.unknown = True
                 return None
             record = found
             if not record.exact:  # its numbers are those of a relative: nothing that follows from them is said
@@ -225,12 +226,24 @@ class Leaves:
             )
         missing = incomplete_infill(process)
         if needs_density and weighed is not None and missing is not None:
-            findings.error(
-                Code.INFILL, f"`{component.name}` is printed with an infill, but its process has no `{missing}`", origin,
-                path=path, help=f"add `{missing}` to the `process` of the material or of the component, or write `infill: 100 %`",
-            )
+            self._no_walls(component, material, missing, path, origin)
             return None
         return weighed
+
+    def _no_walls(self, component: Component, material: Material | None, missing: str, path: str, origin: Origin) -> None:
+        """Say what the infill model misses: once of a material that does not have it, else of the component."""
+        if material is not None and incomplete_infill(material.process) is not None:
+            self._findings.error(
+                Code.INFILL, f"`{material.name}` is printed with an infill, but its `process` has no `{missing}`",
+                material.process_origin, path=path, help=f"add `{missing}`, or write `infill: 100 %`",
+                notes=noted(f"`{component.name}` is made of it", origin),
+            )
+            return
+        self._findings.error(
+            Code.INFILL, f"`{component.name}` is printed with an infill, but its process has no `{missing}`", origin, path=path,
+            help=f"add `{missing}` to the `process` of the material or of the component, or write `infill: 100 %`",
+            notes=noted(f"the process of `{material.name}` is written here", material.process_origin) if material is not None else (),
+        )
 
     def _physical(self, component: Component, record: PartRecord | None, path: str, origin: Origin) -> bool:
         """Whether what the document or the Thing states as inertia can be one; what it does not state is exact."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from thingc.diagnostics import Code
+from thingc.diagnostics import MAX_CIRCLE, Code
 from thingc.graph.drives import joint_edge
 from thingc.graph.findings import Findings, noted
 from thingc.graph.types import JointEdge, Link, Mate
@@ -145,12 +145,14 @@ def _check_circles(instance: Instance, definition: AssemblyDefinition, findings:
         circle = walked[walked.index(name):]
         first = circle.index(min(circle, key=order.__getitem__))
         circle = circle[first:] + circle[:first]
-        hops = ", ".join(f"`{member}` on `{stands[member][0]}`" for member in circle)
+        hops = ", ".join(f"`{member}` on `{stands[member][0]}`" for member in circle[:MAX_CIRCLE])
+        if len(circle) > MAX_CIRCLE:
+            hops += f" and {len(circle) - MAX_CIRCLE} more"
         findings.leave_out()
         findings.error(
             Code.PLACEMENT_CIRCLE, f"components placed in a circle: {hops}", stands[circle[0]][1] + instance.origin,
             path=instance.within(circle[0]), help="place one of them on a component outside of the circle",
-            notes=[note for member in circle[1:] for note in noted(f"`{member}` is placed here", stands[member][1])],
+            notes=[note for member in circle[1:MAX_CIRCLE] for note in noted(f"`{member}` is placed here", stands[member][1])],
         )
 
 

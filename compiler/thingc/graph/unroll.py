@@ -6,15 +6,15 @@ An instance is one place of a definition: of a nested assembly, or of a part or 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 
 from thingc.diagnostics import Code, Note, did_you_mean
-from thingc.graph.findings import Findings, written_at
+from thingc.graph.findings import Findings, noted, written_at
 from thingc.graph.leaves import Leaf, Leaves
 from thingc.graph.types import MountFrame
 from thingc.pose import Pose
-from thingc.resolve.model import AssemblyDefinition, Component, Reference
+from thingc.resolve.model import COUNTED, AssemblyDefinition, Component, Reference
 from thingc.source import Origin
 
 
@@ -171,7 +171,7 @@ class Tree:
         if not fault.silent and place not in self._said:
             self._said.add(place)
             self._findings.error(
-                fault.code, fault.message, reference.origin + instance.origin, help=fault.help, notes=fault.notes,
+                fault.code, fault.message, reference.origin + instance.origin, help=fault.help, notes=fault.notes + _counted(reference),
                 path=instance.within(reference.text.replace(".", "/")),
             )
 
@@ -232,7 +232,7 @@ class Tree:
             return _SILENT
         if name in leaf.mounts:
             return Found(occurrence=instance.index, mount=name, pose=leaf.mounts[name].pose)
-        if exported or leaf.record is not None and not leaf.record.exact and _of_a_list(name, leaf.mounts):
+        if exported or leaf.record is not None and not leaf.record.exact and _may_be_there(name, leaf.record.mounts):
             return _SILENT
         return _Fault(
             code=Code.UNKNOWN_MOUNT, message=f"{_owner(instance, shown)} has no mount `{name}`",
@@ -241,11 +241,17 @@ class Tree:
         )
 
 
-def _of_a_list(name: str, mounts: Iterable[str]) -> bool:
-    """Whether a mount would be a member of a list of mounts (`hip_7` where there is a `hip_0`): how many it has may follow from
-    any parameter."""
+def _may_be_there(name: str, mounts: Collection[str]) -> bool:
+    """Whether a part of which only the mounts of a relative are known may have this one, too: where none are known, and a member
+    of a list (`hip_7` where there is a `hip_0`), for how many a list has may follow from any parameter."""
     stem, _, index = name.rpartition("_")
-    return index.isdigit() and f"{stem}_0" in mounts
+    return not mounts or index.isdigit() and f"{stem}_0" in mounts
+
+
+def _counted(reference: Reference) -> tuple[Note, ...]:
+    """The note that shows how often a reference with an index is repeated; none where both are on one line."""
+    here, there = reference.repeat[:1], reference.origin[:1]
+    return noted(COUNTED, here) if here and there and here[0].line != there[0].line else ()
 
 
 def _owner(instance: Instance, shown: str) -> str:

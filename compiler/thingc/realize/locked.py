@@ -13,7 +13,7 @@ from thingc.realize.lock import LOCK_FILE, Lock, code_hash, lock_path
 from thingc.realize.lock_values import BadLock
 from thingc.realize.part_code import PartCode
 from thingc.realize.reads import state_of
-from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema
+from thingc.realize.record import Actuator, PartDefinition, PartFailure, PartRecord, PartSchema
 
 if TYPE_CHECKING:
     from thingc.realize.service import Decision
@@ -23,6 +23,8 @@ MAX_READ = 200_000_000
 """Bytes of files (parts that are files, and what parts read) that are compared with the lock."""
 
 _CONTINUOUS = frozenset({"length", "angle", "mass", "ratio", "number"})
+_SOME = 1e-6
+"""A volume, an area, a moment that nobody reads."""
 _T = TypeVar("_T")
 
 
@@ -87,17 +89,22 @@ class LockAnswers:
         return self.lock.record(definition, self.place(definition.reference))
 
     def relative(self, definition: PartDefinition) -> PartRecord | None:
-        """A stand-in for a definition that the lock does not hold: the names of the mounts that its class has with other
-        parameters, where those are sizes. None where they may decide about names: counts, flags, choices, texts. Raises `BadLock`."""
+        """A stand-in for a definition that the lock does not hold: the mounts that its class has with other parameters, none where
+        counts, flags, choices or texts may decide about their names. None where the lock has no such class. Raises `BadLock`."""
         schema = self.lock.schema(definition.reference)
-        found = list(self.lock.relatives(definition.reference, self.place(definition.reference)))
-        if schema is None or not found:
+        if schema is None:
             return None
         given = dict(definition.parameters)
-        if any(one.kind not in _CONTINUOUS and given.get(one.name) != one.default for one in schema.parameters):
-            return None
-        mounts = {name: mount for record in found for name, mount in record.mounts.items()}
-        return replace(found[0], text=definition.text, mounts=mounts, expectations=(), warnings=(), exact=False)
+        sizes = all(one.kind in _CONTINUOUS or given.get(one.name) == one.default for one in schema.parameters)
+        place = self.place(definition.reference)
+        known = list(self.lock.relatives(definition.reference, place)) if sizes else []
+        return PartRecord(
+            text=definition.text, material=schema.material, color=None, volume=_SOME, area=_SOME, centre=(0.0, 0.0, 0.0),
+            inertia=((_SOME, 0.0, 0.0), (0.0, _SOME, 0.0), (0.0, 0.0, _SOME)), box=None,
+            mounts={name: mount for record in known for name, mount in record.mounts.items()}, references=(), expectations=(),
+            actuator=Actuator(kind="motor") if schema.actuator else None, mass=None, com=None, matrix=None, density=None, bom={},
+            warnings=(), fits={}, meshes={}, pieces=(), convex=(), brep=None, code=place, exact=False,
+        )
 
     def place(self, reference: str) -> tuple[str, int] | None:
         """File and line of a class."""

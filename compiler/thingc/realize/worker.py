@@ -20,6 +20,12 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
+AHEAD = (
+    "importlib.resources.readers", "manifold3d", "thingc.realize.describing", "thingc.realize.modelling", "thingc.things.adjust",
+    "thingc.things.assets", "thingc.things.inspection", "thingc.things.resolver",
+)
+"""What children would each import again."""
+
 
 def main(arguments: list[str]) -> None:
     """Serve until the end of standard input. Never returns."""
@@ -56,12 +62,8 @@ def _load(answers: int) -> None:
         from thingc.realize.deferred import import_cheaply
 
         import_cheaply("build123d")
-        import manifold3d  # noqa: F401
-
-        import thingc.realize.describing
-        import thingc.realize.modelling
-        import thingc.things.assets
-        import thingc.things.inspection  # noqa: F401
+        for name in AHEAD:
+            importlib.import_module(name)
         from thingc.realize.reads import wrap_importers
 
         wrap_importers()

@@ -19,6 +19,9 @@ from thingc.render.camera import Array, Camera
 KEY, DOME = 32, 36
 """How many lamps make the soft box and the dome. One costs about 50 ms at 1280 x 960 without a graphics card."""
 
+SHADOW = 2048
+"""Side of a lamp's shadow map [px]."""
+
 KEY_ANGLE = math.radians(9.0)
 """How far from its middle the soft box reaches."""
 
@@ -52,11 +55,12 @@ BEYOND = 0.5
 BACKDROP = "backdrop"
 
 
-def spec_of(xml: str, assets: dict[str, bytes], size: tuple[int, int], floor: float) -> Any:
-    """The `mujoco.MjSpec` of a model with the studio around it: a floor at z = `floor` [m] and two lamps."""
+def spec_of(xml: str, assets: dict[str, bytes], size: tuple[int, int], floor: float, *, shadow: int = SHADOW) -> Any:
+    """The `mujoco.MjSpec` of a model with the studio around it: a floor at z = `floor` [m] and two lamps, whose shadows are
+    `shadow` pixels wide."""
     spec = mujoco.MjSpec.from_string(xml, assets=assets)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = size
-    spec.visual.quality.shadowsize, spec.visual.quality.offsamples = 2048, 0
+    spec.visual.quality.shadowsize, spec.visual.quality.offsamples = shadow, 0
     spec.visual.headlight.active = 0
     spec.visual.map.shadowclip = 1.0
     spec.add_texture(
@@ -73,8 +77,10 @@ def spec_of(xml: str, assets: dict[str, bytes], size: tuple[int, int], floor: fl
     return spec
 
 
-def lamps(camera: Camera, normal: Array) -> list[tuple[Array, float]]:
-    """Directions (3,) in which the light of each lamp goes, and its weight; together they light a floor across `normal` by 1."""
+def lamps(camera: Camera, normal: Array, counts: tuple[int, int] = (KEY, DOME)) -> list[tuple[Array, float]]:
+    """Directions (3,) in which the light of each lamp goes, and its weight; together they light a floor across `normal` by 1.
+    `counts` are those of the soft box and of the dome."""
+    key, dome = counts
     side = camera.axes[0] - (camera.axes[0] @ normal) * normal
     side /= np.linalg.norm(side)
     frame = np.array([side, np.cross(normal, side), normal])  # right, away from the camera, up
@@ -86,12 +92,12 @@ def lamps(camera: Camera, normal: Array) -> list[tuple[Array, float]]:
     across /= np.linalg.norm(across)
     box = np.array([across, np.cross(across, middle), middle])
     toward: list[tuple[Array, float]] = []
-    for number in range(KEY):
-        radius, turn = math.sqrt((number + 0.5) / KEY) * math.tan(KEY_ANGLE), _golden(number)
+    for number in range(key):
+        radius, turn = math.sqrt((number + 0.5) / key) * math.tan(KEY_ANGLE), _golden(number)
         direction = np.array([radius * math.cos(turn), radius * math.sin(turn), 1.0]) @ box
         toward.append((direction / np.linalg.norm(direction), KEY_SHARE))
-    for number in range(DOME):
-        height, turn = HORIZON + (1.0 - HORIZON) * (number + 0.5) / DOME, _golden(number)
+    for number in range(dome):
+        height, turn = HORIZON + (1.0 - HORIZON) * (number + 0.5) / dome, _golden(number)
         flat = math.sqrt(1.0 - height * height)
         toward.append((np.array([flat * math.cos(turn), flat * math.sin(turn), height]) @ frame, 1.0 - KEY_SHARE))
     lit = {share: sum(float(to @ normal) for to, own in toward if own == share) for _, share in toward}
@@ -104,9 +110,11 @@ def _golden(number: int) -> float:
 
 
 def photographed(
-    model: Any, data: Any, camera: Camera, size: tuple[int, int], centre: Array, extent: float
+    model: Any, data: Any, camera: Camera, size: tuple[int, int], centre: Array, extent: float, *,
+    counts: tuple[int, int] = (KEY, DOME),
 ) -> NDArray[np.uint8]:
-    """The picture (height, width, 3) of `data`; shadows reach `extent` [m] around `centre` (3,)."""
+    """The picture (height, width, 3) of `data`; shadows reach `extent` [m] around `centre` (3,), and there are as many lamps as
+    `counts` of `lamps` says."""
     width, height = size
     normal = np.array([0.0, 0.0, 1.0])
     model.stat.extent, model.stat.center[:] = extent, centre
@@ -122,7 +130,7 @@ def photographed(
         for flag in (mujoco.mjtRndFlag.mjRND_REFLECTION, mujoco.mjtRndFlag.mjRND_HAZE, mujoco.mjtRndFlag.mjRND_FOG):
             scene.flags[flag] = 0
         buffer = np.empty((height, width, 3), dtype=np.uint8)
-        for number, (direction, weight) in enumerate(lamps(camera, normal)):
+        for number, (direction, weight) in enumerate(lamps(camera, normal, counts)):
             _light(scene, direction, normal, centre, extent)
             _stand(scene, camera, number, size)
             total += np.float32(weight / 255.0) * renderer.render(out=buffer)

@@ -115,29 +115,31 @@ def chosen(context: Context, table: Table, item: Item[ComponentSpec]) -> tuple[C
     if not table.choices:
         return spec, frozenset()
     names = (str(item.path[-1]), item.name)
+    # Of a repeated component what is chosen for all is said once.
+    label = item.name if any(path.startswith(f"components.{item.name}.") for path, _ in table.choices) else names[0]
     kind = next((key for key in ("part", "file", "assembly") if getattr(spec, key) is not None), "frame")
     taken: dict[str, str] = {}
     for key, text in own(table.choices, *names).items():
-        path = f"components.{item.name}.{key}"
+        path = f"components.{label}.{key}"
         if key == "material":
             if kind == "assembly":
                 _complain(
-                    context, path, f"`{item.name}` is an assembly, which has no material of its own",
-                    f"choose `components.{item.name}.{DEFAULT_MATERIAL}`, or the material of one of its components",
+                    context, path, f"`{label}` is an assembly, which has no material of its own",
+                    f"choose `components.{label}.{DEFAULT_MATERIAL}`, or the material of one of its components",
                 )
                 continue
             if not _known_material(context, table, text, path):
                 continue
         elif key != kind:
             said = "is a frame, without geometry" if kind == "frame" else f"is written with `{kind}`, not with `{key}`"
-            help = f"choose `components.{item.name}.{kind}`" if kind != "frame" else "choose for a component with geometry"
-            _complain(context, path, f"component `{item.name}` {said}", help)
+            help = f"choose `components.{label}.{kind}`" if kind != "frame" else "choose for a component with geometry"
+            _complain(context, path, f"component `{label}` {said}", help)
             continue
         taken[key] = text
     inside = below(table.choices, *names)
     if inside and kind != "assembly":
-        path = f"components.{item.name}.{inside[0][0]}"
-        _complain(context, path, f"component `{item.name}` is no assembly: there is nothing inside it", None)
+        path = f"components.{label}.{inside[0][0]}"
+        _complain(context, path, f"component `{label}` is no assembly: there is nothing inside it", None)
     return (spec.model_copy(update=dict(taken)) if taken else spec), frozenset(taken)
 
 

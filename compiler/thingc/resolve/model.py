@@ -17,17 +17,23 @@ if TYPE_CHECKING:
     from thingc.resolve.tests_model import Test
 
 
+COUNTED = "it is repeated this often"
+"""The note on the count of a `repeat` whose index leads nowhere."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reference:
     """`hand.cap.pen`: `path` the component names from this document down, `mount` the last word.
 
     `mount` None means the component itself (`links`, `drive`, a mode's root). A mount may be one that a nested
-    assembly exports (then `path` ends at that assembly) or a part's own.
+    assembly exports (then `path` ends at that assembly) or a part's own. `repeat` is where the items of the surrounding
+    `repeat` are counted, if it is written with their index.
     """
 
     path: tuple[str, ...]
     mount: str | None
     origin: Origin
+    repeat: Origin = ()
 
     @property
     def text(self) -> str:
@@ -51,7 +57,7 @@ class Process:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Material:
     """A material in scope. `density` [kg/m^3]; `color` `#rrggbb` or `#rrggbbaa`; `slide` the sliding friction (torsional and
-    rolling likewise)."""
+    rolling likewise); `process_origin` is where its `process` is written, empty where it has none."""
 
     name: str
     density: float | None
@@ -61,6 +67,7 @@ class Material:
     roll: float | None
     process: Process | None
     origin: Origin
+    process_origin: Origin = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -60,7 +60,8 @@ def _given(node: Node, schema: PartSchema) -> dict[str, Value] | None:
         if parameter is None:
             scope.error(
                 Code.UNKNOWN_PARAMETER, f"`{schema.reference}` has no parameter `{name}`", (*path, name), key=True,
-                help=did_you_mean(name, known, what="parameters"), notes=_declared_at(schema),
+                help=did_you_mean(name, known, what="parameters"),
+                notes=[*scope.beside("the part is named here", (*node.path, "part"), (*path, name)), *_declared_at(schema)],
             )
             sound = False
             continue

@@ -8,10 +8,10 @@ from fnmatch import fnmatchcase
 from itertools import islice
 
 from thingc.diagnostics import Code, Note, did_you_mean, nearest
-from thingc.resolve.model import AssemblyDefinition, Reference
+from thingc.resolve.model import COUNTED, AssemblyDefinition, Reference
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Node, Table
-from thingc.source import Path, Span
+from thingc.source import Origin, Path, Span
 
 ORIGIN = "origin"
 """The mount that every component has: its own frame."""
@@ -45,13 +45,21 @@ def indexed(scope: Scope, text: str, path: Path, *, key: bool = False) -> str | 
     filled = _INDEX.sub(fill, text)
     if not unknown:
         return filled
+    notes: list[Note] = []
     if scope.index is None:
         message = f"`{unknown[0]}` in `{text}` is an index, and nothing is repeated here"
         help = "add `repeat: {count: ...}`, or write the number"
     else:
         message, help = f"unknown index `{unknown[0]}` in `{text}`", f"the index of this repeat is `${scope.index[0]}`"
-    scope.error(Code.REFERENCE, message, path, help=help, key=key)
+        notes = scope.beside("the repeat is written here", (*path[:2], "repeat", "as"), path)
+    scope.error(Code.REFERENCE, message, path, help=help, key=key, notes=notes)
     return None
+
+
+def counted(scope: Scope, path: Path, *, key: bool = False) -> Origin:
+    """Where the items of the surrounding `repeat` are counted, for a value (a key) that is written with their index."""
+    text = str(path[-1]) if key else scope.written(path) or ""
+    return scope.origin((*path[:2], "repeat", "count")) if scope.index is not None and "$" in text else ()
 
 
 def words(scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[str, ...] | None:
@@ -82,7 +90,7 @@ def mount(table: Table, scope: Scope, text: str, path: Path, *, key: bool = Fals
         return None
     if not _mount_below(table, scope, parts, path, key):
         return None
-    return Reference(path=parts[:-1], mount=parts[-1], origin=scope.origin(path, key=key))
+    return Reference(path=parts[:-1], mount=parts[-1], origin=scope.origin(path, key=key), repeat=counted(scope, path, key=key))
 
 
 def shown_mount(table: Table, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
@@ -113,7 +121,9 @@ def own_mount(node: Node, scope: Scope, text: str, path: Path, *, key: bool = Fa
         return None
     if not _mount_of(node, scope, parts, (node.name, *parts), path, key):
         return None
-    return Reference(path=(node.name, *parts[:-1]), mount=parts[-1], origin=scope.origin(path, key=key))
+    return Reference(
+        path=(node.name, *parts[:-1]), mount=parts[-1], origin=scope.origin(path, key=key), repeat=counted(scope, path, key=key),
+    )
 
 
 def component(table: Table, scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[Reference, Node] | None:
@@ -259,7 +269,7 @@ def _mount_of(node: Node, scope: Scope, rest: tuple[str, ...], parts: tuple[str,
         help += "; or export it there under `mounts:`"
     scope.error(
         Code.UNKNOWN_MOUNT, f"{what} exports no mount `{name}`", path, help=help, key=key,
-        notes=defined(node.table),
+        notes=[*defined(node.table), *_repeated(scope, path, key)],
     )
     return False
 
@@ -272,6 +282,11 @@ def declared(node: Node) -> list[Note]:
 def defined(table: Table) -> list[Note]:
     """The note that shows where the assembly of a nested document is written."""
     return [Note(message=f"`{table.spec.name}` is defined here", span=_place(table))]
+
+
+def _repeated(scope: Scope, path: Path, key: bool) -> list[Note]:
+    """The note that shows how often a reference with an index is repeated: that may be the number to mend."""
+    return scope.beside(COUNTED, (*path[:2], "repeat", "count"), path) if counted(scope, path, key=key) else []
 
 
 def _report_single(table: Table, scope: Scope, name: str, path: Path, key: bool) -> None:
@@ -296,7 +311,7 @@ def _report_single(table: Table, scope: Scope, name: str, path: Path, key: bool)
 def _report_mount(scope: Scope, what: str, name: str, known: list[str], place: Span, path: Path, key: bool) -> None:
     scope.error(
         Code.UNKNOWN_MOUNT, f"{what} has no mount `{name}`", path, help=suggested(name, known, what="mounts"), key=key,
-        notes=[Note(message="it is written here", span=place)],
+        notes=[Note(message="it is written here", span=place), *_repeated(scope, path, key)],
     )
 
 
@@ -329,7 +344,7 @@ def _report_component(
     scope.error(
         Code.UNKNOWN_COMPONENT, f"{what} has no component `{name}`", path,
         help=suggested(name, [*inner.nodes, *(prefix[:-1] for prefix in inner.unbuilt if prefix)], what="components"), key=key,
-        notes=[] if inner is table and depth == 0 else defined(inner),
+        notes=[*([] if inner is table and depth == 0 else defined(inner)), *_repeated(scope, path, key)],
     )
 
 

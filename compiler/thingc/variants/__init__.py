@@ -2,6 +2,8 @@
 
     thingc.variants.plan("leg_sweep.yaml")      the variants, in their order
     thingc.variants.run("leg_sweep.yaml")       builds them
+    thingc.variants.load("build/leg_sweep")     their models and their rows of the table
+    thingc.variants.fields("build/leg_sweep")   one model, and what variants have of their own
 """
 
 from __future__ import annotations
@@ -9,16 +11,23 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from thingc.variants.batch import Interrupted, Summary, run
+    from thingc.variants.batch import Interrupted, Progress, Summary, run
     from thingc.variants.folder import BatchFault
+    from thingc.variants.in_place import NotInPlace, apply, fields, write
+    from thingc.variants.loading import BuiltVariant, Family, FamilyError, UnknownVariant, load
     from thingc.variants.planning import Plan, PlanError, Variant, plan
 
 _EXPORTS = {
-    "BatchFault": "folder", "Interrupted": "batch", "Plan": "planning", "PlanError": "planning", "Summary": "batch",
-    "Variant": "planning", "plan": "planning", "run": "batch",
+    "BatchFault": "folder", "BuiltVariant": "loading", "Family": "loading", "FamilyError": "loading", "Interrupted": "batch",
+    "NotInPlace": "in_place", "Plan": "planning", "PlanError": "planning", "Progress": "batch", "Summary": "batch",
+    "UnknownVariant": "loading", "Variant": "planning", "apply": "in_place", "fields": "in_place", "load": "loading",
+    "plan": "planning", "run": "batch", "write": "in_place",
 }
 
-__all__ = ["BatchFault", "Interrupted", "Plan", "PlanError", "Summary", "Variant", "plan", "run"]
+__all__ = [
+    "BatchFault", "BuiltVariant", "Family", "FamilyError", "Interrupted", "NotInPlace", "Plan", "PlanError", "Progress",
+    "Summary", "UnknownVariant", "Variant", "apply", "fields", "load", "plan", "run", "write",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -19,14 +19,16 @@ from typing import Any
 from thingc.diagnostics import Code, Diagnostic, Report, shown_path
 from thingc.emit.manifest import versions
 from thingc.pipeline import Options
-from thingc.units import Quantity
 from thingc.variants import places
-from thingc.variants.engine import Cancelled, LocalExecutor, RunnersBroken, evaluate
+from thingc.variants.engine import RUNNERS, Cancelled, LocalExecutor, RunnersBroken, evaluate
 from thingc.variants.folder import BatchFault, begin, differences, in_words, locked, read_batch, write_batch
 from thingc.variants.job import STOPPED, Job, Row, Task
 from thingc.variants.journal import Journal, lines
+from thingc.variants.page import write_page
+from thingc.variants.pictures import OnPicture
 from thingc.variants.planning import Plan, PlanError, Variant, read_plan
-from thingc.variants.tables import Column, write_tables
+from thingc.variants.showing import parameter_columns, show
+from thingc.variants.tables import Column, columns, lengths_in, write_tables
 
 TIMEOUT = 600.0
 """Longest time [s] for one variant, unless the caller says otherwise."""
@@ -92,14 +94,15 @@ OnProgress = Callable[[Progress], None]
 def run(
     document: str, *, output: str | None = None, executor: Executor | None = None, jobs: int = 0, emit: Sequence[str] = (),
     limit: int | None = None, resume: bool = False, timeout: float = TIMEOUT, verify: bool = True, options: Options | None = None,
-    on_progress: OnProgress | None = None,
+    on_progress: OnProgress | None = None, pictures: int | None = 0, on_picture: OnPicture | None = None,
 ) -> Summary:
     """Build the variants of a `variants/1` document into `<output>/<name>/` (`output` None: the workspace's build folder).
 
     `executor` is somebody else's engine; it calls `thingc.variants.engine.evaluate`, and its workers see the documents and the
     folder under the same paths. None: runners on this machine, `jobs` of them (0: one per core; of another's executor: how many
     chunks are under way at once). `emit` replaces the document's targets, `limit` leaves out all variants but the first ones,
-    `timeout` [s] is for one variant, `options` name the store.
+    `timeout` [s] is for one variant, `options` name the store. The batch's page shows pictures of at most so many variants as
+    `pictures` says (None: of all).
 
     Raises `PlanError` for a document with errors, `BatchFault` where the batch cannot begin or go on, and `Interrupted` when SIGINT
     or SIGTERM has come: then `resume` goes on where it was.
@@ -121,7 +124,9 @@ def run(
             batch = _Batch(plan, folder, options, jobs or os.cpu_count() or 1, timeout, verify, count, on_progress)
             batch.prepare(resume=resume)
             with Journal(os.path.join(folder, places.JOURNAL)) as journal:
-                return batch.run(executor, journal)
+                summary = batch.run(executor, journal)
+            shown = batch.show(pictures, on_picture)
+            return summary if shown is None else replace(summary, notes=(*summary.notes, shown))
     except OSError as fault:
         raise in_words(folder, fault) from fault
 
@@ -166,16 +171,13 @@ class _Batch:
         self.stopping = False
         self.started = time.monotonic()
         self.told = 0.0
+        self.first: tuple[float, int] | None = None
         self.spent = 0.0
         self.measured = 0
         self.events: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
         self.under_way: dict[int, Variant] = {}
         self.chunks: dict[Future[Any], _Chunk] = {}
-        self.parameters = [
-            Column(name=name, kind="number", unit=plan.units[name]) if isinstance(own, Quantity)
-            else Column(name=name, kind="flag" if isinstance(own, bool) else "text")
-            for name, own in plan.own.items()
-        ]
+        self.parameters = parameter_columns(plan)
 
     # --- the folder -----------------------------------------------------------------------------------------------
 
@@ -197,13 +199,13 @@ class _Batch:
             self._remember()
         write_batch(self.folder, described)
 
-    def _described(self, *, finished: bool, columns: Sequence[Column] = ()) -> dict[str, Any]:
+    def _described(self, *, finished: bool, wanted: Sequence[Column] = ()) -> dict[str, Any]:
         plan = self.plan
         return {
-            "name": plan.name, "document": plan.relative, "assembly": plan.assembly_relative, "plan": plan.digest, "count": plan.count,
-            "inputs": dict(plan.inputs), "versions": dict(versions()), "emit": list(plan.emit), "modes": list(plan.modes),
+            "name": plan.name, "document": plan.relative, "sha256": plan.sha256, "assembly": plan.assembly_relative,
+            "plan": plan.digest, "count": plan.count, "inputs": dict(plan.inputs), "versions": dict(versions()), "emit": list(plan.emit), "modes": list(plan.modes),
             "pose": plan.pose, "reach": list(plan.reach) if plan.reach is not None else None, "finished": finished,
-            "columns": [{"name": one.name, "kind": one.kind, "unit": one.unit} for one in columns],
+            "columns": [{"name": one.name, "kind": one.kind, "unit": one.unit} for one in wanted],
         }
 
     def _remember(self) -> None:
@@ -240,17 +242,29 @@ class _Batch:
                 else:
                     for future in self.chunks:
                         future.cancel()
+                    RUNNERS.close()  # an executor of threads has used those of this process
                 if not whole:
                     self._drain(journal)
-        journal.sync()
-        columns = write_tables(self.folder, self.parameters, self.plan.choice_paths)
-        write_batch(self.folder, self._described(finished=True, columns=columns))
+                    with contextlib.suppress(OSError):  # of a full disk has been said already
+                        write_page(self.folder, self._described(finished=False), self._columns())
+            journal.sync()
+            wanted = write_tables(self.folder, self.parameters, self.plan.choice_paths)
+            write_batch(self.folder, self._described(finished=True, wanted=wanted))
         statuses = self.earlier + self.counts
         return Summary(
             folder=self.folder, name=self.plan.name, count=self.count, statuses=dict(sorted(statuses.items())),
             before=sum(self.earlier.values()), modelled=len(self.modelled), duplicates=self.plan.written - self.plan.count,
             seconds=time.monotonic() - self.started, notes=self.plan.notes,
         )
+
+    def show(self, pictures: int | None, on_picture: OnPicture | None) -> Diagnostic | None:
+        """Pictures and the page of the finished batch; a warning where nothing can be drawn."""
+        return show(
+            self.folder, self._described(finished=True), self._columns(), most=pictures, jobs=os.cpu_count() or 1, on_picture=on_picture,
+        )
+
+    def _columns(self) -> tuple[Column, ...]:
+        return columns(self.parameters, self.plan.choice_paths, lengths_in(os.path.join(self.folder, places.JOURNAL)))
 
     def _loop(self, engine: Executor, job: str, journal: Journal, *, streaming: bool) -> None:
         waiting = self._left(journal)
@@ -349,6 +363,8 @@ class _Batch:
         self.measured += 1
         self.modelled.update(row.get("modelled", ()))
         self._note(journal, variant, row)
+        if self.first is None:
+            self.first = (time.monotonic(), sum(self.counts.values()))
         del self.under_way[row["index"]]
 
     def _note(self, journal: Journal, variant: Variant, row: Row) -> None:
@@ -382,8 +398,9 @@ class _Batch:
         now = time.monotonic()
         if self.on_progress is not None and (last or now - self.told > 0.2):
             self.told = now
-            seconds = now - self.started
-            rate = sum(self.counts.values()) / seconds if seconds > 0.0 else 0.0
+            rate = 0.0
+            if self.first is not None and now > self.first[0]:  # the runners' own start tells nothing of what is left
+                rate = (sum(self.counts.values()) - self.first[1]) / (now - self.first[0])
             self.on_progress(Progress(count=self.count, before=sum(self.earlier.values()), counts=dict(self.counts), rate=rate))
 
     @contextlib.contextmanager

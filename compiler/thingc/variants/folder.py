@@ -19,6 +19,7 @@ from thingc.variants import places
 KIND = "batch/1"
 _VARIANT = re.compile(r"[0-9a-f]{12}")
 _ASSET = re.compile(r"[0-9a-f]{64}")
+_PICTURE = re.compile(r"[0-9a-f]{12}\.png")
 
 
 class BatchFault(Exception):
@@ -109,17 +110,17 @@ def begin(folder: str, document: str, assembly: str) -> None:
 def _empty(folder: str, before: Mapping[str, Any]) -> None:
     """Delete a finished batch. A kill on the way leaves one that has not finished and can be gone on with."""
     write_batch(folder, {**{key: value for key, value in before.items() if key != "thingc"}, "finished": False})
-    for name in (places.JOURNAL, places.TABLE_CSV, places.TABLE_PARQUET):
+    for name in (places.JOURNAL, places.TABLE_CSV, places.TABLE_PARQUET, places.PAGE):
         with contextlib.suppress(FileNotFoundError):
             os.unlink(os.path.join(folder, name))
-    for inner in (places.VARIANTS, places.ASSETS):
+    for inner in (places.VARIANTS, places.ASSETS, places.PICTURES):
         shutil.rmtree(os.path.join(folder, inner), ignore_errors=True)
 
 
 def strangers(folder: str, assembly: str) -> list[str]:
     """Everything in the folder that no batch over `assembly` wrote, by path in it, sorted."""
     found = [name for name in os.listdir(folder) if name.removesuffix(".new") not in places.OWN]
-    for inner, pattern in ((places.VARIANTS, _VARIANT), (places.ASSETS, _ASSET)):
+    for inner, pattern in ((places.VARIANTS, _VARIANT), (places.ASSETS, _ASSET), (places.PICTURES, _PICTURE)):
         place = os.path.join(folder, inner)
         for name in os.listdir(place) if os.path.isdir(place) else ():
             if name.startswith(places.NEW):

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, overload
 from thingc.diagnostics import did_you_mean, shown_path
 from thingc.variants import places
 from thingc.variants.folder import read_batch
-from thingc.variants.journal import in_order
+from thingc.variants.journal import Line, in_order
 from thingc.variants.tables import flat
 
 if TYPE_CHECKING:
@@ -115,12 +115,12 @@ class BuiltVariant:
 class Family(Sequence[BuiltVariant]):
     """The built variants of a batch, in plan order: by place (`family[0]`, `family[-1]`), by id or name (`family["sweep_07"]`).
 
-    `count` is how many variants the plan has, `finished` whether the batch has finished; of one that has not there is what has
+    `planned` is how many variants the plan has, `finished` whether the batch has finished; of one that has not there is what has
     been built so far. `rows` are the rows of the table of all variants that are done, those that failed or were kept out, too.
     """
 
     def __init__(
-        self, *, folder: str, name: str, robot: str, modes: Sequence[str], mode: str | None, count: int, finished: bool,
+        self, *, folder: str, name: str, robot: str, modes: Sequence[str], mode: str | None, planned: int, finished: bool,
         rows: Sequence[Mapping[str, Any]], meshes: _Meshes,
     ) -> None:
         self.folder = folder
@@ -128,7 +128,7 @@ class Family(Sequence[BuiltVariant]):
         self.robot = robot
         self.mode_names = tuple(modes)
         self.mode = mode
-        self.count = count
+        self.planned = planned
         self.finished = finished
         self.rows = tuple(rows)
         self._meshes = meshes
@@ -136,7 +136,7 @@ class Family(Sequence[BuiltVariant]):
 
     def _of(self, variants: Iterable[BuiltVariant]) -> Family:
         found = Family(
-            folder=self.folder, name=self.name, robot=self.robot, modes=self.mode_names, mode=self.mode, count=self.count,
+            folder=self.folder, name=self.name, robot=self.robot, modes=self.mode_names, mode=self.mode, planned=self.planned,
             finished=self.finished, rows=self.rows, meshes=self._meshes,
         )
         found._variants = tuple(variants)
@@ -170,7 +170,7 @@ class Family(Sequence[BuiltVariant]):
         return self._variants[key]
 
     def __repr__(self) -> str:
-        return f"Family({self.name!r}, {len(self)} of {self.count} variants)"
+        return f"Family({self.name!r}, {len(self)} of {self.planned} variants)"
 
     @cached_property
     def _by_name(self) -> dict[str, BuiltVariant]:
@@ -267,7 +267,7 @@ def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where |
         with open(os.path.join(places.variant_folder(place, built[0]["id"]), "manifest.json"), encoding="utf-8") as stream:
             robot = json.load(stream)["name"]
     family = Family(
-        folder=place, name=described["name"], robot=robot, modes=described["modes"], mode=mode, count=described["count"],
+        folder=place, name=described["name"], robot=robot, modes=described["modes"], mode=mode, planned=described["count"],
         finished=described["finished"], rows=[_row(line) for line in lines], meshes=_Meshes(),
     )
     if mode is not None:
@@ -283,7 +283,7 @@ def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where |
     return family if where is None else family.filter(where)
 
 
-def _row(line: Mapping[str, Any]) -> dict[str, Any]:
+def _row(line: Line) -> dict[str, Any]:
     """The cells of a line that are not empty."""
     numbers = {name: float(value) for name, value in line.get("results", {}).items()}
     return {name: numbers.get(name, value) for name, value in flat(line).items() if value is not None}

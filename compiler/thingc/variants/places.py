@@ -5,6 +5,7 @@
     <name>/results.csv, .parquet the table
     <name>/variants/<id>/        what `thingc build` writes of the variant
     <name>/assets/<sha256>       every mesh once; variants have hard links to it
+    <name>/index.html            the page, with pictures/<id>.png
 """
 
 from __future__ import annotations
@@ -23,16 +24,28 @@ TABLE_CSV = "results.csv"
 TABLE_PARQUET = "results.parquet"
 VARIANTS = "variants"
 ASSETS = "assets"
-OWN = frozenset((BATCH, JOURNAL, TABLE_CSV, TABLE_PARQUET, VARIANTS, ASSETS))
+PAGE = "index.html"
+PICTURES = "pictures"
+OWN = frozenset((BATCH, JOURNAL, TABLE_CSV, TABLE_PARQUET, VARIANTS, ASSETS, PAGE, PICTURES))
 """Everything that lies in a batch's folder."""
 
 NEW = ".new-"
 """What the name of a folder or file begins with while it is written."""
 
+_OWN_END = f"{os.getpid()}-{os.urandom(4).hex()}"
+"""What such a name ends with: two machines that share a folder may have processes of the same number."""
+
 
 def variant_folder(folder: str, id: str) -> str:
     """The folder of a variant."""
     return os.path.join(folder, VARIANTS, id)
+
+
+def pictured(folder: str) -> frozenset[str]:
+    """The ids of the variants that there are pictures of."""
+    place = os.path.join(folder, PICTURES)
+    names = os.listdir(place) if os.path.isdir(place) else ()
+    return frozenset(name.removesuffix(".png") for name in names if name.endswith(".png") and not name.startswith(NEW))
 
 
 def write_variant(folder: str, id: str, files: Mapping[str, Content], store: Blobs) -> None:
@@ -42,7 +55,7 @@ def write_variant(folder: str, id: str, files: Mapping[str, Content], store: Blo
     Replaces what an earlier run left there. Raises `OSError` when the system refuses, `BlobMissing` of the store.
     """
     place = variant_folder(folder, id)
-    fresh = os.path.join(folder, VARIANTS, f"{NEW}{id}-{os.getpid()}")
+    fresh = os.path.join(folder, VARIANTS, f"{NEW}{id}-{_OWN_END}")
     os.mkdir(fresh)
     try:
         made = {""}
@@ -101,7 +114,7 @@ def _share(assets: str, content: Stored, store: Blobs, target: str) -> None:
             return
         else:
             raise
-    fresh = os.path.join(assets, f"{NEW}{content.sha256}-{os.getpid()}")
+    fresh = os.path.join(assets, f"{NEW}{content.sha256}-{_OWN_END}")
     _write(fresh, store.read(content.sha256))
     try:
         os.link(fresh, target)
@@ -122,7 +135,7 @@ def _remove(path: str) -> None:
 
 def sweep(folder: str) -> None:
     """Remove what a killed run was writing."""
-    for inner in (VARIANTS, ASSETS):
+    for inner in (VARIANTS, ASSETS, PICTURES):
         place = os.path.join(folder, inner)
         for name in os.listdir(place) if os.path.isdir(place) else ():
             if not name.startswith(NEW):

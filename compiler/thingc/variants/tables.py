@@ -57,10 +57,11 @@ def lengths_in(journal: str) -> list[str]:
 def flat(line: Line) -> dict[str, Any]:
     """The cells of a line of the journal by column, None where it has none. An infinite result is the text `inf`."""
     return {
-        **{name: line.get(name) for name in (*HEAD, *TAIL)},
+        **{name: line.get(name) for name in HEAD},
         **{PARAMETERS + name: value for name, value in line["parameters"].items()},
         **line["choices"],
         **line.get("results", {}),
+        **{name: line.get(name) for name in TAIL},
         "parts_modelled": len(line["modelled"]) if "modelled" in line else None,
         "parts_reused": line.get("reused"),
         "seconds": line.get("seconds"),

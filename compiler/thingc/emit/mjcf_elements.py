@@ -1,0 +1,145 @@
+"""The elements of a model, each made from the values that it depends on and nothing else, so that it need not be made again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from thingc.emit.mjcf_drives import both_ways, drive_attributes, joint_range
+from thingc.emit.mjcf_geometry import MeshAsset, Shape, Shapes
+from thingc.emit.mjcf_inertial import inertial
+from thingc.emit.mjcf_xml import Element, number, numbers, pose_attributes
+from thingc.graph.types import ActuatorModel
+from thingc.inertia import MassProperties
+from thingc.pose import Pose
+from thingc.resolve.model import Material
+from thingc.robot.types import CoreJoint
+from thingc.source import Origin
+
+
+def made(make: Callable[..., tuple[Element, ...]], *inputs: Any) -> tuple[tuple[Element, ...], frozenset[str]]:
+    """Elements, and their names as raw attributes have them."""
+    elements = make(*inputs)
+    return elements, frozenset(element.attributes.get("name", "").replace(".", "/") for element in elements)
+
+
+def meshes(meshes: tuple[MeshAsset, ...]) -> tuple[Element, ...]:
+    """The assets of meshes."""
+    return tuple(
+        Element(
+            tag="mesh", attributes={"name": mesh.name, "file": mesh.file, **({"inertia": "shell"} if mesh.shell else {})},
+            origin=mesh.origin,
+        )
+        for mesh in meshes
+    )
+
+
+def materials(shapes: tuple[Shapes, ...]) -> tuple[Element, ...]:
+    """The materials of what is drawn, in the order first met."""
+    found: dict[str, Element] = {}
+    for one in shapes:
+        name = _material_name(one)
+        if name is not None and name not in found and one.visual is not None:
+            origin = one.material.origin if one.material is not None else one.origin
+            found[name] = Element(tag="material", attributes={"name": name, "rgba": _rgba(one.color or "")}, origin=origin)
+    return tuple(found.values())
+
+
+def inertial_of(properties: MassProperties, origin: Origin) -> tuple[Element, ...]:
+    """The mass of a link."""
+    return (Element(tag="inertial", attributes=inertial(properties), origin=origin),)
+
+
+def site(path: str, pose: Pose, origin: Origin) -> tuple[Element, ...]:
+    """A named frame."""
+    return (Element(tag="site", attributes={"name": path, **pose_attributes(pose)}, origin=origin),)
+
+
+def joint(joint: CoreJoint, driven: bool) -> tuple[Element, ...]:
+    """A hinge or slide. An effort limit stands on its actuator; on the joint itself only where it is not `driven`."""
+    attributes = {"name": joint.path, "type": joint.kind}
+    if any(joint.anchor):
+        attributes["pos"] = numbers(joint.anchor)
+    attributes["axis"] = numbers(joint.axis)
+    bounds = joint_range(joint.limit)
+    if bounds is not None:
+        attributes["range"] = numbers(bounds)
+    if joint.limit.effort is not None and not driven:
+        attributes["actuatorfrcrange"] = both_ways(joint.limit.effort)
+    dynamics = joint.dynamics
+    for name, value in (
+        ("stiffness", dynamics.stiffness), ("damping", dynamics.damping), ("frictionloss", dynamics.friction),
+        ("armature", dynamics.armature),
+    ):
+        if value is not None:
+            attributes[name] = number(value)
+    return (Element(tag="joint", attributes=attributes, origin=joint.origin),)
+
+
+def geoms(poses: tuple[Pose, ...], shapes: tuple[Shapes, ...]) -> tuple[Element, ...]:
+    """What the occurrences of a link show and what they touch with; `poses` are their own in the link."""
+    made: list[Element] = []
+    for pose, one in zip(poses, shapes, strict=True):
+        if one.visual is not None:
+            attributes = {"name": one.path, "class": "visual", **_shape(one.visual, pose)}
+            material = _material_name(one)
+            if material is not None:
+                attributes["material"] = material
+            made.append(Element(tag="geom", attributes=attributes, origin=one.origin))
+        for index, shape in enumerate(one.collision):
+            name = f"{one.path}:collision" + (f"_{index}" if index else "")
+            attributes = {"name": name, "class": "collision", **_shape(shape, pose), **_friction(one.material)}
+            made.append(Element(tag="geom", attributes=attributes, origin=one.origin))
+    return tuple(made)
+
+
+def drive(joint: CoreJoint, drive: ActuatorModel) -> tuple[Element, ...]:
+    """The actuator of a joint."""
+    attributes = {"name": joint.path, "joint": joint.path, **drive_attributes(joint, drive)}
+    return (Element(tag=drive.kind, attributes=attributes, origin=drive.origin),)
+
+
+def key(attributes: tuple[tuple[str, str | tuple[float, ...]], ...], origin: Origin) -> tuple[Element, ...]:
+    """A pose: numbers are written as numbers, texts as they are."""
+    texts = {name: value if isinstance(value, str) else numbers(value) for name, value in attributes}
+    return (Element(tag="key", attributes=texts, origin=origin),)
+
+
+def _shape(shape: Shape, pose: Pose) -> dict[str, str]:
+    if shape.kind == "mesh":
+        return {"mesh": shape.mesh or "", **pose_attributes(pose @ shape.pose)}
+    return {"type": shape.kind, "size": numbers(shape.size), **pose_attributes(pose @ shape.pose)}
+
+
+def _friction(material: Material | None) -> dict[str, str]:
+    """`friction` where the material states any, the rest MuJoCo's own.
+
+    MuJoCo takes the larger of two geoms' friction, which would lose the document's number on any floor: a priority makes
+    it count (the larger one again between two of ours). Torsional and rolling friction only act with `condim` 4 and 6.
+    """
+    if material is None or (material.slide is None and material.torsion is None and material.roll is None):
+        return {}
+    slide = 1.0 if material.slide is None else material.slide
+    torsion = 0.005 if material.torsion is None else material.torsion
+    roll = 0.0001 if material.roll is None else material.roll
+    attributes = {"friction": numbers((slide, torsion, roll)), "priority": "1"}
+    if material.roll is not None:
+        attributes["condim"] = "6"
+    elif material.torsion is not None:
+        attributes["condim"] = "4"
+    return attributes
+
+
+def _material_name(one: Shapes) -> str | None:
+    """`petg_e6e6fa`: material and colour, because a document may colour one material differently."""
+    if one.color is None:
+        return None
+    name = one.material.name if one.material is not None else "color"
+    return f"{name}_{one.color.removeprefix('#')}"
+
+
+def _rgba(color: str) -> str:
+    """`#rrggbb` or `#rrggbbaa` as four numbers from 0 to 1."""
+    digits = color.removeprefix("#")
+    channels = [int(digits[k : k + 2], 16) / 255.0 for k in range(0, len(digits), 2)]
+    return numbers(channels if len(channels) == 4 else [*channels, 1.0])

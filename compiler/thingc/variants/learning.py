@@ -1,0 +1,291 @@
+"""A Gymnasium environment over a batch: every episode is another variant's (`pip install thingc[learning]`).
+
+    from thingc.variants.learning import make_env
+
+    env = make_env("build/leg_sweep", mode="standing", reward="hold", max_steps=200)
+    observation, info = env.reset(seed=7)           # info["variant"] is whose episode it is
+    env.reset(options={"variant": "leg_sweep_12"})  # an episode of this one
+
+Importing this module registers it, for vectors of environments: `gymnasium.make_vec("thingc/Variants-v0", num_envs=8,
+vectorization_mode="async", folder="build/leg_sweep", mode="standing")`.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import OrderedDict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from thingc.diagnostics import did_you_mean
+from thingc.variants.loading import BuiltVariant, Family, FamilyError, Sizes, UnknownVariant, load
+
+try:
+    import gymnasium
+except ImportError as fault:  # pragma: no cover - said in words
+    raise ImportError("environments need Gymnasium: pip install 'thingc[learning]'") from fault
+
+if TYPE_CHECKING:
+    import mujoco
+
+Array = np.ndarray[Any, np.dtype[np.float64]]
+
+ENVIRONMENT = "thingc/Variants-v0"
+CACHED = 16
+"""Compiled models that an environment keeps, unless told otherwise."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """What a reward is worked out of, after a step: model and data as they are, the `action` (nu,) in [-1, 1], the robot's centre of
+    mass `before` and `after` it [m], and how much time has passed [s]."""
+
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    variant: BuiltVariant
+    action: Array
+    before: Array
+    after: Array
+    seconds: float
+    start: Array
+    """The coordinates (nq,) with which the episode began."""
+
+
+Reward = Callable[[Step], float]
+Terminated = Callable[[Step], bool]
+
+
+def forward(step: Step) -> float:
+    """How fast the centre of mass moves along the world's x [m/s], less a thousandth of the action's square."""
+    return float((step.after[0] - step.before[0]) / step.seconds - 1e-3 * step.action @ step.action)
+
+
+def hold(step: Step) -> float:
+    """1 while the joints are as at the start, less the further they are away: exp(-|q - q0|^2), less a thousandth of the action's
+    square."""
+    import mujoco
+
+    away = np.zeros(step.model.nv)
+    mujoco.mj_differentiatePos(step.model, away, 1.0, step.start, step.data.qpos)
+    return float(np.exp(-away @ away) - 1e-3 * step.action @ step.action)
+
+
+TASKS: Mapping[str, Reward] = {"forward": forward, "hold": hold}
+"""Rewards by name."""
+
+
+class VariantsEnv(gymnasium.Env[Array, Array]):
+    """One robot of a batch at a time: `reset` chooses the variant. Make it with `make_env`, which says what it is given.
+
+    An action in [-1, 1] spans each control's range. The observation is qpos, qvel and the descriptor; with `pad`, each of the
+    three has room for the largest variant, and what a variant has not is 0.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": []}
+    render_mode = None
+
+    def __init__(
+        self, family: Family, *, mode: str, scene: bool, reward: Reward, terminated: Terminated | None, frame_skip: int, max_steps: int,
+        descriptor: Sequence[str], weights: Array, pose: str | None, noise: float, pad: bool, cache: int, seed: int | None,
+    ) -> None:
+        self.family = family
+        self.mode = mode
+        self._scene = scene
+        self._reward = reward
+        self._terminated = terminated
+        self._frame_skip = frame_skip
+        self._max_steps = max_steps
+        self._weights = weights
+        self._pose = pose
+        self._noise = noise
+        self._cache = cache
+        self._seed = seed
+        self._models: OrderedDict[str, tuple[mujoco.MjModel, mujoco.MjData]] = OrderedDict()
+        self.sizes = _sizes(family, mode, pad)
+        self._descriptors = _descriptors(family, descriptor)
+        self._length = self.sizes.nq + self.sizes.nv + len(descriptor)
+        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (self._length,), np.float64)
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (self.sizes.nu,), np.float64)
+        self.variant: BuiltVariant | None = None
+        self._steps = 0
+        self._start: Array = np.zeros(0)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+        """Begin an episode: of the variant `options["variant"]` (its id, name or place), else of one that is drawn."""
+        import mujoco
+
+        if seed is None:
+            seed, self._seed = self._seed, None
+        super().reset(seed=seed)
+        wanted = (options or {}).get("variant")
+        place = self.np_random.choice(len(self.family), p=self._weights)  # drawn in any case: options do not change what follows
+        self.variant = self.family[int(place) if wanted is None else wanted]
+        model, data = self._compiled(self.variant)
+        key = _keyframe(model, self._pose, self.variant)
+        if key is None:
+            mujoco.mj_resetData(model, data)
+        else:
+            mujoco.mj_resetDataKeyframe(model, data, key)
+        if self._noise:
+            away = self.np_random.uniform(-self._noise, self._noise, model.nv)
+            mujoco.mj_integratePos(model, data.qpos, away, 1.0)
+        mujoco.mj_forward(model, data)
+        self._steps = 0
+        self._start = np.array(data.qpos)
+        return self._observation(model, data), self._info()
+
+    def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        """Apply an action (nu,) for `frame_skip` steps of the simulation. An episode ends early where `terminated` says so, or
+        where the simulation has become unstable (reward 0)."""
+        import mujoco
+
+        assert self.variant is not None, "reset the environment first"
+        model, data = self._compiled(self.variant)
+        given = np.clip(np.asarray(action, np.float64)[: model.nu], -1.0, 1.0)
+        low, high = _ranges(model)
+        data.ctrl[:] = low + (given + 1.0) / 2.0 * (high - low)
+        before, started = np.array(data.subtree_com[0]), data.time
+        mujoco.mj_step(model, data, self._frame_skip)
+        self._steps += 1
+        if _unstable(data):
+            return self._observation(model, data), 0.0, True, False, {**self._info(), "unstable": True}
+        mujoco.mj_forward(model, data)
+        done = Step(
+            model=model, data=data, variant=self.variant, action=given, before=before, after=np.array(data.subtree_com[0]),
+            seconds=data.time - started, start=self._start,
+        )
+        ended = self._terminated is not None and bool(self._terminated(done))
+        return self._observation(model, data), float(self._reward(done)), ended, self._steps >= self._max_steps, self._info()
+
+    def _info(self) -> dict[str, Any]:
+        assert self.variant is not None
+        return {"variant": self.variant.id}
+
+    def _observation(self, model: mujoco.MjModel, data: mujoco.MjData) -> Array:
+        assert self.variant is not None
+        seen = np.zeros(self._length)
+        seen[: model.nq] = data.qpos
+        seen[self.sizes.nq: self.sizes.nq + model.nv] = data.qvel
+        seen[self.sizes.nq + self.sizes.nv:] = self._descriptors[self.variant.id]
+        return seen
+
+    def _compiled(self, variant: BuiltVariant) -> tuple[mujoco.MjModel, mujoco.MjData]:
+        """Model and data; those used least lately are forgotten."""
+        import mujoco
+
+        found = self._models.get(variant.id)
+        if found is None:
+            model = variant.model(self.mode, scene=self._scene)
+            found = self._models[variant.id] = (model, mujoco.MjData(model))
+            while len(self._models) > self._cache:
+                self._models.popitem(last=False)
+        self._models.move_to_end(variant.id)
+        return found
+
+
+def make_env(
+    folder: str | os.PathLike[str] | Family, *, mode: str | None = None, scene: bool = True, reward: Reward | str = "hold",
+    terminated: Terminated | None = None, frame_skip: int = 5, max_steps: int = 1000, descriptor: Sequence[str] = (),
+    weights: str | Callable[[BuiltVariant], float] | None = None, pose: str | None = None, noise: float = 0.0, pad: bool = False,
+    cache: int = CACHED, seed: int | None = None,
+) -> VariantsEnv:
+    """An environment over the variants of a batch (its folder, or a family of `load`, filtered as you like).
+
+    `reward` is a function of a `Step` or a name in `TASKS`, `terminated` one that ends an episode. An action holds for `frame_skip`
+    steps of the simulation, an episode lasts `max_steps` actions. `descriptor` are columns of the table that the observation ends
+    with, each scaled to [-1, 1] over the family (0 where all are equal). `weights` makes variants likelier: a column, or a function
+    of a variant; uniform unless given. `pose` is the keyframe that episodes begin with (the first one unless given), `noise` [rad
+    or m] how far at most each degree of freedom is moved from there. `cache` models are kept compiled. `seed` is that of the
+    first `reset` without one.
+
+    Raises `FamilyError` for a batch without variants and where variants differ in nq, nv or nu (`pad` makes room for the
+    largest), and `UnknownVariant` for an unknown mode, column or task.
+    """
+    family = folder if isinstance(folder, Family) else load(folder)
+    if not len(family):
+        raise FamilyError(f"batch `{family.name}` has no built variant here: there is nothing to simulate")
+    if isinstance(reward, str):
+        if reward not in TASKS:
+            raise UnknownVariant(f"there is no task `{reward}`: {did_you_mean(reward, TASKS, what='tasks')}")
+        reward = TASKS[reward]
+    for name, value in (("frame_skip", frame_skip), ("max_steps", max_steps), ("cache", cache)):
+        if value < 1:
+            raise FamilyError(f"expected `{name}` to be at least 1, found {value}")
+    return VariantsEnv(
+        family, mode=family.chosen(mode), scene=scene, reward=reward, terminated=terminated, frame_skip=frame_skip, max_steps=max_steps,
+        descriptor=tuple(descriptor), weights=_weights(family, weights), pose=pose, noise=noise, pad=pad, cache=cache, seed=seed,
+    )
+
+
+def _sizes(family: Family, mode: str, pad: bool) -> Sizes:
+    """The largest sizes. Raises `FamilyError` where they differ and need not be padded."""
+    found = [variant.sizes(mode) for variant in family]
+    for name in ("nq", "nv", "nu") if not pad else ():
+        values = [getattr(one, name) for one in found]
+        other = next((k for k, value in enumerate(values) if value != values[0]), None)
+        if other is not None:
+            raise FamilyError(
+                f"in mode `{mode}` variant `{family[0].name}` has {name} = {values[0]} and `{family[other].name}` has {values[other]}: "
+                "choose variants of one kind (`load(..., where=...)`), or make room for all with `pad=True`"
+            )
+    return Sizes(nq=max(one.nq for one in found), nv=max(one.nv for one in found), nu=max(one.nu for one in found))
+
+
+def _descriptors(family: Family, columns: Sequence[str]) -> dict[str, Array]:
+    """By variant's id the cells of the columns, each scaled to [-1, 1]. Raises `FamilyError` for a cell that is no number."""
+    table = np.zeros((len(family), len(columns)))
+    for k, name in enumerate(columns):
+        table[:, k] = _numbers(family, name)
+    low, high = table.min(axis=0), table.max(axis=0)
+    span = np.where(high > low, high - low, 1.0)
+    scaled = np.where(high > low, 2.0 * (table - low) / span - 1.0, 0.0)
+    return {variant.id: row for variant, row in zip(family, scaled, strict=True)}
+
+
+def _weights(family: Family, weights: str | Callable[[BuiltVariant], float] | None) -> Array:
+    """Probabilities, one for each variant. Raises `FamilyError` where they cannot be made of the weights."""
+    if weights is None:
+        return np.full(len(family), 1.0 / len(family))
+    found = np.array(_numbers(family, weights) if isinstance(weights, str) else [float(weights(variant)) for variant in family])
+    if (found < 0.0).any() or not np.isfinite(found).all() or found.sum() <= 0.0:
+        raise FamilyError("expected weights that are not negative, and not all 0")
+    return np.asarray(found / found.sum(), np.float64)
+
+
+def _numbers(family: Family, column: str) -> list[float]:
+    cells = family.column(column)
+    for variant, cell in zip(family, cells, strict=True):
+        if not isinstance(cell, int | float) or not np.isfinite(cell):
+            raise FamilyError(f"expected numbers in the column `{column}`, found `{cell}` for variant `{variant.name}`")
+    return [float(cell) for cell in cells]
+
+
+def _keyframe(model: mujoco.MjModel, pose: str | None, variant: BuiltVariant) -> int | None:
+    """The keyframe to begin with; None for a model without any. Raises `UnknownVariant`."""
+    names = [model.key(k).name for k in range(model.nkey)]
+    if pose is None:
+        return 0 if names else None
+    if pose not in names:
+        raise UnknownVariant(f"variant `{variant.name}` has no pose `{pose}`: {did_you_mean(pose, names, what='poses')}")
+    return names.index(pose)
+
+
+def _unstable(data: mujoco.MjData) -> bool:
+    """Whether MuJoCo has met numbers that are none, or are huge, since the last reset, and has begun anew by itself."""
+    import mujoco
+
+    faults = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+    return any(data.warning[fault].number for fault in faults)
+
+
+def _ranges(model: mujoco.MjModel) -> tuple[Array, Array]:
+    """The least and the greatest control of each actuator; [-1, 1] where it has no limits."""
+    limited = model.actuator_ctrllimited.astype(bool)
+    return np.where(limited, model.actuator_ctrlrange[:, 0], -1.0), np.where(limited, model.actuator_ctrlrange[:, 1], 1.0)
+
+
+if ENVIRONMENT not in gymnasium.registry:
+    gymnasium.register(ENVIRONMENT, entry_point="thingc.variants.learning:make_env")

@@ -1,0 +1,74 @@
+"""The page of a batch, `index.html`: pictures of the variants in a grid, the table, and a plot of anything against anything.
+
+One file without a request to anywhere: style, program and data are in it, pictures lie beside it in `pictures/`. The same batch
+gives the same bytes; what tells of the run (`parts_modelled`, `seconds`, ...) is left out.
+"""
+
+from __future__ import annotations
+
+import html
+import json
+import math
+import os
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from typing import Any
+
+from thingc.variants import places
+from thingc.variants.journal import in_order
+from thingc.variants.tables import RUN, Column, cells
+
+MOST = 50_000
+"""Rows of a page: about 20 MB. A browser takes no more; the tables have all."""
+
+_ESCAPED = {ord("<"): "\\u003c", ord(">"): "\\u003e", ord("&"): "\\u0026", 0x2028: "\\u2028", 0x2029: "\\u2029"}
+"""What could end a `<script>` or, in old browsers, a line of it, as JSON writes it instead."""
+
+
+def write_page(folder: str, described: Mapping[str, Any], wanted: Sequence[Column]) -> str:
+    """Write the page of the batch in `folder` from its journal; it appears as a whole. Returns its path.
+
+    `described` is what `batch.json` says, `wanted` the columns of the table. A row is in memory at a time.
+    """
+    path = os.path.join(folder, places.PAGE)
+    wanted = [column for column in wanted if column.name not in RUN]
+    before, after = _frame(described)
+    pictures = places.pictured(folder)
+    fresh = f"{path}.new"
+    with open(fresh, "w", encoding="utf-8", newline="\n") as stream:
+        stream.write(before)
+        stream.write(_head(described, wanted))
+        for number, line in enumerate(in_order(os.path.join(folder, places.JOURNAL))):
+            if number == MOST:
+                break
+            row = [_plain(value) for value in cells(line, wanted)]
+            stream.write((",\n" if number else "\n") + _encoded([*row, int(line["id"] in pictures)]))
+        stream.write("\n]}" + after)
+    os.replace(fresh, path)
+    return path
+
+
+def _frame(described: Mapping[str, Any]) -> tuple[str, str]:
+    """The page before and after its data."""
+    own = resources.files("thingc.variants")
+    text = {name: (own / name).read_text(encoding="utf-8") for name in ("page.html", "page.css", "page.js")}
+    page = text["page.html"].replace("@TITLE@", html.escape(f"{described['name']}: variants of {described['assembly']}"))
+    before, after = page.split("@DATA@")
+    return before.replace("@STYLE@", text["page.css"]), after.replace("@SCRIPT@", text["page.js"])
+
+
+def _head(described: Mapping[str, Any], wanted: Sequence[Column]) -> str:
+    """The object that the page's program reads, up to its rows."""
+    told = {name: described[name] for name in ("name", "document", "assembly", "count", "modes", "pose", "finished")}
+    told["columns"] = [{"name": column.name, "kind": column.kind, "unit": column.unit} for column in wanted]
+    return _encoded(told)[:-1] + ',"rows":['
+
+
+def _plain(value: Any) -> Any:
+    """A cell as JSON has it: an infinite one is the text `inf`."""
+    return "inf" if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _encoded(value: Any) -> str:
+    """JSON that can stand in a `<script>` whatever names and messages say."""
+    return json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False).translate(_ESCAPED)

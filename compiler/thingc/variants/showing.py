@@ -1,0 +1,69 @@
+"""What a batch shows of itself when it is over, or is asked again: pictures of variants, and the page."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from thingc.diagnostics import Code, Diagnostic, Report, shown_path
+from thingc.pipeline import Options
+from thingc.units import Quantity
+from thingc.variants import places
+from thingc.variants.folder import BatchFault, in_words, locked, read_batch
+from thingc.variants.page import write_page
+from thingc.variants.pictures import MOST, OnPicture, draw
+from thingc.variants.planning import Plan, PlanError, read_plan
+from thingc.variants.tables import Column, columns, lengths_in
+
+
+def parameter_columns(plan: Plan) -> list[Column]:
+    """The columns of the assembly's parameters, by their own names."""
+    return [
+        Column(name=name, kind="number", unit=plan.units[name]) if isinstance(own, Quantity)
+        else Column(name=name, kind="flag" if isinstance(own, bool) else "text")
+        for name, own in plan.own.items()
+    ]
+
+
+def show(
+    folder: str, described: Mapping[str, Any], wanted: Sequence[Column], *, most: int | None, jobs: int, on_picture: OnPicture | None = None,
+) -> Diagnostic | None:
+    """Draw pictures of at most so many variants (None: of all) and write the page. A warning where nothing can be drawn here.
+
+    Ctrl-C ends the drawing alone: the page shows what was drawn until then. Raises `OSError` when the system refuses.
+    """
+    found = None
+    try:
+        found = draw(folder, described["modes"][0], described["pose"], most=most, jobs=jobs, on_picture=on_picture)
+    except KeyboardInterrupt:
+        pass
+    write_page(folder, described, wanted)
+    return found
+
+
+def show_again(
+    document: str, *, output: str | None = None, pictures: int | None = MOST, jobs: int = 0, options: Options | None = None,
+    on_picture: OnPicture | None = None,
+) -> tuple[str, Diagnostic | None]:
+    """The page of a batch that is there, written anew; nothing is built. The page's path, and a warning where nothing can be drawn.
+
+    Raises `PlanError` for a document with errors, and `BatchFault` where there is no batch of it, or another one is under way.
+    """
+    report = Report()
+    plan = read_plan(document, options or Options(), report)
+    if plan is None or report.failed:
+        raise PlanError(report.ordered())
+    folder = os.path.join(os.path.abspath(output or os.path.join(plan.workspace.root, plan.workspace.build)), plan.name)
+    described = read_batch(folder)
+    if described is None or described.get("document") != plan.relative:
+        raise BatchFault(
+            Code.NO_BATCH, f"there is no batch of `{plan.relative}` in `{shown_path(folder)}`", "build it first, without --page-only",
+        )
+    try:
+        with locked(folder):
+            wanted = columns(parameter_columns(plan), plan.choice_paths, lengths_in(os.path.join(folder, places.JOURNAL)))
+            found = show(folder, described, wanted, most=pictures, jobs=jobs or os.cpu_count() or 1, on_picture=on_picture)
+    except OSError as fault:
+        raise in_words(folder, fault) from fault
+    return os.path.join(folder, places.PAGE), found

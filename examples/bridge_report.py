@@ -1,0 +1,142 @@
+"""What has been tried, as a page and as a picture."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+MARGIN = 1.3
+"""Least torque margin; `keep` of the document says the same."""
+PULL, RADIUS = 300.0, 0.025
+"""Pull [N] and radius [m] of a magnet."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tried:
+    """A bridge: lengths [m], least torque margin, mass [kg]; `folder` is what was built of one that is feasible."""
+
+    name: str
+    leg: float
+    body: float
+    bridge: float
+    margin: float
+    mass: float
+    feasible: bool
+    command: str
+    folder: str | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rebuilt:
+    """What MuJoCo says of the model of a bridge: distance of the soles [m], torque margin by joint, pull at the rim of the magnet
+    that holds it [N]."""
+
+    bridge: float
+    margins: dict[str, float]
+    pull: float
+
+
+def rebuilt(one: Tried) -> Rebuilt:
+    """The same by MuJoCo's inverse dynamics, from the model that was built."""
+    assert one.folder is not None
+    model = mujoco.MjModel.from_xml_path(str(Path(one.folder, "mjcf", "minchw_probe_reaching.xml")))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("stretched").id)
+    mujoco.mj_forward(model, data)
+    torques = np.array(data.qfrc_bias)  # at rest: what the joints must give
+    margins = {}
+    for k in range(model.njnt):
+        joint = model.joint(k)
+        effort = model.actuator(joint.name).forcerange[1]
+        margins[joint.name] = float(effort / abs(torques[joint.dofadr[0]]))
+    front, rear = data.site("front_sole").xpos, data.site("rear_sole").xpos
+    weight = model.body_subtreemass[0] * float(np.linalg.norm(model.opt.gravity))
+    lever = float(np.linalg.norm((data.subtree_com[0] - front)[:2]))
+    return Rebuilt(bridge=float(np.linalg.norm(front - rear)), margins=margins, pull=weight * lever / RADIUS - weight)
+
+
+def page(found: Sequence[Tried], best: Tried | None, seen: Rebuilt | None, driver: str) -> str:
+    """`docs/variants_search.md`."""
+    feasible = [one for one in found if one.feasible]
+    document = Path(__file__).resolve().parents[1] / "assemblies" / "minchw" / "bridge_search.yaml"
+    chosen = "the document draws them" if driver == "random" else "Optuna chose them"
+    lines = [
+        "# A search: the longest bridge", "",
+        "How far apart can MInchW's soles be, if leg and body may be longer? The robot reaches out over a gap: its front foot",
+        "holds, legs and body are stretched out level, and at the sole of the rear foot it carries a probe of 400 g. The *bridge* is",
+        f"the distance of the two soles; every drive must have {MARGIN} times the torque that it has to hold there (*torque margin*).",
+        "`make bridge-search` runs the search and writes this page.", "",
+        "![Bridges that were tried, and the best so far](pictures/bridge_search.png)", "",
+        "The family is `assemblies/minchw/bridge_search.yaml`, over `probe.yaml` beside it:", "",
+        "```text", *document.read_text().strip().split("\n"), "```", "",
+        f"{len(found)} robots were tried ({chosen}); {len(feasible)} of them keep the rule. The others are recorded, and not written.",
+        "The five longest:", "",
+        "| | leg | body | bridge | torque margin | mass |", "|---|---|---|---|---|---|",
+    ]
+    for one in sorted(feasible, key=lambda one: -one.bridge)[:5]:
+        lines.append(
+            f"| `{one.name}` | {1e3 * one.leg:.1f} mm | {1e3 * one.body:.1f} mm | {1e3 * one.bridge:.1f} mm | {one.margin:.3f} "
+            f"| {one.mass:.3f} kg |"
+        )
+    lines.append("")
+    if best is None or seen is None:
+        lines += ["None of them keeps the rule.", ""]
+        return "\n".join(lines)
+    weakest = min(seen.margins, key=seen.margins.__getitem__)
+    so_far = best_so_far(found)
+    first = next(k for k, value in enumerate(so_far) if value == best.bridge) + 1
+    verdict = "it lets go before a servo gives way, so that a bridge of this length needs a wider magnet first."
+    lines += [
+        f"- The longest was number {first} of {len(found)}. MuJoCo says the same of its model: {1e3 * seen.bridge:.1f} mm, and by its",
+        f"  inverse dynamics a margin of {seen.margins[weakest]:.3f}, at the drive of `{weakest}`.",
+        f"- Drives are one thing, magnets another. At {1e3 * RADIUS:.0f} mm, the rim of the magnet, the moment less the weight is a pull",
+        f"  of {seen.pull:.0f} N, and a magnet holds {PULL:.0f} N: {verdict if seen.pull > PULL else 'it holds, too.'}", "",
+        "Build the longest one:", "", "```text", best.command, "```", "",
+        "`python examples/longest_bridge.py --driver optuna` lets [Optuna](https://optuna.org) choose what is built next, eight",
+        "robots at a time (`pip install 'thingc[search]'`): the loop is the same, its documents of variants are lists. With `--count N`",
+        "either driver stops after N robots. Both are seeded: the same command finds the same robot.", "",
+    ]
+    return "\n".join(lines)
+
+
+def best_so_far(found: Sequence[Tried]) -> list[float]:
+    """After each robot the longest bridge until then [m]; NaN before the first feasible one."""
+    best, curve = math.nan, []
+    for one in found:
+        if one.feasible and not one.bridge <= best:
+            best = one.bridge
+        curve.append(best)
+    return curve
+
+
+def draw(found: Sequence[Tried], best: Tried | None, path: Path) -> None:
+    """The picture: the bridge against both lengths, and the best so far."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(1, 3, figsize=(12.0, 3.6), dpi=100, layout="constrained")
+    kinds = ((True, "o", "tab:blue", f"torque margin at least {MARGIN}"), (False, "x", "tab:red", "less"))
+    for panel, key, label in ((axes[0], "leg", "leg"), (axes[1], "body", "body")):
+        for feasible, marker, colour, words in kinds:
+            kind = [one for one in found if one.feasible is feasible]
+            x, y = [1e3 * getattr(one, key) for one in kind], [1e3 * one.bridge for one in kind]
+            panel.scatter(x, y, s=22, marker=marker, color=colour, label=words)
+        if best is not None:
+            x, y = [1e3 * getattr(best, key)], [1e3 * best.bridge]
+            panel.scatter(x, y, s=140, facecolors="none", edgecolors="black", label="the longest")
+        panel.set(xlabel=f"{label} [mm]", ylabel="bridge [mm]")
+    axes[0].legend(fontsize=8)
+    axes[2].step(range(1, len(found) + 1), [1e3 * value for value in best_so_far(found)], where="post", color="tab:blue")
+    axes[2].set(xlabel="robots built", ylabel="longest bridge so far [mm]")
+    for panel in axes:
+        panel.grid(alpha=0.3)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, metadata={"Software": None})
+    pyplot.close(figure)

@@ -1,0 +1,81 @@
+"""How far apart can MInchW's soles be? `make bridge-search`, or `python examples/longest_bridge.py`.
+
+Leg and body length are searched, through `assemblies/minchw/bridge_search.yaml` and the batch engine, for the longest bridge that
+every drive holds with a torque margin of 1.3. `--driver random` builds the document's own variants; `--driver optuna` asks
+Optuna which to build next, in the same loop.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+import thingc.variants
+from bridge_drivers import DRIVERS, Driver
+from bridge_report import Tried, draw, page, rebuilt
+from thingc.pipeline import Options
+
+ROOT = Path(__file__).resolve().parent.parent
+DOCUMENT = ROOT / "assemblies" / "minchw" / "bridge_search.yaml"
+
+
+def search(driver: Driver, output: str | None, store: str | None, jobs: int) -> list[Tried]:
+    """Build what the driver asks for, round after round, until it asks for nothing more."""
+    found: list[Tried] = []
+    while (document := driver.ask()) is not None:
+        summary = thingc.variants.run(str(document), output=output, jobs=jobs, options=Options(store=store), on_progress=_progress)
+        print(file=sys.stderr)
+        rows = [tried(row, summary.folder) for row in thingc.variants.load(summary.folder).rows]
+        driver.tell(rows)
+        found += rows
+    return found
+
+
+def tried(row: Any, folder: str) -> Tried:
+    """What the table says of a variant. Without results (refused, failed) there is nothing to search in."""
+    if "torque_margin" not in row:
+        raise SystemExit(f"variant {row['name']} is {row['status']}: {row.get('message', '')}")
+    return Tried(
+        name=row["name"], leg=row["parameters.leg_length"], body=row["parameters.body_length"], bridge=row["reach"],
+        margin=row["torque_margin"], mass=row["mass"], feasible=row["status"] == "built", command=row["command"],
+        folder=str(Path(folder, row["path"])) if "path" in row else None,
+    )
+
+
+def _progress(now: thingc.variants.Progress) -> None:
+    print(f"\r{now.done} of {now.count}", end="", file=sys.stderr, flush=True)
+
+
+def main() -> int:
+    """Search, print the page, write it and its picture."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--driver", choices=DRIVERS, default="random", help="who says what is tried (default: random)")
+    parser.add_argument("--count", type=int, help="how many variants (default: as many as the document draws)")
+    parser.add_argument("--docs", type=Path, help="folder of the page and, in `pictures`, of the figure (default: print only)")
+    parser.add_argument("-o", "--output", help="folder of the batches (default: the workspace's build folder)")
+    parser.add_argument("--store", help="folder of modelled parts (default: the user's cache)")
+    parser.add_argument("--jobs", type=int, default=0, help="variants built at once (default: one per core)")
+    given = parser.parse_args()
+    options = Options(store=given.store)
+    try:
+        driver = DRIVERS[given.driver](DOCUMENT, given.count, options)
+        found = search(driver, given.output, given.store, given.jobs)
+    except thingc.variants.BatchFault as fault:
+        print(fault.diagnostic.message, fault.diagnostic.help or "", sep="\n", file=sys.stderr)
+        return 1
+    except thingc.variants.Interrupted as stopped:
+        print(f"\n{stopped}", file=sys.stderr)
+        return 130
+    best = max((one for one in found if one.feasible), key=lambda one: one.bridge, default=None)
+    text = page(found, best, None if best is None else rebuilt(best), given.driver)
+    print(text, end="")
+    if given.docs is not None:
+        (given.docs / "variants_search.md").write_text(text)
+        draw(found, best, given.docs / "pictures" / "bridge_search.png")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,141 @@
+"""Choices (`--set components.foot.part=feet:Wide`): what they replace, where, and what is a robot of its own because of them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+import thingc
+from thingc.diagnostics import Code
+from thingc.pipeline import Compilation, Options
+from thingc.spec.choices import ChoicePath, parse
+from variants.robots import environment, workspace
+from variants.robots import thingc as run
+
+FAMILY = """
+    thingc: assembly/1
+    name: family
+    materials:
+      light: {density: 500 kg/m^3}
+      heavy: {density: 5000 kg/m^3}
+    defaults: {component: {material: light}}
+    components:
+      plate: {part: plates:Square, material: light}
+      left: {assembly: mast.yaml, attach: {foot: plate.top}}
+      right: {assembly: mast.yaml, at: {in: plate.origin, xyz: 90 0 0 mm}}
+      row:
+        repeat: {count: 3}
+        part: plates:Round
+        at: {in: plate.origin, xyz: [=i * 50 mm + 100 mm, 100 mm, 0]}
+"""
+CUBE, DISC = 0.04**2 * 0.01, 3.141592653589793 * 0.02**2 * 0.01
+
+
+def compiled(folder: Path, store: str, choices: dict[str, str]) -> Compilation:
+    workspace(folder, family=FAMILY)
+    with Compilation(str(folder / "family.yaml"), Options(store=store, choices=choices)) as compilation:
+        compilation.run()
+        return compilation
+
+
+def parts(compilation: Compilation) -> dict[str, str]:
+    assert compilation.assembly is not None, compilation.report.diagnostics
+    return {one.path: one.definition.text for one in compilation.assembly.occurrences}
+
+
+def masses(compilation: Compilation) -> dict[str, float]:
+    assert compilation.assembly is not None, compilation.report.diagnostics
+    return {one.path: one.properties.mass for one in compilation.assembly.occurrences}
+
+
+@pytest.mark.parametrize(("path", "meant"), [
+    ("components.foot.part", ChoicePath(components=("foot",), key="part")),
+    ("components.leg.components.foot.material", ChoicePath(components=("leg", "foot"), key="material")),
+    ("components.leg.defaults.component.material", ChoicePath(components=("leg",), key="defaults.component.material")),
+    ("defaults.component.material", ChoicePath(components=(), key="defaults.component.material")),
+    ("components.components.part", ChoicePath(components=("components",), key="part")),
+    ("components.foot", None), ("part", None), ("components.foot.mass", None), ("components..part", None), ("", None),
+    ("components.foot.params.length", None), ("components.a b.part", None), ("components.foot.part.x", None),
+])
+def test_paths(path: str, meant: ChoicePath | None) -> None:
+    assert parse(path) == meant
+
+
+def test_a_choice_inside_one_nested_assembly_leaves_the_other_alone(tmp_path: Path, shared_store: str) -> None:
+    found = compiled(tmp_path, shared_store, {"components.left.components.upper.part": "plates:Square"})
+    assert found.report.diagnostics == []
+    assert parts(found)["left/upper"] == "plates:Square" and parts(found)["right/upper"] == "plates:Round"
+    assert found.assembly is not None
+    texts = {one.text for one in found.assembly.hag.definitions if one.kind == "assembly"}
+    assert texts == {
+        "family(components.left.components.upper.part='plates:Square')", "mast(components.upper.part='plates:Square')", "mast",
+    }
+
+
+def test_equal_choices_make_equal_definitions(tmp_path: Path, shared_store: str) -> None:
+    found = compiled(tmp_path, shared_store, {f"components.{side}.components.upper.part": "plates:Square" for side in ("left", "right")})
+    assert found.assembly is not None
+    nested = [one.text for one in found.assembly.hag.definitions if one.text.startswith("mast")]
+    assert nested == ["mast(components.upper.part='plates:Square')"]
+
+
+def test_a_choice_that_the_document_makes_itself_is_none(tmp_path: Path, shared_store: str) -> None:
+    plain = compiled(tmp_path, shared_store, {})
+    chosen = compiled(tmp_path, shared_store, {
+        "components.plate.part": "plates:Square", "components.left.assembly": "./mast.yaml", "defaults.component.material": "light",
+    })
+    assert plain.assembly is not None and chosen.assembly is not None
+    assert chosen.assembly.definition.text == "family" and chosen.assembly.definition.parameters == plain.assembly.definition.parameters
+
+
+def test_another_assembly_brings_its_own_documents_and_parts(tmp_path: Path, shared_store: str) -> None:
+    found = compiled(tmp_path, shared_store, {"components.right.assembly": "tall_mast.yaml"})
+    assert "right/middle" in parts(found) and "left/middle" not in parts(found)
+    assert found.documents is not None and "tall_mast.yaml" in found.documents.by_path
+
+
+def test_materials_of_one_component_of_a_row_and_of_all(tmp_path: Path, shared_store: str) -> None:
+    chosen = {"components.row_1.material": "heavy", "components.right.components.lower.material": "heavy"}
+    found = masses(compiled(tmp_path, shared_store, chosen))
+    assert found["row_0"] == pytest.approx(500 * DISC, rel=1e-9) and found["row_1"] == pytest.approx(5000 * DISC, rel=1e-9)
+    assert found["right/lower"] == pytest.approx(5000 * CUBE, rel=1e-9) and found["left/lower"] == pytest.approx(500 * CUBE, rel=1e-9)
+    found = masses(compiled(tmp_path, shared_store, {"components.row.material": "heavy"}))
+    assert [found[f"row_{k}"] for k in range(3)] == pytest.approx([5000 * DISC] * 3, rel=1e-9)
+    found = masses(compiled(tmp_path, shared_store, {"defaults.component.material": "heavy"}))
+    assert found["row_2"] == pytest.approx(5000 * DISC, rel=1e-9) and found["plate"] == pytest.approx(500 * CUBE, rel=1e-9)
+    assert found["left/upper"] == pytest.approx(500 * DISC, rel=1e-9)  # defaults are of one document
+
+
+def test_everything_wrong_with_choices_is_said_at_once(tmp_path: Path, shared_store: str) -> None:
+    found = compiled(tmp_path, shared_store, {
+        "components.plat.part": "plates:Round", "components.plate.part": "plates:Rond", "components.left.material": "heavy",
+        "components.left.components.uper.part": "plates:Round", "components.right.assembly": "family.yaml",
+        "components.row.material": "havy", "components.row.assembly": "mast.yaml", "plate": "x",
+    })
+    said = [(one.path, one.code) for one in found.report.ordered()]
+    assert {code for _, code in said} == {Code.CHOICE_OPTION}
+    assert {path for path, _ in said} == {
+        "--set components.plat.part", "--set components.plate.part", "--set components.left.material", "--set plate",
+        "--set components.left.components.uper.part", "--set components.right.assembly", "--set components.row.material",
+        "--set components.row.assembly",
+    }
+
+
+def test_an_assembly_that_is_not_there(tmp_path: Path, shared_store: str) -> None:
+    (said,) = compiled(tmp_path, shared_store, {"components.left.assembly": "mask.yaml"}).report.diagnostics
+    assert (said.code, said.help) == (Code.CHOICE_OPTION, "did you mean `mast.yaml`?")
+
+
+def test_commands_and_the_library_take_them(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path, family=FAMILY)
+    words = ("--set", "components.row.material=heavy")
+    env = environment(shared_store)
+    assert run("build", "family.yaml", *words, "--emit", "bom", cwd=here, env=env).returncode == 0
+    manifest = json.loads((here / "build/family/manifest.json").read_text())
+    assert manifest["choice"]["choices"] == {"components.row.material": "heavy"}
+    assert run("build", "family.yaml", "--emit", "bom", cwd=here, env=env).stderr.count("nothing changed") == 0  # another build
+    info = json.loads(run("info", "family.yaml", *words, "--format", "json", cwd=here, env=env).stdout)
+    same = thingc.compile(str(here / "family.yaml"), choices={"components.row.material": "heavy"}, store=shared_store)
+    assert info["mass"] == same.properties.mass == pytest.approx(500 * (5 * CUBE - 2 * CUBE + 2 * DISC) + 3 * 5000 * DISC, rel=1e-9)

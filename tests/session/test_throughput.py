@@ -1,0 +1,45 @@
+"""The benchmark of variants runs, and a session keeps no more after many of them than after a few."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from conformance.harness import ROOT
+from thingc.pipeline import Options
+from thingc.session import Session, Settings
+
+SCRIPT = ROOT / "benchmarks" / "variants" / "throughput.py"
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="it reads /proc")
+def test_the_benchmark_says_what_it_measures(shared_store: str) -> None:
+    command = [sys.executable, str(SCRIPT), "--count", "3", "--models", "1", "--scale", "100", "--store", shared_store]
+    out = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT).stdout
+    labels = [line.split()[0] for line in out.splitlines()]
+    assert labels == ["plain", "verified", "loaded", "modelled", "10", "100", "time"], out
+
+
+def test_nothing_piles_up(shared_store: str, tmp_path: Path) -> None:
+    """Places of the memo and records at hand do not grow with variants that model nothing, whatever their numbers."""
+    document = tmp_path / "scale.yaml"
+    document.write_text(
+        "thingc: assembly/1\nname: scale\nparameters: {mass: 1 kg, lift: 0 deg}\n"
+        "components:\n"
+        "  base: {frame: true, mass: 1 kg}\n"
+        "  pan: {frame: true, mass: =mass, inertia: {ixx: 1 kg*m^2, iyy: 1 kg*m^2, izz: 1 kg*m^2}}\n"
+        "joints: {beam: {type: revolute, parent: base.origin, child: pan.origin, limit: {lower: -1 rad, upper: 1 rad}}}\n"
+        "poses: {up: {beam: =lift}}\n"
+    )
+    sizes = []
+    with Session(str(document), Options(store=shared_store)) as session:
+        for index in range(60):
+            compilation = session.compile(Settings(parameters={"mass": f"{1 + index} kg", "lift": f"{index / 2} deg"}))
+            assert not compilation.emit(["mjcf", "bom"])["mjcf"].losses
+            assert compilation.assembly is not None
+            assert compilation.assembly.properties.mass == pytest.approx(2.0 + index)
+            sizes.append(len(session.front.memo._kept))
+    assert sizes[2] == sizes[-1]
