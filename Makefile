@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 JOBS ?= 2
 
-.PHONY: demo test lint bench bench-naming bench-designs bench-weld walk fuzz schemas docs pictures clean
+.PHONY: demo test lint bench bench-naming bench-designs bench-weld walk bridge-search fuzz schemas docs pictures clean
 
 demo: $(VENV)/.thingc
 	$(BIN)/thingc build assemblies/arm.yaml
@@ -34,6 +34,9 @@ bench-weld: $(VENV)/.thingc-dev
 
 walk: $(VENV)/.thingc-dev
 	$(BIN)/python examples/walk.py --gif docs/pictures/minchw_walk.gif
+
+bridge-search: $(VENV)/.thingc-dev
+	$(BIN)/python examples/longest_bridge.py --docs docs
 
 bench-naming: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/naming/study.py

@@ -1,8 +1,9 @@
-"""`make pictures`: the pictures that the README shows, drawn by `thingc render` and `thingc hag`."""
+"""`make pictures`: the pictures that the README and the docs show, drawn by `thingc render`, `thingc hag` and a browser."""
 
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -47,11 +48,32 @@ def strip(document: str, shots: list[list[str]]) -> Image.Image:
     return whole
 
 
+def batch_page(path: Path) -> None:
+    """The page of a batch in a browser, one of its variants chosen."""
+    browser = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    if browser is None:
+        print("no Chromium is installed: the picture of a batch's page stays as it is", file=sys.stderr)
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        thingc("batch", "assemblies/minchw/sizes.yaml", "-o", folder, "--pictures", "all")
+        lines = (Path(folder) / "sizes" / "results.csv").read_text().splitlines()
+        id = lines[9].split(",")[1]
+        page = (Path(folder) / "sizes" / "index.html").as_uri()
+        words = ["--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--window-size=1400,1000"]
+        subprocess.run(
+            [browser, *words, "--virtual-time-budget=3000", f"--user-data-dir={folder}/profile", f"--screenshot={path}", f"{page}#{id}"], check=True,
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )
+    with Image.open(path) as picture:
+        picture.convert("RGB").save(path, optimize=True)
+
+
 def main() -> int:
-    """Draw every strip, and the assembly graph of the arm."""
+    """Draw every strip, the page of a batch, and the assembly graph of the arm."""
     PICTURES.mkdir(exist_ok=True)
     for name, (document, shots) in STRIPS.items():
         strip(document, shots).save(PICTURES / name, optimize=True)
+    batch_page(PICTURES / "batch_page.png")
     (PICTURES / "arm_hag.svg").write_text(thingc("hag", "assemblies/arm.yaml", "--format", "svg"))
     return 0
 

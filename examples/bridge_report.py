@@ -52,8 +52,8 @@ def rebuilt(one: Tried) -> Rebuilt:
     margins = {}
     for k in range(model.njnt):
         joint = model.joint(k)
-        effort = model.actuator(joint.name).forcerange[1]
-        margins[joint.name] = float(effort / abs(torques[joint.dofadr[0]]))
+        torque = float(abs(torques[joint.dofadr[0]]))
+        margins[joint.name] = float(model.actuator(joint.name).forcerange[1]) / torque if torque else math.inf
     front, rear = data.site("front_sole").xpos, data.site("rear_sole").xpos
     weight = model.body_subtreemass[0] * float(np.linalg.norm(model.opt.gravity))
     lever = float(np.linalg.norm((data.subtree_com[0] - front)[:2]))
@@ -95,7 +95,8 @@ def page(found: Sequence[Tried], best: Tried | None, seen: Rebuilt | None, drive
         f"- The longest was number {first} of {len(found)}. MuJoCo says the same of its model: {1e3 * seen.bridge:.1f} mm, and by its",
         f"  inverse dynamics a margin of {seen.margins[weakest]:.3f}, at the drive of `{weakest}`.",
         f"- Drives are one thing, magnets another. At {1e3 * RADIUS:.0f} mm, the rim of the magnet, the moment less the weight is a pull",
-        f"  of {seen.pull:.0f} N, and a magnet holds {PULL:.0f} N: {verdict if seen.pull > PULL else 'it holds, too.'}", "",
+        f"  of {seen.pull:.0f} N, and a magnet holds {PULL:.0f} N:",
+        f"  {verdict if seen.pull > PULL else 'it holds, too.'}", "",
         "Build the longest one:", "", "```text", best.command, "```", "",
         "`python examples/longest_bridge.py --driver optuna` lets [Optuna](https://optuna.org) choose what is built next, eight",
         "robots at a time (`pip install 'thingc[search]'`): the loop is the same, its documents of variants are lists. With `--count N`",
@@ -137,6 +138,5 @@ def draw(found: Sequence[Tried], best: Tried | None, path: Path) -> None:
     axes[2].set(xlabel="robots built", ylabel="longest bridge so far [mm]")
     for panel in axes:
         panel.grid(alpha=0.3)
-    path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, metadata={"Software": None})
     pyplot.close(figure)

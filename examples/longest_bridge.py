@@ -72,6 +72,7 @@ def main() -> int:
     text = page(found, best, None if best is None else rebuilt(best), given.driver)
     print(text, end="")
     if given.docs is not None:
+        (given.docs / "pictures").mkdir(parents=True, exist_ok=True)
         (given.docs / "variants_search.md").write_text(text)
         draw(found, best, given.docs / "pictures" / "bridge_search.png")
     return 0

@@ -6,7 +6,8 @@ Passes never raise for bad input: they add to a `Report`, so that everything wro
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from itertools import islice
@@ -183,6 +184,7 @@ class Code(Enum):
     BATCH_CHANGED = ("TC923", "not the batch that was begun", "Undo the change, or begin anew in another folder with -o.")
     NO_BATCH = ("TC924", "nothing to resume", "Begin without --resume.")
     RUNNERS = ("TC925", "no runner starts", "Mend what the message names; what has been built stays, and --resume goes on.")
+    CLUSTER = ("TC926", "the cluster does not answer", "Mend what the message names; what has been built stays, and --resume goes on.")
 
     def __init__(self, code: str, title: str, cure: str) -> None:
         self.code = code
@@ -419,10 +421,15 @@ def as_json(diagnostics: Sequence[Diagnostic]) -> list[dict[str, object]]:
     ]
 
 
-def as_text(diagnostics: Sequence[Diagnostic], *, color: bool = False, debug: bool = False) -> str:
-    """Code frames for people: position, source line, caret, hint, and the second place where there is one."""
+def as_text(
+    diagnostics: Sequence[Diagnostic], *, color: bool = False, debug: bool = False, texts: Mapping[str, str] | None = None,
+) -> str:
+    """Code frames for people: position, source line, caret, hint, and the second place where there is one.
+
+    `texts` are those of documents that are in no file, by the name in their spans.
+    """
     lines: list[str] = []
-    sources: dict[str, list[str]] = {}
+    sources = {file: re.split("\r\n|\r|\n", text) for file, text in (texts or {}).items()}
     for d in diagnostics:
         tint = {"error": "1;31", "warning": "1;33", "note": "1;36"}[d.severity.value]
         head = _paint(f"{d.severity.value}[{d.code.code}]", tint, color)

@@ -36,7 +36,7 @@ Progress = Callable[[str, int, int], None]
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
     """How to compile. `parameters` are texts as on the command line (`{"reach": "120 mm"}`), `choices` texts by dotted path in
-    the document (`{"components.foot.part": "feet:Wide"}`); `store` a folder (None: the user's cache); `jobs` how many parts are
+    the document (`{"components.foot.part": "feet:Wide"}`); `store` a folder or a URL (None: the user's cache); `jobs` how many parts are
     modelled at once; `part_timeout` [s] (None: the workspace's).
 
     `lock`: what the store does not hold may come from `parts.lock.json`, for callers who need no meshes. Without `code` it comes
@@ -393,9 +393,9 @@ class Compilation:
 
 def store_of(options: Options) -> Store:
     """The store that the options name, else the user's."""
-    from thingc.realize.store import Store, default_root
+    from thingc.realize.shared_store import opened
 
-    return Store(options.store or default_root())
+    return opened(options.store)
 
 
 def geometry_of(

@@ -26,7 +26,8 @@ class Session:
     """One document, compiled again and again with other settings. A context manager: leaving it ends the geometry service.
 
     `options` say how to compile; their own parameters and choices hold where the settings of a compilation do not say
-    otherwise. The documents are read when the session begins: later changes of files are not seen.
+    otherwise. The documents are read when the session begins: later changes of files are not seen, of documents, parts and the
+    store. Where a blob of the store was lost meanwhile, reading it raises `BlobMissing`, and a new session makes it anew.
     """
 
     def __init__(self, document: str, options: Options) -> None:

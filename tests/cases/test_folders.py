@@ -90,14 +90,35 @@ def test_a_store_that_cannot_be_written(folder: Path, capsys: pytest.CaptureFixt
 def test_a_document_that_cannot_be_read(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "robot.yaml").unlink()
     (folder / "robot.yaml").symlink_to("/proc/self/mem")
-    code, lines = said(capsys, "check", "robot.yaml")
+    code, lines = said(capsys, "fmt", "robot.yaml")
     assert code == 1
     assert lines[0] == f"error[{Code.UNREADABLE.code}]: cannot read `robot.yaml`: input/output error"
 
 
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may read everything")
+def test_a_document_that_may_not_be_read(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "robot.yaml").chmod(0)
+    code, lines = said(capsys, "check", "robot.yaml")
+    assert code == 1
+    assert lines[0] == f"error[{Code.UNREADABLE.code}]: cannot read `robot.yaml`: permission denied"
+
+
+def test_a_document_that_is_a_link_out_of_the_workspace(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder.parent / "elsewhere.yaml").write_text(GOOD)
+    (folder / "robot.yaml").unlink()
+    (folder / "robot.yaml").symlink_to(folder.parent / "elsewhere.yaml")
+    code, lines = said(capsys, "check", "robot.yaml")
+    assert code == 1
+    assert lines[:2] == [
+        "error[TC114]: `robot.yaml` is a link that leaves the workspace", "  help: name the file that the link leads to",
+    ]
+
+
 def test_a_pipe_is_no_document_and_nobody_waits_for_it(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     os.mkfifo(folder / "pipe.yaml")
-    assert said(capsys, "check", "pipe.yaml")[0] == 2
+    assert said(capsys, "check", "pipe.yaml") == (2, [
+        "error[TC802]: `pipe.yaml` is no file that can be read again", "  help: name a document that is a file", "", "1 error",
+    ])
     (folder / "robot.yaml").write_text("thingc: assembly/1\nname: two\ncomponents:\n  hand: {assembly: pipe.yaml}\n")
     code, lines = said(capsys, "check", "robot.yaml")
     assert code == 1 and lines[0] == "error[TC113]: there is no file `pipe.yaml`"

@@ -250,7 +250,8 @@ def test_default_material_that_is_not_in_scope() -> None:
             7,
         )
     ]
-    note = report.diagnostics[0].notes[0]
+    near, note = report.diagnostics[0].notes
+    assert near.message == "`petg` is written here"
     assert note.message == "`p:Box` is written here"
     assert note.span is not None
     assert (note.span.file, note.span.line) == ("/robots/parts/boxes.py", 12)

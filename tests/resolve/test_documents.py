@@ -87,8 +87,9 @@ group = 3
 def plain(value: Any) -> Any:
     """A model without its places."""
     if is_dataclass(value) and not isinstance(value, type):
-        skipped = ("origin", "origins", "spans", "keys", "document")
-        return {f.name: plain(getattr(value, f.name)) for f in fields(value) if f.name not in skipped}
+        skipped = ("origins", "spans", "keys", "document")
+        kept = (f.name for f in fields(value) if f.name not in skipped and not f.name.endswith("origin"))
+        return {name: plain(getattr(value, name)) for name in kept}
     if isinstance(value, dict):
         return {key: plain(one) for key, one in value.items()}
     if isinstance(value, tuple):

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
 
 from thingc.pipeline import Options
 from thingc.variants import run
@@ -41,7 +45,11 @@ SLIDER = """
     components:
       plate: {part: plates:Square, params: {side: =side}}
       pole: {part: plates:Square}
-      weight: {frame: true, mass: =load, inertia: {ixx: 0.001 kg*m^2, iyy: 0.001 kg*m^2, izz: 0.001 kg*m^2}, at: {in: pole.top, xyz: [0, 0, =height]}}
+      weight:
+        frame: true
+        mass: =load
+        inertia: {ixx: 0.001 kg*m^2, iyy: 0.001 kg*m^2, izz: 0.001 kg*m^2}
+        at: {in: pole.top, xyz: [0, 0, =height]}
     joints:
       slide:
         type: prismatic
@@ -70,7 +78,12 @@ ARM = """
       foot: {frame: true, mass: 1 kg, inertia: {ixx: 0.01 kg*m^2, iyy: 0.01 kg*m^2, izz: 0.01 kg*m^2}}
       chain: {assembly: one.yaml}
     joints:
-      hip: {type: revolute, parent: foot.origin, child: chain.in, limit: {lower: -90 deg, upper: 90 deg}, drive: {kind: position, kp: 5, effort: 6 N*m}}
+      hip:
+        type: revolute
+        parent: foot.origin
+        child: chain.in
+        limit: {lower: -90 deg, upper: 90 deg}
+        drive: {kind: position, kp: 5, effort: 6 N*m}
     modes: {standing: {root: foot, base: fixed}}
 """
 
@@ -94,7 +107,12 @@ TWO = """
         mounts: {end: {xyz: 200 0 0 mm}}
       tip: {frame: true, mass: 200 g, inertia: {ixx: 0.001 kg*m^2, iyy: 0.001 kg*m^2, izz: 0.001 kg*m^2}}
     joints:
-      elbow: {type: revolute, parent: rod.end, child: tip.origin, limit: {lower: -90 deg, upper: 90 deg}, drive: {kind: position, kp: 5, effort: 2 N*m}}
+      elbow:
+        type: revolute
+        parent: rod.end
+        child: tip.origin
+        limit: {lower: -90 deg, upper: 90 deg}
+        drive: {kind: position, kp: 5, effort: 2 N*m}
     mounts: {in: rod.origin}
 """
 
@@ -111,6 +129,12 @@ def documents(folder: Path) -> Path:
     return workspace(folder, some=SOME, boards=BOARDS, slider=SLIDER, sliders=SLIDERS, arm=ARM, one=ONE, two=TWO, arms=ARMS)
 
 
-def built(folder: Path, store: str, name: str, **options: object) -> Path:
+def built(folder: Path, store: str, name: str, **options: Any) -> Path:
     """The folder of the batch of this name, built."""
-    return Path(run(str(documents(folder) / f"{name}.yaml"), options=Options(store=store), jobs=1, **options).folder)  # type: ignore[arg-type]
+    return Path(run(str(documents(folder) / f"{name}.yaml"), options=Options(store=store), jobs=1, **options).folder)
+
+
+def arrays(model: mujoco.MjModel) -> dict[str, bytes]:
+    """Every array of a model, bit by bit."""
+    found = {name: getattr(model, name) for name in dir(model) if not name.startswith("_")}
+    return {name: value.tobytes() for name, value in found.items() if isinstance(value, np.ndarray)}

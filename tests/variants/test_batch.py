@@ -48,7 +48,9 @@ def test_a_batch_writes_a_folder_for_each_variant_and_a_row(tmp_path: Path, shar
     summary = batch(here, shared_store, jobs=2)
     out = here / "build" / "sweep"
     assert summary.statuses == {"built": 12} and summary.modelled == 0 and Path(summary.folder) == out
-    assert sorted(p.name for p in out.iterdir()) == ["assets", "batch.json", "journal.jsonl", "results.csv", "results.parquet", "variants"]
+    assert sorted(p.name for p in out.iterdir()) == [
+        "assets", "batch.json", "index.html", "journal.jsonl", "results.csv", "results.parquet", "variants",
+    ]
     table = rows(out)
     assert [row["index"] for row in table] == [str(k) for k in range(12)]
     assert {row["id"] for row in table} == {p.name for p in (out / "variants").iterdir()}

@@ -50,6 +50,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--resume", action="store_true", help="go on with a batch that was stopped")
     parser.add_argument("--dry-run", action="store_true", help="say what would be built, and write nothing")
     parser.add_argument("--timeout", metavar="TIME", help="longest time for one variant (default: '10 min')")
+    parser.add_argument(
+        "--cluster", metavar="ADDRESS", help="build on other machines: tcp://HOST:8786 (dask) or slurm:partition=NAME,cpus=8",
+    )
     parser.add_argument("--pictures", metavar="N", type=_pictures, default=PICTURES,
                         help="pictures on the batch's page: so many, `none` or `all` (default: 48)")
     parser.add_argument("--page-only", action="store_true", help="write the page of a batch anew, and build nothing")
@@ -102,14 +105,23 @@ def _targets(words: Sequence[str]) -> tuple[str, ...]:
 def _build(
     arguments: argparse.Namespace, options: Options, targets: tuple[str, ...], timeout: float | None,
 ) -> Summary:
-    from thingc.variants.batch import TIMEOUT, run
+    import contextlib
+    import os
 
-    summary = run(
-        arguments.document, output=arguments.output, jobs=options.jobs, emit=targets, limit=arguments.limit, resume=arguments.resume,
-        timeout=timeout or TIMEOUT, verify=not arguments.no_verify, options=options,
-        on_progress=_Show() if arguments.format == "text" else None, pictures=arguments.pictures,
-        on_picture=_draw if arguments.format == "text" else None,
-    )
+    from thingc.variants.batch import TIMEOUT, run
+    from thingc.variants.cluster import connect
+
+    with contextlib.ExitStack() as leaving:
+        cluster = None
+        if arguments.cluster is not None:
+            own = os.path.abspath(os.path.join(arguments.output or ".", f".thingc-jobs-{os.getpid()}"))
+            cluster = leaving.enter_context(connect(arguments.cluster, jobs=options.jobs, folder=own))
+        summary = run(
+            arguments.document, output=arguments.output, executor=cluster, jobs=options.jobs, emit=targets, limit=arguments.limit,
+            resume=arguments.resume, timeout=timeout or TIMEOUT, verify=not arguments.no_verify, options=options,
+            on_progress=_Show() if arguments.format == "text" else None, pictures=arguments.pictures,
+            on_picture=_draw if arguments.format == "text" else None,
+        )
     _clear()
     return summary
 

@@ -55,20 +55,17 @@ def run(arguments: argparse.Namespace) -> int:
     good: list[str] = []
     try:
         options = common.options_of(arguments)
+        trusted = arguments.touched and not arguments.no_code
+        documents = concerned(arguments.document, arguments.store) if trusted else arguments.document
     except common.WrongCommandLine as fault:
         return _answer(arguments, [fault.diagnostic], [])
     if arguments.fix or arguments.diff:
         from thingc.cli.mending import run_fix
 
-        return run_fix(arguments, options)
+        return run_fix(arguments, documents, options)
     if arguments.no_code:
         return _answer(arguments, *_untrusted(arguments, options))
-    for document in concerned(arguments.document, arguments.store) if arguments.touched else arguments.document:
-        try:
-            common.require_document(document)
-        except common.WrongCommandLine as fault:
-            found.append(fault.diagnostic)
-            continue
+    for document in common.present(documents, found):
         said = check(document, options, strict=arguments.strict)
         found.extend(d for d in said if d not in found)
         if not said:
@@ -95,12 +92,7 @@ def _untrusted(arguments: argparse.Namespace, options: Options) -> tuple[list[Di
         documents = confined(partial(_concerned_without_code, arguments.document), seconds)
         if isinstance(documents, Diagnostic):
             return [documents], []
-    for document in documents:
-        try:
-            common.require_document(document)
-        except common.WrongCommandLine as fault:
-            found.append(fault.diagnostic)
-            continue
+    for document in common.present(documents, found):
         answer = confined(partial(_packed, document, options, arguments.strict), seconds)
         said = [replace(answer, path=document)] if isinstance(answer, Diagnostic) else [stamp.unpacked(one) for one in answer]
         found.extend(d for d in said if d not in found)
@@ -118,7 +110,7 @@ def _concerned_without_code(files: Sequence[str]) -> list[str]:
 def without_code(document: str, options: Options, *, strict: bool) -> list[Diagnostic]:
     """What there is to say about one document when nothing of its workspace may run. Bounds are the caller's business."""
     with Compilation(document, replace(options, lock=True, code=False)) as compilation:
-        return common.final(_report_of(compilation), strict=strict)
+        return common.final(report_of(compilation), strict=strict)
 
 
 def _packed(document: str, options: Options, strict: bool) -> list[dict[str, object]]:
@@ -149,14 +141,14 @@ def check(document: str, options: Options, *, strict: bool = False) -> list[Diag
         earlier = stamp.load(compilation.store, key)
         if earlier is not None:
             return earlier[0]
-        report = _report_of(compilation)
+        report = report_of(compilation)
         found = common.final(report, strict=strict)
         if not report.failed and report is compilation.report:
             stamp.save(compilation.store, key, compilation.inputs(), found, {})
         return found
 
 
-def _report_of(compilation: Compilation) -> Report:
+def report_of(compilation: Compilation) -> Report:
     """What is said of a document of any kind that may be checked."""
     compilation.run(kinds=("assembly", "materials", "variants"))
     if compilation.documents is None or compilation.documents.root.kind != "variants":

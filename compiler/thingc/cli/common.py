@@ -6,7 +6,7 @@ import argparse
 import os
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, as_json, as_text, did_you_mean, file_meant, summary
 from thingc.pipeline import Options
@@ -14,8 +14,6 @@ from thingc.pipeline import Options
 USAGE = 2
 FINDINGS = ("text", "json", "github", "sarif")
 """How `check` and `build` print what they find."""
-DOCUMENTS = (".yaml", ".yml", ".toml")
-"""What the names of documents end with."""
 
 
 class WrongCommandLine(Exception):
@@ -30,7 +28,7 @@ def add_document(parser: argparse.ArgumentParser, *, many: bool = False) -> None
     """The DOC argument."""
     parser.add_argument(
         "document", metavar="DOC", nargs="+" if many else None,
-        help="an assembly document (YAML or TOML)",
+        help="an assembly, materials or variants document (YAML or TOML)" if many else "an assembly document (YAML or TOML)",
     )
 
 
@@ -51,7 +49,8 @@ def add_compiling(parser: argparse.ArgumentParser) -> None:
 def add_geometry(parser: argparse.ArgumentParser, *, jobs: str = "parts modelled at once") -> None:
     """The options of every command that may model parts; `jobs` is what `--jobs` counts."""
     parser.add_argument(
-        "--store", metavar="DIR", help="where modelled parts are kept (default: THINGC_STORE, else the user's cache folder)"
+        "--store", metavar="DIR",
+        help="where modelled parts are kept, a folder or a URL (default: THINGC_STORE, else the user's cache folder)",
     )
     parser.add_argument("--jobs", metavar="N", type=positive, default=0, help=f"{jobs} (default: one per core)")
     parser.add_argument("--part-timeout", metavar="TIME", help="longest time for one part, for example '30 s'")
@@ -132,22 +131,38 @@ def options_of(arguments: argparse.Namespace) -> Options:
 
 def require_document(path: str) -> None:
     """Raises `WrongCommandLine` where there is no such file, or one that cannot be a document."""
+    from thingc.load.paths import DOCUMENT_SUFFIXES
     from thingc.workspace import OWN_FILE, SHARED_FILE
 
     is_file, is_folder = os.path.isfile(path), os.path.isdir(path)
-    if is_file and path.lower().endswith(DOCUMENTS):
+    if is_file and path.lower().endswith(DOCUMENT_SUFFIXES):
         return
     folder = path if is_folder else os.path.dirname(path) or "."
     prefix = os.path.join(path, "") if is_folder else os.path.dirname(path)
-    near = [os.path.join(prefix, name) for name in os.listdir(folder)] if os.path.isdir(folder) else []
     settings = (OWN_FILE, SHARED_FILE)
-    near = [name for name in near if name.lower().endswith(DOCUMENTS) and os.path.basename(name) not in settings]
+    near = [
+        os.path.join(prefix, name) for name in (os.listdir(folder) if os.path.isdir(folder) else ())
+        if name.lower().endswith(DOCUMENT_SUFFIXES) and name not in settings and not name.startswith(".")
+    ]
     if is_folder:
         raise WrongCommandLine(
             f"`{path}` is a folder, and a document was expected", did_you_mean("", near, what="documents"), Code.NO_DOCUMENT,
         )
-    message = f"`{path}` is no document ({', '.join(DOCUMENTS)})" if is_file else f"there is no document `{path}`"
+    if os.path.exists(path) and not is_file:
+        raise WrongCommandLine(f"`{path}` is no file that can be read again", "name a document that is a file", Code.NO_DOCUMENT)
+    message = f"`{path}` is no document ({', '.join(DOCUMENT_SUFFIXES)})" if is_file else f"there is no document `{path}`"
     raise WrongCommandLine(message, file_meant(path, near, what="documents"), Code.NO_DOCUMENT)
+
+
+def present(documents: Iterable[str], found: list[Diagnostic]) -> Iterator[str]:
+    """Those of the documents that are there; of the others `found` gets the reason."""
+    for document in documents:
+        try:
+            require_document(document)
+        except WrongCommandLine as fault:
+            found.append(fault.diagnostic)
+        else:
+            yield document
 
 
 def show_progress(what: str, done: int, total: int) -> None:
@@ -159,12 +174,15 @@ def show_progress(what: str, done: int, total: int) -> None:
     sys.stderr.flush()
 
 
-def print_text(diagnostics: Sequence[Diagnostic], *, stream: object, debug: bool) -> None:
-    """Code frames and a closing count, coloured only on a terminal (and never where NO_COLOR is set)."""
+def print_text(diagnostics: Sequence[Diagnostic], *, stream: object, debug: bool, texts: Mapping[str, str] | None = None) -> None:
+    """Code frames and a closing count, coloured only on a terminal (and never where NO_COLOR is set).
+
+    `texts` are those of documents that are in no file, by the name in their spans.
+    """
     if not diagnostics:
         return
     color = bool(getattr(stream, "isatty", bool)()) and "NO_COLOR" not in os.environ
-    print(as_text(diagnostics, color=color, debug=debug), file=stream)  # type: ignore[call-overload]
+    print(as_text(diagnostics, color=color, debug=debug, texts=texts), file=stream)  # type: ignore[call-overload]
     print(summary(diagnostics), file=stream)  # type: ignore[call-overload]
 
 
@@ -209,6 +227,11 @@ def _documentation() -> str | None:
         return None
     labelled = (address.partition(",") for address in addresses)
     return next((url.strip() for label, _, url in labelled if label.strip().lower() == "diagnostics"), None)
+
+
+def counted(number: int, what: str) -> str:
+    """`1 document`, `2 documents`."""
+    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def final(report: Report, *, strict: bool) -> list[Diagnostic]:

@@ -60,12 +60,8 @@ def run(arguments: argparse.Namespace) -> int:
     code = common.exit_code(report.diagnostics)
     if not arguments.diff:
         would = " would be" if arguments.check else ""
-        print(f"{changed} of {_documents_in_words(count)}{would} changed")
+        print(f"{changed} of {common.counted(count, 'document')}{would} changed")
     return code or int(arguments.check and changed > 0)
-
-
-def _documents_in_words(count: int) -> str:
-    return f"{count} document{'' if count == 1 else 's'}"
 
 
 def _documents(arguments: argparse.Namespace) -> Iterator[str]:
@@ -130,9 +126,11 @@ def _standard_input(arguments: argparse.Namespace) -> int:
     report = Report()
     # which format it is stands in its first key: `thingc:` or `thingc =`
     toml = any(line.replace(b" ", b"").startswith(b"thingc=") for line in data.splitlines())
-    formatted = format_document("<stdin>.toml" if toml else "<stdin>", data, report)
+    name = "<stdin>.toml" if toml else "<stdin>"
+    formatted = format_document(name, data, report)
     if formatted is None:
-        common.print_text(report.ordered(), stream=sys.stderr, debug=False)
+        texts = {name: data.decode("utf-8-sig", errors="replace")}
+        common.print_text(report.ordered(), stream=sys.stderr, debug=False, texts=texts)
         return common.exit_code(report.diagnostics)
     changed = formatted != data
     if arguments.diff:

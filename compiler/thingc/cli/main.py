@@ -131,7 +131,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except KeyboardInterrupt:
-        print("interrupted; nothing was written", file=sys.stderr)
+        print("interrupted; what was written is whole", file=sys.stderr)
         return 130
     except Exception as fault:
         if getattr(options, "debug", False):

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from thingc.cli import common
+from thingc.cli.check import report_of
 from thingc.diagnostics import Code, Diagnostic, Severity, shown_path
 from thingc.layout.fixing import Looked, Mending, mend
 from thingc.layout.formatting import write_in_place
@@ -17,8 +18,8 @@ from thingc.pipeline import Compilation, Options
 from thingc.workspace import Workspace
 
 
-def run_fix(arguments: argparse.Namespace, options: Options) -> int:
-    """Exit code 0 when nothing is left that is wrong with any of the documents (with `--diff`: would be left)."""
+def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Options) -> int:
+    """Exit code 0 when nothing is left that is wrong with any of the `documents` (with `--diff`: would be left)."""
     try:
         if not arguments.fix:
             raise common.WrongCommandLine("--diff belongs to --fix", "write `thingc check --fix --diff`")
@@ -26,21 +27,11 @@ def run_fix(arguments: argparse.Namespace, options: Options) -> int:
             raise common.WrongCommandLine("--fix and --no-code do not go together", "mend documents that you trust")
     except common.WrongCommandLine as fault:
         return _say(arguments, [fault.diagnostic], [])
-    documents = arguments.document
-    if arguments.touched:
-        from thingc.cli.check import concerned
-
-        documents = concerned(documents, arguments.store)
     disk = _Disk()
     texts: dict[str, bytes] = {}
     mended: list[Mending] = []
     found: list[Diagnostic] = []
-    for document in documents:
-        try:
-            common.require_document(document)
-        except common.WrongCommandLine as fault:
-            found.append(fault.diagnostic)
-            continue
+    for document in common.present(documents, found):
         done, texts, left = _mend(document, replace(options, lock=True), texts, disk, strict=arguments.strict)
         mended += done
         found.extend(d for d in left if d not in found)
@@ -50,7 +41,7 @@ def run_fix(arguments: argparse.Namespace, options: Options) -> int:
             return _say(arguments, [refused], [])
     elif arguments.format == "text":
         _print_diff(texts, disk)
-        print(f"{_count(len(mended), 'place')} would be mended, {_count(len(found), 'diagnostic')} would be left")
+        print(f"{common.counted(len(mended), 'place')} would be mended, {common.counted(len(found), 'diagnostic')} would be left")
         return common.exit_code(found)
     return _say(arguments, found, mended)
 
@@ -62,12 +53,12 @@ def _mend(
 
     def look(contents: Mapping[str, bytes]) -> Looked:
         with Compilation(document, replace(options, texts=contents)) as compilation:
-            compilation.run(kinds=("assembly", "materials"))
+            report = report_of(compilation)
             if compilation.workspace is not None:
                 spaces.append(compilation.workspace)
             documents = compilation.documents
             read = () if documents is None else tuple(documents.by_path.values())
-            return Looked(found=common.final(compilation.report, strict=strict), documents=read)
+            return Looked(found=common.final(report, strict=strict), documents=read)
 
     def allowed(file: str) -> bool:
         return file.lower().endswith(DOCUMENT_SUFFIXES) and bool(spaces) and spaces[-1].contains(file)
@@ -119,16 +110,14 @@ def _say(arguments: argparse.Namespace, found: Sequence[Diagnostic], mended: Seq
     if arguments.format == "text":
         for one in mended:
             print(f"{shown_path(one.file)}:{one.line}: mended `{one.written}` -> `{one.replacement}`")
-        if mended and found:
+        if not mended and any(d.fixes for d in found):
+            print("nothing is mended: a change is made where it can have meant one thing only and leaves fewer faults")
+        if found and (mended or any(d.fixes for d in found)):
             print()
     common.print_found(found, arguments.format, stream=sys.stdout, debug=arguments.debug, mended=rows)
     if arguments.format == "text" and not found:
-        print(f"{_count(len(mended), 'place')} mended, nothing is left")
+        print(f"{common.counted(len(mended), 'place')} mended, nothing is left")
     return common.exit_code(found)
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def _print_diff(texts: Mapping[str, bytes], disk: _Disk) -> None:

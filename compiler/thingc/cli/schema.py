@@ -133,8 +133,9 @@ def _watch(
 def _wire(workspace: Workspace, outcome: Outcome, report: Report) -> None:
     from thingc.editor.wiring import wire
 
+    documents = common.counted(len(outcome.documents), "document")
     for name in wire(workspace.root, outcome.documents, report):
-        print(f"{shown_path(os.path.join(workspace.root, name))}: names {_count(len(outcome.documents))} and their schemas", flush=True)
+        print(f"{shown_path(os.path.join(workspace.root, name))}: names {documents} and their schemas", flush=True)
 
 
 def _say_all(workspace: Workspace, outcome: Outcome) -> None:
@@ -144,7 +145,7 @@ def _say_all(workspace: Workspace, outcome: Outcome) -> None:
     same = len(outcome.documents) - len(outcome.written) - len(outcome.kept)
     said = [f"{len(outcome.written)} written", f"{same} as they were"]
     said += [f"{len(outcome.removed)} removed"] if outcome.removed else []
-    print(f"{folder}: schemas of {_count(len(outcome.documents))}: {', '.join(said)}", flush=True)
+    print(f"{folder}: schemas of {common.counted(len(outcome.documents), 'document')}: {', '.join(said)}", flush=True)
     _say_kept(workspace, outcome)
 
 
@@ -163,7 +164,3 @@ def _say_kept(workspace: Workspace, outcome: Outcome) -> None:
 
 def _shown(workspace: Workspace, name: str) -> str:
     return shown_path(os.path.join(workspace.root, name))
-
-
-def _count(number: int) -> str:
-    return f"{number} document{'' if number == 1 else 's'}"

@@ -117,18 +117,23 @@ def _tell(arguments: argparse.Namespace, name: str, results: Sequence[Result], f
     if arguments.format == "junit":
         from thingc.testing.junit import as_junit
 
-        sys.stdout.write(as_junit(name, results, [d for d in found if not results and d.severity is Severity.ERROR]))
+        sys.stdout.write(as_junit(name, results, _beside(results, found)))
         return
     if results:
         print()
     common.print_text(found, stream=sys.stdout, debug=arguments.debug)
     passed = sum(1 for result in results if result.passed)
     if results:
-        counted = f"{len(results)} test{'' if len(results) == 1 else 's'}"
-        print(f"{counted}: {passed} passed, {len(results) - passed} failed")
+        print(f"{common.counted(len(results), 'test')}: {passed} passed, {len(results) - passed} failed")
     elif not common.exit_code(list(found)):
         chosen = " that run in the modes chosen" if arguments.mode else ""
         print(f"{shown_path(arguments.document)}: no tests{chosen}")
+
+
+def _beside(results: Sequence[Result], found: Sequence[Diagnostic]) -> list[Diagnostic]:
+    """The errors that are the failure of no test."""
+    failures = [result.diagnostic for result in results]
+    return [d for d in found if d.severity is Severity.ERROR and d not in failures]
 
 
 def _data(result: Result) -> dict[str, object]:

@@ -60,13 +60,17 @@ def documents(
 ) -> tuple[str, ...]:
     """Absolute paths of the documents below the working folder that the files, or what changed since a revision, touch.
 
-    Raises `WrongCommandLine` where nothing was asked, or where git cannot answer.
+    Raises `WrongCommandLine` where nothing was asked, where a folder is named, or where git cannot answer.
     """
     from thingc.gate import NotARepository, changed_since, touched
     from thingc.pipeline import Options, store_of
 
     if not files and since is None and not everything:
         raise common.WrongCommandLine("expected files that have changed, or --since", "write for example --since origin/main")
+    for file in files:
+        if os.path.isdir(file) and not os.path.islink(file):
+            hint = "name the files that have changed, or write --all"
+            raise common.WrongCommandLine(f"`{file}` is a folder, and files were expected", hint)
     changed = [os.path.abspath(file) for file in files]
     if since is not None:
         try:

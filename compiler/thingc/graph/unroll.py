@@ -250,7 +250,7 @@ def _may_be_there(name: str, mounts: Collection[str]) -> bool:
 
 def _counted(reference: Reference) -> tuple[Note, ...]:
     """The note that shows how often a reference with an index is repeated; none where both are on one line."""
-    here, there = reference.repeat[:1], reference.origin[:1]
+    here, there = reference.repeat_origin[:1], reference.origin[:1]
     return noted(COUNTED, here) if here and there and here[0].line != there[0].line else ()
 
 

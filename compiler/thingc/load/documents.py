@@ -99,11 +99,12 @@ def _refuse(root: Document, kinds: Collection[str], report: Report) -> None:
             help="`thingc batch` builds them all; or name the assembly, with -p 'NAME=VALUE' for one of them",
         )
         return
-    wanted = " or ".join(f"`{kind}`" for kind in kinds)
+    *others, last = (f"`{kind}`" for kind in kinds)
+    wanted = f"{', '.join(others)} or {last}" if others else last
     report.add(
         Code.WRONG_KIND, f"expected a document of kind {wanted}, found `{root.kind}`", root.span(("thingc",)),
         help=(
-            "name a document of variants; `thingc build` builds one assembly" if "variants" in kinds
+            "name a document of variants; `thingc build` builds one assembly" if kinds == ("variants",)
             else f"name the assembly {'that uses it' if root.kind == 'materials' else 'itself; this document is found by itself'}"
         ),
     )

@@ -41,10 +41,13 @@ class BlobMissing(Exception):
 
 
 def default_root() -> str:
-    """`$THINGC_STORE`, else a folder in the user's cache as each system has it."""
+    """`$THINGC_STORE` where it names a folder, else `cache_root()`."""
     stated = os.environ.get("THINGC_STORE")
-    if stated:
-        return os.path.abspath(stated)
+    return os.path.abspath(stated) if stated and "://" not in stated else cache_root()
+
+
+def cache_root() -> str:
+    """A folder in the user's cache as each system has it."""
     home = os.path.expanduser("~")
     if sys.platform == "win32":
         base = os.environ.get("LOCALAPPDATA") or os.path.join(home, "AppData", "Local")

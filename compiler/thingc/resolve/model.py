@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from thingc.resolve.tests_model import Test
 
 
-COUNTED = "it is repeated this often"
+COUNTED = "the reference is repeated this often"
 """The note on the count of a `repeat` whose index leads nowhere."""
 
 
@@ -26,14 +26,14 @@ class Reference:
     """`hand.cap.pen`: `path` the component names from this document down, `mount` the last word.
 
     `mount` None means the component itself (`links`, `drive`, a mode's root). A mount may be one that a nested
-    assembly exports (then `path` ends at that assembly) or a part's own. `repeat` is where the items of the surrounding
-    `repeat` are counted, if it is written with their index.
+    assembly exports (then `path` ends at that assembly) or a part's own. `repeat_origin` is where the items of the surrounding
+    `repeat` are counted, if it is written with the index of one that is not the first.
     """
 
     path: tuple[str, ...]
     mount: str | None
     origin: Origin
-    repeat: Origin = ()
+    repeat_origin: Origin = ()
 
     @property
     def text(self) -> str:

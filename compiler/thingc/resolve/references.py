@@ -57,9 +57,12 @@ def indexed(scope: Scope, text: str, path: Path, *, key: bool = False) -> str | 
 
 
 def counted(scope: Scope, path: Path, *, key: bool = False) -> Origin:
-    """Where the items of the surrounding `repeat` are counted, for a value (a key) that is written with their index."""
+    """Where the items of the surrounding `repeat` are counted, for a value (a key) that is written with their index; nowhere for
+    the first item, which is there whatever the count."""
     text = str(path[-1]) if key else scope.written(path) or ""
-    return scope.origin((*path[:2], "repeat", "count")) if scope.index is not None and "$" in text else ()
+    if scope.index is None or scope.index[1] == "0" or "$" not in text:
+        return ()
+    return scope.origin((*path[:2], "repeat", "count"))
 
 
 def words(scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[str, ...] | None:
@@ -90,7 +93,7 @@ def mount(table: Table, scope: Scope, text: str, path: Path, *, key: bool = Fals
         return None
     if not _mount_below(table, scope, parts, path, key):
         return None
-    return Reference(path=parts[:-1], mount=parts[-1], origin=scope.origin(path, key=key), repeat=counted(scope, path, key=key))
+    return Reference(path=parts[:-1], mount=parts[-1], origin=scope.origin(path, key=key), repeat_origin=counted(scope, path, key=key))
 
 
 def shown_mount(table: Table, scope: Scope, text: str, path: Path, *, key: bool = False) -> Reference | None:
@@ -122,7 +125,7 @@ def own_mount(node: Node, scope: Scope, text: str, path: Path, *, key: bool = Fa
     if not _mount_of(node, scope, parts, (node.name, *parts), path, key):
         return None
     return Reference(
-        path=(node.name, *parts[:-1]), mount=parts[-1], origin=scope.origin(path, key=key), repeat=counted(scope, path, key=key),
+        path=(node.name, *parts[:-1]), mount=parts[-1], origin=scope.origin(path, key=key), repeat_origin=counted(scope, path, key=key),
     )
 
 

@@ -95,7 +95,7 @@ def found(value: object) -> str:
     if isinstance(value, (int, float)):
         return f"the number `{shortened(repr(value))}`"
     if isinstance(value, (list, tuple)):
-        return f"a list of {len(value)}"
+        return f"a list of {len(value)}" if value else "an empty list"
     if isinstance(value, Mapping):
         keys = ", ".join(f"`{shortened(str(key), 20)}`" for key in list(value)[:3])
         return f"a mapping with {keys}" if keys else "an empty mapping"

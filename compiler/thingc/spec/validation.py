@@ -350,8 +350,9 @@ class _Reporter:
         if isinstance(fault.value, dict):
             message = f"`{dotted(fault.path)}` is empty; it needs at least one entry"
         else:
-            wanted = fault.context.get("min_length", fault.context.get("max_length"))
-            message = f"expected a list of {wanted}, found {found(fault.value)}"
+            least, most = fault.context.get("min_length"), fault.context.get("max_length")
+            wanted = "a list with at least one item" if least == 1 and most is None else f"a list of {most if least is None else least}"
+            message = f"expected {wanted}, found {found(fault.value)}"
         self.add(Code.WRONG_LENGTH, message, self.place(fault.path), fault.path, None)
 
     def stated(self, fault: Fault) -> None:

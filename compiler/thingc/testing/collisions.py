@@ -198,7 +198,7 @@ def _how(assembly: Assembly, near: Near, clearance: float) -> str:
         return f"{text} are {shown(near.gap, LENGTH)} apart, and {Quantity(clearance, LENGTH)} were asked for"
     if near.depth == 0.0:
         return f"{text} touch, and {Quantity(clearance, LENGTH)} were asked for"
-    return f"{text} overlap by {shown(near.depth, LENGTH)} on average ({1e9 * near.volume:.3g} mm^3)"
+    return f"{text} overlap by {shown(near.depth, LENGTH)} on average ({float(f'{1e9 * near.volume:.3g}'):g} mm^3)"
 
 
 def _at(case: Case, check: CollisionCheck, near: Near) -> str:

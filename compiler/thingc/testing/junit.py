@@ -13,20 +13,20 @@ _FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
 """Characters that XML 1.0 cannot hold."""
 
 
-def as_junit(name: str, results: Sequence[Result], stopping: Sequence[Diagnostic]) -> str:
+def as_junit(name: str, results: Sequence[Result], others: Sequence[Diagnostic]) -> str:
     """One suite, called like the robot, with a case for each test, mode and pose.
 
-    The text of a failure is its diagnostic as the command line shows it. `stopping` is what has kept the tests from running: then
-    the suite is one error.
+    The text of a failure is its diagnostic as the command line shows it. `others` are the errors that are the failure
+    of no test, such as those that have kept the tests from running: together they are one error of the suite.
     """
     root = ElementTree.Element("testsuites")
     suite = ElementTree.SubElement(root, "testsuite", {
-        "name": name, "tests": str(len(results) + bool(stopping)), "failures": str(sum(1 for r in results if not r.passed)),
-        "errors": str(int(bool(stopping))), "skipped": "0", "time": f"{sum(r.seconds for r in results):.3f}",
+        "name": name, "tests": str(len(results) + bool(others)), "failures": str(sum(1 for r in results if not r.passed)),
+        "errors": str(int(bool(others))), "skipped": "0", "time": f"{sum(r.seconds for r in results):.3f}",
     })
-    if stopping:
+    if others:
         case = ElementTree.SubElement(suite, "testcase", {"name": "document", "classname": name, "time": "0.000"})
-        _said(ElementTree.SubElement(case, "error"), stopping)
+        _said(ElementTree.SubElement(case, "error"), others)
     for result in results:
         words = f"{result.name} [{result.where}]" if result.where else result.name
         case = ElementTree.SubElement(suite, "testcase", {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
 import queue
 import shlex
@@ -20,6 +21,7 @@ from thingc.diagnostics import Code, Diagnostic, Report, shown_path
 from thingc.emit.manifest import versions
 from thingc.pipeline import Options
 from thingc.variants import places
+from thingc.variants.cluster import Cluster
 from thingc.variants.engine import RUNNERS, Cancelled, LocalExecutor, RunnersBroken, evaluate
 from thingc.variants.folder import BatchFault, begin, differences, in_words, locked, read_batch, write_batch
 from thingc.variants.job import STOPPED, Job, Row, Task
@@ -37,7 +39,9 @@ CHUNK_SECONDS = 0.5
 CHUNK_MOST = 64
 """Variants of one chunk."""
 ATTEMPTS = 3
-"""How often a chunk is handed out that an executor loses."""
+"""How often a variant is handed out that an executor loses."""
+PIECES = 8
+"""Into how many pieces a chunk is cut that an executor has lost: what loses it again then takes fewer others along."""
 REFRESH = 30.0
 """How often [s] the tables are written while the batch runs, at least; a long table less often."""
 
@@ -98,11 +102,11 @@ def run(
 ) -> Summary:
     """Build the variants of a `variants/1` document into `<output>/<name>/` (`output` None: the workspace's build folder).
 
-    `executor` is somebody else's engine; it calls `thingc.variants.engine.evaluate`, and its workers see the documents and the
-    folder under the same paths. None: runners on this machine, `jobs` of them (0: one per core; of another's executor: how many
-    chunks are under way at once). `emit` replaces the document's targets, `limit` leaves out all variants but the first ones,
-    `timeout` [s] is for one variant, `options` name the store. The batch's page shows pictures of at most so many variants as
-    `pictures` says (None: of all).
+    `executor` is somebody else's engine (`thingc.variants.cluster.connect` makes some); it calls `thingc.variants.engine.evaluate`,
+    and its workers see the documents and the folder under the same paths. None: runners on this machine, `jobs`
+    of them (0: one per core; of another's executor: how many chunks are under way at once). `emit` replaces the document's targets,
+    `limit` leaves out all variants but the first ones, `timeout` [s] is for one variant, `options` name the store. The batch's page
+    shows pictures of at most so many variants as `pictures` says (None: of all).
 
     Raises `PlanError` for a document with errors, `BatchFault` where the batch cannot begin or go on, and `Interrupted` when SIGINT
     or SIGTERM has come: then `resume` goes on where it was.
@@ -203,8 +207,9 @@ class _Batch:
         plan = self.plan
         return {
             "name": plan.name, "document": plan.relative, "sha256": plan.sha256, "assembly": plan.assembly_relative,
-            "plan": plan.digest, "count": plan.count, "inputs": dict(plan.inputs), "versions": dict(versions()), "emit": list(plan.emit), "modes": list(plan.modes),
-            "pose": plan.pose, "reach": list(plan.reach) if plan.reach is not None else None, "finished": finished,
+            "plan": plan.digest, "count": plan.count, "inputs": dict(plan.inputs), "versions": dict(versions()),
+            "emit": list(plan.emit), "modes": list(plan.modes), "pose": plan.pose,
+            "reach": list(plan.reach) if plan.reach is not None else None, "finished": finished,
             "columns": [{"name": one.name, "kind": one.kind, "unit": one.unit} for one in wanted],
         }
 
@@ -230,7 +235,10 @@ class _Batch:
         """Everything that is left. Raises `BatchFault` and `Interrupted`."""
         own = LocalExecutor(min(self.jobs, max(1, self.count))) if executor is None else None
         engine: Executor = own if own is not None else executor  # type: ignore[assignment]
-        job = self._job().encode()
+        cluster = executor if isinstance(executor, Cluster) else None
+        if cluster is not None:
+            cluster.check(self._seen())
+        job = self._job(cluster).encode()
         whole = False
         with self._signals():
             try:
@@ -240,13 +248,15 @@ class _Batch:
                 if own is not None:
                     own.shutdown(wait=True, cancel_futures=not whole)
                 else:
-                    for future in self.chunks:
+                    for future in list(self.chunks):
                         future.cancel()
                     RUNNERS.close()  # an executor of threads has used those of this process
                 if not whole:
                     self._drain(journal)
                     with contextlib.suppress(OSError):  # of a full disk has been said already
                         write_page(self.folder, self._described(finished=False), self._columns())
+            if own is None:
+                places.sweep(self.folder)  # workers that died left what they were writing
             journal.sync()
             wanted = write_tables(self.folder, self.parameters, self.plan.choice_paths)
             write_batch(self.folder, self._described(finished=True, wanted=wanted))
@@ -271,8 +281,8 @@ class _Batch:
         exhausted = False
         refreshed, pause = time.monotonic(), REFRESH
         while True:
-            while not exhausted and len(self.chunks) < 2 * self.jobs:
-                variants = list(islice(waiting, self._size()))
+            while not exhausted and len(self.chunks) < self._ahead(engine):
+                variants = list(islice(waiting, self._size(engine)))
                 exhausted = not variants
                 if variants:
                     self._submit(engine, job, _Chunk(variants), streaming)
@@ -281,6 +291,7 @@ class _Batch:
                 break
             with contextlib.suppress(queue.Empty):
                 self._handle(*self.events.get(timeout=1.0), engine, job, journal, streaming)
+            _answers(engine)
             now = time.monotonic()
             if now - refreshed > pause:
                 write_tables(self.folder, self.parameters, self.plan.choice_paths)
@@ -301,13 +312,19 @@ class _Batch:
                 continue
             yield variant
 
-    def _size(self) -> int:
+    def _ahead(self, engine: Executor) -> int:
+        """How many chunks may be under way at once."""
+        return engine.ahead if isinstance(engine, Cluster) else 2 * self.jobs
+
+    def _size(self, engine: Executor) -> int:
         """How many variants make a chunk: as many as take about half a second, and few enough for all to have something to do."""
+        first, seconds, most = 1, CHUNK_SECONDS, CHUNK_MOST
+        if isinstance(engine, Cluster):
+            first, seconds, most = engine.first, engine.chunk_seconds, engine.chunk_most
+        fair = max(1, (self.count - self._total() - len(self.under_way)) // self._ahead(engine))
         if not self.measured:
-            return 1
-        left = self.count - self._total() - len(self.under_way)
-        fair = max(1, left // (2 * self.jobs))
-        return max(1, min(CHUNK_MOST, fair, int(CHUNK_SECONDS * self.measured / max(self.spent, 1e-6))))
+            return min(first, fair)
+        return max(1, min(most, fair, int(seconds * self.measured / max(self.spent, 1e-6))))
 
     def _submit(self, engine: Executor, job: str, chunk: _Chunk, streaming: bool) -> None:
         chunk.attempts += 1
@@ -340,9 +357,12 @@ class _Batch:
             return
         if isinstance(fault, RunnersBroken):
             raise BatchFault(Code.RUNNERS, str(fault), "mend what it says, and go on with --resume", fault.detail)
+        _answers(engine)
         left = [variant for variant in chunk.variants if variant.index in self.under_way]
         if chunk.attempts < ATTEMPTS:
-            self._submit(engine, job, _Chunk(left, chunk.attempts), streaming)
+            size = max(1, -(-len(left) // PIECES))
+            for k in range(0, len(left), size):
+                self._submit(engine, job, _Chunk(left[k : k + size], chunk.attempts), streaming)
             return
         for variant in left:
             message = f"the executor lost it {ATTEMPTS} times: {type(fault).__name__}: {' '.join(str(fault).split())}"
@@ -424,11 +444,22 @@ class _Batch:
     def _total(self) -> int:
         return sum(self.earlier.values()) + sum(self.counts.values())
 
-    def _job(self) -> Job:
+    def _seen(self) -> dict[str, str]:
+        """What every worker has to see: absolute path and SHA-256."""
+        files = {os.path.join(self.plan.workspace.root, path): sha256 for path, sha256 in self.plan.inputs.items()}
+        with open(os.path.join(self.folder, places.BATCH), "rb") as stream:
+            files[stream.name] = hashlib.sha256(stream.read()).hexdigest()
+        return files
+
+    def _job(self, cluster: Cluster | None) -> Job:
         plan = self.plan
+        store = self.options.store
+        if cluster is not None:  # other machines have another environment, and another working folder
+            store = store or os.environ.get("THINGC_STORE")
+            store = store if store is None or "://" in store else os.path.abspath(store)
         rules = [rule for rule in plan.rules if rule.needs_results]
         return Job(
-            assembly=plan.assembly, folder=self.folder, store=self.options.store, part_timeout=self.options.part_timeout,
+            assembly=plan.assembly, folder=self.folder, store=store, part_timeout=self.options.part_timeout,
             modes=plan.chosen_modes, results_mode=plan.modes[0], pose=plan.pose, reach=plan.reach,
             rules=tuple(rule.text for rule in rules), rule_names=tuple(dict(rule.names) for rule in rules),
             dimensions={
@@ -437,6 +468,13 @@ class _Batch:
             },
             emit=plan.emit, verify=self.verify,
         )
+
+
+def _answers(engine: Executor) -> None:
+    """Raises `BatchFault` where an engine will not answer any more."""
+    fault = engine.fault() if isinstance(engine, Cluster) else None
+    if fault is not None:
+        raise fault
 
 
 def _exponent(exponent: Any) -> float | int:

@@ -46,6 +46,10 @@ class RunnersBroken(Exception):
         super().__init__(message)
         self.detail = detail
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Executors carry it from one process to another."""
+        return RunnersBroken, (str(self), self.detail)
+
 
 class _Lost(Exception):
     """A runner that cannot be asked any more: `hung`, or what it died of."""

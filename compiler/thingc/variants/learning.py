@@ -14,14 +14,14 @@ from __future__ import annotations
 
 import os
 from collections import OrderedDict
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from thingc.diagnostics import did_you_mean
 from thingc.variants.loading import BuiltVariant, Family, FamilyError, Sizes, UnknownVariant, load
+from thingc.variants.tasks import TASKS, Array, Reward, Step, Terminated
 
 try:
     import gymnasium
@@ -31,50 +31,11 @@ except ImportError as fault:  # pragma: no cover - said in words
 if TYPE_CHECKING:
     import mujoco
 
-Array = np.ndarray[Any, np.dtype[np.float64]]
+__all__ = ["CACHED", "ENVIRONMENT", "TASKS", "Reward", "Step", "Terminated", "VariantsEnv", "make_env"]
 
 ENVIRONMENT = "thingc/Variants-v0"
 CACHED = 16
 """Compiled models that an environment keeps, unless told otherwise."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Step:
-    """What a reward is worked out of, after a step: model and data as they are, the `action` (nu,) in [-1, 1], the robot's centre of
-    mass `before` and `after` it [m], and how much time has passed [s]."""
-
-    model: mujoco.MjModel
-    data: mujoco.MjData
-    variant: BuiltVariant
-    action: Array
-    before: Array
-    after: Array
-    seconds: float
-    start: Array
-    """The coordinates (nq,) with which the episode began."""
-
-
-Reward = Callable[[Step], float]
-Terminated = Callable[[Step], bool]
-
-
-def forward(step: Step) -> float:
-    """How fast the centre of mass moves along the world's x [m/s], less a thousandth of the action's square."""
-    return float((step.after[0] - step.before[0]) / step.seconds - 1e-3 * step.action @ step.action)
-
-
-def hold(step: Step) -> float:
-    """1 while the joints are as at the start, less the further they are away: exp(-|q - q0|^2), less a thousandth of the action's
-    square."""
-    import mujoco
-
-    away = np.zeros(step.model.nv)
-    mujoco.mj_differentiatePos(step.model, away, 1.0, step.start, step.data.qpos)
-    return float(np.exp(-away @ away) - 1e-3 * step.action @ step.action)
-
-
-TASKS: Mapping[str, Reward] = {"forward": forward, "hold": hold}
-"""Rewards by name."""
 
 
 class VariantsEnv(gymnasium.Env[Array, Array]):
@@ -142,14 +103,14 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
         where the simulation has become unstable (reward 0)."""
         import mujoco
 
-        assert self.variant is not None, "reset the environment first"
-        model, data = self._compiled(self.variant)
+        model, data = self._now()
         given = np.clip(np.asarray(action, np.float64)[: model.nu], -1.0, 1.0)
         low, high = _ranges(model)
         data.ctrl[:] = low + (given + 1.0) / 2.0 * (high - low)
         before, started = np.array(data.subtree_com[0]), data.time
         mujoco.mj_step(model, data, self._frame_skip)
         self._steps += 1
+        assert self.variant is not None
         if _unstable(data):
             return self._observation(model, data), 0.0, True, False, {**self._info(), "unstable": True}
         mujoco.mj_forward(model, data)
@@ -159,6 +120,20 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
         )
         ended = self._terminated is not None and bool(self._terminated(done))
         return self._observation(model, data), float(self._reward(done)), ended, self._steps >= self._max_steps, self._info()
+
+    @property
+    def model(self) -> mujoco.MjModel:
+        """The model of the episode's variant; another one after each `reset`."""
+        return self._now()[0]
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """Its state, to look at or to draw (`mujoco.Renderer(env.model)`)."""
+        return self._now()[1]
+
+    def _now(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
+        assert self.variant is not None, "reset the environment first"
+        return self._compiled(self.variant)
 
     def _info(self) -> dict[str, Any]:
         assert self.variant is not None

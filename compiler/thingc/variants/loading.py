@@ -19,6 +19,7 @@ from thingc.diagnostics import did_you_mean, shown_path
 from thingc.variants import places
 from thingc.variants.folder import read_batch
 from thingc.variants.journal import Line, in_order
+from thingc.variants.rules import PARAMETERS
 from thingc.variants.tables import flat
 
 if TYPE_CHECKING:
@@ -284,8 +285,11 @@ def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where |
 
 
 def _row(line: Line) -> dict[str, Any]:
-    """The cells of a line that are not empty."""
+    """The cells of a line that are not empty, as the table has them: numbers but counts are floats."""
     numbers = {name: float(value) for name, value in line.get("results", {}).items()}
+    for name, value in line["parameters"].items():
+        if isinstance(value, int) and not isinstance(value, bool):
+            numbers[PARAMETERS + name] = float(value)
     return {name: numbers.get(name, value) for name, value in flat(line).items() if value is not None}
 
 

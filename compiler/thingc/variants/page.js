@@ -38,7 +38,9 @@
   const varies = columns.map((column, index) => rows.some((row) => row[index] !== rows[0][index]));
   const HEAD = ["index", "id", "name", "status", "rule", "code", "message", "path", "command"];
   const isSetting = (column) => column.name.startsWith("parameters.") || (column.kind === "text" && !HEAD.includes(column.name));
-  const settings = columns.filter((column, index) => varies[index] && isSetting(column));
+  // ... and when no column before it says the same: a parameter may be set to be equal to another one.
+  const settings = columns.filter((column, index) => varies[index] && isSetting(column) && !columns.some((other, before) =>
+    before < index && varies[before] && isSetting(other) && rows.every((row) => row[before] === row[index])));
   const results = columns.filter((column, index) => varies[index] && !isSetting(column) && !HEAD.includes(column.name));
 
   const state = {
@@ -208,6 +210,7 @@
       make("code", { title: "builds this variant alone" }, cell(row, "command") ?? ""),
     );
     $("one").hidden = false;
+    history.replaceState(null, "", `#${cell(row, "id")}`); // the address is that of the variant
   }
 
   // --- the plot -------------------------------------------------------------------------------------------------------
@@ -343,4 +346,6 @@
   $("every").addEventListener("change", () => { state.every = $("every").checked; list(); });
   if (!rows.some((row) => row[row.length - 1])) state.view = "table";
   refresh();
+  const named = rows.find((row) => `#${cell(row, "id")}` === location.hash);
+  if (named) { select(named); plot(); }
 })();

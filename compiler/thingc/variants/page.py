@@ -10,6 +10,7 @@ import html
 import json
 import math
 import os
+import re
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from typing import Any
@@ -51,10 +52,12 @@ def write_page(folder: str, described: Mapping[str, Any], wanted: Sequence[Colum
 def _frame(described: Mapping[str, Any]) -> tuple[str, str]:
     """The page before and after its data."""
     own = resources.files("thingc.variants")
-    text = {name: (own / name).read_text(encoding="utf-8") for name in ("page.html", "page.css", "page.js")}
-    page = text["page.html"].replace("@TITLE@", html.escape(f"{described['name']}: variants of {described['assembly']}"))
-    before, after = page.split("@DATA@")
-    return before.replace("@STYLE@", text["page.css"]), after.replace("@SCRIPT@", text["page.js"])
+    texts = {place: (own / name).read_text(encoding="utf-8") for place, name in (("@STYLE@", "page.css"), ("@SCRIPT@", "page.js"))}
+    texts["@TITLE@"] = html.escape(f"{described['name']}: variants of {described['assembly']}")
+    # cut before anything is put in: a name may hold the word for a place
+    pieces = re.split("(@[A-Z]+@)", (own / "page.html").read_text(encoding="utf-8"))
+    before, after = pieces[: pieces.index("@DATA@")], pieces[pieces.index("@DATA@") + 1 :]
+    return "".join(texts.get(piece, piece) for piece in before), "".join(texts.get(piece, piece) for piece in after)
 
 
 def _head(described: Mapping[str, Any], wanted: Sequence[Column]) -> str:

@@ -65,7 +65,8 @@ class Setting:
 class Plan:
     """The variants of a document, in their order; iterating makes them one by one, the same each time.
 
-    `document` and `assembly` are absolute paths, `relative` and `assembly_relative` those in the workspace, `sha256` is of the document. `fixed` holds for all
+    `document` and `assembly` are absolute paths, `relative` and `assembly_relative` those in the workspace, `sha256` is of
+    the document. `fixed` holds for all
     variants; `listed` are written out; `axes` make the grid, or with `method` are drawn `drawn` times. `own` are the values of
     the assembly's parameters, `own_choices` what its document says at the paths of choices. `modes` are those built (never
     empty), `chosen_modes` those that the document names. `emit` are the targets, in the order in which a build writes them;

@@ -99,7 +99,8 @@ class _Planner:
         if self.report.failed:
             return None
         return Plan(
-            document=self.document.path, relative=self.document.relative, sha256=self.document.sha256, name=self.spec.name, assembly=root.path,
+            document=self.document.path, relative=self.document.relative, sha256=self.document.sha256,
+            name=self.spec.name, assembly=root.path,
             assembly_relative=root.relative, assembly_spec=assembly, model=model, workspace=self.workspace, own=own,
             own_choices=dict(_written(assembly)), fixed=fixed, listed=listed,
             axes=(*drawn_axes, *axes, *choice_axes), method=method, drawn=drawn, seed=seed, rules=tuple(rules),

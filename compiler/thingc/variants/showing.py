@@ -27,7 +27,8 @@ def parameter_columns(plan: Plan) -> list[Column]:
 
 
 def show(
-    folder: str, described: Mapping[str, Any], wanted: Sequence[Column], *, most: int | None, jobs: int, on_picture: OnPicture | None = None,
+    folder: str, described: Mapping[str, Any], wanted: Sequence[Column], *, most: int | None, jobs: int,
+    on_picture: OnPicture | None = None,
 ) -> Diagnostic | None:
     """Draw pictures of at most so many variants (None: of all) and write the page. A warning where nothing can be drawn here.
 

@@ -119,3 +119,16 @@ class Wobbly(Thing):
 
     def matrix_of_inertia(self):
         return [[1e-6, 0, 0], [0, 1e-6, 0], [0, 0, 3e-6]]
+
+
+class Comb(Thing):
+    """A bar with teeth to sit on."""
+
+    def __init__(self, teeth: Count = 3) -> None:
+        super().__init__(material="petg")
+        self.body = Box(20 * teeth, 10, 10)
+        self.top = MountPoint(Location((0, 0, 5)))
+        self.tooth = [MountPoint(Location((20 * tooth, 5, 0), (-90, 0, 0))) for tooth in range(teeth)]
+
+    def result(self):
+        return self.body

@@ -1,0 +1,60 @@
+"""Somebody else's machines as the engine of a batch: `connect` makes an executor of the address that `--cluster` states.
+
+    tcp://host:8786                          a dask scheduler (`dask_cluster`)
+    slurm  slurm:partition=cpu,cpus=8        jobs of SLURM (`slurm_cluster`)
+
+Workers build variants with the same runners as here, and write them into the batch's folder: they see it, and the documents, under
+the same paths.
+"""
+
+from __future__ import annotations
+
+import re
+from abc import abstractmethod
+from collections.abc import Mapping
+from concurrent.futures import Executor
+
+from thingc.diagnostics import Code
+from thingc.variants.folder import BatchFault
+
+PATIENCE = 60.0
+"""How long [s] a cluster may be without any worker before the batch ends."""
+
+HELP = "write `tcp://HOST:8786` for the scheduler of dask there, or `slurm:partition=NAME,cpus=8`"
+
+
+class Cluster(Executor):
+    """An executor on other machines. `ahead` chunks may be under way at once, the first of `first` variants, later ones so large
+    that they take about `chunk_seconds` [s] of one runner, and of at most `chunk_most` variants."""
+
+    ahead = 1
+    first = 1
+    chunk_seconds = 0.5
+    chunk_most = 64
+
+    @abstractmethod
+    def check(self, files: Mapping[str, str]) -> None:
+        """Raise `BatchFault` unless the workers see these files (absolute path: SHA-256) and have the same versions installed."""
+
+    @abstractmethod
+    def fault(self) -> BatchFault | None:
+        """What keeps it from ever answering, and None as long as nothing does."""
+
+
+def connect(address: str, *, jobs: int = 0, folder: str) -> Cluster:
+    """The executor at an address. `jobs` chunks at once (0: as suits the cluster); `folder` is one that all machines see, for
+    files of the executor's own. Raises `BatchFault` in words for an address that is none, or where nobody answers."""
+    if re.fullmatch(r"slurm(:.*)?", address):
+        from thingc.variants.slurm_cluster import SlurmCluster, settings_of
+
+        return SlurmCluster(settings_of(address.partition(":")[2]), jobs=jobs, folder=folder)
+    if re.fullmatch(r"((tcp|tls|ws|wss|ucx)://)?([^\s:/,=\[\]]+|\[[0-9a-fA-F:]+\]):[0-9]+/?", address):
+        from thingc.variants.dask_cluster import DaskCluster
+
+        return DaskCluster(address if "://" in address else f"tcp://{address}", jobs=jobs)
+    raise BatchFault(Code.CLUSTER, f"`{address}` is no address of a cluster", HELP)
+
+
+def missing(package: str) -> BatchFault:
+    """What to say where the library of a cluster is not installed."""
+    return BatchFault(Code.CLUSTER, f"the package `{package}` is not installed, and `--cluster` needs it", "pip install 'thingc[cluster]'")

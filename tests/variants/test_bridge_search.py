@@ -1,0 +1,111 @@
+"""The search of the documentation: what its page says is what the robot does, and both drivers are reproducible."""
+
+from __future__ import annotations
+
+import csv
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+import thingc.variants
+from thingc.pipeline import Options
+from variants.robots import environment
+
+MARGIN = 1.3
+
+
+def standing(folder: Path) -> tuple[float, float]:
+    """Distance of the soles [m] and least torque margin of a built robot, by MuJoCo's inverse dynamics."""
+    model = mujoco.MjModel.from_xml_path(str(folder / "mjcf" / "minchw_probe_reaching.xml"))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("stretched").id)
+    mujoco.mj_inverse(model, data)
+    efforts = {model.actuator(k).name: model.actuator(k).forcerange[1] for k in range(model.nu)}
+    torques = {model.joint(k).name: abs(data.qfrc_inverse[model.joint(k).dofadr[0]]) for k in range(model.njnt)}
+    assert len(torques) == 6
+    margin = min(efforts[name] / torque for name, torque in torques.items() if torque > 0.0)
+    return float(np.linalg.norm(data.site("front_sole").xpos - data.site("rear_sole").xpos)), float(margin)
+
+
+def search(root: Path, output: Path, store: str, *words: str) -> str:
+    command = [sys.executable, str(root / "examples" / "longest_bridge.py"), "-o", str(output), "--store", store, "--jobs", "2", *words]
+    done = subprocess.run(command, cwd=root, capture_output=True, text=True, env=environment(store), timeout=300)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.mark.slow
+def test_the_page_names_a_robot_that_stands(root: Path, tmp_path: Path, shared_store: str) -> None:
+    page = (root / "docs" / "variants_search.md").read_text()
+    command = re.search(r"^thingc build .*$", page, re.MULTILINE)
+    row = re.search(r"^\| `bridge_search_\d+` \|[^|]*\|[^|]*\| (\S+) mm \| (\S+) \|", page, re.MULTILINE)
+    assert command and row
+    words = [sys.executable, "-m", *shlex.split(command[0]), "-o", str(tmp_path)]
+    subprocess.run(words, cwd=root, check=True, env=environment(shared_store), capture_output=True)
+    bridge, margin = standing(tmp_path / "minchw_probe")
+    assert f"{1e3 * bridge:.1f}" == row[1] and f"{margin:.3f}" == row[2] and margin >= MARGIN
+
+
+@pytest.mark.slow
+def test_the_table_of_the_search_is_what_mujoco_says(root: Path, tmp_path: Path, shared_store: str) -> None:
+    page = search(root, tmp_path, shared_store, "--count", "5", "--docs", str(tmp_path / "docs"))
+    batch = tmp_path / "bridge_search_random"
+    with (batch / "results.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["status"] for row in rows].count("built") in range(1, 5)  # some do, some do not
+    for row in rows:
+        assert (row["status"] == "built") == (float(row["torque_margin"]) >= MARGIN)
+        if row["path"]:
+            assert standing(batch / row["path"]) == pytest.approx((float(row["reach"]), float(row["torque_margin"])), rel=1e-9)
+    best = max((row for row in rows if row["path"]), key=lambda row: float(row["reach"]))
+    assert f"| `{best['name']}` |" in page and best["command"] in page
+    assert (tmp_path / "docs" / "variants_search.md").read_text() == page
+    picture = (tmp_path / "docs" / "pictures" / "bridge_search.png").read_bytes()
+    assert search(root, tmp_path, shared_store, "--count", "5", "--docs", str(tmp_path / "docs")) == page
+    assert (tmp_path / "docs" / "pictures" / "bridge_search.png").read_bytes() == picture
+
+
+def test_optuna_asks_for_the_same_and_for_better(
+    root: Path, tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Answered by a formula instead of a build: what it asks for are documents of variants, in the ranges, the same every time."""
+    for name in ("assemblies", "parts", "thingc.toml"):
+        (shutil.copytree if (root / name).is_dir() else shutil.copy)(root / name, tmp_path / name)
+    monkeypatch.syspath_prepend(str(root / "examples"))
+    from bridge_drivers import Optuna
+    from bridge_report import Tried
+
+    options = Options(store=shared_store)
+
+    def run() -> list[list[Any]]:
+        driver = Optuna(tmp_path / "assemblies" / "minchw" / "bridge_search.yaml", 60, options)
+        rounds = []
+        while (document := driver.ask()) is not None:
+            asked = [(one.values["leg_length"], one.values["body_length"]) for one in thingc.variants.plan(str(document), options=options)]
+            rounds.append([tried(leg, body) for leg, body in asked])
+            driver.tell(rounds[-1])
+        return rounds
+
+    def tried(leg: float, body: float) -> Any:
+        bridge = 0.2 + 2.0 * leg + body
+        return Tried(
+            name="", leg=leg, body=body, bridge=bridge, margin=0.7 / bridge, mass=2.0, feasible=0.7 / bridge >= MARGIN, command="",
+            folder=None,
+        )
+
+    first, second = run(), run()
+    assert first == second and [len(one) for one in first] == [8] * 7 + [4]
+    rows: Sequence[Any] = [row for one in first for row in one]
+    assert all(0.064 <= row.leg <= 0.140 and 0.090 <= row.body <= 0.220 for row in rows) and len(rows) == 60
+    away = [abs(row.bridge - 0.7 / MARGIN) for row in rows]
+    assert np.mean(away[-20:]) < 0.8 * np.mean(away[:16])
+    assert max(row.bridge for row in rows if row.feasible) > 0.99 * 0.7 / MARGIN

@@ -1,0 +1,262 @@
+"""Batches on other machines' engines: a real dask scheduler with worker processes, and submitit's jobs as processes of this machine.
+
+A batch with them is compared with one of the local engine; workers, jobs and the scheduler are killed while batches run.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+
+from thingc.diagnostics import Code
+from thingc.variants import BatchFault, cluster, dask_cluster
+from thingc.variants.slurm_cluster import Settings, settings_of
+from variants.robots import environment, thingc, tree, with_emitter, workspace
+from variants.test_batch import rows, without_run
+from variants.test_faults import assert_gone, assert_whole, descendants, journal, listed, started, table, wait_for_lines
+
+COUNT = 60
+
+
+class Dask:
+    """A scheduler of dask and its workers, each a process with one thread."""
+
+    def __init__(self, folder: Path, env: dict[str, str], workers: int) -> None:
+        self.folder = folder
+        self.env = {**env, "DASK_DISTRIBUTED__SCHEDULER__WORKER_TTL": "10s"}
+        self.file = folder / "scheduler.json"
+        folder.mkdir(parents=True, exist_ok=True)
+        self.workers: list[subprocess.Popen[bytes]] = []
+        self.scheduler = self._start("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(self.file))
+        deadline = time.monotonic() + 60.0
+        while not self.file.exists() or not self.file.read_text().strip():
+            assert time.monotonic() < deadline and self.scheduler.poll() is None
+            time.sleep(0.05)
+        self.address = str(json.loads(self.file.read_text())["address"])
+        for _ in range(workers):
+            self.add()
+        if workers:
+            self.wait_for(workers)
+
+    def add(self) -> None:
+        """One more worker."""
+        place = self.folder / f"worker{len(self.workers)}"
+        self.workers.append(self._start("worker", self.address, "--nthreads", "1", "--no-nanny", "--local-directory", str(place)))
+
+    def wait_for(self, workers: int) -> None:
+        from distributed import Client
+
+        with Client(self.address, set_as_default=False) as client:
+            client.wait_for_workers(workers, timeout=90)
+
+    def close(self) -> None:
+        for process in (*self.workers, self.scheduler):
+            process.kill()
+            process.wait()
+
+    def _start(self, what: str, *words: str) -> subprocess.Popen[bytes]:
+        command = [sys.executable, "-m", "distributed.cli.dask_" + what, *words, "--no-dashboard"]
+        with (self.folder / f"{what}.log").open("ab") as log:
+            return subprocess.Popen(command, env=self.env, cwd=self.folder, stdout=log, stderr=log)
+
+
+@contextlib.contextmanager
+def dask(folder: Path, env: dict[str, str], workers: int) -> Iterator[Dask]:
+    found = Dask(folder, env, workers)
+    try:
+        yield found
+    finally:
+        found.close()
+
+
+@pytest.fixture(scope="module")
+def four(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Iterator[Dask]:
+    """Four workers that live as long as these tests."""
+    with dask(tmp_path_factory.mktemp("dask"), environment(shared_store), 4) as found:
+        yield found
+
+
+CHEAP = f"""
+    thingc: variants/1
+    assembly: pendulum.yaml
+    name: faults
+    parameters: {{length: {{from: 200 mm, to: 790 mm, count: {COUNT}}}}}
+    keep: ["length < 700 mm", "mass > 1 kg"]
+    emit: [mjcf, bom]
+"""
+
+
+@pytest.mark.slow
+def test_dask_writes_what_the_local_engine_writes(tmp_path: Path, shared_store: str, four: Dask) -> None:
+    here, there = workspace(tmp_path / "here", faults=CHEAP), workspace(tmp_path / "there", faults=CHEAP)
+    env = environment(shared_store)
+    local = thingc("batch", "faults.yaml", "--jobs", "2", cwd=here, env=env)
+    remote = thingc("batch", "faults.yaml", "--cluster", four.address, cwd=there, env=env)
+    assert local.returncode == remote.returncode == 0, remote.stderr
+    assert local.stderr == remote.stderr and "60 variants: 50 built, 10 kept out" in remote.stderr
+    mine, theirs = here / "build/faults", there / "build/faults"
+    assert tree(mine / "variants") == tree(theirs / "variants")
+    assert (mine / "index.html").read_bytes() == (theirs / "index.html").read_bytes()
+    assert without_run(rows(mine)) == without_run(rows(theirs))
+    runners = {line["pid"] for line in journal(there) if "pid" in line}
+    assert len(runners) == 4 and not runners & {line["pid"] for line in journal(here) if "pid" in line}
+
+
+@pytest.mark.slow
+def test_workers_killed_on_the_way_take_nothing_along(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path, faults=listed(dict.fromkeys(range(COUNT), "slow"), COUNT))
+    env = environment(shared_store, with_emitter(tmp_path))
+    with dask(tmp_path / "dask", env, 4) as four:
+        process = started(here, env, "--cluster", four.address)
+        wait_for_lines(here, 6, process)
+        runners = [one for worker in four.workers[:2] for one in descendants(worker.pid)]
+        assert runners
+        for worker in four.workers[:2]:
+            worker.kill()
+        assert_gone(runners)
+        wait_for_lines(here, 20, process)
+        four.add()
+        out, err = process.communicate(timeout=120)
+    assert process.returncode == 0 and out == "" and "60 variants: 60 built" in err, err
+    assert_whole(here, COUNT)
+    assert [row["status"] for row in table(here)] == ["built"] * COUNT
+    assert not [name for name in (here / "build/faults/variants").iterdir() if name.name.startswith(".")]
+
+
+@pytest.mark.slow
+def test_a_scheduler_that_goes_is_said_and_the_batch_goes_on_here(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path, faults=listed(dict.fromkeys(range(24), "slow")))
+    env = environment(shared_store, with_emitter(tmp_path))
+    with dask(tmp_path / "dask", env, 2) as two:
+        process = started(here, env, "--cluster", two.address)
+        wait_for_lines(here, 4, process)
+        two.scheduler.kill()
+        out, err = process.communicate(timeout=60)
+        assert process.returncode == 1 and out == ""
+        assert f"error[{Code.CLUSTER.code}]" in err and two.address in err and "--resume" in err and "Traceback" not in err
+        done = len(journal(here))
+        assert 4 <= done < 24
+    again = thingc("batch", "faults.yaml", "--resume", cwd=here, env=env)
+    assert again.returncode == 0 and f"24 variants ({done} of them before): 24 built" in again.stderr, again.stderr
+    assert_whole(here, 24)
+
+
+@pytest.mark.slow
+def test_workers_that_see_other_files_are_named(tmp_path: Path, four: Dask) -> None:
+    document = tmp_path / "robot.yaml"
+    document.write_text("one")
+    with dask_cluster.DaskCluster(four.address) as found:
+        found.check({str(document): hashlib.sha256(b"one").hexdigest()})
+        with pytest.raises(BatchFault, match="sees another content of .*robot.yaml"):
+            found.check({str(document): hashlib.sha256(b"two").hexdigest()})
+        with pytest.raises(BatchFault, match="does not see .*nothing.yaml"):
+            found.check({str(tmp_path / "nothing.yaml"): "0" * 64})
+
+
+def test_nobody_at_the_address(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(dask_cluster, "TIMEOUT", 1.0)
+    started = time.monotonic()
+    with pytest.raises(BatchFault) as caught:
+        cluster.connect("tcp://127.0.0.1:9", folder=str(tmp_path / "jobs"))
+    assert time.monotonic() - started < 20.0
+    assert caught.value.diagnostic.code is Code.CLUSTER and "tcp://127.0.0.1:9" in str(caught.value)
+
+
+@pytest.mark.slow
+def test_a_scheduler_without_workers(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, shared_store: str) -> None:
+    monkeypatch.setattr(dask_cluster, "TIMEOUT", 3.0)
+    with dask(tmp_path / "dask", environment(shared_store), 0) as none, pytest.raises(BatchFault, match="has no worker"):
+        cluster.connect(none.address, folder=str(tmp_path / "jobs"))
+
+
+@pytest.mark.parametrize("address", ["nonsense", "host", "http://host:80", "tcp://", "slurmy", "10.0.0.1:port"])
+def test_addresses_that_are_none(address: str, tmp_path: Path) -> None:
+    with pytest.raises(BatchFault, match="is no address of a cluster"):
+        cluster.connect(address, folder=str(tmp_path / "jobs"))
+
+
+@pytest.mark.parametrize(("package", "address"), [("distributed", "tcp://127.0.0.1:9"), ("submitit", "slurm:cluster=local")])
+def test_a_missing_package_is_named(package: str, address: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setitem(sys.modules, package, None)  # makes its import fail
+    with pytest.raises(BatchFault) as caught:
+        cluster.connect(address, folder=str(tmp_path / "jobs"))
+    assert package in str(caught.value) and caught.value.diagnostic.help == "pip install 'thingc[cluster]'"
+
+
+def test_settings_of_slurm() -> None:
+    assert settings_of("") == Settings()
+    assert settings_of("partition=cpu, cpus=8,time=90 s,memory=16") == Settings(
+        cpus=8, minutes=2, more=(("mem_gb", "16"), ("slurm_partition", "cpu")),
+    )
+    for wrong, words in (
+        ("partitoin=cpu", "known NAME"), ("cpus=some", "whole number"), ("time=2", "time"), ("time=2 kg", "time"),
+        ("cluster=big", "cluster=local"), ("cpus", "NAME=VALUE"),
+    ):
+        with pytest.raises(BatchFault, match=words):
+            settings_of(wrong)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="sbatch of SLURM is a program of Linux")
+def test_slurm_where_there_is_none(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(BatchFault, match="no command `sbatch`"):
+        cluster.connect("slurm:partition=cpu", folder=str(tmp_path / "jobs"))
+    assert not (tmp_path / "jobs").exists()
+
+
+@pytest.mark.slow
+def test_jobs_of_submitit_write_what_the_local_engine_writes(tmp_path: Path, shared_store: str) -> None:
+    here, there = workspace(tmp_path / "here", faults=CHEAP), workspace(tmp_path / "there", faults=CHEAP)
+    env = environment(shared_store)
+    assert thingc("batch", "faults.yaml", cwd=here, env=env).returncode == 0
+    done = thingc("batch", "faults.yaml", "--cluster", "slurm:cluster=local,cpus=2", "--jobs", "2", cwd=there, env=env)
+    assert done.returncode == 0 and "60 variants: 50 built, 10 kept out" in done.stderr, done.stderr
+    assert tree(here / "build/faults/variants") == tree(there / "build/faults/variants")
+    assert without_run(rows(here / "build/faults")) == without_run(rows(there / "build/faults"))
+    assert not [path for path in there.iterdir() if path.name.startswith(".thingc-jobs")]
+
+
+@pytest.mark.slow
+def test_a_killed_job_is_done_again(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path, faults=listed(dict.fromkeys(range(24), "slow")))
+    env = environment(shared_store, with_emitter(tmp_path))
+    process = started(here, env, "--cluster", "slurm:cluster=local", "--jobs", "2")
+    wait_for_lines(here, 1, process)  # of the first jobs; now the larger ones are under way
+    deadline = time.monotonic() + 60.0
+    victim: psutil.Process | None = None
+    while victim is None and time.monotonic() < deadline:
+        for one in descendants(process.pid):
+            with contextlib.suppress(psutil.NoSuchProcess):
+                if "submitit.core._submit" in " ".join(one.cmdline()) and "thingc.variants.runner" in str(
+                    [child.cmdline() for child in one.children()]
+                ):
+                    victim = one
+        time.sleep(0.05)
+    assert victim is not None
+    victim.send_signal(signal.SIGKILL)
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 0 and "24 variants: 24 built" in err, err
+    assert_whole(here, 24)
+
+
+@pytest.mark.slow
+def test_an_interrupt_cancels_the_jobs(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path, faults=listed(dict.fromkeys(range(24), "slow")))
+    env = environment(shared_store, with_emitter(tmp_path))
+    process = started(here, env, "--cluster", "slurm:cluster=local", "--jobs", "2")
+    wait_for_lines(here, 1, process)
+    running = descendants(process.pid)
+    process.send_signal(signal.SIGTERM)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130 and "--resume" in err and running
+    assert_gone(running)

@@ -1,0 +1,158 @@
+"""One model for a batch: put in place, each variant's numbers make the model that MuJoCo compiles of the variant itself."""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+
+import mujoco
+import mujoco.rollout
+import numpy as np
+import pytest
+
+from thingc.variants import Family, FamilyError, NotInPlace, apply, fields, in_place, load, write
+from variants.families import arrays
+
+
+@pytest.fixture(name="sliders")
+def loaded_sliders(sliders: Path) -> Family:
+    return load(sliders)
+
+
+@pytest.fixture(name="some")
+def loaded_some(some: Path) -> Family:
+    return load(some)
+
+
+def trajectory(model: mujoco.MjModel, steps: int = 300) -> np.ndarray:
+    """qpos and qvel (steps, nq + nv) with a control that moves to and fro."""
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    seen = np.empty((steps, model.nq + model.nv))
+    for k in range(steps):
+        data.ctrl[:] = 0.05 * np.sin(0.1 * k)
+        mujoco.mj_step(model, data)
+        seen[k] = np.concatenate([data.qpos, data.qvel])
+    return seen
+
+
+def test_the_model_in_place_moves_as_the_variants_own_to_the_last_bit(sliders: Family) -> None:
+    model, own = fields(sliders, scene=True)
+    assert own and all(len(values) == len(sliders) == 8 for values in own.values())
+    assert {"body_mass", "dof_damping", "body_ipos"} <= set(own) and "geom_type" not in own
+    moved = set()
+    for index in (5, 0, 7, 3, 1, 2, 6, 4):  # in no order: nothing stays behind
+        apply(model, own, index)
+        single = sliders[index].model(scene=True)
+        assert arrays(model) == arrays(single)
+        assert model.stat.meaninertia == single.stat.meaninertia
+        seen = trajectory(model)
+        assert seen.tobytes() == trajectory(single).tobytes()
+        moved.add(seen.tobytes())
+    assert len(moved) == 8
+
+
+def test_frames_lengths_and_poses_differ_in_place(some: Family) -> None:
+    for mode in ("hanging", "flying"):
+        model, own = fields(some, mode)
+        assert {"body_pos", "body_mass"} <= set(own)
+        for index, variant in enumerate(some):
+            apply(model, own, index)
+            assert trajectory(model, 100).tobytes() == trajectory(variant.model(mode), 100).tobytes()
+
+
+def test_rollout_takes_the_models_in_place(sliders: Family) -> None:
+    model, own = fields(sliders, scene=True)
+    models = []
+    for index in range(len(sliders)):
+        models.append(copy.copy(model))
+        apply(models[-1], own, index)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
+    start = np.empty(mujoco.mj_stateSize(model, kind))
+    mujoco.mj_getState(model, data, start, kind)
+    control = 0.05 * np.sin(0.1 * np.arange(300))[None, :, None].repeat(len(models), axis=0)
+    states, _ = mujoco.rollout.rollout(models, data, np.tile(start, (len(models), 1)), control)
+    for index, variant in enumerate(sliders):
+        np.testing.assert_array_equal(states[index][:, 1: 1 + model.nq + model.nv], trajectory(variant.model(scene=True)))
+
+
+def test_what_was_written_is_read_back_and_is_the_same_every_time(sliders: Family, tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        assert write(sliders, tmp_path / f"{name}.npz", scene=True) == str(tmp_path / f"{name}.mjz")
+    for kind in ("npz", "mjz"):
+        assert (tmp_path / f"a.{kind}").read_bytes() == (tmp_path / f"b.{kind}").read_bytes()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.mjz", "a.npz", "b.mjz", "b.npz"]
+    stored = np.load(tmp_path / "a.npz")
+    assert list(stored["id"]) == [variant.id for variant in sliders]
+    model = mujoco.MjSpec.from_file(str(tmp_path / "a.mjz")).compile()
+    own = {name: stored[name] for name in stored.files if name != "id"}
+    for index in (6, 2):
+        apply(model, own, index)
+        assert trajectory(model).tobytes() == trajectory(sliders[index].model(scene=True)).tobytes()
+    with pytest.raises(FamilyError, match=r"ends in `\.npz`"):
+        write(sliders, tmp_path / "a.zip")
+
+
+def test_other_geometry_or_another_tree_is_refused_by_name(boards: Path, arms: Path) -> None:
+    with pytest.raises(NotInPlace, match=r"kind `mesh` in `boards_0` and `boards_1`: `plates\.Square") as refused:
+        fields(boards)
+    assert refused.value.field == "nmesh"
+    with pytest.raises(NotInPlace, match=r"kind `body` in `arms_0` and `arms_1`: `chain/tip` is in one of them only"):
+        fields(arms)
+
+
+def test_every_array_of_a_model_may_differ_or_is_refused(sliders: Family) -> None:
+    """No array is forgotten: change any entry of any, and it is either among the fields or refused with its name."""
+    model = sliders[0].model(scene=True)
+    checked = {"may": 0, "may not": 0}
+    for name in dir(model):
+        if name.startswith("_") or not isinstance(getattr(model, name), np.ndarray) or not getattr(model, name).size:
+            continue
+        other = copy.copy(model)
+        array = getattr(other, name)
+        array.flat[array.size - 1] = array.flat[array.size - 1] + 1 if array.dtype != bool else not array.flat[array.size - 1]
+        if name in in_place.NUMBERS | in_place.SHORTCUTS:
+            in_place._same_structure(model, other, sliders[0], sliders[1])
+            checked["may"] += 1
+            continue
+        with pytest.raises(NotInPlace) as refused:
+            in_place._same_structure(model, other, sliders[0], sliders[1])
+        assert refused.value.field == name or name.startswith(("mesh_", "name")), name
+        checked["may not"] += 1
+    assert checked["may"] > 60 and checked["may not"] > 90
+    assert all(hasattr(model, name) for name in in_place.NUMBERS | in_place.SHORTCUTS)
+
+
+def test_who_differs_is_said(sliders: Family) -> None:
+    model = sliders[0].model()
+    for field, words in (
+        ("jnt_limited", r"`jnt_limited` differs in `sliders_0` and `sliders_1` \(joint `slide`: True and False\)"),
+        ("geom_contype", r"`geom_contype` differs in .* \(geom `pole"),
+        ("dof_jntid", r"`dof_jntid` differs in .* \(joint `slide`"),
+    ):
+        other = copy.copy(model)
+        array = getattr(other, field)
+        array[-1] = not array[-1]
+        with pytest.raises(NotInPlace, match=words):
+            in_place._same_structure(model, other, sliders[0], sliders[1])
+    other = copy.copy(model)
+    other.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    with pytest.raises(NotInPlace, match="the option `integrator` differs"):
+        in_place._same_structure(model, other, sliders[0], sliders[1])
+
+
+def test_fields_of_another_batch_are_refused_and_nothing_is_changed(sliders: Family, some: Family) -> None:
+    model, own = fields(sliders)
+    _, other = fields(some, "flying")
+    before = arrays(model)
+    for wrong, words in ((lambda: apply(model, own, 8), "fields for 8 variants, and none for place 8"),
+                         (lambda: apply(model, own, -1), "none for place -1"),
+                         (lambda: apply(model, {**own, **other}, 1), "is not that of this model"),
+                         (lambda: apply(model, {**own, "body_colour": own["body_mass"]}, 1), "`body_colour` is not that of this model")):
+        with pytest.raises(FamilyError, match=words):
+            wrong()
+        assert arrays(model) == before
+    with pytest.raises(FamilyError, match="has no built variant here"):
+        fields(sliders.filter({"mass": (90.0, 99.0)}))

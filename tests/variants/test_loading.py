@@ -1,0 +1,158 @@
+"""Batches read back as models: what is there, what is not, and that meshes are read once."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import mujoco
+import pytest
+
+from thingc.modes import Modes
+from thingc.variants import FamilyError, UnknownVariant, load
+from variants.families import arrays, built
+
+
+def table(folder: Path) -> list[dict[str, str]]:
+    with (folder / "results.csv").open() as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_a_family_is_what_the_table_says(some: Path) -> None:
+    family = load(some)
+    rows = [row for row in table(some) if row["status"] == "built"]
+    assert 0 < len(rows) < 12 and family.planned == 12 and family.finished and family.name == "some"
+    assert len(family) == len(rows) and [variant.id for variant in family] == [row["id"] for row in rows]
+    for variant, row in zip(family, rows, strict=True):
+        assert (variant.index, variant.name) == (int(row["index"]), row["name"])
+        assert variant.settings["length"] == float(row["parameters.length"]) and variant.settings["damped"] is True
+        cells = {name: cell for name, cell in row.items() if cell != ""}
+        assert set(variant.results) == set(cells)
+        for name, cell in cells.items():
+            found = variant.results[name]
+            assert cell == ({True: "true", False: "false"}[found] if isinstance(found, bool) else str(found)), name
+    assert [row["status"] for row in family.rows] == [row["status"] for row in table(some)]
+
+
+def test_variants_are_found_by_place_id_and_name(some: Path) -> None:
+    family = load(some)
+    third = family[2]
+    assert family[third.id] is third and family[third.name] is third and family[2 - len(family)] is third
+    assert [one.id for one in family[1:3]] == [family[1].id, third.id]
+    assert third in family and family.index(third) == 2
+    with pytest.raises(IndexError, match="and none at place 99"):
+        family[99]
+
+
+def test_a_family_is_filtered_by_columns_or_by_a_function(some: Path) -> None:
+    family = load(some)
+    short = load(some, where={"parameters.length": 0.2, "mass": (2.0, 2.42)})
+    wanted = [one.id for one in family if one.settings["length"] == 0.2 and one.results["mass"] <= 2.42]
+    assert wanted and [one.id for one in short] == wanted
+    heavy = family.filter(lambda one: one.settings["bob"] > 0.25)
+    assert 0 < len(heavy) < len(family) and all(one.settings["bob"] > 0.25 for one in heavy)
+    assert family.column("mass") == [one.results["mass"] for one in family]
+    with pytest.raises(UnknownVariant, match="has no column `mas`: did you mean `mass`"):
+        load(some, where={"mas": 1.0})
+
+
+def test_models_are_those_of_the_files(some: Path) -> None:
+    family = load(some, mode="flying")
+    for variant in family:
+        files = Path(variant.folder, "mjcf")
+        assert arrays(variant.model()) == arrays(mujoco.MjModel.from_xml_path(str(files / "pendulum_flying.xml")))
+        scene = variant.model("hanging", scene=True)
+        assert arrays(scene) == arrays(mujoco.MjModel.from_xml_path(str(files / "scene_hanging.xml")))
+        assert scene.geom("floor").id >= 0
+    assert family[0].model().body("weight").mass[0] == family[0].settings["bob"]
+
+
+def test_sizes_are_those_of_the_compiled_model(some: Path, boards: Path, sliders: Path, arms: Path) -> None:
+    for variant in (variant for folder in (some, boards, sliders, arms) for variant in load(folder)):
+        for mode in variant.family.mode_names:
+            model, sizes = variant.model(mode), variant.sizes(mode)
+            assert (sizes.nq, sizes.nv, sizes.nu) == (model.nq, model.nv, model.nu)
+
+
+def test_meshes_with_links_are_read_once_and_the_right_ones_are_used(boards: Path) -> None:
+    family = load(boards)
+    sources = [variant.sources()[1] for variant in family]
+    names = [name for name in sources[0] if "Round" in name]
+    assert names
+    for name in names:  # the same in all of them
+        assert sources[0][name] is sources[1][name] is sources[2][name]
+    sides = [variant.model().mesh_vert.max() for variant in family]
+    assert sides == pytest.approx([0.02, 0.025, 0.03])
+    read = {id(data) for one in sources for data in one.values()}
+    assert len(read) == len(list((boards / "assets").iterdir())) < sum(len(one) for one in sources)
+
+
+def test_meshes_in_memory_are_bounded(boards: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from thingc.variants import loading
+
+    monkeypatch.setattr(loading._Meshes.__init__, "__defaults__", (1,))
+    family = load(boards)
+    for variant in family:
+        assert variant.model().nmesh > 0
+        assert len(family._meshes._kept) == len(list(Path(variant.folder, "mjcf", "assets").iterdir()))
+
+
+def test_modes_switch_between_the_models_of_a_variant(some: Path) -> None:
+    variant = load(some)[1]
+    robot = variant.modes()
+    assert isinstance(robot, Modes) and tuple(robot) == ("hanging", "flying")
+    hanging, flying = (mujoco.MjData(variant.model(mode)) for mode in ("hanging", "flying"))
+    hanging.qpos[:] = 0.4, -0.2
+    mujoco.mj_forward(hanging.model, hanging)
+    robot.switch(("hanging", hanging), ("flying", flying))
+    mujoco.mj_forward(flying.model, flying)
+    assert flying.body("weight").xpos == pytest.approx(hanging.body("weight").xpos, abs=1e-12)
+
+
+def test_what_is_not_there_is_said_in_words(some: Path, tmp_path: Path, shared_store: str) -> None:
+    family = load(some)
+    out = next(row for row in family.rows if row["status"] == "kept_out")
+    for wrong, words in (
+        (lambda: family["some_99"], "has no variant `some_99`: did you mean"),
+        (lambda: family[out["name"]], r"cannot be had: it is `kept_out` by the rule `"),
+        (lambda: family[0].model(), "has 2 modes, `hanging`, `flying`: say which"),
+        (lambda: family[0].model("hangin"), "has no mode `hangin`: did you mean `hanging`"),
+        (lambda: load(some, mode="sitting"), "has no mode `sitting`: known modes: `flying`, `hanging`"),
+        (lambda: load(some.parent), "is no folder of a batch; in it there are: `some`: `thingc batch` writes one"),
+        (lambda: load(tmp_path / "none"), "none` is no folder of a batch: `thingc batch` writes one"),
+    ):
+        with pytest.raises(FamilyError, match=words):
+            wrong()
+    bills = load(built(tmp_path, shared_store, "some", emit=("bom",)))
+    with pytest.raises(FamilyError, match="has been built without the target `mjcf`"):
+        bills[0].model("flying")
+
+
+def test_an_unfinished_batch_gives_what_is_there(some: Path, tmp_path: Path) -> None:
+    here = tmp_path / "some"
+    shutil.copytree(some, here)
+    described = json.loads((here / "batch.json").read_text())
+    (here / "batch.json").write_text(json.dumps({**described, "finished": False}))
+    journal = (here / "journal.jsonl").read_text().splitlines(keepends=True)
+    (here / "journal.jsonl").write_text("".join(journal[:7]) + journal[7][:20])
+    for name in ("results.csv", "results.parquet"):
+        (here / name).unlink()
+    family = load(here)
+    done = [json.loads(line) for line in journal[:7]]
+    assert not family.finished and family.planned == 12 and len(family.rows) == 7
+    assert {one.id for one in family} == {line["id"] for line in done if line["status"] == "built"}
+    shutil.rmtree(family[0].folder)
+    assert len(load(here)) == len(family) - 1
+
+
+def test_loading_is_light(some: Path) -> None:
+    program = (
+        "import sys, thingc.variants as v; f = v.load(sys.argv[1]); n = len(f); print(n, f[0].sizes('flying').nq); "
+        "print(sorted(m for m in ('numpy', 'mujoco', 'pyarrow', 'gymnasium', 'networkx', 'build123d') if m in sys.modules))"
+    )
+    said = subprocess.run([sys.executable, "-c", program, str(some)], capture_output=True, text=True, check=True).stdout
+    assert said.splitlines()[1] == "[]" and said.splitlines()[0] == f"{len(load(some))} 9"

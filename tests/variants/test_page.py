@@ -1,0 +1,278 @@
+"""The page of a batch, in a real browser: a copy of it gets a script of the test's own, which uses the page as a person would and
+leaves what it saw in the document. Where no Chromium is installed those tests are skipped."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from urllib.parse import unquote
+
+import pytest
+from PIL import Image
+
+from thingc.variants import places
+from thingc.variants.page import write_page
+from thingc.variants.tables import Column, columns
+from variants.robots import environment, thingc, workspace
+
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed (Debian, Ubuntu: apt install chromium)")
+
+HARNESS = """
+<script>
+window.faults = [];
+window.addEventListener("error", (event) => window.faults.push(String(event.message ?? (event.target && event.target.src))), true);
+window.addEventListener("securitypolicyviolation", (event) => window.faults.push(event.violatedDirective + " " + event.blockedURI));
+console.error = (...words) => window.faults.push(words.join(" "));
+</script>
+"""
+
+
+def seen(page: Path, program: str) -> dict[str, object]:
+    """What `program`, the body of a function, returns when it has used the page, and `faults`: whatever went wrong meanwhile."""
+    assert BROWSER is not None
+    text = page.read_text()
+    script = f"""<script>
+      window.addEventListener("load", () => {{
+        const $ = (selector) => document.querySelector(selector), all = (selector) => [...document.querySelectorAll(selector)];
+        const type = (selector, value) => {{
+          const e = $(selector);
+          e.value = value;
+          e.dispatchEvent(new Event(e.tagName === "SELECT" ? "change" : "input"));
+        }};
+        const names = () => all("#grid .card .name span:last-child").map((e) => e.textContent);
+        let found;
+        try {{ found = (() => {{ {program} }})(); }} catch (fault) {{ found = {{}}; window.faults.push(String(fault.stack)); }}
+        const out = document.createElement("pre");
+        out.id = "found";
+        out.textContent = encodeURIComponent(JSON.stringify({{ ...found, faults: window.faults }}));
+        document.body.append(out);
+      }});
+    </script>"""
+    copy = page.with_name("tried.html")
+    copy.write_text(text.replace("<head>", "<head>" + HARNESS, 1).replace("</body>", script + "</body>"))
+    command = [
+        BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--virtual-time-budget=3000",
+        f"--user-data-dir={page.parent.parent / 'profile'}", "--dump-dom", copy.as_uri(),
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    copy.unlink()
+    match = re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.DOTALL)
+    assert match is not None, done.stderr[-2000:]
+    found: dict[str, object] = json.loads(unquote(match[1]))
+    return found
+
+
+def table(folder: Path) -> list[dict[str, str]]:
+    with (folder / "results.csv").open() as stream:
+        return list(csv.DictReader(stream))
+
+
+STANDS = """
+    thingc: variants/1
+    assembly: stand.yaml
+    name: stands
+    parameters: {side: {from: 30 mm, to: 80 mm, count: 6}}
+    choices:
+      components.plate.material: [light, heavy]
+    keep: ["side < 75 mm", "mass < 200 g"]
+"""
+
+
+@pytest.fixture(scope="module")
+def stands(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Path:
+    """The folder of a batch with pictures: 12 variants, some of them kept out."""
+    here = workspace(tmp_path_factory.mktemp("page"), stands=STANDS)
+    done = thingc("batch", "stands.yaml", "--pictures", "6", cwd=here, env=environment(shared_store))
+    assert done.returncode == 0, done.stderr
+    return here / "build" / "stands"
+
+
+def test_the_page_shows_some_pictures_by_one_camera(stands: Path) -> None:
+    built = [row for row in table(stands) if row["status"] == "built"]
+    pictures = sorted(path.name for path in (stands / "pictures").iterdir())
+    assert len(built) == 9 and len(pictures) == 6 and set(pictures) <= {f"{row['id']}.png" for row in built}
+    widths = {}
+    for row in built:
+        path = stands / "pictures" / f"{row['id']}.png"
+        if path.exists():
+            with Image.open(path) as image:
+                assert image.size == (240, 180)
+                dark = image.convert("L").point(lambda value: 255 if value < 110 else 0).getbbox()
+            widths[float(row["parameters.side"]), row["components.plate.material"]] = 0 if dark is None else dark[2] - dark[0]
+    by_side = [width for _, width in sorted(widths.items())]
+    assert by_side == sorted(by_side) and by_side[-1] > 1.3 * by_side[0]  # the larger plate is larger in its picture
+
+
+def test_the_page_is_the_same_again(stands: Path, shared_store: str) -> None:
+    before = (stands / "index.html").read_bytes()
+    pictures = {path.name: path.read_bytes() for path in (stands / "pictures").iterdir()}
+    (stands / "index.html").unlink()
+    done = thingc("batch", "stands.yaml", "--page-only", "--pictures", "6", cwd=stands.parents[1], env=environment(shared_store))
+    assert done.returncode == 0 and done.stderr == "build/stands/index.html\n" and done.stdout == ""
+    assert (stands / "index.html").read_bytes() == before
+    assert {path.name: path.read_bytes() for path in (stands / "pictures").iterdir()} == pictures
+
+
+def test_the_page_asks_nothing_of_anybody(stands: Path) -> None:
+    text = (stands / "index.html").read_text()
+    assert not re.search(r"https?://(?!www\.w3\.org/2000/svg)", text)
+    assert not re.search(r"""(src|href)=["'](?!data:)""", text)
+
+
+@browser
+def test_sorting_filtering_and_choosing(stands: Path) -> None:
+    found = seen(stands / "index.html", """
+        const first = names();
+        type("#sort", "mass");
+        const light = names();
+        $("#direction").click();
+        const heavy = names();
+        type("#filter", "side>0.045 components.plate.material=heavy");
+        const filtered = names(), said = $("#said").textContent;
+        type("#filter", "colour>3");
+        const wrong = $("#said").textContent;
+        type("#filter", "");
+        $("[data-status=kept_out]").click();
+        const built = names();
+        $("#view-table").click();
+        const heads = all("#rows th").map((e) => e.dataset.column), cells = all("#rows tbody tr").map((e) => e.children[0].textContent);
+        $("#rows th[data-column=name]").click();
+        const byName = all("#rows tbody tr").map((e) => e.children[0].textContent);
+        $("#rows tbody tr").click();
+        return { first, light, heavy, filtered, said, wrong, built, heads, cells, byName, one: $("#one h2").textContent,
+          command: $("#one code").textContent, image: all("#grid img").length, title: document.title };
+    """)
+    assert found["faults"] == []
+    rows = table(stands)
+    assert found["first"] == [row["name"] for row in rows]
+    massed = sorted((row for row in rows if row["mass"]), key=lambda row: float(row["mass"]))
+    without = [row["name"] for row in rows if not row["mass"]]
+    assert found["light"] == [row["name"] for row in massed] + without
+    assert found["heavy"] == [row["name"] for row in reversed(massed)] + without
+    wanted = {row["name"] for row in rows if float(row["parameters.side"]) > 0.045 and row["components.plate.material"] == "heavy"}
+    assert set(found["filtered"]) == wanted and found["said"] == f"{len(wanted)} of 12 variants"  # type: ignore[call-overload]
+    assert found["wrong"] == "there is no column colour"
+    built = [row["name"] for row in reversed(massed) if row["status"] == "built"]
+    assert found["built"] == found["cells"] == built and found["byName"] == sorted(built)
+    assert {"name", "parameters.side", "components.plate.material", "mass"} <= set(found["heads"])  # type: ignore[call-overload]
+    assert found["one"] == sorted(built)[0]
+    assert found["command"] == next(row["command"] for row in rows if row["name"] == found["one"])
+
+
+@browser
+def test_the_plot(stands: Path) -> None:
+    found = seen(stands / "index.html", """
+        type("#plot-x", "parameters.side"); type("#plot-y", "mass"); type("#plot-colour", "components.plate.material");
+        const points = all("#chart circle").map(
+          (e) => [e.dataset.id, Number(e.getAttribute("cx")), Number(e.getAttribute("cy")), e.style.fill]);
+        const legend = all("#legend span").map((e) => e.textContent);
+        all("#chart circle")[2].dispatchEvent(new MouseEvent("click", { bubbles: true }));
+        return { points, legend, one: $("#one h2").textContent, chosen: all(".card.chosen").length, ticks: all("#chart text").length };
+    """)
+    assert found["faults"] == []
+    rows = {row["id"]: row for row in table(stands)}
+    points: list[tuple[str, float, float, str]] = found["points"]  # type: ignore[assignment]
+    assert {point[0] for point in points} == {id for id, row in rows.items() if row["mass"]}
+    side, mass = ([float(rows[point[0]][name]) for point in points] for name in ("parameters.side", "mass"))
+    for values, places_, sign in ((side, [p[1] for p in points], 1.0), (mass, [p[2] for p in points], -1.0)):  # linear, up is less y
+        low, high = min(values), max(values)
+        at_low, at_high = places_[values.index(low)], places_[values.index(high)]
+        assert sign * (at_high - at_low) > 100.0
+        for value, place in zip(values, places_, strict=True):
+            assert place == pytest.approx(at_low + (value - low) / (high - low) * (at_high - at_low), abs=0.15)
+    colours = {rows[p[0]]["components.plate.material"]: p[3] for p in points}
+    assert len(set(colours.values())) == 2 and all(colours[rows[p[0]]["components.plate.material"]] == p[3] for p in points)
+    assert found["legend"][:2] == ["heavy", "light"] and "without a value" in found["legend"][2]  # type: ignore[index]
+    assert found["one"] == rows[points[2][0]]["name"] and found["chosen"] == 1
+
+
+NASTY = [
+    '</script><script>window.faults.push("broken out")</script>', "<img src=x onerror='window.faults.push(1)'>", "a&b<c>\"d'",
+    "@STYLE@ @SCRIPT@ @DATA@", "line\u2028sep\u2029", "{{7*7}} ${7*7} \\u003c",
+]
+
+
+def made(folder: Path, count: int, text: str = "plain") -> tuple[Path, list[Column]]:
+    """A page of so many rows from a journal written by hand, with `text` wherever a document or a part could have put it."""
+    folder.mkdir(parents=True)
+    wanted = list(columns([Column(name="length", kind="number", unit="m"), Column(name="label", kind="text")], [], []))
+    with (folder / places.JOURNAL).open("w") as stream:
+        for index in range(count):
+            stream.write(json.dumps({
+                "index": index, "id": f"{index:012x}", "name": f"{text} {index}", "status": "refused" if index % 3 == 2 else "built",
+                "code": "TC000", "message": text, "rule": text, "parameters": {"length": index / 7.0, "label": text + str(index % 2)},
+                "choices": {}, "results": {"mass": (index * 7919) % 1009 + 0.5, "torque_margin": "inf"}, "path": text, "command": text, "seconds": index,
+            }) + "\n")
+    described = {
+        "name": text, "document": text, "assembly": text, "count": count, "modes": [text], "pose": text, "finished": True,
+    }
+    return Path(write_page(str(folder), described, wanted)), wanted
+
+
+@browser
+@pytest.mark.parametrize("text", NASTY, ids=range(len(NASTY)))
+def test_nothing_in_a_document_gets_out_of_its_place(tmp_path: Path, text: str) -> None:
+    page, _ = made(tmp_path / "batch", 6, text)
+    found = seen(page, """
+        $("#view-table").click();
+        $("#every").click();
+        $("#rows tbody tr").click();
+        type("#plot-colour", "parameters.label");
+        return { title: $("#title").textContent, name: $("#one h2").textContent, command: $("#one code").textContent,
+          scripts: all("script").length, images: all("img").length,
+          message: all("#rows td").some((e) => e.textContent === $("#title").textContent) };
+    """)
+    assert found == {"faults": [], "title": text, "name": f"{text} 0", "command": text, "scripts": 4, "images": 0, "message": True}
+
+
+@browser
+def test_ten_thousand_rows_stay_usable(tmp_path: Path) -> None:
+    page, _ = made(tmp_path / "batch", 10_000)
+    found = seen(page, """
+        $("#view-pictures").click();
+        const begun = performance.now();
+        type("#sort", "mass");
+        type("#filter", "mass>500 status=built");
+        const spent = performance.now() - begun, cards = all(".card").length, said = $("#said").textContent;
+        $("#next").click();
+        return { spent, cards, said, pages: $("#pages span").textContent, points: all("#chart circle").length };
+    """)
+    masses = [(index * 7919) % 1009 + 0.5 for index in range(10_000) if index % 3 != 2]
+    count = sum(mass > 500 for mass in masses)
+    assert found["faults"] == [] and found["cards"] == 60
+    assert found["said"] == f"{count} of 10000 variants" and found["pages"] == f"61 to 120 of {count}"
+    assert found["points"] == count and float(found["spent"]) < 5000.0  # type: ignore[arg-type]
+
+
+def test_the_run_leaves_no_trace_on_the_page(tmp_path: Path) -> None:
+    page, _ = made(tmp_path / "batch", 3)
+    assert "seconds" not in page.read_text().split('id="batch"')[1].split("</script>")[0]
+
+
+def test_robots_of_frames_have_no_pictures_and_a_page(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path)
+    done = thingc("batch", "sweep.yaml", cwd=here, env=environment(shared_store))
+    assert done.returncode == 0 and (here / "build/sweep/index.html").is_file() and not (here / "build/sweep/pictures").exists()
+    assert "warning" not in done.stderr
+
+
+def test_where_nothing_can_be_drawn_the_page_says_less(stands: Path, tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path, stands=STANDS)
+    env = {**environment(shared_store), "MUJOCO_GL": "nonsense"}
+    done = thingc("batch", "stands.yaml", "--no-verify", cwd=here, env=env)
+    assert done.returncode == 0 and "warning[TC808]" in done.stderr and "Traceback" not in done.stderr, done.stderr
+    assert (here / "build/stands/index.html").is_file() and not os.path.exists(here / "build/stands/pictures")
+
+
+def test_page_only_needs_a_batch(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path)
+    done = thingc("batch", "sweep.yaml", "--page-only", cwd=here, env=environment(shared_store))
+    assert done.returncode == 2 and "error[TC924]" in done.stderr and not (here / "build").exists()
+    wrong = thingc("batch", "sweep.yaml", "--pictures", "some", cwd=here, env=environment(shared_store))
+    assert wrong.returncode == 2 and "expected a whole number from 1, `none` or `all`, found `some`" in wrong.stderr
