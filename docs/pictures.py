@@ -60,10 +60,8 @@ def batch_page(path: Path) -> None:
         id = lines[9].split(",")[1]
         page = (Path(folder) / "sizes" / "index.html").as_uri()
         words = ["--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--window-size=1400,1000"]
-        subprocess.run(
-            [browser, *words, "--virtual-time-budget=3000", f"--user-data-dir={folder}/profile", f"--screenshot={path}", f"{page}#{id}"], check=True,
-            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        )
+        words += ["--virtual-time-budget=3000", f"--user-data-dir={folder}/profile", f"--screenshot={path}", f"{page}#{id}"]
+        subprocess.run([browser, *words], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     with Image.open(path) as picture:
         picture.convert("RGB").save(path, optimize=True)
 

@@ -70,7 +70,7 @@ def page(found: Sequence[Tried], best: Tried | None, seen: Rebuilt | None, drive
         "How far apart can MInchW's soles be, if leg and body may be longer? The robot reaches out over a gap: its front foot",
         "holds, legs and body are stretched out level, and at the sole of the rear foot it carries a probe of 400 g. The *bridge* is",
         f"the distance of the two soles; every drive must have {MARGIN} times the torque that it has to hold there (*torque margin*).",
-        "`make bridge-search` runs the search and writes this page.", "",
+        "`make bridge-search` runs the search, in a few minutes, and writes this page.", "",
         "![Bridges that were tried, and the best so far](pictures/bridge_search.png)", "",
         "The family is `assemblies/minchw/bridge_search.yaml`, over `probe.yaml` beside it:", "",
         "```text", *document.read_text().strip().split("\n"), "```", "",
@@ -90,13 +90,12 @@ def page(found: Sequence[Tried], best: Tried | None, seen: Rebuilt | None, drive
     weakest = min(seen.margins, key=seen.margins.__getitem__)
     so_far = best_so_far(found)
     first = next(k for k, value in enumerate(so_far) if value == best.bridge) + 1
-    verdict = "it lets go before a servo gives way, so that a bridge of this length needs a wider magnet first."
+    verdict = "\n  It lets go before a servo gives way: a bridge of this length needs a wider magnet first." if seen.pull > PULL else ""
     lines += [
         f"- The longest was number {first} of {len(found)}. MuJoCo says the same of its model: {1e3 * seen.bridge:.1f} mm, and by its",
         f"  inverse dynamics a margin of {seen.margins[weakest]:.3f}, at the drive of `{weakest}`.",
         f"- Drives are one thing, magnets another. At {1e3 * RADIUS:.0f} mm, the rim of the magnet, the moment less the weight is a pull",
-        f"  of {seen.pull:.0f} N, and a magnet holds {PULL:.0f} N:",
-        f"  {verdict if seen.pull > PULL else 'it holds, too.'}", "",
+        f"  of {seen.pull:.0f} N, and a magnet holds {PULL:.0f} N: {'too little' if seen.pull > PULL else 'enough'}.{verdict}", "",
         "Build the longest one:", "", "```text", best.command, "```", "",
         "`python examples/longest_bridge.py --driver optuna` lets [Optuna](https://optuna.org) choose what is built next, eight",
         "robots at a time (`pip install 'thingc[search]'`): the loop is the same, its documents of variants are lists. With `--count N`",

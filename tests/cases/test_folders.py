@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 from pathlib import Path
@@ -122,6 +123,25 @@ def test_a_pipe_is_no_document_and_nobody_waits_for_it(folder: Path, capsys: pyt
     (folder / "robot.yaml").write_text("thingc: assembly/1\nname: two\ncomponents:\n  hand: {assembly: pipe.yaml}\n")
     code, lines = said(capsys, "check", "robot.yaml")
     assert code == 1 and lines[0] == "error[TC113]: there is no file `pipe.yaml`"
+
+
+@pytest.mark.parametrize("words", [("touched",), ("check", "--touched"), ("check", "--touched", "--fix")])
+def test_a_folder_is_no_file_that_has_changed(folder: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]) -> None:
+    assert said(capsys, *words, "parts") == (2, [
+        "error[TC801]: `parts` is a folder, and files were expected", "  help: name the files that have changed, or write --all", "",
+        "1 error",
+    ])
+
+
+def test_standard_input_is_shown_where_it_is_wrong(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(b"thingc: assembly/1\r\nname: [b\r\n")))
+    code, lines = said(capsys, "fmt", "-")
+    assert code == 1
+    assert lines[:4] == [
+        "error[TC103]: the `[` opened here is not closed with `]`", "   --> <stdin>:2:7", "  2 | name: [b", "    |       ^",
+    ]
 
 
 def test_a_link_that_leaves_the_workspace(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

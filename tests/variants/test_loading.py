@@ -53,6 +53,8 @@ def test_a_family_is_filtered_by_columns_or_by_a_function(some: Path) -> None:
     short = load(some, where={"parameters.length": 0.2, "mass": (2.0, 2.42)})
     wanted = [one.id for one in family if one.settings["length"] == 0.2 and one.results["mass"] <= 2.42]
     assert wanted and [one.id for one in short] == wanted
+    ends = family.filter({"index": (2, 6)})  # both included
+    assert [one.index for one in ends] == [2, 3, 5, 6]
     heavy = family.filter(lambda one: one.settings["bob"] > 0.25)
     assert 0 < len(heavy) < len(family) and all(one.settings["bob"] > 0.25 for one in heavy)
     assert family.column("mass") == [one.results["mass"] for one in family]

@@ -170,14 +170,15 @@ def test_the_plot(stands: Path) -> None:
     found = seen(stands / "index.html", """
         type("#plot-x", "parameters.side"); type("#plot-y", "mass"); type("#plot-colour", "components.plate.material");
         const points = all("#chart circle").map(
-          (e) => [e.dataset.id, Number(e.getAttribute("cx")), Number(e.getAttribute("cy")), e.style.fill]);
+          (e) => [e.dataset.id, Number(e.getAttribute("cx")), Number(e.getAttribute("cy")), e.style.stroke || e.style.fill,
+            e.style.fill === "rgb(255, 255, 255)"]);
         const legend = all("#legend span").map((e) => e.textContent);
         all("#chart circle")[2].dispatchEvent(new MouseEvent("click", { bubbles: true }));
         return { points, legend, one: $("#one h2").textContent, chosen: all(".card.chosen").length, ticks: all("#chart text").length };
     """)
     assert found["faults"] == []
     rows = {row["id"]: row for row in table(stands)}
-    points: list[tuple[str, float, float, str]] = found["points"]  # type: ignore[assignment]
+    points: list[tuple[str, float, float, str, bool]] = found["points"]  # type: ignore[assignment]
     assert {point[0] for point in points} == {id for id, row in rows.items() if row["mass"]}
     side, mass = ([float(rows[point[0]][name]) for point in points] for name in ("parameters.side", "mass"))
     for values, places_, sign in ((side, [p[1] for p in points], 1.0), (mass, [p[2] for p in points], -1.0)):  # linear, up is less y
@@ -188,7 +189,8 @@ def test_the_plot(stands: Path) -> None:
             assert place == pytest.approx(at_low + (value - low) / (high - low) * (at_high - at_low), abs=0.15)
     colours = {rows[p[0]]["components.plate.material"]: p[3] for p in points}
     assert len(set(colours.values())) == 2 and all(colours[rows[p[0]]["components.plate.material"]] == p[3] for p in points)
-    assert found["legend"][:2] == ["heavy", "light"] and "without a value" in found["legend"][2]  # type: ignore[index]
+    assert found["legend"][:2] == ["heavy", "light"] and "without a value" in found["legend"][-1]  # type: ignore[index]
+    assert {p[0] for p in points if p[4]} == {id for id, row in rows.items() if row["mass"] and row["status"] != "built"}
     assert found["one"] == rows[points[2][0]]["name"] and found["chosen"] == 1
 
 
@@ -206,8 +208,9 @@ def made(folder: Path, count: int, text: str = "plain") -> tuple[Path, list[Colu
         for index in range(count):
             stream.write(json.dumps({
                 "index": index, "id": f"{index:012x}", "name": f"{text} {index}", "status": "refused" if index % 3 == 2 else "built",
-                "code": "TC000", "message": text, "rule": text, "parameters": {"length": index / 7.0, "label": text + str(index % 2)},
-                "choices": {}, "results": {"mass": (index * 7919) % 1009 + 0.5, "torque_margin": "inf"}, "path": text, "command": text, "seconds": index,
+                "code": "TC000", "message": text, "rule": text, "choices": {},
+                "parameters": {"length": index / 7.0, "label": text + str(index % 2)},
+                "results": {"mass": (index * 7919) % 1009 + 0.5, "torque_margin": "inf"}, "path": text, "command": text, "seconds": index,
             }) + "\n")
     described = {
         "name": text, "document": text, "assembly": text, "count": count, "modes": [text], "pose": text, "finished": True,

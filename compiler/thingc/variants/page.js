@@ -283,18 +283,20 @@
       drawn.append(svg("text", { class: "title", x: width - right, y: height - 6, "text-anchor": "end" }, withUnit(X)), svg("text", { class: "title", x: 2, y: 12 }, withUnit(Y)));
       const radius = found.length > 2000 ? 2 : found.length > 300 ? 3 : 4.5;
       for (const row of found) {
-        const point = svg("circle", { cx: u(x.value(row)).toFixed(1), cy: v(y.value(row)).toFixed(1), r: radius, "data-id": cell(row, "id"), style: `fill: ${c.of(row)}` },
+        const point = svg("circle", { cx: u(x.value(row)).toFixed(1), cy: v(y.value(row)).toFixed(1), r: radius, "data-id": cell(row, "id"),
+          style: status(row) === "built" ? `fill: ${c.of(row)}` : `fill: #fff; stroke: ${c.of(row)}; stroke-width: 1.6` },
           svg("title", {}, `${cell(row, "name")}\n${label(X)} ${shown(cell(row, X.name))}\n${label(Y)} ${shown(cell(row, Y.name))}`));
         if (row === state.chosen) point.classList.add("chosen");
         point.addEventListener("click", () => select(row));
         drawn.append(point);
       }
-      if (c.legend) $("legend").append(...c.legend.map(([colour, text]) => make("span", {}, make("i", { class: "dot", style: `background: ${colour}` }), text)));
+      if (c.legend) $("legend").append(...c.legend.map(([colour, text]) => make("span", { class: "key" }, make("i", { class: "dot", style: `background: ${colour}` }), text)));
       else if (c.high >= c.low) {
         const bar = make("i", { class: "bar", style: `background: linear-gradient(90deg, ${[0, 0.25, 0.5, 0.75, 1].map(shade).join(", ")})` });
         $("legend").append(make("span", {}, `${label(C)} ${shown(c.low)}`, bar, `${shown(c.high)}${C.unit ? ` ${C.unit}` : ""}`));
       }
     }
+    if (found.some((row) => status(row) !== "built") && state.colour !== "status") $("legend").append(make("span", {}, "○ not built"));
     if (found.length < wanted.length) $("legend").append(make("span", {}, `${wanted.length - found.length} without a value`));
     $("chart").replaceChildren(drawn);
   }
