@@ -156,7 +156,7 @@ def test_the_manifest_knows_every_file(arm: Path, manifest: dict[str, Any], comp
         for path in (ARM, "assemblies/end_effector.yaml", "assemblies/materials.yaml")
     }
     assert manifest["choice"] == {
-        "modes": ["bench", "drawing", "adrift"], "emit": ["mjcf", "mjz", "stl", "step", "bom", "hag"], "parameters": {},
+        "modes": ["bench", "drawing", "adrift"], "emit": ["mjcf", "mjz", "stl", "step", "bom", "hag"], "parameters": {}, "choices": {},
     }
     assert {entry["path"]: entry["mass"] for entry in manifest["occurrences"]} == {
         o.path: o.properties.mass for o in compiled.assembly.occurrences

@@ -83,7 +83,7 @@ def test_build_in_json(arm: Path, shared_store: str, tmp_path: Path) -> None:
         "manifest.json", "modes.json", "bom.csv", "bom.json", "mjcf/arm_bench.xml", "mjcf/scene_bench.xml",
     }
     choice = json.loads((tmp_path / "arm" / "manifest.json").read_text())["choice"]
-    assert choice == {"modes": ["bench"], "emit": ["mjcf", "bom"], "parameters": {}}
+    assert choice == {"modes": ["bench"], "emit": ["mjcf", "bom"], "parameters": {}, "choices": {}}
     answer = build(ARM, "-o", tmp_path, "--emit", "hag", "-p", "pen_diameter=10 mm", store=shared_store)
     left = {path.name for path in (tmp_path / "arm").rglob("*")}
     assert left == {"manifest.json", "hag.dot", "hag.mmd", "hag.svg"}, "the rest is gone"

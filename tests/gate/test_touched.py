@@ -85,10 +85,12 @@ def test_what_a_file_concerns(touched: Run, changed: str, expected: list[str]) -
     assert touched(changed) == expected
 
 
-def test_roots_are_what_nothing_else_nests(touched: Run) -> None:
+def test_roots_have_modes_or_are_what_nothing_else_nests(folder: Path, touched: Run) -> None:
     assert touched("robots/foot.yaml", "--roots") == [WALKER]
     assert touched("robots/materials.yaml", "robots/lone.yaml", "--roots") == [LONE_FILE, WALKER]
     assert touched("--all") == [FOOT_FILE, LONE_FILE, MATERIALS_FILE, WALKER]
+    (folder / FOOT_FILE).write_text(FOOT + "modes: {standing: {root: sole}}\n")
+    assert touched("robots/foot.yaml", "--roots") == [FOOT_FILE, WALKER]
 
 
 def test_a_document_that_cannot_be_read_concerns_itself(folder: Path, touched: Run) -> None:
@@ -109,8 +111,11 @@ def test_the_real_robots(shared_store: str) -> None:
         return thingc("touched", *words, store=shared_store, cwd=ROOT / "assemblies").out.splitlines()
 
     assert run("../parts/arm.py") == ["arm.yaml", "end_effector.yaml"]
-    assert run("../parts/minchw/leg.py", "--roots") == ["minchw/minchw.yaml"]
-    assert run("../parts/thingc_stock/magnets.py") == ["minchw/leg.yaml", "minchw/minchw.yaml"]
+    # the robot is nested in one that carries a probe, and has modes of its own; the leg has none
+    assert run("../parts/minchw/leg.py", "--roots") == ["minchw/minchw.yaml", "minchw/probe.yaml"]
+    assert run("../parts/thingc_stock/magnets.py") == [
+        f"minchw/{name}.yaml" for name in ("bridge_search", "leg", "minchw", "probe", "sizes")
+    ]
 
 
 def git(folder: Path, *words: str) -> str:

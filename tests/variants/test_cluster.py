@@ -163,6 +163,13 @@ def test_workers_that_see_other_files_are_named(tmp_path: Path, four: Dask) -> N
             found.check({str(tmp_path / "nothing.yaml"): "0" * 64})
 
 
+@pytest.mark.slow
+def test_workers_with_other_versions_are_named(tmp_path: Path, four: Dask, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dask_cluster, "versions", lambda: {"thingc": "0.0.1"})
+    with dask_cluster.DaskCluster(four.address) as found, pytest.raises(BatchFault, match=r"other versions: .*thingc \S+ instead of 0.0.1"):
+        found.check({})
+
+
 def test_nobody_at_the_address(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(dask_cluster, "TIMEOUT", 1.0)
     started = time.monotonic()
@@ -177,6 +184,23 @@ def test_a_scheduler_without_workers(monkeypatch: pytest.MonkeyPatch, tmp_path: 
     monkeypatch.setattr(dask_cluster, "TIMEOUT", 3.0)
     with dask(tmp_path / "dask", environment(shared_store), 0) as none, pytest.raises(BatchFault, match="has no worker"):
         cluster.connect(none.address, folder=str(tmp_path / "jobs"))
+
+
+@pytest.mark.slow
+def test_the_last_worker_is_waited_for_and_then_said_to_be_gone(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, shared_store: str,
+) -> None:
+    monkeypatch.setattr(dask_cluster, "PATIENCE", 1.5)
+    monkeypatch.setattr(dask_cluster, "LOOK", 0.1)
+    with dask(tmp_path / "dask", environment(shared_store), 1) as one, dask_cluster.DaskCluster(one.address) as found:
+        assert found.fault() is None and found.ahead == 2
+        one.workers[0].kill()
+        killed = time.monotonic()
+        fault = None
+        while fault is None and time.monotonic() - killed < 30.0:
+            time.sleep(0.1)
+            fault = found.fault()
+        assert fault is not None and "no worker for 1.5 s" in str(fault) and time.monotonic() - killed > 1.5
 
 
 @pytest.mark.parametrize("address", ["nonsense", "host", "http://host:80", "tcp://", "slurmy", "10.0.0.1:port"])

@@ -17,7 +17,7 @@ materials, the code of their parts, files that are parts. Nothing of theirs is r
   thingc touched parts/arm.py
   thingc touched --since origin/main                    everything that this branch has changed
   thingc check $(thingc touched --since origin/main)
-  thingc touched --since origin/main --roots            only what nothing else nests: what to build
+  thingc touched --since origin/main --roots            what to build: assemblies with modes, and what nothing else nests
 """
 
 
@@ -27,7 +27,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("files", metavar="FILE", nargs="*", help="a file that has changed (it need not be there any more)")
     parser.add_argument("--since", metavar="REVISION", help="also every file that has changed since this branch left REVISION (git)")
     parser.add_argument("--all", action="store_true", help="every document below this folder, whatever has changed")
-    parser.add_argument("--roots", action="store_true", help="only assemblies that no other touched document nests")
+    parser.add_argument("--roots", action="store_true", help="only assemblies with modes of their own, and those that no other nests")
     parser.add_argument(
         "--store", metavar="DIR", help="where modelled parts are kept (default: THINGC_STORE, else the user's cache folder)"
     )

@@ -21,8 +21,8 @@ LOCK = "parts.lock.json"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Touched:
-    """`documents` (absolute paths, sorted) depend on a file that changed; `roots` are the assemblies among them that no other
-    of them nests: what there is to build."""
+    """`documents` (absolute paths, sorted) depend on a file that changed; `roots` are what there is to build: the assemblies
+    among them that have modes of their own, or that no other of them nests."""
 
     documents: tuple[str, ...]
     roots: tuple[str, ...]
@@ -31,12 +31,15 @@ class Touched:
 @dataclass(frozen=True, slots=True)
 class _Needs:
     """What a document depends on: real paths of files, there or not, and `folders` of which any file that is no Python counts.
-    `assembly`: is it one; `nested`: real paths of the documents that it uses."""
+    `assembly`: is it one; `modes`: has it any; `nested`: real paths of the documents that it uses; `varies`: of the assemblies
+    that variants are made of."""
 
     files: frozenset[str]
     folders: tuple[str, ...]
     assembly: bool
+    modes: bool
     nested: frozenset[str]
+    varies: frozenset[str]
 
 
 def touched(changed: Collection[str] | None, folder: str, store: Store | None) -> Touched:
@@ -52,8 +55,11 @@ def touched(changed: Collection[str] | None, folder: str, store: Store | None) -
         return Touched(documents=(), roots=())
     needs = {path: _needs(path, store) for path in documents_in(folder)}
     met = sorted(path for path, need in needs.items() if real is None or _meets(path, need, real))
+    # variants are touched with the assemblies that they vary, which the document itself does not read
+    varied = {os.path.realpath(path) for path in met}
+    met = sorted({*met, *(path for path, need in needs.items() if need.varies & varied)})
     inside = {inner for path in met for inner in needs[path].nested}
-    roots = [path for path in met if needs[path].assembly and os.path.realpath(path) not in inside]
+    roots = [path for path in met if needs[path].modes or (needs[path].assembly and os.path.realpath(path) not in inside)]
     return Touched(documents=tuple(met), roots=tuple(roots))
 
 
@@ -70,7 +76,7 @@ def _needs(path: str, store: Store | None) -> _Needs:
     workspace = Workspace.find(path, report)
     documents = load(path, workspace, report, kinds=KINDS) if workspace is not None else None
     if workspace is None or documents is None:  # it cannot be read, so it names nothing
-        return _Needs(frozenset(), (), False, frozenset())
+        return _Needs(frozenset(), (), False, False, frozenset(), frozenset())
     code = PartCode(workspace, store)
     files = {*workspace.inputs, os.path.join(workspace.root, LOCK), *_files(documents)}
     own = False
@@ -84,9 +90,13 @@ def _needs(path: str, store: Store | None) -> _Needs:
         files=frozenset(os.path.realpath(file) for file in files),
         folders=tuple(os.path.realpath(part) for part in workspace.parts) if own else (),
         assembly=documents.root.kind == "assembly",
+        modes=documents.root.kind == "assembly" and "modes" in documents.root.tree.entries,
         nested=frozenset(
             os.path.realpath(document.path) for document in documents.by_path.values() if document is not documents.root
         ),
+        varies=frozenset(
+            os.path.realpath(os.path.join(os.path.dirname(path), text)) for text in _texts(documents.root, "assembly")
+        ) if documents.root.kind == "variants" else frozenset(),
     )
 
 

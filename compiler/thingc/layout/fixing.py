@@ -75,7 +75,8 @@ def mend(
 
     `contents` are files that have been changed before, by absolute path; `allowed` says of a file whether it may be changed,
     `read` its bytes on disk. Returns the changes in the order made, the contents of all changed files, and what is left to
-    say. A change that leaves a fault at its place is not made, and in the end every changed file has fewer faults than before.
+    say. A change that leaves a fault at its place is not made, and in the end every changed file has fewer faults of the first
+    pass in which anything changed than before.
     """
     before = look(contents)
     done, texts, left = _mend(look, before, contents, allowed, read, strict=False)
@@ -174,9 +175,12 @@ def _applied(chosen: Sequence[Mending], texts: Mapping[str, bytes], read: Callab
     return fresh
 
 
-def _faults(found: Sequence[Diagnostic], file: str) -> int:
-    """The errors in a file."""
-    return sum(1 for d in found if d.severity is Severity.ERROR and d.span is not None and d.span.file == file)
+def _faults(found: Sequence[Diagnostic], file: str) -> tuple[int, ...]:
+    """How many errors of each pass a file has, the first pass first: fewer of an early one is better, whatever it hid."""
+    passes = Counter(
+        d.code.code[2] for d in found if d.severity is Severity.ERROR and d.span is not None and d.span.file == file
+    )
+    return tuple(passes[digit] for digit in "123456789")
 
 
 def _better(chosen: Sequence[Mending], before: Sequence[Diagnostic], after: Sequence[Diagnostic], *, strict: bool) -> list[Mending]:

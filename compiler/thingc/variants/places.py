@@ -71,8 +71,13 @@ def write_variant(folder: str, id: str, files: Mapping[str, Content], store: Blo
         except OSError as fault:
             if fault.errno not in (errno.ENOTEMPTY, errno.EEXIST):
                 raise
-            shutil.rmtree(place)
-            os.rename(fresh, place)
+            shutil.rmtree(place, ignore_errors=True)
+            try:
+                os.rename(fresh, place)
+            except OSError as again:
+                if again.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+                    raise
+                shutil.rmtree(fresh)  # a worker that was thought lost has written the same variant at this moment
     except BaseException:
         shutil.rmtree(fresh, ignore_errors=True)
         raise
