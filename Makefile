@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 JOBS ?= 2
 
-.PHONY: demo test lint bench bench-naming bench-designs bench-weld walk bridge-search fuzz schemas docs pictures clean
+.PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-weld walk bridge-search mutants fuzz schemas docs pictures clean
 
 demo: $(VENV)/.thingc
 	$(BIN)/thingc build assemblies/arm.yaml
@@ -20,7 +20,7 @@ demo: $(VENV)/.thingc
 test: $(VENV)/.thingc-dev
 	$(BIN)/ruff check .
 	$(BIN)/mypy
-	$(BIN)/pytest -n $(JOBS) --dist loadgroup
+	$(BIN)/pytest -n $(JOBS) --dist loadfile
 
 lint: $(VENV)/.thingc-dev
 	$(BIN)/ruff check .
@@ -37,6 +37,13 @@ walk: $(VENV)/.thingc-dev
 
 bridge-search: $(VENV)/.thingc-dev
 	$(BIN)/python examples/longest_bridge.py --docs docs
+
+bench-variants: $(VENV)/.thingc-dev
+	$(BIN)/python benchmarks/variants/throughput.py --scale 10000
+	$(BIN)/python benchmarks/variants/cluster.py
+
+mutants: $(VENV)/.thingc-dev
+	$(BIN)/python benchmarks/mutants/study.py
 
 bench-naming: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/naming/study.py

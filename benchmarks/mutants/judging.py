@@ -20,10 +20,11 @@ COPIED = ("assemblies", "parts", "thingc.toml")
 
 @dataclass(frozen=True)
 class Subject:
-    """A good document in the scratch workspace, and the document that is compiled to see what it means."""
+    """A good document in the scratch workspace, and the documents that are compiled to see what it means: itself where it is an
+    assembly, and the robot that it is a part of."""
 
     document: Document
-    root: str
+    roots: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -49,13 +50,14 @@ def subjects(folder: Path, store: str) -> list[Subject]:
     twin = folder / "assemblies" / "arm_twin.toml"
     twin.write_text(_as_toml(folder / "assemblies" / "arm.yaml"))
     found: dict[str, Subject] = {}
-    # assemblies that nest most come first: a nested document is judged through the robot that it is a part of
+    # assemblies that nest most come first: they are the robots that others are a part of
     paths = [path for path in documents_in(str(folder)) if "thingc: variants/" not in Path(path).read_text()]
     compiled = {path: _compiled(path, store) for path in paths}
     by_size = sorted((path for path in paths if compiled[path] is not None), key=lambda path: (-len(compiled[path] or ()), path))
     for root in by_size:
         for document in compiled[root] or ():
-            found.setdefault(document.path, Subject(document, root))
+            own = (document.path,) if document.kind == "assembly" and document.path != root else ()
+            found.setdefault(document.path, Subject(document, (*own, root)))
     return [found[path] for path in sorted(found)]
 
 
@@ -81,12 +83,16 @@ def judge(subject: Subject, mutant: Mutant, store: str) -> Verdict:
     """Compile with the mutant in place of the document; what is accepted is built for MuJoCo. Raises where thingc does."""
     path = Path(subject.document.path)
     path.write_text(mutant.text)
+    said: list[Diagnostic] = []
     try:
-        with Compilation(subject.root, Options(store=store, part_timeout=30.0)) as compilation:
-            compilation.run()
-            if not compilation.report.failed:
-                compilation.emit(["mjcf"])
-            said = compilation.report.ordered()
+        for root in subject.roots:
+            with Compilation(root, Options(store=store, part_timeout=30.0)) as compilation:
+                compilation.run()
+                if not compilation.report.failed:
+                    compilation.emit(["mjcf"])
+                said += compilation.report.ordered()
+                if compilation.report.failed:
+                    break
     finally:
         path.write_text(subject.document.text)
     as_text(said)

@@ -113,10 +113,12 @@ def _groups(results: list[Result], outcome: str) -> list[str]:
         if verdict.outcome == outcome:
             grouped.setdefault((mutant.kind, field), []).append((mutant, verdict))
     rows = sorted(grouped.items(), key=lambda item: (KINDS.index(item[0][0]), -len(item[1]), item[0][1]))
-    return [
-        f"| {kind} | `{field}` | {len(found)} | {_cell(found[0][0].what)}{': ' + _cell(found[0][1].said[:90]) if found[0][1].said else ''} |"
-        for (kind, field), found in rows
-    ]
+    shown = []
+    for (kind, field), found in rows:
+        mutant, verdict = found[0]
+        said = f": {_cell(verdict.said[:90])}" if verdict.said else ""
+        shown.append(f"| {kind} | `{field}` | {len(found)} | {_cell(mutant.what)}{said} |")
+    return shown
 
 
 def _cell(text: str) -> str:

@@ -167,7 +167,7 @@ def _locked(folder: str, on_wait: Waiting | None) -> Iterator[None]:
                     on_wait(folder)
                 said = True
                 fcntl.flock(descriptor, fcntl.LOCK_EX)
-            if _same_file(descriptor, path):
+            if same_file(descriptor, path):
                 break
         except BaseException:
             os.close(descriptor)
@@ -181,7 +181,8 @@ def _locked(folder: str, on_wait: Waiting | None) -> Iterator[None]:
         os.close(descriptor)
 
 
-def _same_file(descriptor: int, path: str) -> bool:
+def same_file(descriptor: int, path: str) -> bool:
+    """Whether the file that is open still is the one at `path`."""
     try:
         return os.path.samestat(os.fstat(descriptor), os.stat(path))
     except FileNotFoundError:

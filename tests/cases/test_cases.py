@@ -55,6 +55,7 @@ ELSEWHERE = {
     "BATCH_LOCKED": "tests/variants/test_faults.py",
     "BATCH_UNFINISHED": "tests/variants/test_batch.py",
     "BATCH_CHANGED": "tests/variants/test_batch.py",
+    "CLUSTER": "tests/variants/test_cluster.py",  # other machines
     "STRANGERS": "tests/cases/test_folders.py",
 }
 """Codes that no document on a healthy machine brings about, and where they are tested."""

@@ -18,7 +18,7 @@ import pytest
 from conformance import rig
 from conformance.harness import COMMAND, TIMEOUT, build, environment, processes, tree, write
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("killed")]
+pytestmark = pytest.mark.slow
 
 SPANS = (60, 95)
 FAREWELL = 10.0

@@ -17,8 +17,6 @@ from conformance import rig
 from conformance import simulation as sim
 from conformance.harness import build, thingc, tree, write
 
-pytestmark = pytest.mark.xdist_group("rig")
-
 MODES = {"table": "base", "gripped": "grip/finger", "loose": "boom", "pegged": "base"}
 """Mode to the link that it holds."""
 

@@ -13,8 +13,6 @@ import trimesh
 from conformance import simulation as sim
 from conformance.harness import build, thingc, write
 
-pytestmark = pytest.mark.xdist_group("defects")
-
 PARTS = '''
     from build123d import Box, Cylinder, Location, Pos, Sphere
 

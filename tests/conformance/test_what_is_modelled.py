@@ -11,8 +11,6 @@ import pytest
 from conformance import shelf
 from conformance.harness import ROOT, build, replace, thingc, tree
 
-pytestmark = pytest.mark.xdist_group("shelf")
-
 
 @pytest.fixture(scope="module")
 def base(tmp_path_factory: pytest.TempPathFactory) -> Path:

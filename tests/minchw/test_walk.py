@@ -16,7 +16,7 @@ from conformance.harness import ROOT
 
 from .conftest import sole
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("walk")]  # one worker walks for all of them
+pytestmark = pytest.mark.slow
 
 PLACES = ("floor", "wall", "ceiling")
 WAYS = ("rooted", "free")

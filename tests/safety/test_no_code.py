@@ -116,7 +116,8 @@ def test_the_audit_hook_sees_nothing_of_the_workspace_run_and_nothing_outside_op
     answer = tmp_path / "audit.json"
     words = ["hostile.yaml", "root.yaml", *DOCUMENTS]
     subprocess.run(
-        [sys.executable, "-I", "-B", "-c", _AUDITED, str(answer), *words], cwd=hostile, env=environment(THINGC_STORE=str(tmp_path / "store")),
+        [sys.executable, "-I", "-B", "-c", _AUDITED, str(answer), *words], cwd=hostile,
+        env=environment(THINGC_STORE=str(tmp_path / "store")),
         check=True, timeout=120,
     )
     codes, seen = json.loads(answer.read_text())

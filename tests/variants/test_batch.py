@@ -243,11 +243,18 @@ def test_a_finished_batch_is_replaced(tmp_path: Path, shared_store: str) -> None
     batch(here, shared_store)
     text = (here / "sweep.yaml").read_text()
     (here / "sweep.yaml").write_text(text.replace("[200 mm, 300 mm, 400 mm]", "[250 mm]"))
+    out = here / "build" / "sweep"
+    left = out / ".old-4711-0123abcd" / "variants" / "0123456789ab"  # by a batch that was killed while it deleted
+    left.mkdir(parents=True)
+    (left / "robot.xml").write_text("<mujoco/>")
     assert batch(here, shared_store).statuses == {"built": 4}
-    assert len(list((here / "build" / "sweep" / "variants").iterdir())) == 4
+    assert len(list((out / "variants").iterdir())) == 4
+    assert sorted(p.name for p in out.iterdir()) == [
+        "assets", "batch.json", "index.html", "journal.jsonl", "results.csv", "results.parquet", "variants",
+    ]
 
 
-@pytest.mark.parametrize("place", ["notes.txt", "variants/notes.txt", "variants/ID/notes.txt", "assets/notes.txt"])
+@pytest.mark.parametrize("place", [".old-notes", "notes.txt", "variants/notes.txt", "variants/ID/notes.txt", "assets/notes.txt"])
 def test_a_folder_with_strangers_is_left_as_it_is(tmp_path: Path, shared_store: str, place: str) -> None:
     here = workspace(tmp_path)
     summary = batch(here, shared_store)
@@ -297,6 +304,14 @@ def test_resume_does_not_mind_how_the_settings_are_written(tmp_path: Path, share
     batch(here, shared_store, limit=3)
     text = (here / "sweep.yaml").read_text()
     (here / "sweep.yaml").write_text("# now in metres\n" + text.replace("[200 mm, 300 mm, 400 mm]", "[0.2 m, 30 cm, 0.4 m]"))
+    assert batch(here, shared_store, resume=True).before == 3
+
+
+def test_resume_does_not_mind_what_else_was_built_in_the_workspace(tmp_path: Path, shared_store: str) -> None:
+    """Of what has parts, while the batch has none."""
+    here = workspace(tmp_path, stands="thingc: variants/1\nassembly: stand.yaml\nname: stands\nparameters: {side: [30 mm, 40 mm]}\n")
+    batch(here, shared_store, limit=3)
+    batch(here, shared_store, "stands")
     assert batch(here, shared_store, resume=True).before == 3
 
 

@@ -205,8 +205,9 @@ def test_the_last_worker_is_waited_for_and_then_said_to_be_gone(
 
 @pytest.mark.parametrize("address", ["nonsense", "host", "http://host:80", "tcp://", "slurmy", "10.0.0.1:port"])
 def test_addresses_that_are_none(address: str, tmp_path: Path) -> None:
-    with pytest.raises(BatchFault, match="is no address of a cluster"):
+    with pytest.raises(BatchFault, match="is no address of a cluster") as caught:
         cluster.connect(address, folder=str(tmp_path / "jobs"))
+    assert caught.value.diagnostic.code is Code.COMMAND_LINE
 
 
 @pytest.mark.parametrize(("package", "address"), [("distributed", "tcp://127.0.0.1:9"), ("submitit", "slurm:cluster=local")])

@@ -15,9 +15,9 @@ from thingc.diagnostics import Diagnostic, did_you_mean, shown_path
 from thingc.pipeline import Options
 
 if TYPE_CHECKING:
-    from thingc.variants.batch import Progress, Summary
     from thingc.variants.forecast import Forecast
     from thingc.variants.planning import Plan
+    from thingc.variants.progress import Progress, Summary
 
 EPILOG = """\
 Writes build/NAME/ (or DIR/NAME/): a folder for each variant in variants/, their meshes once in assets/, the tables results.csv and
@@ -84,10 +84,21 @@ def run(arguments: argparse.Namespace) -> int:
         return _refuse(arguments, [fault.diagnostic])
     except Interrupted as fault:
         _clear()
-        again = shlex.join(["thingc", "batch", arguments.document, *(["-o", arguments.output] if arguments.output else []), "--resume"])
-        print(f"interrupted: {fault.done} of {fault.count} variants are done; go on with: {again}", file=sys.stderr)
+        print(f"interrupted: {fault.done} of {fault.count} variants are done; go on with: {_again(arguments)}", file=sys.stderr)
         return INTERRUPTED
     return _answer(arguments, summary)
+
+
+def _again(arguments: argparse.Namespace) -> str:
+    """The command that goes on with a batch: with everything that was said of it."""
+    pictures = {PICTURES: None, None: "all", 0: "none"}.get(arguments.pictures, arguments.pictures)
+    said = {
+        "-o": arguments.output, "--limit": arguments.limit, "--timeout": arguments.timeout, "--cluster": arguments.cluster,
+        "--pictures": pictures, "--store": arguments.store, "--jobs": arguments.jobs or None, "--part-timeout": arguments.part_timeout,
+    }
+    words = ["thingc", "batch", arguments.document, *(word for target in arguments.emit for word in ("--emit", target))]
+    words += [str(word) for option, value in said.items() if value is not None for word in (option, value)]
+    return shlex.join([*words, *(["--no-verify"] if arguments.no_verify else []), "--resume"])
 
 
 def _targets(words: Sequence[str]) -> tuple[str, ...]:
@@ -190,6 +201,10 @@ def _time(seconds: float) -> str:
     return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
 
 
+def _variants(count: int) -> str:
+    return "1 variant" if count == 1 else f"{count} variants"
+
+
 def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
     code = 1 if summary.statuses.get("refused") or summary.statuses.get("failed") else 0
     if arguments.format == "json":
@@ -202,7 +217,7 @@ def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
     counts = ", ".join(f"{summary.statuses[status]} {spoken}" for status, spoken in STATUSES.items() if status in summary.statuses)
     earlier = f" ({summary.before} of them before)" if summary.before else ""
     print(
-        f"{shown_path(summary.folder)}: {summary.count} variants{earlier}: {counts}; {summary.modelled} parts modelled",
+        f"{shown_path(summary.folder)}: {_variants(summary.count)}{earlier}: {counts}; {summary.modelled} parts modelled",
         file=sys.stderr,
     )
     if summary.duplicates:
@@ -253,8 +268,8 @@ def _forecast(arguments: argparse.Namespace, options: Options, targets: tuple[st
 
 def _told(planned: Plan, found: Forecast) -> list[str]:
     """A forecast for people."""
-    some = f"{found.count} of {planned.count}" if found.count != planned.count else f"{found.count}"
-    lines = [f"{planned.name}: {some} variants of {planned.assembly_relative}; modes {', '.join(planned.modes)}; "
+    some = f"{found.count} of {_variants(planned.count)}" if found.count != planned.count else _variants(found.count)
+    lines = [f"{planned.name}: {some} of {planned.assembly_relative}; modes {', '.join(planned.modes)}; "
              f"targets {', '.join(planned.emit)}"]
     for axis in planned.axes:
         if axis.range is not None:

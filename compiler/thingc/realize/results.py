@@ -43,9 +43,13 @@ class Results:
 
     def state(self, path: str, like: str) -> str:
         """What lies at `path` (relative to the workspace, or absolute); `like` is a state that tells how to look."""
+        self.consulted.add(os.path.normpath(os.path.join(self.root, path)))
+        return self._seen(path, like)
+
+    def _seen(self, path: str, like: str) -> str:
+        """The same for what decides about no answer."""
         listed = like.startswith("folder:")
         absolute = os.path.normpath(os.path.join(self.root, path))
-        self.consulted.add(absolute)
         if (absolute, listed) not in self._states:
             self._states[absolute, listed] = state_of(absolute, listed=listed)
         return self._states[absolute, listed]
@@ -81,7 +85,7 @@ class Results:
     def files_changed(self) -> bool:
         """Whether a file that parts depended on in the last run is another now; also True when there was no last run."""
         files = self.store.get_json("files", self.root)
-        return not isinstance(files, dict) or any(self.state(path, state) != state for path, state in files.items())
+        return not isinstance(files, dict) or any(self._seen(path, state) != state for path, state in files.items())
 
     # --- what was built last, for `thingc why` ----------------------------------------------------------------------
 

@@ -11,15 +11,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from thingc.variants.batch import Interrupted, Progress, Summary, run
+    from thingc.variants.batch import run
     from thingc.variants.folder import BatchFault
     from thingc.variants.in_place import NotInPlace, apply, fields, write
     from thingc.variants.loading import BuiltVariant, Family, FamilyError, UnknownVariant, load
     from thingc.variants.planning import Plan, PlanError, Variant, plan
+    from thingc.variants.progress import Interrupted, Progress, Summary
 
 _EXPORTS = {
-    "BatchFault": "folder", "BuiltVariant": "loading", "Family": "loading", "FamilyError": "loading", "Interrupted": "batch",
-    "NotInPlace": "in_place", "Plan": "planning", "PlanError": "planning", "Progress": "batch", "Summary": "batch",
+    "BatchFault": "folder", "BuiltVariant": "loading", "Family": "loading", "FamilyError": "loading", "Interrupted": "progress",
+    "NotInPlace": "in_place", "Plan": "planning", "PlanError": "planning", "Progress": "progress", "Summary": "progress",
     "UnknownVariant": "loading", "Variant": "planning", "apply": "in_place", "fields": "in_place", "load": "loading",
     "plan": "planning", "run": "batch", "write": "in_place",
 }

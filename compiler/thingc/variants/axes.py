@@ -162,7 +162,8 @@ class Reader:
             return None
         if not least <= raw <= most:
             rule = f"at least {least}" if raw < least else f"at most {most}"
-            self._error(Code.VARIANT_VALUE, f"`{path[-1]}` must be {rule}, found `{raw}`", path)
+            help = f"write for example `{path[-1]}: {max(least, 16) if raw < least else most}`"
+            self._error(Code.VARIANT_VALUE, f"`{path[-1]}` must be {rule}, found `{raw}`", path, help=help)
             return None
         return int(raw)
 

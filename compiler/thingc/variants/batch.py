@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import os
 import queue
 import shlex
@@ -11,24 +10,25 @@ import signal
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
 
 from thingc.diagnostics import Code, Diagnostic, Report, shown_path
-from thingc.emit.manifest import versions
 from thingc.pipeline import Options
 from thingc.variants import places
 from thingc.variants.cluster import Cluster
+from thingc.variants.description import describe, job_of, seen
 from thingc.variants.engine import RUNNERS, Cancelled, LocalExecutor, RunnersBroken, evaluate
-from thingc.variants.folder import BatchFault, begin, differences, in_words, locked, read_batch, write_batch
-from thingc.variants.job import STOPPED, Job, Row, Task
+from thingc.variants.folder import BatchFault, begin, cleared, differences, in_words, locked, read_batch, write_batch
+from thingc.variants.job import STOPPED, Row, Task
 from thingc.variants.journal import Journal, lines
 from thingc.variants.page import write_page
 from thingc.variants.pictures import OnPicture
 from thingc.variants.planning import Plan, PlanError, Variant, read_plan
+from thingc.variants.progress import Interrupted, OnProgress, Progress, Summary
 from thingc.variants.showing import parameter_columns, show
 from thingc.variants.tables import Column, columns, lengths_in, write_tables
 
@@ -44,55 +44,6 @@ PIECES = 8
 """Into how many pieces a chunk is cut that an executor has lost: what loses it again then takes fewer others along."""
 REFRESH = 30.0
 """How often [s] the tables are written while the batch runs, at least; a long table less often."""
-
-
-class Interrupted(Exception):
-    """Somebody stopped the batch: `done` of `count` variants are in the journal of `folder`."""
-
-    def __init__(self, folder: str, done: int, count: int) -> None:
-        super().__init__(f"interrupted after {done} of {count} variants")
-        self.folder = folder
-        self.done = done
-        self.count = count
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Progress:
-    """How far a batch is. `before` are the variants that an earlier run has done; `rate` variants per second of this one."""
-
-    count: int
-    before: int
-    counts: dict[str, int]
-    rate: float
-
-    @property
-    def done(self) -> int:
-        """Variants in the journal."""
-        return self.before + sum(self.counts.values())
-
-    @property
-    def left(self) -> float | None:
-        """The estimate [s] of what is left to wait, None while nobody knows."""
-        return (self.count - self.done) / self.rate if self.rate > 0.0 else None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Summary:
-    """What came of a batch: how many variants have each status (those of earlier runs included), parts that were modelled in this
-    run, and how long it took [s]. `duplicates` were asked for more than once; `notes` are the warnings about the documents."""
-
-    folder: str
-    name: str
-    count: int
-    statuses: dict[str, int]
-    before: int
-    modelled: int
-    duplicates: int
-    seconds: float
-    notes: tuple[Diagnostic, ...] = ()
-
-
-OnProgress = Callable[[Progress], None]
 
 
 def run(
@@ -127,9 +78,10 @@ def run(
             count = plan.count if limit is None else min(limit, plan.count)
             batch = _Batch(plan, folder, options, jobs or os.cpu_count() or 1, timeout, verify, count, on_progress)
             batch.prepare(resume=resume)
-            with Journal(os.path.join(folder, places.JOURNAL)) as journal:
-                summary = batch.run(executor, journal)
-            shown = batch.show(pictures, on_picture)
+            with cleared(folder):
+                with Journal(os.path.join(folder, places.JOURNAL)) as journal:
+                    summary = batch.run(executor, journal)
+                shown = batch.show(pictures, on_picture)
             return summary if shown is None else replace(summary, notes=(*summary.notes, shown))
     except OSError as fault:
         raise in_words(folder, fault) from fault
@@ -187,7 +139,7 @@ class _Batch:
 
     def prepare(self, *, resume: bool) -> None:
         """Make the folder ready, and learn what an earlier run has done. Raises `BatchFault`."""
-        described = self._described(finished=False)
+        described = describe(self.plan, finished=False)
         if not resume:
             begin(self.folder, self.plan.relative, self.plan.assembly_relative)
         else:
@@ -202,16 +154,6 @@ class _Batch:
                 os.makedirs(os.path.join(self.folder, inner), exist_ok=True)
             self._remember()
         write_batch(self.folder, described)
-
-    def _described(self, *, finished: bool, wanted: Sequence[Column] = ()) -> dict[str, Any]:
-        plan = self.plan
-        return {
-            "name": plan.name, "document": plan.relative, "sha256": plan.sha256, "assembly": plan.assembly_relative,
-            "plan": plan.digest, "count": plan.count, "inputs": dict(plan.inputs), "versions": dict(versions()),
-            "emit": list(plan.emit), "modes": list(plan.modes), "pose": plan.pose,
-            "reach": list(plan.reach) if plan.reach is not None else None, "finished": finished,
-            "columns": [{"name": one.name, "kind": one.kind, "unit": one.unit} for one in wanted],
-        }
 
     def _remember(self) -> None:
         """What the journal says has been done; a variant that is said to be built and is not there is not."""
@@ -237,8 +179,8 @@ class _Batch:
         engine: Executor = own if own is not None else executor  # type: ignore[assignment]
         cluster = executor if isinstance(executor, Cluster) else None
         if cluster is not None:
-            cluster.check(self._seen())
-        job = self._job(cluster).encode()
+            cluster.check(seen(self.plan, self.folder))
+        job = job_of(self.plan, self.folder, self.options, verify=self.verify, elsewhere=cluster is not None).encode()
         whole = False
         with self._signals():
             try:
@@ -254,12 +196,12 @@ class _Batch:
                 if not whole:
                     self._drain(journal)
                     with contextlib.suppress(OSError):  # of a full disk has been said already
-                        write_page(self.folder, self._described(finished=False), self._columns())
+                        write_page(self.folder, describe(self.plan, finished=False), self._columns())
             if own is None:
                 places.sweep(self.folder)  # workers that died left what they were writing
             journal.sync()
             wanted = write_tables(self.folder, self.parameters, self.plan.choice_paths)
-            write_batch(self.folder, self._described(finished=True, wanted=wanted))
+            write_batch(self.folder, describe(self.plan, finished=True, wanted=wanted))
         statuses = self.earlier + self.counts
         return Summary(
             folder=self.folder, name=self.plan.name, count=self.count, statuses=dict(sorted(statuses.items())),
@@ -270,7 +212,8 @@ class _Batch:
     def show(self, pictures: int | None, on_picture: OnPicture | None) -> Diagnostic | None:
         """Pictures and the page of the finished batch; a warning where nothing can be drawn."""
         return show(
-            self.folder, self._described(finished=True), self._columns(), most=pictures, jobs=os.cpu_count() or 1, on_picture=on_picture,
+            self.folder, describe(self.plan, finished=True), self._columns(), most=pictures, jobs=os.cpu_count() or 1,
+            on_picture=on_picture,
         )
 
     def _columns(self) -> tuple[Column, ...]:
@@ -444,38 +387,9 @@ class _Batch:
     def _total(self) -> int:
         return sum(self.earlier.values()) + sum(self.counts.values())
 
-    def _seen(self) -> dict[str, str]:
-        """What every worker has to see: absolute path and SHA-256."""
-        files = {os.path.join(self.plan.workspace.root, path): sha256 for path, sha256 in self.plan.inputs.items()}
-        with open(os.path.join(self.folder, places.BATCH), "rb") as stream:
-            files[stream.name] = hashlib.sha256(stream.read()).hexdigest()
-        return files
-
-    def _job(self, cluster: Cluster | None) -> Job:
-        plan = self.plan
-        store = self.options.store
-        if cluster is not None:  # other machines have another environment, and another working folder
-            store = store or os.environ.get("THINGC_STORE")
-            store = store if store is None or "://" in store else os.path.abspath(store)
-        rules = [rule for rule in plan.rules if rule.needs_results]
-        return Job(
-            assembly=plan.assembly, folder=self.folder, store=store, part_timeout=self.options.part_timeout,
-            modes=plan.chosen_modes, results_mode=plan.modes[0], pose=plan.pose, reach=plan.reach,
-            rules=tuple(rule.text for rule in rules), rule_names=tuple(dict(rule.names) for rule in rules),
-            dimensions={
-                name: (_exponent(one.length), _exponent(one.mass), _exponent(one.time), _exponent(one.angle))
-                for name, one in plan.dimensions.items()
-            },
-            emit=plan.emit, verify=self.verify,
-        )
-
 
 def _answers(engine: Executor) -> None:
     """Raises `BatchFault` where an engine will not answer any more."""
     fault = engine.fault() if isinstance(engine, Cluster) else None
     if fault is not None:
         raise fault
-
-
-def _exponent(exponent: Any) -> float | int:
-    return exponent if isinstance(exponent, int) else float(exponent)

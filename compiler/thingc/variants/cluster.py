@@ -52,7 +52,7 @@ def connect(address: str, *, jobs: int = 0, folder: str) -> Cluster:
         from thingc.variants.dask_cluster import DaskCluster
 
         return DaskCluster(address if "://" in address else f"tcp://{address}", jobs=jobs)
-    raise BatchFault(Code.CLUSTER, f"`{address}` is no address of a cluster", HELP)
+    raise BatchFault(Code.COMMAND_LINE, f"`{address}` is no address of a cluster", HELP)
 
 
 def missing(package: str) -> BatchFault:

@@ -176,6 +176,9 @@ class Runners:
             except _Lost as fault:
                 said = f"{fault.words}\n{runner.errors()}"
                 self.drop(runner)
+            except BaseException:
+                self.drop(runner)
+                raise
         self._raise_if_closed()
         raise RunnersBroken(f"a runner does not start: {said.splitlines()[0]}", said)
 
@@ -256,6 +259,9 @@ def evaluate(
             what = f"its runner was ended: {fault.words}" if fault.hung else f"its runner died: {fault.words}"
             take(row(left.pop(0), "failed", code=code.code, message=what, detail=runner.errors(), pid=runner.pid))
             pool.drop(runner)
+        except BaseException:  # nobody knows what it is at: it answers nobody else
+            pool.drop(runner)
+            raise
         else:
             pool.give_back(runner)
     return rows

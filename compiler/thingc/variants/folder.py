@@ -9,10 +9,12 @@ import json
 import os
 import re
 import shutil
+import threading
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 from thingc.diagnostics import Code, Diagnostic, Severity, shown_path
+from thingc.output import same_file
 from thingc.output import strangers as strangers_of_build
 from thingc.variants import places
 
@@ -20,6 +22,7 @@ KIND = "batch/1"
 _VARIANT = re.compile(r"[0-9a-f]{12}")
 _ASSET = re.compile(r"[0-9a-f]{64}")
 _PICTURE = re.compile(r"[0-9a-f]{12}\.png")
+_OLD = re.compile(r"\.old-[0-9]+-[0-9a-f]{8}")
 
 
 class BatchFault(Exception):
@@ -35,22 +38,25 @@ def locked(folder: str) -> Iterator[None]:
     """Hold the folder for one batch. Raises `BatchFault` where another one does."""
     parent, name = os.path.split(folder)
     os.makedirs(parent, exist_ok=True)
-    descriptor = os.open(os.path.join(parent, f".{name}.thingc-lock"), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
-    try:
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise BatchFault(
-                Code.BATCH_LOCKED, f"another batch is being written to `{shown_path(folder)}`",
-                "wait until it has finished, or write into another folder with -o",
-            ) from None
+    path = os.path.join(parent, f".{name}.thingc-lock")
+    with contextlib.ExitStack() as leaving:
+        descriptor = -1
+        while descriptor < 0 or not same_file(descriptor, path):  # a batch that ended meanwhile took its file away with it
+            leaving.close()
+            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+            leaving.callback(os.close, descriptor)
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise BatchFault(
+                    Code.BATCH_LOCKED, f"another batch is being written to `{shown_path(folder)}`",
+                    "wait until it has finished, or write into another folder with -o",
+                ) from None
         try:
             yield
         finally:
             with contextlib.suppress(OSError):
-                os.unlink(os.path.join(parent, f".{name}.thingc-lock"))
-    finally:
-        os.close(descriptor)
+                os.unlink(path)
 
 
 def read_batch(folder: str) -> dict[str, Any] | None:
@@ -72,7 +78,7 @@ def write_batch(folder: str, found: Mapping[str, Any]) -> None:
 
 
 def begin(folder: str, document: str, assembly: str) -> None:
-    """Make the folder ready for a new batch of `document`; a finished batch of the same document is deleted.
+    """Make the folder ready for a new batch of `document`; a finished batch of the same document is set aside for `cleared`.
 
     Raises `BatchFault` where it holds anything else.
     """
@@ -102,24 +108,56 @@ def begin(folder: str, document: str, assembly: str) -> None:
                 Code.BATCH_UNFINISHED, f"`{shown_path(folder)}` holds a batch that has not finished",
                 "go on with --resume, or delete the folder to begin anew",
             )
-        _empty(folder, before)
+        _set_aside(folder, before)
     for inner in (places.VARIANTS, places.ASSETS):
         os.makedirs(os.path.join(folder, inner), exist_ok=True)
 
 
-def _empty(folder: str, before: Mapping[str, Any]) -> None:
-    """Delete a finished batch. A kill on the way leaves one that has not finished and can be gone on with."""
+def _set_aside(folder: str, before: Mapping[str, Any]) -> None:
+    """Take a finished batch out of the way. A kill on the way leaves one that has not finished and can be gone on with."""
     write_batch(folder, {**{key: value for key, value in before.items() if key != "thingc"}, "finished": False})
     for name in (places.JOURNAL, places.TABLE_CSV, places.TABLE_PARQUET, places.PAGE):
         with contextlib.suppress(FileNotFoundError):
             os.unlink(os.path.join(folder, name))
+    old = os.path.join(folder, places.set_aside())
+    os.mkdir(old)
     for inner in (places.VARIANTS, places.ASSETS, places.PICTURES):
-        shutil.rmtree(os.path.join(folder, inner), ignore_errors=True)
+        with contextlib.suppress(FileNotFoundError):
+            os.rename(os.path.join(folder, inner), os.path.join(old, inner))
+
+
+@contextlib.contextmanager
+def cleared(folder: str) -> Iterator[None]:
+    """Delete what has been set aside while the body runs: of thousands of variants that takes seconds. Leaving waits for it; where
+    an exception leaves, the rest stays for the next batch."""
+    stopped = threading.Event()
+    old = [os.path.join(folder, name) for name in os.listdir(folder) if _OLD.fullmatch(name)]
+    thread = threading.Thread(target=_delete, args=(old, stopped), name="thingc-clearing", daemon=True)
+    thread.start()
+    try:
+        yield
+    except BaseException:
+        stopped.set()
+        raise
+    finally:
+        thread.join()
+
+
+def _delete(folders: list[str], stopped: threading.Event) -> None:
+    """Delete folders that have been set aside, one variant after the other, until it is `stopped`."""
+    for folder in folders:
+        for inner in (places.VARIANTS, places.ASSETS, places.PICTURES):
+            place = os.path.join(folder, inner)
+            for name in os.listdir(place) if os.path.isdir(place) else ():
+                if stopped.is_set():
+                    return
+                places.remove(os.path.join(place, name))
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def strangers(folder: str, assembly: str) -> list[str]:
     """Everything in the folder that no batch over `assembly` wrote, by path in it, sorted."""
-    found = [name for name in os.listdir(folder) if name.removesuffix(".new") not in places.OWN]
+    found = [name for name in os.listdir(folder) if name.removesuffix(".new") not in places.OWN and not _OLD.fullmatch(name)]
     for inner, pattern in ((places.VARIANTS, _VARIANT), (places.ASSETS, _ASSET), (places.PICTURES, _PICTURE)):
         place = os.path.join(folder, inner)
         for name in os.listdir(place) if os.path.isdir(place) else ():
@@ -158,6 +196,11 @@ def in_words(folder: str, fault: OSError) -> BatchFault:
         return BatchFault(
             Code.OUTPUT, f"there is no room for the batch in `{shown_path(folder)}`: {os.strerror(fault.errno)}",
             "free some space and go on with --resume; what has been built stays",
+        )
+    if isinstance(fault, (FileExistsError, NotADirectoryError)):
+        return BatchFault(
+            Code.OUTPUT, f"the batch cannot be written to `{shown_path(folder)}`: there is a file where it needs a folder",
+            "move the file away, or write into another folder with -o",
         )
     return BatchFault(
         Code.OUTPUT, f"the batch cannot be written to `{place}`: {fault.strerror or fault}",

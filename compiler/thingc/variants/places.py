@@ -10,6 +10,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import shutil
@@ -34,6 +35,11 @@ NEW = ".new-"
 
 _OWN_END = f"{os.getpid()}-{os.urandom(4).hex()}"
 """What such a name ends with: two machines that share a folder may have processes of the same number."""
+
+
+def set_aside() -> str:
+    """A new name of a folder for what is taken out of the way, to be deleted."""
+    return f".old-{os.getpid()}-{os.urandom(4).hex()}"
 
 
 def variant_folder(folder: str, id: str) -> str:
@@ -126,16 +132,18 @@ def _share(assets: str, content: Stored, store: Blobs, target: str) -> None:
         os.rename(fresh, asset)
     except OSError as fault:
         if fault.errno not in (errno.EPERM, errno.ENOTSUP, errno.EXDEV, errno.ENOSYS):
-            _remove(fresh)
+            remove(fresh)
             raise
         os.rename(fresh, target)
 
 
-def _remove(path: str) -> None:
-    try:
-        os.unlink(path)
-    except OSError:
-        pass
+def remove(path: str) -> None:
+    """Delete a file, or a folder with all that is in it, as far as the system allows."""
+    if os.path.isdir(path) and not os.path.islink(path):
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        with contextlib.suppress(OSError):
+            os.unlink(path)
 
 
 def sweep(folder: str) -> None:
@@ -143,12 +151,7 @@ def sweep(folder: str) -> None:
     for inner in (VARIANTS, ASSETS, PICTURES):
         place = os.path.join(folder, inner)
         for name in os.listdir(place) if os.path.isdir(place) else ():
-            if not name.startswith(NEW):
-                continue
-            path = os.path.join(place, name)
-            if os.path.isdir(path) and not os.path.islink(path):
-                shutil.rmtree(path, ignore_errors=True)
-            else:
-                _remove(path)
+            if name.startswith(NEW):
+                remove(os.path.join(place, name))
 
 

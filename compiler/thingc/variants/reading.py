@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator
 
-from thingc.diagnostics import Code, Note, Report, Severity, did_you_mean
+from thingc.diagnostics import Code, Note, Report, Severity
 from thingc.load import load
 from thingc.load.paths import DOCUMENT_SUFFIXES, find_file
 from thingc.pipeline import Front, Options, Sources
-from thingc.realize.record import PartDefinition
 from thingc.resolve import resolve
-from thingc.resolve.model import AssemblyDefinition
 from thingc.resolve.parameters import declared
 from thingc.resolve.scope import Found, dotted
 from thingc.resolve.table import Context
@@ -21,10 +18,10 @@ from thingc.spec import validate_one
 from thingc.spec.assembly import AssemblySpec
 from thingc.spec.choices import DEFAULT_MATERIAL, parse
 from thingc.spec.variants import VariantsSpec
-from thingc.units import shortened
 from thingc.variants.axes import Axis, Reader
 from thingc.variants.planning import Plan, Setting, moved
-from thingc.variants.rules import Rule, read_rules
+from thingc.variants.rules import read_rules
+from thingc.variants.wanted import check_margin, check_names, moving_joints, targets_of
 from thingc.workspace import Workspace
 
 MOST_DRAWN = 10_000_000
@@ -90,12 +87,12 @@ class _Planner:
         ranges = [reader.range(name, raw) for name, raw in (self.spec.sample.ranges if self.spec.sample else {}).items()]
         drawn_axes = [axis for axis in ranges if axis is not None]
         rules = read_rules(
-            self.document, self.spec.keep, own, [name.replace("/", ".") for name in _moving(model)],
+            self.document, self.spec.keep, own, [name.replace("/", ".") for name in moving_joints(model)],
             reach=self.spec.reach is not None, report=self.report,
         )
-        emit = self.targets()
-        self.names(model)
-        self.loops(model, rules)
+        emit = targets_of(self.document, self.spec, self.report)
+        check_names(self.document, self.spec, model, self.report)
+        check_margin(self.document, self.spec, model, rules, self.report)
         if self.report.failed:
             return None
         return Plan(
@@ -239,60 +236,7 @@ class _Planner:
             self.error(Code.VARIANT_VALUE, "there is nothing to draw", ("sample",), "add `ranges: {NAME: [smallest, largest]}`")
         return sample.method, count or 0, seed or 0
 
-    # --- what is built --------------------------------------------------------------------------------------------
-
-    def targets(self) -> tuple[str, ...]:
-        """The targets that are written, in the order of a build."""
-        from thingc.emit import targets
-
-        known = targets()
-        for index, word in enumerate(self.spec.emit):
-            if word not in known:
-                self.error(
-                    Code.VARIANT_TARGET, f"there is no target `{shortened(word)}`", ("emit", index),
-                    did_you_mean(word, known, what="targets"),
-                )
-        return tuple(target for target in known if target in self.spec.emit)
-
-    def names(self, model: AssemblyDefinition) -> None:
-        """Report modes, a pose and mounts that the assembly has not."""
-        modes = [mode.name for mode in model.modes]
-        for index, name in enumerate(self.spec.modes):
-            if name not in modes:
-                self.error(
-                    Code.UNKNOWN_MODE, f"`{model.name}` has no mode `{name}`", ("modes", index), did_you_mean(name, modes, what="modes"),
-                )
-        poses = [pose.name for pose in model.poses]
-        if self.spec.pose is not None and self.spec.pose not in poses:
-            self.error(
-                Code.UNKNOWN_POSE, f"`{model.name}` has no pose `{self.spec.pose}`", ("pose",),
-                did_you_mean(self.spec.pose, poses, what="poses"),
-            )
-        if self.spec.reach is None or any(path.endswith(".assembly") for path in self.spec.choices):
-            return
-        for key, text in (("of", self.spec.reach.of), ("from", self.spec.reach.from_)):
-            missing = _missing(model, text.split("."))
-            if missing is not None:
-                word, known, what = missing
-                self.error(
-                    Code.UNKNOWN_COMPONENT if what == "components" else Code.UNKNOWN_MOUNT,
-                    f"there is no {'component' if what == 'components' else 'mount'} `{shortened(word)}` here", ("reach", key),
-                    did_you_mean(word, known, what=what),
-                )
-
-    def loops(self, model: AssemblyDefinition, rules: Sequence[Rule]) -> None:
-        """Report rules on the torque margin where the mode of the results has loops: how they share the load is not known."""
-        wanted = self.spec.modes[0] if self.spec.modes else model.modes[0].name
-        mode = next((mode for mode in model.modes if mode.name == wanted), None)
-        if mode is None or not (mode.holds or any(joint.loop for joint in model.joints)):
-            return
-        for index, expression in enumerate(self.spec.keep):
-            rule = next((rule for rule in rules if rule.expression is expression), None)
-            if rule is not None and "torque_margin" in rule.names.values():
-                self.error(
-                    Code.RESULT, f"there is no `torque_margin` in mode `{mode.name}`: its loops share the load", ("keep", index),
-                    "write another mode first under `modes`, or take the rule out",
-                )
+    # --- what it depends on -----------------------------------------------------------------------------------------
 
     def inputs(self) -> dict[str, str]:
         """The digests of the documents and of the code that the plan depends on, by path (in the workspace where it lies there)."""
@@ -321,30 +265,3 @@ def _written(assembly: AssemblySpec) -> Iterator[tuple[str, str]]:
             text = getattr(component, key)
             if text is not None:
                 yield f"components.{name}.{key}", text
-
-
-def _moving(model: AssemblyDefinition, prefix: str = "") -> Iterator[str]:
-    """The paths of all joints that move, nested ones included."""
-    for joint in model.joints:
-        if joint.kind != "fixed":
-            yield prefix + joint.name
-    for component in model.components:
-        if isinstance(component.definition, AssemblyDefinition):
-            yield from _moving(component.definition, f"{prefix}{component.name}/")
-
-
-def _missing(model: AssemblyDefinition, words: list[str]) -> tuple[str, Mapping[str, Any] | list[str], str] | None:
-    """The word of a reference to a mount that the model has not, what it has, and what that is; None where there is nothing
-    to say (the mounts of a part are not known before it is modelled)."""
-    if len(words) == 1:
-        return None if words[0] in model.mounts else (words[0], model.mounts, "mounts")
-    components = {component.name: component for component in model.components}
-    component = components.get(words[0])
-    if component is None:
-        return words[0], list(components), "components"
-    definition = component.definition
-    if isinstance(definition, AssemblyDefinition):
-        return _missing(definition, words[1:]) if words[1:] != ["origin"] else None
-    if len(words) > 2 and isinstance(definition, PartDefinition):
-        return words[1], ["origin"], "components"
-    return None

@@ -58,17 +58,18 @@ def settings_of(text: str) -> Settings:
         name, equals, value = (word.strip() for word in piece.partition("="))
         if name not in known or not equals or not value:
             help = did_you_mean(name, known, what="settings")
-            raise BatchFault(Code.CLUSTER, f"slurm: expected NAME=VALUE with a known NAME, found `{piece}`", help)
+            raise BatchFault(Code.COMMAND_LINE, f"slurm: expected NAME=VALUE with a known NAME, found `{piece}`", help)
         if name == "cpus" or name == "memory":
             if not value.isdigit() or int(value) < 1:
-                raise BatchFault(Code.CLUSTER, f"slurm: expected a whole number from 1 for `{name}`, found `{value}`", f"write `{name}=8`")
+                message = f"slurm: expected a whole number from 1 for `{name}`, found `{value}`"
+                raise BatchFault(Code.COMMAND_LINE, message, f"write `{name}=8`")
             found.update({"cpus": int(value)} if name == "cpus" else {})
             more.update({_MORE[name]: value} if name == "memory" else {})
         elif name == "time":
             found["minutes"] = _minutes(value)
         elif name == "cluster":
             if value not in ("slurm", "local"):
-                raise BatchFault(Code.CLUSTER, f"slurm: expected `cluster=slurm` or `cluster=local`, found `{value}`")
+                raise BatchFault(Code.COMMAND_LINE, f"slurm: expected `cluster=slurm` or `cluster=local`, found `{value}`")
             found["cluster"] = value
         else:
             more[_MORE[name]] = value
@@ -79,9 +80,9 @@ def _minutes(text: str) -> int:
     try:
         quantity = parse_quantity(text)
     except UnitError as fault:
-        raise BatchFault(Code.CLUSTER, f"slurm: `time`: {fault}", "write for example `time=2 h`") from fault
+        raise BatchFault(Code.COMMAND_LINE, f"slurm: `time`: {fault}", "write for example `time=2 h`") from fault
     if quantity.dimension != TIME or quantity.value <= 0.0:
-        raise BatchFault(Code.CLUSTER, f"slurm: expected a time above 0 for `time`, found `{text}`", "write for example `time=2 h`")
+        raise BatchFault(Code.COMMAND_LINE, f"slurm: expected a time above 0 for `time`, found `{text}`", "write for example `time=2 h`")
     return max(1, math.ceil(quantity.value / 60.0))
 
 

@@ -1,0 +1,38 @@
+"""The study of broken documents: what it calls right and wrong, and a small run of it."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.mark.slow
+def test_few_are_accepted_and_the_right_line_is_blamed(shared_store: str) -> None:
+    done = subprocess.run(
+        [
+            sys.executable, ROOT / "benchmarks/mutants/study.py", "--count", "240", "--seed", "5", "--jobs", "1", "--store", shared_store,
+            "--print",
+        ],
+        capture_output=True, text=True,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    found = re.search(r"(\d+) mutants: (\d+) refused .* (\d+) accepted.*, (\d+) \(.* right line", done.stdout)
+    assert found is not None, done.stdout
+    every, refused, accepted, right = map(int, found.groups())
+    assert every >= 240 and refused + accepted == every
+    assert refused >= 0.8 * every and right >= 0.95 * refused
+
+
+def test_the_page_is_of_a_whole_run_that_was_good_enough() -> None:
+    page = (ROOT / "docs" / "mutants.md").read_text()
+    assert page.startswith((ROOT / "benchmarks" / "mutants" / "page.md").read_text())
+    found = re.search(r"make mutants\n```\n\n(\d+) mutants: (\d+) refused .*Of the refused, (\d+) ", page)
+    assert found is not None
+    every, refused, right = map(int, found.groups())
+    assert every >= 2000 and refused >= 0.8 * every and right >= 0.95 * refused
