@@ -41,6 +41,7 @@ bridge-search: $(VENV)/.thingc-dev
 bench-variants: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/variants/throughput.py --scale 10000
 	$(BIN)/python benchmarks/variants/cluster.py
+	$(BIN)/python benchmarks/variants/equal.py
 
 mutants: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/mutants/study.py

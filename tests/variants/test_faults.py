@@ -213,7 +213,7 @@ def test_a_folder_that_cannot_be_written_is_said_in_words(tmp_path: Path, shared
     env = environment(shared_store, with_emitter(tmp_path))
     (tmp_path / "file").write_text("")
     done = thingc("batch", "faults.yaml", "-o", "file/inside", cwd=here, env=env)
-    assert done.returncode == 2 and f"error[{Code.OUTPUT.code}]" in done.stderr and "Not a directory" in done.stderr
+    assert done.returncode == 2 and f"error[{Code.OUTPUT.code}]" in done.stderr and "a file where it needs a folder" in done.stderr
     assert "Traceback" not in done.stderr
 
 

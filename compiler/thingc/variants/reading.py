@@ -24,7 +24,7 @@ from thingc.variants.rules import read_rules
 from thingc.variants.wanted import check_margin, check_names, moving_joints, targets_of
 from thingc.workspace import Workspace
 
-MOST_DRAWN = 10_000_000
+MOST_DRAWN = 1_000_000
 """Variants that one document may draw."""
 
 

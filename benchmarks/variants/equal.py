@@ -1,0 +1,105 @@
+"""Is a variant what a single build makes of the same settings? `python benchmarks/variants/equal.py [--count N]`.
+
+N sampled variants of MInchW (length of leg and body, and the wall, so that parts differ) are built as a batch; then each is built
+alone, by the command that the batch's table gives for it, in a process of its own, and the two folders are compared byte for byte. A
+variant that is refused has to be refused alone, with the same code.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+FAMILY = """\
+thingc: variants/1
+assembly: assemblies/minchw/minchw.yaml
+name: sampled
+sample:
+  method: sobol
+  count: {count}
+  seed: 11
+  ranges: {{leg_length: [64 mm, 140 mm], body_length: [92 mm, 220 mm], wall: [2.5 mm, 4 mm]}}
+
+modes: [front_foot, crawl, bridge]
+emit: [mjcf, bom]
+"""
+
+
+def main() -> int:
+    """Build, compare, print; 1 where anything differs."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--count", type=int, default=300)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="single builds at once")
+    parser.add_argument("--store", help="where modelled parts are kept (default: an empty one)")
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(os.path.realpath(scratch)) / "workspace"
+        for name in ("assemblies", "parts"):
+            shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copy(ROOT / "thingc.toml", folder)
+        (folder / "sampled.yaml").write_text(FAMILY.format(count=arguments.count))
+        environment = {**os.environ, "THINGC_STORE": arguments.store or str(folder.parent / "store")}
+        begun = time.monotonic()
+        batch = thingc(["batch", "sampled.yaml", "--pictures", "none"], folder, environment)
+        took = time.monotonic() - begun
+        out = folder / "build" / "sampled"
+        if not out.is_dir():
+            raise SystemExit(batch.stdout + batch.stderr)
+        with (out / "results.csv").open() as stream:
+            rows = list(csv.DictReader(stream))
+        if len(rows) != arguments.count:
+            raise SystemExit(f"{len(rows)} of {arguments.count} variants are in the table:\n{batch.stderr}")
+        begun = time.monotonic()
+        with ThreadPoolExecutor(arguments.jobs) as pool:
+            found = list(pool.map(lambda row: compared(row, out, folder, environment), rows))
+        singles = time.monotonic() - begun
+    tally = Counter(outcome for outcome, _ in found)
+    for outcome, words in found:
+        if outcome == "differs":
+            print(words)
+    print(", ".join(f"{count} {outcome}" for outcome, count in sorted(tally.items())))
+    print(f"batch {took:.0f} s, single builds {singles:.0f} s ({arguments.jobs} at once)")
+    return 1 if tally["differs"] else 0
+
+
+def compared(row: dict[str, str], out: Path, folder: Path, environment: dict[str, str]) -> tuple[str, str]:
+    """How a variant compares with the build of its own command: `equal`, `refused alike` or `differs`, and what differs."""
+    words = shlex.split(row["command"])[1:]
+    alone = folder / "alone" / row["id"]
+    done = thingc([*words, "-o", str(alone), "--format", "json"], folder, environment)
+    if row["status"] != "built":
+        codes = {one["code"] for one in json.loads(done.stdout)["diagnostics"]}
+        return ("refused alike", "") if done.returncode == 1 and row["code"] in codes else ("differs", f"{row['id']}: {row['message']}")
+    (single,) = alone.iterdir()
+    variant, other = files(out / row["path"]), files(single)
+    shutil.rmtree(alone)
+    different = sorted(name for name in variant.keys() | other.keys() if variant.get(name) != other.get(name))
+    if not any(name.endswith(".xml") for name in variant):
+        return "differs", f"{row['id']}: no model was written"
+    return ("differs", f"{row['id']}: {', '.join(different)}") if different else ("equal, byte for byte", "")
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    """Every file below a folder."""
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def thingc(words: list[str], folder: Path, environment: dict[str, str]) -> subprocess.CompletedProcess[str]:
+    """Run one command to its end."""
+    return subprocess.run([sys.executable, "-m", "thingc", *words], cwd=folder, env=environment, capture_output=True, text=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
