@@ -438,9 +438,11 @@ def checked(quantity: Quantity, expected: tuple[Dimension, ...], text: str) -> Q
     if quantity.dimension == NUMBER and NUMBER not in expected:
         choices = _SUGGESTED.get(first) or (first.example.partition(" ")[2],)
         bare = shown if scan_number(shown) == (shown, len(shown)) else f"{quantity.value:.6g}"
+        words = "write " + " or ".join(f"`{bare} {unit}`" for unit in choices)
+        sure = len(expected) == 1 and bare == text.strip() and quantity.value >= _SURELY.get(first, math.inf)
         raise UnitError(
             f"{wanted} needs a unit, found `{shown}`", kind="unit",
-            help="write " + " or ".join(f"`{bare} {unit}`" for unit in choices),
+            help=Hint(words, (bare, f"{bare} {choices[0]}") if sure else None),
         )
     example = first.example if len(expected) == 1 else " or ".join(dimension.example for dimension in expected)
     raise UnitError(
@@ -451,6 +453,10 @@ def checked(quantity: Quantity, expected: tuple[Dimension, ...], text: str) -> Q
 _SUGGESTED: dict[Dimension, tuple[str, ...]] = {
     LENGTH: ("mm", "m"), ANGLE: ("deg", "rad"), MASS: ("g", "kg"), TIME: ("s", "ms"), ANGULAR_VELOCITY: ("rpm", "rad/s"),
 }
+
+
+_SURELY: dict[Dimension, float] = {FORCE: -math.inf, ACCELERATION: -math.inf, DENSITY: 100.0}
+"""Dimensions of which only one unit can have been meant, from this value [SI] on: nothing weighs 100 g/cm^3."""
 
 
 def shortened(text: str, limit: int = 60) -> str:

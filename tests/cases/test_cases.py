@@ -53,7 +53,7 @@ ELSEWHERE = {
     "VARIANT_RAISED": "tests/variants/test_faults.py",
     "RUNNERS": "tests/variants/test_faults.py",
     "BATCH_LOCKED": "tests/variants/test_faults.py",
-    "BATCH_UNFINISHED": "tests/variants/test_batch.py",
+    "BATCH_UNFINISHED": "tests/variants/test_faults.py",
     "BATCH_CHANGED": "tests/variants/test_batch.py",
     "CLUSTER": "tests/variants/test_cluster.py",  # other machines
     "STRANGERS": "tests/cases/test_folders.py",

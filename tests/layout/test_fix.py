@@ -109,6 +109,24 @@ def test_what_may_mean_another_thing_is_left(tmp_path: Path, right: str, wrong: 
     assert fixed(tmp_path, slip) == (1, slip)
 
 
+@pytest.mark.parametrize(("written", "mended"), [
+    ("{adhesion: {plate.top: 300}}", "{adhesion: {plate.top: 300 N}}"), ("{adhesion: {plate.top: 0.5}}", "{adhesion: {plate.top: 0.5 N}}"),
+])
+def test_a_missing_unit_is_mended_where_there_is_one_alone(tmp_path: Path, written: str, mended: str) -> None:
+    wrong = ROBOT.replace("pose: out}}", f"pose: out, contacts: {written}, gravity: [0, 0, -1.62]}}}}")
+    right = ROBOT.replace("pose: out}}", f"pose: out, contacts: {mended}, gravity: [0, 0, -1.62 m/s^2]}}}}")
+    assert fixed(tmp_path, wrong) == (0, right)
+
+
+@pytest.mark.parametrize(("written", "mended"), [("1270", "1270 kg/m^3"), ("100", "100 kg/m^3"), ("1.27", None), ("99", None)])
+def test_a_density_without_a_unit(tmp_path: Path, written: str, mended: str | None) -> None:
+    """1.27 may be grams per cubic centimetre; 1270 of those weigh more than anything."""
+    file = tmp_path / "materials.yaml"
+    file.write_text(f"thingc: materials/1\nmaterials: {{petg: {{density: {written}}}}}\n")
+    assert main(["check", "--fix", str(file)]) == (1 if mended is None else 0)
+    assert f"density: {mended or written}}}" in file.read_text()
+
+
 def test_what_hides_behind_a_fault_is_mended_in_the_same_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     slip = ROBOT.replace("components:", "componets:").replace("frame: true, mass", "frme: true, mass").replace("plate.side", "palte.side")
     slip = slip.replace("gap: 1.5 mm", "gap: 1.5")

@@ -148,6 +148,9 @@ def test_an_interrupt_leaves_a_batch_that_can_be_gone_on_with(tmp_path: Path, sh
     assert 4 <= done < 14 and running
     assert_gone(running)
     before = {line["id"]: (here / "build/faults/variants" / str(line["id"]) / "manifest.json").stat().st_mtime_ns for line in journal(here)}
+    anew = thingc(*again.removesuffix(" --resume").split()[1:], cwd=here, env=env)  # what has been done is not thrown away
+    assert anew.returncode == 2 and "error[TC922]" in anew.stderr and "--resume" in anew.stderr, anew.stderr
+    assert len(journal(here)) == done
     rest = thingc(*again.split()[1:], cwd=here, env=env)
     assert rest.returncode == 0 and f"14 variants ({done} of them before): 14 built" in rest.stderr, rest.stderr
     assert_whole(here, 14)
