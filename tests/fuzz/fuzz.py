@@ -11,7 +11,6 @@ import argparse
 import json
 import os
 import random
-import resource
 import shutil
 import signal
 import sys
@@ -233,10 +232,16 @@ def run(seconds: float, seed: int, keep: Path, lock: str, most: int | None = Non
     return fuzzer.result
 
 
+def peak_memory() -> float:
+    """The most memory [MB] that this program has held; `ru_maxrss` would count what its parent held before the exec, too."""
+    with open("/proc/self/status", encoding="ascii") as stream:
+        return next(int(line.split()[1]) for line in stream if line.startswith("VmHWM:")) / 1024.0
+
+
 def words(fuzzer: Fuzzer) -> str:
     """How far it is."""
     result = fuzzer.result
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    peak = peak_memory()
     return (
         f"{result.inputs} inputs, {result.accepted} without errors, {len(result.codes)} codes said, {len(result.failures)} failures "
         f"({len(fuzzer.kinds)} kinds), slowest {result.slowest[0]:.2f} s, peak {peak:.0f} MB, opened outside {fuzzer.watch.seen['open']}, "
