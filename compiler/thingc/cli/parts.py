@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from thingc.cli import common
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, did_you_mean
-from thingc.realize.record import ParameterSchema, PartDefinition, PartFailure, PartRecord, PartSchema, Value
+from thingc.realize.record import ParameterSchema, PartFailure, PartRecord, PartSchema, Value
 from thingc.source import Span
 
 if TYPE_CHECKING:
@@ -77,6 +77,8 @@ def _listed(
         references = [r for r in references if r in wanted or r.partition(":")[0] in wanted]
     if not wanted:
         report.diagnostics.extend(_failed(failure.subject, failure) for failure in geometry.not_python())
+    from thingc.realize.locking import default_of
+
     schemas: list[PartSchema] = []
     for reference, answer in geometry.describe(references).items():
         if isinstance(answer, PartSchema):
@@ -85,7 +87,7 @@ def _listed(
         elif answer.kind not in ("invalid", "missing"):
             # A class that is no part is not missed here; a module that does not load is.
             report.diagnostics.append(_failed(reference, answer))
-    definitions = {schema.reference: _default(schema) for schema in schemas}
+    definitions = {schema.reference: default_of(schema) for schema in schemas}
     records = geometry.realize([definition for definition in definitions.values() if definition is not None])
     listed: list[tuple[PartSchema, PartRecord | None]] = []
     for schema in schemas:
@@ -102,18 +104,6 @@ def _failed(reference: str, failure: PartFailure) -> Diagnostic:
     return Diagnostic(
         code=Code.PART_UNREADABLE, severity=Severity.ERROR, message=f"`{reference}` cannot be described: {failure.message}",
         span=span, path=reference, help="mend the part file", detail=failure.detail,
-    )
-
-
-def _default(schema: PartSchema) -> PartDefinition | None:
-    """The member of the family with every parameter at its default, or None where one has none."""
-    values: list[tuple[str, Value]] = []
-    for parameter in schema.parameters:
-        if parameter.default is None:
-            return None
-        values.append((parameter.name, parameter.default))
-    return PartDefinition(
-        reference=schema.reference, kind="code", parameters=tuple(sorted(values)), text=schema.reference, mirror=None
     )
 
 

@@ -11,7 +11,6 @@ import copy
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 from thingc.editor import things, values
 from thingc.editor.facts import Facts, JointFacts, Names, Piece
@@ -353,19 +352,3 @@ def _coordinate(joint: JointFacts) -> Schema:
     if joint.angle is None:
         return {"anyOf": [{"type": "string"}, {"const": 0}]}
     return values.quantity(ANGLE if joint.angle else LENGTH)
-
-
-def unresolved(schema: Any) -> list[str]:
-    """The `$ref`s of a schema that lead nowhere; none unless something is wrong here."""
-    known = {_ref(name)["$ref"] for name in schema.get("$defs", {})}
-    found: list[str] = []
-    waiting: list[Any] = [schema]
-    while waiting:
-        one = waiting.pop()
-        if isinstance(one, dict):
-            if isinstance(one.get("$ref"), str) and one["$ref"] not in known:
-                found.append(one["$ref"])
-            waiting.extend(one.values())
-        elif isinstance(one, list):
-            waiting.extend(one)
-    return found

@@ -10,13 +10,13 @@ from thingc.diagnostics import Report
 from thingc.load import Documents, load
 from thingc.load.finding import documents_in
 from thingc.realize.codekey import Code
+from thingc.realize.lock import LOCK_FILE
 from thingc.realize.part_code import PartCode
 from thingc.realize.store import Store
 from thingc.source import Document, MappingNode, Node, ScalarNode, SequenceNode
 from thingc.workspace import Workspace
 
 KINDS = ("assembly", "materials", "variants")
-LOCK = "parts.lock.json"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,7 +78,7 @@ def _needs(path: str, store: Store | None) -> _Needs:
     if workspace is None or documents is None:  # it cannot be read, so it names nothing
         return _Needs(frozenset(), (), False, False, frozenset(), frozenset())
     code = PartCode(workspace, store)
-    files = {*workspace.inputs, os.path.join(workspace.root, LOCK), *_files(documents)}
+    files = {*workspace.inputs, os.path.join(workspace.root, LOCK_FILE), *_files(documents)}
     own = False
     for reference in _references(documents):
         found = code.code(reference)
