@@ -132,6 +132,19 @@ def quarter_exact(angle: float) -> tuple[float, float]:
     return math.cos(angle), math.sin(angle)
 
 
+def turned_about(axis: Vector, angle: float) -> Matrix:
+    """A turn [rad] about a unit axis through the origin: Rodrigues' formula `R = c 1 + s [a]x + (1 - c) a a^T`."""
+    x, y, z = axis
+    c, s = quarter_exact(angle)
+    # 1 - cos without the digits that the subtraction loses near 0
+    d = 2.0 * math.sin(angle / 2.0) ** 2
+    return (
+        (c + d * x * x, d * x * y - s * z, d * x * z + s * y),
+        (d * x * y + s * z, c + d * y * y, d * y * z - s * x),
+        (d * x * z - s * y, d * y * z + s * x, c + d * z * z),
+    )
+
+
 def turned_x(angle: float) -> Pose:
     """A turn [rad] about x."""
     c, s = quarter_exact(angle)

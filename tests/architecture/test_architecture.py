@@ -28,20 +28,21 @@ ROOMS: dict[str, set[str]] = {
     "resolve": BASE | {"load", "spec", "realize", "joints"},
     "graph": BASE | {"resolve", "realize", "joints"},
     "robot": BASE | {"resolve", "realize", "joints", "graph"},
+    "statics": BASE | {"graph", "robot"},
     "emit": BASE | {"resolve", "realize", "joints", "graph", "robot"},
     "modes": {"diagnostics"},  # read at run time, next to a simulation
     "render": set(),
     "reporting": {"source", "diagnostics"},
     "layout": BASE | {"load", "spec"},
     "editor": BASE | {"load", "spec", "realize", "resolve", "joints", "pipeline"},
-    "testing": BASE | {"resolve", "realize", "joints", "graph", "robot", "emit"},
+    "testing": BASE | {"resolve", "realize", "joints", "graph", "robot", "statics", "emit"},
     "gate": BASE | {"load", "realize"},
     "output": BASE | {"realize", "emit"},
     "stamp": BASE | {"realize"},
     "pipeline": BASE | {"stamp", "load", "spec", "realize", "resolve", "joints", "graph", "robot", "emit"},
     "session": BASE | {"pipeline"},
-    "variants": BASE | {"pipeline", "stamp", "session", "load", "spec", "realize", "resolve", "graph", "robot", "emit", "output", "modes",
-        "render"},
+    "variants": BASE | {"pipeline", "stamp", "session", "load", "spec", "realize", "resolve", "graph", "robot", "statics", "emit", "output",
+        "modes", "render"},
     "api": BASE | {"pipeline", "realize", "graph", "robot", "emit"},
     "cli": BASE | {"pipeline", "realize", "graph", "robot", "emit", "output", "stamp", "resolve", "render",
         "reporting", "layout", "editor", "testing", "variants", "load", "spec", "gate"},
@@ -52,7 +53,7 @@ KERNEL = {"build123d", "OCP", "bd_warehouse", "lib3mf"}
 KERNEL_ROOMS = {"things"}
 KERNEL_MODULES = {
     f"realize/{name}.py"
-    for name in ("worker", "modelling", "meshing", "measure", "convert", "colors", "part_files", "reads", "assembling")
+    for name in ("worker", "modelling", "meshing", "primitives", "measure", "convert", "colors", "part_files", "reads", "assembling")
 }
 HEAVY = {"numpy", "networkx", "trimesh", "mujoco", "scipy", "rich", "typer", "manifold3d", "coacd"}
 CHECK_ROOMS = BASE | {"load", "spec", "resolve", "graph", "joints", "robot", "pipeline", "stamp"}

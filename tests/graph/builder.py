@@ -1,10 +1,11 @@
-"""Resolved models and part records made by hand, and the mating formulas written out once more in numpy.
+"""Resolved models, part records and occurrences made by hand, and the mating formulas written out once more in numpy.
 
 Nothing here calls the code under test: poses go in as `Pose.from_rows` of numpy matrices and come out the same way.
 """
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -12,11 +13,13 @@ import numpy as np
 
 from thingc.diagnostics import Report, Severity
 from thingc.graph import link
-from thingc.graph.types import Assembly
-from thingc.pose import Pose
+from thingc.graph.types import Assembly, Definition, MountFrame, Occurrence
+from thingc.inertia import MassProperties
+from thingc.pose import NO_POSE, Pose
 from thingc.realize.record import (
     Actuator,
     Expectation,
+    Mesh,
     MountRecord,
     PartDefinition,
     PartFailure,
@@ -24,6 +27,7 @@ from thingc.realize.record import (
     PartWarning,
     Stated,
 )
+from thingc.realize.store import Store
 from thingc.resolve.model import (
     AssemblyDefinition,
     At,
@@ -113,19 +117,17 @@ def box_inertia(size: tuple[float, float, float]) -> Array:
     return np.diag([b * b + c * c, a * a + c * c, a * a + b * b]) * (a * b * c / 12.0)
 
 
-def box(
-    name: str,
-    size: tuple[float, float, float] = (0.1, 0.06, 0.04),
-    *,
-    centre: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    mounts: Mapping[str, Array] | None = None,
-    material: str | None = "petg",
-    **over: Any,
-) -> PartRecord:
-    """A box of exact volume, area, centre and inertia."""
-    a, b, c = size
-    plain = {
+def record(name: str, **said: Any) -> PartRecord:
+    """What is not said is not there: no geometry, no mounts, nothing stated."""
+    blank = {
+        "material": None,
         "color": None,
+        "volume": 0.0,
+        "area": 0.0,
+        "centre": (0.0, 0.0, 0.0),
+        "inertia": ((0.0, 0.0, 0.0),) * 3,
+        "box": None,
+        "mounts": {},
         "references": (),
         "expectations": (),
         "actuator": None,
@@ -140,24 +142,35 @@ def box(
         "pieces": (),
         "convex": (),
         "brep": None,
-        "code": ("/robots/parts/boxes.py", 12),
+        "code": None,
     }
+    return PartRecord(text=name, **{**blank, **said})
+
+
+def box(
+    name: str,
+    size: tuple[float, float, float] = (0.1, 0.06, 0.04),
+    *,
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    mounts: Mapping[str, Array] | None = None,
+    material: str | None = "petg",
+    **over: Any,
+) -> PartRecord:
+    """A box of exact volume, area, centre and inertia."""
+    a, b, c = size
     low = tuple(m - s / 2 for m, s in zip(centre, size))
     high = tuple(m + s / 2 for m, s in zip(centre, size))
-    return PartRecord(
-        **{
-            **plain,
-            "text": name,
-            "material": material,
-            "volume": a * b * c,
-            "area": 2 * (a * b + b * c + a * c),
-            "centre": centre,
-            "inertia": tuple(tuple(row) for row in box_inertia(size).tolist()),
-            "box": (low, high),
-            "mounts": {key: MountRecord(pose=as_pose(matrix)) for key, matrix in (mounts or {}).items()},
-            **over,
-        }
-    )
+    plain = {
+        "material": material,
+        "volume": a * b * c,
+        "area": 2 * (a * b + b * c + a * c),
+        "centre": centre,
+        "inertia": tuple(tuple(row) for row in box_inertia(size).tolist()),
+        "box": (low, high),
+        "mounts": {key: MountRecord(pose=as_pose(matrix)) for key, matrix in (mounts or {}).items()},
+        "code": ("/robots/parts/boxes.py", 12),
+    }
+    return record(name, **{**plain, **over})
 
 
 def bare(name: str, **over: Any) -> PartRecord:
@@ -166,14 +179,27 @@ def bare(name: str, **over: Any) -> PartRecord:
     return box(name, **{"material": None, "volume": 0.0, "area": 0.0, "inertia": zero, "box": None, **over})
 
 
+def binary_stl(vertices: Any, faces: Any) -> bytes:
+    """Triangles (indices of vertices) with normals of zero, which readers work out."""
+    points = np.asarray(vertices)
+    out = [b"\0" * 80, struct.pack("<I", len(faces))]
+    for face in faces:
+        out.append(struct.pack("<12fH", 0, 0, 0, *points[list(face)].ravel(), 0))
+    return b"".join(out)
+
+
+def kept(store: Store, data: bytes, vertices: int, faces: int, *, closed: bool = True, flat: bool = False) -> Mesh:
+    """A mesh in a store."""
+    return Mesh(sha256=store.put(data), size=len(data), vertices=vertices, faces=faces, closed=closed, flat=flat)
+
+
 def part(text: str, **parameters: Any) -> PartDefinition:
     return PartDefinition(reference=text.split("(")[0], kind="code", parameters=tuple(sorted(parameters.items())), text=text)
 
 
-def material(name: str, density: float | None = 1000.0, *, color: str | None = None, process: Process | None = None) -> Material:
-    return Material(
-        name=name, density=density, color=color, slide=None, torsion=None, roll=None, process=process, origin=where(400)
-    )
+def material(name: str, density: float | None = 1000.0, **said: Any) -> Material:
+    blank = {"color": None, "slide": None, "torsion": None, "roll": None, "process": None, "origin": where(400)}
+    return Material(name=name, density=density, **{**blank, **said})
 
 
 PETG = material("petg")
@@ -336,6 +362,55 @@ def assembly(
         simulation={},
         raw=tuple(RawAttribute(target="mjcf", path=path, value=value, origin=where(line + 30)) for path, value in raw),
         origin=where(line),
+    )
+
+
+def occurrence(
+    index: int,
+    path: str,
+    definition: PartDefinition | None,
+    made: PartRecord | None,
+    *,
+    origin: Origin,
+    material: Material | None = None,
+    overrides: Overrides | None = None,
+    bom: BomEntry | None = None,
+    **said: Any,
+) -> Occurrence:
+    """An occurrence of a part, or a frame; without a mass, a colour and mounts where none are said."""
+    component = Component(
+        name=path.rpartition("/")[2],
+        definition=definition,
+        frame=definition is None,
+        placement=None,
+        material=material,
+        overrides=overrides or Overrides(),
+        mounts={},
+        bom=bom or BomEntry(),
+        origin=origin,
+    )
+    if definition is None:
+        known = Definition(text="frame", reference="frame", kind="frame")
+    else:
+        kind = "part" if definition.kind == "code" else "file"
+        known = Definition(text=definition.text, reference=definition.reference, kind=kind)
+    blank = {
+        "color": None,
+        "properties": MassProperties(mass=0.0),
+        "mass_source": "derived",
+        "mounts": {"origin": MountFrame(pose=NO_POSE)},
+    }
+    return Occurrence(
+        path=path,
+        index=index,
+        definition=known,
+        component=component,
+        record=made,
+        material=material,
+        overrides=component.overrides,
+        bom=component.bom,
+        origin=origin,
+        **{**blank, **said},
     )
 
 

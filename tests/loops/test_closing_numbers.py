@@ -113,6 +113,32 @@ def test_a_robot_finds_back_to_where_it_was(tree: Tree, seed: int) -> None:
 
 @settings(max_examples=25, deadline=None)
 @given(trees, st.integers(0, 2**32 - 1))
+def test_residuals_and_their_derivatives(tree: Tree, seed: int) -> None:
+    """Central differences: of the residuals themselves where the loop is closed, of half their squares wherever it is open."""
+    source = np.random.default_rng(seed)
+    robot = next(iter(robots(tree.assembly).values()))
+    body = len(robot.bodies) - 1
+    X_LM = np.eye(4)
+    X_LM[:3, :3], X_LM[:3, 3] = Rotation.from_rotvec(source.normal(size=3)).as_matrix(), source.normal(size=3) * 0.1
+    start = {joint.path: 0.0 for joint in joints_of(robot.assembly)}
+    loops = held(robot, body, as_matrix(body_poses(robot, start)[body]) @ X_LM, X_LM)
+    for q, closed in ((start, True), ({path: float(source.uniform(-0.3, 0.3)) for path in start}, False)):
+        error, columns = loops.linearized(state(robot, q))
+        p, w = loops.residuals(state(robot, q))[0]
+        assert (np.linalg.norm(error[:3]), np.linalg.norm(error[3:])) == pytest.approx((p, w), abs=1e-12)
+        assert len(columns) == len(loops.coordinates)
+        for coordinate, column in zip(loops.coordinates, columns, strict=True):
+            ends = []
+            for step in (-1e-6, 1e-6):
+                there = {**q, **{path: q[path] + share * step for path, share in coordinate.moves}}
+                ends.append(np.array(loops.linearized(state(robot, there))[0]))
+            if closed:
+                assert (ends[1] - ends[0]) / 2e-6 == pytest.approx(column, abs=1e-6)
+            assert (ends[1] @ ends[1] - ends[0] @ ends[0]) / 4e-6 == pytest.approx(np.dot(error, column), abs=1e-6)
+
+
+@settings(max_examples=25, deadline=None)
+@given(trees, st.integers(0, 2**32 - 1))
 def test_the_best_that_can_be_done_is_no_worse_than_what_scipy_finds(tree: Tree, seed: int) -> None:
     """A target half a metre off: the sum of squares that is left, within limits, against `scipy.optimize.least_squares`."""
     source = np.random.default_rng(seed)

@@ -13,6 +13,7 @@ import pytest
 
 import thingc
 from thingc.pipeline import Compilation, Options
+from thingc.robot import in_link
 from thingc.robot.types import Robot
 from thingc.variants.measure import UnknownMount, lengths, measure
 from variants.robots import workspace
@@ -135,7 +136,7 @@ def test_lengths_are_distances_of_anchors(compiled: Any, document: str, mode: st
     compilation, written = compiled[document]
     model = written.modes[mode].model()
     data = posed(model, robot_of(compilation, mode), None)  # distances between joints of one link do not depend on the pose
-    found = lengths(compilation.assembly)
+    found = lengths(compilation.assembly, in_link(compilation.assembly))
     names = [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, k) for k in range(model.njnt)]
     expected = {}
     for k in range(model.njnt):

@@ -36,10 +36,7 @@ def run(arguments: argparse.Namespace) -> int:
         common.require_document(arguments.document)
         options = common.options_of(arguments)
     except common.WrongCommandLine as fault:
-        if arguments.format == "json":
-            common.print_json([fault.diagnostic])
-        else:
-            common.print_text([fault.diagnostic], stream=sys.stderr, debug=False)
+        common.print_found([fault.diagnostic], arguments.format, stream=sys.stderr, debug=False)
         return common.USAGE
     with Compilation(arguments.document, options) as compilation:
         compilation.run()

@@ -41,10 +41,7 @@ def run(arguments: argparse.Namespace) -> int:
             arguments.files, arguments.since, everything=arguments.all, roots=arguments.roots, store=arguments.store
         )
     except common.WrongCommandLine as fault:
-        if arguments.format == "json":
-            common.print_json([fault.diagnostic])
-        else:
-            common.print_text([fault.diagnostic], stream=sys.stderr, debug=False)
+        common.print_found([fault.diagnostic], arguments.format, stream=sys.stderr, debug=False)
         return common.USAGE
     shown = [shown_path(path) for path in found]
     if arguments.format == "json":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from thingc.graph.kinematics import coordinates, joints_of, on_loops, poses
+from thingc.graph.kinematics import coordinates, joints_of, leaders, on_loops, poses
 from thingc.graph.linking import link
 
-__all__ = ["coordinates", "joints_of", "link", "on_loops", "poses"]
+__all__ = ["coordinates", "joints_of", "leaders", "link", "on_loops", "poses"]

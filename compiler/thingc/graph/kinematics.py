@@ -38,6 +38,24 @@ def coordinates(joints: Iterable[JointEdge], values: Mapping[str, float]) -> dic
     return {path: known[path] for path in by_path}
 
 
+def leaders(joints: Iterable[JointEdge]) -> dict[str, tuple[str, float, float]]:
+    """Of every joint, by path in the order of `joints`: the one that it follows in the end (itself, where it mimics none), and
+    the multiplier and offset [rad or m] by which, q = offset + multiplier q(leader)."""
+    by_path = {joint.path: joint for joint in joints}
+    found: dict[str, tuple[str, float, float]] = {}
+    for path, joint in by_path.items():
+        leader, multiplier, offset, mimic = path, 1.0, 0.0, joint.mimic
+        met = [path]
+        while mimic is not None and mimic.joint in by_path and mimic.joint not in met:  # circles are faults of the document
+            offset += multiplier * mimic.offset
+            multiplier *= mimic.multiplier
+            leader = mimic.joint
+            met.append(leader)
+            mimic = by_path[leader].mimic
+        found[path] = leader, multiplier, offset
+    return found
+
+
 def across(mate: Mate, q: float) -> Pose:
     """`X_PC(q)`: the child occurrence in the parent occurrence, q in rad or m (unused by a rigid mate)."""
     if mate.joint is None:

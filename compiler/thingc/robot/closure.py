@@ -17,8 +17,9 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
+from thingc.graph import leaders
 from thingc.graph.types import JointEdge
-from thingc.pose import NO_POSE, Matrix, Pose, Vector, cross, multiply, rotate, transpose
+from thingc.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, cross, multiply, rotate, transpose, turned_about
 from thingc.robot.dense import solve
 from thingc.robot.kinematics import motion
 from thingc.robot.types import Body, Closure
@@ -35,8 +36,6 @@ REACH = 0.5
 TRUST = 0.25
 """A step that gains less than this share of what the linear model promises is too long: without the rule a method like this one
 may go to and fro across a valley, a little lower each time."""
-
-AXES: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,7 +125,7 @@ class Loops:
         """A (moved by its joint) and B in the world."""
         A = closure.X_PA if closure.parent is None else at[closure.parent] @ closure.X_PA
         if closure.joint is not None:
-            A = A @ moved_along_z(closure.kind, q[closure.joint.path])
+            A = A @ _moved_along_z(closure.kind, q[closure.joint.path])
         return A, at[closure.child] @ closure.X_CB
 
     def residuals(self, state: State) -> tuple[tuple[float, float], ...]:
@@ -134,6 +133,21 @@ class Loops:
         at = self._placed(state)
         found = (_error(*self._frames(closure, at, state.q)) for closure in self.closures)
         return tuple((math.hypot(*p), math.hypot(*w)) for p, w in found)
+
+    def linearized(self, state: State) -> tuple[list[float], list[list[float]]]:
+        """The residuals of all closures in one list, p [m] then w [rad] of each, and their derivative by each of `coordinates`
+        [rad or m]: a list for each, as long as that of the residuals.
+
+        The derivative is exact where the loops are closed. Where they are open it leaves out what turns p and w as a whole, which
+        changes neither |p| nor |w|.
+        """
+        sizes = [1.0, 1.0, 1.0, self.length, self.length, self.length] * len(self.closures)
+        error = [value / size for value, size in zip(self._stacked(state), sizes, strict=True)]
+        columns = self._columns(state, self.coordinates, False)
+        return error, [
+            [value / (size * c.unit) for value, size in zip(column, sizes, strict=True)]
+            for c, column in zip(self.coordinates, columns, strict=True)
+        ]
 
     def close(self, start: State, movable: Collection[str] | None, *, base_moves: bool) -> Solution:
         """The state nearest to `start`, in the sense of the steps taken, in which the loops are closed; or the best there is.
@@ -209,7 +223,7 @@ class Loops:
             columns.append(column)
         if base_moves:
             for kind in ("slide", "hinge"):
-                for axis in AXES:
+                for axis in IDENTITY:
                     column = list(zero)
                     for row, closure in enumerate(self.closures):
                         if closure.parent is None:
@@ -282,25 +296,15 @@ class Loops:
 
 def _coordinates(joints: Mapping[str, JointEdge], slides: Collection[str], length: float) -> tuple[Coordinate, ...]:
     """One for every joint that mimics none, in joint order, with the limits of those that follow it brought back to it."""
-    leaders: dict[str, list[tuple[str, float, float]]] = {}
-    for path in joints:
-        leader, multiplier, offset = path, 1.0, 0.0
-        met = {path}
-        while True:
-            mimic = joints[leader].mimic
-            if mimic is None or mimic.joint not in joints or mimic.joint in met:
-                break
-            offset += multiplier * mimic.offset
-            multiplier *= mimic.multiplier
-            leader = mimic.joint
-            met.add(leader)
-        leaders.setdefault(leader, []).append((path, multiplier, offset))
+    followers: dict[str, list[tuple[str, float, float]]] = {}
+    for path, (leader, multiplier, offset) in leaders(joints.values()).items():
+        followers.setdefault(leader, []).append((path, multiplier, offset))
     found: list[Coordinate] = []
     for path in joints:
-        if path not in leaders:
+        if path not in followers:
             continue
         lower, upper = -math.inf, math.inf
-        for follower, multiplier, offset in leaders[path]:
+        for follower, multiplier, offset in followers[path]:
             limit = joints[follower].limit
             low = -math.inf if limit.lower is None else limit.lower
             high = math.inf if limit.upper is None else limit.upper
@@ -308,13 +312,13 @@ def _coordinates(joints: Mapping[str, JointEdge], slides: Collection[str], lengt
                 continue
             ends = sorted(((low - offset) / multiplier, (high - offset) / multiplier))
             lower, upper = max(lower, ends[0]), min(upper, ends[1])
-        moves = tuple((follower, multiplier) for follower, multiplier, _ in leaders[path])
+        moves = tuple((follower, multiplier) for follower, multiplier, _ in followers[path])
         unit = length if path in slides else 1.0
         found.append(Coordinate(path=path, moves=moves, lower=lower, upper=max(lower, upper), unit=unit))
     return tuple(found)
 
 
-def moved_along_z(kind: str, q: float) -> Pose:
+def _moved_along_z(kind: str, q: float) -> Pose:
     """The motion of a cut joint in its frame A: a turn about z [rad] or a shift along it [m]."""
     if kind == "slide":
         return Pose(translation=(0.0, 0.0, q))
@@ -348,17 +352,12 @@ def rotation_vector(r: Matrix) -> Vector:
 
 
 def _turn(v: Vector) -> Matrix:
-    """exp of a rotation vector [rad] (Rodrigues)."""
+    """exp of a rotation vector [rad]."""
     angle = math.hypot(*v)
     if angle == 0.0:
-        return AXES
-    x, y, z = (component / angle for component in v)
-    c, s, d = math.cos(angle), math.sin(angle), 2.0 * math.sin(angle / 2.0) ** 2
-    return (
-        (c + d * x * x, d * x * y - s * z, d * x * z + s * y),
-        (d * x * y + s * z, c + d * y * y, d * y * z - s * x),
-        (d * x * z - s * y, d * y * z + s * x, c + d * z * z),
-    )
+        return IDENTITY
+    x, y, z = v
+    return turned_about((x / angle, y / angle, z / angle), angle)
 
 
 def orthonormal(r: Matrix) -> Matrix:

@@ -2,35 +2,23 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
 from thingc.graph import coordinates, joints_of
 from thingc.inertia import MassProperties, total
-from thingc.pose import NO_POSE, Pose, quarter_exact
+from thingc.pose import NO_POSE, Pose, rotate, turned_about
 from thingc.robot.tree import in_link
 from thingc.robot.types import Body, CoreJoint, Robot
 
 
 def motion(joint: CoreJoint, q: float) -> Pose:
-    """The child link's pose at `q` [rad or m] in its own frame at q = 0: a turn about, or a shift along, the axis.
-
-    Rodrigues' formula `R = c 1 + s [a]x + (1 - c) a a^T` about the anchor.
-    """
-    x, y, z = joint.axis
+    """The child link's pose at `q` [rad or m] in its own frame at q = 0: a turn about, or a shift along, the axis."""
     if joint.kind == "slide":
+        x, y, z = joint.axis
         return Pose(translation=(x * q, y * q, z * q))
-    c, s = quarter_exact(q)
-    # 1 - cos q without the digits that the subtraction loses near 0
-    d = 2.0 * math.sin(q / 2.0) ** 2
-    turn = Pose(rotation=(
-        (c + d * x * x, d * x * y - s * z, d * x * z + s * y),
-        (d * x * y + s * z, c + d * y * y, d * y * z - s * x),
-        (d * x * z - s * y, d * y * z + s * x, c + d * z * z),
-    ))
-    a = joint.anchor
-    moved = turn.apply(a)
-    return Pose(rotation=turn.rotation, translation=(a[0] - moved[0], a[1] - moved[1], a[2] - moved[2]))
+    rotation, a = turned_about(joint.axis, q), joint.anchor
+    moved = rotate(rotation, a)
+    return Pose(rotation=rotation, translation=(a[0] - moved[0], a[1] - moved[1], a[2] - moved[2]))
 
 
 def body_poses(robot: Robot, q: Mapping[str, float], root: Pose | None = None) -> tuple[Pose, ...]:

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from thingc.graph import coordinates, joints_of
 from thingc.graph.types import MountAt
-from thingc.pose import NO_POSE, Pose
+from thingc.pose import Pose
 from thingc.robot import in_link
-from thingc.robot.closure import Loops, moved_along_z, rotation_vector
+from thingc.robot.closure import Loops, State
 from thingc.robot.kinematics import placed_bodies
 from thingc.robot.types import Robot
 
@@ -28,7 +28,7 @@ class Chain:
     def __init__(self, robot: Robot, base: Pose | None = None) -> None:
         self.robot = robot
         self.base = robot.bodies[0].X_PL if base is None else base
-        loops = Loops(robot.bodies, robot.closures, joints_of(robot.assembly), self.base)
+        self._loops = loops = Loops(robot.bodies, robot.closures, joints_of(robot.assembly), self.base)
         self.paths = [c.path for c in loops.coordinates]
         self.lower = np.array([max(c.lower, -ROUND) if np.isinf(c.lower) else c.lower for c in loops.coordinates])
         self.upper = np.array([min(c.upper, ROUND) if np.isinf(c.upper) else c.upper for c in loops.coordinates])
@@ -74,36 +74,10 @@ class Chain:
             body = link.parent
         return found
 
-    def closing(self, q: Mapping[str, float], at: tuple[Pose, ...]) -> tuple[Array, Array]:
+    def closing(self, q: Mapping[str, float]) -> tuple[Array, Array]:
         """How far the loops are from closed (6 for each: [m] over [rad], in the world), and its derivative by coordinates."""
-        errors, rows = [np.zeros(0)], [np.zeros((0, len(self.paths)))]
-        for closure in self.robot.closures:
-            parent = NO_POSE if closure.parent is None else at[closure.parent]
-            A = parent @ closure.X_PA
-            if closure.joint is not None:
-                A = A @ moved_along_z(closure.kind, q[closure.joint.path])
-            B = at[closure.child] @ closure.X_CB
-            turn = np.array(A.rotation)
-            point = np.array(B.translation)
-            error = np.concatenate([
-                point - np.array(A.translation), turn @ np.array(rotation_vector((A.inverse() @ B).rotation)),
-            ])
-            row = self.jacobian(closure.child, point, at) - self.jacobian(closure.parent, point, at)
-            if closure.joint is not None:
-                path, factor = self._follows[closure.joint.path]
-                if closure.kind == "slide":
-                    row[:3, self._column[path]] -= factor * turn[:, 2]
-                else:
-                    row[:3, self._column[path]] -= factor * np.cross(turn[:, 2], error[:3])
-                    row[3:, self._column[path]] -= factor * turn[:, 2]
-            errors.append(error)
-            rows.append(row)
-        return np.concatenate(errors), np.concatenate(rows)
-
-    def drive(self, path: str) -> tuple[int, float]:
-        """The coordinate that a joint is, or follows, and its speed at unit speed of the coordinate."""
-        leader, factor = self._follows[path]
-        return self._column[leader], factor
+        error, columns = self._loops.linearized(State(q=dict(q), base=self.base))
+        return np.array(error), np.array(columns, dtype=np.float64).reshape(len(self.paths), -1).T
 
 
 def spread(count: int, dimensions: int) -> Array:

@@ -101,8 +101,7 @@ def _climb(chain: Chain, ends: Ends, start: Array) -> tuple[float, Array] | None
         return -distance, -slope
 
     def closing(x: Array) -> tuple[Array, Array]:
-        q = chain.q(x)
-        return chain.closing(q, chain.bodies(q))
+        return chain.closing(chain.q(x))
 
     loops = [{"type": "eq", "fun": lambda x: closing(x)[0], "jac": lambda x: closing(x)[1]}] if chain.robot.closures else []
     if not len(start):
@@ -188,7 +187,7 @@ def _approach(chain: Chain, mount: tuple[int, Pose], frame: tuple[int, Pose] | N
         if check.direction is not None:
             parts.append((np.array(there.rotation)[:, 2] - direction) / check.angle)
         if chain.robot.closures:
-            parts.append(chain.closing(q, at)[0] / (0.01 * min(check.within, check.angle)))
+            parts.append(chain.closing(q)[0] / (0.01 * min(check.within, check.angle)))
         return np.concatenate(parts)
 
     def slope(x: Array) -> Array:
@@ -202,7 +201,7 @@ def _approach(chain: Chain, mount: tuple[int, Pose], frame: tuple[int, Pose] | N
         if check.direction is not None:
             parts.append((np.cross(own[3:].T, axis).T - np.cross(other[3:].T, direction).T) / check.angle)
         if chain.robot.closures:
-            parts.append(chain.closing(q, at)[1] / (0.01 * min(check.within, check.angle)))
+            parts.append(chain.closing(q)[1] / (0.01 * min(check.within, check.angle)))
         return np.concatenate(parts)
 
     if not len(start):
@@ -227,7 +226,7 @@ def _missed(
     if check.direction is not None:
         axis = np.array(there.rotation)[:, 2]
         off = float(np.arctan2(np.linalg.norm(np.cross(axis, direction)), axis @ direction))
-    error, _ = chain.closing(q, at)
+    error, _ = chain.closing(q)
     return float(np.linalg.norm(np.array(there.translation) - goal)), off, float(np.abs(error).max(initial=0.0))
 
 

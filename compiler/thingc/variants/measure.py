@@ -12,21 +12,19 @@ Box, reach and torques are of one mode, in one pose.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from thingc.graph import coordinates, joints_of
 from thingc.graph.types import Assembly
 from thingc.inertia import total
-from thingc.pose import Pose, Vector, cross, dot, rotate
+from thingc.pose import Pose, Vector
 from thingc.robot.kinematics import placed_bodies
 from thingc.robot.tree import in_link
 from thingc.robot.types import Robot
+from thingc.statics import static_efforts
 
 Results = dict[str, float | None]
 """By name, SI; None (or absent) where a variant has not the result."""
-
-NO_LOAD = 1e-12
-"""Static torques [N m] or forces [N] below this are none."""
 
 
 class UnknownMount(Exception):
@@ -53,14 +51,14 @@ def measure(robot: Robot, pose: str | None, reach: tuple[str, str] | None) -> Re
         "inertia.xx": i[0][0], "inertia.yy": i[1][1], "inertia.zz": i[2][2],
         "inertia.xy": i[0][1], "inertia.xz": i[0][2], "inertia.yz": i[1][2],
     })
-    results.update(lengths(assembly))
+    within = in_link(assembly)
+    results.update(lengths(assembly, within))
     ends = [_mount(assembly, text) for text in reach or ()]
     placed = _placed(robot, pose)
     if placed is None:
         return results
     q, bodies = placed
     at = {body.link: body_pose for body, body_pose in zip(robot.bodies, bodies)}
-    within = in_link(assembly)
     occurrences = [at[link] @ inner for link, inner in zip(assembly.link_of, within)]
     box = bounding_box(assembly, occurrences)
     if box is not None:
@@ -70,7 +68,7 @@ def measure(robot: Robot, pose: str | None, reach: tuple[str, str] | None) -> Re
         points = [(occurrences[a] @ _frame(assembly, a, b)).translation, (occurrences[c] @ _frame(assembly, c, d)).translation]
         results["reach"] = math.dist(*points)
     if not robot.closures:
-        results["torque_margin"] = torque_margin(robot, q, bodies)
+        results["torque_margin"] = static_efforts(robot, q, bodies).least_margin
     return results
 
 
@@ -78,27 +76,28 @@ def _placed(robot: Robot, pose: str | None) -> tuple[dict[str, float], tuple[Pos
     """q of every joint and the poses of the bodies in the world; None for a pose in which the loops do not close."""
     name = pose if pose is not None else robot.mode.pose
     frame = next((one for one in robot.keyframes if one.name == name), None)
+    base = robot.bodies[0].X_PL
     if frame is not None:
-        return dict(frame.q), placed_bodies(robot.bodies, frame.q, robot.bodies[0].X_PL if frame.base is None else frame.base)
+        return frame.q, placed_bodies(robot.bodies, frame.q, frame.base or base)
     if robot.closures:
         return None
     named = next((one for one in robot.assembly.poses if one.name == name), None)
     q = coordinates(joints_of(robot.assembly), named.values if named is not None else {})
-    return q, placed_bodies(robot.bodies, q, robot.bodies[0].X_PL)
+    return q, placed_bodies(robot.bodies, q, base)
 
 
-def lengths(assembly: Assembly) -> Results:
+def lengths(assembly: Assembly, within: Sequence[Pose]) -> Results:
     """`length.JOINT` [m] of every joint that has one before it: the distance of its parent mount from the mount by which the joint
-    before placed that link. Parents and children are those of the documents, so it does not depend on a root."""
-    poses = in_link(assembly)
+    before placed that link. Parents and children are those of the documents, so it does not depend on a root. `within` are the
+    poses of the occurrences in their links (`in_link`)."""
     placed = {assembly.link_of[mate.child]: mate for mate in assembly.mates if mate.joint is not None and mate.loop is None}
     found: Results = {}
     for mate in assembly.mates:
         before = placed.get(assembly.link_of[mate.parent])
         if mate.joint is None or before is None or before is mate:
             continue
-        here = poses[mate.parent].apply(mate.X_PJ.translation)
-        there = poses[before.child].apply(before.X_JC.inverse().translation)
+        here = within[mate.parent].apply(mate.X_PJ.translation)
+        there = within[before.child].apply(before.X_JC.inverse().translation)
         found[f"length.{mate.joint.path.replace('/', '.')}"] = math.dist(here, there)
     return found
 
@@ -121,64 +120,6 @@ def bounding_box(assembly: Assembly, poses: Sequence[Pose]) -> tuple[Vector, Vec
     if low[0] > high[0]:
         return None
     return (low[0], low[1], low[2]), (high[0], high[1], high[2])
-
-
-def static_torques(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> dict[str, float]:
-    """What every joint has to hold [N m or N] while the robot stands still at `q`, its bodies at these poses in the world, its root
-    held: the weight of everything behind the joint about its axis, and its spring. By joint path, positive along positive q.
-
-    For the moments of weights about axes see Featherstone, Rigid Body Dynamics Algorithms, section 5.3 (inverse dynamics at
-    rest).
-    """
-    count = len(robot.bodies)
-    masses = [0.0] * count
-    moments: list[Vector] = [(0.0, 0.0, 0.0)] * count
-    for index in range(count - 1, -1, -1):
-        body = robot.bodies[index]
-        own = robot.assembly.links[body.link].properties
-        x, y, z = bodies[index].apply(own.centre)
-        mass = masses[index] = masses[index] + own.mass
-        mx, my, mz = moments[index]
-        moment = moments[index] = (mx + own.mass * x, my + own.mass * y, mz + own.mass * z)
-        if body.parent is not None:
-            masses[body.parent] += mass
-            px, py, pz = moments[body.parent]
-            moments[body.parent] = (px + moment[0], py + moment[1], pz + moment[2])
-    found: dict[str, float] = {}
-    for index, body in enumerate(robot.bodies):
-        joint = body.joint
-        if joint is None:
-            continue
-        axis = rotate(bodies[index].rotation, joint.axis)
-        if joint.kind == "slide":
-            weight = masses[index] * dot(axis, robot.gravity)
-        else:
-            p, s, m = bodies[index].apply(joint.anchor), moments[index], masses[index]
-            arm = (s[0] - m * p[0], s[1] - m * p[1], s[2] - m * p[2])
-            weight = dot(axis, cross(arm, robot.gravity))
-        found[joint.path] = (joint.dynamics.stiffness or 0.0) * q[joint.path] - weight
-    return found
-
-
-def torque_margin(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> float | None:
-    """The least ratio of a drive's effort to what it has to hold; `inf` where nothing loads a drive, None without drives that
-    have an effort. Joints that mimic one another are held together, by all their drives."""
-    torques = static_torques(robot, q, bodies)
-    joints = {body.joint.path: body.joint for body in robot.bodies if body.joint is not None}
-    load: dict[str, float] = {}
-    effort: dict[str, float] = {}
-    for path, joint in joints.items():
-        leader, factor = joint, 1.0
-        for _ in joints:  # no longer than all of them: circles are faults of the document
-            if leader.mimic is None or leader.mimic.joint not in joints:
-                break
-            factor *= leader.mimic.multiplier
-            leader = joints[leader.mimic.joint]
-        load[leader.path] = load.get(leader.path, 0.0) + factor * torques[path]
-        if path in robot.present and joint.actuator is not None and joint.actuator.effort is not None:
-            effort[leader.path] = effort.get(leader.path, 0.0) + abs(factor) * joint.actuator.effort
-    ratios = [most / abs(load[path]) if abs(load[path]) > NO_LOAD else math.inf for path, most in effort.items()]
-    return min(ratios) if ratios else None
 
 
 def _mount(assembly: Assembly, text: str) -> tuple[int, str]:

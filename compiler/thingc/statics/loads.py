@@ -1,0 +1,51 @@
+"""What gravity and springs do on the joints of a robot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from thingc.pose import Pose, Vector, cross, dot, rotate
+from thingc.robot.types import Robot
+
+
+def loads(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> dict[str, float]:
+    """What gravity and its own spring do on every joint [N m or N] at `q` (all joints by path, rad or m), the bodies at these
+    poses in the world: by joint path, positive along positive q.
+
+    Gravity is that of everything behind the joint in the tree, about its axis, as though loops were open: what closes a loop does
+    no work along motions that it allows, so these are the generalized forces of a robot with loops as well. A joint that was cut
+    out of the tree carries nothing, and has its spring. For the moments of weights about axes see Featherstone, Rigid Body
+    Dynamics Algorithms, section 5.3 (inverse dynamics at rest). Linear in the number of bodies.
+    """
+    count = len(robot.bodies)
+    masses = [0.0] * count
+    moments: list[Vector] = [(0.0, 0.0, 0.0)] * count
+    for index in range(count - 1, -1, -1):
+        body = robot.bodies[index]
+        own = robot.assembly.links[body.link].properties
+        x, y, z = bodies[index].apply(own.centre)
+        mass = masses[index] = masses[index] + own.mass
+        mx, my, mz = moments[index]
+        moment = moments[index] = (mx + own.mass * x, my + own.mass * y, mz + own.mass * z)
+        if body.parent is not None:
+            masses[body.parent] += mass
+            px, py, pz = moments[body.parent]
+            moments[body.parent] = (px + moment[0], py + moment[1], pz + moment[2])
+    found: dict[str, float] = {}
+    for index, body in enumerate(robot.bodies):
+        joint = body.joint
+        if joint is None:
+            continue
+        axis = rotate(bodies[index].rotation, joint.axis)
+        if joint.kind == "slide":
+            weight = masses[index] * dot(axis, robot.gravity)
+        else:
+            p, s, m = bodies[index].apply(joint.anchor), moments[index], masses[index]
+            arm = (s[0] - m * p[0], s[1] - m * p[1], s[2] - m * p[2])
+            weight = dot(axis, cross(arm, robot.gravity))
+        stiffness = joint.dynamics.stiffness
+        found[joint.path] = weight if stiffness is None else weight - stiffness * q[joint.path]
+    for closure in robot.closures:
+        if closure.joint is not None:
+            found[closure.path] = -(closure.joint.dynamics.stiffness or 0.0) * q[closure.path]
+    return found
