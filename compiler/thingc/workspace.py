@@ -26,9 +26,26 @@ DEFAULT_PARTS = ("parts",)
 DEFAULT_PACKAGES = ("thingc_stock", "bd_warehouse")
 DEFAULT_BUILD = "build"
 DEFAULT_TIMEOUT = 120.0
-DEFAULT_LINEAR = 1e-4
-DEFAULT_ANGULAR = 0.17453292519943295
-"""10 deg."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tessellation:
+    """How finely curved surfaces are meshed: the mesh is at most `linear` [m] off the surface, and neighbouring facets have at most
+    `angular` [rad] between them."""
+
+    linear: float
+    angular: float
+
+    def coarser(self, other: Tessellation) -> Tessellation:
+        """As coarse as this one and the other, each number by itself."""
+        return Tessellation(linear=max(self.linear, other.linear), angular=max(self.angular, other.angular))
+
+
+DEFAULT_MESH = Tessellation(linear=1e-4, angular=0.17453292519943295)
+"""0.1 mm and 10 deg: what printers and checks of clearance are given."""
+DEFAULT_SIMULATION = Tessellation(linear=1e-4, angular=0.3490658503988659)
+"""0.1 mm and 20 deg: what simulators draw and touch. Nothing is further off than in the other mesh; what has a radius below 6.6 mm
+has half the facets, which is nearly all of a robot's facets (holes, screws, fillets) and of what a simulator copies and draws."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,9 +53,9 @@ class Workspace:
     """A folder and its settings.
 
     `root` absolute; `parts` absolute folders whose modules may be named in `part:`; `packages` installed packages that
-    may be, too; `build` the absolute folder of outputs; `part_timeout` [s] for one part; `linear` [m] and `angular`
-    [rad] the tessellation; `origin` the file that says so, None where the defaults stand. `inputs` are the files that
-    were looked at on the way, by absolute path, with the SHA-256 of their bytes (None: not there).
+    may be, too; `build` the absolute folder of outputs; `part_timeout` [s] for one part; `mesh` the tessellation that
+    is printed and checked, `simulation` that for simulators; `origin` the file that says so, None where the defaults stand.
+    `inputs` are the files that were looked at on the way, by absolute path, with the SHA-256 of their bytes (None: not there).
     """
 
     root: str
@@ -46,8 +63,8 @@ class Workspace:
     packages: tuple[str, ...]
     build: str
     part_timeout: float
-    linear: float
-    angular: float
+    mesh: Tessellation
+    simulation: Tessellation
     origin: Span | None = None
     inputs: dict[str, str | None] = field(default_factory=dict, compare=False, repr=False)
 
@@ -89,7 +106,7 @@ def _inside(path: str, root: str) -> bool:
 def _default(folder: str, inputs: dict[str, str | None]) -> Workspace:
     return Workspace(
         root=folder, parts=_existing(folder, DEFAULT_PARTS, inputs), packages=DEFAULT_PACKAGES,
-        build=os.path.join(folder, DEFAULT_BUILD), part_timeout=DEFAULT_TIMEOUT, linear=DEFAULT_LINEAR, angular=DEFAULT_ANGULAR,
+        build=os.path.join(folder, DEFAULT_BUILD), part_timeout=DEFAULT_TIMEOUT, mesh=DEFAULT_MESH, simulation=DEFAULT_SIMULATION,
         inputs=inputs,
     )
 
@@ -173,24 +190,28 @@ class _Settings:
     packages: tuple[str, ...]
     build: str
     part_timeout: float
-    linear: float
-    angular: float
+    mesh: Tessellation
+    simulation: Tessellation
 
     @staticmethod
     def plain(table: dict[str, Any]) -> _Settings | None:
         """The settings of a table in which nothing is unusual; None (or ValueError, TypeError) where anything is."""
         known = {"thingc", "parts", "packages", "build", "part_timeout", "mesh", "$schema"}
         mesh = table.get("mesh", {})
-        if table["thingc"] != "workspace/1" or not known.issuperset(table) or not {"linear", "angular"}.issuperset(mesh):
+        if table["thingc"] != "workspace/1" or not known.issuperset(table) or not {"linear", "angular", "simulation"}.issuperset(mesh):
             return None
+        simulation = mesh.get("simulation", {})
+        if not {"linear", "angular"}.issuperset(simulation):
+            return None
+        fine = _plain_tessellation(mesh, DEFAULT_MESH)
         build = table.get("build", DEFAULT_BUILD)
         return None if not isinstance(build, str) else _Settings(
             parts=_plain_texts(table["parts"]) if "parts" in table else None,
             packages=_plain_texts(table["packages"]) if "packages" in table else DEFAULT_PACKAGES,
             build=build,
             part_timeout=_plain_value(table, "part_timeout", TIME, DEFAULT_TIMEOUT),
-            linear=_plain_value(mesh, "linear", LENGTH, DEFAULT_LINEAR),
-            angular=_plain_value(mesh, "angular", ANGLE, DEFAULT_ANGULAR),
+            mesh=fine,
+            simulation=_plain_tessellation(simulation, DEFAULT_SIMULATION.coarser(fine)),
         )
 
 
@@ -198,6 +219,14 @@ def _plain_texts(value: Any) -> tuple[str, ...]:
     if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
         raise TypeError
     return tuple(value)
+
+
+def _plain_tessellation(table: Any, default: Tessellation) -> Tessellation:
+    if not isinstance(table, dict):
+        raise TypeError
+    return Tessellation(
+        linear=_plain_value(table, "linear", LENGTH, default.linear), angular=_plain_value(table, "angular", ANGLE, default.angular),
+    )
 
 
 def _plain_value(table: dict[str, Any], key: str, dimension: Dimension, default: float) -> float:
@@ -225,7 +254,7 @@ def _workspace(settings: _Settings, root: str, span: Span | None, inputs: dict[s
         return None
     return Workspace(
         root=root, parts=parts, packages=settings.packages, build=os.path.normpath(os.path.join(root, settings.build)),
-        part_timeout=settings.part_timeout, linear=settings.linear, angular=settings.angular, origin=span, inputs=inputs,
+        part_timeout=settings.part_timeout, mesh=settings.mesh, simulation=settings.simulation, origin=span, inputs=inputs,
     )
 
 
@@ -291,12 +320,20 @@ def _from_spec(spec: Any, document: Document, report: Report) -> _Settings:
             return default
         return found.value
 
-    mesh = spec.mesh
+    def tessellation(found: Any, path: Path, default: Tessellation) -> Tessellation:
+        if found is None:
+            return default
+        return Tessellation(
+            linear=value(found.linear, (*path, "linear"), default.linear),
+            angular=value(found.angular, (*path, "angular"), default.angular),
+        )
+
+    mesh = tessellation(spec.mesh, ("mesh",), DEFAULT_MESH)
     return _Settings(
         parts=tuple(spec.parts) if "parts" in document.tree.entries else None, packages=tuple(spec.packages), build=spec.build,
         part_timeout=value(spec.part_timeout, ("part_timeout",), DEFAULT_TIMEOUT),
-        linear=value(mesh.linear if mesh else None, ("mesh", "linear"), DEFAULT_LINEAR),
-        angular=value(mesh.angular if mesh else None, ("mesh", "angular"), DEFAULT_ANGULAR),
+        mesh=mesh,
+        simulation=tessellation(spec.mesh.simulation if spec.mesh else None, ("mesh", "simulation"), DEFAULT_SIMULATION.coarser(mesh)),
     )
 
 

@@ -13,12 +13,14 @@ import mujoco
 import numpy as np
 import pytest
 
+import arm as arm_parts
 import thingc
 from conformance import roots
 from conformance import simulation as sim
 from conformance.conftest import ARM
 from conformance.harness import ROOT
 from conformance.harness import thingc as run
+from thingc_stock.dynamixel import XM430
 
 MODES = {"bench": "base_link", "drawing": "hand_link", "adrift": "bracket"}
 """Mode to the link that it holds."""
@@ -112,6 +114,43 @@ def test_at_rest_every_part_stands_where_the_api_says(models: dict[str, mujoco.M
     assembly = compiled.assembly
     rest = {o.path: np.array(assembly.rest[o.index].rows()) for o in assembly.occurrences if o.path != "bus_board"}
     assert roots.at_rest(models, "plate", rest) == []
+
+
+def test_collision_pieces_that_are_boxes_and_cylinders_are_such_geoms(
+    models: dict[str, mujoco.MjModel], compiled: thingc.Compiled
+) -> None:
+    """Of the bodies that the part files give: the same volume to 1e-9, and the same centre and inertia in the world to 1e-9."""
+    from build123d import Solid
+
+    names = {
+        "plate": (arm_parts.BasePlate, (None, "box", "box")), "yaw_servo": (XM430, (None, "cylinder", "cylinder")),
+        "shoulder_servo": (XM430, (None, "cylinder", "cylinder")), "bracket": (arm_parts.YawPitchBracket, ("box", "box", "box")),
+        "humerus_idler": (arm_parts.RotorBrace, (None, "box", None)), "hand/cap": (arm_parts.OmegaCap, (None, "box")),
+    }
+    rest = {o.path: np.array(compiled.assembly.rest[o.index].rows()) for o in compiled.assembly.occurrences}
+    model = models["bench"]
+    data = sim.at(model, {})
+    X_WP = sim.parts(model, data)["plate"] @ np.linalg.inv(rest["plate"])
+    for path, (thing, kinds) in names.items():
+        for number, (kind, piece) in enumerate(zip(kinds, thing().collision(), strict=True)):
+            name = f"{path}:collision_{number}" if number else f"{path}:collision"
+            geom, placed = model.geom(name), data.geom(name)
+            if kind is None:
+                assert geom.type[0] == mujoco.mjtGeom.mjGEOM_MESH, name
+                continue
+            assert isinstance(piece, Solid) and geom.type[0] == getattr(mujoco.mjtGeom, f"mjGEOM_{kind.upper()}"), name
+            a, b, c = geom.size
+            volume = 8 * a * b * c if kind == "box" else 2 * np.pi * a * a * b
+            own = volume * np.diag(
+                [(b * b + c * c) / 3, (a * a + c * c) / 3, (a * a + b * b) / 3] if kind == "box"
+                else [a * a / 4 + b * b / 3, a * a / 4 + b * b / 3, a * a / 2]
+            )
+            X = X_WP @ rest[path]
+            assert volume == pytest.approx(piece.volume * 1e-9, rel=1e-9)
+            np.testing.assert_allclose(placed.xpos, (X @ [*(np.array(tuple(piece.center())) / 1000), 1.0])[:3], rtol=0, atol=1e-9)
+            turned = placed.xmat.reshape(3, 3)
+            found, expected = turned @ own @ turned.T, X[:3, :3] @ (np.array(piece.matrix_of_inertia) * 1e-15) @ X[:3, :3].T
+            np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
 
 
 def test_poses_of_all_occurrences_agree_in_all_modes(models: dict[str, mujoco.MjModel]) -> None:

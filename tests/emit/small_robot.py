@@ -5,32 +5,29 @@
 
 from __future__ import annotations
 
-import math
-import struct
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
+from graph import builder
+from graph.builder import binary_stl, kept, where
 from thingc.diagnostics import Report
 from thingc.emit.request import EmitRequest
 from thingc.graph.types import (
     Assembly,
-    Definition,
     JointEdge,
     Link,
     LinkedMode,
     Mate,
-    MountFrame,
     Occurrence,
     RootChoice,
 )
 from thingc.inertia import MassProperties
 from thingc.pose import NO_POSE, Pose, placed
-from thingc.realize.record import Mesh, PartDefinition, PartRecord, Value, definition_text
+from thingc.realize.record import PartDefinition, PartRecord, Value, definition_text
 from thingc.realize.store import Store
 from thingc.resolve.model import (
-    AssemblyDefinition,
     BomEntry,
-    Component,
     Dynamics,
     Limit,
     Material,
@@ -41,25 +38,21 @@ from thingc.resolve.model import (
 from thingc.robot import root
 from thingc.robot.types import Robot
 from thingc.source import Span
-from thingc.workspace import Workspace
+from thingc.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
 
 DOCUMENT = "/w/arm.yaml"
 ORDER = ("plate", "servo_a", "brace_a", "servo_b", "brace_b", "hand/palm", "hand/cap", "board", "marker", "motor")
 
 
 def span(line: int) -> Span:
-    return Span(file=DOCUMENT, line=line, column=3, end_line=line, end_column=9)
+    return where(line, DOCUMENT)[0]
 
 
 def box_stl(x: float, y: float, z: float) -> bytes:
     """A closed box as binary STL (12 triangles, outward), from the origin."""
     corners = [(x * (k & 1), y * (k >> 1 & 1), z * (k >> 2)) for k in range(8)]
     quads = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
-    faces = [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))]
-    data = b"hand built".ljust(80) + struct.pack("<I", len(faces))
-    for face in faces:
-        data += struct.pack("<12fH", 0.0, 0.0, 0.0, *(value for k in face for value in corners[k]), 0)
-    return data
+    return binary_stl(corners, [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
 
 
 def part(
@@ -72,43 +65,28 @@ def part(
 
 
 def record(store: Store, text: str, size: tuple[float, float, float] | None, bom: dict[str, str] | None = None) -> PartRecord:
-    """A box of a size [mm], or a Thing without geometry."""
-    data = box_stl(*size) if size else b""
-    mesh = Mesh(sha256=store.put(data), size=len(data), vertices=8, faces=12, closed=True, flat=False)
-    return PartRecord(
-        text=text, material="petg", color=None, volume=math.prod(size) * 1e-9 if size else 0.0, area=0.0, centre=(0.0, 0.0, 0.0),
-        inertia=((0.0,) * 3,) * 3, box=((0.0, 0.0, 0.0), tuple(v / 1000 for v in size)) if size else None,  # type: ignore[arg-type]
-        mounts={}, references=(), expectations=(), actuator=None, mass=None, com=None, matrix=None, density=None, bom=bom or {},
-        warnings=(), fits={}, meshes={"print": mesh, "visual": mesh} if size else {}, pieces=(), convex=(),
-        brep=store.put(b"brep of " + text.encode()) if size else None, code=("parts/arm.py", 3),
-    )
+    """A box of a size [mm] from the origin, or a Thing without geometry."""
+    said: dict[str, Any] = {"material": "petg", "bom": bom or {}, "code": ("parts/arm.py", 3)}
+    if size is None:
+        return builder.record(text, **said)
+    x, y, z = (v / 1000 for v in size)
+    mesh = kept(store, box_stl(*size), 8, 12)
+    shape = {"meshes": {"print": mesh, "visual": mesh}, "brep": store.put(b"brep of " + text.encode())}
+    return builder.box(text, (x, y, z), centre=(x / 2, y / 2, z / 2), **said, **shape)
 
 
 def petg(kind: str | None = "fdm") -> Material:
-    return Material(
-        name="petg", density=1270.0, color="#e6e6fa", slide=None, torsion=None, roll=None,
-        process=Process(kind=kind) if kind else None, origin=(span(90),),
-    )
+    process = Process(kind=kind) if kind else None
+    return builder.material("petg", 1270.0, color="#e6e6fa", process=process, origin=where(90, DOCUMENT))
 
 
 def occurrence(
     index: int, path: str, definition: PartDefinition | None, made: PartRecord | None, *, mass: float = 0.0,
     source: str = "derived", material: Material | None = None, bom: BomEntry | None = None, overrides: Overrides | None = None,
 ) -> Occurrence:
-    origin = (span(10 + index),)
-    component = Component(
-        name=path.rpartition("/")[2], definition=definition, frame=definition is None, placement=None, material=material,
-        overrides=overrides or Overrides(), mounts={}, bom=bom or BomEntry(), origin=origin,
-    )
-    if definition is None:
-        known = Definition(text="frame", reference="frame", kind="frame")
-    else:
-        kind = "part" if definition.kind == "code" else "file"
-        known = Definition(text=definition.text, reference=definition.reference, kind=kind)
-    return Occurrence(
-        path=path, index=index, definition=known, component=component, record=made, material=material,
-        color="#e6e6fa" if made is not None else None, overrides=component.overrides, bom=component.bom,
-        properties=MassProperties(mass=mass), mass_source=source, mounts={"origin": MountFrame(pose=NO_POSE)}, origin=origin,
+    return builder.occurrence(
+        index, path, definition, made, material=material, bom=bom, overrides=overrides, origin=where(10 + index, DOCUMENT),
+        color="#e6e6fa" if made is not None else None, properties=MassProperties(mass=mass), mass_source=source,
     )
 
 
@@ -198,10 +176,7 @@ def modes() -> tuple[LinkedMode, ...]:
 
 def assembly(store: Store) -> Assembly:
     things = occurrences(store)
-    definition = AssemblyDefinition(
-        document="arm.yaml", name="arm", description="", parameters=(), text="arm", materials={}, components=(), joints=(),
-        links=(), mounts={}, poses=(), modes=(), simulation={}, raw=(), origin=(span(1),),
-    )
+    definition = builder.assembly("arm", (), materials=(), modes=())
     pose = [
         NamedPose(name=name, values=values, origins={}, origin=(span(70),))
         for name, values in (("home", {"yaw": 1.0}), ("start", {"hand/lift": 0.02, "yaw": -0.5}))
@@ -225,7 +200,8 @@ def robots(whole: Assembly) -> tuple[Robot, ...]:
 def request(whole: Assembly, store: Store, geometry: object = None) -> EmitRequest:
     """What an emitter is asked with; only `step` needs the geometry service."""
     workspace = Workspace(
-        root="/w", parts=("/w/parts",), packages=(), build="/w/build", part_timeout=120.0, linear=1e-4, angular=0.17,
+        root="/w", parts=("/w/parts",), packages=(), build="/w/build", part_timeout=120.0, mesh=DEFAULT_MESH,
+        simulation=DEFAULT_SIMULATION,
     )
     return EmitRequest(
         assembly=whole, robots=robots(whole), store=store, geometry=geometry, workspace=workspace,  # type: ignore[arg-type]

@@ -20,7 +20,7 @@ from thingc.pose import NO_POSE, placed
 from thingc.realize.record import PartDefinition, PartRecord, Value
 from thingc.realize.service import GeometryService
 from thingc.realize.store import Store
-from thingc.workspace import Workspace
+from thingc.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
 
 PARTS = '''
 from build123d import Box
@@ -46,8 +46,8 @@ def service(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Any:
     (root / "parts").mkdir()
     (root / "parts" / "blocks.py").write_text(PARTS)
     workspace = Workspace(
-        root=str(root), parts=(str(root / "parts"),), packages=(), build=str(root / "build"), part_timeout=120.0, linear=1e-4,
-        angular=0.17,
+        root=str(root), parts=(str(root / "parts"),), packages=(), build=str(root / "build"), part_timeout=120.0,
+        mesh=DEFAULT_MESH, simulation=DEFAULT_SIMULATION,
     )
     with GeometryService(workspace, Store(shared_store), jobs=1, timeout=120.0) as geometry:
         yield geometry

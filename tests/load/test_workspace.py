@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from thingc.diagnostics import Code, Report
-from thingc.workspace import Workspace, _explained, _read
+from thingc.workspace import Tessellation, Workspace, _explained, _read
 
 
 def find(document: Path) -> tuple[Workspace | None, Report]:
@@ -27,8 +27,8 @@ def test_without_a_file_it_is_the_documents_own_folder(tmp_path: Path) -> None:
     assert workspace is not None
     assert workspace == Workspace(
         root=str(tmp_path), parts=(), packages=("thingc_stock", "bd_warehouse"), build=str(tmp_path / "build"),
-            part_timeout=120.0,
-        linear=1e-4, angular=math.radians(10), origin=None,
+        part_timeout=120.0, mesh=Tessellation(linear=1e-4, angular=math.radians(10)),
+        simulation=Tessellation(linear=1e-4, angular=math.radians(20)), origin=None,
     )
     (tmp_path / "parts").mkdir()
     again, _ = find(tmp_path / "a.yaml")
@@ -56,8 +56,18 @@ def test_the_nearest_file_above_counts(tmp_path: Path) -> None:
     assert (inner.root, inner.parts, inner.packages) == (
         str(tmp_path / "p/q"), (str(tmp_path / "p/q/models"), str(tmp_path / "p/q")), (),
     )
-    assert (inner.build, inner.part_timeout, inner.linear) == (str(tmp_path / "p/q/out/b"), 120.0, 0.0005)
-    assert inner.angular == pytest.approx(math.radians(20), rel=1e-15)
+    assert (inner.build, inner.part_timeout, inner.mesh.linear) == (str(tmp_path / "p/q/out/b"), 120.0, 0.0005)
+    assert inner.mesh.angular == pytest.approx(math.radians(20), rel=1e-15)
+    assert inner.simulation == inner.mesh  # never finer than what is printed unless it is written
+
+
+def test_the_mesh_of_simulators_is_written_below_mesh(tmp_path: Path) -> None:
+    (tmp_path / "thingc.toml").write_text(HEAD + 'mesh = {linear = "20 um", simulation = {angular = "0.5 rad"}}\n')
+    workspace, report = find(tmp_path / "a.yaml")
+    assert not report.diagnostics
+    assert workspace is not None
+    assert workspace.mesh == Tessellation(linear=pytest.approx(2e-5), angular=math.radians(10))
+    assert workspace.simulation == Tessellation(linear=1e-4, angular=0.5)
 
 
 def test_a_project_without_our_table_is_none_of_ours(tmp_path: Path) -> None:
@@ -126,7 +136,11 @@ HEAD = 'thingc = "workspace/1"\n'
     (HEAD + 'part_timeout = "=2 s"\n', Code.BAD_EXPRESSION, "a workspace has no parameters: write the value", None, (2, 16)),
     (HEAD + 'mesh = {liner = "1 mm"}\n', Code.UNKNOWN_KEY, "unknown key `liner` in `mesh`", "did you mean `linear`?", (2, 9)),
     (HEAD + 'mesh = {linear = "1 mmm"}\n', Code.BAD_UNIT, "unknown unit `mmm`; did you mean `mm`?", None, (2, 21)),
-    (HEAD + "mesh = 3\n", Code.WRONG_TYPE, "expected a mapping with `linear`, `angular`, found the number `3`", None, (2, 8)),
+    (HEAD + "mesh = 3\n", Code.WRONG_TYPE, "expected a mapping with `linear`, `angular`, `simulation`, found the number `3`", None,
+     (2, 8)),
+    (HEAD + 'mesh = {simulation = {angular = "10 mm"}}\n', Code.WRONG_DIMENSION,
+     "expected an angle (such as 30 deg), found a length (`10 mm`)", None, (2, 33)),
+    (HEAD + 'mesh = {simulation = {linear = "0 mm"}}\n', Code.BAD_QUANTITY, "expected a value above 0, found `0 mm`", None, (2, 32)),
     (HEAD + "a b\n", Code.SYNTAX, "expected `=` after the key", "TOML writes `key = value`", (2, 3)),
 ])
 def test_what_is_said(tmp_path: Path, text: str, code: Code, message: str, help: str | None, place: tuple[int, int]) -> None:
@@ -160,7 +174,7 @@ _times = st.sampled_from(["120 s", "2 min", "0 s", "-1 s", "=3 s", "5", "2 mm", 
         timeout=st.none() | _times | st.just(5),
     mesh=st.none() | st.fixed_dictionaries({},
         optional={"linear": st.sampled_from(["1 mm", "1 deg"]), "angular": st.sampled_from(["5 deg", "0 deg"]),
-            "x": st.just("1")}),
+            "x": st.just("1"), "simulation": st.sampled_from([{}, {"linear": "1 mm"}, {"angular": "0 rad"}, {"y": "1"}, "1 mm"])}),
 )
 def test_the_plain_reading_is_the_models_reading(
     tmp_path_factory: pytest.TempPathFactory, parts: object, build: object, timeout: object, mesh: object,
@@ -179,8 +193,8 @@ def test_the_plain_reading_is_the_models_reading(
     assert (first is None) == (second is None), text
     assert quick.diagnostics == exact.diagnostics
     if first is not None and second is not None:
-        assert (first.parts, first.build, first.part_timeout, first.linear, first.angular) == (
-            second.parts, second.build, second.part_timeout, second.linear, second.angular,
+        assert (first.parts, first.build, first.part_timeout, first.mesh, first.simulation) == (
+            second.parts, second.build, second.part_timeout, second.mesh, second.simulation,
         )
 
 

@@ -5,35 +5,31 @@ Bodies are given as plain 4 x 4 matrices (numpy), so that the tests' own chains 
 
 from __future__ import annotations
 
-import struct
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from graph import builder
+from graph.builder import as_pose, binary_stl, kept, where
 from thingc.diagnostics import Report
 from thingc.emit.request import EmitRequest
 from thingc.graph.types import (
     ActuatorModel,
     Adhesion,
     Assembly,
-    Definition,
     JointEdge,
     Link,
     LinkedMode,
     Mate,
-    MountFrame,
     Occurrence,
     RootChoice,
 )
 from thingc.inertia import MassProperties
-from thingc.pose import NO_POSE, Pose
-from thingc.realize.record import Fit, Mesh, PartDefinition, PartRecord
+from thingc.pose import NO_POSE
+from thingc.realize.record import PartDefinition, PartRecord, Primitive
 from thingc.realize.store import Store
 from thingc.resolve.model import (
-    AssemblyDefinition,
-    BomEntry,
-    Component,
     Dynamics,
     Limit,
     Material,
@@ -43,18 +39,14 @@ from thingc.resolve.model import (
     RawAttribute,
 )
 from thingc.robot.types import Body, CoreJoint, Keyframe, Robot, Site
-from thingc.source import Origin, Span
+from thingc.source import Origin
 
 FILE = "/somewhere/robot.yaml"
 
 
 def at(line: int) -> Origin:
     """The origin of something on a line of the document."""
-    return (Span(file=FILE, line=line, column=3, end_line=line, end_column=9),)
-
-
-def pose(matrix: Any) -> Pose:
-    return Pose.from_rows(np.asarray(matrix).tolist())
+    return where(line, FILE)
 
 
 def matrix(xyz: Any = (0.0, 0.0, 0.0), rotation: Any = None) -> np.ndarray:
@@ -100,18 +92,6 @@ def obj(vertices: Any, faces: Any) -> bytes:
     return "\n".join([*lines, *(f"f {a + 1} {b + 1} {c + 1}" for a, b, c in faces)]).encode() + b"\n"
 
 
-def stl(vertices: Any, faces: Any) -> bytes:
-    points = np.asarray(vertices)
-    out = [b"\0" * 80, struct.pack("<I", len(faces))]
-    for face in faces:
-        out.append(struct.pack("<12fH", 0, 0, 0, *points[list(face)].ravel(), 0))
-    return b"".join(out)
-
-
-def kept(store: Store, data: bytes, vertices: int, faces: int, *, closed: bool = True, flat: bool = False) -> Mesh:
-    return Mesh(sha256=store.put(data), size=len(data), vertices=vertices, faces=faces, closed=closed, flat=flat)
-
-
 @dataclass(frozen=True)
 class Part:
     """A part with its analytic mass properties at a density [kg/m^3] of 1000."""
@@ -140,7 +120,7 @@ def box_part(store: Store, low: Any, high: Any, **changes: Any) -> Part:
         (low + high) / 2,
         np.diag(moments),
         (low, high),
-        Fit(shape="box", size=tuple((size / 2).tolist()), pose=pose(matrix((low + high) / 2))),
+        Primitive(shape="box", size=tuple((size / 2).tolist()), pose=as_pose(matrix((low + high) / 2))),
         flat=flat,
         **changes,
     )
@@ -175,7 +155,7 @@ def cylinder_part(store: Store, radius: float, length: float, **changes: Any) ->
         np.zeros(3),
         np.diag([across, across, mass * radius**2 / 2]),
         box,
-        Fit(shape="cylinder", size=(radius, half), pose=NO_POSE),
+        Primitive(shape="cylinder", size=(radius, half), pose=NO_POSE),
         **changes,
     )
 
@@ -190,47 +170,29 @@ def _part(
     centre: Any,
     inertia: Any,
     box: Any,
-    fit: Fit,
+    fit: Primitive,
     *,
     flat: bool = False,
     **changes: Any,
 ) -> Part:
-    solid = stl(vertices, faces)
+    solid = binary_stl(vertices, faces)
     count = (len(vertices), len(faces))
-    record = PartRecord(
-        text=text,
-        material=None,
-        color=None,
-        volume=mass / 1000,
-        area=0.0,
-        centre=tuple(centre.tolist()),
-        inertia=_rows(inertia),
-        box=(tuple(box[0].tolist()), tuple(box[1].tolist())),
-        mounts={},
-        references=(),
-        expectations=(),
-        actuator=None,
-        mass=None,
-        com=None,
-        matrix=None,
-        density=None,
-        bom={},
-        warnings=(),
-        fits={fit.shape: fit},
-        meshes={
+    said = {
+        "volume": mass / 1000,
+        "centre": tuple(centre.tolist()),
+        "inertia": _rows(inertia),
+        "box": (tuple(box[0].tolist()), tuple(box[1].tolist())),
+        "fits": {fit.shape: fit},
+        "meshes": {
             "visual": kept(store, obj(vertices, faces), *count, flat=flat),
             "hull": kept(store, solid, *count, flat=flat),
             "mesh": kept(store, solid, *count, flat=flat),
             "print": kept(store, solid, *count, flat=flat),
         },
-        pieces=(),
-        convex=(),
-        brep=None,
-        code=None,
-    )
+    }
     return Part(
         definition=PartDefinition(reference=reference, kind="code", parameters=(), text=text),
-        record=replace(record, **changes),
+        record=builder.record(text, **{**said, **changes}),
         properties=MassProperties(mass=mass, centre=tuple(centre.tolist()), inertia=_rows(inertia)),
     )
 
@@ -273,8 +235,7 @@ class Segment:
 
 
 def material(name: str = "petg", **values: Any) -> Material:
-    blank = {"density": 1000.0, "color": None, "slide": None, "torsion": None, "roll": None, "process": None, "origin": at(90)}
-    return Material(name=name, **{**blank, **values})
+    return builder.material(name, **{"origin": at(90), **values})
 
 
 def drive(kind: str = "position", **values: Any) -> ActuatorModel:
@@ -336,7 +297,7 @@ class Made:
                     index=index,
                     frame=members[0] if members else 0,
                     members=tuple(members),
-                    poses=tuple(pose(piece.pose) for piece in segment.pieces),
+                    poses=tuple(as_pose(piece.pose) for piece in segment.pieces),
                     properties=total(bodies) if sum(b.mass for b in bodies) > 0 else MassProperties(mass=0.0),
                     origin=at(10 + index),
                 )
@@ -365,22 +326,10 @@ class Made:
             for s in self.segments
             if s.joint is not None
         )
-        definition = AssemblyDefinition(
-            document="robots/arm.yaml",
-            name=self.name,
-            description="",
-            parameters=(),
-            text=self.name,
-            materials={},
-            components=(),
-            joints=(),
-            links=(),
-            mounts={},
-            poses=(),
-            modes=(),
+        definition = replace(
+            builder.assembly(self.name, (), materials=(), modes=(), document="robots/arm.yaml"),
             simulation={"timestep": 0.001},
             raw=self.raw,
-            origin=at(1),
         )
         return Assembly(
             name=self.name,
@@ -402,32 +351,16 @@ class Made:
         )
 
     def occurrence(self, index: int, piece: Piece) -> Occurrence:
-        component = Component(
-            name=piece.path.split("/")[-1],
-            definition=piece.part.definition,
-            frame=False,
-            placement=None,
+        return builder.occurrence(
+            index,
+            piece.path,
+            piece.part.definition,
+            piece.part.record,
+            origin=at(20 + index),
             material=piece.material,
             overrides=piece.overrides,
-            mounts={},
-            bom=BomEntry(),
-            origin=at(20 + index),
-        )
-        definition = Definition(text=piece.part.definition.text, reference=piece.part.definition.reference, kind="part")
-        return Occurrence(
-            path=piece.path,
-            index=index,
-            definition=definition,
-            component=component,
-            record=piece.part.record,
-            material=piece.material,
             color=piece.color,
-            overrides=piece.overrides,
-            bom=BomEntry(),
             properties=piece.part.properties,
-            mass_source="derived",
-            mounts={"origin": MountFrame(pose=NO_POSE)},
-            origin=at(20 + index),
         )
 
     def robot(self, assembly: Assembly, name: str = "bench", base: str = "fixed") -> Robot:
@@ -462,7 +395,7 @@ class Made:
                     mate=0,
                     origin=at(30 + index),
                 )
-            bodies.append(Body(link=index, parent=s.parent, X_PL=pose(s.pose), joint=joint))
+            bodies.append(Body(link=index, parent=s.parent, X_PL=as_pose(s.pose), joint=joint))
         present = tuple(s.joint for s in self.segments if s.joint is not None and s.actuator is not None)
         return Robot(
             name=self.name,
@@ -471,7 +404,7 @@ class Made:
             base=base,
             gravity=self.gravity,
             bodies=tuple(bodies),
-            sites=tuple(Site(path=p, body=b, pose=pose(x), origin=at(80)) for p, b, x in self.sites),
+            sites=tuple(Site(path=p, body=b, pose=as_pose(x), origin=at(80)) for p, b, x in self.sites),
             excluded=self.excluded,
             keyframes=tuple(Keyframe(name=n, q=q, origin=at(60 + k)) for k, (n, q) in enumerate(self.keyframes)),
             present=present if self.present is None else self.present,

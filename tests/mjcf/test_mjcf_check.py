@@ -12,7 +12,8 @@ from pathlib import Path
 import mujoco
 import pytest
 
-from mjcf.handmade import Made, Piece, Segment, box_part, drive, kept, raw
+from graph.builder import kept
+from mjcf.handmade import Made, Piece, Segment, box_part, drive, raw
 from mjcf.test_mjcf_model import arm, load
 from thingc.diagnostics import Diagnostic
 from thingc.emit.mjcf import emit

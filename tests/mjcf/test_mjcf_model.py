@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from graph.builder import binary_stl, kept
 from mjcf.handmade import (
     Made,
     Piece,
@@ -17,19 +18,17 @@ from mjcf.handmade import (
     box_vertices,
     cylinder_part,
     drive,
-    kept,
     material,
     matrix,
     moved,
     spin,
-    stl,
     total,
 )
 from thingc.diagnostics import as_json
 from thingc.emit.mjcf import emit
 from thingc.emit.request import EmitRequest
-from thingc.pose import NO_POSE
-from thingc.realize.record import Fit
+from thingc.pose import NO_POSE, Pose
+from thingc.realize.record import Primitive
 from thingc.realize.store import Store
 from thingc.resolve.model import Dynamics, Limit, Mimic, Overrides
 
@@ -467,11 +466,16 @@ def test_fitted_shapes_stand_where_the_part_stands(store: Store) -> None:
 
 
 def test_pieces(store: Store) -> None:
-    """`part` and `decompose`: one geom per piece, numbered from the second."""
+    """`part` and `decompose`: one geom per piece, numbered from the second; a primitive has no file, and meshes keep their number."""
     faces = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (0, 2, 3))
     corners = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]])
-    solids = tuple(kept(store, stl(corners + [k * 0.2, 0, 0], faces), 4, 4) for k in range(3))
-    part = box_part(store, (0, 0, 0), (0.1, 0.1, 0.1), pieces=solids[:2], convex=solids)
+    solids = tuple(kept(store, binary_stl(corners + [k * 0.2, 0, 0], faces), 4, 4) for k in range(3))
+    rod = Primitive(
+        shape="cylinder", size=(0.02, 0.05),
+        pose=Pose(rotation=((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)), translation=(0.3, 0.1, 0.0)),
+    )
+    part = box_part(store, (0, 0, 0), (0.1, 0.1, 0.1), pieces=(solids[0], rod, solids[1]), convex=solids)
+    turned = matrix((0.1, 0.2, 0.3), [[0, -1, 0], [1, 0, 0], [0, 0, 1]])
     made = Made(
         segments=[
             Segment(
@@ -479,13 +483,28 @@ def test_pieces(store: Store) -> None:
                 [
                     Piece("a", part, overrides=Overrides(collision="part")),
                     Piece("b", part, overrides=Overrides(collision="decompose")),
+                    Piece("c", part, pose=turned, overrides=Overrides(collision="part")),
                 ],
             )
         ]
     )
-    model = load(made.request(store))
+    request = made.request(store)
+    artifacts = emit(request)
+    assert sorted(name.rpartition("_part_")[2] for name in artifacts.files if "_part_" in name) == ["0.stl", "2.stl"]
+    model = load_from(request, artifacts.files, "bench")
     names = [model.geom(i).name for i in range(model.ngeom)]
-    assert names == ["a", "a:collision", "a:collision_1", "b", "b:collision", "b:collision_1", "b:collision_2"]
+    assert names == [
+        "a", "a:collision", "a:collision_1", "a:collision_2", "b", "b:collision", "b:collision_1", "b:collision_2",
+        "c", "c:collision", "c:collision_1", "c:collision_2",
+    ]
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    for name, placed in (("a:collision_1", np.eye(4)), ("c:collision_1", turned)):
+        geom = model.geom(name)
+        assert (geom.type, geom.group, geom.contype) == (mujoco.mjtGeom.mjGEOM_CYLINDER, 3, 1)
+        np.testing.assert_array_equal(geom.size[:2], [0.02, 0.05])
+        np.testing.assert_allclose(data.geom(name).xpos, (placed @ [0.3, 0.1, 0, 1])[:3], atol=NEAR)
+        np.testing.assert_allclose(data.geom(name).xmat.reshape(3, 3)[:, 2], placed[:3, 0], atol=NEAR)
 
 
 def test_flat_and_open_meshes_are_surfaces(store: Store) -> None:
@@ -580,7 +599,7 @@ def test_a_robot_named_like_a_class(store: Store, name: str) -> None:
 
 def test_fit_with_a_pose(store: Store) -> None:
     """A sphere whose centre is not the part's origin."""
-    part = box_part(store, (0, 0, 0), (0.1, 0.1, 0.1), fits={"sphere": Fit(shape="sphere", size=(0.09,), pose=NO_POSE)})
+    part = box_part(store, (0, 0, 0), (0.1, 0.1, 0.1), fits={"sphere": Primitive(shape="sphere", size=(0.09,), pose=NO_POSE)})
     made = Made(segments=[Segment("a", [Piece("a", part, overrides=Overrides(collision="sphere"))])])
     model = load(made.request(store))
     assert model.geom("a:collision").type == mujoco.mjtGeom.mjGEOM_SPHERE

@@ -13,7 +13,7 @@ from thingc.realize.client import Workers
 from thingc.realize.record import PartDefinition, Value, definition_text
 from thingc.realize.service import GeometryService
 from thingc.realize.store import Store
-from thingc.workspace import Workspace
+from thingc.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
 
 TIMEOUT = 60.0
 
@@ -36,7 +36,7 @@ class Place:
         """With 0.1 mm and 10 deg."""
         return Workspace(
             root=str(self.root), parts=(str(self.parts),), packages=("thingc_stock", "bd_warehouse"),
-            build=str(self.root / "build"), part_timeout=TIMEOUT, linear=1e-4, angular=0.17453292519943295,
+            build=str(self.root / "build"), part_timeout=TIMEOUT, mesh=DEFAULT_MESH, simulation=DEFAULT_SIMULATION,
         )
 
     def write(self, name: str, text: str) -> Path:

@@ -44,12 +44,12 @@ from thingc.pose import Pose
 from thingc.realize.record import PartDefinition, PartRecord, Placed
 from thingc.realize.service import GeometryService
 from thingc.realize.store import Store
-from thingc.workspace import Workspace
+from thingc.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
 
 root, store, command = sys.argv[1:4]
 workspace = Workspace(
     root=root, parts=(root + "/parts",), packages=("thingc_stock", "bd_warehouse"), build=root + "/build", part_timeout=60.0,
-    linear=1e-4, angular=0.17453292519943295,
+    mesh=DEFAULT_MESH, simulation=DEFAULT_SIMULATION,
 )
 def block(width):
     text = f"parts_:Block(width={width})"

@@ -12,8 +12,8 @@ import pytest
 
 from thingc.pose import Pose
 from thingc.realize.client import Workers
-from thingc.realize.record import PartFailure, PartRecord, PartSchema
-from thingc.realize.record_json import failure_from_json, failure_to_json, record_from_json, record_to_json
+from thingc.realize.record import Mesh, PartFailure, PartRecord, PartSchema, Primitive
+from thingc.realize.record_json import blobs_of, failure_from_json, failure_to_json, record_from_json, record_to_json
 
 PARTS = """
     from typing import Literal
@@ -54,7 +54,7 @@ PARTS = """
             return (0, 0, 1.5)
 
         def collision(self):
-            return [Pos(0, 0, -3) * Box(4, 4, 6), Sphere(3)]
+            return [Pos(0, 0, -3) * Box(4, 4, 6), Sphere(3), Cone(3, 1, 5)]
 
         def visual(self):
             return Box(1, 1, 1)
@@ -79,6 +79,17 @@ PARTS = """
     class Crossed(Thing):
         def result(self):
             return Cylinder(7, 13) - Rot(90, 0, 0) * Cylinder(3, 30)
+
+    class Slotted(Thing):
+        def result(self):
+            slot = Box(20, 6, 9) + Pos(10, 0, 0) * Cylinder(3, 9) + Pos(-10, 0, 0) * Cylinder(3, 9)
+            oval = extrude(Ellipse(8, 4), 9, both=True)
+            return Pos(700, -300, 200) * Rot(0, 0, 30) * (Box(60, 40, 5) - Pos(-15, 5, 0) * slot - Pos(15, -5, 0) * oval)
+
+    class InsideOut(Thing):
+        def result(self):
+            ring = Cylinder(7, 13) - Cylinder(3, 13)
+            return Solid(ring.solid().wrapped.Reversed())
 
     class Hollow(Thing):
         def result(self):
@@ -123,7 +134,8 @@ def records(module_place: Any, define: Any) -> dict[str, Any]:
         "tilted": define("shapes:Block", width=0.03, depth=0.02, height=0.01, tilt=0.5235987755982988),
         "rod": define("shapes:Rod", radius=0.007, height=0.013),
         "drilled": define("shapes:Drilled"), "pair": define("shapes:Pair"), "hollow": define("shapes:Hollow"),
-        "crossed": define("shapes:Crossed"),
+        "crossed": define("shapes:Crossed"), "slotted": define("shapes:Slotted"),
+        "inside out": define("shapes:InsideOut"),
         "frame": define("shapes:FrameOnly"), "seated": define("shapes:Seated"),
         "washer": define("shapes:washer", outer=10.0, thin=False), "library": define("shapes:Sphere", radius=5.0),
         "convex": define("shapes:Angle_"),
@@ -133,8 +145,8 @@ def records(module_place: Any, define: Any) -> dict[str, Any]:
     return {name: found[definition.text] for name, definition in wanted.items()}
 
 
-def close(found: Any, expected: Any, scale: float) -> None:
-    np.testing.assert_allclose(np.array(found), np.array(expected), rtol=1e-12, atol=1e-12 * scale)
+def close(found: Any, expected: Any, scale: float, precision: float = 1e-12) -> None:
+    np.testing.assert_allclose(np.array(found), np.array(expected), rtol=precision, atol=precision * scale)
 
 
 def test_block(records: dict[str, PartRecord]) -> None:
@@ -165,6 +177,50 @@ def test_a_turned_block_has_a_turned_inertia(records: dict[str, PartRecord]) -> 
     c, s = math.cos(math.pi / 6), math.sin(math.pi / 6)
     turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
     close(records["tilted"].inertia, turn @ np.array(records["block"].inertia) @ turn.T, 3e-10)
+
+
+def test_a_plate_with_a_slot_and_an_oval_far_away(records: dict[str, PartRecord]) -> None:
+    """Planes within lines, arcs and an ellipse, all in one: area, first and second moments of three figures
+    (along an ellipse the kernel ends when the volume is good to 1e-11: the centre is then
+    good to 1e-8, the inertia to 1e-6)."""
+    record, r, t = records["slotted"], 3.0, 5.0
+    half, arm = math.pi * r * r / 2, 10 + 4 * r / (3 * math.pi)  # of a half disc: its area, and how far its centre is from the slot's
+    slot_area = 120 + 2 * half
+    slot_xx = 20 * 6**3 / 12 + math.pi * r**4 / 4
+    slot_yy = 6 * 20**3 / 12 + 2 * (math.pi * r**4 / 8 - half * (4 * r / (3 * math.pi)) ** 2 + half * arm**2)
+    figures = [  # sign, area, centre, second moments about x and y through the centre
+        (1, 2400.0, (0, 0), 60 * 40**3 / 12, 40 * 60**3 / 12), (-1, slot_area, (-15, 5), slot_xx, slot_yy),
+        (-1, 32 * math.pi, (15, -5), math.pi / 4 * 8 * 4**3, math.pi / 4 * 8**3 * 4),
+    ]
+    area = sum(sign * a for sign, a, *_ in figures)
+    x, y = (sum(sign * a * centre[k] for sign, a, centre, *_ in figures) / area for k in (0, 1))
+    xx, yy, xy = (
+        sum(sign * one for sign, one in zip((f[0] for f in figures), ones, strict=True))
+        for ones in (
+            [ix + a * (c[1] - y) ** 2 for _, a, c, ix, _ in figures], [iy + a * (c[0] - x) ** 2 for _, a, c, _, iy in figures],
+            [a * (c[0] - x) * (c[1] - y) for _, a, c, *_ in figures],
+        )
+    )
+    close(record.volume, area * t * 1e-9, 0, 5e-11)
+    c, s = math.cos(math.pi / 6), math.sin(math.pi / 6)
+    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    close(record.centre, (turn @ (x, y, 0) + (700, -300, 200)) * 1e-3, 0, 3e-9)
+    flat = area * t**3 / 12
+    inertia = np.array([[xx * t + flat, -xy * t, 0], [-xy * t, yy * t + flat, 0], [0, 0, (xx + yy) * t]])
+    close(record.inertia, turn @ inertia @ turn.T * 1e-15, inertia.max() * 1e-15, 5e-6)
+    from scipy.special import ellipe
+
+    borders = 200 + (40 + 2 * math.pi * r) + 4 * 8 * ellipe(1 - (4 / 8) ** 2)
+    close(record.area, (2 * area + borders * t) * 1e-6, 0, 1e-5)
+
+
+def test_a_solid_turned_inside_out_has_the_same_matter(records: dict[str, PartRecord]) -> None:
+    record, area, h = records["inside out"], math.pi * (49 - 9) * 1e-6, 0.013
+    close(record.volume, area * h, 0)
+    close(record.centre, (0, 0, 0), h)
+    along, across = (49 + 9) * 1e-6 / 2, (49 + 9) * 1e-6 / 4 + h * h / 12
+    close(record.inertia, np.diag([across, across, along]) * area * h, area * h * along)
+    assert record.meshes["mesh"].closed
 
 
 def test_rod(records: dict[str, PartRecord]) -> None:
@@ -277,9 +333,18 @@ def test_visual_and_collision_of_a_thing(records: dict[str, PartRecord], module_
     assert vertices.shape == (8, 3)
     np.testing.assert_allclose(np.abs(vertices), 0.0005)
     assert sum(line.startswith("f ") for line in lines) == 12
-    volumes = [enclosed(read_stl(module_place.store.read(piece.sha256))) for piece in record.pieces]
-    assert volumes[0] == pytest.approx(96e-9, rel=1e-6)
-    assert volumes[1] == pytest.approx(4 / 3 * math.pi * 27e-9, rel=0.03)
+    box, ball, cone = record.pieces
+    assert box == Primitive(shape="box", size=(0.002, 0.002, 0.003), pose=Pose(translation=(0.0, 0.0, -0.003)))
+    assert ball == Primitive(shape="sphere", size=(0.003,), pose=Pose())
+    assert isinstance(cone, Mesh)
+    assert enclosed(read_stl(module_place.store.read(cone.sha256))) == pytest.approx(math.pi * 5 / 3 * 13e-9, rel=0.03)
+
+
+def test_a_record_is_kept_while_the_meshes_of_its_pieces_are(records: dict[str, PartRecord]) -> None:
+    record = records["rod"]
+    meshes = [mesh for mesh in (*record.meshes.values(), *record.pieces) if isinstance(mesh, Mesh)]
+    assert len(meshes) == 5
+    assert set(blobs_of(record_to_json(record, "/ws"))) == {(record.brep, None), *((mesh.sha256, mesh.size) for mesh in meshes)}
 
 
 def test_convex_pieces_only_where_asked(records: dict[str, PartRecord], module_place: Any, define: Any) -> None:

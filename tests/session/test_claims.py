@@ -42,12 +42,12 @@ import json, sys
 from thingc.realize.record import PartDefinition, PartRecord
 from thingc.realize.service import GeometryService
 from thingc.realize.store import Store
-from thingc.workspace import Workspace
+from thingc.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
 
 root, store, part, first, last = sys.argv[1:]
 workspace = Workspace(
     root=root, parts=(root + "/parts",), packages=("thingc_stock",), build=root + "/build", part_timeout=60.0,
-    linear=1e-4, angular=0.17453292519943295,
+    mesh=DEFAULT_MESH, simulation=DEFAULT_SIMULATION,
 )
 def block(width):
     text = f"blocks:{part}(width={width})"
@@ -128,11 +128,11 @@ def _key_under_way(folder: Path) -> str:
     """The recipe's key of the endless part, found as a service would."""
     from thingc.realize.record import PartDefinition
     from thingc.realize.service import GeometryService
-    from thingc.workspace import Workspace
+    from thingc.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
 
     workspace = Workspace(
         root=str(folder), parts=(str(folder / "parts"),), packages=("thingc_stock",), build=str(folder / "build"), part_timeout=60.0,
-        linear=1e-4, angular=0.17453292519943295,
+        mesh=DEFAULT_MESH, simulation=DEFAULT_SIMULATION,
     )
     definition = PartDefinition(
         reference="blocks:Endless", kind="code", parameters=(("width", 0.01),), text="blocks:Endless(width=0.01)",

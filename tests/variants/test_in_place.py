@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import textwrap
 from pathlib import Path
 
 import mujoco
@@ -10,8 +11,10 @@ import mujoco.rollout
 import numpy as np
 import pytest
 
-from thingc.variants import Family, FamilyError, NotInPlace, apply, fields, in_place, load, write
+from thingc.pipeline import Options
+from thingc.variants import Family, FamilyError, NotInPlace, apply, fields, in_place, load, run, write
 from variants.families import arrays
+from variants.robots import workspace
 
 
 @pytest.fixture(name="sliders")
@@ -101,6 +104,73 @@ def test_other_geometry_or_another_tree_is_refused_by_name(boards: Path, arms: P
     assert refused.value.field == "nmesh"
     with pytest.raises(NotInPlace, match=r"kind `body` in `arms_0` and `arms_1`: `chain/tip` is in one of them only"):
         fields(arms)
+
+
+BRICKS = """
+    from build123d import Box, Cylinder, Pos
+
+    from thingc import Length, Thing
+
+
+    class Brick(Thing):
+        def __init__(self, side: Length = 40):
+            super().__init__(material="light")
+            self.body = Box(side, 30, 20)
+            self.peg = Pos(side / 4, 0, 15) * Cylinder(side / 8, 10)
+
+        def result(self):
+            return [self.body, self.peg]
+
+        def collision(self):
+            return [self.body, self.peg]
+"""
+TOSSED = """
+    thingc: assembly/1
+    name: tossed
+    parameters: {side: {value: 40 mm, min: 10 mm, max: 100 mm}}
+    materials: {light: {density: 500 kg/m^3}}
+    defaults: {component: {collision: part, visual: false}}
+    components: {brick: {part: bricks:Brick, params: {side: =side}}}
+    modes: {falling: {root: brick, base: free, at: {xyz: 0 0 20 mm, rpy: 30 20 10 deg}}}
+"""
+TOSSES = """
+    thingc: variants/1
+    assembly: tossed.yaml
+    name: tosses
+    parameters: {side: [30 mm, 45 mm, 60 mm]}
+"""
+
+
+def test_primitives_of_another_size_collide_in_place(tmp_path: Path, shared_store: str) -> None:
+    """Where nothing is a mesh, other geometry is other numbers: sizes, places, and the boxes around them."""
+    folder = workspace(tmp_path, tossed=TOSSED, tosses=TOSSES)
+    (folder / "parts" / "bricks.py").write_text(textwrap.dedent(BRICKS))
+    family = load(run(str(folder / "tosses.yaml"), options=Options(store=shared_store), jobs=1).folder)
+    model, own = fields(family, scene=True)
+    assert model.nmesh == 0
+    assert {"geom_size", "geom_pos", "geom_aabb", "geom_rbound", "bvh_aabb", "body_mass"} <= set(own)
+    ends = set()
+    for index in (2, 0, 1):
+        apply(model, own, index)
+        side = (0.03, 0.045, 0.06)[index]
+        assert model.geom("brick:collision").size == pytest.approx([side / 2, 0.015, 0.01], rel=1e-12)
+        assert model.geom("brick:collision_1").size[:2] == pytest.approx([side / 8, 0.005], rel=1e-12)
+        single = family[index].model(scene=True)
+        assert arrays(model) == arrays(single)
+        assert tumbled(model).tobytes() == (seen := tumbled(single)).tobytes()
+        ends.add(seen.tobytes())
+    assert len(ends) == 3
+
+
+def tumbled(model: mujoco.MjModel) -> np.ndarray:
+    """qpos (steps, nq) and the number of contacts (steps, 1) of what falls on the floor."""
+    data = mujoco.MjData(model)
+    seen = np.empty((400, model.nq + 1))
+    for k in range(len(seen)):
+        mujoco.mj_step(model, data)
+        seen[k] = [*data.qpos, data.ncon]
+    assert seen[:, -1].max() > 0
+    return seen
 
 
 def test_every_array_of_a_model_may_differ_or_is_refused(sliders: Family) -> None:

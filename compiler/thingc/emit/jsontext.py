@@ -27,20 +27,23 @@ def fragment(value: object, depth: int) -> Fragment:
     return Fragment(_text(value, "\n" + "  " * depth))
 
 
+_PLAIN = {float, int, str, bool, type(None)}
+
+
 def _text(value: object, newline: str) -> str:
     if type(value) is float and math.isfinite(value):
         return repr(value + 0.0)  # a rotation leaves -0.0 where nothing is
     if isinstance(value, str):
         return value if type(value) is Fragment else encode_basestring(value)
     inner = newline + "  "
-    if isinstance(value, Mapping):
+    if isinstance(value, (dict, Mapping)):  # the concrete type first: to ask an abstract one is slow
         if not value:
             return "{}"
         entries = [f"{encode_basestring(str(key))}: {_text(item, inner)}" for key, item in value.items()]
         return "{" + inner + ("," + inner).join(entries) + newline + "}"
-    if isinstance(value, Sequence) and not isinstance(value, bytes):
+    if isinstance(value, (list, tuple, Sequence)) and not isinstance(value, bytes):
         texts = [_text(item, inner) for item in value]
-        if not any(isinstance(item, (Mapping, list, tuple, Fragment)) for item in value):
+        if _PLAIN.issuperset(map(type, value)) or not any(isinstance(item, (Mapping, list, tuple, Fragment)) for item in value):
             return "[" + ", ".join(texts) + "]"
         return "[" + inner + ("," + inner).join(texts) + newline + "]"
     return json.dumps(value, ensure_ascii=False, allow_nan=False)

@@ -12,7 +12,7 @@ from thingc.emit.artifact import Loss, Stored
 from thingc.graph.types import Assembly, Occurrence
 from thingc.memo import Memo
 from thingc.pose import NO_POSE, Pose
-from thingc.realize.record import Mesh, PartDefinition, PartRecord
+from thingc.realize.record import Mesh, PartDefinition, PartRecord, Primitive
 from thingc.resolve.model import Material
 from thingc.source import Origin
 
@@ -123,7 +123,7 @@ class _Collector:
                 return self.missing(occurrence, f"no {choice} could be fitted to it")
             if min(fit.size) <= 0.0:
                 return self.flat(occurrence, f"the {choice} that encloses it has no volume")
-            return (Shape(kind=fit.shape, size=fit.size, pose=fit.pose),)
+            return (_primitive(fit),)
         if choice == "decompose":
             return self.pieces(occurrence, stem, "convex", record.convex, "there is no convex decomposition of it")
         if choice == "part":
@@ -136,27 +136,29 @@ class _Collector:
         return self.pieces(occurrence, stem, choice, (mesh,), "")
 
     def pieces(
-        self, occurrence: Occurrence, stem: str, kind: str, meshes: tuple[Mesh, ...], absent: str
+        self, occurrence: Occurrence, stem: str, kind: str, pieces: tuple[Mesh | Primitive, ...], absent: str
     ) -> tuple[Shape, ...]:
-        """One shape per mesh that can collide."""
-        if not meshes:
+        """One shape per piece that can collide."""
+        if not pieces:
             return self.missing(occurrence, absent)
         shapes: list[Shape] = []
-        for index, mesh in enumerate(meshes):
+        for index, piece in enumerate(pieces):
             suffix = f"_{kind}" if kind in ("hull", "mesh") else f"_{kind}_{index}"
-            if mesh.flat:
+            if isinstance(piece, Primitive):
+                shapes.append(_primitive(piece))
+            elif piece.flat:
                 self.flat(occurrence, "the points of its collision mesh lie in one plane")
-            elif mesh.faces > STL_FACES:
+            elif piece.faces > STL_FACES:
                 self.report.add(
                     Code.MESH_TOO_LARGE,
-                    f"`{occurrence.path}` ({occurrence.definition.text}) has a collision mesh of {mesh.faces} faces, and MuJoCo "
+                    f"`{occurrence.path}` ({occurrence.definition.text}) has a collision mesh of {piece.faces} faces, and MuJoCo "
                     f"reads at most {STL_FACES}",
                     occurrence.origin,
                     path=occurrence.path,
                     help="write `collision: hull`, or give the workspace a coarser `mesh`",
                 )
             else:
-                shape = self.mesh(occurrence, stem, suffix, "stl", mesh)
+                shape = self.mesh(occurrence, stem, suffix, "stl", piece)
                 if shape is not None:
                     shapes.append(shape)
         return tuple(shapes)
@@ -202,3 +204,7 @@ class _Collector:
     def lose(self, occurrence: Occurrence, what: str, how: str) -> None:
         span = next(iter(occurrence.origin), None)
         self.losses.append(Loss(target="mjcf", mode=None, path=occurrence.path, what=what, how=how, span=span))
+
+
+def _primitive(primitive: Primitive) -> Shape:
+    return Shape(kind=primitive.shape, size=primitive.size, pose=primitive.pose)

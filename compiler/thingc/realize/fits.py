@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import itertools
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from thingc.pose import Matrix, Pose
-from thingc.realize.record import Fit
+from thingc.realize.record import Primitive
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -18,7 +17,7 @@ BETTER = 0.99
 """A turned primitive is taken only where it is this much smaller: axes of the part are easier to live with."""
 
 
-def fit_all(points: NDArray[np.float64], principal: Matrix | None = None) -> dict[str, Fit]:
+def fit_all(points: NDArray[np.float64], principal: Matrix | None = None) -> dict[str, Primitive]:
     """The smallest enclosing primitives of `points` [m] (the vertices of a convex hull do), by shape.
 
     Candidate axes are those of the part and of `principal` (an inertia matrix, whose eigenvectors are tried).
@@ -32,7 +31,7 @@ def fit_all(points: NDArray[np.float64], principal: Matrix | None = None) -> dic
         "box": _smallest([_box(points, frame) for frame in frames]),
         "cylinder": _smallest([cylinder for cylinder, _ in round_fits]),
         "capsule": _smallest([capsule for _, capsule in round_fits]),
-        "sphere": Fit(shape="sphere", size=(ball_radius,), pose=_pose(np.eye(3), ball_centre)),
+        "sphere": Primitive(shape="sphere", size=(ball_radius,), pose=_pose(np.eye(3), ball_centre)),
     }
 
 
@@ -76,37 +75,30 @@ def _ball_of_few(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], floa
     return best
 
 
-def _smallest(fits: list[Fit]) -> Fit:
+def _smallest(fits: list[Primitive]) -> Primitive:
     """The first, unless a later one is clearly smaller."""
     best = fits[0]
     for fit in fits[1:]:
-        if _volume(fit) < BETTER * _volume(best):
+        if fit.volume < BETTER * best.volume:
             best = fit
     return best
 
 
-def _volume(fit: Fit) -> float:
-    if fit.shape == "box":
-        return 8.0 * math.prod(fit.size)
-    radius, half = fit.size
-    return math.pi * radius**2 * (2.0 * half + (4.0 / 3.0 * radius if fit.shape == "capsule" else 0.0))
-
-
-def _box(points: NDArray[np.float64], frame: NDArray[np.float64]) -> Fit:
+def _box(points: NDArray[np.float64], frame: NDArray[np.float64]) -> Primitive:
     """`frame` has the axes as columns."""
     local = points @ frame
     low, high = local.min(axis=0), local.max(axis=0)
     size = tuple(float(half) for half in (high - low) / 2.0)
-    return Fit(shape="box", size=size, pose=_pose(frame, frame @ ((low + high) / 2.0)))
+    return Primitive(shape="box", size=size, pose=_pose(frame, frame @ ((low + high) / 2.0)))
 
 
-def _round(points: NDArray[np.float64], frame: NDArray[np.float64]) -> tuple[Fit, Fit]:
+def _round(points: NDArray[np.float64], frame: NDArray[np.float64]) -> tuple[Primitive, Primitive]:
     """The cylinder and the capsule along the third axis of `frame`."""
     local = points @ frame
     centre, radius = smallest_ball(local[:, :2])
     z = local[:, 2]
     low, high = float(z.min()), float(z.max())
-    cylinder = Fit(
+    cylinder = Primitive(
         shape="cylinder", size=(radius, (high - low) / 2.0),
         pose=_pose(frame, frame @ np.array([*centre, (low + high) / 2.0])),
     )
@@ -114,7 +106,7 @@ def _round(points: NDArray[np.float64], frame: NDArray[np.float64]) -> tuple[Fit
     over = np.sqrt(np.maximum(radius**2 - ((local[:, :2] - centre) ** 2).sum(axis=1), 0.0))
     top, bottom = float((z - over).max()), float((z + over).min())
     half = max((top - bottom) / 2.0, 1e-6 * radius)
-    capsule = Fit(shape="capsule", size=(radius, half), pose=_pose(frame, frame @ np.array([*centre, (top + bottom) / 2.0])))
+    capsule = Primitive(shape="capsule", size=(radius, half), pose=_pose(frame, frame @ np.array([*centre, (top + bottom) / 2.0])))
     return cylinder, capsule
 
 

@@ -6,16 +6,20 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from OCP.Bnd import Bnd_Box
+from OCP.BRepAdaptor import BRepAdaptor_Curve2d, BRepAdaptor_Surface
 from OCP.BRepBndLib import BRepBndLib
-from OCP.BRepGProp import BRepGProp
+from OCP.BRepGProp import BRepGProp_Domain, BRepGProp_Face, BRepGProp_Sinert, BRepGProp_Vinert
+from OCP.GeomAbs import GeomAbs_Circle, GeomAbs_Line, GeomAbs_Plane, GeomAbs_SurfaceOfExtrusion
+from OCP.gp import gp_Pnt
 from OCP.GProp import GProp_GProps
-from OCP.TopAbs import TopAbs_SOLID
+from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SOLID
 from OCP.TopExp import TopExp_Explorer
+from OCP.TopoDS import TopoDS
 
 from thingc.pose import Matrix, Vector
 
 if TYPE_CHECKING:
-    from OCP.TopoDS import TopoDS_Shape
+    from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
 ACCURACY = 1e-12
 """Relative error of the volume at which the kernel's adaptive integration stops."""
@@ -49,16 +53,17 @@ def measure(shape: TopoDS_Shape) -> Measures:
 
     Of fixed order it is exact to rounding on whole faces of simple surfaces, but errs by 1e-5 on a cylinder with a cross
     hole; adaptive it stops when the volume is good, and leaves 1e-11 in the inertia of a plain cylinder. So both are
-    computed, and the first counts where they agree.
+    computed, and the first counts where they agree. On planes within lines and circles the first is always exact, and the second
+    takes fifty times as long: it is left out.
     """
+    box = bounding_box(shape)
+    apex = gp_Pnt(*((low + high) / 2.0 for low, high in zip(*box, strict=True)))
     whole = GProp_GProps()
     surface = GProp_GProps()
     for solid in solids_of(shape):
-        part = _better(solid, BRepGProp.VolumeProperties_s)
-        # a solid whose faces look inwards has the same matter
-        whole.Add(part, 1.0 if part.Mass() >= 0.0 else -1.0)
-        surface.Add(_better(solid, BRepGProp.SurfaceProperties_s))
-    box = bounding_box(shape)
+        matter, skin = integrals(solid, apex)
+        whole.Add(matter)
+        surface.Add(skin)
     centre = whole.CentreOfMass()
     about = whole.MatrixOfInertia()
     rows = [[about.Value(i, j) for j in (1, 2, 3)] for i in (1, 2, 3)]
@@ -74,11 +79,76 @@ def measure(shape: TopoDS_Shape) -> Measures:
     )
 
 
-def _better(solid: TopoDS_Shape, integrate: Any) -> GProp_GProps:
-    """The plain integral where it agrees with the adaptive one, else the adaptive one."""
+def integrals(solid: TopoDS_Shape, apex: gp_Pnt) -> tuple[GProp_GProps, GProp_GProps]:
+    """Of the matter of a solid, whichever way its faces look, and of its surface; `apex` is any point near it."""
+    faces = _faces(solid)
+    matter = _better(BRepGProp_Vinert, faces.exact, faces.extruded + faces.rest, apex)
+    if matter.Mass() < 0.0:
+        faces = _faces(solid.Reversed())
+        matter = _better(BRepGProp_Vinert, faces.exact, faces.extruded + faces.rest, apex)
+    return matter, _better(BRepGProp_Sinert, faces.exact + faces.extruded, faces.rest, apex)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Faces:
+    """The faces of a solid: planes bounded by lines and circles, where plain integration is `exact`; `extruded` curves, whose
+    adaptive area the kernel gets wrong (by 0.4 % for an ellipse of 8 by 4; the plain one by 3e-5); and the `rest`."""
+
+    exact: tuple[TopoDS_Face, ...]
+    extruded: tuple[TopoDS_Face, ...]
+    rest: tuple[TopoDS_Face, ...]
+
+
+def _faces(solid: TopoDS_Shape) -> _Faces:
+    exact: list[TopoDS_Face] = []
+    extruded: list[TopoDS_Face] = []
+    rest: list[TopoDS_Face] = []
+    explorer = TopExp_Explorer(solid, TopAbs_FACE)
+    while explorer.More():
+        face = TopoDS.Face(explorer.Current())
+        kind = BRepAdaptor_Surface(face, False).GetType()
+        if kind == GeomAbs_SurfaceOfExtrusion:
+            extruded.append(face)
+        else:
+            (exact if kind == GeomAbs_Plane and _within_lines_and_circles(face) else rest).append(face)
+        explorer.Next()
+    return _Faces(exact=tuple(exact), extruded=tuple(extruded), rest=tuple(rest))
+
+
+def _within_lines_and_circles(face: TopoDS_Face) -> bool:
+    explorer = TopExp_Explorer(face, TopAbs_EDGE)
+    while explorer.More():
+        # the curve on the face is what is integrated along
+        if BRepAdaptor_Curve2d(TopoDS.Edge(explorer.Current()), face).GetType() not in (GeomAbs_Line, GeomAbs_Circle):
+            return False
+        explorer.Next()
+    return True
+
+
+def _integral(kind: Any, faces: tuple[TopoDS_Face, ...], apex: gp_Pnt, *accuracy: float) -> GProp_GProps:
+    """Over faces, as `BRepGProp` goes through those of a shape. `kind` is its class for one face: of a volume or of a surface. What
+    lies between a face and the `apex` is its part of a volume."""
+    found = GProp_GProps()
+    for face in faces:
+        part = kind()
+        part.SetLocation(apex)
+        if face.NbChildren() == 0:  # a whole closed surface has no boundary
+            part.Perform(BRepGProp_Face(face), *accuracy)
+        else:
+            part.Perform(BRepGProp_Face(face), BRepGProp_Domain(face), *accuracy)
+        found.Add(part)
+    return found
+
+
+def _better(kind: Any, once: tuple[TopoDS_Face, ...], twice: tuple[TopoDS_Face, ...], apex: gp_Pnt) -> GProp_GProps:
+    """The plain integral where it agrees with the one that is adaptive on the faces of `twice`, else the latter."""
+    exact = _integral(kind, once, apex)
     plain, adaptive = GProp_GProps(), GProp_GProps()
-    integrate(solid, plain)
-    integrate(solid, adaptive, ACCURACY)
+    for whole, rest in (
+        (plain, _integral(kind, twice, apex)), (adaptive, _integral(kind, twice, apex, ACCURACY)),
+    ):
+        whole.Add(exact)
+        whole.Add(rest)
     one, other = _numbers(plain), _numbers(adaptive)
     scale = (abs(other[0]), *([max(map(abs, other[1:]))] * 6))
     return plain if all(abs(a - b) <= AGREEMENT * size for a, b, size in zip(one, other, scale, strict=True)) else adaptive

@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from OCP.BRep import BRep_Tool
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
+from OCP.BRepTools import BRepTools
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
     from OCP.TopoDS import TopoDS_Shape
@@ -68,11 +69,14 @@ class Triangles:
 
 
 def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
-    """Triangles of a shape [mm], at most `linear` [mm] off its surface and `angular` [rad] between neighbours."""
+    """Triangles of a shape [mm], at most `linear` [mm] off its surface and `angular` [rad] between neighbours. Whatever it was
+    meshed with before does not matter, and is forgotten."""
+    BRepTools.Clean_s(shape)  # the kernel keeps finer triangles that it finds
     BRepMesh_IncrementalMesh(shape, linear, False, angular, False)
     vertices: list[tuple[float, float, float]] = []
     triangles: list[tuple[int, int, int]] = []
-    joined = _Joined()
+    ones: list[int] = []
+    others: list[int] = []
     edges = _ShapeIndex()
     along: dict[int, list[int]] = {}
     for found in _explore(shape, TopAbs_FACE):
@@ -98,24 +102,29 @@ def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
             if polygon is None:
                 continue
             nodes = [polygon.Node(index) + offset for index in range(1, polygon.NbNodes() + 1)]
-            if BRep_Tool.Degenerated_s(edge):
-                joined.join_all([*nodes])
-                continue
-            known = along.setdefault(edges.index(edge), nodes)
+            known = [nodes[0]] * len(nodes) if BRep_Tool.Degenerated_s(edge) else along.setdefault(edges.index(edge), nodes)
             if len(known) == len(nodes):
-                for one, other in zip(known, nodes, strict=True):
-                    joined.join(one, other)
-    return _compact(
-        np.array(vertices, dtype=np.float64).reshape(-1, 3), np.array(triangles, dtype=np.int64).reshape(-1, 3), joined
-    )
+                ones += known
+                others += nodes
+    corners = np.array(triangles, dtype=np.int64).reshape(-1, 3)
+    return without_slivers(np.array(vertices, dtype=np.float64).reshape(-1, 3), joined(len(vertices), ones, others)[corners])
 
 
-def _compact(vertices: NDArray[np.float64], faces: NDArray[np.int64], joined: _Joined) -> Triangles:
-    """Without the vertices that were joined to others and the triangles that shrank to a line."""
-    stands = np.arange(len(vertices))
-    for index in joined.parent:
-        stands[index] = joined.root(index)
-    return without_slivers(vertices, stands[faces])
+def joined(count: int, ones: Sequence[int], others: Sequence[int]) -> NDArray[np.int64]:
+    """For each of `count` vertices (count,) the lowest of those that it is one with, where `ones[i]` is one with `others[i]`."""
+    a, b = np.array(ones, dtype=np.int64), np.array(others, dtype=np.int64)
+    stands = np.arange(count)
+    while True:  # each turn doubles, at least, how far the lowest number has come
+        lowest = np.minimum(stands[a], stands[b])
+        fewer = stands.copy()
+        np.minimum.at(fewer, stands[a], lowest)
+        np.minimum.at(fewer, stands[b], lowest)
+        np.minimum.at(fewer, a, lowest)
+        np.minimum.at(fewer, b, lowest)
+        fewer = fewer[fewer]
+        if np.array_equal(fewer, stands):
+            return stands
+        stands = fewer
 
 
 def without_slivers(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> Triangles:
@@ -148,35 +157,6 @@ class _ShapeIndex:
         self.count += 1
         bucket.append((shape, self.count))
         return self.count
-
-
-class _Joined:
-    """Vertices that are one (union-find; the lowest number stands for all)."""
-
-    def __init__(self) -> None:
-        self.parent: dict[int, int] = {}
-
-    def root(self, index: int) -> int:
-        parent = self.parent
-        top = index
-        while parent.get(top, top) != top:
-            top = parent[top]
-        while parent.get(index, index) != top:
-            parent[index], index = top, parent[index]
-        return top
-
-    def join(self, one: int, other: int) -> None:
-        a, b = self.root(one), self.root(other)
-        if a != b:
-            low, high = (a, b) if a < b else (b, a)
-            self.parent[high] = low
-            self.parent.setdefault(low, low)
-        elif one not in self.parent:
-            self.parent[one] = a
-
-    def join_all(self, indices: list[int]) -> None:
-        for index in indices[1:]:
-            self.join(indices[0], index)
 
 
 def together(meshes: list[Triangles]) -> Triangles:

@@ -15,6 +15,7 @@ from thingc.realize.colors import hexadecimal, named
 from thingc.realize.fits import fit_all
 from thingc.realize.measure import Measures, measure, solids_of
 from thingc.realize.part_files import kernel_shape, read_part
+from thingc.realize.primitives import primitive_of
 from thingc.realize.record import (
     Actuator,
     Expectation,
@@ -22,6 +23,7 @@ from thingc.realize.record import (
     MountRecord,
     PartRecord,
     PartWarning,
+    Primitive,
     Stated,
     definition_text,
 )
@@ -32,6 +34,8 @@ from thingc.realize.store import Store
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape
 
+    from thingc.workspace import Tessellation
+
 NOTHING = 1e-9
 """A volume [mm^3] below which a result counts as empty."""
 
@@ -39,14 +43,14 @@ _ZERO = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tessellation:
-    """`linear` [mm], `angular` [rad]."""
+class Tessellations:
+    """`fine` is printed and checked for clearance, `simulation` is drawn and touched by simulators."""
 
-    linear: float
-    angular: float
+    fine: Tessellation
+    simulation: Tessellation
 
 
-def model(definition: dict[str, Any], tessellation: Tessellation, around: Surroundings) -> dict[str, Any]:
+def model(definition: dict[str, Any], tessellations: Tessellations, around: Surroundings) -> dict[str, Any]:
     """The record (or failure) of one part definition and what it read: `{"record" | "failure": ..., "reads": [...]}`.
 
     `definition` has `kind`, `reference`, `text` and the canonical `parameters` (SI), and whether it is known where its class is
@@ -58,9 +62,9 @@ def model(definition: dict[str, Any], tessellation: Tessellation, around: Surrou
         warnings.simplefilter("always")
         try:
             if definition["kind"] == "file":
-                record = _model_file(definition, tessellation, around, store)
+                record = _model_file(definition, tessellations, around, store)
             else:
-                record = _model_code(definition, tessellation, session, store)
+                record = _model_code(definition, tessellations, session, store)
             session.recorder.stop()
             found = (*record.warnings, *_warnings(caught, session.own_files()))
             answer = {"record": record_to_json(_with_warnings(record, found), around.root)}
@@ -83,7 +87,7 @@ def _warnings(caught: list[warnings.WarningMessage], own: set[str]) -> list[Part
     return list(dict.fromkeys(found))
 
 
-def _model_code(definition: dict[str, Any], tessellation: Tessellation, session: Session, store: Store) -> PartRecord:
+def _model_code(definition: dict[str, Any], tessellations: Tessellations, session: Session, store: Store) -> PartRecord:
     import inspect
 
     from thingc.things import inspection
@@ -105,7 +109,7 @@ def _model_code(definition: dict[str, Any], tessellation: Tessellation, session:
     return _record(
         definition["text"],
         [shape.wrapped for shape in shapes],
-        tessellation,
+        tessellations,
         store,
         visual=[shape.wrapped for shape in _shapes(thing.visual, "visual")],
         collision=[shape.wrapped for shape in _shapes(thing.collision, "collision")],
@@ -131,9 +135,9 @@ def _model_code(definition: dict[str, Any], tessellation: Tessellation, session:
     )
 
 
-def _model_file(definition: dict[str, Any], tessellation: Tessellation, around: Surroundings, store: Store) -> PartRecord:
+def _model_file(definition: dict[str, Any], tessellations: Tessellations, around: Surroundings, store: Store) -> PartRecord:
     shapes, color = read_part(os.path.join(around.root, definition["reference"]))
-    return _record(definition["text"], shapes, tessellation, store, color=color)
+    return _record(definition["text"], shapes, tessellations, store, color=color)
 
 
 def _shapes(method: Callable[[], Any], name: str) -> tuple[Any, ...]:
@@ -178,7 +182,7 @@ def _color(stated: str | None, of_shapes: list[Any]) -> tuple[str | None, tuple[
 def _record(
     text: str,
     shapes: Sequence[TopoDS_Shape],
-    tessellation: Tessellation,
+    tessellations: Tessellations,
     store: Store,
     *,
     visual: Sequence[TopoDS_Shape] = (),
@@ -208,13 +212,16 @@ def _record(
         if not measures.volume > NOTHING:
             raise NoPart("empty", f"result() has a volume of {measures.volume:.3g} mm^3")
         brep = store.put(written_brep(solid))  # before meshing, which would leave its triangles in it
-        mesh = _tessellated(solid, tessellation)
+        mesh = _tessellated(solid, tessellations.fine)
         metres = mesh.scaled(1.0 / convert.MM)
         round_about = meshing.hull(metres.vertices)
-        shown = _visual(visual, tessellation).scaled(1.0 / convert.MM) if visual else metres
+        coarse = metres
+        if tessellations.simulation != tessellations.fine:
+            coarse = _tessellated(solid, tessellations.simulation).scaled(1.0 / convert.MM)
+        shown = _visual(visual, tessellations.simulation).scaled(1.0 / convert.MM) if visual else coarse
         meshes["visual"] = _stored(shown, meshing.obj(shown), store)
         meshes["mesh"] = stored_stl(metres, store)
-        meshes["hull"] = stored_stl(round_about or metres, store)
+        meshes["hull"] = stored_stl(meshing.hull(coarse.vertices) or coarse, store)
         meshes["print"] = stored_stl(mesh, store)
         if not meshes["print"].closed:
             extra = (*extra, PartWarning(message="its mesh is not closed: the kernel left gaps between faces"))
@@ -228,7 +235,7 @@ def _record(
         box=(convert.vector(measures.box[0]), convert.vector(measures.box[1])) if measures else None,
         mounts=mounts or {}, references=references, expectations=expectations, actuator=actuator,
         mass=mass, com=com, matrix=matrix, density=density, bom=bom or {}, warnings=extra, fits=fits, meshes=meshes,
-        pieces=tuple(_pieces(collision, tessellation, store)), convex=(), brep=brep, code=code,
+        pieces=tuple(_pieces(collision, tessellations.simulation, store)), convex=(), brep=brep, code=code,
     )
 
 
@@ -284,26 +291,36 @@ def written_brep(shape: TopoDS_Shape) -> bytes:
     return stream.getvalue()
 
 
+def _triangles(shape: TopoDS_Shape, tessellation: Tessellation) -> meshing.Triangles:
+    return meshing.tessellate(shape, tessellation.linear * convert.MM, tessellation.angular)
+
+
 def _tessellated(shape: TopoDS_Shape, tessellation: Tessellation) -> meshing.Triangles:
     """Solid by solid, so that two solids that touch do not share an edge; each turned outwards."""
     return meshing.together([
-        meshing.tessellate(solid, tessellation.linear, tessellation.angular).outward() for solid in solids_of(shape)
+        _triangles(solid, tessellation).outward() for solid in solids_of(shape)
     ])
 
 
 def _visual(shapes: Sequence[TopoDS_Shape], tessellation: Tessellation) -> meshing.Triangles:
-    mesh = meshing.together([meshing.tessellate(shape, tessellation.linear, tessellation.angular) for shape in shapes])
+    mesh = meshing.together([_triangles(shape, tessellation) for shape in shapes])
     if len(mesh.faces) == 0:
         raise NoPart("invalid", "visual() returned nothing that can be seen: expected faces or solids")
     return mesh
 
 
-def _pieces(shapes: Sequence[TopoDS_Shape], tessellation: Tessellation, store: Store) -> Iterable[Mesh]:
+def _pieces(
+    shapes: Sequence[TopoDS_Shape], tessellation: Tessellation, store: Store
+) -> Iterable[Mesh | Primitive]:
     solids = [solid for shape in shapes for solid in solids_of(shape)]
     if shapes and not solids:
         raise NoPart("invalid", "collision() returned no solid: expected convex solids")
     for solid in solids:
-        mesh = meshing.tessellate(solid, tessellation.linear, tessellation.angular).scaled(1.0 / convert.MM)
+        primitive = primitive_of(solid)
+        if primitive is not None:
+            yield primitive
+            continue
+        mesh = _triangles(solid, tessellation).scaled(1.0 / convert.MM)
         yield stored_stl(meshing.hull(mesh.vertices) or mesh, store)
 
 

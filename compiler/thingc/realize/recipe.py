@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from thingc.realize.codekey import Code
 from thingc.realize.record import PartDefinition, Value
+from thingc.workspace import Workspace
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,15 +31,17 @@ def describe_recipe(reference: str, code: Code | None, versions: Mapping[str, st
 
 
 def model_recipe(
-    definition: PartDefinition, code: Code | None, versions: Mapping[str, str], tessellation: tuple[float, float]
+    definition: PartDefinition, code: Code | None, versions: Mapping[str, str], workspace: Workspace
 ) -> Recipe:
-    """Of a part record. `tessellation` is linear [m] and angular [rad]."""
+    """Of a part record; of the workspace it depends on the tessellations."""
+    mesh, simulation = workspace.mesh, workspace.simulation
     parameters = {f"parameter {name}": _shown(value) for name, value in definition.parameters}
     return Recipe(
         ingredients={
             "part": definition.reference, "definition": definition.text, **versions,
             **(code.ingredients if code is not None else {}), **parameters,
-            "mirror": repr(definition.mirror), "mesh linear": repr(tessellation[0]), "mesh angular": repr(tessellation[1]),
+            "mirror": repr(definition.mirror), "mesh linear": repr(mesh.linear), "mesh angular": repr(mesh.angular),
+            "mesh simulation linear": repr(simulation.linear), "mesh simulation angular": repr(simulation.angular),
         }
     )
 
@@ -81,7 +84,8 @@ def _phrase(label: str, old: Mapping[str, str], new: Mapping[str, str], module: 
     if kind == "parameter":
         return f"parameter `{rest}` {verb}"
     if kind == "mesh":
-        return f"the {rest} tolerance of meshes changed"
+        purpose, _, which = rest.rpartition(" ")
+        return f"the {which} tolerance of {purpose + ' ' if purpose else ''}meshes changed"
     if label == "file":
         return f"file {new.get('part', old.get('part'))} changed"
     if label.startswith("whole file "):

@@ -7,6 +7,7 @@ later passes ever learn of its geometry.
 from __future__ import annotations
 
 import hashlib
+import math
 from dataclasses import dataclass, field
 
 from thingc.pose import Matrix, Pose, Vector
@@ -127,13 +128,32 @@ class Actuator:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fit:
-    """A primitive that encloses the part. `size` as MuJoCo's: box half sizes; cylinder and capsule radius, half
+class Primitive:
+    """A box, cylinder, capsule or sphere. `size` as MuJoCo's: box half sizes; cylinder and capsule radius, half
     length (of the straight part) along z; sphere radius [m]. `pose` is in the part's frame."""
 
     shape: str
     size: tuple[float, ...]
     pose: Pose
+
+    @property
+    def volume(self) -> float:
+        """Volume [m^3]."""
+        if self.shape == "box":
+            return 8.0 * math.prod(self.size)
+        radius, half = (*self.size, 0.0)[:2]
+        ball = 0.0 if self.shape == "cylinder" else 4.0 / 3.0 * radius
+        return math.pi * radius**2 * (2.0 * half + ball)
+
+    @property
+    def area(self) -> float:
+        """Surface area [m^2]."""
+        if self.shape == "box":
+            a, b, c = self.size
+            return 8.0 * (a * b + b * c + c * a)
+        radius, half = (*self.size, 0.0)[:2]
+        ends = 1.0 if self.shape == "cylinder" else 2.0
+        return 2.0 * math.pi * radius * (2.0 * half + ends * radius)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -163,8 +183,9 @@ class PartRecord:
 
     `volume` [m^3], `area` [m^2], `centre` [m] and `inertia` [m^5, at density 1, about the centre] are exact integrals
     over the B-rep; all zero for a Thing without geometry (`box` None). `meshes`: `visual` (OBJ, metres), `hull` and
-    `mesh` (binary STL, metres), `print` (binary STL, millimetres), absent without geometry; `pieces` the
-    STL files of the Thing's own `collision()`, `convex` those of the convex decomposition where it was asked for.
+    `mesh` (binary STL, metres), `print` (binary STL, millimetres), absent without geometry; `fits` the
+    smallest primitives that enclose the part, by shape; `pieces` the solids of the Thing's own `collision()`, primitives where
+    they are exactly that, else STL files; `convex` the STL files of the convex decomposition where it was asked for.
     `brep` is the B-rep in the store. `code` is `(file, line)` of the class. A record that is not `exact` stands in for one that
     nobody may model now: only the names of its mounts, its material and that it has an actuator hold, no number does.
     """
@@ -187,9 +208,9 @@ class PartRecord:
     density: Stated | None
     bom: dict[str, str]
     warnings: tuple[PartWarning, ...]
-    fits: dict[str, Fit]
+    fits: dict[str, Primitive]
     meshes: dict[str, Mesh]
-    pieces: tuple[Mesh, ...]
+    pieces: tuple[Mesh | Primitive, ...]
     convex: tuple[Mesh, ...]
     brep: str | None
     code: tuple[str, int] | None

@@ -12,7 +12,6 @@ from thingc.pose import Matrix, Pose, Vector
 from thingc.realize.record import (
     Actuator,
     Expectation,
-    Fit,
     Mesh,
     MountRecord,
     ParameterSchema,
@@ -20,6 +19,7 @@ from thingc.realize.record import (
     PartRecord,
     PartSchema,
     PartWarning,
+    Primitive,
     Stated,
 )
 
@@ -101,9 +101,9 @@ def record_to_json(record: PartRecord, root: str) -> Any:
         "mass": _stated(record.mass), "com": _stated(record.com), "matrix": _stated(record.matrix),
         "density": _stated(record.density), "bom": dict(sorted(record.bom.items())),
         "warnings": [[w.message, shortened(w.file, root), w.line] for w in record.warnings],
-        "fits": {name: [f.shape, list(f.size), _pose(f.pose)] for name, f in sorted(record.fits.items())},
+        "fits": {name: _primitive(fit) for name, fit in sorted(record.fits.items())},
         "meshes": {name: mesh_to_json(mesh) for name, mesh in sorted(record.meshes.items())},
-        "pieces": [mesh_to_json(mesh) for mesh in record.pieces],
+        "pieces": [_piece(piece) for piece in record.pieces],
         "brep": record.brep,
         "code": None if record.code is None else [shortened(record.code[0], root), record.code[1]],
     }
@@ -128,9 +128,9 @@ def record_from_json(value: Any, root: str) -> PartRecord:
         mass=_read_stated(value["mass"]), com=_read_stated(value["com"]), matrix=_read_stated(value["matrix"]),
         density=_read_stated(value["density"]), bom=value["bom"],
         warnings=tuple(PartWarning(message=m, file=full(f, root), line=line) for m, f, line in value["warnings"]),
-        fits={name: Fit(shape=s, size=tuple(size), pose=_read_pose(p)) for name, (s, size, p) in value["fits"].items()},
+        fits={name: _read_primitive(fit) for name, fit in value["fits"].items()},
         meshes={name: mesh_from_json(mesh) for name, mesh in value["meshes"].items()},
-        pieces=tuple(mesh_from_json(mesh) for mesh in value["pieces"]),
+        pieces=tuple(_read_piece(piece) for piece in value["pieces"]),
         convex=(),
         brep=value["brep"],
         code=None if code is None else (full(code[0], root) or "", code[1]),
@@ -139,7 +139,8 @@ def record_from_json(value: Any, root: str) -> PartRecord:
 
 def blobs_of(value: Any) -> list[tuple[str, int | None]]:
     """The blobs that a record's JSON needs: `(sha256, size)`, the size None where it is not known."""
-    found: list[tuple[str, int | None]] = [(mesh[0], mesh[1]) for mesh in (*value["meshes"].values(), *value["pieces"])]
+    pieces = [piece["mesh"] for piece in value["pieces"] if "mesh" in piece]
+    found: list[tuple[str, int | None]] = [(mesh[0], mesh[1]) for mesh in (*value["meshes"].values(), *pieces)]
     return found if value["brep"] is None else [*found, (value["brep"], None)]
 
 
@@ -152,6 +153,23 @@ def mesh_from_json(value: Any) -> Mesh:
     """A mesh file."""
     sha256, size, vertices, faces, closed, flat = value
     return Mesh(sha256=sha256, size=size, vertices=vertices, faces=faces, closed=closed, flat=flat)
+
+
+def _piece(piece: Mesh | Primitive) -> Any:
+    return {"mesh": mesh_to_json(piece)} if isinstance(piece, Mesh) else {"primitive": _primitive(piece)}
+
+
+def _read_piece(value: Any) -> Mesh | Primitive:
+    return mesh_from_json(value["mesh"]) if "mesh" in value else _read_primitive(value["primitive"])
+
+
+def _primitive(primitive: Primitive) -> Any:
+    return [primitive.shape, list(primitive.size), _pose(primitive.pose)]
+
+
+def _read_primitive(value: Any) -> Primitive:
+    shape, size, pose = value
+    return Primitive(shape=shape, size=tuple(size), pose=_read_pose(pose))
 
 
 def _pose(pose: Pose) -> Any:

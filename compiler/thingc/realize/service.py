@@ -6,7 +6,7 @@ With nothing new to model no process is started and nothing heavy is imported.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
@@ -76,7 +76,6 @@ class GeometryService:
         self._lent = workers is not None
         self._parts = PartCode(workspace, store)
         self._results = Results(store, workspace.root)
-        self._mesh = (workspace.linear, workspace.angular)
         self._claims = Claims(store)
         self._recent = Recent()
         self._locked = LockBeside(lock, workspace, self._parts)
@@ -329,14 +328,14 @@ class GeometryService:
             if isinstance(checked, PartFailure):
                 return replace(checked, subject=definition.text)
             code = checked
-        recipe = model_recipe(definition, code, {**self._parts.versions(code, package), **extra}, self._mesh)
+        recipe = model_recipe(definition, code, {**self._parts.versions(code, package), **extra}, self.workspace)
         request = {
             "op": "model",
             "definition": {
                 "kind": definition.kind, "reference": definition.reference, "text": definition.text,
                 "parameters": dict(definition.parameters), "placed": code is not None and code.place is not None,
             },
-            "tessellation": [self._mesh[0] * 1000.0, self._mesh[1]],
+            "tessellations": {"fine": asdict(self.workspace.mesh), "simulation": asdict(self.workspace.simulation)},
             **self._around(code),
         }
         return recipe, code, request

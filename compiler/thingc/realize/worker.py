@@ -21,8 +21,8 @@ from collections.abc import Mapping
 from typing import Any
 
 AHEAD = (
-    "importlib.resources.readers", "manifold3d", "thingc.realize.describing", "thingc.realize.modelling", "thingc.things.adjust",
-    "thingc.things.assets", "thingc.things.inspection", "thingc.things.resolver",
+    "importlib.metadata", "importlib.resources.readers", "manifold3d", "thingc.realize.describing", "thingc.realize.modelling",
+    "thingc.things.adjust", "thingc.things.assets", "thingc.things.inspection", "thingc.things.resolver", "thingc.workspace",
 )
 """What children would each import again."""
 
@@ -117,10 +117,11 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
         from thingc.realize.describing import describe
 
         return describe(request["references"], around)
-    from thingc.realize.modelling import Tessellation, model
+    from thingc.realize.modelling import Tessellations, model
+    from thingc.workspace import Tessellation
 
-    linear, angular = request["tessellation"]
-    return model(request["definition"], Tessellation(linear=linear, angular=angular), around)
+    asked = {name: Tessellation(**values) for name, values in request["tessellations"].items()}
+    return model(request["definition"], Tessellations(**asked), around)
 
 
 def _serve(answers: int, jobs: int) -> None:

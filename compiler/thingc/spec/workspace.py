@@ -10,13 +10,24 @@ from thingc.spec.base import Model
 from thingc.spec.fields import AngleField, LengthField, TimeField
 
 
+class SimulationMeshSpec(Model):
+    """How finely curved surfaces are meshed for simulators."""
+
+    linear: LengthField | None = None
+    """Largest distance between mesh and surface; 0.1 mm unless written, or that of `mesh` where it is larger."""
+    angular: AngleField | None = None
+    """Largest angle between neighbouring facets; 20 deg unless written, or that of `mesh` where it is larger."""
+
+
 class MeshSpec(Model):
-    """How finely curved surfaces are meshed."""
+    """How finely curved surfaces are meshed, to be printed and for checks of clearance."""
 
     linear: LengthField | None = None
     """Largest distance between mesh and surface; 0.1 mm unless written."""
     angular: AngleField | None = None
     """Largest angle between neighbouring facets; 10 deg unless written."""
+    simulation: SimulationMeshSpec | None = Field(default=None, examples=[{"linear": "0.1 mm", "angular": "20 deg"}])
+    """The same of what simulators draw and touch."""
 
 
 class WorkspaceSpec(Model):

@@ -190,7 +190,7 @@ class _Runner:
             from thingc.testing.collisions import Collisions
             from thingc.testing.shapes import Shapes
 
-            self._collisions = Collisions(self.assembly, Shapes(self.request.store), self.request.workspace.linear)
+            self._collisions = Collisions(self.assembly, Shapes(self.request.store), self.request.workspace.mesh.linear)
         return self._collisions
 
     def settles(self, case: Case, check: SettleCheck, frame: Keyframe) -> Outcome:
