@@ -8,7 +8,8 @@ its children; the second hardly feels what else the machine does.
   written to the disk;
 - `verified`: the same, and MuJoCo compiles every model, as a batch lets it do unless told otherwise: with a tetrahedron in the place
   of a mesh that it has taken before;
-- `loaded`: the same as `plain`, and every model becomes a `mujoco.MjModel` with its meshes;
+- `loaded`: the same as `plain`, and every model becomes a `mujoco.MjModel` with all of its meshes;
+- `unseen`: the same without what is only drawn (`model(visual=False)` of `thingc.variants.load`);
 - `modelled`: the reach differs in each variant, so that one part is modelled for each, and the same files are written.
 
 `--scale N` runs `plain` for 10, 100, ... N variants, and says how time and memory grow with their number.
@@ -80,7 +81,7 @@ def modelled(index: int) -> Settings:
 FRESH = int.from_bytes(os.urandom(3), "big") / 2**24
 
 
-def build(session: Session, settings: Settings, folder: Path, *, verify: bool = False, loaded: Models | None = None) -> None:
+def build(session: Session, settings: Settings, folder: Path, *, verify: bool = False, models: Models | None = None) -> None:
     """One variant, from its settings to its files on the disk. Raises where anything was said."""
     compilation = session.compile(settings)
     artifacts = compilation.emit(["mjcf"], verify=verify)["mjcf"]
@@ -91,16 +92,17 @@ def build(session: Session, settings: Settings, folder: Path, *, verify: bool = 
         if not isinstance(content, Stored):  # the meshes are shared by all variants
             with open(f"{folder}/{path}", "wb") as stream:
                 stream.write(content)
-    if loaded is not None:
+    if models is not None:
         for robot in compilation.robots:
-            loaded.model(artifacts, f"mjcf/arm_{robot.mode.name}.xml")
+            models.model(artifacts, f"mjcf/arm_{robot.mode.name}.xml")
 
 
 class Models:
     """MuJoCo's models of what was written; its meshes are handed over once as long as they are the same."""
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: Store, *, visual: bool) -> None:
         self.store = store
+        self.visual = visual
         self.assets: dict[str, Stored] = {}
         self.files: Any = None
 
@@ -115,6 +117,8 @@ class Models:
                 self.files[name] = self.store.read(stored.sha256)
         text = artifacts.files[path]
         assert isinstance(text, bytes)
+        if not self.visual:
+            text = text.replace(b"<compiler ", b'<compiler discardvisual="true" ', 1)
         return mujoco.MjModel.from_xml_string(text.decode(), vfs=self.files)
 
 
@@ -137,16 +141,16 @@ def resident() -> float:
 
 def measure(
     document: Path, store: str | None, folder: Path, settings: Callable[[int], Settings], count: int, *, verify: bool = False,
-    load: bool = False,
+    load: bool = False, visual: bool = True,
 ) -> tuple[float, float, float]:
     """`count` variants in one session: seconds of the clock, of processor time, and megabytes grown after the first ten."""
     with Session(str(document), Options(store=store, jobs=1)) as session:
-        loaded = Models(session.front.store) if load else None
+        models = Models(session.front.store, visual=visual) if load else None
         for index in range(3):
-            build(session, settings(-1 - index), folder / "warm", verify=verify, loaded=loaded)
+            build(session, settings(-1 - index), folder / "warm", verify=verify, models=models)
         before, wall, cpu = 0.0, time.perf_counter(), processor()
         for index in range(count):
-            build(session, settings(index), folder / str(index), verify=verify, loaded=loaded)
+            build(session, settings(index), folder / str(index), verify=verify, models=models)
             if index == min(10, count - 1):
                 before = resident()
         return time.perf_counter() - wall, processor() - cpu, resident() - before
@@ -173,15 +177,14 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="thingc-throughput-") as name:
         folder = Path(name)
         document = workspace(folder)
-        runs: list[tuple[str, Callable[[int], Settings], int, bool, bool]] = [
-            ("plain", plain, arguments.count, False, False), ("verified", plain, arguments.count, True, False),
-            ("loaded", plain, arguments.count, False, True), ("modelled", modelled, arguments.models, False, False),
+        runs: list[tuple[str, Callable[[int], Settings], int, dict[str, bool]]] = [
+            ("plain", plain, arguments.count, {}), ("verified", plain, arguments.count, {"verify": True}),
+            ("loaded", plain, arguments.count, {"load": True}), ("unseen", plain, arguments.count, {"load": True, "visual": False}),
+            ("modelled", modelled, arguments.models, {}),
         ]
-        for label, settings, count, verify, load in runs:
+        for label, settings, count, options in runs:
             if count:
-                wall, cpu, grown = measure(
-                    document, arguments.store, folder / label, settings, count, verify=verify, load=load,
-                )
+                wall, cpu, grown = measure(document, arguments.store, folder / label, settings, count, **options)
                 print(f"{label:9}{count:6} variants {count / wall:8.1f}/s of the clock {count / cpu:8.1f}/s of processor time "
                       f"{1e3 * cpu / count:8.2f} ms each, {grown:+.1f} MB")
         points = []

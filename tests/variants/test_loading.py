@@ -73,6 +73,24 @@ def test_models_are_those_of_the_files(some: Path) -> None:
     assert family[0].model().body("weight").mass[0] == family[0].settings["bob"]
 
 
+def test_without_what_is_drawn_a_model_moves_in_the_same_way(sliders: Path) -> None:
+    for scene in (False, True):
+        variant = load(sliders)[0]
+        mode = "lying"
+        whole, bare = variant.model(mode, scene=scene), variant.model(mode, scene=scene, visual=False)
+        touching = [k for k in range(whole.ngeom) if whole.geom_contype[k] or whole.geom_conaffinity[k]]
+        assert [whole.geom(k).name for k in touching] == [bare.geom(k).name for k in range(bare.ngeom)]
+        assert bare.ngeom < whole.ngeom and bare.nmeshface < whole.nmeshface
+        states = []
+        for model in (whole, bare):
+            data = mujoco.MjData(model)
+            data.ctrl[:] = 0.3
+            mujoco.mj_step(model, data, 500)
+            states.append((data.qpos.tolist(), data.qvel.tolist(), data.ncon))
+        assert states[0] == states[1]
+        assert (states[0][2] > 0) == scene  # it lies on the floor
+
+
 def test_sizes_are_those_of_the_compiled_model(some: Path, boards: Path, sliders: Path, arms: Path) -> None:
     for variant in (variant for folder in (some, boards, sliders, arms) for variant in load(folder)):
         for mode in variant.family.mode_names:
