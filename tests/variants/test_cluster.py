@@ -12,7 +12,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import psutil
@@ -29,14 +29,16 @@ COUNT = 60
 
 
 class Dask:
-    """A scheduler of dask and its workers, each a process with one thread."""
+    """A scheduler of dask and its workers, each a process with one thread. `before` are words before the command of a worker."""
 
-    def __init__(self, folder: Path, env: dict[str, str], workers: int) -> None:
+    def __init__(self, folder: Path, env: dict[str, str], workers: int, before: Sequence[str] = ()) -> None:
         self.folder = folder
+        self.before = before
         self.env = {**env, "DASK_DISTRIBUTED__SCHEDULER__WORKER_TTL": "10s"}
         self.file = folder / "scheduler.json"
         folder.mkdir(parents=True, exist_ok=True)
         self.workers: list[subprocess.Popen[bytes]] = []
+        self.places: list[Path] = []
         self.scheduler = self._start("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", str(self.file))
         deadline = time.monotonic() + 60.0
         while not self.file.exists() or not self.file.read_text().strip():
@@ -48,9 +50,10 @@ class Dask:
         if workers:
             self.wait_for(workers)
 
-    def add(self) -> None:
-        """One more worker."""
-        place = self.folder / f"worker{len(self.workers)}"
+    def add(self, place: Path | None = None) -> None:
+        """One more worker, with a folder of its own unless this is it."""
+        place = place or self.folder / f"worker{len(self.workers)}"
+        self.places.append(place)
         self.workers.append(self._start("worker", self.address, "--nthreads", "1", "--no-nanny", "--local-directory", str(place)))
 
     def wait_for(self, workers: int) -> None:
@@ -65,14 +68,16 @@ class Dask:
             process.wait()
 
     def _start(self, what: str, *words: str) -> subprocess.Popen[bytes]:
-        command = [sys.executable, "-m", "distributed.cli.dask_" + what, *words, "--no-dashboard"]
+        command = [
+            *(self.before if what == "worker" else ()), sys.executable, "-m", "distributed.cli.dask_" + what, *words, "--no-dashboard",
+        ]
         with (self.folder / f"{what}.log").open("ab") as log:
             return subprocess.Popen(command, env=self.env, cwd=self.folder, stdout=log, stderr=log)
 
 
 @contextlib.contextmanager
-def dask(folder: Path, env: dict[str, str], workers: int) -> Iterator[Dask]:
-    found = Dask(folder, env, workers)
+def dask(folder: Path, env: dict[str, str], workers: int, before: Sequence[str] = ()) -> Iterator[Dask]:
+    found = Dask(folder, env, workers, before)
     try:
         yield found
     finally:

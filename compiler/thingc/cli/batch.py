@@ -53,6 +53,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--cluster", metavar="ADDRESS", help="build on other machines: tcp://HOST:8786 (dask) or slurm:partition=NAME,cpus=8",
     )
+    parser.add_argument(
+        "--ship", action="store_true", help="with --cluster: its machines share no folder with this one; files go there and back",
+    )
     parser.add_argument("--pictures", metavar="N", type=_pictures, default=PICTURES,
                         help="pictures on the batch's page: so many, `none` or `all` (default: 48)")
     parser.add_argument("--page-only", action="store_true", help="write the page of a batch anew, and build nothing")
@@ -68,6 +71,8 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         common.require_document(arguments.document)
         options = replace(common.options_of(arguments), progress=None)
+        if arguments.ship and arguments.cluster is None:
+            raise common.WrongCommandLine("--ship says how files get to other machines, and there are none", "add --cluster tcp://HOST:8786")
         timeout = None if arguments.timeout is None else common.time_of("--timeout", arguments.timeout)
         targets = _targets(arguments.emit)
         if arguments.dry_run:
@@ -98,7 +103,7 @@ def _again(arguments: argparse.Namespace) -> str:
     }
     words = ["thingc", "batch", arguments.document, *(word for target in arguments.emit for word in ("--emit", target))]
     words += [str(word) for option, value in said.items() if value is not None for word in (option, value)]
-    return shlex.join([*words, *(["--no-verify"] if arguments.no_verify else []), "--resume"])
+    return shlex.join([*words, *(["--ship"] if arguments.ship else []), *(["--no-verify"] if arguments.no_verify else []), "--resume"])
 
 
 def _targets(words: Sequence[str]) -> tuple[str, ...]:
@@ -131,7 +136,7 @@ def _build(
             arguments.document, output=arguments.output, executor=cluster, jobs=options.jobs, emit=targets, limit=arguments.limit,
             resume=arguments.resume, timeout=timeout or TIMEOUT, verify=not arguments.no_verify, options=options,
             on_progress=_Show() if arguments.format == "text" else None, pictures=arguments.pictures,
-            on_picture=_draw if arguments.format == "text" else None,
+            on_picture=_draw if arguments.format == "text" else None, ship=arguments.ship,
         )
     _clear()
     return summary

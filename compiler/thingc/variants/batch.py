@@ -17,7 +17,7 @@ from itertools import islice
 from typing import Any
 
 from thingc.diagnostics import Code, Diagnostic, Report, shown_path
-from thingc.pipeline import Options
+from thingc.pipeline import Options, store_of
 from thingc.variants import places
 from thingc.variants.cluster import Cluster
 from thingc.variants.description import describe, job_of, seen
@@ -26,9 +26,11 @@ from thingc.variants.folder import BatchFault, begin, cleared, differences, in_w
 from thingc.variants.job import STOPPED, Row, Task
 from thingc.variants.journal import Journal, lines
 from thingc.variants.page import write_page
+from thingc.variants.parcel import Parcel, pack
 from thingc.variants.pictures import OnPicture
 from thingc.variants.planning import Plan, PlanError, Variant, read_plan
 from thingc.variants.progress import Interrupted, OnProgress, Progress, Summary
+from thingc.variants.shipping import Shipping
 from thingc.variants.showing import parameter_columns, show
 from thingc.variants.tables import Column, columns, lengths_in, write_tables
 
@@ -49,12 +51,13 @@ REFRESH = 30.0
 def run(
     document: str, *, output: str | None = None, executor: Executor | None = None, jobs: int = 0, emit: Sequence[str] = (),
     limit: int | None = None, resume: bool = False, timeout: float = TIMEOUT, verify: bool = True, options: Options | None = None,
-    on_progress: OnProgress | None = None, pictures: int | None = 0, on_picture: OnPicture | None = None,
+    on_progress: OnProgress | None = None, pictures: int | None = 0, on_picture: OnPicture | None = None, ship: bool = False,
 ) -> Summary:
     """Build the variants of a `variants/1` document into `<output>/<name>/` (`output` None: the workspace's build folder).
 
     `executor` is somebody else's engine (`thingc.variants.cluster.connect` makes some); it calls `thingc.variants.engine.evaluate`,
-    and its workers see the documents and the folder under the same paths. None: runners on this machine, `jobs`
+    and its workers see the documents and the folder under the same paths. With `ship` they see neither: it is a cluster that can carry
+    files (one of dask), the workspace goes to each of its workers, and built variants come back. None: runners on this machine, `jobs`
     of them (0: one per core; of another's executor: how many chunks are under way at once). `emit` replaces the document's targets,
     `limit` leaves out all variants but the first ones, `timeout` [s] is for one variant, `options` name the store. The batch's page
     shows pictures of at most so many variants as `pictures` says (None: of all).
@@ -69,14 +72,20 @@ def run(
         raise PlanError(report.ordered())
     if emit:
         plan = replace(plan, emit=tuple(emit))
+    if ship and not (isinstance(executor, Cluster) and executor.ships):
+        raise BatchFault(
+            Code.COMMAND_LINE, "--ship is for workers of dask, which may share no folder with this machine",
+            "leave it out: jobs of SLURM share the folder that they are submitted from, and runners of this machine are in it",
+        )
     parent = os.path.abspath(output or os.path.join(plan.workspace.root, plan.workspace.build))
     folder = os.path.join(parent, plan.name)
     if resume:
         _begun(plan, folder)
+    parcel = pack(plan, folder) if ship else None
     try:
         with locked(folder):
             count = plan.count if limit is None else min(limit, plan.count)
-            batch = _Batch(plan, folder, options, jobs or os.cpu_count() or 1, timeout, verify, count, on_progress)
+            batch = _Batch(plan, folder, options, jobs or os.cpu_count() or 1, timeout, verify, count, on_progress, parcel)
             batch.prepare(resume=resume)
             with cleared(folder):
                 with Journal(os.path.join(folder, places.JOURNAL)) as journal:
@@ -110,7 +119,7 @@ class _Batch:
 
     def __init__(
         self, plan: Plan, folder: str, options: Options, jobs: int, timeout: float, verify: bool, count: int,
-        on_progress: OnProgress | None,
+        on_progress: OnProgress | None, parcel: Parcel | None,
     ) -> None:
         self.plan = plan
         self.folder = folder
@@ -120,6 +129,7 @@ class _Batch:
         self.verify = verify
         self.count = count
         self.on_progress = on_progress
+        self.parcel = parcel
         self.done = bytearray(count)
         self.earlier: Counter[str] = Counter()
         self.counts: Counter[str] = Counter()
@@ -179,10 +189,11 @@ class _Batch:
         engine: Executor = own if own is not None else executor  # type: ignore[assignment]
         cluster = executor if isinstance(executor, Cluster) else None
         if cluster is not None:
-            cluster.check(seen(self.plan, self.folder))
+            cluster.check(seen(self.plan, self.folder) if self.parcel is None else {})
         job = job_of(self.plan, self.folder, self.options, verify=self.verify, elsewhere=cluster is not None).encode()
         whole = False
-        with self._signals():
+        with self._signals(), self._shipping(cluster) as shipping:
+            engine = shipping or engine
             try:
                 self._loop(engine, job, journal, streaming=own is not None)
                 whole = True
@@ -208,6 +219,12 @@ class _Batch:
             before=sum(self.earlier.values()), modelled=len(self.modelled), duplicates=self.plan.written - self.plan.count,
             seconds=time.monotonic() - self.started, notes=self.plan.notes,
         )
+
+    def _shipping(self, cluster: Cluster | None) -> contextlib.AbstractContextManager[Shipping | None]:
+        """What stands before a cluster that does not see our files."""
+        if cluster is None or self.parcel is None:
+            return contextlib.nullcontext()
+        return Shipping(cluster, self.parcel, self.folder, store_of(self.options))
 
     def show(self, pictures: int | None, on_picture: OnPicture | None) -> Diagnostic | None:
         """Pictures and the page of the finished batch; a warning where nothing can be drawn."""

@@ -6,18 +6,22 @@ them out again.
 
 from __future__ import annotations
 
-import hashlib
+import contextlib
 import logging
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from importlib import import_module
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from thingc.diagnostics import Code
 from thingc.emit.manifest import versions
-from thingc.variants.cluster import PATIENCE, Cluster, missing
+from thingc.stamp import state_of
+from thingc.variants.cluster import PATIENCE, Cluster, WorkerLost, missing
 from thingc.variants.folder import BatchFault
+
+if TYPE_CHECKING:
+    from thingc.variants.parcel import Parcel
 
 T = TypeVar("T")
 
@@ -28,19 +32,15 @@ LOOK = 5.0
 
 
 def seen(paths: list[str]) -> tuple[dict[str, str], dict[str, str | None]]:
-    """What a worker has installed, and the SHA-256 of files (None: it does not see them). Runs on the worker."""
-    found: dict[str, str | None] = {}
-    for path in paths:
-        try:
-            with open(path, "rb") as stream:
-                found[path] = hashlib.sha256(stream.read()).hexdigest()
-        except OSError:
-            found[path] = None
-    return dict(versions()), found
+    """What a worker has installed, and the digests of files and folders (`stamp.state_of`; None: it does not see them). Runs on the
+    worker."""
+    return dict(versions()), {path: state_of(path) for path in paths}
 
 
 class DaskCluster(Cluster):
     """The workers of the scheduler at `address`. Raises `BatchFault` where nobody answers there, or no worker is."""
+
+    ships = True
 
     def __init__(self, address: str, *, jobs: int = 0) -> None:
         try:
@@ -99,7 +99,8 @@ class DaskCluster(Cluster):
                     what = "does not see" if hashes[path] is None else "sees another content of"
                     raise BatchFault(
                         Code.CLUSTER, f"the worker {worker} {what} `{path}`",
-                        "the documents and the batch's folder (-o) must be on a file system that all machines share, under the same paths",
+                        "the documents and the batch's folder (-o) must be on a file system that all machines share, under the same "
+                        "paths; where there is none, --ship sends the documents along and fetches what is built",
                     )
 
     def fault(self) -> BatchFault | None:
@@ -125,6 +126,57 @@ class DaskCluster(Cluster):
                 "start workers and go on with --resume; what has been built stays",
             )
         return None
+
+    def ship(self, name: str, parcel: Parcel) -> None:
+        """The scheduler keeps it for workers that come. What drivers that died have left there is removed first."""
+        from thingc.variants.dask_worker import Carried
+
+        for left in self._left_behind():
+            self._unregister(left)
+        try:
+            self._client.register_plugin(Carried(name, parcel), name=self._plugin(name))
+        except Exception as fault:
+            self.unship(name)
+            raise BatchFault(
+                Code.CLUSTER, f"a worker cannot take the workspace: {_first_line(fault)}",
+                "workers unpack it in their folders (`--local-directory` of `dask worker`): there must be room",
+            ) from None
+
+    def unship(self, name: str) -> None:
+        """Workers that cannot be reached remove it when they end."""
+        self._unregister(self._plugin(name))
+
+    def ask(self, worker: str, fn: Callable[..., T], *arguments: Any) -> T:
+        """Beside whatever its threads are at."""
+        try:
+            if worker in self._client.nthreads([worker]):  # to reach one that is gone takes half a minute
+                found: T = self._client.run(fn, *arguments, workers=[worker])[worker]
+                return found
+        except WorkerLost:
+            raise
+        except Exception as fault:
+            raise WorkerLost(f"the worker {worker} does not answer: {_first_line(fault)}") from None
+        raise WorkerLost(f"the worker {worker} has gone")
+
+    def _plugin(self, name: str) -> str:
+        return f"{name}@{self._client.id}"
+
+    def _unregister(self, plugin: str) -> None:
+        with contextlib.suppress(Exception):  # the scheduler, or a worker, has gone
+            self._client.unregister_worker_plugin(plugin)
+
+    def _left_behind(self) -> list[str]:
+        """The shipments of drivers that are not connected any more."""
+
+        def names(dask_scheduler: Any) -> list[str]:  # goes to the scheduler as it is: nothing of thingc need be installed there
+            return [
+                name for name in dask_scheduler.worker_plugins
+                if name.startswith("thingc-") and name.partition("@")[2] not in dask_scheduler.clients
+            ]
+
+        with contextlib.suppress(Exception):  # a scheduler may refuse to run code
+            return list(self._client.run_on_scheduler(names))
+        return []
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Leave; the scheduler and its workers stay."""

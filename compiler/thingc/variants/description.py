@@ -11,7 +11,7 @@ from thingc.emit.manifest import versions
 from thingc.pipeline import Options
 from thingc.variants import places
 from thingc.variants.job import Job
-from thingc.variants.planning import Plan
+from thingc.variants.planning import OUTSIDE, Plan
 from thingc.variants.tables import Column
 
 
@@ -27,8 +27,11 @@ def describe(plan: Plan, *, finished: bool, wanted: Sequence[Column] = ()) -> di
 
 
 def seen(plan: Plan, folder: str) -> dict[str, str]:
-    """What every worker has to see: absolute path and SHA-256. `batch.json` is in the folder already."""
-    files = {os.path.join(plan.workspace.root, path): sha256 for path, sha256 in plan.inputs.items()}
+    """What every worker has to see: absolute path and digest. `batch.json` is in the folder already; of files outside of the workspace
+    the plan does not say where they are."""
+    files = {
+        os.path.join(plan.workspace.root, path): state for path, state in plan.inputs.items() if not path.startswith(OUTSIDE)
+    }
     with open(os.path.join(folder, places.BATCH), "rb") as stream:
         files[stream.name] = hashlib.sha256(stream.read()).hexdigest()
     return files

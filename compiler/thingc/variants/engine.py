@@ -68,7 +68,7 @@ class RunnerProcess:
         self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed with the runner
         self._process = subprocess.Popen(
             [sys.executable, "-m", "thingc.variants.runner"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors,
-            start_new_session=True,  # an interrupt of the terminal is the driver's to act on
+            cwd=Job.decode(job).cwd, start_new_session=True,  # an interrupt of the terminal is the driver's to act on
         )
         self._buffer = b""
         self._send(job)

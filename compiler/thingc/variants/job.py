@@ -19,7 +19,7 @@ class Job:
 
     `assembly` is the absolute path of the document, `folder` that of the batch's folder (None: nothing is written); `rules` the
     comparisons that need results, `dimensions` the exponents (length, mass, time, angle) of the parameters that are numbers;
-    `verify`: MuJoCo is asked whether it takes each model.
+    `verify`: MuJoCo is asked whether it takes each model; `cwd` the folder in which runners work (None: that of who starts them).
     """
 
     assembly: str
@@ -35,6 +35,7 @@ class Job:
     dimensions: Mapping[str, tuple[Any, ...]]
     emit: tuple[str, ...]
     verify: bool = True
+    cwd: str | None = None
 
     def encode(self) -> str:
         """One line of JSON; `decode` reads it."""
@@ -76,3 +77,9 @@ Row = dict[str, Any]
 def row(task: Task, status: str, **more: Any) -> Row:
     """A row of the journal."""
     return {"index": task.index, "id": task.id, "status": status, **more}
+
+
+def refusal(fault: OSError) -> str:
+    """What the system refused, and why."""
+    reason = fault.strerror or str(fault)
+    return f"`{fault.filename}`: {reason}" if fault.filename is not None else reason

@@ -26,6 +26,9 @@ from thingc.variants.sampling import points
 from thingc.variants.values import identity, text_of, unit_of
 from thingc.workspace import Workspace
 
+OUTSIDE = "outside:"
+"""What the names of inputs begin with that lie outside of the workspace."""
+
 
 class PlanError(Exception):
     """A document of variants with errors. `diagnostics` are all of them; `str()` shows them as the command line does."""
@@ -70,7 +73,7 @@ class Plan:
     variants; `listed` are written out; `axes` make the grid, or with `method` are drawn `drawn` times. `own` are the values of
     the assembly's parameters, `own_choices` what its document says at the paths of choices. `modes` are those built (never
     empty), `chosen_modes` those that the document names. `emit` are the targets, in the order in which a build writes them;
-    `inputs` the SHA-256 of what the plan was made of, by path in the workspace.
+    `inputs` the digests (`stamp.state_of`) of what the plan was made of, by path in the workspace.
     """
 
     document: str

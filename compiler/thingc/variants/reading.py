@@ -19,7 +19,7 @@ from thingc.spec.assembly import AssemblySpec
 from thingc.spec.choices import DEFAULT_MATERIAL, parse
 from thingc.spec.variants import VariantsSpec
 from thingc.variants.axes import Axis, Reader
-from thingc.variants.planning import Plan, Setting, moved
+from thingc.variants.planning import OUTSIDE, Plan, Setting, moved
 from thingc.variants.rules import read_rules
 from thingc.variants.wanted import check_margin, check_names, moving_joints, targets_of
 from thingc.workspace import Workspace
@@ -244,7 +244,7 @@ class _Planner:
 
         found = {path: one.sha256 for path, one in self.sources.documents.by_path.items()}
         for path in sorted(self.front.parts.inputs):
-            name = self.workspace.relative(path) if self.workspace.contains(path) else f"outside:{os.path.basename(path)}"
+            name = self.workspace.relative(path) if self.workspace.contains(path) else OUTSIDE + os.path.basename(path)
             state = state_of(path)
             if state is not None:
                 found.setdefault(name, state)

@@ -23,7 +23,7 @@ from thingc.pipeline import Options
 from thingc.resolve.scope import Found
 from thingc.session import Session, Settings
 from thingc.units import Dimension, Quantity
-from thingc.variants.job import STOPPED, Job, Row, Task, row
+from thingc.variants.job import STOPPED, Job, Row, Task, refusal, row
 from thingc.variants.measure import Results, UnknownMount, measure
 from thingc.variants.places import write_variant
 from thingc.variants.rules import Rule
@@ -70,7 +70,7 @@ class Runner:
             if fault.filename is None and fault.errno is None:
                 found = _raised(task, fault)
             else:
-                found = row(task, STOPPED, code=Code.OUTPUT.code, message=_words(fault))
+                found = row(task, STOPPED, code=Code.OUTPUT.code, message=refusal(fault))
         except Exception as fault:
             found = _raised(task, fault)
         found["seconds"] = round(time.perf_counter() - started, 6)
@@ -147,11 +147,6 @@ def _raised(task: Task, fault: BaseException) -> Row:
         task, "failed", code=Code.VARIANT_RAISED.code, message=f"thingc itself failed: {type(fault).__name__}: {words}",
         detail="".join(traceback.format_exception(fault)),
     )
-
-
-def _words(fault: OSError) -> str:
-    reason = fault.strerror or str(fault)
-    return f"`{fault.filename}`: {reason}" if fault.filename is not None else reason
 
 
 def main() -> None:

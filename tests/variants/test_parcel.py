@@ -1,0 +1,166 @@
+"""What of a workspace is packed, and what unpacking makes of it. What is in an archive is told by `tarfile`."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import os
+import shutil
+import tarfile
+import zlib
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from thingc.diagnostics import Code
+from thingc.variants import BatchFault, parcel, plan
+from thingc.variants.parcel import Parcel, pack
+from variants.robots import workspace
+
+
+def packed(here: Path, document: str = "sweep") -> Parcel:
+    return pack(plan(str(here / f"{document}.yaml")), str(here / "build" / document))
+
+
+def names(found: Parcel) -> set[str]:
+    """What tarfile says is in it."""
+    with tarfile.open(fileobj=io.BytesIO(zlib.decompress(found.data))) as archive:
+        return set(archive.getnames())
+
+
+DOCUMENTS = {f"{name}.yaml" for name in ("pendulum", "sweep", "stand", "mast", "tall_mast")} | {"thingc.toml", "parts", "parts/plates.py"}
+
+
+def test_the_same_files_make_the_same_parcel(tmp_path: Path) -> None:
+    one, two = workspace(tmp_path / "one"), workspace(tmp_path / "another")
+    for path in two.rglob("*"):
+        os.utime(path, (1, 1))
+    assert packed(one) == replace(packed(two), root=str(one)) and names(packed(one)) == DOCUMENTS
+    (two / "mast.yaml").chmod(0o755)
+    assert packed(two).sha256 != packed(one).sha256
+    (two / "mast.yaml").chmod(0o644)
+    (two / "note.txt").write_text("a part may read it")
+    assert packed(two).sha256 != packed(one).sha256 and names(packed(two)) == DOCUMENTS | {"note.txt"}
+
+
+def test_what_robots_are_not_made_of_stays_here(tmp_path: Path) -> None:
+    here = workspace(tmp_path)
+    for name in (
+        "build/arm/manifest.json", ".git/objects/pack", ".venv/pyvenv.cfg", "env/pyvenv.cfg", "env/lib/x.py", "node_modules/a.js",
+        "parts/__pycache__/plates.cpython-311.pyc", "parts/old.pyc", ".cache/x", ".sweep.thingc-lock", "old/batch/variants/x",
+    ):
+        (here / name).parent.mkdir(parents=True, exist_ok=True)
+        (here / name).write_text("x")
+    (here / "old/batch/batch.json").write_text(json.dumps({"thingc": "batch/1"}))
+    os.mkfifo(here / "pipe")
+    (here / "empty").mkdir()
+    assert names(packed(here)) == DOCUMENTS | {"old", "empty"}
+
+
+def test_part_folders_and_documents_go_along_wherever_they_are(tmp_path: Path) -> None:
+    here = workspace(tmp_path)
+    (here / ".shapes").mkdir()
+    (here / ".shapes" / "round.py").write_text("")
+    (here / "thingc.toml").write_text('thingc = "workspace/1"\nparts = ["parts", ".shapes"]\n')
+    (here / ".robots").mkdir()
+    (here / ".robots" / "sweep.yaml").write_text((here / "sweep.yaml").read_text().replace("pendulum.yaml", "pendulum_2.yaml"))
+    (here / ".robots" / "pendulum_2.yaml").write_text((here / "pendulum.yaml").read_text())
+    found = names(pack(plan(str(here / ".robots" / "sweep.yaml")), str(here / "build" / "sweep")))
+    assert found == DOCUMENTS | {".shapes", ".shapes/round.py", ".robots/pendulum_2.yaml"}
+
+
+def test_links_stay_links_and_lead_nowhere_else(tmp_path: Path) -> None:
+    here = workspace(tmp_path / "robots")
+    (here / "deep").mkdir()
+    (here / "deep" / "relative.yaml").symlink_to("../mast.yaml")
+    (here / "deep" / "absolute.yaml").symlink_to(here / "mast.yaml")
+    (here / "around.yaml").symlink_to("../robots/mast.yaml")
+    (here / "shapes").symlink_to("parts")
+    (here / "latest").symlink_to("build/arm")
+    place = tmp_path / "elsewhere" / "work"
+    packed(here).unpack(str(place))
+    shutil.rmtree(here)
+    assert (place / "deep" / "absolute.yaml").read_bytes() == (place / "mast.yaml").read_bytes()
+    assert {str(path.relative_to(place)): os.readlink(path) for path in place.rglob("*") if path.is_symlink()} == {
+        "deep/relative.yaml": "../mast.yaml", "deep/absolute.yaml": "../mast.yaml", "around.yaml": "mast.yaml", "shapes": "parts",
+        "latest": "build/arm",
+    }
+    assert (place / "shapes" / "plates.py").is_file() and not (place / "latest").exists()
+
+
+@pytest.mark.parametrize("target", ["../outside.txt", "/etc/hostname", "..", "../hop"])
+def test_links_out_of_the_workspace_are_refused(tmp_path: Path, target: str) -> None:
+    here = workspace(tmp_path / "robots")
+    (tmp_path / "outside.txt").write_text("x")
+    (tmp_path / "hop").symlink_to("robots/mast.yaml")  # leaves and comes back: there is no such hop elsewhere
+    (here / "parts" / "link").symlink_to(target if os.path.isabs(target) else f"../{target}")
+    with pytest.raises(BatchFault, match="`parts/link` is a link out of the workspace") as caught:
+        packed(here)
+    assert caught.value.diagnostic.code is Code.OUTSIDE_WORKSPACE and caught.value.diagnostic.help is not None
+
+
+@pytest.mark.parametrize(("bound", "value", "words"), [("MOST_BYTES", 2_000_000, "2 MB"), ("MOST_FILES", 9, "9 files")])
+def test_a_workspace_that_is_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, bound: str, value: int, words: str) -> None:
+    here = workspace(tmp_path)
+    (here / "videos").mkdir()
+    (here / "videos" / "walk.mp4").write_bytes(bytes(1_990_000))
+    (here / "videos" / "run.mp4").write_bytes(bytes(20_000))
+    monkeypatch.setattr(parcel, bound, value)
+    with pytest.raises(BatchFault, match=f"has more than {words}, which is the bound for --ship.*`videos`") as caught:
+        packed(here)
+    assert caught.value.diagnostic.code is Code.TOO_LARGE and "thingc.toml" in str(caught.value.diagnostic.help)
+
+
+def test_a_document_that_changes_meanwhile(tmp_path: Path) -> None:
+    here = workspace(tmp_path)
+    planned = plan(str(here / "sweep.yaml"))
+    (here / "pendulum.yaml").write_text((here / "pendulum.yaml").read_text() + "# new\n")
+    with pytest.raises(BatchFault, match="`pendulum.yaml` has changed just now") as caught:
+        pack(planned, str(here / "build" / "sweep"))
+    assert caught.value.diagnostic.code is Code.BATCH_CHANGED
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="nothing is unreadable to root")
+def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
+    here = workspace(tmp_path)
+    (here / "secret.txt").write_text("x")
+    (here / "secret.txt").chmod(0)
+    with pytest.raises(BatchFault, match=r"cannot read `.*secret.txt` to ship it: permission denied"):
+        packed(here)
+
+
+def test_a_workspace_without_a_file_of_its_own_stays_the_same_elsewhere(tmp_path: Path) -> None:
+    """Unpacked below another workspace, it must not become part of that."""
+    here = workspace(tmp_path / "robots")
+    (here / "thingc.toml").unlink()
+    assert plan(str(here / "sweep.yaml")).workspace.origin is None
+    other = workspace(tmp_path / "other")
+    packed(here).unpack(str(other / "below"))
+    assert plan(str(other / "below" / "sweep.yaml")).workspace.root == str(other / "below")
+    assert names(packed(here)) == DOCUMENTS
+
+
+@pytest.mark.parametrize("kind", ["above", "absolute", "link", "device"])
+def test_nothing_is_unpacked_beside_the_folder(tmp_path: Path, kind: str) -> None:
+    """An archive that somebody else has made."""
+    member = tarfile.TarInfo({"above": "../stolen", "absolute": str(tmp_path / "stolen"), "link": "link", "device": "device"}[kind])
+    member.size = 1 if kind in ("above", "absolute") else 0
+    if kind == "link":
+        member.type, member.linkname = tarfile.SYMTYPE, "../../stolen"
+    if kind == "device":
+        member.type = tarfile.CHRTYPE
+    stream = io.BytesIO()
+    with tarfile.open(fileobj=stream, mode="w") as archive:
+        archive.addfile(member, io.BytesIO(b"x"))
+    data = stream.getvalue()
+    bad = Parcel(root="/", sha256=hashlib.sha256(data).hexdigest(), data=zlib.compress(data), names=1)
+    place = tmp_path / "deep" / "work"
+    if kind == "absolute":  # the filter takes the slash away: it lands inside
+        bad.unpack(str(place))
+        assert (place / str(tmp_path / "stolen").lstrip("/")).is_file()
+    else:
+        with pytest.raises(ValueError, match=r"."):
+            bad.unpack(str(place))
+    assert {path.name for path in tmp_path.iterdir()} == {"deep"} and [path.name for path in (tmp_path / "deep").iterdir()] == ["work"]

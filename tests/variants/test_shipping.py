@@ -1,0 +1,419 @@
+"""Batches on workers that share no folder with the driver: a real scheduler of dask, and worker processes of a mount namespace of their
+own, in which the driver's folders are an empty file system.
+
+Every file that a worker or its runners open is noted by an audit hook of Python (`AUDIT`), which knows nothing of thingc: it tells
+what was opened of the driver's folders, how often a workspace was unpacked, and how often a shared file was fetched.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from realize.test_shared_store import SERVER
+from thingc.diagnostics import Code
+from thingc.pipeline import Options
+from thingc.variants import BatchFault, run, shipping
+from thingc.variants.dask_cluster import DaskCluster
+from variants.robots import environment, thingc, tree, with_emitter, workspace
+from variants.test_batch import rows, without_run
+from variants.test_cluster import Dask, dask
+from variants.test_faults import assert_whole, journal, listed, started, wait_for_lines
+from variants.test_parcel import packed
+
+AUDIT = '''
+import os, sys
+
+def install(path, descriptor):
+    def hook(event, arguments):
+        if event in ("open", "os.listdir", "os.scandir", "os.rename") and isinstance(arguments[0], (str, os.PathLike)):
+            how = arguments[1] if event == "open" and isinstance(arguments[1], str) else ""
+            name = os.path.abspath(arguments[0])
+            if name.startswith(path) or "/thingc-" in name:
+                os.write(descriptor, f"{os.getpid()}\\t{event}\\t{how}\\t{name}\\n".encode())
+    sys.addaudithook(hook)
+
+if "AUDIT_LOG" in os.environ:
+    install(os.environ["AUDIT_OF"], os.open(os.environ["AUDIT_LOG"], os.O_WRONLY | os.O_CREAT | os.O_APPEND))
+'''
+
+COVERED = 'mount -t tmpfs -o size="$0" tmpfs "$1" && shift && exec "$@"'
+"""A shell's script: cover a folder with a file system of that size, then be the command."""
+
+STANDS = """
+    thingc: variants/1
+    assembly: stand.yaml
+    name: faults
+    parameters: {side: {from: 30 mm, to: 65 mm, count: 8}}
+    keep: ["side < 63 mm", "mass < 29 g"]
+    emit: [mjcf, bom]
+"""
+
+BROKEN = """
+    from build123d import Box
+
+    from thingc import Length, Thing, asset
+
+
+    class Cup(Thing):
+        def __init__(self, side: Length = 20):
+            super().__init__(material="light")
+            if side > 40:
+                raise ValueError("a cup of that side is none")
+            self.body = Box(side, side, float(asset("heights/cup.txt").read_text()))
+
+        def result(self):
+            return self.body
+"""
+
+CUPS = """
+    thingc: assembly/1
+    name: cups
+    parameters: {side: {value: 20 mm, min: 10 mm, max: 100 mm}, tall: 15 mm}
+    materials: {light: {density: 500 kg/m^3}}
+    components:
+      cup: {part: broken:Cup, params: {side: =side}}
+      top: {frame: true, mass: "=100 g * (tall / 10 mm - 1)", inertia: {ixx: 1 g*m^2, iyy: 1 g*m^2, izz: 1 g*m^2}}
+    joints: {lid: {type: fixed, parent: cup.origin, child: top.origin}}
+"""
+
+CUP_SWEEP = """
+    thingc: variants/1
+    assembly: robots/cups.yaml
+    name: faults
+    parameters: {side: [20 mm, 50 mm], tall: [20 mm, 5 mm]}
+    emit: [mjcf]
+"""
+
+
+@dataclass(frozen=True)
+class Apart:
+    """Workers that share no folder with the driver: `driver` is hidden from them, `log` what they opened, `path` their PYTHONPATH."""
+
+    dask: Dask
+    driver: Path
+    log: Path
+
+    def events(self) -> list[list[str]]:
+        """What has been noted since the last call: process, event, mode, path."""
+        found = self.log.read_text().splitlines() if self.log.exists() else []
+        self.log.write_text("")
+        return [line.split("\t") for line in found]
+
+    def places(self) -> list[Path]:
+        """What workers that live keep of shipments."""
+        alive = [place for place, worker in zip(self.dask.places, self.dask.workers, strict=True) if worker.poll() is None]
+        return [path for place in alive for path in place.rglob("thingc-*") if path.is_dir()]
+
+
+def namespace(folder: Path, size: str = "100m") -> list[str]:
+    """The words before a command that make `folder` empty for it, with so much room. Skips the test where that is not permitted."""
+    words = ["unshare", *([] if os.geteuid() == 0 else ["--user", "--map-root-user"]), "--mount", "--propagation", "private"]
+    words += ["sh", "-c", COVERED, size, str(folder)]
+    try:
+        subprocess.run([*words, "true"], check=True, capture_output=True)
+    except (OSError, subprocess.CalledProcessError) as fault:
+        pytest.skip(f"this machine lets nobody make a mount namespace of his own: {fault}")
+    return words
+
+
+@pytest.fixture(scope="module")
+def apart(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Apart]:
+    """Two workers in mount namespaces, with a store of their own."""
+    folder, driver = tmp_path_factory.mktemp("apart"), tmp_path_factory.mktemp("driver")
+    with dask(folder / "dask", audited(folder, driver), 2, namespace(driver)) as two:
+        yield Apart(dask=two, driver=driver, log=folder / "log")
+
+
+def audited(folder: Path, driver: Path) -> dict[str, str]:
+    """The environment of workers whose files are noted, with the emitter that is slow when it is told to."""
+    (folder / "audit").mkdir()
+    (folder / "audit" / "sitecustomize.py").write_text(AUDIT)
+    path = os.pathsep.join([str(folder / "audit"), with_emitter(folder)])
+    return {**environment(str(folder / "store"), path), "AUDIT_LOG": str(folder / "log"), "AUDIT_OF": str(driver)}
+
+
+def plain_journal(folder: Path) -> list[dict[str, object]]:
+    """The lines in plan order, without what tells of the run."""
+    found = [{key: value for key, value in line.items() if key not in ("pid", "seconds", "modelled", "reused")} for line in journal(folder)]
+    return sorted(found, key=lambda line: int(str(line["index"])))
+
+
+def kept(folder: Path) -> tuple[Any, ...]:
+    """Everything of a batch that must not depend on where it was built."""
+    out = folder / "build" / "faults"
+    return (
+        tree(out / "variants"), tree(out / "assets"), (out / "index.html").read_bytes(), (out / "batch.json").read_bytes(),
+        without_run(rows(out)), plain_journal(folder),
+    )
+
+
+def built_here(folder: Path, env: dict[str, str], document: str = "faults.yaml", cwd: Path | None = None) -> tuple[Any, ...]:
+    """What the local engine writes; the folder is then as if it had never been built."""
+    done = thingc("batch", document, "--jobs", "2", "--pictures", "none", cwd=cwd or folder, env=env)
+    assert done.returncode in (0, 1), done.stderr
+    found = (*kept(folder), done.returncode, re.sub(r"\d+ parts modelled", "", done.stderr))
+    shutil.rmtree(folder / "build")
+    return found
+
+
+def shipped(
+    folder: Path, env: dict[str, str], address: str, *more: str, document: str = "faults.yaml", cwd: Path | None = None,
+) -> tuple[Any, ...]:
+    done = thingc("batch", document, "--pictures", "none", "--cluster", address, "--ship", *more, cwd=cwd or folder, env=env)
+    assert done.returncode in (0, 1), done.stderr
+    return (*kept(folder), done.returncode, re.sub(r"\d+ parts modelled", "", done.stderr))
+
+
+def fetched(events: list[list[str]]) -> Counter[str]:
+    """How often each shared file was read where it had been built."""
+    found = (re.search(r"/out/assets/([0-9a-f]{64})$", path) for _, event, mode, path in events if event == "open" and "r" in mode)
+    return Counter(match[1] for match in found if match is not None)
+
+
+def unpacked(events: list[list[str]]) -> Counter[str]:
+    """How often each process unpacked a workspace."""
+    return Counter(process for process, event, _, path in events if event == "os.rename" and path.endswith(".new"))
+
+
+@pytest.mark.slow
+def test_workers_that_see_nothing_build_what_is_built_here(apart: Apart, tmp_path: Path, shared_store: str) -> None:
+    here = workspace(apart.driver / "stands", faults=STANDS)
+    local = built_here(here, environment(shared_store))
+    assert Counter(line["status"] for line in local[5]) == {"built": 5, "kept_out": 3} and len(local[1]) > 5
+
+    refused = thingc("batch", "faults.yaml", "--cluster", apart.dask.address, cwd=here, env=environment(shared_store))
+    assert refused.returncode == 1 and f"error[{Code.CLUSTER.code}]" in refused.stderr and "does not see" in refused.stderr
+    assert "--ship sends the documents along" in " ".join(refused.stderr.split()), refused.stderr
+    shutil.rmtree(here / "build")
+
+    apart.events()
+    own = environment(str(tmp_path / "store"))  # in which no part has been modelled
+    assert shipped(here, own, apart.dask.address) == local
+    events = apart.events()
+    assert not [path for *_, path in events if path.startswith(str(apart.driver))]
+    assert len(unpacked(events)) == 2 and set(unpacked(events).values()) == {1}
+    assert fetched(events) == dict.fromkeys(local[1], 1)
+    assert not apart.places()
+
+    shutil.rmtree(here / "build")
+    assert shipped(here, environment(shared_store), apart.dask.address) == local  # with a store that has all
+    assert not fetched(apart.events())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("inside", [True, False])
+def test_what_is_wrong_is_said_as_if_it_had_been_built_here(apart: Apart, shared_store: str, inside: bool) -> None:
+    folder = apart.driver / f"cups{inside}"
+    here = workspace(folder, faults=CUP_SWEEP)
+    (here / "robots").mkdir()
+    (here / "robots" / "cups.yaml").write_text(re.sub("^    ", "", CUPS, flags=re.MULTILINE))
+    (here / "parts" / "broken.py").write_text(re.sub("^    ", "", BROKEN, flags=re.MULTILINE))
+    (here / "parts" / "heights").mkdir()
+    (here / "parts" / "heights" / "cup.txt").write_text("30")
+    cwd, document = (here, "faults.yaml") if inside else (apart.driver, f"{folder.name}/faults.yaml")
+    env = environment(shared_store)
+    local = built_here(here, env, document, cwd)
+    assert [line["status"] for line in local[5]] == ["built", "refused", "refused", "refused"]
+    assert "a cup of that side is none" in str(local[5][2]) and local[6] == 1
+    assert {str(said["file"]) for line in local[5][1:] for said in line["diagnostics"]} == {
+        f"{'' if inside else folder.name + '/'}robots/cups.yaml"
+    }
+    assert shipped(here, env, apart.dask.address, document=document, cwd=cwd) == local
+
+
+@pytest.mark.slow
+def test_a_worker_killed_on_the_way_takes_nothing_along(apart: Apart, tmp_path: Path, shared_store: str) -> None:
+    here = workspace(apart.driver / "killed", faults=listed(dict.fromkeys(range(24), "slow")))
+    env = environment(shared_store, with_emitter(tmp_path))
+    local = built_here(here, env)
+    process = started(here, env, "--cluster", apart.dask.address, "--ship", "--pictures", "none")
+    wait_for_lines(here, 3, process)
+    apart.dask.workers[0].kill()
+    apart.dask.workers[0].wait()
+    apart.dask.add(apart.dask.places[0])  # in the same folder, where dask removes what the dead one has left
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 0 and out == "" and "24 variants: 24 built" in err, err
+    assert_whole(here, 24)
+    assert (*kept(here), 0, re.sub(r"\d+ parts modelled", "", err)) == local
+    assert not apart.places()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_a_batch_that_is_stopped_goes_on_and_leaves_nothing_behind(
+    apart: Apart, tmp_path: Path, shared_store: str, number: signal.Signals,
+) -> None:
+    here = workspace(apart.driver / number.name, faults=listed(dict.fromkeys(range(16), "slow"), 16))
+    env = environment(shared_store, with_emitter(tmp_path))
+    process = started(here, env, "--cluster", apart.dask.address, "--ship", "--pictures", "none")
+    wait_for_lines(here, 3, process)
+    assert apart.places()
+    process.send_signal(number)
+    _, err = process.communicate(timeout=60)
+    if number is signal.SIGINT:
+        assert process.returncode == 130 and f"--cluster {apart.dask.address} --pictures none --ship --resume" in err, err
+        assert not apart.places()
+    done = len(journal(here))
+    assert 3 <= done < 16
+    summary = shipped(here, env, apart.dask.address, "--resume")[-1]
+    assert f"16 variants ({done} of them before): 16 built" in summary
+    assert_whole(here, 16)
+    assert not apart.places()  # neither of this driver, nor of one that was killed
+
+
+@pytest.fixture(scope="module")
+def beside(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Apart]:
+    """Two workers that might see the driver's folder, with a cache of their own: no privileges are needed to have them."""
+    folder, driver = tmp_path_factory.mktemp("beside"), tmp_path_factory.mktemp("driver")
+    env = {**audited(folder, driver), "XDG_CACHE_HOME": str(folder / "cache")}
+    del env["THINGC_STORE"]
+    with dask(folder / "dask", env, 2) as two:
+        yield Apart(dask=two, driver=driver, log=folder / "log")
+
+
+@pytest.mark.slow
+def test_workers_open_nothing_of_the_drivers_folder(
+    beside: Apart, tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """With a driver in this process: nothing larger than a piece is fetched at once, and each file by itself where it is. Chunks have
+    several variants that share a mesh which nobody has met before."""
+    text = STANDS.replace("29 g", "90 g") + "    choices: {components.plate.material: [light, heavy]}\n"
+    here = workspace(beside.driver / "stands", faults=text)
+    local = built_here(here, environment(shared_store))
+    pulls: list[int] = []
+    ask = DaskCluster.ask
+
+    def counting(self: DaskCluster, worker: str, fn: Any, *arguments: Any) -> Any:
+        found = ask(self, worker, fn, *arguments)
+        assert sum(map(len, found)) <= 5000 or len(found) == 1
+        pulls.append(len(found))
+        return found
+
+    monkeypatch.setattr(DaskCluster, "ask", counting)
+    monkeypatch.setattr(shipping, "PULL_BYTES", 5000)
+    monkeypatch.chdir(here)
+    with DaskCluster(beside.dask.address, jobs=1) as cluster:
+        summary = run("faults.yaml", executor=cluster, ship=True, options=Options(store=str(tmp_path / "store")), pictures=0)
+    assert summary.statuses == {"built": 9, "kept_out": 7} and max(pulls) > 1
+    assert kept(here) == local[:6]
+    events = beside.events()
+    assert fetched(events) == dict.fromkeys(local[1], 1)
+    assert events and not [path for *_, path in events if path.startswith(str(beside.driver))]
+    assert set(unpacked(events).values()) == {1} and len(unpacked(events)) == 2 and not beside.places()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ship", [True, False])
+def test_a_store_behind_a_url(beside: Apart, tmp_path: Path, shared_store: str, ship: bool) -> None:
+    """What workers model is sent there, and comes to the driver from there. Without `--ship` they write into the batch's folder."""
+    here = workspace(beside.driver / f"ftp{ship}", faults=STANDS)
+    (tmp_path / "outside.txt").write_text("10")
+    (here / "parts" / "data").mkdir()
+    code = f"import os; os.listdir(os.path.join(os.path.dirname(__file__), 'data')); open({str(tmp_path / 'outside.txt')!r}).read()\n"
+    (here / "parts" / "plates.py").write_text(code + (here / "parts" / "plates.py").read_text())  # a plan has these among its inputs
+    local = built_here(here, environment(shared_store))
+    served = tmp_path / "served"
+    served.mkdir()
+    server = subprocess.Popen(
+        [sys.executable, "-c", SERVER, str(served)], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+    )
+    try:
+        assert server.stdout is not None
+        env = environment(f"ftp://robot:secret@127.0.0.1:{int(server.stdout.readline())}/parts")
+        env["XDG_CACHE_HOME"] = str(tmp_path / "cache")
+        beside.events()
+        how = ["--cluster", beside.dask.address, *(["--ship"] if ship else [])]
+        done = thingc("batch", "faults.yaml", "--pictures", "none", *how, cwd=here, env=env)
+        assert done.returncode == 0 and "5 built, 3 kept out; 8 parts modelled" in done.stderr, done.stderr
+        assert kept(here) == local[:6]
+        there = {path.parent.name + path.name for path in (served / "parts" / "blobs").rglob("*") if path.is_file()}
+        assert set(local[1]) <= there
+        assert not fetched(beside.events())
+    finally:
+        server.kill()
+        server.wait()
+
+
+@pytest.mark.slow
+def test_a_workspace_that_a_worker_cannot_unpack(beside: Apart, tmp_path: Path) -> None:
+    whole = packed(workspace(tmp_path))
+    with DaskCluster(beside.dask.address) as cluster, pytest.raises(BatchFault, match="cannot take the workspace: .*damaged on the way"):
+        cluster.ship("thingc-damaged", replace(whole, sha256="0" * 64))
+    assert not beside.places()
+    with DaskCluster(beside.dask.address) as cluster:
+        cluster.ship("thingc-whole", whole)
+        assert len(beside.places()) == 2
+        cluster.unship("thingc-whole")
+    assert not beside.places()
+
+
+@pytest.mark.slow
+def test_a_worker_that_comes_and_has_no_room_ends_the_batch_in_words(tmp_path: Path, shared_store: str) -> None:
+    """It would otherwise take chunk after chunk, and nobody would know why variants fail."""
+    here = workspace(tmp_path / "here", faults=listed(dict.fromkeys(range(16), "slow"), 16))
+    (here / "large.stl").write_bytes(bytes(1_000_000))
+    env = environment(shared_store, with_emitter(tmp_path))
+    small = tmp_path / "small"
+    small.mkdir()
+    with dask(tmp_path / "dask", env, 1) as one:
+        one.before = namespace(small, "500k")
+        process = started(here, env, "--cluster", one.address, "--ship", "--pictures", "none")
+        wait_for_lines(here, 1, process)
+        one.add(small)
+        _, err = process.communicate(timeout=60)
+        assert process.returncode == 1 and f"error[{Code.RUNNERS.code}]: a worker cannot unpack the workspace: " in err, err
+        assert "No space left on device" in err and "--resume" in err and "Traceback" not in err
+        assert {line["status"] for line in journal(here)} == {"built"} and len(journal(here)) < 16
+        one.workers[1].kill()
+        one.workers[1].wait()
+        assert "16 built" in shipped(here, env, one.address, "--resume")[-1]
+    assert_whole(here, 16)
+
+
+@pytest.mark.slow
+def test_a_worker_that_is_gone_is_not_waited_for(tmp_path: Path, shared_store: str) -> None:
+    with dask(tmp_path / "dask", environment(shared_store), 1) as one, DaskCluster(one.address) as cluster:
+        (worker,) = cluster._client.nthreads()
+        assert cluster.ask(worker, os.getpid) == one.workers[0].pid
+        with pytest.raises(shipping.WorkerLost, match="no workspace"):
+            cluster.ask(worker, shipping.read_there, "nothing", [], [])
+        one.workers[0].kill()
+        one.workers[0].wait()
+        begun = time.monotonic()
+        with pytest.raises(shipping.WorkerLost):
+            for _ in range(50):
+                cluster.ask(worker, os.getpid)
+        assert time.monotonic() - begun < 10.0
+
+
+# --- the command line -----------------------------------------------------------------------------------------------
+
+
+def test_ship_alone_is_a_wrong_command_line(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path)
+    done = thingc("batch", "sweep.yaml", "--ship", cwd=here, env=environment(shared_store))
+    assert done.returncode == 2 and f"error[{Code.COMMAND_LINE.code}]: --ship says how files get to other machines" in done.stderr
+    assert "--cluster tcp://HOST:8786" in done.stderr and not (here / "build").exists()
+
+
+def test_slurm_and_executors_that_carry_no_files(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path)
+    done = thingc("batch", "sweep.yaml", "--ship", "--cluster", "slurm:cluster=local", cwd=here, env=environment(shared_store))
+    assert done.returncode == 2 and f"error[{Code.COMMAND_LINE.code}]: --ship is for workers of dask" in done.stderr, done.stderr
+    assert "jobs of SLURM share the folder" in " ".join(done.stderr.split()) and not (here / "build").exists()
+    with concurrent.futures.ThreadPoolExecutor(1) as executor, pytest.raises(BatchFault, match="--ship is for workers of dask"):
+        run(str(here / "sweep.yaml"), executor=executor, ship=True, options=Options(store=shared_store))
