@@ -28,7 +28,7 @@ def test_without_a_file_it_is_the_documents_own_folder(tmp_path: Path) -> None:
     assert workspace == Workspace(
         root=str(tmp_path), parts=(), packages=("thingc_stock", "bd_warehouse"), build=str(tmp_path / "build"),
         part_timeout=120.0, mesh=Tessellation(linear=1e-4, angular=math.radians(10)),
-        simulation=Tessellation(linear=1e-4, angular=math.radians(20)), origin=None,
+        simulation=Tessellation(linear=1e-4, angular=math.radians(30)), origin=None,
     )
     (tmp_path / "parts").mkdir()
     again, _ = find(tmp_path / "a.yaml")
@@ -58,7 +58,7 @@ def test_the_nearest_file_above_counts(tmp_path: Path) -> None:
     )
     assert (inner.build, inner.part_timeout, inner.mesh.linear) == (str(tmp_path / "p/q/out/b"), 120.0, 0.0005)
     assert inner.mesh.angular == pytest.approx(math.radians(20), rel=1e-15)
-    assert inner.simulation == inner.mesh  # never finer than what is printed unless it is written
+    assert inner.simulation == Tessellation(linear=inner.mesh.linear, angular=math.radians(30))  # never finer unless it is written
 
 
 def test_the_mesh_of_simulators_is_written_below_mesh(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ class SimulationMeshSpec(Model):
     linear: LengthField | None = None
     """Largest distance between mesh and surface; 0.1 mm unless written, or that of `mesh` where it is larger."""
     angular: AngleField | None = None
-    """Largest angle between neighbouring facets; 20 deg unless written, or that of `mesh` where it is larger."""
+    """Largest angle between neighbouring facets; 30 deg unless written, or that of `mesh` where it is larger."""
 
 
 class MeshSpec(Model):
@@ -26,7 +26,7 @@ class MeshSpec(Model):
     """Largest distance between mesh and surface; 0.1 mm unless written."""
     angular: AngleField | None = None
     """Largest angle between neighbouring facets; 10 deg unless written."""
-    simulation: SimulationMeshSpec | None = Field(default=None, examples=[{"linear": "0.1 mm", "angular": "20 deg"}])
+    simulation: SimulationMeshSpec | None = Field(default=None, examples=[{"linear": "0.1 mm", "angular": "30 deg"}])
     """The same of what simulators draw and touch."""
 
 
