@@ -13,6 +13,7 @@ import resource
 import signal
 import subprocess
 import sys
+import textwrap
 import time
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
@@ -155,6 +156,81 @@ def test_an_interrupt_leaves_a_batch_that_can_be_gone_on_with(tmp_path: Path, sh
     assert rest.returncode == 0 and f"14 variants ({done} of them before): 14 built" in rest.stderr, rest.stderr
     assert_whole(here, 14)
     assert all((here / "build/faults/variants" / id / "manifest.json").stat().st_mtime_ns == when for id, when in before.items())
+
+
+def test_what_failed_is_built_again_when_it_is_asked_for(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path, faults=listed({3: "kill", 5: "raise", 7: "kill"}, 9))
+    path = with_emitter(tmp_path)
+    env = environment(shared_store, path)
+    assert thingc("batch", "faults.yaml", cwd=here, env=env).returncode == 1
+    emitter = Path(path) / "faulty_target.py"
+    emitter.write_text(emitter.read_text().replace('fault == "kill"', 'fault == "never"'))  # what killed runners is mended
+    assert thingc("batch", "faults.yaml", "--resume", cwd=here, env=env).returncode == 1
+    assert len(journal(here)) == 9  # they stay failed
+    alone = thingc("batch", "faults.yaml", "--retry", cwd=here, env=env)
+    assert alone.returncode == 2 and "--retry is about a batch that has been begun" in alone.stderr and "add --resume" in alone.stderr
+    done = thingc("batch", "faults.yaml", "--resume", "--retry", cwd=here, env=env)
+    assert done.returncode == 1
+    assert sorted(str(line["index"]) for line in journal(here)[9:]) == ["3", "5", "7"]
+    assert [row["status"] for row in table(here)] == ["failed" if k == 5 else "built" for k in range(9)]
+    emitter.write_text(emitter.read_text().replace('fault == "raise"', 'fault == "never"'))
+    done = thingc("batch", "faults.yaml", "--resume", "--retry", cwd=here, env=env)
+    assert done.returncode == 0 and [line["index"] for line in journal(here)[12:]] == [5]
+    assert {row["status"] for row in table(here)} == {"built"} and "9 variants (8 of them before): 9 built" in done.stderr
+    assert {line["id"] for line in journal(here)} == {place.name for place in (here / "build/faults/variants").iterdir()}
+
+
+def test_a_part_that_crashed_is_modelled_again_when_it_is_asked_for(tmp_path: Path) -> None:
+    """The part ends its process as long as a file is there that it does not read, so that its key knows nothing of it."""
+    mood = tmp_path / "bad mood"
+    mood.touch()
+    parts = f"""
+        import os
+        from build123d import Box
+        from thingc import Length, Thing
+
+        class Moody(Thing):
+            def __init__(self, side: Length = 10):
+                super().__init__()
+                self.side = side
+
+            def result(self):
+                if self.side > 25 and os.path.exists({str(mood)!r}):
+                    os._exit(1)
+                return Box(self.side, 10, 10)
+    """
+    document = """
+        thingc: assembly/1
+        name: moods
+        parameters: {side: {value: 10 mm, min: 1 mm}}
+        materials: {light: {density: 500 kg/m^3}}
+        defaults: {component: {material: light}}
+        components: {block: {part: "moods:Moody", params: {side: =side}}}
+        modes: {standing: {root: block}}
+    """
+    family = """
+        thingc: variants/1
+        assembly: moods.yaml
+        name: moods
+        list:
+          - {parameters: {side: 20 mm}}
+          - {parameters: {side: 30 mm}}
+    """
+    here = workspace(tmp_path, moods=document, family=family)
+    (here / "parts" / "moods.py").write_text(textwrap.dedent(parts))
+    env = environment(str(tmp_path / "store"))
+
+    def statuses() -> list[tuple[str, str]]:
+        with (here / "build/moods/results.csv").open() as stream:
+            return [(row["status"], row["code"]) for row in csv.DictReader(stream)]
+
+    done = thingc("batch", "family.yaml", cwd=here, env=env)
+    assert statuses() == [("built", ""), ("refused", Code.PART_CRASHED.code)], done.stderr
+    assert thingc("batch", "family.yaml", "--resume", cwd=here, env=env).returncode == 1
+    assert statuses()[1][0] == "refused"
+    mood.unlink()
+    done = thingc("batch", "family.yaml", "--resume", "--retry", cwd=here, env=env)
+    assert done.returncode == 0 and statuses() == [("built", ""), ("built", "")], done.stderr
 
 
 def test_a_killed_driver_takes_its_runners_along_and_can_be_resumed(tmp_path: Path, shared_store: str) -> None:

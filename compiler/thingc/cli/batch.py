@@ -48,6 +48,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--limit", metavar="N", type=common.positive, help="only the first N variants")
     parser.add_argument("--resume", action="store_true", help="go on with a batch that was stopped")
+    parser.add_argument("--retry", action="store_true", help="with --resume: build variants again that failed")
     parser.add_argument("--dry-run", action="store_true", help="say what would be built, and write nothing")
     parser.add_argument("--timeout", metavar="TIME", help="longest time for one variant (default: '10 min')")
     parser.add_argument(
@@ -73,6 +74,8 @@ def run(arguments: argparse.Namespace) -> int:
         options = replace(common.options_of(arguments), progress=None)
         if arguments.ship and arguments.cluster is None:
             raise common.WrongCommandLine("--ship says how files get to other machines, and there are none", "add --cluster tcp://HOST:8786")
+        if arguments.retry and not arguments.resume:
+            raise common.WrongCommandLine("--retry is about a batch that has been begun", "add --resume")
         timeout = None if arguments.timeout is None else common.time_of("--timeout", arguments.timeout)
         targets = _targets(arguments.emit)
         if arguments.dry_run:
@@ -103,7 +106,8 @@ def _again(arguments: argparse.Namespace) -> str:
     }
     words = ["thingc", "batch", arguments.document, *(word for target in arguments.emit for word in ("--emit", target))]
     words += [str(word) for option, value in said.items() if value is not None for word in (option, value)]
-    return shlex.join([*words, *(["--ship"] if arguments.ship else []), *(["--no-verify"] if arguments.no_verify else []), "--resume"])
+    flags = {"--ship": arguments.ship, "--no-verify": arguments.no_verify, "--resume": True, "--retry": arguments.retry}
+    return shlex.join([*words, *(flag for flag, said in flags.items() if said)])
 
 
 def _targets(words: Sequence[str]) -> tuple[str, ...]:
@@ -136,7 +140,7 @@ def _build(
             arguments.document, output=arguments.output, executor=cluster, jobs=options.jobs, emit=targets, limit=arguments.limit,
             resume=arguments.resume, timeout=timeout or TIMEOUT, verify=not arguments.no_verify, options=options,
             on_progress=_Show() if arguments.format == "text" else None, pictures=arguments.pictures,
-            on_picture=_draw if arguments.format == "text" else None, ship=arguments.ship,
+            on_picture=_draw if arguments.format == "text" else None, ship=arguments.ship, retry=arguments.retry,
         )
     _clear()
     return summary

@@ -24,7 +24,7 @@ from thingc.variants.description import describe, job_of, seen
 from thingc.variants.engine import RUNNERS, Cancelled, LocalExecutor, RunnersBroken, evaluate
 from thingc.variants.folder import BatchFault, begin, cleared, differences, in_words, locked, read_batch, write_batch
 from thingc.variants.job import STOPPED, Row, Task
-from thingc.variants.journal import Journal, lines
+from thingc.variants.journal import Journal, Line, lines
 from thingc.variants.page import write_page
 from thingc.variants.parcel import Parcel, pack
 from thingc.variants.pictures import OnPicture
@@ -44,6 +44,8 @@ ATTEMPTS = 3
 """How often a variant is handed out that an executor loses."""
 PIECES = 8
 """Into how many pieces a chunk is cut that an executor has lost: what loses it again then takes fewer others along."""
+CHANCE = frozenset((Code.PART_CRASHED.code, Code.PART_HUNG.code))
+"""Errors of a part that may come of the machine."""
 REFRESH = 30.0
 """How often [s] the tables are written while the batch runs, at least; a long table less often."""
 
@@ -52,6 +54,7 @@ def run(
     document: str, *, output: str | None = None, executor: Executor | None = None, jobs: int = 0, emit: Sequence[str] = (),
     limit: int | None = None, resume: bool = False, timeout: float = TIMEOUT, verify: bool = True, options: Options | None = None,
     on_progress: OnProgress | None = None, pictures: int | None = 0, on_picture: OnPicture | None = None, ship: bool = False,
+    retry: bool = False,
 ) -> Summary:
     """Build the variants of a `variants/1` document into `<output>/<name>/` (`output` None: the workspace's build folder).
 
@@ -63,7 +66,8 @@ def run(
     shows pictures of at most so many variants as `pictures` says (None: of all).
 
     Raises `PlanError` for a document with errors, `BatchFault` where the batch cannot begin or go on, and `Interrupted` when SIGINT
-    or SIGTERM has come: then `resume` goes on where it was.
+    or SIGTERM has come: then `resume` goes on where it was. With `retry` it builds variants again that failed, or that a part refused
+    which crashed or hung: another machine, or more memory, may make them.
     """
     report = Report()
     options = options or Options()
@@ -86,7 +90,7 @@ def run(
         with locked(folder):
             count = plan.count if limit is None else min(limit, plan.count)
             batch = _Batch(plan, folder, options, jobs or os.cpu_count() or 1, timeout, verify, count, on_progress, parcel)
-            batch.prepare(resume=resume)
+            batch.prepare(resume=resume, retry=retry)
             with cleared(folder):
                 with Journal(os.path.join(folder, places.JOURNAL)) as journal:
                     summary = batch.run(executor, journal)
@@ -147,7 +151,7 @@ class _Batch:
 
     # --- the folder -----------------------------------------------------------------------------------------------
 
-    def prepare(self, *, resume: bool) -> None:
+    def prepare(self, *, resume: bool, retry: bool) -> None:
         """Make the folder ready, and learn what an earlier run has done. Raises `BatchFault`."""
         described = describe(self.plan, finished=False)
         if not resume:
@@ -162,17 +166,20 @@ class _Batch:
             places.sweep(self.folder)
             for inner in (places.VARIANTS, places.ASSETS):
                 os.makedirs(os.path.join(self.folder, inner), exist_ok=True)
-            self._remember()
+            self._remember(retry=retry)
         write_batch(self.folder, described)
 
-    def _remember(self) -> None:
-        """What the journal says has been done; a variant that is said to be built and is not there is not."""
+    def _remember(self, *, retry: bool) -> None:
+        """What the journal says has been done. A variant that is said to be built and is not there is not, nor, with `retry`, is one
+        that something else than its documents has kept from being built."""
         last: dict[int, str] = {}
         for _, line in lines(os.path.join(self.folder, places.JOURNAL)):
             index, status = int(line["index"]), str(line["status"])
             if index >= self.count:
                 continue
-            there = status != "built" or os.path.isfile(os.path.join(places.variant_folder(self.folder, line["id"]), "manifest.json"))
+            there = not (retry and _by_chance(line))
+            if status == "built":
+                there = os.path.isfile(os.path.join(places.variant_folder(self.folder, line["id"]), "manifest.json"))
             if self.done[index]:
                 self.earlier[last.pop(index)] -= 1
             self.done[index] = there
@@ -403,6 +410,11 @@ class _Batch:
 
     def _total(self) -> int:
         return sum(self.earlier.values()) + sum(self.counts.values())
+
+
+def _by_chance(line: Line) -> bool:
+    """Whether another attempt may end otherwise."""
+    return bool(line["status"] == "failed" or line["status"] == "refused" and line["code"] in CHANCE)
 
 
 def _answers(engine: Executor) -> None:
