@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from itertools import combinations
 from math import cos, radians, sin
 from pathlib import Path
@@ -11,10 +12,14 @@ import manifold3d
 import mujoco
 import numpy as np
 import pytest
+import trimesh
 
+import thingc
 from conformance import simulation as sim
+from conformance.harness import ROOT
+from thingc.realize.store import Store
 
-from .conftest import AXIS, MODES, POSES, meshes_in, pose_of, sole
+from .conftest import AXIS, DOCUMENT, MODES, POSES, pose_of, sole
 
 TOUCH = 1e-9
 """Volume [m^3], 1 mm^3: what two parts must share at least to be in each other, the meshes being good to 0.1 mm."""
@@ -123,19 +128,23 @@ def test_no_contact_within_the_robot_at_its_poses(models: dict[str, mujoco.MjMod
 
 
 @pytest.fixture(scope="module")
-def solids(models: dict[str, mujoco.MjModel], vertices: dict[str, Any]) -> dict[str, manifold3d.Manifold]:
-    """The exact mesh of every part but the screws, in its own frame [m]."""
-    by_mesh, found = {}, {}
-    for part, name in meshes_in(models["crawl"]).items():
-        if "screw" in part:
+def solids(shared_store: str) -> dict[str, manifold3d.Manifold]:
+    """The fine mesh of every part but the screws, in its own frame [m]. (That which is drawn is coarser: a cell's corners stand in the
+    facets of its tray.)"""
+    store = Store(shared_store)
+    by_mesh: dict[str, manifold3d.Manifold] = {}
+    found = {}
+    for occurrence in thingc.compile(str(ROOT / DOCUMENT), store=shared_store).assembly.occurrences:
+        if occurrence.record is None or "screw" in occurrence.path:
             continue
+        name = occurrence.record.meshes["mesh"].sha256
         if name not in by_mesh:
-            mesh = vertices[name]
+            mesh = trimesh.load(io.BytesIO(store.read(name)), file_type="stl")
             raw = manifold3d.Mesh(np.asarray(mesh.vertices, np.float32), np.asarray(mesh.faces, np.uint32))
             raw.merge()
             by_mesh[name] = manifold3d.Manifold(raw)
             assert by_mesh[name].status() == manifold3d.Error.NoError and by_mesh[name].volume() > 0.0, name
-        found[part] = by_mesh[name]
+        found[occurrence.path] = by_mesh[name]
     assert len(found) == 26
     return found
 

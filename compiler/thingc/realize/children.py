@@ -133,7 +133,7 @@ def start(request: Mapping[str, Any], run: Callable[[Mapping[str, Any]], dict[st
             os.dup2(errors.fileno(), 2)
             signal.signal(signal.SIGINT, signal.SIG_DFL)
             faulthandler.enable(file=errors.fileno(), all_threads=False)
-            faulthandler.dump_traceback_later(max(timeout * 0.95, timeout - 0.5), file=errors.fileno())
+            faulthandler.dump_traceback_later(timeout - min(0.5, timeout / 4), file=errors.fileno())
             _without_core_dump()
             answer = json.dumps({"answer": run(request)}).encode() + b"\n"
             while answer:
