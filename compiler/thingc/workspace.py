@@ -44,8 +44,8 @@ class Tessellation:
 DEFAULT_MESH = Tessellation(linear=1e-4, angular=0.17453292519943295)
 """0.1 mm and 10 deg: what printers and checks of clearance are given."""
 DEFAULT_SIMULATION = Tessellation(linear=1e-4, angular=0.5235987755982988)
-"""0.1 mm and 30 deg: what simulators draw and touch. Nothing is further off than in the other mesh; what has a radius below 2.9 mm
-has a third of the facets, and that is where most of a robot's facets are (holes, screws, fillets)."""
+"""0.1 mm and 30 deg: what simulators draw and touch. The bound on the distance is that of the other mesh; what has a radius below
+2.9 mm has a third of the facets, and that is where most of a robot's facets are (holes, screws, fillets)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -198,7 +198,9 @@ class _Settings:
         """The settings of a table in which nothing is unusual; None (or ValueError, TypeError) where anything is."""
         known = {"thingc", "parts", "packages", "build", "part_timeout", "mesh", "$schema"}
         mesh = table.get("mesh", {})
-        if table["thingc"] != "workspace/1" or not known.issuperset(table) or not {"linear", "angular", "simulation"}.issuperset(mesh):
+        if table["thingc"] != "workspace/1" or not known.issuperset(table) or not isinstance(mesh, dict):
+            return None
+        if not {"linear", "angular", "simulation"}.issuperset(mesh):
             return None
         simulation = mesh.get("simulation", {})
         if not {"linear", "angular"}.issuperset(simulation):

@@ -91,6 +91,10 @@ PARTS = """
             ring = Cylinder(7, 13) - Cylinder(3, 13)
             return Solid(ring.solid().wrapped.Reversed())
 
+    class Far(Thing):
+        def result(self):
+            return Pos(1000, 2000, -3000) * Rot(10, 20, 30) * Box(1, 2, 3)
+
     class Hollow(Thing):
         def result(self):
             return Sphere(10) - Sphere(6)
@@ -135,7 +139,7 @@ def records(module_place: Any, define: Any) -> dict[str, Any]:
         "rod": define("shapes:Rod", radius=0.007, height=0.013),
         "drilled": define("shapes:Drilled"), "pair": define("shapes:Pair"), "hollow": define("shapes:Hollow"),
         "crossed": define("shapes:Crossed"), "slotted": define("shapes:Slotted"),
-        "inside out": define("shapes:InsideOut"),
+        "inside out": define("shapes:InsideOut"), "far": define("shapes:Far"),
         "frame": define("shapes:FrameOnly"), "seated": define("shapes:Seated"),
         "washer": define("shapes:washer", outer=10.0, thin=False), "library": define("shapes:Sphere", radius=5.0),
         "convex": define("shapes:Angle_"),
@@ -171,6 +175,13 @@ def test_block(records: dict[str, PartRecord]) -> None:
     assert record.code is not None
     assert record.code[0].endswith("parts/shapes.py")
     assert record.code[1] == 1 + PARTS.splitlines()[1:].index("    class Block(Thing):") + 1
+
+
+def test_a_small_block_far_from_its_origin_keeps_its_digits(records: dict[str, PartRecord]) -> None:
+    record, v = records["far"], 6e-9
+    close(record.volume, v, 0)
+    close(record.centre, (1.0, 2.0, -3.0), 0, 1e-14)
+    close(np.linalg.eigvalsh(record.inertia), (v * 5e-6 / 12, v * 10e-6 / 12, v * 13e-6 / 12), 0)
 
 
 def test_a_turned_block_has_a_turned_inertia(records: dict[str, PartRecord]) -> None:

@@ -411,3 +411,14 @@ def test_the_drivers_memory_does_not_grow_with_the_variants(tmp_path: Path, shar
         assert (variants, built) == (10 * count, 1), done.stderr
         peaks.append(peak)
     assert peaks[1] - peaks[0] < 8_000, f"{peaks} kB for 2 000 and 20 000 variants"
+
+
+@pytest.mark.parametrize(("words", "first", "second"), [
+    (("--dry-run", "--resume"), "--dry-run", "--resume"), (("--resume", "--page-only"), "--page-only", "--resume"),
+    (("--page-only", "--dry-run"), "--dry-run", "--page-only"),
+])
+def test_what_cannot_be_asked_for_together(tmp_path: Path, words: tuple[str, ...], first: str, second: str) -> None:
+    here = workspace(tmp_path)
+    done = thingc("batch", "sweep.yaml", *words, cwd=here, env=environment(str(tmp_path / "store")))
+    assert done.returncode == 2 and f"{first} builds nothing, and {second} asks for something else" in done.stderr
+    assert not (here / "build").exists()

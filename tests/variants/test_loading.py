@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import csv
 import json
+import pickle
 import shutil
 import subprocess
 import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import mujoco
 import pytest
 
 from thingc.modes import Modes
-from thingc.variants import FamilyError, UnknownVariant, load
+from thingc.variants import Family, FamilyError, UnknownVariant, load
 from variants.families import arrays, built
 
 
@@ -119,6 +122,31 @@ def test_meshes_in_memory_are_bounded(boards: Path, monkeypatch: pytest.MonkeyPa
     for variant in family:
         assert variant.model().nmesh > 0
         assert len(family._meshes._kept) == len(list(Path(variant.folder, "mjcf", "assets").iterdir()))
+
+
+def test_threads_share_a_family(boards: Path) -> None:
+    """Whoever comes first reads a mesh; those who come meanwhile wait for it, and get the same one."""
+    together = threading.Barrier(8)
+    read = len(list((boards / "assets").iterdir()))
+
+    def look(family: Family) -> list[dict[str, bytes]]:
+        together.wait()
+        return [variant.sources()[1] for variant in family]
+
+    with ThreadPoolExecutor(8) as pool:
+        for _ in range(50):
+            found = [files for looked in pool.map(look, [load(boards)] * 8) for files in looked]
+            assert len({id(data) for files in found for data in files.values()}) == read
+
+
+def test_a_family_goes_to_other_processes(boards: Path) -> None:
+    """Environments and process pools hand variants to their workers, whatever has been read of them here."""
+    family = load(boards)
+    model = family[1].model(visual=False)
+    copy = pickle.loads(pickle.dumps(family))
+    assert [one.id for one in copy] == [one.id for one in family] and copy[1].family is copy
+    assert arrays(copy[1].model(visual=False)) == arrays(model)
+    assert len(pickle.dumps(family[1])) < 100_000  # no meshes
 
 
 def test_modes_switch_between_the_models_of_a_variant(some: Path) -> None:

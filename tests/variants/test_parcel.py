@@ -131,6 +131,13 @@ def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
         packed(here)
 
 
+def test_a_file_that_goes_while_it_is_looked_for(tmp_path: Path) -> None:
+    here = workspace(tmp_path)
+    search = parcel._Search(plan(str(here / "sweep.yaml")).workspace, ())
+    with pytest.raises(BatchFault, match=r"cannot read `.*draft.yaml~` to ship it: no such file"):
+        search._add(str(here / "draft.yaml~"))
+
+
 def test_a_workspace_without_a_file_of_its_own_stays_the_same_elsewhere(tmp_path: Path) -> None:
     """Unpacked below another workspace, it must not become part of that."""
     here = workspace(tmp_path / "robots")
@@ -140,6 +147,14 @@ def test_a_workspace_without_a_file_of_its_own_stays_the_same_elsewhere(tmp_path
     packed(here).unpack(str(other / "below"))
     assert plan(str(other / "below" / "sweep.yaml")).workspace.root == str(other / "below")
     assert names(packed(here)) == DOCUMENTS
+
+
+@pytest.mark.parametrize("data", [b"", b"no archive", None])
+def test_a_damaged_parcel_is_not_unpacked(tmp_path: Path, data: bytes | None) -> None:
+    whole = packed(workspace(tmp_path))
+    with pytest.raises(ValueError, match="damaged on the way"):
+        replace(whole, data=whole.data[:-20] if data is None else data).unpack(str(tmp_path / "place"))
+    assert not (tmp_path / "place").exists()
 
 
 @pytest.mark.parametrize("kind", ["above", "absolute", "link", "device"])

@@ -76,6 +76,9 @@ def run(arguments: argparse.Namespace) -> int:
             raise common.WrongCommandLine("--ship says how files get to other machines, and there are none", "add --cluster tcp://HOST:8786")
         if arguments.retry and not arguments.resume:
             raise common.WrongCommandLine("--retry is about a batch that has been begun", "add --resume")
+        said = [option for option in ("--dry-run", "--page-only", "--resume") if getattr(arguments, option[2:].replace("-", "_"))]
+        if len(said) > 1:
+            raise common.WrongCommandLine(f"{said[0]} builds nothing, and {said[1]} asks for something else", "leave one of them out")
         timeout = None if arguments.timeout is None else common.time_of("--timeout", arguments.timeout)
         targets = _targets(arguments.emit)
         if arguments.dry_run:
@@ -302,10 +305,7 @@ def _told(planned: Plan, found: Forecast) -> list[str]:
 
 
 def _refuse(arguments: argparse.Namespace, found: Sequence[Diagnostic]) -> int:
-    if arguments.format == "json":
-        common.print_json(found)
-    else:
-        common.print_text(found, stream=sys.stderr, debug=arguments.debug)
+    common.print_found(found, arguments.format, stream=sys.stderr, debug=arguments.debug)
     return common.exit_code(found)
 
 

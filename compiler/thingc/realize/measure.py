@@ -58,8 +58,8 @@ def measure(shape: TopoDS_Shape) -> Measures:
     """
     box = bounding_box(shape)
     apex = gp_Pnt(*((low + high) / 2.0 for low, high in zip(*box, strict=True)))
-    whole = GProp_GProps()
-    surface = GProp_GProps()
+    whole = GProp_GProps(apex)
+    surface = GProp_GProps(apex)
     for solid in solids_of(shape):
         matter, skin = integrals(solid, apex)
         whole.Add(matter)
@@ -80,7 +80,8 @@ def measure(shape: TopoDS_Shape) -> Measures:
 
 
 def integrals(solid: TopoDS_Shape, apex: gp_Pnt) -> tuple[GProp_GProps, GProp_GProps]:
-    """Of the matter of a solid, whichever way its faces look, and of its surface; `apex` is any point near it."""
+    """Of the matter of a solid, whichever way its faces look, and of its surface. `apex` is any point near it: moments are summed
+    about it, because about an origin that is far away they would lose their digits."""
     faces = _faces(solid)
     matter = _better(BRepGProp_Vinert, faces.exact, faces.extruded + faces.rest, apex)
     if matter.Mass() < 0.0:
@@ -128,7 +129,7 @@ def _within_lines_and_circles(face: TopoDS_Face) -> bool:
 def _integral(kind: Any, faces: tuple[TopoDS_Face, ...], apex: gp_Pnt, *accuracy: float) -> GProp_GProps:
     """Over faces, as `BRepGProp` goes through those of a shape. `kind` is its class for one face: of a volume or of a surface. What
     lies between a face and the `apex` is its part of a volume."""
-    found = GProp_GProps()
+    found = GProp_GProps(apex)
     for face in faces:
         part = kind()
         part.SetLocation(apex)
@@ -143,7 +144,7 @@ def _integral(kind: Any, faces: tuple[TopoDS_Face, ...], apex: gp_Pnt, *accuracy
 def _better(kind: Any, once: tuple[TopoDS_Face, ...], twice: tuple[TopoDS_Face, ...], apex: gp_Pnt) -> GProp_GProps:
     """The plain integral where it agrees with the one that is adaptive on the faces of `twice`, else the latter."""
     exact = _integral(kind, once, apex)
-    plain, adaptive = GProp_GProps(), GProp_GProps()
+    plain, adaptive = GProp_GProps(apex), GProp_GProps(apex)
     for whole, rest in (
         (plain, _integral(kind, twice, apex)), (adaptive, _integral(kind, twice, apex, ACCURACY)),
     ):

@@ -238,7 +238,8 @@ class Family(Sequence[BuiltVariant]):
 
 class _Meshes:
     """Files by what they are on the disk: the hard links of all variants to one mesh are one file. Those used least lately are
-    forgotten when there are more than `most` bytes. What MuJoCo was given last is kept, too."""
+    forgotten when there are more than `most` bytes. What MuJoCo was given last is kept, too. Thread-safe; a copy in another process
+    begins with nothing."""
 
     def __init__(self, most: int = MESH_BYTES) -> None:
         self._most = most
@@ -247,8 +248,13 @@ class _Meshes:
         self._lock = threading.Lock()
         self._last: tuple[dict[str, _File], mujoco.MjVfs] | None = None
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Workers of environments and process pools are handed families and variants."""
+        return _Meshes, (self._most,)
+
     def of(self, folder: str) -> dict[str, bytes]:
-        return self._read(folder, _listed(folder))
+        with self._lock:
+            return self._read(folder, _listed(folder))
 
     def _read(self, folder: str, listed: Mapping[str, _File]) -> dict[str, bytes]:
         found: dict[str, bytes] = {}

@@ -11,6 +11,7 @@ that leads out of the workspace is refused, for nobody knows what would be found
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import io
 import os
@@ -53,7 +54,9 @@ class Parcel:
         """
         if not hasattr(tarfile, "data_filter"):
             raise ValueError("this Python unpacks archives without looking where files go: 3.11.4 or newer is needed")
-        data = zlib.decompress(self.data)
+        data = b""
+        with contextlib.suppress(zlib.error):
+            data = zlib.decompress(self.data)
         if hashlib.sha256(data).hexdigest() != self.sha256:
             raise ValueError("the packed workspace has been damaged on the way")
         os.makedirs(folder)
@@ -126,7 +129,10 @@ class _Search:
         name = os.path.relpath(path, self.root).replace(os.sep, "/")
         if name in self.found:
             return
-        state = os.lstat(path)
+        try:
+            state = os.lstat(path)
+        except OSError as fault:
+            raise _unreadable(path, fault) from fault
         if not (stat.S_ISREG(state.st_mode) or stat.S_ISDIR(state.st_mode) or stat.S_ISLNK(state.st_mode)):
             return  # nobody reads a pipe or a socket to build a robot
         self.found.add(name)
@@ -184,14 +190,14 @@ def _link(archive: tarfile.TarFile, workspace: Workspace, name: str, target: str
     """Add a link, as a relative one."""
     place = os.path.realpath(os.path.dirname(os.path.join(workspace.root, name)))
     path = os.path.join(place, target)
-    next = os.path.join(os.path.realpath(os.path.dirname(path)), os.path.basename(path))  # of a chain of links the first step
-    if not workspace.contains(path) or not os.path.join(next, "").startswith(os.path.join(os.path.realpath(workspace.root), "")):
+    first = os.path.join(os.path.realpath(os.path.dirname(path)), os.path.basename(path))  # of a chain of links the first step
+    if not workspace.contains(path) or not os.path.join(first, "").startswith(os.path.join(os.path.realpath(workspace.root), "")):
         raise BatchFault(
             Code.OUTSIDE_WORKSPACE, f"`{name}` is a link out of the workspace, to `{target}`, and cannot be shipped",
             "put a copy of what it leads to into the workspace, or remove the link",
         )
     header = _header(name, tarfile.SYMTYPE, 0o777)
-    header.linkname = os.path.relpath(next, place)
+    header.linkname = os.path.relpath(first, place)
     archive.addfile(header)
 
 
