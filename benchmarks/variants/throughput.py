@@ -1,27 +1,32 @@
 """How many variants a second one process compiles: `python benchmarks/variants/throughput.py [--count N] [--scale N]`.
 
 The arm, with its three modes, from a scratch copy of its documents and parts in which a mass, a damping, a limit and a pose are
-parameters, too. One session, store warm. A rate is given per second of the clock: over the whole run, and of the best of its twenty
-blocks, which is what a machine does that nobody else uses at that moment; and per second of processor time of this process and its
-children.
+parameters, too. Store warm, one process, a session for each of these:
 
 - `plain`: those four numbers differ in each variant, so that no part is modelled; the MJCF of three modes and `modes.json` are
   written to the disk;
 - `verified`: the same, and MuJoCo compiles every model, as a batch lets it do unless told otherwise: with a tetrahedron in the place
   of a mesh that it has taken before;
-- `loaded`: the same as `plain`, and every model becomes a `mujoco.MjModel` with all of its meshes;
+- `loaded`: the same as `plain`; when the variants of a round are written, every model of them is read and becomes a `mujoco.MjModel`
+  with all of its meshes;
 - `unseen`: the same without what is only drawn (`model(visual=False)` of `thingc.variants.load`);
+- `by hand`: what a script around the arm's own files does: a mass is replaced in the text of each model, the same files are written, and
+  MuJoCo compiles the three models with all of their meshes;
 - `modelled`: the reach differs in each variant, so that one part is modelled for each, and the same files are written.
 
-`--scale N` runs `plain` for 10, 100, ... N variants, and says how time and memory grow with their number.
+They take turns, in rounds, because a machine is not always as fast: the median of the rounds is given, and the best. `--scale N` runs
+`plain` for 10, 100, ... N variants, and says how time and memory grow with their number.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import math
 import os
+import re
 import shutil
+import statistics
 import sys
 import tempfile
 import time
@@ -29,9 +34,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from thingc.emit.artifact import Artifacts, Stored
+from thingc.emit.artifact import Stored
 from thingc.pipeline import Options
-from thingc.realize.store import Store
 from thingc.session import Session, Settings
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -79,12 +83,11 @@ def modelled(index: int) -> Settings:
     return Settings(parameters={"reach": f"{70 + 45 * ((index + FRESH) * 0.6180339887498949 % 1.0)} mm"})
 
 
-BLOCKS = 20
-"""Into how many blocks a run is divided."""
+ROUNDS = 5
 FRESH = int.from_bytes(os.urandom(3), "big") / 2**24
 
 
-def build(session: Session, settings: Settings, folder: Path, *, verify: bool = False, models: Models | None = None) -> None:
+def build(session: Session, settings: Settings, folder: Path, *, verify: bool = False) -> None:
     """One variant, from its settings to its files on the disk. Raises where anything was said."""
     compilation = session.compile(settings)
     artifacts = compilation.emit(["mjcf"], verify=verify)["mjcf"]
@@ -95,36 +98,68 @@ def build(session: Session, settings: Settings, folder: Path, *, verify: bool = 
         if not isinstance(content, Stored):  # the meshes are shared by all variants
             with open(f"{folder}/{path}", "wb") as stream:
                 stream.write(content)
-    if models is not None:
-        models.compiled(artifacts, [f"mjcf/arm_{robot.mode.name}.xml" for robot in compilation.robots])
 
 
 class Models:
-    """MuJoCo's models of what was written; its meshes are handed over once as long as they are the same."""
+    """MuJoCo's models of what was written. Its meshes, which are the same for all, are handed over once."""
 
-    def __init__(self, store: Store, *, visual: bool) -> None:
-        self.store = store
-        self.visual = visual
-        self.assets: dict[str, Stored] = {}
-        self.files: Any = None
-
-    def compiled(self, artifacts: Artifacts, paths: list[str]) -> list[object]:
-        """The compiled models of files, with their meshes."""
+    def __init__(self, session: Session, *, visual: bool) -> None:
         import mujoco
 
-        assets = {name.removeprefix("mjcf/assets/"): held for name, held in artifacts.files.items() if isinstance(held, Stored)}
-        if assets != self.assets:
-            self.assets, self.files = assets, mujoco.MjVfs()
-            for name, stored in assets.items():
-                self.files[name] = self.store.read(stored.sha256)
+        self.visual = visual
+        self.files = mujoco.MjVfs()
+        for name, held in session.compile(plain(0)).emit(["mjcf"])["mjcf"].files.items():
+            if isinstance(held, Stored):
+                self.files[name.removeprefix("mjcf/assets/")] = session.front.store.read(held.sha256)
+
+    def load(self, folder: Path) -> list[Any]:
+        """The compiled models of a variant."""
+        import mujoco
+
         found = []
-        for path in paths:
-            text = artifacts.files[path]
-            assert isinstance(text, bytes)
+        for path in sorted((folder / "mjcf").glob("arm_*.xml")):
+            text = path.read_text(encoding="utf-8")
             if not self.visual:
-                text = text.replace(b"<compiler ", b'<compiler discardvisual="true" ', 1)
-            found.append(mujoco.MjModel.from_xml_string(text.decode(), vfs=self.files))
+                text = text.replace("<compiler ", '<compiler discardvisual="true" ', 1)
+            found.append(mujoco.MjModel.from_xml_string(text, vfs=self.files))
         return found
+
+
+class Lane:
+    """One way to make variants."""
+
+    def __init__(self, session: Session, folder: Path, settings: Callable[[int], Settings], *, verify: bool, models: Models | None) -> None:
+        self.session = session
+        self.folder = folder
+        self.settings = settings
+        self.verify = verify
+        self.models = models
+
+    def make(self, indices: range) -> None:
+        """So many variants."""
+        for index in indices:
+            build(self.session, self.settings(index), self.folder / str(index), verify=self.verify)
+        if self.models is not None:
+            for index in indices:
+                self.models.load(self.folder / str(index))
+
+
+class ByHand(Lane):
+    """A script around the files of one variant."""
+
+    def make(self, indices: range) -> None:
+        """So many variants, the mass of the second link another one in each."""
+        texts = {path.name: path.read_text(encoding="utf-8") for path in (self.folder / "first" / "mjcf").iterdir()}
+        modes = (self.folder / "first" / "modes.json").read_bytes()
+        for index in indices:
+            target = self.folder / str(index)
+            os.makedirs(target / "mjcf", exist_ok=True)
+            for name, text in texts.items():
+                edited = re.sub(r' mass="[^"]*"', f' mass="{0.05 + 1e-6 * index}"', text, count=1)
+                (target / "mjcf" / name).write_text(edited, encoding="utf-8")
+            (target / "modes.json").write_bytes(modes)
+            assert self.models is not None
+            self.models.load(target)
 
 
 def processor() -> float:
@@ -144,26 +179,31 @@ def resident() -> float:
         return int(stream.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
-def measure(
-    document: Path, store: str | None, folder: Path, settings: Callable[[int], Settings], count: int, *, verify: bool = False,
-    load: bool = False, visual: bool = True,
-) -> tuple[float, float, float, float]:
-    """`count` variants in one session: seconds of the clock, as many as they would be at the pace of the best block, seconds of
-    processor time, and megabytes grown after the first ten."""
+def grown(document: Path, store: str | None, folder: Path, count: int) -> tuple[float, float, float]:
+    """`count` variants of `plain` in one session: seconds of the clock and of processor time, and megabytes grown after the first ten."""
     with Session(str(document), Options(store=store, jobs=1)) as session:
-        models = Models(session.front.store, visual=visual) if load else None
         for index in range(3):
-            build(session, settings(-1 - index), folder / "warm", verify=verify, models=models)
+            build(session, plain(-1 - index), folder / "warm")
         before, wall, cpu = 0.0, time.perf_counter(), processor()
-        size, begun, best = max(1, count // BLOCKS), wall, math.inf
         for index in range(count):
-            if index and index % size == 0:
-                now = time.perf_counter()
-                best, begun = min(best, (now - begun) / size), now
-            build(session, settings(index), folder / str(index), verify=verify, models=models)
+            build(session, plain(index), folder / str(index))
             if index == min(10, count - 1):
                 before = resident()
-        return time.perf_counter() - wall, best * count, processor() - cpu, resident() - before
+        return time.perf_counter() - wall, processor() - cpu, resident() - before
+
+
+def lanes(document: Path, store: str | None, folder: Path, stack: contextlib.ExitStack) -> Iterator[tuple[str, Lane]]:
+    """Every lane, warm."""
+    for label, settings, verify, load, visual in (
+        ("plain", plain, False, False, False), ("verified", plain, True, False, False), ("loaded", plain, False, True, True),
+        ("unseen", plain, False, True, False), ("by hand", plain, False, True, True), ("modelled", modelled, False, False, False),
+    ):
+        session = stack.enter_context(Session(str(document), Options(store=store, jobs=1)))
+        models = Models(session, visual=visual) if load else None
+        build(session, settings(-1), folder / label / "first")
+        lane = (ByHand if label == "by hand" else Lane)(session, folder / label, settings, verify=verify, models=models)
+        lane.make(range(-3, -1))
+        yield label, lane
 
 
 def scales(largest: int) -> Iterator[int]:
@@ -177,8 +217,8 @@ def scales(largest: int) -> Iterator[int]:
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=200, help="variants that model nothing (default: %(default)s)")
-    parser.add_argument("--models", type=int, default=20, help="variants that model a part each (default: %(default)s)")
+    parser.add_argument("--count", type=int, default=400, help="variants that model nothing (default: %(default)s)")
+    parser.add_argument("--models", type=int, default=40, help="variants that model a part each (default: %(default)s)")
     parser.add_argument("--scale", type=int, default=0, help="largest number of variants for growth (default: not measured)")
     parser.add_argument("--store", help="where modelled parts are kept")
     arguments = parser.parse_args()
@@ -187,23 +227,24 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="thingc-throughput-") as name:
         folder = Path(name)
         document = workspace(folder)
-        runs: list[tuple[str, Callable[[int], Settings], int, dict[str, bool]]] = [
-            ("plain", plain, arguments.count, {}), ("verified", plain, arguments.count, {"verify": True}),
-            ("loaded", plain, arguments.count, {"load": True}), ("unseen", plain, arguments.count, {"load": True, "visual": False}),
-            ("modelled", modelled, arguments.models, {}),
-        ]
-        for label, settings, count, options in runs:
-            if count:
-                wall, best, cpu, grown = measure(document, arguments.store, folder / label, settings, count, **options)
-                print(f"{label:9}{count:6} variants {count / wall:8.1f}/s of the clock (best block {count / best:.1f}) "
-                      f"{count / cpu:8.1f}/s of processor time "
-                      f"{1e3 * cpu / count:8.2f} ms each, {grown:+.1f} MB")
+        with contextlib.ExitStack() as stack:
+            made = dict(lanes(document, arguments.store, folder, stack))
+            sizes = {label: -(-(arguments.models if label == "modelled" else arguments.count) // ROUNDS) for label in made}
+            rates: dict[str, list[float]] = {label: [] for label in made}
+            for turn in range(ROUNDS):
+                for label, lane in made.items():
+                    begun = time.perf_counter()
+                    lane.make(range(turn * sizes[label], (turn + 1) * sizes[label]))
+                    rates[label].append(sizes[label] / (time.perf_counter() - begun))
+            for label, found in rates.items():
+                print(f"{label:9}{ROUNDS * sizes[label]:6} variants {statistics.median(found):8.1f}/s (median of {ROUNDS} rounds; "
+                      f"{min(found):.1f} to {max(found):.1f})")
         points = []
         for count in scales(arguments.scale):
-            wall, _, cpu, grown = measure(document, arguments.store, folder / f"scale{count}", plain, count)
+            wall, cpu, growth = grown(document, arguments.store, folder / f"scale{count}", count)
             shutil.rmtree(folder / f"scale{count}")
             points.append((math.log(count), math.log(cpu)))
-            print(f"{count:6} variants: {wall:.2f} s of the clock, {cpu:.2f} s of processor time, {grown:+.1f} MB")
+            print(f"{count:6} variants: {wall:.2f} s of the clock, {cpu:.2f} s of processor time, {growth:+.1f} MB")
         if len(points) > 1:
             (x0, y0), (x1, y1) = points[0], points[-1]
             print(f"time grows with the power {(y1 - y0) / (x1 - x0):.3f} of the number of variants")
