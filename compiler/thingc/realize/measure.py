@@ -19,6 +19,8 @@ from OCP.TopoDS import TopoDS
 from thingc.pose import Matrix, Vector
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
 ACCURACY = 1e-12
@@ -38,14 +40,17 @@ class Measures:
     box: tuple[Vector, Vector]
 
 
+def explored(shape: TopoDS_Shape, kind: object) -> Iterator[TopoDS_Shape]:
+    """What a shape is made of, of one kind (`TopAbs_FACE`), in its own order; what two share comes twice."""
+    explorer = TopExp_Explorer(shape, kind)
+    while explorer.More():
+        yield explorer.Current()
+        explorer.Next()
+
+
 def solids_of(shape: TopoDS_Shape) -> list[TopoDS_Shape]:
     """The solids in a shape, in its own order."""
-    found: list[TopoDS_Shape] = []
-    explorer = TopExp_Explorer(shape, TopAbs_SOLID)
-    while explorer.More():
-        found.append(explorer.Current())
-        explorer.Next()
-    return found
+    return list(explored(shape, TopAbs_SOLID))
 
 
 def measure(shape: TopoDS_Shape) -> Measures:
@@ -104,26 +109,19 @@ def _faces(solid: TopoDS_Shape) -> _Faces:
     exact: list[TopoDS_Face] = []
     extruded: list[TopoDS_Face] = []
     rest: list[TopoDS_Face] = []
-    explorer = TopExp_Explorer(solid, TopAbs_FACE)
-    while explorer.More():
-        face = TopoDS.Face(explorer.Current())
+    for found in explored(solid, TopAbs_FACE):
+        face = TopoDS.Face(found)
         kind = BRepAdaptor_Surface(face, False).GetType()
         if kind == GeomAbs_SurfaceOfExtrusion:
             extruded.append(face)
         else:
             (exact if kind == GeomAbs_Plane and _within_lines_and_circles(face) else rest).append(face)
-        explorer.Next()
     return _Faces(exact=tuple(exact), extruded=tuple(extruded), rest=tuple(rest))
 
 
 def _within_lines_and_circles(face: TopoDS_Face) -> bool:
-    explorer = TopExp_Explorer(face, TopAbs_EDGE)
-    while explorer.More():
-        # the curve on the face is what is integrated along
-        if BRepAdaptor_Curve2d(TopoDS.Edge(explorer.Current()), face).GetType() not in (GeomAbs_Line, GeomAbs_Circle):
-            return False
-        explorer.Next()
-    return True
+    simple = (GeomAbs_Line, GeomAbs_Circle)  # of the curve on the face: it is what is integrated along
+    return all(BRepAdaptor_Curve2d(TopoDS.Edge(edge), face).GetType() in simple for edge in explored(face, TopAbs_EDGE))
 
 
 def _integral(kind: Any, faces: tuple[TopoDS_Face, ...], apex: gp_Pnt, *accuracy: float) -> GProp_GProps:

@@ -14,12 +14,13 @@ from OCP.BRep import BRep_Tool
 from OCP.BRepMesh import BRepMesh_IncrementalMesh
 from OCP.BRepTools import BRepTools
 from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED
-from OCP.TopExp import TopExp_Explorer
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 
+from thingc.realize.measure import explored
+
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
     from OCP.TopoDS import TopoDS_Shape
@@ -79,7 +80,7 @@ def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
     others: list[int] = []
     edges = _ShapeIndex()
     along: dict[int, list[int]] = {}
-    for found in _explore(shape, TopAbs_FACE):
+    for found in explored(shape, TopAbs_FACE):
         face = TopoDS.Face(found)
         location = TopLoc_Location()
         mesh = BRep_Tool.Triangulation_s(face, location)
@@ -96,7 +97,7 @@ def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
         for index in range(1, mesh.NbTriangles() + 1):
             a, b, c = mesh.Triangle(index).Get()
             triangles.append((a + offset, c + offset, b + offset) if turned else (a + offset, b + offset, c + offset))
-        for found_edge in _explore(face, TopAbs_EDGE):
+        for found_edge in explored(face, TopAbs_EDGE):
             edge = TopoDS.Edge(found_edge)
             polygon = BRep_Tool.PolygonOnTriangulation_s(edge, mesh, location)
             if polygon is None:
@@ -133,13 +134,6 @@ def without_slivers(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> 
     faces = faces[whole]
     used, renumbered = np.unique(faces.ravel(), return_inverse=True)
     return Triangles(vertices[used], renumbered.reshape(-1, 3).astype(np.int64))
-
-
-def _explore(shape: TopoDS_Shape, kind: object) -> Iterator[TopoDS_Shape]:
-    explorer = TopExp_Explorer(shape, kind)
-    while explorer.More():
-        yield explorer.Current()
-        explorer.Next()
 
 
 class _ShapeIndex:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from thingc.realize import convert, meshing
 from thingc.realize.colors import hexadecimal, named
 from thingc.realize.fits import fit_all
-from thingc.realize.measure import Measures, measure, solids_of
+from thingc.realize.measure import Measures, explored, measure, solids_of
 from thingc.realize.part_files import kernel_shape, read_part
 from thingc.realize.primitives import primitive_of
 from thingc.realize.record import (
@@ -272,12 +272,11 @@ def _at_origin(solid: TopoDS_Shape) -> TopoDS_Shape:
 def _instead(shapes: Sequence[TopoDS_Shape]) -> str:
     """What there is in shapes without a solid, in words."""
     from OCP.TopAbs import TopAbs_ShapeEnum
-    from OCP.TopExp import TopExp_Explorer
 
     kind = TopAbs_ShapeEnum
     kinds = {"faces": kind.TopAbs_FACE, "edges": kind.TopAbs_EDGE, "points": kind.TopAbs_VERTEX}
     return next(
-        (f"only {name}" for name, kind in kinds.items() if any(TopExp_Explorer(shape, kind).More() for shape in shapes)),
+        (f"only {name}" for name, kind in kinds.items() if any(True for shape in shapes for _ in explored(shape, kind))),
         "and nothing else",
     )
 

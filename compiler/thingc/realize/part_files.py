@@ -266,8 +266,9 @@ def _shell(mesh: Triangles) -> TopoDS_Shape:
     from OCP.gp import gp_Pnt
     from OCP.Poly import Poly_Triangle, Poly_Triangulation
     from OCP.TopAbs import TopAbs_FACE
-    from OCP.TopExp import TopExp_Explorer
     from OCP.TopoDS import TopoDS_Shell
+
+    from thingc.realize.measure import explored
 
     triangulation = Poly_Triangulation(len(mesh.vertices), len(mesh.faces), False)
     for index, (x, y, z) in enumerate(mesh.vertices.tolist(), 1):
@@ -279,9 +280,7 @@ def _shell(mesh: Triangles) -> TopoDS_Shape:
     builder = BRep_Builder()
     shell = TopoDS_Shell()
     builder.MakeShell(shell)
-    explorer = TopExp_Explorer(maker.Shape(), TopAbs_FACE)
-    while explorer.More():
-        builder.Add(shell, explorer.Current())
-        explorer.Next()
+    for face in explored(maker.Shape(), TopAbs_FACE):
+        builder.Add(shell, face)
     shell.Closed(True)
     return shell

@@ -16,12 +16,11 @@ from OCP.BRepAdaptor import BRepAdaptor_Surface
 from OCP.GeomAbs import GeomAbs_Cylinder, GeomAbs_Plane, GeomAbs_Sphere
 from OCP.gp import gp_Pnt
 from OCP.TopAbs import TopAbs_FACE
-from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS
 
 from thingc.pose import IDENTITY, Matrix, Pose, Vector, cross, dot, rotate, transpose
 from thingc.realize import convert
-from thingc.realize.measure import bounding_box, integrals
+from thingc.realize.measure import bounding_box, explored, integrals
 from thingc.realize.record import Primitive
 
 if TYPE_CHECKING:
@@ -52,9 +51,8 @@ def primitive_of(solid: TopoDS_Shape) -> Primitive | None:
     planes: list[_Line] = []
     cylinders: list[tuple[_Line, float]] = []
     spheres: list[tuple[Vector, float]] = []
-    explorer = TopExp_Explorer(solid, TopAbs_FACE)
-    while explorer.More():
-        surface = BRepAdaptor_Surface(TopoDS.Face(explorer.Current()), False)
+    for face in explored(solid, TopAbs_FACE):
+        surface = BRepAdaptor_Surface(TopoDS.Face(face), False)
         kind = surface.GetType()
         if kind == GeomAbs_Plane:
             planes.append(_line(surface.Plane().Axis()))
@@ -64,7 +62,6 @@ def primitive_of(solid: TopoDS_Shape) -> Primitive | None:
             spheres.append((_point(surface.Sphere().Location()), surface.Sphere().Radius()))
         else:
             return None
-        explorer.Next()
     if not planes and not spheres:
         return None
     size = math.dist(*bounding_box(solid))
