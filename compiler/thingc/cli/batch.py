@@ -74,8 +74,6 @@ def run(arguments: argparse.Namespace) -> int:
         options = replace(common.options_of(arguments), progress=None)
         if arguments.ship and arguments.cluster is None:
             raise common.WrongCommandLine("--ship says how files get to other machines, and there are none", "add --cluster tcp://HOST:8786")
-        if arguments.retry and not arguments.resume:
-            raise common.WrongCommandLine("--retry is about a batch that has been begun", "add --resume")
         said = [option for option in ("--dry-run", "--page-only", "--resume") if getattr(arguments, option[2:].replace("-", "_"))]
         if len(said) > 1:
             raise common.WrongCommandLine(f"{said[0]} builds nothing, and {said[1]} asks for something else", "leave one of them out")

@@ -214,18 +214,19 @@ def _record(
         brep = store.put(written_brep(solid))  # before meshing, which would leave its triangles in it
         mesh = _tessellated(solid, tessellations.fine)
         metres = mesh.scaled(1.0 / convert.MM)
-        round_about = meshing.hull(metres.vertices)
-        coarse = metres
+        round_about = meshing.hull(metres.vertices) or metres
+        coarse, hull = metres, round_about
         if tessellations.simulation != tessellations.fine:
             coarse = _tessellated(solid, tessellations.simulation).scaled(1.0 / convert.MM)
+            hull = meshing.hull(coarse.vertices) or coarse
         shown = _visual(visual, tessellations.simulation).scaled(1.0 / convert.MM) if visual else coarse
         meshes["visual"] = _stored(shown, meshing.obj(shown), store)
         meshes["mesh"] = stored_stl(metres, store)
-        meshes["hull"] = stored_stl(meshing.hull(coarse.vertices) or coarse, store)
+        meshes["hull"] = stored_stl(hull, store)
         meshes["print"] = stored_stl(mesh, store)
         if not meshes["print"].closed:
             extra = (*extra, PartWarning(message="its mesh is not closed: the kernel left gaps between faces"))
-        fits = fit_all((round_about or metres).vertices, convert.unit_inertia(measures.inertia))
+        fits = fit_all(round_about.vertices, convert.unit_inertia(measures.inertia))
     return PartRecord(
         text=text, material=material, color=color,
         volume=convert.volume(measures.volume) if measures else 0.0,

@@ -19,7 +19,7 @@ from typing import Any
 from thingc.diagnostics import Code, Diagnostic, Report, shown_path
 from thingc.pipeline import Options, store_of
 from thingc.variants import places
-from thingc.variants.cluster import Cluster
+from thingc.variants.cluster import Carrier, Cluster
 from thingc.variants.description import describe, job_of, seen
 from thingc.variants.engine import RUNNERS, Cancelled, LocalExecutor, RunnersBroken, evaluate
 from thingc.variants.folder import BatchFault, begin, cleared, differences, in_words, locked, read_batch, write_batch
@@ -69,6 +69,8 @@ def run(
     or SIGTERM has come: then `resume` goes on where it was. With `retry` it builds variants again that failed, or that a part refused
     which crashed or hung: another machine, or more memory, may make them.
     """
+    if retry and not resume:
+        raise BatchFault(Code.COMMAND_LINE, "--retry is about a batch that has been begun", "add --resume")
     report = Report()
     options = options or Options()
     plan = read_plan(document, options, report)
@@ -76,7 +78,7 @@ def run(
         raise PlanError(report.ordered())
     if emit:
         plan = replace(plan, emit=tuple(emit))
-    if ship and not (isinstance(executor, Cluster) and executor.ships):
+    if ship and not isinstance(executor, Carrier):
         raise BatchFault(
             Code.COMMAND_LINE, "--ship is for workers of dask, which may share no folder with this machine",
             "leave it out: jobs of SLURM share the folder that they are submitted from, and runners of this machine are in it",
@@ -179,7 +181,7 @@ class _Batch:
                 continue
             there = not (retry and _by_chance(line))
             if status == "built":
-                there = os.path.isfile(os.path.join(places.variant_folder(self.folder, line["id"]), "manifest.json"))
+                there = os.path.isfile(places.manifest_of(self.folder, line["id"]))
             if self.done[index]:
                 self.earlier[last.pop(index)] -= 1
             self.done[index] = there
@@ -229,7 +231,7 @@ class _Batch:
 
     def _shipping(self, cluster: Cluster | None) -> contextlib.AbstractContextManager[Shipping | None]:
         """What stands before a cluster that does not see our files."""
-        if cluster is None or self.parcel is None:
+        if self.parcel is None or not isinstance(cluster, Carrier):
             return contextlib.nullcontext()
         return Shipping(cluster, self.parcel, self.folder, store_of(self.options))
 

@@ -35,14 +35,12 @@ class WorkerLost(Exception):
 
 class Cluster(Executor):
     """An executor on other machines. `ahead` chunks may be under way at once, the first of `first` variants, later ones so large
-    that they take about `chunk_seconds` [s] of one runner, and of at most `chunk_most` variants. With `ships`, workers need not see
-    the files of this machine."""
+    that they take about `chunk_seconds` [s] of one runner, and of at most `chunk_most` variants."""
 
     ahead = 1
     first = 1
     chunk_seconds = 0.5
     chunk_most = 64
-    ships = False
 
     @abstractmethod
     def check(self, files: Mapping[str, str]) -> None:
@@ -53,17 +51,21 @@ class Cluster(Executor):
     def fault(self) -> BatchFault | None:
         """What keeps it from ever answering, and None as long as nothing does."""
 
+
+class Carrier(Cluster):
+    """A cluster that can carry files, so that its workers need not see those of this machine."""
+
+    @abstractmethod
     def ship(self, name: str, parcel: Parcel) -> None:
         """Give a workspace to every worker there is and to those that come, once each. Raises `BatchFault` where one cannot take it."""
-        raise NotImplementedError
 
+    @abstractmethod
     def unship(self, name: str) -> None:
         """Let workers remove what they have of that shipment, as far as they can still be reached."""
-        raise NotImplementedError
 
+    @abstractmethod
     def ask(self, worker: str, fn: Callable[..., T], *arguments: Any) -> T:
         """Call `fn` on the worker of that address at once, whatever it is at. Raises `WorkerLost`."""
-        raise NotImplementedError
 
 
 def connect(address: str, *, jobs: int = 0, folder: str) -> Cluster:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from thingc.diagnostics import Code
 from thingc.emit.manifest import versions
 from thingc.stamp import state_of
-from thingc.variants.cluster import PATIENCE, Cluster, WorkerLost, missing
+from thingc.variants.cluster import PATIENCE, Carrier, WorkerLost, missing
 from thingc.variants.folder import BatchFault
 
 if TYPE_CHECKING:
@@ -37,10 +37,8 @@ def seen(paths: list[str]) -> tuple[dict[str, str], dict[str, str | None]]:
     return dict(versions()), {path: state_of(path) for path in paths}
 
 
-class DaskCluster(Cluster):
+class DaskCluster(Carrier):
     """The workers of the scheduler at `address`. Raises `BatchFault` where nobody answers there, or no worker is."""
-
-    ships = True
 
     def __init__(self, address: str, *, jobs: int = 0) -> None:
         try:

@@ -320,13 +320,10 @@ def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where |
         hint = f"; in it there are: {', '.join(f'`{name}`' for name in within)}" if within else ""
         raise FamilyError(f"`{shown_path(place)}` is no folder of a batch{hint}: `thingc batch` writes one")
     lines = list(in_order(os.path.join(place, places.JOURNAL)))
-    built = [
-        line for line in lines
-        if line["status"] == "built" and os.path.isfile(os.path.join(places.variant_folder(place, line["id"]), "manifest.json"))
-    ]
+    built = [line for line in lines if line["status"] == "built" and os.path.isfile(places.manifest_of(place, line["id"]))]
     robot = ""
     if built:
-        with open(os.path.join(places.variant_folder(place, built[0]["id"]), "manifest.json"), encoding="utf-8") as stream:
+        with open(places.manifest_of(place, built[0]["id"]), encoding="utf-8") as stream:
             robot = json.load(stream)["name"]
     family = Family(
         folder=place, name=described["name"], robot=robot, modes=described["modes"], mode=mode, planned=described["count"],

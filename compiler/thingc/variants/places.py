@@ -16,7 +16,7 @@ import os
 import shutil
 from collections.abc import Mapping
 
-from thingc.emit.artifact import Content, Stored
+from thingc.emit.artifact import MANIFEST, Content, Stored
 from thingc.output import Blobs
 
 BATCH = "batch.json"
@@ -45,6 +45,11 @@ def set_aside() -> str:
 def variant_folder(folder: str, id: str) -> str:
     """The folder of a variant."""
     return os.path.join(folder, VARIANTS, id)
+
+
+def manifest_of(folder: str, id: str) -> str:
+    """The manifest of a variant: where it is, the variant is there, whole."""
+    return os.path.join(variant_folder(folder, id), MANIFEST)
 
 
 def pictured(folder: str) -> frozenset[str]:

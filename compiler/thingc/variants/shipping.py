@@ -31,7 +31,7 @@ from thingc.diagnostics import Code, shown_path
 from thingc.emit.artifact import MANIFEST, Content, Stored
 from thingc.realize.store import BlobMissing, Store, StoreUnusable
 from thingc.variants import places
-from thingc.variants.cluster import Cluster, WorkerLost
+from thingc.variants.cluster import Carrier, Cluster, WorkerLost
 from thingc.variants.engine import RUNNERS, Cancelled, RunnersBroken, evaluate
 from thingc.variants.folder import BatchFault
 from thingc.variants.job import STOPPED, Job, Row, Task, refusal
@@ -182,10 +182,9 @@ class Shipping(Cluster):
     when the variants are written. Entering raises `BatchFault` where a worker cannot take the parcel.
     """
 
-    ships = True
     chunk_seconds = CHUNK_SECONDS
 
-    def __init__(self, cluster: Cluster, parcel: Parcel, folder: str, store: Store) -> None:
+    def __init__(self, cluster: Carrier, parcel: Parcel, folder: str, store: Store) -> None:
         self.cluster = cluster
         self.parcel = parcel
         self.folder = folder
