@@ -7,6 +7,7 @@ import os
 import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TextIO
 
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, as_json, as_text, did_you_mean, file_meant, summary
 from thingc.pipeline import Options
@@ -174,16 +175,16 @@ def show_progress(what: str, done: int, total: int) -> None:
     sys.stderr.flush()
 
 
-def print_text(diagnostics: Sequence[Diagnostic], *, stream: object, debug: bool, texts: Mapping[str, str] | None = None) -> None:
+def print_text(diagnostics: Sequence[Diagnostic], *, stream: TextIO, debug: bool, texts: Mapping[str, str] | None = None) -> None:
     """Code frames and a closing count, coloured only on a terminal (and never where NO_COLOR is set).
 
     `texts` are those of documents that are in no file, by the name in their spans.
     """
     if not diagnostics:
         return
-    color = bool(getattr(stream, "isatty", bool)()) and "NO_COLOR" not in os.environ
-    print(as_text(diagnostics, color=color, debug=debug, texts=texts), file=stream)  # type: ignore[call-overload]
-    print(summary(diagnostics), file=stream)  # type: ignore[call-overload]
+    color = stream.isatty() and "NO_COLOR" not in os.environ
+    print(as_text(diagnostics, color=color, debug=debug, texts=texts), file=stream)
+    print(summary(diagnostics), file=stream)
 
 
 def print_json(diagnostics: Sequence[Diagnostic], **more: object) -> None:
@@ -193,7 +194,7 @@ def print_json(diagnostics: Sequence[Diagnostic], **more: object) -> None:
     print(json.dumps({"diagnostics": as_json(diagnostics), **more}, indent=2, ensure_ascii=False))
 
 
-def print_found(diagnostics: Sequence[Diagnostic], form: str, *, stream: object, debug: bool, **more: object) -> None:
+def print_found(diagnostics: Sequence[Diagnostic], form: str, *, stream: TextIO, debug: bool, **more: object) -> None:
     """What was found in one of the forms of `FINDINGS`: text goes to `stream`, the others go alone to standard output.
 
     `more` are further keys of the JSON answer.
