@@ -231,6 +231,20 @@ def test_damage_is_mended_by_the_next_run(place: Any, define: Callable[..., Any]
     assert place.store.has(record.meshes["print"].sha256, record.meshes["print"].size)
 
 
+def test_records_that_were_exchanged_are_made_anew(place: Any, define: Callable[..., Any]) -> None:
+    place.write("parts/parts_.py", PARTS)
+    definitions = [define("parts_:Block", width=width) for width in (0.03, 0.04)]
+    with place.service() as service:
+        before = service.realize(definitions)
+    one, other = (Path(place.store.root) / "record").glob("*/*")
+    held = one.read_bytes()
+    one.write_bytes(other.read_bytes())
+    other.write_bytes(held)
+    with place.service() as service:
+        assert service.realize(definitions) == before
+        assert sorted(service.modelled) == sorted(before)
+
+
 def test_a_store_that_cannot_be_written(place: Any, define: Callable[..., Any]) -> None:
     from thingc.realize.store import Store, StoreUnusable
 

@@ -127,6 +127,22 @@ def test_what_is_damaged_there_counts_as_absent_and_is_mended(tmp_path: Path) ->
     assert three.get_json("record", "a part") == [sha256] and three.read(sha256) == b"a mesh"
 
 
+def test_entries_that_were_exchanged_there_count_as_absent(tmp_path: Path) -> None:
+    there = tmp_path / "there"
+    one = SharedStore(there.as_uri(), str(tmp_path / "one"))
+    one.put_json("record", "a part", "box")
+    one.put_json("record", "another", "ball")
+    first, second = (there / "record").glob("*/*")
+    held = first.read_bytes()
+    first.write_bytes(second.read_bytes())
+    second.write_bytes(held)
+    two = SharedStore(there.as_uri(), str(tmp_path / "two"))
+    assert two.get_json("record", "a part") is None and two.get_json("record", "another") is None
+    assert [two.get_json("record", key) for key in ("a part", "another")] == [None, None]  # now from its folder
+    two.put_json("record", "a part", "box")
+    assert SharedStore(there.as_uri(), str(tmp_path / "three")).get_json("record", "a part") == "box"
+
+
 def test_files_are_there_before_the_entry_that_names_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     store = SharedStore((tmp_path / "there").as_uri(), str(tmp_path / "one"))
     order: list[str] = []

@@ -69,6 +69,20 @@ def test_a_truncated_document_is_absent(tmp_path: Path, keep: int) -> None:
     assert store.get_json("kind", "key") is None
 
 
+def test_a_sound_document_in_the_place_of_another_is_absent(tmp_path: Path) -> None:
+    store = Store(str(tmp_path))
+    places = [("record", "one"), ("record", "two"), ("schema", "one")]
+    for number, (kind, key) in enumerate(places):
+        store.put_json(kind, key, number)
+    files = [Path(store._document(kind, key)) for kind, key in places]
+    first, second, third = (path.read_bytes() for path in files)
+    for path, content in zip(files, (second, third, first), strict=True):
+        path.write_bytes(content)
+    assert [store.get_json(kind, key) for kind, key in places] == [None, None, None]
+    store.put_json("record", "one", "again")
+    assert store.get_json("record", "one") == "again"
+
+
 def test_an_unusable_store_says_so(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     store = Store(str(tmp_path / "file" / "store"))

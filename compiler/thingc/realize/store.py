@@ -5,7 +5,9 @@ instant: a name is either absent or whole. Whatever is read is checked, and what
 ever pickled.
 
     <root>/blobs/ab/cdef...     the bytes whose SHA-256 is abcdef...
-    <root>/<kind>/ab/cdef...    the JSON document whose key has that SHA-256, behind a line with its own checksum
+    <root>/<kind>/ab/cdef...    the JSON document whose key has that SHA-256, behind a line with its checksum
+
+The checksum of a document is taken over its kind and key as well: a sound document in the place of another is none.
 """
 
 from __future__ import annotations
@@ -135,7 +137,7 @@ class Store:
                 checksum, _, payload = stream.read().partition(b"\n")
         except OSError:
             return None
-        if hashlib.sha256(payload).hexdigest().encode() != checksum:
+        if _checksum(kind, key, payload) != checksum:
             return None
         try:
             return json.loads(payload)
@@ -145,8 +147,7 @@ class Store:
     def put_json(self, kind: str, key: str, value: Any) -> None:
         """Keep a JSON value under `kind` and `key`, in place of what was there."""
         payload = json.dumps(value, separators=(",", ":"), sort_keys=True, ensure_ascii=False).encode()
-        checksum = hashlib.sha256(payload).hexdigest().encode()
-        self._write(self._document(kind, key), checksum + b"\n" + payload)
+        self._write(self._document(kind, key), _checksum(kind, key, payload) + b"\n" + payload)
 
     # --- files ---------------------------------------------------------------------------------------------------
 
@@ -188,3 +189,8 @@ class Store:
     def _discard(path: str) -> None:
         with contextlib.suppress(OSError):
             os.unlink(path)
+
+
+def _checksum(kind: str, key: str, payload: bytes) -> bytes:
+    """Of a JSON document, bound to where it belongs: in JSON, neither kind nor key holds the line break that ends them."""
+    return hashlib.sha256(json.dumps([kind, key]).encode() + b"\n" + payload).hexdigest().encode()
