@@ -123,7 +123,8 @@ PARTS = """
 
     class Typed(Thing):
         def __init__(
-            self, kind: Literal["a", "b"] = "b", teeth: Count = 12, fill: Ratio = 0.5, angle: Angle = 35, text: str = "x"
+            self, kind: Literal["a", "b"] = "b", teeth: Count = 12, twist: int = -3, fill: Ratio = 0.5, angle: Angle = 35,
+            text: str = "x",
         ):
             super().__init__()
 """
@@ -416,7 +417,7 @@ def test_schemas(module_place: Any, records: dict[str, PartRecord]) -> None:
     assert isinstance(typed, PartSchema)
     kinds = {p.name: (p.kind, p.default) for p in typed.parameters}
     assert kinds["kind"] == ("choice", "b")
-    assert kinds["teeth"] == ("count", 12)
+    assert kinds["teeth"] == ("count", 12) and kinds["twist"] == ("integer", -3)
     assert kinds["angle"] == ("angle", 0.6108652381980153)  # 35 deg, rounded once
     assert isinstance(found["shapes:Sphere"], PartSchema)
     assert found["shapes:Sphere"].kind == "shape"

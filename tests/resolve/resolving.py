@@ -29,7 +29,7 @@ SCHEMAS: dict[str, PartSchema | PartFailure] = {
         "arm:Brace",
         ParameterSchema(name="length", kind="length", required=False, default=0.08, minimum=0.01, maximum=0.5),
         ParameterSchema(name="tilt", kind="angle", required=False, default=0.0),
-        ParameterSchema(name="holes", kind="count", required=False, default=4, maximum=12),
+        ParameterSchema(name="holes", kind="count", required=False, default=4, minimum=0, maximum=12),
         ParameterSchema(name="fill", kind="ratio", required=False, default=0.2, minimum=0.0, maximum=1.0),
         ParameterSchema(name="weight", kind="mass", required=False, default=0.01),
         ParameterSchema(name="scale", kind="number", required=False, default=1.0),

@@ -11,6 +11,8 @@ from harness import Ran, ran
 
 from thingc.diagnostics import Severity
 from thingc.pipeline import Compilation, Options
+from thingc.realize.lock_values import BadLock, read_schema, schema_values
+from thingc.realize.record import ParameterSchema, PartSchema
 
 _CORNERS = ((0, 0, 0), (10, 0, 0), (0, 10, 0), (0, 0, 10))
 _FACES = ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))
@@ -67,6 +69,21 @@ def test_comments_and_docstrings_are_no_change_of_code(workspace: Path, shared_s
     part.write_text("# a comment\n\n" + part.read_text())
     assert checked(workspace).code == 0
     assert ran(["lock", "--check", "--store", shared_store], workspace).code == 0
+
+
+def test_whole_numbers_are_locked_with_their_bounds() -> None:
+    whole = PartSchema(
+        reference="gears:Gear", kind="thing", doc="", material=None, actuator=False, file="", line=0, parameters=(
+            ParameterSchema(name="teeth", kind="count", required=False, default=12, minimum=0),
+            ParameterSchema(name="shift", kind="integer", required=False, default=-3),
+        ),
+    )
+    values = json.loads(json.dumps(schema_values(whole)))
+    assert values["parameters"]["shift"] == {"kind": "integer", "default": -3}
+    assert read_schema("gears:Gear", values, "things") == whole
+    values["parameters"]["shift"]["default"] = -3.5
+    with pytest.raises(BadLock, match="expected a whole number"):
+        read_schema("gears:Gear", values, "things")
 
 
 def test_a_stale_lock_is_said_at_the_part(workspace: Path, shared_store: str) -> None:

@@ -12,7 +12,7 @@ import pytest
 from build123d import Box, BuildPart, Cylinder, Part, Pos, Shape
 
 from thingc import Angle, Count, Length, Mass, MountPoint, ParameterError, Range, Ratio, Thing
-from thingc.things.inspection import is_part, parameters_of
+from thingc.things.inspection import build, is_part, parameters_of
 from thingc.things.parameters import CallError, Parameter, SignatureError
 
 if TYPE_CHECKING:
@@ -74,15 +74,38 @@ def test_parameters_are_the_arguments_of_init() -> None:
 
 def test_plain_and_missing_annotations() -> None:
     class Plain(Thing):
-        def __init__(self, needed: Elsewhere, ratio: float, teeth: int, either: float | int = 2, size=3, flag=False, text="x"):
+        def __init__(
+            self, needed: Elsewhere, ratio: float, teeth: int, twist: Annotated[int, Range(-4, 4)], either: float | int = 2,
+            size=3, flag=False, text="x",
+        ):
             super().__init__()
 
     kinds = {p.name: (p.kind, p.required, p.default) for p in parameters_of(Plain)}
     assert kinds == {
-        "needed": ("length", True, None), "ratio": ("number", True, None), "teeth": ("count", True, None),
+        "needed": ("length", True, None), "ratio": ("number", True, None), "teeth": ("integer", True, None),
+        "twist": ("integer", True, None),
         "either": ("number", False, 2.0), "size": ("number", False, 3.0),
         "flag": ("flag", False, False), "text": ("text", False, "x"),
     }
+
+
+def test_a_whole_number_may_be_negative_and_a_count_may_not() -> None:
+    class Turned(Thing):
+        def __init__(self, steps: int = 1, least: Annotated[int, Range(-4)] = -4, holes: Count = 2):
+            super().__init__()
+            self.given = (steps, least, holes)
+
+    def given(**parameters: Any) -> Any:
+        return build(Turned, parameters).given  # type: ignore[attr-defined]
+
+    assert given(steps=-3, least=-4.0) == (-3, -4, 2) and all(type(one) is int for one in given(steps=-3.0))
+    for wrong, message in (
+        ({"steps": -2.5}, "`steps` of `Turned` must be a whole number, found -2.5"),
+        ({"least": -5}, "`least` of `Turned` must be at least -4, found -5"),
+        ({"holes": -1}, "`holes` of `Turned` must be at least 0, found -1"),
+    ):
+        with pytest.raises(ParameterError, match=message):
+            given(**wrong)
 
 
 Elsewhere = Length

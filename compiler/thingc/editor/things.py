@@ -8,12 +8,13 @@ from typing import Any
 
 from thingc.editor import values
 from thingc.editor.values import Schema
-from thingc.realize.record import ParameterSchema, PartSchema
+from thingc.realize.record import WHOLE, ParameterSchema, PartSchema
 from thingc.units import Quantity
 
 _KINDS = {
     "length": "a length", "angle": "an angle", "mass": "a mass", "ratio": "a number or a percentage", "number": "a number",
-    "count": "a whole number", "flag": "`true` or `false`", "text": "a text", "choice": "one of the words offered",
+    "count": "a whole number", "integer": "a whole number", "flag": "`true` or `false`", "text": "a text",
+    "choice": "one of the words offered",
 }
 
 
@@ -90,7 +91,7 @@ def _as_number(choice: Any) -> float | int | None:
 def _plain(one: ParameterSchema) -> Any:
     """The default as a document would have it: numbers and flags as such, what has a unit as a text."""
     default = one.default
-    if isinstance(default, (bool, str)) or one.kind in ("count", "number"):
+    if isinstance(default, (bool, str)) or one.kind in ("number", *WHOLE):
         return default
     return values.shown(one.kind, default) if default is not None else None
 

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from thingc.realize.record import Value
+from thingc.realize.record import WHOLE, Value
 from thingc.units import ANGLE, LENGTH, MASS, NUMBER, UNITS, Dimension, Quantity, UnitError, fits, parse_quantity
 
 Schema = dict[str, Any]
@@ -48,10 +48,8 @@ def ratio() -> Schema:
 
 
 def number(kind: str, minimum: Value | None, maximum: Value | None) -> Schema:
-    """A bare number (`count`: a whole one) within bounds, or an expression."""
-    plain: Schema = {"type": "integer" if kind == "count" else "number"}
-    if kind == "count" and minimum is None:
-        minimum = 0
+    """A bare number (a whole one, if that is its kind) within bounds, or an expression."""
+    plain: Schema = {"type": "integer" if kind in WHOLE else "number"}
     if minimum is not None:
         plain["minimum"] = minimum
     if maximum is not None:

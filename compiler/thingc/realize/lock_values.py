@@ -10,6 +10,7 @@ from typing import Any
 
 from thingc.pose import Pose
 from thingc.realize.record import (
+    WHOLE,
     Actuator,
     Expectation,
     MountRecord,
@@ -24,7 +25,7 @@ from thingc.realize.record import (
 UNITS = {"length": "m", "angle": "rad", "mass": "kg", "ratio": "1", "number": "1"}
 """The units that the lock names for people who read it; values are SI."""
 
-KINDS = frozenset({*UNITS, "count", "flag", "text", "choice"})
+KINDS = frozenset({*UNITS, *WHOLE, "flag", "text", "choice"})
 SOURCES = frozenset({"measured", "vendor", "estimated", "stated"})
 _ORTHOGONAL = 1e-6
 _NOTHING = 1e-20
@@ -145,7 +146,7 @@ def _parameter(name: str, value: Any, path: str) -> ParameterSchema:
     default = None if required else _value(table["default"], f"{path}.default")
     choices = tuple(_value(one, f"{path}.choices") for one in sequence(table.get("choices", []), f"{path}.choices"))
     if default is not None and not _of_kind(kind, default, choices):
-        raise BadLock(f"{path}.default", f"expected a {kind}")
+        raise BadLock(f"{path}.default", f"expected a {'whole number' if kind in WHOLE else kind}")
     if kind == "choice" and not choices:
         raise BadLock(f"{path}.choices", "expected at least one choice")
     if isinstance(default, int) and kind in UNITS:
@@ -163,7 +164,7 @@ def _of_kind(kind: str, value: Value, choices: tuple[Value, ...]) -> bool:
         return isinstance(value, bool)
     if kind == "text":
         return isinstance(value, str)
-    if kind == "count":
+    if kind in WHOLE:
         return isinstance(value, int) and not isinstance(value, bool)
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 

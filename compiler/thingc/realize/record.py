@@ -13,15 +13,18 @@ from dataclasses import dataclass, field
 from thingc.pose import Matrix, Pose, Vector
 
 Value = float | int | bool | str
-"""A canonical parameter value: SI floats for dimensioned ones, ints for counts, text and flags as they are."""
+"""A canonical parameter value: SI floats for dimensioned ones, ints for whole numbers, text and flags as they are."""
+
+WHOLE = frozenset({"count", "integer"})
+"""Kinds of parameters that are whole numbers: of things, or any."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParameterSchema:
     """One argument of a part's `__init__`.
 
-    `kind` is `length | angle | mass | ratio | number` (floats; SI), `count` (int), `flag` (bool), `text` or `choice`
-    (one of `choices`). `default` is None where `required`.
+    `kind` is `length | angle | mass | ratio | number` (floats; SI), `count | integer` (int), `flag` (bool), `text` or
+    `choice` (one of `choices`). `default` is None where `required`.
     """
 
     name: str

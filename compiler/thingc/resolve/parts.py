@@ -6,13 +6,13 @@ import os
 
 from thingc.diagnostics import MAX_FAULTS, Code, Note, did_you_mean, nearest
 from thingc.load.paths import PART_SUFFIXES
-from thingc.realize.record import ParameterSchema, PartDefinition, PartFailure, PartSchema, Value, definition_text
+from thingc.realize.record import WHOLE, ParameterSchema, PartDefinition, PartFailure, PartSchema, Value, definition_text
 from thingc.resolve.scope import Enough, Found, Scope, dimension_message, kind_of, words_of
 from thingc.resolve.table import Context, Node
 from thingc.source import Path, Span
 from thingc.units import ANGLE, LENGTH, MASS, NUMBER, Quantity, shortened
 
-_DIMENSIONS = {"length": LENGTH, "angle": ANGLE, "mass": MASS, "ratio": NUMBER, "number": NUMBER, "count": NUMBER}
+_DIMENSIONS = {"length": LENGTH, "angle": ANGLE, "mass": MASS, "ratio": NUMBER, "number": NUMBER, **dict.fromkeys(WHOLE, NUMBER)}
 
 _FAILURES = {
     "missing": Code.PART_MISSING, "refused": Code.PART_REFUSED, "raised": Code.PART_RAISED, "hung": Code.PART_HUNG,
@@ -107,18 +107,17 @@ def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, found
     dimension = _DIMENSIONS[parameter.kind]
     if not isinstance(found, Quantity) or not found.fits(dimension):
         message, help = dimension_message(found, (dimension,), what, written)
-        if parameter.kind in ("number", "count") and isinstance(found, Quantity):
+        if parameter.kind in ("number", *WHOLE) and isinstance(found, Quantity):
             help = "the part takes a plain number here, without a unit"
         scope.error(Code.DIMENSION, message, path, help=help, notes=_declared_at(schema))
         return None
     value = found.value + 0.0
-    if parameter.kind == "count" and value != int(value):
+    if parameter.kind in WHOLE and value != int(value):
         message = f"{what} must be a whole number, found {scope.shown(found, path)}"
         scope.error(Code.VALUE_KIND, message, path, notes=_declared_at(schema))
         return None
-    least = 0.0 if parameter.kind == "count" and parameter.minimum is None else parameter.minimum
     for bound, broken, rule in (
-        (least, least is not None and value < least, "at least"),
+        (parameter.minimum, parameter.minimum is not None and value < parameter.minimum, "at least"),
         (parameter.maximum, parameter.maximum is not None and value > parameter.maximum, "at most"),
     ):
         if broken and bound is not None:
@@ -129,7 +128,7 @@ def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, found
                 notes=_declared_at(schema),
             )
             return None
-    return int(value) if parameter.kind == "count" else value
+    return int(value) if parameter.kind in WHOLE else value
 
 
 def _choice(

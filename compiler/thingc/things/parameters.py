@@ -15,11 +15,12 @@ from typing import Annotated, TypeAlias
 Value: TypeAlias = "float | int | bool | str"
 """A canonical parameter value: equal parameters are equal values of equal type."""
 
-NUMERIC = frozenset({"length", "angle", "mass", "ratio", "number", "count"})
+WHOLE = frozenset({"count", "integer"})
+NUMERIC = frozenset({"length", "angle", "mass", "ratio", "number", *WHOLE})
 UNITS = {"length": " mm", "angle": " deg", "mass": " kg"}
 NOUNS = {
     "length": "a length in mm", "angle": "an angle in deg", "mass": "a mass in kg", "ratio": "a ratio", "number": "a number",
-    "count": "a whole number", "flag": "True or False", "text": "a text",
+    "count": "a whole number", "integer": "a whole number", "flag": "True or False", "text": "a text",
 }
 
 
@@ -75,7 +76,7 @@ Angle: TypeAlias = Annotated[float, Kind("angle")]
 Mass: TypeAlias = Annotated[float, Kind("mass"), Range(minimum=0)]
 """A mass in kilograms, not negative."""
 Count: TypeAlias = Annotated[int, Kind("count"), Range(minimum=0)]
-"""A number of things: whole, not negative (annotate `int` for a whole number that may be)."""
+"""A number of things: whole, not negative (a plain `int` may be negative)."""
 Ratio: TypeAlias = Annotated[float, Kind("ratio")]
 """A number without dimension, 0.15 for what a document writes as 15 %."""
 
@@ -84,7 +85,7 @@ Ratio: TypeAlias = Annotated[float, Kind("ratio")]
 class Parameter:
     """One argument of a part.
 
-    `kind` is `length` [mm], `angle` [deg], `mass` [kg], `ratio` or `number` (floats), `count` (int), `flag` (bool), `text` or
+    `kind` is `length` [mm], `angle` [deg], `mass` [kg], `ratio` or `number` (floats), `count` or `integer` (ints), `flag` (bool), `text` or
     `choice` (one of `choices`). `default` is None where `required`. `minimum` and `maximum` are inclusive, in the same unit.
     """
 
@@ -136,7 +137,7 @@ class Parameter:
             return str(value) if isinstance(value, str) else None
         if isinstance(value, bool) or not isinstance(value, numbers.Real):
             return None
-        if self.kind == "count":
+        if self.kind in WHOLE:
             if isinstance(value, numbers.Integral):
                 return int(value)
             whole = float(value)

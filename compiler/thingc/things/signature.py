@@ -13,7 +13,7 @@ from thingc.things import parameters as vocabulary
 from thingc.things.docs import argument_docs
 from thingc.things.parameters import CallError, Kind, Parameter, ParameterError, Range, SignatureError, Value, suggestion
 
-_PLAIN = {float: "number", int: "count", bool: "flag", str: "text"}
+_PLAIN = {float: "number", int: "integer", bool: "flag", str: "text"}
 _KNOWN = {name: getattr(vocabulary, name) for name in ("Length", "Angle", "Mass", "Count", "Ratio", "Range")}
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from build123d import Box, Location
+from build123d import Box, Location, Pos
 
 from thingc import Actuator, Angle, Count, Length, MountPoint, Range, Thing
 
@@ -129,6 +129,18 @@ class Comb(Thing):
         self.body = Box(20 * teeth, 10, 10)
         self.top = MountPoint(Location((0, 0, 5)))
         self.tooth = [MountPoint(Location((20 * tooth, 5, 0), (-90, 0, 0))) for tooth in range(teeth)]
+
+    def result(self):
+        return self.body
+
+
+class Stair(Thing):
+    """Blocks that climb by one step each, or descend."""
+
+    def __init__(self, rise: int = 1, blocks: Count = 2) -> None:
+        super().__init__(material="petg")
+        self.body = sum((Pos(9 * at, 0, rise * at) * Box(10, 10, 10) for at in range(1, blocks)), Box(10, 10, 10))
+        self.top = MountPoint(Location((9 * (blocks - 1), 0, rise * (blocks - 1) + 5)))
 
     def result(self):
         return self.body
