@@ -12,8 +12,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from thingc.diagnostics import Code, Report, Severity, did_you_mean, shown_path
+from thingc.diagnostics import Code, Report, Severity, shown_path
 from thingc.memo import Memo
+from thingc.slips import did_you_mean
 
 if TYPE_CHECKING:
     from thingc.emit.artifact import Artifacts, Content, Loss

@@ -1,8 +1,10 @@
-"""Slips of the keyboard: the one name that can have been meant."""
+"""Slips of the keyboard: the one name that can have been meant, and the hints that say so."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import os
+from collections.abc import Iterable, Sequence
+from itertools import islice
 
 
 def meant(name: str, candidates: Iterable[str]) -> str | None:
@@ -27,3 +29,88 @@ def _is_slip(name: str, candidate: str) -> bool:
     if len(long) != len(short):
         return False
     return short[2:] == long[2:] and short[:2] == long[1::-1] or (len(name) >= 5 and short[1:] == long[1:])
+
+
+class Hint(str):
+    """Words that say what was meant. `mends` is (written, meant) where nothing else can have been; `Report.add` makes a
+    fix of it."""
+
+    mends: tuple[str, str] | None
+
+    def __new__(cls, words: str, mends: tuple[str, str] | None = None) -> Hint:
+        """A hint that reads `words`."""
+        hint = super().__new__(cls, words)
+        hint.mends = mends
+        return hint
+
+
+MAX_NAME = 100
+MAX_CANDIDATES = 1000
+MAX_COMPARED = 20
+MAX_CIRCLE = 12
+
+
+def circle_words(names: Sequence[str]) -> str:
+    """A circle of names as a chain that ends where it begins, its middle left out where it is long."""
+    shown = [f"`{name}`" for name in names]
+    if len(shown) > MAX_CIRCLE:
+        shown = [*shown[: MAX_CIRCLE - 2], f"... ({len(shown) - MAX_CIRCLE + 1} more)", shown[-1]]
+    return " -> ".join([*shown, f"`{names[0]}`"])
+
+
+def _common_ends(one: str, other: str) -> int:
+    """How many characters two names share at their beginnings and at their ends."""
+    return len(os.path.commonprefix((one, other))) + len(os.path.commonprefix((one[::-1], other[::-1])))
+
+
+def nearest(name: str, candidates: Iterable[str]) -> str | None:
+    """The candidate a person who wrote `name` most likely meant, or None.
+
+    Comparing is quadratic in the length of names, and happens for every mistake: names longer than a line, and more candidates
+    than a person would look through, are left out.
+    """
+    import difflib
+
+    listed = sorted(candidates) if isinstance(candidates, (set, frozenset)) else candidates
+    known = sorted({candidate for candidate in islice(listed, MAX_CANDIDATES) if len(candidate) <= MAX_NAME})
+    if len(name) > MAX_NAME:
+        return None
+    lowered: dict[str, str] = {candidate.lower(): candidate for candidate in reversed(known)}
+    if name.lower() in lowered:
+        return lowered[name.lower()]
+    if len(known) > MAX_COMPARED:
+        known.sort(key=lambda candidate: -_common_ends(name, candidate))
+        known = sorted(known[:MAX_COMPARED])
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+    return close[0] if close else None
+
+
+def near_hint(name: str, candidates: Iterable[str]) -> Hint | None:
+    """`did you mean ...?`, or None where no candidate is near."""
+    known = list(candidates)
+    close = nearest(name, known)
+    if close is None:
+        return None
+    return Hint(f"did you mean `{close}`?", (name, close) if meant(name, known) == close else None)
+
+
+def did_you_mean(name: str, candidates: Iterable[str], *, what: str = "names") -> str:
+    """A hint for an unknown name: the near one, else what there is (at most twelve)."""
+    known = sorted(set(candidates))
+    close = near_hint(name, known)
+    if close is not None:
+        return close
+    if not known:
+        return f"there are no {what} here"
+    shown = ", ".join(f"`{candidate}`" for candidate in known[:12])
+    return f"known {what}: {shown}" + (f" and {len(known) - 12} more" if len(known) > 12 else "")
+
+
+def file_meant(name: str, files: Iterable[str], *, what: str = "files") -> str:
+    """`did_you_mean` for files: what they are called counts, not the ending that they share."""
+    by_stem = {os.path.splitext(file)[0]: file for file in sorted(files, reverse=True)}
+    close = nearest(os.path.splitext(name)[0], by_stem)
+    if close is not None:
+        sure = meant(os.path.splitext(name)[0], by_stem) == close and by_stem[close].endswith(os.path.splitext(name)[1])
+        return Hint(f"did you mean `{by_stem[close]}`?", (name, by_stem[close]) if sure else None)
+    return did_you_mean("", by_stem.values(), what=what)

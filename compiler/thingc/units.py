@@ -11,8 +11,7 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Union
 
-from thingc.diagnostics import Hint, nearest
-from thingc.slips import meant
+from thingc.slips import Hint, meant, nearest
 
 if TYPE_CHECKING:
     from fractions import Fraction

@@ -11,7 +11,8 @@ import os
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from thingc.diagnostics import Code, Report, did_you_mean
+from thingc.diagnostics import Code, Report
+from thingc.slips import did_you_mean
 from thingc.source import MappingNode, Path, Span
 from thingc.units import ANGLE, LENGTH, TIME, Dimension, Quantity, checked, parse_quantity, shortened
 

@@ -17,7 +17,7 @@ BASE = {"source", "slips", "diagnostics", "units", "expressions", "pose", "inert
 # What each room may import of thingc, besides itself. `workspace` reads its own document with load and spec.
 ROOMS: dict[str, set[str]] = {
     "source": set(), "slips": set(), "diagnostics": {"source", "slips"}, "units": {"diagnostics", "slips"},
-    "expressions": {"diagnostics", "units"},
+    "expressions": {"diagnostics", "slips", "units"},
     "pose": set(), "inertia": {"pose"}, "memo": set(),
     "workspace": BASE | {"load", "spec"},
     "load": BASE,
@@ -30,7 +30,7 @@ ROOMS: dict[str, set[str]] = {
     "robot": BASE | {"resolve", "realize", "joints", "graph"},
     "statics": BASE | {"graph", "robot"},
     "emit": BASE | {"resolve", "realize", "joints", "graph", "robot"},
-    "modes": {"diagnostics"},  # read at run time, next to a simulation
+    "modes": {"diagnostics", "slips"},  # read at run time, next to a simulation
     "render": set(),
     "reporting": {"source", "diagnostics"},
     "layout": BASE | {"load", "spec"},

@@ -11,8 +11,9 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from thingc.cli import common
-from thingc.diagnostics import Diagnostic, did_you_mean, shown_path
+from thingc.diagnostics import Diagnostic, shown_path
 from thingc.pipeline import Options
+from thingc.slips import did_you_mean
 
 if TYPE_CHECKING:
     from thingc.variants.forecast import Forecast

@@ -11,10 +11,11 @@ from typing import Any
 
 from thingc import stamp
 from thingc.cli import common
-from thingc.diagnostics import Code, Diagnostic, Report, Severity, did_you_mean, shown_path
+from thingc.diagnostics import Code, Diagnostic, Report, Severity, shown_path
 from thingc.emit.artifact import Artifacts, Loss
 from thingc.output import OutputError, verify, write_build
 from thingc.pipeline import Compilation, Options, UnknownChoice
+from thingc.slips import did_you_mean
 
 EPILOG = """\
 Everything appears at once in build/NAME/ (or DIR/NAME/), or nothing does. Targets: mjcf (MuJoCo models and scenes, one per

@@ -9,8 +9,9 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TextIO
 
-from thingc.diagnostics import Code, Diagnostic, Report, Severity, as_json, as_text, did_you_mean, file_meant, summary
+from thingc.diagnostics import Code, Diagnostic, Report, Severity, as_json, as_text, summary
 from thingc.pipeline import Options
+from thingc.slips import did_you_mean, file_meant
 
 USAGE = 2
 FINDINGS = ("text", "json", "github", "sarif")

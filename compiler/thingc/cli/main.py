@@ -81,7 +81,7 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
     """The command line understood; None where only help was wanted, which has been printed. Raises `WrongUsage`."""
     command = next((word for word in words if not word.startswith("-")), None)
     if command is not None and command not in COMMANDS:
-        from thingc.diagnostics import did_you_mean
+        from thingc.slips import did_you_mean
 
         raise WrongUsage(f"there is no command `{command}`", did_you_mean(command, COMMANDS, what="commands"))
     parser, own = parser_for(command)
@@ -92,7 +92,7 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
             raise
         return None
     if unknown:
-        from thingc.diagnostics import nearest
+        from thingc.slips import nearest
 
         word = unknown[0].partition("=")[0]
         what = "option" if word.startswith("-") else "argument"

@@ -10,8 +10,9 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from thingc.cli import common
-from thingc.diagnostics import Code, Diagnostic, Report, Severity, did_you_mean
+from thingc.diagnostics import Code, Diagnostic, Report, Severity
 from thingc.realize.record import ParameterSchema, PartFailure, PartRecord, PartSchema, Value
+from thingc.slips import did_you_mean
 from thingc.source import Span
 
 if TYPE_CHECKING:

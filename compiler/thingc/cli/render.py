@@ -10,10 +10,11 @@ import sys
 from collections.abc import Callable
 
 from thingc.cli import common
-from thingc.diagnostics import Code, Diagnostic, Severity, did_you_mean, shown_path
+from thingc.diagnostics import Code, Diagnostic, Severity, shown_path
 from thingc.pipeline import Compilation, Options, UnknownChoice
 from thingc.render import NoGraphics, Shot, picture, ready
 from thingc.robot.types import Robot
+from thingc.slips import did_you_mean
 
 EPILOG = """\
 The robot stands on a bright floor (z = 0 of its world; upright on the wall where its mode has gravity along the floor) and fills the

@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from thingc.cli import common
-from thingc.diagnostics import Code, Diagnostic, Report, Severity, did_you_mean, shown_path
+from thingc.diagnostics import Code, Diagnostic, Report, Severity, shown_path
 from thingc.pipeline import Compilation, UnknownChoice
+from thingc.slips import did_you_mean
 
 if TYPE_CHECKING:
     from thingc.graph.types import Assembly

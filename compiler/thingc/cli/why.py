@@ -6,8 +6,9 @@ import argparse
 import sys
 
 from thingc.cli import common
-from thingc.diagnostics import Diagnostic, did_you_mean, shown_path
+from thingc.diagnostics import Diagnostic, shown_path
 from thingc.pipeline import Compilation
+from thingc.slips import did_you_mean
 
 EPILOG = """\
   thingc why assemblies/arm.yaml hand/cap       would it be modelled again, and what has changed since last time?

@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Union
 
-from thingc.diagnostics import did_you_mean
 from thingc.expressions.terms import CONSTANTS, Binary, Call, Expression, ExpressionError, Literal, NameUse, Term, Unary
+from thingc.slips import did_you_mean
 from thingc.units import ANGLE, NUMBER, UNITS, Dimension, Quantity, fits, shortened
 
 Value = Union[Quantity, bool, str]

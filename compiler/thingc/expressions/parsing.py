@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
-from thingc.diagnostics import did_you_mean
 from thingc.expressions.terms import (
     COMPARISONS,
     CONSTANTS,
@@ -20,6 +19,7 @@ from thingc.expressions.terms import (
     Term,
     Unary,
 )
+from thingc.slips import did_you_mean
 from thingc.units import MAX_TEXT, NUMBER, UNITS, Quantity, UnitError, converted, scan_number, scan_unit
 
 

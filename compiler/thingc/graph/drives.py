@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from thingc.diagnostics import Code, Note, did_you_mean
+from thingc.diagnostics import Code, Note
 from thingc.graph.findings import Findings, noted, written_at
 from thingc.graph.types import ActuatorModel, JointEdge
 from thingc.graph.unroll import Instance, Tree
 from thingc.joints import JointKind
 from thingc.realize.record import Actuator
 from thingc.resolve.model import Drive, Joint
+from thingc.slips import did_you_mean
 from thingc.source import Origin
 
 

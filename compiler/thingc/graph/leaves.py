@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 
-from thingc.diagnostics import Code, Note, did_you_mean, nearest
+from thingc.diagnostics import Code, Note
 from thingc.graph.findings import Findings, line_of, noted, written_at
 from thingc.graph.mass import NOTHING, Density, Weighed, incomplete_infill, merged, stated_inertia, weigh
 from thingc.graph.types import Definition, MountFrame
@@ -14,6 +14,7 @@ from thingc.memo import Memo
 from thingc.pose import NO_POSE
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord
 from thingc.resolve.model import AssemblyDefinition, BomEntry, Component, Material
+from thingc.slips import did_you_mean, nearest
 from thingc.source import Origin
 
 FRAME = Definition(text="frame", reference="frame", kind="frame")

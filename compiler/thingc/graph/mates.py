@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from thingc.diagnostics import MAX_CIRCLE, Code
+from thingc.diagnostics import Code
 from thingc.graph.drives import joint_edge
 from thingc.graph.findings import Findings, noted
 from thingc.graph.types import JointEdge, Link, Mate
@@ -18,6 +18,7 @@ from thingc.joints import KINDS
 from thingc.memo import Memo
 from thingc.pose import MATE, Pose, shifted, turned_z
 from thingc.resolve.model import AssemblyDefinition, At, Attach, Component, Joint, Reference
+from thingc.slips import MAX_CIRCLE
 from thingc.source import Origin
 
 

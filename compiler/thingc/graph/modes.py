@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
-from thingc.diagnostics import Code, did_you_mean
+from thingc.diagnostics import Code
 from thingc.graph.findings import Findings, noted
 from thingc.graph.kinematics import coordinates
 from thingc.graph.types import Adhesion, ExportedMount, JointEdge, LinkedHold, LinkedMode, LinkedSensor, RootChoice
 from thingc.graph.unroll import Tree
 from thingc.joints import KINDS
 from thingc.resolve.model import AssemblyDefinition, Mode, NamedPose, RawAttribute, Reference
+from thingc.slips import did_you_mean
 
 _ROUNDING = 1e-9
 """How far past a limit a pose may be without being outside, relative: limits and poses may come from expressions."""

@@ -9,12 +9,13 @@ import re
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 
-from thingc.diagnostics import Code, Note, did_you_mean
+from thingc.diagnostics import Code, Note
 from thingc.graph.findings import Findings, noted, written_at
 from thingc.graph.leaves import Leaf, Leaves
 from thingc.graph.types import MountFrame
 from thingc.pose import Pose
 from thingc.resolve.model import COUNTED, AssemblyDefinition, Component, Reference
+from thingc.slips import did_you_mean
 from thingc.source import Origin
 
 

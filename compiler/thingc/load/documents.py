@@ -9,9 +9,10 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from thingc.diagnostics import Code, Note, Report, did_you_mean, near_hint, nearest
+from thingc.diagnostics import Code, Note, Report
 from thingc.load.paths import DOCUMENT_SUFFIXES, PART_SUFFIXES, find_file
 from thingc.load.text import MAX_ALL_BYTES, MAX_FAULTS, decode
+from thingc.slips import did_you_mean, near_hint, nearest
 from thingc.source import Document, MappingNode, Node, ScalarNode, SequenceNode, Span
 from thingc.units import shortened
 

@@ -6,7 +6,8 @@ import os
 import re
 from typing import TYPE_CHECKING
 
-from thingc.diagnostics import Code, Report, file_meant
+from thingc.diagnostics import Code, Report
+from thingc.slips import file_meant
 from thingc.source import Span
 from thingc.units import shortened
 

@@ -10,7 +10,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from thingc.diagnostics import did_you_mean
 from thingc.modes import mjdata, reading
 from thingc.modes.catching import Caught, caught
 from thingc.modes.faults import BaseElsewhere, BaseMoves, ModesError, UnknownMode
@@ -18,6 +17,7 @@ from thingc.modes.frames import Array, angle_between, inverse
 from thingc.modes.inertias import Inertias
 from thingc.modes.state import State
 from thingc.modes.tree import Cut, Mode
+from thingc.slips import did_you_mean
 
 OnMotion = Literal["raise", "drop", "impact"]
 CHOICES = ("raise", "drop", "impact")

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from thingc.diagnostics import did_you_mean
 from thingc.modes.faults import ModesError
 from thingc.modes.frames import Array, cross_matrix, pose, quaternion_of, turned
 from thingc.modes.inertias import Inertias
 from thingc.modes.state import State
+from thingc.slips import did_you_mean
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

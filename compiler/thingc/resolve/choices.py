@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from thingc.diagnostics import Code, did_you_mean
+from thingc.diagnostics import Code
 from thingc.realize.record import PartFailure
 from thingc.resolve.repeats import Item
 from thingc.resolve.table import Context, Node, Table
+from thingc.slips import did_you_mean
 from thingc.spec.assembly import AssemblySpec, ComponentDefaults, ComponentSpec, DefaultsSpec
 from thingc.spec.choices import DEFAULT_MATERIAL, EXAMPLES, KEYS, ChoicePath, parse
 from thingc.units import shortened

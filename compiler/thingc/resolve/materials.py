@@ -6,11 +6,12 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from thingc.diagnostics import Code, Note, did_you_mean
+from thingc.diagnostics import Code, Note
 from thingc.resolve.layers import Layers
 from thingc.resolve.model import Material, Process
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Context
+from thingc.slips import did_you_mean
 from thingc.source import Document, Path
 from thingc.spec.assembly import AssemblySpec
 from thingc.spec.materials import MaterialSpec, MaterialsSpec

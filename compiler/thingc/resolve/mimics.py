@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
-from thingc.diagnostics import MAX_CIRCLE, Code, Note, circle_words
+from thingc.diagnostics import Code, Note
 from thingc.joints import KINDS
 from thingc.resolve import references
 from thingc.resolve.model import Mimic
 from thingc.resolve.repeats import Item
 from thingc.resolve.table import Table
+from thingc.slips import MAX_CIRCLE, circle_words
 from thingc.spec.assembly import JointSpec
 from thingc.units import NUMBER, Quantity
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from fnmatch import fnmatchcase
 from itertools import product
 
-from thingc.diagnostics import MAX_CIRCLE, Code, Note, circle_words
+from thingc.diagnostics import Code, Note
 from thingc.pose import NO_POSE, Pose, Vector
 from thingc.resolve import references
 from thingc.resolve.layers import Layers
@@ -15,6 +15,7 @@ from thingc.resolve.model import Mode, Reference
 from thingc.resolve.references import GLOB, suggested
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Table
+from thingc.slips import MAX_CIRCLE, circle_words
 from thingc.source import Path
 from thingc.spec.assembly import ModeSpec
 from thingc.units import ACCELERATION, FORCE, NUMBER, TIME

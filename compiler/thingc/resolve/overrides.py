@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from thingc.diagnostics import Code, did_you_mean
+from thingc.diagnostics import Code
 from thingc.pose import NO_POSE
 from thingc.resolve.layers import Layers
 from thingc.resolve.materials import process
@@ -10,6 +10,7 @@ from thingc.resolve.model import BomEntry, ExtraMount, Material, Overrides, Stat
 from thingc.resolve.repeats import RESERVED, check_names
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Node
+from thingc.slips import did_you_mean
 from thingc.source import Path
 from thingc.spec.assembly import InertiaMatrix, StatedCentre, StatedInertia, StatedMass
 from thingc.units import INERTIA, LENGTH, MASS

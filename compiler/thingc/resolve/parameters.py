@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
-from thingc.diagnostics import MAX_CIRCLE, Code, Note, Report, circle_words, did_you_mean
+from thingc.diagnostics import Code, Note, Report
 from thingc.expressions import Expression, ExpressionError, parse_expression
 from thingc.realize.record import Value
 from thingc.resolve.scope import Found, Scope, dimension_message, kind_of, words_of
 from thingc.resolve.table import Context, Declared
+from thingc.slips import MAX_CIRCLE, circle_words, did_you_mean
 from thingc.source import Document, Path
 from thingc.spec.assembly import AssemblySpec, ParameterSpec
 from thingc.spec.doubts import Doubts

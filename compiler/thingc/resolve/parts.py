@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 
-from thingc.diagnostics import MAX_FAULTS, Code, Note, did_you_mean, nearest
+from thingc.diagnostics import MAX_FAULTS, Code, Note
 from thingc.load.paths import PART_SUFFIXES
 from thingc.realize.record import WHOLE, ParameterSchema, PartDefinition, PartFailure, PartSchema, Value, definition_text
 from thingc.resolve.scope import Enough, Found, Scope, dimension_message, kind_of, words_of
 from thingc.resolve.table import Context, Node
+from thingc.slips import did_you_mean, nearest
 from thingc.source import Path, Span
 from thingc.units import ANGLE, LENGTH, MASS, NUMBER, Quantity, shortened
 

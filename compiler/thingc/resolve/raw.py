@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from thingc.diagnostics import Code, did_you_mean
+from thingc.diagnostics import Code
 from thingc.resolve.model import RawAttribute
 from thingc.resolve.scope import Scope
+from thingc.slips import did_you_mean
 from thingc.source import Path
 
 TARGETS = ("mjcf",)

@@ -7,10 +7,11 @@ from collections.abc import Iterable
 from fnmatch import fnmatchcase
 from itertools import islice
 
-from thingc.diagnostics import Code, Note, did_you_mean, nearest
+from thingc.diagnostics import Code, Note
 from thingc.resolve.model import COUNTED, AssemblyDefinition, Reference
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Node, Table
+from thingc.slips import did_you_mean, nearest
 from thingc.source import Origin, Path, Span
 
 ORIGIN = "origin"

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from thingc.diagnostics import nearest
+from thingc.slips import nearest
 from thingc.source import Path
 from thingc.spec.doubts import ANY_NAME
 from thingc.spec.shapes import Shape, model_keys

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
 
-from thingc.diagnostics import nearest
+from thingc.slips import nearest
 from thingc.spec.fields import Checked
 
 

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic_core import PydanticCustomError, ValidationError
 
-from thingc.diagnostics import Code, Hint, Report, did_you_mean, near_hint, nearest
+from thingc.diagnostics import Code, Report
+from thingc.slips import Hint, did_you_mean, near_hint, nearest
 from thingc.source import Document, MappingNode, Path, ScalarNode, SequenceNode, Span, node_at, walk
 from thingc.spec.assembly import AssemblySpec
 from thingc.spec.base import Model

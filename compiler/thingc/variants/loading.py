@@ -18,7 +18,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, overload
 
-from thingc.diagnostics import did_you_mean, shown_path
+from thingc.diagnostics import shown_path
+from thingc.slips import did_you_mean
 from thingc.variants import places
 from thingc.variants.folder import read_batch
 from thingc.variants.journal import Line, in_order

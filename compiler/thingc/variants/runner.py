@@ -17,11 +17,12 @@ import time
 import traceback
 from typing import TYPE_CHECKING, Any
 
-from thingc.diagnostics import Code, Diagnostic, Report, Severity, as_json, did_you_mean
+from thingc.diagnostics import Code, Diagnostic, Report, Severity, as_json
 from thingc.expressions import ExpressionError, parse_expression
 from thingc.pipeline import Options
 from thingc.resolve.scope import Found
 from thingc.session import Session, Settings
+from thingc.slips import did_you_mean
 from thingc.units import Dimension, Quantity
 from thingc.variants.job import STOPPED, Job, Row, Task, refusal, row
 from thingc.variants.measure import Results, UnknownMount, measure

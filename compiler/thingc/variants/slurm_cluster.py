@@ -15,7 +15,8 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-from thingc.diagnostics import Code, did_you_mean
+from thingc.diagnostics import Code
+from thingc.slips import did_you_mean
 from thingc.units import TIME, UnitError, parse_quantity
 from thingc.variants.cluster import Cluster, missing
 from thingc.variants.engine import LocalExecutor, RunnersBroken, evaluate

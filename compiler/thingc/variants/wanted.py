@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from thingc.diagnostics import Code, Report, did_you_mean
+from thingc.diagnostics import Code, Report
 from thingc.realize.record import PartDefinition
 from thingc.resolve.model import AssemblyDefinition
+from thingc.slips import did_you_mean
 from thingc.source import Document
 from thingc.spec.variants import VariantsSpec
 from thingc.units import shortened
