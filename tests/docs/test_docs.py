@@ -214,6 +214,7 @@ def test_gravity_and_raw_kinds_and_bounds() -> None:
     from thingc.expressions.terms import MAX_DEPTH
     from thingc.load.documents import MAX_CHAIN
     from thingc.load.text import MAX_ALIAS_NODES, MAX_ALL_BYTES, MAX_BYTES, MAX_LEVELS, MAX_NODES
+    from thingc.resolve import raw_fixed
     from thingc.resolve.assembly import MAX_DEFINITIONS
     from thingc.resolve.modes import GRAVITY, MAX_EXCLUDED, MAX_EXTENDED
     from thingc.resolve.repeats import MAX_OCCURRENCES, MAX_REPEAT
@@ -224,6 +225,8 @@ def test_gravity_and_raw_kinds_and_bounds() -> None:
     named, single, *_ = table(LANGUAGE, "raw")
     assert set(re.findall(r"`(\w+)`", named[1])) == set(mjcf_raw.NAMED)
     assert set(re.findall(r"`(\w+)`", single[1])) == set(mjcf_raw.SINGLE)
+    said_of = [set(re.findall(r"`(\w+)`", row[0])) for row in table(LANGUAGE, "raw-fixed")]
+    assert said_of == [{"name", *raw_fixed.CLASSES}, set(raw_fixed.REFERRING), {"type"}, set(raw_fixed.SECTIONS["compiler"])]
     cells = [row[1] for row in table(LANGUAGE, "bounds")]
     numbers = [int(digits.replace(" ", "")) for cell in cells for digits in re.findall(r"\d[\d ]*\d|\d", cell)]
     expected = [MAX_BYTES, MAX_LEVELS, MAX_NODES, MAX_ALIAS_NODES, MAX_TEXT, MAX_DEPTH, MAX_REPEAT, MAX_OCCURRENCES, MAX_CHAIN]

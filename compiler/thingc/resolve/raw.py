@@ -7,6 +7,7 @@ from typing import Any
 
 from thingc.diagnostics import Code
 from thingc.resolve.model import RawAttribute
+from thingc.resolve.raw_fixed import fixed
 from thingc.resolve.scope import Scope
 from thingc.slips import did_you_mean
 from thingc.source import Path
@@ -18,7 +19,7 @@ _LATER = ("sdf", "urdf", "usd")
 
 
 def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:
-    """Every attribute under `raw:`, in document order; those of an unknown target are reported."""
+    """Every attribute under `raw:`, in document order; those of an unknown target and those that are not to be set are reported."""
     found: list[RawAttribute] = []
     for target, attributes in written.items():
         path: Path = ("raw", target)
@@ -49,6 +50,11 @@ def _flattened(scope: Scope, target: str, node: Any, path: Path, keys: tuple[str
         for key, child in node.items():
             yield from _flattened(scope, target, child, (*path, key), (*keys, key))
     else:
+        refused = fixed(keys)
+        if refused is not None:
+            message, instead = refused
+            scope.error(Code.RAW_FIXED, message, path, key=True, help=instead)
+            return
         first = len(path) - len(keys)
         yield RawAttribute(
             target=target, path=keys, value=_text(node), origin=scope.origin(path),

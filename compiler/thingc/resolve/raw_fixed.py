@@ -1,0 +1,69 @@
+"""What `raw` cannot set in MJCF: what identifies an element or refers to one, and what the meaning of everything else rests on.
+
+Documents say these in words of their own, for every mode at once; `modes.json`, keyframes and poses rely on them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+REFERRING = frozenset({
+    "actuator", "body", "body1", "body2", "camera", "cranksite", "file", "flex", "geom", "geom1", "geom2", "hfield", "instance", "joint",
+    "joint1", "joint2", "jointinparent", "material", "mesh", "objname", "objtype", "plugin", "refname", "refsite", "reftype", "site",
+    "site1", "site2", "slidersite", "subtree1", "subtree2", "target", "tendon", "tendon1", "tendon2", "texture",
+})
+"""Attributes whose value is the name of another element or of a file, or the kind of what is named."""
+
+CLASSES = frozenset({"class", "childclass"})
+
+SECTIONS: Mapping[str, Mapping[str, str]] = {
+    "compiler": {
+        "angle": "angles in the model are in radians: write yours in them, too",
+        "assetdir": "meshes are found where the build puts them",
+        "fusestatic": "every link stays a body: join two with a fixed joint, or with `attach`",
+        "meshdir": "meshes are found where the build puts them",
+        "strippath": "meshes are found where the build puts them",
+    },
+}
+"""Attributes of sections that names, files and units of the whole model rest on, and what to do instead."""
+
+SAID_BY: Mapping[str, str] = {
+    "actuator": "drives are named after their joints: write `drive:` there",
+    "body": "bodies are the links: name them under `links:`",
+    "camera": "write the camera under `sensors:`",
+    "equality": "write `mimic:` or `loop: true` of the joint",
+    "geom": "write `material:`, `visual:` or `collision:` of the component",
+    "joint": "write the joint under `joints:`, with its name and `type:`",
+    "key": "keyframes are named after the poses: rename the pose under `poses:`",
+    "material": "materials are made of the colours of components: write `material:` or the `color:` of the material",
+    "mesh": "meshes are those of the parts: write `part:`, `visual:` or `collision:` of the component",
+    "numeric": "velocity limits are named after their joints: rename the joint under `joints:`",
+    "sensor": "write the sensor under `sensors:`",
+    "site": "sites are the mounts: name them under `mounts:`",
+}
+"""Where a document says what an element is called and what it refers to, by kind of element."""
+
+
+def fixed(path: tuple[str, ...]) -> tuple[str, str] | None:
+    """Why `raw` cannot set the attribute at a path below the target (`("body", "arm", "name")`), and what to write instead; None
+    where it can."""
+    kind, attribute = path[0] if path else "", path[-1] if path else ""
+    if len(path) == 2 and kind in SECTIONS:
+        instead = SECTIONS[kind].get(attribute)
+        return None if instead is None else (f"`raw` cannot set `{attribute}` of `{kind}`: the whole model rests on it", instead)
+    if kind == "default" and len(path) == 4:
+        kind = path[2]
+    elif kind not in SAID_BY or len(path) != 3:
+        return None
+    what = f"`raw` cannot set `{attribute}` of {'an' if kind[:1] in 'ae' else 'a'} {kind}"
+    instead = SAID_BY.get(kind, "write it in the document's own words")
+    if attribute == "name":
+        return f"{what}: other elements, poses and `modes.json` know it by its name", instead
+    if attribute in CLASSES:
+        instead = f"write the attributes of the {kind} itself, or those of its class under `default:`"
+        return f"{what}: it belongs to the classes that it was given", instead
+    if attribute in REFERRING:
+        return f"{what}: it says which other element is meant", instead
+    if (kind, attribute) == ("joint", "type"):
+        return f"{what}: poses and `modes.json` know its coordinate by it", instead
+    return None

@@ -1,0 +1,82 @@
+"""What raw attributes cannot set, against MuJoCo: whatever it takes for the name of something is refused, nothing else is."""
+
+from __future__ import annotations
+
+import re
+
+import mujoco
+import pytest
+
+from thingc.emit.mjcf_raw import NAMED
+from thingc.resolve.raw_fixed import CLASSES, REFERRING, fixed
+
+PLACES = {
+    "actuator": "<actuator><{}/></actuator>", "body": "<worldbody><{}/></worldbody>", "camera": "<worldbody><body><{}/></body></worldbody>",
+    "equality": "<equality><{}/></equality>", "geom": "<worldbody><body><{}/></body></worldbody>",
+    "joint": "<worldbody><body><{}/></body></worldbody>", "key": "<keyframe><{}/></keyframe>", "material": "<asset><{}/></asset>",
+    "mesh": "<asset><{}/></asset>", "numeric": "<custom><{}/></custom>", "sensor": "<sensor><{}/></sensor>",
+    "site": "<worldbody><body><{}/></body></worldbody>",
+}
+"""Where an element of each kind stands in a model."""
+
+
+def schema() -> dict[tuple[str, str], list[str]]:
+    """The attributes of every element, by the section it stands in and its tag, as MuJoCo prints its own schema."""
+    found: dict[tuple[str, str], list[str]] = {}
+    path: list[str] = []
+    for line in mujoco.mj_printSchema(False, False).splitlines():
+        row = re.match(r"( {0,12})(\(world\))?(\w+) \([!?*R]\)\s*(.*)", line)
+        if row is not None:
+            depth = len(row[1]) // 3
+            path = [*path[:depth], row[3]]
+            found.setdefault((path[1] if depth > 1 else "", path[-1]), []).extend(row[4].split())
+        elif line.strip():
+            found[(path[1] if len(path) > 2 else "", path[-1])].extend(line.split())
+    return found
+
+
+SCHEMA = schema()
+
+
+def elements(kind: str) -> list[tuple[str, list[str]]]:
+    """Tags and attributes of the elements that a kind of raw attribute reaches."""
+    section, tags = NAMED[kind]
+    where = {"worldbody": ("body", ""), None: ("body", "")}.get(section, (section or "",))
+    return [(tag, attributes) for (owner, tag), attributes in SCHEMA.items() if owner in where and (tags is None or tag in tags)]
+
+
+def is_a_name(kind: str, tag: str, attribute: str) -> bool:
+    """Whether MuJoCo looks for something that is called what the attribute says."""
+    text = PLACES[kind].format(f'{tag} {attribute}="no_such"')
+    try:
+        mujoco.MjModel.from_xml_string(f"<mujoco>{text}</mujoco>")
+    except ValueError as fault:
+        named = re.search(r"'no_such'|unknown target body|unknown default childclass", str(fault))
+        return named is not None and "keyword" not in str(fault)
+    return False
+
+
+@pytest.mark.parametrize("kind", PLACES)
+def test_whatever_mujoco_takes_for_a_name_is_not_set(kind: str) -> None:
+    found = {(tag, attribute) for tag, attributes in elements(kind) for attribute in attributes if is_a_name(kind, tag, attribute)}
+    assert {one for one in found if fixed((kind, "some", one[1])) is None} == set()
+    assert all(fixed((kind, "some", "name")) for _, attributes in elements(kind) if "name" in attributes)
+
+
+def test_nothing_else_is_kept_from_them() -> None:
+    attributes = {(kind, one) for kind in PLACES for _, listed in elements(kind) for one in listed}
+    assert {one for _, one in attributes} >= REFERRING | CLASSES  # every one is one of MuJoCo's
+    refused = {one for kind, one in attributes if fixed((kind, "some", one)) is not None}
+    assert refused <= REFERRING | CLASSES | {"name", "type"}
+    for path in (
+        ("joint", "a", "damping"), ("geom", "a", "type"), ("visual", "rgba", "joint"), ("visual", "scale", "camera"), ("joint", "name"),
+        ("option", "timestep"), ("compiler", "boundmass"), ("key", "home", "qpos"), ("default", "collision", "geom", "solref"), (),
+    ):
+        assert fixed(path) is None, path
+
+
+def test_every_kind_says_where_the_document_has_the_words() -> None:
+    for kind in NAMED:
+        message, instead = fixed((kind, "some", "name")) or ("", "")
+        assert kind in message and "`" in instead
+    assert set(NAMED) == set(PLACES)
