@@ -435,8 +435,8 @@ def checked(quantity: Quantity, expected: tuple[Dimension, ...], text: str) -> Q
     wanted = " or ".join(dimension.words for dimension in expected)
     first = expected[0]
     if quantity.dimension == NUMBER and NUMBER not in expected:
-        choices = _SUGGESTED.get(first) or (first.example.partition(" ")[2],)
         bare = shown if scan_number(shown) == (shown, len(shown)) else f"{quantity.value:.6g}"
+        choices = [unit for dimension in expected for unit in suggested_units(dimension, bare)[: 2 if len(expected) == 1 else 1]]
         words = "write " + " or ".join(f"`{bare} {unit}`" for unit in choices)
         sure = len(expected) == 1 and bare == text.strip() and quantity.value >= _SURELY.get(first, math.inf)
         raise UnitError(
@@ -449,12 +449,27 @@ def checked(quantity: Quantity, expected: tuple[Dimension, ...], text: str) -> Q
     )
 
 
-_SUGGESTED: dict[Dimension, tuple[str, ...]] = {
-    LENGTH: ("mm", "m"), ANGLE: ("deg", "rad"), MASS: ("g", "kg"), TIME: ("s", "ms"), ANGULAR_VELOCITY: ("rpm", "rad/s"),
+def suggested_units(dimension: Dimension, numbers: str) -> tuple[str, ...]:
+    """The units that a person who wrote `numbers` without one may have meant, the likeliest first: those of a drawing, or, where a
+    fraction is as small as the SI unit makes it (`1.57`, `0 0 0.12`), that of URDF and MJCF."""
+    drawn, si, most = _SUGGESTED.get(dimension, (dimension.example.partition(" ")[2], "", 0.0))
+    if not si:
+        return (drawn,)
+    values = [float(number) for number in _NUMBER.findall(numbers)]
+    small = any(value != int(value) for value in values if abs(value) < most) and all(abs(value) < most for value in values)
+    return (si, drawn) if small else (drawn, si)
+
+
+_SUGGESTED: dict[Dimension, tuple[str, str, float]] = {
+    LENGTH: ("mm", "m", 2.0), ANGLE: ("deg", "rad", 6.3), MASS: ("g", "kg", 10.0), TIME: ("s", "ms", 0.0),
+    ANGULAR_VELOCITY: ("rpm", "rad/s", 0.0),
 }
+"""The unit of drawings and data sheets, another one, and below which number a fraction is of the other."""
 
-
-_SURELY: dict[Dimension, float] = {FORCE: -math.inf, ACCELERATION: -math.inf, DENSITY: 100.0}
+_SURELY: dict[Dimension, float] = {
+    DENSITY: 100.0,
+    **dict.fromkeys((FORCE, ACCELERATION, ANGULAR_STIFFNESS, LINEAR_STIFFNESS, ANGULAR_DAMPING, LINEAR_DAMPING), -math.inf),
+}
 """Dimensions of which only one unit can have been meant, from this value [SI] on: nothing weighs 100 g/cm^3."""
 
 

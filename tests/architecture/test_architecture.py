@@ -21,7 +21,7 @@ ROOMS: dict[str, set[str]] = {
     "pose": set(), "inertia": {"pose"}, "memo": set(),
     "workspace": BASE | {"load", "spec"},
     "load": BASE,
-    "spec": BASE | {"load"},
+    "spec": BASE | {"load", "joints"},
     "things": set(),
     "realize": BASE | {"things"},
     "joints": BASE,

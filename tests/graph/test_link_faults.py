@@ -385,7 +385,7 @@ def test_a_drive_by_an_assembly_and_by_a_frame() -> None:
         ],
         modes=[mode("m", whole("plate"))],
     )
-    help = "declare `actuator = Actuator(...)` in its class, or drive inline: `drive: {kind: position, kp: 20}`"
+    help = "declare `actuator = Actuator(...)` in its class, or drive inline: `drive: {kind: position, kp: 20 N*m/rad}`"
     assert said(faults(model, PLATE, CAP)) == [
         ("NO_ACTUATOR", "joint `j` is driven by `h` (`hand`), which is an assembly", help, 9),
         ("NO_ACTUATOR", "joint `k` is driven by `dot`, which is a frame", help, 10),

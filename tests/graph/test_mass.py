@@ -462,7 +462,7 @@ def test_a_position_drive_without_a_gain() -> None:
         (
             "NO_GAIN",
             "joint `yaw` is driven to a position, and its actuator states no gain `kp`",
-            "state `kp` in the Thing's `Actuator`, or drive inline: `drive: {kind: position, kp: 20}`",
+            "state `kp` in the Thing's `Actuator`, or drive inline: `drive: {kind: position, kp: 20 N*m/rad}`",
             20,
         )
     ]

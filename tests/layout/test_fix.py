@@ -118,6 +118,24 @@ def test_a_missing_unit_is_mended_where_there_is_one_alone(tmp_path: Path, writt
     assert fixed(tmp_path, wrong) == (0, right)
 
 
+@pytest.mark.parametrize(("type", "limit", "mended"), [
+    ("prismatic", "{lower: 0, upper: 9 mm}", "{kind: position, kp: 20 N/m, kv: 0.5 N*s/m}"),
+    ("revolute", "{lower: 0, upper: 9 deg}", "{kind: position, kp: 20 N*m/rad, kv: 0.5 N*m*s/rad}"),
+])
+@pytest.mark.parametrize("defaults", [False, True])
+def test_gains_get_the_unit_of_their_joint(tmp_path: Path, type: str, limit: str, mended: str, defaults: bool) -> None:
+    def robot(drive: str) -> str:
+        return (
+            "thingc: assembly/1\nname: robot\n" + (f"defaults: {{joint: {{drive: {drive}}}}}\n" if defaults else "")
+            + "components:\n  plate: {frame: true}\n"
+            + "  arm: {frame: true, mass: 1 g, inertia: {ixx: 1e-7 kg*m^2, iyy: 1e-7 kg*m^2, izz: 1e-7 kg*m^2}}\n"
+            + f"joints:\n  j: {{type: {type}, parent: plate.origin, child: arm.origin, limit: {limit}"
+            + ("}\n" if defaults else f", drive: {drive}}}\n")
+        )
+
+    assert fixed(tmp_path, robot("{kind: position, kp: 20, kv: 0.5}")) == (0, robot(mended))
+
+
 @pytest.mark.parametrize(("written", "mended"), [("1270", "1270 kg/m^3"), ("100", "100 kg/m^3"), ("1.27", None), ("99", None)])
 def test_a_density_without_a_unit(tmp_path: Path, written: str, mended: str | None) -> None:
     """1.27 may be grams per cubic centimetre; 1270 of those weigh more than anything."""

@@ -33,7 +33,7 @@ joints:
     parent: plate.top
     child: hand.base
     limit: {lower: -150 deg, upper: 150 deg}
-    drive: {kind: position, kp: 20}
+    drive: {kind: position, kp: 20 N*m/rad}
 poses: {home: {yaw: 30 deg}}
 modes: {bench: {root: plate, gravity: floor, contacts: {exclude: [[plate, hand]]}}}
 raw: {mjcf: {joint: {yaw: {solreflimit: 0.01 1}}}}

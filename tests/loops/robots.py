@@ -174,7 +174,7 @@ def inchworm(*, modes: str, poses: str = "", more: str = "", limits: str = "-110
         lines.append(f"  {name}: {{frame: true, mass: {0.1 + 0.02 * k} kg, {centre}, {BALL}, mounts: {{{', '.join(mounts)}}}}}")
     lines.append("joints:")
     for k, joint in enumerate(JOINTS):
-        drive = "" if joint == "hip_r" else ", drive: {kind: position, kp: 50, effort: 20 N*m}"
+        drive = "" if joint == "hip_r" else ", drive: {kind: position, kp: 50 N*m/rad, effort: 20 N*m}"
         lines.append(
             f"  {joint}: {{type: revolute, parent: {NAMES[k]}.high, child: {NAMES[k + 1]}.low, "
             f"limit: {{lower: {limits}}}, dynamics: {{damping: 0.05 N*m*s/rad}}{drive}}}"

@@ -24,7 +24,7 @@ joints:
     parent: post.top
     child: bob.eye
     limit: {{lower: -90 deg, upper: 90 deg}}
-    drive: {{kind: position, kp: 5, effort: 2 N*m, velocity: 3 rad/s}}
+    drive: {{kind: position, kp: 5 N*m/rad, effort: 2 N*m, velocity: 3 rad/s}}
 poses:
   cocked: {{hook: 30 deg}}
 modes:

@@ -38,7 +38,7 @@ joints:
     limit: {lower: -1 rad, upper: 1 rad, effort: 4.1 N*m, velocity: 46 rpm}
     dynamics: {friction: 0, armature: 0.01 kg*m^2, stiffness: 2 N*m/rad}
     gap: 0
-    drive: {kind: position, kp: 20, kv: =2 * 0.5, effort: 3 N*m, velocity: 1 rad/s, armature: 0.5 kg*m^2}
+    drive: {kind: position, kp: 20 N*m/rad, kv: =2 * 0.5 N*m*s/rad, effort: 3 N*m, velocity: 1 rad/s, armature: 0.5 kg*m^2}
   roll: {type: continuous, parent: body.axle, child: wheel.hub, mimic: {joint: elbow, offset: 10 deg}}
   slide: {type: prismatic, parent: body.rail, child: carriage.foot,
           limit: {lower: 0, upper: 20 mm, effort: 5 N, velocity: 0.1 m/s},
@@ -128,6 +128,17 @@ def test_joints(tmp_path: Path) -> None:
     assert slide.limit == Limit(lower=0.0, upper=0.02, effort=5.0, velocity=0.1)
     assert slide.dynamics == Dynamics()  # the document's defaults are for turns
     assert (weld.kind, weld.gap, weld.limit, weld.dynamics) == ("fixed", 0.003, Limit(), Dynamics())
+
+
+def test_a_default_drive_with_the_gains_of_a_turn_is_none_for_slides(tmp_path: Path) -> None:
+    drive = "{kind: position, kp: 20 N*m/rad, kv: 0.5 N*m*s/rad}"
+    text = ROBOT.replace("    gap: 2 mm\n", f"    gap: 2 mm\n    drive: {drive}\n", 1)
+    outcome = run(tmp_path, {"robot.yaml": text, "hand.yaml": HAND})
+    assert outcome.said == []
+    roll, slide, elbow = (outcome.joint(name) for name in ("roll", "slide", "elbow"))
+    assert roll.drive is not None and (roll.drive.kp, roll.drive.kv) == (20.0, 0.5)
+    assert slide.drive is None
+    assert elbow.drive is not None and elbow.drive.kv == 1.0  # its own
 
 
 def test_places_within_a_joint(tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ components:
 joints:
   turn: {type: revolute, parent: plate.top, child: brace.seat, drive: servo}
   slide: {type: prismatic, parent: rod.side, child: cart.seat, limit: {lower: 1 mm, upper: 20 mm}, offset: 1 mm}
-  spin: {type: continuous, parent: cart.top, child: wheel.hub, drive: {kind: position, kp: 20}}
+  spin: {type: continuous, parent: cart.top, child: wheel.hub, drive: {kind: position, kp: 20 N*m/rad}}
   follow: {type: revolute, parent: wheel.rim, child: flag.seat, mimic: {joint: turn, multiplier: 2, offset: 1 deg}}
 links: {base_link: plate}
 mounts: {base: plate.top}

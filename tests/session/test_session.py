@@ -69,7 +69,7 @@ RIG = """
         child: arm.top
         turn: =turn
         limit: {lower: -10 deg, upper: =swing, effort: 2 N*m, velocity: 3 rad/s}
-        drive: {kind: position, kp: 20}
+        drive: {kind: position, kp: 20 N*m/rad}
       slide:
         type: prismatic
         parent: base.side

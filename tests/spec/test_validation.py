@@ -86,7 +86,7 @@ def in_doubt(documents: Documents, report: Report) -> bool:
     ("simulation: {timestep: =2 mss}", Code.BAD_UNIT, "unknown unit `mss`; did you mean `ms`?", None, "mss"),
     ("simulation: {impratio: 2 mm}", Code.WRONG_DIMENSION, "expected a number (such as 2), found a length (`2 mm`)", None,
      "2 mm"),
-    ("poses: {home: {yaw: 30}}", Code.BAD_UNIT, "an angle or a length needs a unit, found `30`", "write `30 deg` or `30 rad`",
+    ("poses: {home: {yaw: 30}}", Code.BAD_UNIT, "an angle or a length needs a unit, found `30`", "write `30 deg` or `30 mm`",
      "30"),
     ("poses: {home: {yaw: 3 g}}", Code.WRONG_DIMENSION,
      "expected an angle or a length (such as 30 deg or 120 mm), found a mass (`3 g`)", None, "3 g"),
@@ -359,7 +359,7 @@ def test_no_word_of_the_machinery_reaches_a_person(tmp_path: Path) -> None:
           j:
             {type: revolute, parent: a.b, child: c.d, limit: {lower: 0, upper: 1 deg, effort: 1 N, velocity: 1 rpm},
             dynamics: {damping: 1 N*s/m, friction: 1 N, armature: 1 kg, stiffness: 1 N/m}, offset: 0, loop: false,
-            drive: {kind: motor, kv: 1}, mimic: {joint: k, multiplier: 1, offset: 0}}
+            drive: {kind: motor, kv: 1 N*m*s/rad}, mimic: {joint: k, multiplier: 1, offset: 0}}
         links: {l: p}
         mounts: {m: p.a}
         poses: {h: {j: 1 deg}}

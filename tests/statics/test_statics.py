@@ -42,14 +42,14 @@ components:
   tail: {{frame: true, mass: 0.15 kg, {BALL}, com: [60 mm, 0, 0]}}
 joints:
   swing: {{type: revolute, parent: mast.top, child: boom.low, limit: {{lower: -90 deg, upper: 90 deg}},
-    dynamics: {{stiffness: 0.7 N*m/rad}}, drive: {{kind: position, kp: 50, effort: 9 N*m}}}}
+    dynamics: {{stiffness: 0.7 N*m/rad}}, drive: {{kind: position, kp: 50 N*m/rad, effort: 9 N*m}}}}
   lift: {{type: prismatic, parent: boom.end, child: hook.eye, limit: {{lower: -50 mm, upper: 200 mm}},
     dynamics: {{stiffness: 30 N/m}}, drive: {{kind: motor, effort: 40 N}}}}
   one: {{type: revolute, parent: hook.a, child: claw_a.origin, limit: {{lower: -1 rad, upper: 1 rad}},
-    drive: {{kind: position, kp: 5, effort: 0.5 N*m}}}}
+    drive: {{kind: position, kp: 5 N*m/rad, effort: 0.5 N*m}}}}
   two: {{type: revolute, parent: hook.b, child: claw_b.origin, mimic: {{joint: one, multiplier: -0.5}},
     limit: {{lower: -1 rad, upper: 1 rad}}, dynamics: {{stiffness: 0.2 N*m/rad}},
-    drive: {{kind: position, kp: 5, effort: 2 N*m}}}}
+    drive: {{kind: position, kp: 5 N*m/rad, effort: 2 N*m}}}}
   three: {{type: prismatic, parent: hook.c, child: claw_c.origin, mimic: {{joint: two, multiplier: 20 mm/rad, offset: 4 mm}},
     limit: {{lower: -1 m, upper: 1 m}}, drive: {{kind: motor, effort: 15 N}}}}
   droop: {{type: revolute, parent: hook.d, child: tail.origin, limit: {{lower: -1 rad, upper: 1 rad}}}}
@@ -187,7 +187,8 @@ def test_drives_without_a_limit_have_no_margin_and_those_without_load_an_infinit
 
 TIPPED = "at: {rpy: 70 15 0 deg}"  # the axes of the linkage are level, nearly
 LOOPED = FOURBAR.replace("bench: {root: ground}", f"bench: {{root: ground, {TIPPED}}}").replace(
-    "other: {root: ground, ", f"other: {{root: ground, {TIPPED}, ").replace("kv: 0.2}", "kv: 0.2, effort: 2 N*m}").replace(
+    "other: {root: ground, ", f"other: {{root: ground, {TIPPED}, ").replace(
+    "kv: 0.2 N*m*s/rad}", "kv: 0.2 N*m*s/rad, effort: 2 N*m}").replace(
     "upper: 175 deg}}", "upper: 175 deg}, dynamics: {stiffness: 0.3 N*m/rad}, drive: {kind: motor, effort: 0.6 N*m}}")
 LOOPED = LOOPED.replace("base: held, cut", f"base: held, {TIPPED}, cut")
 
@@ -222,7 +223,7 @@ def worm(folder: Path) -> Built:
     modes = "  front: {root: front.sole, base: fixed, pose: arched}\n  stay: {extends: front, hold: {rear.sole: here}}\n"
     text = inchworm(modes=modes)
     lines = [
-        line.replace("}}", "}, drive: {kind: position, kp: 50, effort: 7 N*m}}") if line.strip().startswith("hip_r:") else line
+        line.replace("}}", "}, drive: {kind: position, kp: 50 N*m/rad, effort: 7 N*m}}") if line.strip().startswith("hip_r:") else line
         for line in text.splitlines()
     ]
     built = compiled(folder, "\n".join(lines) + "\n")
@@ -275,9 +276,9 @@ def test_a_hold_in_another_branch_changes_nothing(tmp_path: Path) -> None:
     ).replace("BALL", BALL.replace("{", "{{").replace("}", "}}"))
     joint = (
         "  {0}_shoulder: {{type: revolute, parent: stand.{0}, child: {0}_upper.low, limit: {{lower: -170 deg, upper: 170 deg}}, "
-        "drive: {{kind: position, kp: 5, effort: 3 N*m}}}}\n"
+        "drive: {{kind: position, kp: 5 N*m/rad, effort: 3 N*m}}}}\n"
         "  {0}_elbow: {{type: revolute, parent: {0}_upper.high, child: {0}_lower.low, limit: {{lower: -170 deg, upper: 170 deg}}, "
-        "drive: {{kind: position, kp: 5, effort: 1 N*m}}}}\n"
+        "drive: {{kind: position, kp: 5 N*m/rad, effort: 1 N*m}}}}\n"
     )
     text = (
         f"thingc: assembly/1\nname: arms\ncomponents:\n  stand: {{frame: true, mass: 1 kg, {BALL}, "

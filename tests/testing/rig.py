@@ -60,9 +60,9 @@ TWO_LINKS = HEAD + "components:\n" + GROUND + """\
   lower: {part: rig_parts:Bar, params: {length: 60 mm}}
 joints:
   shoulder: {type: revolute, parent: ground.hinge, child: upper.near, limit: {lower: -170 deg, upper: 170 deg},
-    drive: {kind: position, kp: 5, effort: 1 N*m}}
+    drive: {kind: position, kp: 5 N*m/rad, effort: 1 N*m}}
   elbow: {type: revolute, parent: upper.far, child: lower.near, limit: {lower: LOWER, upper: UPPER},
-    drive: {kind: position, kp: 5, effort: 0.5 N*m}}
+    drive: {kind: position, kp: 5 N*m/rad, effort: 0.5 N*m}}
 mounts: {tip: lower.tip, base: ground.hinge}
 poses:
   level: {elbow: AT}
@@ -91,7 +91,7 @@ PARALLELOGRAM = HEAD + "components:\n" + GROUND + """\
   rocker: {part: rig_parts:Bar}
 joints:
   crank: {type: revolute, parent: ground.hinge, child: crank.near, limit: {lower: -60 deg, upper: 60 deg},
-    drive: {kind: position, kp: 5, effort: 1 N*m}}
+    drive: {kind: position, kp: 5 N*m/rad, effort: 1 N*m}}
   pin: {type: continuous, parent: crank.far, child: coupler.near}
   rocker: {type: revolute, parent: ground.far_hinge, child: rocker.near, limit: {lower: -100 deg, upper: 100 deg}DRIVE}
   close: {type: continuous, parent: rocker.far, child: coupler.back, loop: true}

@@ -134,8 +134,8 @@ def test_static_torques_of_two_level_bars(rig: Workspace) -> None:
 
 @pytest.mark.parametrize(("drive", "expected"), [
     ("", {"crank": 1.0}),
-    (", drive: {kind: position, kp: 5, effort: 1 N*m}", {"crank": 0.5, "rocker": 0.5}),
-    (", drive: {kind: position, kp: 5, effort: 3 N*m}", {"crank": 0.1, "rocker": 0.9}),
+    (", drive: {kind: position, kp: 5 N*m/rad, effort: 1 N*m}", {"crank": 0.5, "rocker": 0.5}),
+    (", drive: {kind: position, kp: 5 N*m/rad, effort: 3 N*m}", {"crank": 0.1, "rocker": 0.9}),
 ])
 def test_static_torques_of_a_parallelogram(rig: Workspace, drive: str, expected: dict[str, float]) -> None:
     """Virtual work: both bars turn by the same angle, the coupler moves as their ends, so all of it is
@@ -153,7 +153,7 @@ def test_static_torques_of_a_parallelogram(rig: Workspace, drive: str, expected:
 
 
 def test_nothing_holds_a_hinge_without_a_drive(rig: Workspace) -> None:
-    text = two_links().replace(",\n    drive: {kind: position, kp: 5, effort: 0.5 N*m}}", "}")
+    text = two_links().replace(",\n    drive: {kind: position, kp: 5 N*m/rad, effort: 0.5 N*m}}", "}")
     answer = rig.test(text, "  hold: {torque_margin: {drive: shoulder, min: 1}}\n")
     assert "joint `elbow` would move" in answer["diagnostics"][0]["message"] and answer["diagnostics"][0]["code"] == "TC656"
     hanging = text.replace("level: {elbow: 0}", "level: {shoulder: 90 deg}")
@@ -163,7 +163,7 @@ def test_nothing_holds_a_hinge_without_a_drive(rig: Workspace) -> None:
 def test_springs_help(rig: Workspace) -> None:
     """A spring at rest at 0, 20 deg away, pulls with k q."""
     sprung = "dynamics: {stiffness: 0.1 N*m/rad}, drive: {kind: motor, effort: 1 N*m}"
-    text = two_links().replace("drive: {kind: position, kp: 5, effort: 1 N*m}", sprung)
+    text = two_links().replace("drive: {kind: position, kp: 5 N*m/rad, effort: 1 N*m}", sprung)
     text = text.replace("level: {elbow: 0}", "level: {shoulder: 20 deg}")
     q = math.radians(20)
     gravity = (0.04 * 0.05 + 0.024 * 0.13) * G * math.cos(q)

@@ -42,7 +42,7 @@ def test_without_a_floor_it_falls_for_ever(rig: Workspace) -> None:
 
 
 def test_a_pendulum_without_friction_never_rests(rig: Workspace) -> None:
-    text = two_links().replace("drive: {kind: position, kp: 5, effort: 1 N*m}", "drive: {kind: motor, effort: 1 N*m}")
+    text = two_links().replace("drive: {kind: position, kp: 5 N*m/rad, effort: 1 N*m}", "drive: {kind: motor, effort: 1 N*m}")
     answer = rig.test(text, "  rests: {settles: {within: 3 s, drift: 1 mm, floor: false}}\n")
     assert not answer["by_name"]["rests"]["passed"]
 

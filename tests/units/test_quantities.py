@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from thingc.units import (
     ANGLE,
     ANGULAR_DAMPING,
+    ANGULAR_STIFFNESS,
     ANGULAR_VELOCITY,
     DENSITY,
     FORCE,
@@ -162,7 +163,11 @@ def test_what_is_said(text: str, message: str, kind: str, place: tuple[int, int]
 @pytest.mark.parametrize(("text", "expected", "message", "help"), [
     ("30", (ANGLE,), "an angle needs a unit, found `30`", "write `30 deg` or `30 rad`"),
     ("120", (LENGTH,), "a length needs a unit, found `120`", "write `120 mm` or `120 m`"),
-    ("3", (TORQUE, FORCE), "a torque or a force needs a unit, found `3`", "write `3 N*m`"),
+    ("3", (TORQUE, FORCE), "a torque or a force needs a unit, found `3`", "write `3 N*m` or `3 N`"),
+    ("1.57", (ANGLE,), "an angle needs a unit, found `1.57`", "write `1.57 rad` or `1.57 deg`"),
+    ("0.12", (LENGTH,), "a length needs a unit, found `0.12`", "write `0.12 m` or `0.12 mm`"),
+    ("12.5", (LENGTH,), "a length needs a unit, found `12.5`", "write `12.5 mm` or `12.5 m`"),
+    ("20", (ANGULAR_STIFFNESS,), "an angular stiffness needs a unit, found `20`", "write `20 N*m/rad`"),
     ("120 g", (LENGTH,), "expected a length (such as 120 mm), found a mass (`120 g`)", None),
     ("30 deg", (NUMBER,), "expected a number (such as 2), found an angle (`30 deg`)", None),
     ("10 rad/s", (FREQUENCY,), "expected a frequency (such as 50 Hz), found an angular velocity (`10 rad/s`)", None),

@@ -57,7 +57,7 @@ SLIDER = """
         child: pole.origin
         limit: {lower: 0, upper: 100 mm}
         dynamics: {damping: =damping}
-        drive: {kind: position, kp: 200, effort: =strength}
+        drive: {kind: position, kp: 200 N/m, effort: =strength}
     poses: {up: {slide: 50 mm}}
     modes:
       lying: {root: plate, base: free, at: {xyz: 0 0 60 mm}, pose: up}
@@ -83,7 +83,7 @@ ARM = """
         parent: foot.origin
         child: chain.in
         limit: {lower: -90 deg, upper: 90 deg}
-        drive: {kind: position, kp: 5, effort: 6 N*m}
+        drive: {kind: position, kp: 5 N*m/rad, effort: 6 N*m}
     modes: {standing: {root: foot, base: fixed}}
 """
 
@@ -112,7 +112,7 @@ TWO = """
         parent: rod.end
         child: tip.origin
         limit: {lower: -90 deg, upper: 90 deg}
-        drive: {kind: position, kp: 5, effort: 2 N*m}
+        drive: {kind: position, kp: 5 N*m/rad, effort: 2 N*m}
     mounts: {in: rod.origin}
 """
 

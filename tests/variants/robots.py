@@ -42,7 +42,7 @@ PENDULUM = """
         parent: stand.origin
         child: rod.origin
         limit: {lower: -90 deg, upper: 90 deg}
-        drive: {kind: position, kp: 20, effort: =effort}
+        drive: {kind: position, kp: 20 N*m/rad, effort: =effort}
       twist:
         type: revolute
         parent: rod.end

@@ -14,6 +14,9 @@ from thingc.resolve.model import Drive, Joint
 from thingc.slips import did_you_mean
 from thingc.source import Origin
 
+_INLINE = {"hinge": "`drive: {kind: position, kp: 20 N*m/rad}`", "slide": "`drive: {kind: position, kp: 200 N/m}`", None: ""}
+"""By the joint of the core an example of a drive written in the document."""
+
 
 def joint_edge(tree: Tree, instance: Instance, joint: Joint, kind: JointKind, findings: Findings) -> JointEdge:
     """The joint at its path. Effort, velocity and armature come from the drive unless the joint states them."""
@@ -21,7 +24,7 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, kind: JointKind, fi
     path = instance.within(joint.name)
     limit, dynamics = joint.limit, joint.dynamics
     actuator: ActuatorModel | None = None
-    drive = _filled(tree, instance, joint, joint.drive, findings) if joint.drive is not None else None
+    drive = _filled(tree, instance, joint, kind, joint.drive, findings) if joint.drive is not None else None
     if drive is not None:
         place = (drive.origin or joint.origin) + instance.origin
         if limit.effort is not None and drive.effort is not None and limit.effort > drive.effort:
@@ -46,7 +49,7 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, kind: JointKind, fi
             findings.error(
                 Code.NO_GAIN, f"joint `{joint.name}` is driven to a position, and its actuator states no gain `kp`",
                 place, path=path,
-                help="state `kp` in the Thing's `Actuator`, or drive inline: `drive: {kind: position, kp: 20}`",
+                help=f"state `kp` in the Thing's `Actuator`, or drive inline: {_INLINE[kind.core]}",
                 notes=_written(tree, instance, drive),
             )
         actuator = ActuatorModel(
@@ -59,7 +62,7 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, kind: JointKind, fi
     )
 
 
-def _filled(tree: Tree, instance: Instance, joint: Joint, drive: Drive, findings: Findings) -> Drive | None:
+def _filled(tree: Tree, instance: Instance, joint: Joint, kind: JointKind, drive: Drive, findings: Findings) -> Drive | None:
     """The drive with the numbers of the Thing's actuator, what is written inline first. None where it is wrong."""
     if drive.component is None:
         return drive
@@ -69,7 +72,7 @@ def _filled(tree: Tree, instance: Instance, joint: Joint, drive: Drive, findings
     leaf = named.leaf
     actuator = leaf.record.actuator if leaf is not None and leaf.record is not None else None
     if actuator is None:
-        _no_actuator(instance, joint, drive.component.text, named, drive.component.origin + instance.origin, findings)
+        _no_actuator(instance, joint, kind, drive.component.text, named, drive.component.origin + instance.origin, findings)
         return None
     if leaf is not None and leaf.record is not None and not leaf.record.exact:
         return None
@@ -100,7 +103,7 @@ def _over(drive: Drive, actuator: Actuator) -> Drive:
 
 
 def _no_actuator(
-    instance: Instance, joint: Joint, text: str, named: Instance, origin: Origin, findings: Findings,
+    instance: Instance, joint: Joint, kind: JointKind, text: str, named: Instance, origin: Origin, findings: Findings,
 ) -> None:
     able = [
         name for name, child in instance.children.items()
@@ -122,7 +125,7 @@ def _no_actuator(
         Code.NO_ACTUATOR, f"joint `{joint.name}` is driven by `{text}`{what}", origin, path=instance.within(joint.name),
         help=(
             did_you_mean(text, able, what="components with an actuator") if able
-            else "declare `actuator = Actuator(...)` in its class, or drive inline: `drive: {kind: position, kp: 20}`"
+            else f"declare `actuator = Actuator(...)` in its class, or drive inline: {_INLINE[kind.core]}"
         ),
         notes=notes,
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from thingc.joints import continuous, fixed, prismatic, revolute
-from thingc.joints.kind import Core, JointKind, Limits
+from thingc.joints.kind import SLIDE, TURN, Core, JointKind, Limits, dimensions_of
 
 KINDS: dict[str, JointKind] = {
     module.KIND.name: module.KIND for module in (fixed, revolute, continuous, prismatic)
@@ -13,4 +13,4 @@ KINDS: dict[str, JointKind] = {
 LATER: frozenset[str] = frozenset({"cylindrical", "universal", "ball", "planar", "screw"})
 """Kinds that the language names and this version does not build yet: a diagnostic says so."""
 
-__all__ = ["KINDS", "LATER", "Core", "JointKind", "Limits"]
+__all__ = ["KINDS", "LATER", "SLIDE", "TURN", "Core", "JointKind", "Limits", "dimensions_of"]

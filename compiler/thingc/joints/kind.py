@@ -3,18 +3,48 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 from thingc.pose import Pose
-from thingc.units import Dimension
+from thingc.units import (
+    ANGLE,
+    ANGULAR_DAMPING,
+    ANGULAR_STIFFNESS,
+    ANGULAR_VELOCITY,
+    FORCE,
+    INERTIA,
+    LENGTH,
+    LINEAR_DAMPING,
+    LINEAR_STIFFNESS,
+    MASS,
+    TORQUE,
+    VELOCITY,
+    Dimension,
+)
 
 Limits = Literal["required", "optional", "none"]
 """Whether `limit.lower` and `limit.upper` must, may or must not be written."""
 
 Core = Literal["hinge", "slide"]
 """The joints every target has, along or about one axis."""
+
+TURN: Mapping[str, Dimension] = {
+    "lower": ANGLE, "upper": ANGLE, "offset": ANGLE, "kp": ANGULAR_STIFFNESS, "kv": ANGULAR_DAMPING, "effort": TORQUE,
+    "velocity": ANGULAR_VELOCITY, "damping": ANGULAR_DAMPING, "friction": TORQUE, "armature": INERTIA, "stiffness": ANGULAR_STIFFNESS,
+}
+"""The dimension of every value of a joint that turns, by its key."""
+SLIDE: Mapping[str, Dimension] = {
+    "lower": LENGTH, "upper": LENGTH, "offset": LENGTH, "kp": LINEAR_STIFFNESS, "kv": LINEAR_DAMPING, "effort": FORCE,
+    "velocity": VELOCITY, "damping": LINEAR_DAMPING, "friction": FORCE, "armature": MASS, "stiffness": LINEAR_STIFFNESS,
+}
+"""The same of one that slides."""
+
+
+def dimensions_of(coordinate: Dimension) -> Mapping[str, Dimension]:
+    """The dimension of every value of a joint with this coordinate, by key."""
+    return TURN if coordinate == ANGLE else SLIDE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

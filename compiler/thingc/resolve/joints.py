@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from thingc.diagnostics import Code, Note
-from thingc.joints import KINDS, LATER, JointKind
+from thingc.joints import KINDS, LATER, SLIDE, TURN, JointKind, dimensions_of
 from thingc.realize.record import PartDefinition
 from thingc.resolve import references
 from thingc.resolve.layers import Layers
@@ -17,34 +17,7 @@ from thingc.resolve.scope import Scope
 from thingc.resolve.table import Table
 from thingc.source import MappingNode, Path, Span, node_at
 from thingc.spec.assembly import DriveSpec, JointSpec
-from thingc.units import (
-    ANGLE,
-    ANGULAR_DAMPING,
-    ANGULAR_STIFFNESS,
-    ANGULAR_VELOCITY,
-    FORCE,
-    INERTIA,
-    LENGTH,
-    LINEAR_DAMPING,
-    LINEAR_STIFFNESS,
-    MASS,
-    NUMBER,
-    TORQUE,
-    VELOCITY,
-    Dimension,
-    Quantity,
-)
-
-_TURN = {
-    "lower": ANGLE, "upper": ANGLE, "kp": NUMBER, "kv": NUMBER,
-    "effort": TORQUE, "velocity": ANGULAR_VELOCITY, "damping": ANGULAR_DAMPING, "friction": TORQUE, "armature": INERTIA,
-    "stiffness": ANGULAR_STIFFNESS,
-}
-_SLIDE = {
-    "lower": LENGTH, "upper": LENGTH, "kp": NUMBER, "kv": NUMBER,
-    "effort": FORCE, "velocity": VELOCITY, "damping": LINEAR_DAMPING, "friction": FORCE, "armature": MASS,
-    "stiffness": LINEAR_STIFFNESS,
-}
+from thingc.units import ANGLE, LENGTH, Dimension, Quantity
 
 _ENDLESS = "; a joint that turns without end is `continuous`"
 
@@ -52,20 +25,19 @@ NO_LIMIT = Limit()
 NO_DYNAMICS = Dynamics()
 
 
-def dimensions_of(coordinate: Dimension) -> dict[str, Dimension]:
-    """The dimension of every value of a joint with this coordinate, by key."""
-    return _TURN if coordinate == ANGLE else _SLIDE
-
-
 def _said(scope: Scope, layers: Layers, key: str, coordinate: Dimension) -> tuple[Any, Path] | None:
     """What is written for a key. A default of the document that is meant for turns is none for slides, and the other way."""
     said = layers.pick(key)
     if said is not None and said[1][0] == "defaults":
-        own, other = (_TURN, _SLIDE) if coordinate == ANGLE else (_SLIDE, _TURN)
-        found = scope.value(*said)
-        if isinstance(found, Quantity) and not found.fits(own[key]) and found.fits(other[key]):
-            return None
+        return None if _of_others(scope, *said, key, coordinate) else said
     return said
+
+
+def _of_others(scope: Scope, raw: Any, path: Path, key: str, coordinate: Dimension) -> bool:
+    """Whether a value is one for turns where the joint slides, or the other way round."""
+    own, other = (TURN, SLIDE) if coordinate == ANGLE else (SLIDE, TURN)
+    found = scope.value(raw, path)
+    return isinstance(found, Quantity) and not found.fits(own[key]) and found.fits(other[key])
 
 
 def _values(
@@ -240,6 +212,10 @@ def _drive(table: Table, scope: Scope, name: str, coordinate: Dimension, layers:
         return None
     spec, path = said
     if isinstance(spec, DriveSpec):
+        if path[0] == "defaults" and any(
+            _of_others(scope, raw, (*path, key), key, coordinate) for key in ("kp", "kv") if (raw := getattr(spec, key)) is not None
+        ):
+            return None  # gains of turns are none for slides: such a drive moves nothing
         written = Layers(((spec, path),))
         values = _values(scope, name, coordinate, "drive", written, ("kp", "kv", "effort", "velocity", "armature"))
         if spec.kp is not None and values["kp"] is None:

@@ -302,10 +302,10 @@ class DriveSpec(Model):
 
     kind: Literal["position", "velocity", "motor"]
     """What is commanded: a position, a velocity, or the torque or force itself (`motor`)."""
-    kp: NumberField | None = None
-    """Position gain [N m/rad or N/m]."""
-    kv: NumberField | None = None
-    """Velocity gain [N m s/rad or N s/m]."""
+    kp: StiffnessField | None = None
+    """Position gain: torque per angle, or force per length."""
+    kv: DampingField | None = None
+    """Velocity gain: torque or force per speed."""
     effort: EffortField | None = None
     """Largest torque or force."""
     velocity: SpeedField | None = None
@@ -316,7 +316,7 @@ class DriveSpec(Model):
     @model_validator(mode="after")
     def _gain(self) -> DriveSpec:
         if self.kind == "position" and self.kp is None:
-            raise rule("a position drive needs `kp`; none is here", "write for example `kp: 20`")
+            raise rule("a position drive needs `kp`; none is here", "write for example `kp: 20 N*m/rad`")
         return self
 
 
@@ -330,7 +330,7 @@ class JointDefaults(Model):
     gap: LengthField | None = None
     """A constant distance along the parent mount's z."""
     drive: DriveSpec | ReferenceField | None = Field(
-        default=None, examples=["yaw_servo", {"kind": "position", "kp": 20, "effort": "4 N*m"}],
+        default=None, examples=["yaw_servo", {"kind": "position", "kp": "20 N*m/rad", "effort": "4 N*m"}],
     )
     """The component whose Thing is the actuator, or an actuator written here."""
 

@@ -45,6 +45,7 @@ from thingc.units import (
     parse_vector,
     scan_number,
     shortened,
+    suggested_units,
 )
 
 if TYPE_CHECKING:
@@ -292,7 +293,7 @@ def _vector(dimension: Dimension) -> Any:
                 x, y, z = (checked(part, (dimension,), value) for part in parse_vector(value))
             except UnitError as error:
                 if error.kind == "unit" and error.offset is None:
-                    meant = f"{' '.join(value.split())} {unit}"
+                    meant = f"{' '.join(value.split())} {suggested_units(dimension, value)[0]}"
                     error = UnitError(error.message, kind="unit", help=f"write for example `{meant}`")
                 raise _of_unit(error) from None
             return x, y, z

@@ -21,7 +21,8 @@ from thingc.source import Document, MappingNode, Path, ScalarNode, SequenceNode,
 from thingc.spec.assembly import AssemblySpec
 from thingc.spec.base import Model
 from thingc.spec.doubts import Doubts, Specs
-from thingc.spec.fields import decimal_point, found
+from thingc.spec.fields import decimal_point, found, read_value
+from thingc.spec.joint_values import dimension_at
 from thingc.spec.materials import MaterialsSpec
 from thingc.spec.pruning import ROUNDS, Fault, prune, take_out
 from thingc.spec.shapes import Shape, branch_of, model_keys, one_of, shape_of, spoken
@@ -359,6 +360,8 @@ class _Reporter:
     def stated(self, fault: Fault) -> None:
         """An error in words of its own: of a field, or of a rule of a model."""
         path = (*fault.path, *fault.context.get("path", ()))
+        if fault.kind == "unit":
+            fault = self.of_its_joint(fault)
         where = self.place(path, key=fault.key or fault.kind == "rule")
         offset = fault.context.get("offset")
         if offset is not None and not fault.key:
@@ -367,6 +370,16 @@ class _Reporter:
         if fault.kind in ("type", "quantity") and not help:
             help = _space_hint(fault.value)
         self.add(_KINDS[fault.kind], fault.context["message"], where, path, help)
+
+    def of_its_joint(self, fault: Fault) -> Fault:
+        """A unit that is missing, with the dimension that the joint's type gives the value."""
+        dimension = dimension_at(self.document, fault.path)
+        if dimension is not None:
+            try:
+                read_value(fault.value, (dimension,), dimension.words, dimension.example)
+            except PydanticCustomError as narrower:
+                return replace(fault, kind=narrower.type, context=dict(narrower.context or {}))
+        return fault
 
     def wrong_type(self, fault: Fault) -> None:
         shape, value = fault.shape, fault.value
