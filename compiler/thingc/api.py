@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from thingc.brief import Brief
 from thingc.diagnostics import Diagnostic, Report, as_text
 from thingc.inertia import MassProperties
 from thingc.pipeline import Compilation, Options
@@ -25,7 +26,7 @@ class CompileError(Exception):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CompiledMode:
+class CompiledMode(Brief):
     """One mode of a compiled robot. `robot` is its tree of links and joints."""
 
     robot: Robot
@@ -53,7 +54,7 @@ class CompiledMode:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Compiled:
+class Compiled(Brief):
     """A robot, compiled. `modes` in document order; `diagnostics` the warnings; `modelled` and `reused` definition texts."""
 
     name: str

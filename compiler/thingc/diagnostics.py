@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
+from thingc.brief import Brief
 from thingc.slips import Hint
 from thingc.source import Edit, Origin, Span
 
@@ -193,7 +194,7 @@ class Code(Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Note:
+class Note(Brief):
     """A second place, or more to know: "mount declared here"."""
 
     message: str
@@ -201,7 +202,7 @@ class Note:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Diagnostic:
+class Diagnostic(Brief):
     """One thing to say. `path` is the key path in the document or the path of the occurrence or joint; `detail` is
     shown only with `--debug` (the traceback of a part); `fixes` what surely mends it, for `thingc check --fix`."""
 

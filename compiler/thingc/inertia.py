@@ -7,13 +7,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
+from thingc.brief import Brief
 from thingc.pose import Matrix, Pose, Vector, multiply, transpose
 
 ZERO: Matrix = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MassProperties:
+class MassProperties(Brief):
     """Of a rigid body, in some frame: mass [kg], centre of mass [m], inertia [kg m^2] about the centre, frame axes."""
 
     mass: float

@@ -13,12 +13,12 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "compiler" / "thingc"
 
-BASE = {"source", "slips", "diagnostics", "units", "expressions", "pose", "inertia", "memo", "workspace"}
+BASE = {"brief", "source", "slips", "diagnostics", "units", "expressions", "pose", "inertia", "memo", "workspace"}
 # What each room may import of thingc, besides itself. `workspace` reads its own document with load and spec.
 ROOMS: dict[str, set[str]] = {
-    "source": set(), "slips": set(), "diagnostics": {"source", "slips"}, "units": {"diagnostics", "slips"},
+    "source": set(), "brief": {"source"}, "slips": set(), "diagnostics": {"brief", "source", "slips"}, "units": {"diagnostics", "slips"},
     "expressions": {"diagnostics", "slips", "units"},
-    "pose": set(), "inertia": {"pose"}, "memo": set(),
+    "pose": set(), "inertia": {"brief", "pose"}, "memo": set(),
     "workspace": BASE | {"load", "spec"},
     "load": BASE,
     "spec": BASE | {"load", "joints"},
@@ -30,7 +30,7 @@ ROOMS: dict[str, set[str]] = {
     "robot": BASE | {"resolve", "realize", "joints", "graph"},
     "statics": BASE | {"graph", "robot"},
     "emit": BASE | {"resolve", "realize", "joints", "graph", "robot"},
-    "modes": {"diagnostics", "slips"},  # read at run time, next to a simulation
+    "modes": {"brief", "diagnostics", "slips"},  # read at run time, next to a simulation
     "render": set(),
     "reporting": {"source", "diagnostics"},
     "layout": BASE | {"load", "spec"},

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import copy
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass
 from itertools import permutations
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,8 @@ from conformance import simulation as sim
 from conformance.conftest import ARM
 from conformance.harness import ROOT
 from conformance.harness import thingc as run
+from thingc.brief import LONGEST, Brief
+from thingc.modes import Modes
 from thingc_stock.dynamixel import XM430
 
 MODES = {"bench": "base_link", "drawing": "hand_link", "adrift": "bracket"}
@@ -300,3 +303,31 @@ def test_what_is_looked_for_is_found(models: dict[str, mujoco.MjModel], fault: s
         "dynamics_held": roots.dynamics_held(spoilt, q, "base_link", np.array([1.0, 2.0, 3.0]), source()),
     }
     assert expected == {check for check, said in found.items() if said}
+
+
+def test_whatever_hangs_on_a_compiled_robot_prints_as_one_line(compiled: thingc.Compiled) -> None:
+    bench = compiled.modes["bench"]
+    assert repr(compiled).startswith("Compiled('arm', assembly=Assembly('arm'), modes=[bench, drawing, adrift]")
+    assert repr(bench).startswith("CompiledMode('bench', robot=Robot('arm')")
+    assert repr(bench.robot).startswith("Robot('arm', mode=LinkedMode('bench'), assembly=Assembly('arm'), base='fixed'")
+
+    state = Modes.parse(bench.files["modes.json"]).read("bench", mujoco.MjData(bench.model()))
+    met: set[str] = set()
+    waiting: list[Any] = [compiled, state, Modes.parse(bench.files["modes.json"])["bench"]]
+    seen: set[int] = set()
+    while waiting:
+        value = waiting.pop()
+        if id(value) in seen:
+            continue
+        seen.add(id(value))
+        if is_dataclass(value):
+            line = repr(value)
+            assert "\n" not in line and len(line) <= (LONGEST if isinstance(value, Brief) else 300), line
+            met.add(type(value).__name__)
+            waiting += [getattr(value, one.name) for one in fields(value)]
+        elif isinstance(value, Mapping):
+            waiting += value.values()
+        elif isinstance(value, (tuple, list)):
+            waiting += value
+    assert met >= {"Compiled", "CompiledMode", "Assembly", "Robot", "Occurrence", "PartRecord", "Link", "Mate", "State", "Mode"}
+    assert repr(compiled.assembly.links[0]).startswith("Link('base_link', index=0, frame=0, members=[10 int]")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from thingc.brief import Brief
 from thingc.inertia import MassProperties
 from thingc.pose import Pose
 from thingc.realize.record import PartRecord
@@ -26,7 +27,7 @@ from thingc.source import Origin
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Definition:
+class Definition(Brief):
     """A node of the HAG. `kind` is `assembly | part | file | frame`; `text` prints it and is its identity together
     with `reference` (`module:Class`, a file or a document path in the workspace)."""
 
@@ -36,7 +37,7 @@ class Definition:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DefinitionEdge:
+class DefinitionEdge(Brief):
     """"is a subcomponent of": `child` stands in `parent` as `component`.
 
     `mounts` prints how (`back -> plate.servo_seat`), `joint` is the name of the joint that places it, if one does.
@@ -50,7 +51,7 @@ class DefinitionEdge:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Hag:
+class Hag(Brief):
     """The hierarchical assembly graph: acyclic, equal definitions one node, in the order first met (top first)."""
 
     root: str
@@ -59,7 +60,7 @@ class Hag:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MountFrame:
+class MountFrame(Brief):
     """A mount on an occurrence: its frame in the occurrence's frame."""
 
     pose: Pose
@@ -67,7 +68,7 @@ class MountFrame:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Occurrence:
+class Occurrence(Brief):
     """A leaf of the unrolled HAG: a part or a frame at a path (`hand/cap`).
 
     `index` is its place in document order; `properties` in its own frame; `mass_source` is
@@ -90,7 +91,7 @@ class Occurrence:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ActuatorModel:
+class ActuatorModel(Brief):
     """A joint's drive with defaults from the Thing's actuator filled in; SI. `effort` the force limit."""
 
     kind: str
@@ -102,7 +103,7 @@ class ActuatorModel:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JointEdge:
+class JointEdge(Brief):
     """The moving part of a mate: a joint at its path (`hand/finger`), all defaults worked out.
 
     `mimic.joint` is a joint path here. `limit.effort` and `.velocity` and `dynamics.armature` carry the drive's defaults.
@@ -119,7 +120,7 @@ class JointEdge:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mate:
+class Mate(Brief):
     """An edge of the mate graph between occurrences `parent` and `child` (indices).
 
     `X_PC(q) = X_PJ @ motion(q + offset) @ X_JC`; rigid without `joint` (motion is the identity).
@@ -139,7 +140,7 @@ class Mate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Link:
+class Link(Brief):
     """Occurrences joined rigidly: one body in every simulator.
 
     `frame` is the index of the occurrence whose frame is the link's; `poses[k]` is the pose of `members[k]` in it;
@@ -156,7 +157,7 @@ class Link:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ExportedMount:
+class ExportedMount(Brief):
     """A mount that an assembly shows, at its path (`tip`, `hand/tip`): an occurrence's mount."""
 
     path: str
@@ -166,7 +167,7 @@ class ExportedMount:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RootChoice:
+class RootChoice(Brief):
     """A mode with its references worked out to occurrences.
 
     `mount` None: a component root (its origin). `path` is the site's name: a mount by its path as the document says it
@@ -179,7 +180,7 @@ class RootChoice:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Adhesion:
+class Adhesion(Brief):
     """A magnet: a mount that pulls. `path` names it (`front_foot/sole`), `force` [N] its largest in any mode."""
 
     path: str
@@ -189,7 +190,7 @@ class Adhesion:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LinkedHold:
+class LinkedHold(Brief):
     """A hold of a mode: `mount` is mated to the world frame moved to `pose` (None: where the mode's own pose puts it)."""
 
     mount: RootChoice
@@ -198,7 +199,7 @@ class LinkedHold:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LinkedSensor:
+class LinkedSensor(Brief):
     """A sensor at its path (`leg/imu`). `kind` is `imu | force | joint | camera`; `site` the path of the mount that it sits on,
     the mount `mount` of `occurrence` (None where it measures `joint`, a joint path); `fovy` [rad] of a camera."""
 
@@ -213,7 +214,7 @@ class LinkedSensor:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LinkedMode:
+class LinkedMode(Brief):
     """A mode of the top document with its references worked out; `exclude` are pairs of link indices, `adhesion` by path.
 
     `pose` is the mode's own, the first of `poses`; `cut` the joints (by path) it wants loops cut at.
@@ -236,7 +237,7 @@ class LinkedMode:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MountAt:
+class MountAt(Brief):
     """A mount of an occurrence."""
 
     occurrence: int
@@ -244,7 +245,7 @@ class MountAt:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LinkedTest:
+class LinkedTest(Brief):
     """A test of the top document with its references worked out: mounts, and components to all occurrences that they hold."""
 
     test: Test
@@ -253,7 +254,7 @@ class LinkedTest:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Assembly:
+class Assembly(Brief):
     """The output of `link`: everything about the robot that does not depend on a root.
 
     `base` is the occurrence whose frame is the assembly's; `rest[i]` the pose of occurrence i in it at q = 0;

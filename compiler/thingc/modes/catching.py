@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from thingc.brief import Brief
 from thingc.modes.frames import Array, cross_matrix
 from thingc.modes.inertias import Inertias
 from thingc.modes.state import State
@@ -17,7 +18,7 @@ OPEN = {"weld": (), "hinge": (5,), "slide": (2,)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Caught:
+class Caught(Brief):
     """What became of a link that is held: `removed` (6,) is the twist [m/s, rad/s] that it could not keep, `impulse` (6,) what an
     inelastic catch took: linear [N s] in world axes, angular [N m s] about its frame's origin in its own axes (0 without one)."""
 

@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from thingc.brief import Brief
 from thingc.modes import mjdata, reading
 from thingc.modes.catching import Caught, caught
 from thingc.modes.faults import BaseElsewhere, BaseMoves, ModesError, UnknownMode
@@ -24,7 +25,7 @@ CHOICES = ("raise", "drop", "impact")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Switched:
+class Switched(Brief):
     """What a switch has come to.
 
     `state` is that of the new mode. `removed` (6,) is the twist [m/s, rad/s] of the new root link that a base held still could

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from thingc.brief import Brief
 from thingc.modes.faults import ModesError
 from thingc.modes.frames import Array, cross_matrix, pose, quaternion_of, turned
 from thingc.modes.inertias import Inertias
@@ -16,7 +17,7 @@ from thingc.slips import did_you_mean
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Link:
+class Link(Brief):
     """A body. `X_root_link` (4, 4) is its frame in the root link's at q = 0; `mass` [kg], `centre` (3,) [m] and `inertia` (3, 3)
     [kg m^2, about the centre] are in its own frame."""
 
@@ -28,7 +29,7 @@ class Link:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mimic:
+class Mimic(Brief):
     """A joint that follows another: q = offset + multiplier q(`joint`)."""
 
     joint: str
@@ -37,7 +38,7 @@ class Mimic:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Joint:
+class Joint(Brief):
     """A `hinge` or `slide` from link `parent` to link `child` (indices into `Mode.links`).
 
     `X_PJ` (4, 4) is its frame in the parent; `axis` (3,) is in that frame; `X_JL` (4, 4) the child in the joint's frame at
@@ -61,7 +62,7 @@ class Joint:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Hold:
+class Hold(Brief):
     """A mount `path` on `link` (an index) that the mode holds still besides its root: `X_LM` (4, 4) in the link, `X_WM` (4, 4)
     where the document holds it in the world."""
 
@@ -72,7 +73,7 @@ class Hold:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Cut:
+class Cut(Brief):
     """A joint that closes a loop and is none of this mode's tree: frames A on link `parent` (index, `X_PA`) and B on link `child`
     (`X_CB`) meet, where A has been turned about its z by q (`hinge`), slid along it (`slide`), or neither (`weld`)."""
 
@@ -85,7 +86,7 @@ class Cut:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Mode:
+class Mode(Brief):
     """A mode of a robot. `root` is the path of the site that it stands on, `base` `fixed | held | free`, `gravity` (3,) [m/s^2]
     in the world, `X_world_root` (4, 4) where the mode puts its root link; `links` root first, parents before children; `joints`
     in the order of the model; `named` the poses of the mode, q by joint path, its own first; `holds` further mounts held to the

@@ -10,6 +10,7 @@ import hashlib
 import math
 from dataclasses import dataclass, field
 
+from thingc.brief import Brief
 from thingc.pose import Matrix, Pose, Vector
 
 Value = float | int | bool | str
@@ -20,7 +21,7 @@ WHOLE = frozenset({"count", "integer"})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ParameterSchema:
+class ParameterSchema(Brief):
     """One argument of a part's `__init__`.
 
     `kind` is `length | angle | mass | ratio | number` (floats; SI), `count | integer` (int), `flag` (bool), `text` or
@@ -38,7 +39,7 @@ class ParameterSchema:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PartSchema:
+class PartSchema(Brief):
     """What `module:Class` takes. `kind` is `thing | shape | function`; `file`, `line` are where it is written."""
 
     reference: str
@@ -52,7 +53,7 @@ class PartSchema:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PartDefinition:
+class PartDefinition(Brief):
     """A part class with its complete canonical parameters: equal definitions are one node of the HAG.
 
     `reference` is `module:Class`, or for a part of a file its path in the workspace (`kind` says which:
@@ -86,7 +87,7 @@ def definition_text(reference: str, parameters: dict[str, Value], defaults: dict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MountRecord:
+class MountRecord(Brief):
     """A mount of a part: its frame in the part's frame, z out of the material."""
 
     pose: Pose
@@ -95,7 +96,7 @@ class MountRecord:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Expectation:
+class Expectation(Brief):
     """`mount` was cut for the part `text` (a definition text) sitting on it with its mount `child_mount`."""
 
     mount: str
@@ -104,7 +105,7 @@ class Expectation:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stated:
+class Stated(Brief):
     """A number (or three, or a matrix) that a Thing states, and its source (`measured | vendor | estimated | stated`)."""
 
     value: float | Vector | Matrix
@@ -112,7 +113,7 @@ class Stated:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Actuator:
+class Actuator(Brief):
     """A Thing's actuator in SI; `sources` says where a number came from, by field name."""
 
     kind: str
@@ -131,7 +132,7 @@ class Actuator:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Primitive:
+class Primitive(Brief):
     """A box, cylinder, capsule or sphere. `size` as MuJoCo's: box half sizes; cylinder and capsule radius, half
     length (of the straight part) along z; sphere radius [m]. `pose` is in the part's frame."""
 
@@ -160,7 +161,7 @@ class Primitive:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mesh:
+class Mesh(Brief):
     """A mesh file in the store by content. `closed` and `flat` say whether simulators can take it as a solid."""
 
     sha256: str
@@ -172,7 +173,7 @@ class Mesh:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PartWarning:
+class PartWarning(Brief):
     """Something the part's author should know, and the line of the part file where there is one."""
 
     message: str
@@ -181,7 +182,7 @@ class PartWarning:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PartRecord:
+class PartRecord(Brief):
     """Everything the passes know of a part. All lengths in metres, in the part's own frame.
 
     `volume` [m^3], `area` [m^2], `centre` [m] and `inertia` [m^5, at density 1, about the centre] are exact integrals
@@ -221,7 +222,7 @@ class PartRecord:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PartFailure:
+class PartFailure(Brief):
     """Why a part could not be described or modelled.
 
     `kind` is `refused | missing | raised | hung | crashed | empty | invalid | stale | unlocked`; `message` the exception's words;
@@ -239,7 +240,7 @@ class PartFailure:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Placed:
+class Placed(Brief):
     """One instance in a STEP assembly: its name, B-rep, pose and colour (`#rrggbb`); groups nest by `/` in the name."""
 
     path: str
@@ -250,7 +251,7 @@ class Placed:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StoredFile:
+class StoredFile(Brief):
     """A file in the store by content: what `assemble` answers with."""
 
     sha256: str

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from thingc.brief import Brief
 from thingc.pose import Pose, Vector
 from thingc.realize.record import PartDefinition, Value
 from thingc.source import Origin, Span
@@ -22,7 +23,7 @@ COUNTED = "the reference is repeated this often"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reference:
+class Reference(Brief):
     """`hand.cap.pen`: `path` the component names from this document down, `mount` the last word.
 
     `mount` None means the component itself (`links`, `drive`, a mode's root). A mount may be one that a nested
@@ -42,7 +43,7 @@ class Reference:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Process:
+class Process(Brief):
     """How a part is made, for the infill model. `kind` such as `fdm`; widths and layer [m]; infill 0..1."""
 
     kind: str | None = None
@@ -55,7 +56,7 @@ class Process:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Material:
+class Material(Brief):
     """A material in scope. `density` [kg/m^3]; `color` `#rrggbb` or `#rrggbbaa`; `slide` the sliding friction (torsional and
     rolling likewise); `process_origin` is where its `process` is written, empty where it has none."""
 
@@ -71,7 +72,7 @@ class Material:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StatedValue:
+class StatedValue(Brief):
     """A number a document states (mass [kg], com [m], inertia [kg m^2] as ixx iyy izz ixy ixz iyz), its source and place."""
 
     value: tuple[float, ...]
@@ -80,7 +81,7 @@ class StatedValue:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ExtraMount:
+class ExtraMount(Brief):
     """A mount that the document adds to a component."""
 
     pose: Pose
@@ -89,7 +90,7 @@ class ExtraMount:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Overrides:
+class Overrides(Brief):
     """What a document says about one component on top of what its part says. None: not said."""
 
     mass: StatedValue | None = None
@@ -102,7 +103,7 @@ class Overrides:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BomEntry:
+class BomEntry(Brief):
     """Of the bill of materials. `make` is `buy | print | machine`; `cost` as written (`12.50 EUR`)."""
 
     number: str | None = None
@@ -112,7 +113,7 @@ class BomEntry:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Attach:
+class Attach(Brief):
     """The rigid mate: this component's `mount` onto `to`; `turn` [rad] and `gap` [m] along the other mount's z.
 
     `mount` is a reference whose path starts with this component's own name.
@@ -126,7 +127,7 @@ class Attach:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class At:
+class At(Brief):
     """Plain placement: this component's frame at `pose` in the frame `to`."""
 
     to: Reference
@@ -135,7 +136,7 @@ class At:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Component:
+class Component(Brief):
     """A node placed in an assembly.
 
     Exactly one of: `definition` a part, `definition` a nested assembly, or `frame` True. `definition` None without
@@ -156,7 +157,7 @@ class Component:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Limit:
+class Limit(Brief):
     """Of a joint: `lower`, `upper` [rad or m]; `effort` [N m or N] and `velocity` [rad/s or m/s] as far as written."""
 
     lower: float | None = None
@@ -166,7 +167,7 @@ class Limit:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Dynamics:
+class Dynamics(Brief):
     """Of a joint, SI, as far as written: viscous `damping`, dry `friction`, reflected inertia `armature`, `stiffness`."""
 
     damping: float | None = None
@@ -176,7 +177,7 @@ class Dynamics:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drive:
+class Drive(Brief):
     """What moves a joint: `component` whose Thing declares an actuator, or an inline one (`component` None)."""
 
     component: Reference | None
@@ -190,7 +191,7 @@ class Drive:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mimic:
+class Mimic(Brief):
     """q = multiplier * q(joint) + offset, SI; `joint` is a joint of the same document."""
 
     joint: str
@@ -200,7 +201,7 @@ class Mimic:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Joint:
+class Joint(Brief):
     """An edge that moves (or a `fixed` one): it places the component that `child` belongs to, unless it closes a `loop`.
 
     `spans` gives places within the joint by dotted key (`limit.lower`), for diagnostics.
@@ -223,7 +224,7 @@ class Joint:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LinkName:
+class LinkName(Brief):
     """`links: {base_link: plate}`: names a link and picks its frame."""
 
     name: str
@@ -232,7 +233,7 @@ class LinkName:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class NamedPose:
+class NamedPose(Brief):
     """A pose with its globs and nested poses worked out: joint path (`hand/finger`) to q [rad or m], and where each
     value was written. Joints not named are at 0."""
 
@@ -243,7 +244,7 @@ class NamedPose:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sensor:
+class Sensor(Brief):
     """What a robot measures. `kind` is `imu | force | joint | camera`; the first two and a camera sit on `mount`; `joint` is
     the path of the joint that is measured (`leg/knee`); `fovy` [rad] the angle of view of a camera from bottom to top."""
 
@@ -256,7 +257,7 @@ class Sensor:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Hold:
+class Hold(Brief):
     """A further mount that a mode holds to the world: mated to the world frame moved to `pose`, as a root is mated to `at`.
 
     `pose` None: `here`, where the mode's own pose puts it. `mount.mount` None: a component, whose origin lies on `pose`.
@@ -268,7 +269,7 @@ class Hold:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Cut:
+class Cut(Brief):
     """A joint (its path) at which a mode wants a loop to be cut."""
 
     joint: str
@@ -276,7 +277,7 @@ class Cut:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mode:
+class Mode(Brief):
     """One simulation model. `extends` has been merged. `root.mount` None: a component root.
 
     `at` is the world side's pose; `gravity` [m/s^2] in the world frame; `poses` in keyframe order, the mode's own
@@ -300,7 +301,7 @@ class Mode:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RawAttribute:
+class RawAttribute(Brief):
     """`raw: {mjcf: {joint: {yaw: {solreflimit: 0.01 1}}}}`: the target, the keys on the way, and the value as text.
 
     For that example `target` is `mjcf`, `path` `("joint", "yaw", "solreflimit")`; origin is the value's place, `keys` are
@@ -315,7 +316,7 @@ class RawAttribute:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AssemblyDefinition:
+class AssemblyDefinition(Brief):
     """A document with its parameters worked out: equal definitions are one node of the HAG.
 
     `document` is its path in the workspace, `parameters` the complete canonical ones; `text` prints those that differ

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from thingc.brief import Brief
 from thingc.pose import Vector
 from thingc.resolve.model import Reference
 from thingc.source import Origin, Span
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MassCheck:
+class MassCheck(Brief):
     """The mass [kg] of components (none named: of the robot) within bounds."""
 
     of: tuple[Reference, ...]
@@ -19,7 +20,7 @@ class MassCheck:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CentreCheck:
+class CentreCheck(Brief):
     """The centre of mass of components (none named: of the robot) in a box: `box["x"]` is (smallest, largest) [m]."""
 
     of: tuple[Reference, ...]
@@ -28,7 +29,7 @@ class CentreCheck:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ReachCheck:
+class ReachCheck(Brief):
     """The greatest distance [m] of the mounts `of` and `base` over the ranges of all joints within bounds."""
 
     of: Reference
@@ -38,7 +39,7 @@ class ReachCheck:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PointCheck:
+class PointCheck(Brief):
     """`mount` comes `within` [m] of `point` [m]; with a `direction` (a unit vector) its z is off it by at most `angle` [rad]."""
 
     mount: Reference
@@ -50,7 +51,7 @@ class PointCheck:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JointRange:
+class JointRange(Brief):
     """A joint (its path) to move from `lower` to `upper` [rad or m]."""
 
     joint: str
@@ -59,7 +60,7 @@ class JointRange:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Allowance:
+class Allowance(Brief):
     """A pair that may touch: every component of `one` and every component of `other`. `text` names it for people."""
 
     one: tuple[Reference, ...]
@@ -70,7 +71,7 @@ class Allowance:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CollisionCheck:
+class CollisionCheck(Brief):
     """No components of links that move against each other overlap, or are nearer than `clearance` [m]; with `ranges` at
     `samples` positions of them."""
 
@@ -81,7 +82,7 @@ class CollisionCheck:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TorqueCheck:
+class TorqueCheck(Brief):
     """The effort limits of the drives of `joints` (paths) are at least `minimum` times the static effort."""
 
     joints: tuple[str, ...]
@@ -89,7 +90,7 @@ class TorqueCheck:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SettleCheck:
+class SettleCheck(Brief):
     """In simulation every point of every link is, from `within` [s] on for `hold` [s], nearer than `drift` [m] to where it ends;
     at most `moved` [m] from the pose, with contacts at most `penetration` [m] deep (None: any)."""
 
@@ -105,7 +106,7 @@ Check = MassCheck | CentreCheck | ReachCheck | PointCheck | CollisionCheck | Tor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Test:
+class Test(Brief):
     """A test of a document, to be run in each of its `modes` (none: it does not depend on the mode) and `poses`.
 
     `kind` is the key in the document. In `poses` None is where the mode starts; `every_pose` asks for all keyframes of the mode,

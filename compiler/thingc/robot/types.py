@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from thingc.brief import Brief
 from thingc.graph.types import ActuatorModel, Assembly, JointEdge, LinkedMode
 from thingc.pose import Pose, Vector
 from thingc.resolve.model import Dynamics, Limit, Mimic
@@ -12,7 +13,7 @@ from thingc.source import Origin
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CoreJoint:
+class CoreJoint(Brief):
     """A joint lowered to the core, as the tree crosses it: child link relative to its tree parent.
 
     `kind` is `hinge | slide`. `axis` (unit) and `anchor` [m] are in the child link's frame, the same at every q of the
@@ -35,7 +36,7 @@ class CoreJoint:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Body:
+class Body(Brief):
     """A link in the tree. `parent` is an index into `Robot.bodies` (None: the world); `X_PL` the pose of its frame in the
     parent link's frame at q = 0 (of the root: in the world, as the mode's `at` puts it). `joint` is None for the root."""
 
@@ -46,7 +47,7 @@ class Body:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Site:
+class Site(Brief):
     """A named frame on a link: `path`, the body's index, and its pose in the link's frame."""
 
     path: str
@@ -56,7 +57,7 @@ class Site:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Closure:
+class Closure(Brief):
     """A loop that the tree leaves open: body `parent` (None: the world) and body `child` meet. With A a frame on the parent and
     B one on the child, it is closed where
 
@@ -84,7 +85,7 @@ def residual_words(residual: tuple[float, float]) -> str:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Keyframe:
+class Keyframe(Brief):
     """A pose of this mode: q of every joint by path [rad or m], those that mimic included, and those that were cut.
 
     In a mode with closures it is the named pose with the loops closed: `moved` says by how much [rad or m] each joint had to
@@ -102,7 +103,7 @@ class Keyframe:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Unclosed:
+class Unclosed(Brief):
     """A pose that the mode has no keyframe for, because its loops do not close from there within the limits of the joints:
     `path` names the closure that stays open most, `residual` how far [m, rad] at best. Or they do close, but so far from the
     pose that it would be another: then `moved` is that of the keyframe it would have been."""
@@ -115,7 +116,7 @@ class Unclosed:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Robot:
+class Robot(Brief):
     """One mode. `bodies` in depth-first order, root first, parents before children, children in document order.
 
     `base` is `fixed | held | free`; `excluded` pairs of body indices (neighbours through a joint, the same links in

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, overload
 
+from thingc.brief import Brief
 from thingc.diagnostics import shown_path
 from thingc.slips import did_you_mean
 from thingc.variants import places
@@ -60,7 +61,7 @@ Where = Callable[["BuiltVariant"], bool] | Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class BuiltVariant:
+class BuiltVariant(Brief):
     """A variant that has been built. `index` is its place in the plan, `settings` its parameters (SI) and choices by name,
     `results` its row of the table by column (absent where the table is empty), `folder` what `thingc build` would have written."""
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+from thingc.brief import Brief
 from thingc.diagnostics import Diagnostic, Report, as_text
 from thingc.expressions import Expression, ExpressionError, evaluate
 from thingc.pipeline import Options
@@ -39,7 +40,7 @@ class PlanError(Exception):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Variant:
+class Variant(Brief):
     """One member of the family. `index` is its place in the plan, `id` 12 hex of the SHA-256 of its settings.
 
     `parameters` and `choices` are the settings as `thingc build -p` and `--set` take them (without those that say what the
@@ -65,7 +66,7 @@ class Setting:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plan:
+class Plan(Brief):
     """The variants of a document, in their order; iterating makes them one by one, the same each time.
 
     `document` and `assembly` are absolute paths, `relative` and `assembly_relative` those in the workspace, `sha256` is of

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from thingc.brief import Brief
 from thingc.diagnostics import Diagnostic
 
 
@@ -19,7 +20,7 @@ class Interrupted(Exception):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Progress:
+class Progress(Brief):
     """How far a batch is. `before` are the variants that an earlier run has done; `rate` variants per second of this one."""
 
     count: int
@@ -39,7 +40,7 @@ class Progress:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Summary:
+class Summary(Brief):
     """What came of a batch: how many variants have each status (those of earlier runs included), parts that were modelled in this
     run, and how long it took [s]. `duplicates` were asked for more than once; `notes` are the warnings about the documents."""
 
