@@ -139,6 +139,8 @@ class Code(Enum):
     HOLD = ("TC603", "hold of what stands still", "Hold mounts of links that move in the mode, each once.")
     UNCLOSED = ("TC604", "loop that does not close", "Move the hold, widen the limits of the joints, or start from another pose.")
     CUT = ("TC605", "cut of no loop", "Name joints of a loop under `cut`, one for each loop.")
+    HEIGHT = ("TC606", "a height that is said twice", "Let `on: floor` say how high the robot is, or write it; not both.")
+    NOTHING_TOUCHES = ("TC607", "nothing that could touch the floor", "Give a part a `collision` shape, or write where the root is.")
     # --- TC65x: tests of the document (thingc test) ----------------------------------------------------------------
     TEST_MASS = ("TC651", "mass outside its bounds", "Change what weighs too much or too little, or the bound.")
     TEST_CENTRE = ("TC652", "centre of mass outside its box", "Move what is heavy, or widen the box.")

@@ -10,6 +10,7 @@ import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from thingc.diagnostics import Code, Report, Severity, shown_path
@@ -304,10 +305,25 @@ class Compilation:
         """Every pass up to `root`, for the modes named (none: all). Bad input ends in `report`; raises `UnknownChoice`.
 
         `kinds` are the kinds of document that are welcome; one of materials is only looked through, one of variants not at all.
+        What turns out to be damaged in the store is made anew; only with a `front` that was given that is left to whoever gave it
+        (`BlobMissing`).
         """
+        from thingc.realize.store import BlobMissing
+
+        try:
+            self._run(modes, kinds)
+        except BlobMissing:
+            if self._lent:
+                raise
+            self.front.__exit__(None, None, None)
+            self.front = Front(self.document, self.options)
+            self._run(modes, kinds)
+
+    def _run(self, modes: Sequence[str], kinds: Sequence[str]) -> None:
         from thingc.graph import link
+        from thingc.realize.outline import outline
         from thingc.resolve import part_definitions, resolve, resolve_materials
-        from thingc.robot import root
+        from thingc.robot import root, stand
 
         front = self.front
         front.read(kinds)
@@ -328,9 +344,10 @@ class Compilation:
         records = front.parts.realize(part_definitions(model), convex=_decomposed(model))
         self.decisions = front.parts.decisions
         front.say_gaps(report)
-        self.assembly = link(model, records, report, front.memo)
-        if self.assembly is None:
+        linked = link(model, records, report, front.memo)
+        if linked is None:
             return
+        self.assembly = stand(linked, None if self.options.lock else partial(outline, self.store), report, front.memo)
         robots = [root(self.assembly, mode, report, front.memo) for mode in self.assembly.modes if not modes or mode.name in modes]
         self.robots = tuple(robot for robot in robots if robot is not None)
 

@@ -78,10 +78,11 @@ def as_data(assembly: Assembly, robots: tuple[Robot, ...]) -> dict[str, object]:
 
 
 def mode_data(robot: Robot) -> dict[str, object]:
-    """Of one mode: root, base, and the names of its links and joints, root first."""
+    """Of one mode: root, base, where it puts the root link, and the names of its links and joints, root first."""
     return {
         "root": robot.mode.root.path,
         "base": robot.base,
+        "X_world_root": [list(row) for row in robot.bodies[0].X_PL.rows()],
         "links": [robot.assembly.links[body.link].name for body in robot.bodies],
         "joints": [body.joint.path for body in robot.bodies if body.joint is not None],
     }
@@ -114,7 +115,8 @@ def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> str:
     for robot in robots:
         data = mode_data(robot)
         lines.append("")
-        lines.append(f"mode {robot.mode.name}: root {data['root']}, base {robot.base}")
+        stands = f", on the floor with its root at {_millimetres(robot.mode.at.translation)}" if robot.mode.on_floor else ""
+        lines.append(f"mode {robot.mode.name}: root {data['root']}, base {robot.base}{stands}")
         for body in robot.bodies:
             name = assembly.links[body.link].name
             if body.joint is None or body.parent is None:
@@ -168,6 +170,10 @@ def _axis(v: tuple[float, float, float]) -> str:
         if abs(abs(v[k]) - 1.0) < 1e-9:
             return f"{'+' if v[k] > 0 else '-'}{name}"
     return "(" + " ".join(f"{x:.3f}" for x in v) + ")"
+
+
+def _millimetres(place: tuple[float, float, float]) -> str:
+    return " ".join(f"{round(1000.0 * x, 4) + 0.0:g}" for x in place) + " mm"
 
 
 def _grams(mass: float) -> str:

@@ -12,12 +12,21 @@ from thingc.emit.artifact import Loss, Stored
 from thingc.graph.types import Assembly, Occurrence
 from thingc.memo import Memo
 from thingc.pose import NO_POSE, Pose
-from thingc.realize.record import Mesh, PartDefinition, PartRecord, Primitive
+from thingc.realize.record import Mesh, PartDefinition, Primitive
 from thingc.resolve.model import Material
 from thingc.source import Origin
 
 STL_FACES = 200_000
 """The most faces that MuJoCo reads from an STL file (`stl_decoder`); it has no such bound for OBJ."""
+
+ABSENT = {
+    "decompose": "there is no convex decomposition of it", "part": "its Thing has no `collision()`", "hull": "it has no hull",
+    "mesh": "it has no mesh",
+}
+"""Why there is no shape, by what `collision` chose."""
+
+PIECES = {"decompose": "convex"}
+"""What the files of pieces are called where that is not what `collision` chose."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,46 +115,30 @@ class _Collector:
         if record is not None and record.meshes and isinstance(definition, PartDefinition):
             visual = record.meshes.get("visual") if occurrence.overrides.visual else None
             drawn = self.mesh(occurrence, definition.stem, "", "obj", visual) if visual is not None else None
-            touching = self.collision(occurrence, definition.stem, record)
+            touching = self.collision(occurrence, definition.stem)
         return Shapes(
             path=occurrence.path, origin=occurrence.origin, material=occurrence.material, color=occurrence.color, visual=drawn,
             collision=touching,
         )
 
-    def collision(self, occurrence: Occurrence, stem: str, record: PartRecord) -> tuple[Shape, ...]:
-        """What `collision:` chose for an occurrence."""
+    def collision(self, occurrence: Occurrence, stem: str) -> tuple[Shape, ...]:
+        """What `collision:` chose for an occurrence: one shape per piece that can collide."""
         choice = occurrence.overrides.collision
         if choice == "none":
             return ()
-        if choice in ("box", "cylinder", "capsule", "sphere"):
-            fit = record.fits.get(choice)
-            if fit is None:
-                return self.missing(occurrence, f"no {choice} could be fitted to it")
-            if min(fit.size) <= 0.0:
-                return self.flat(occurrence, f"the {choice} that encloses it has no volume")
-            return (_primitive(fit),)
-        if choice == "decompose":
-            return self.pieces(occurrence, stem, "convex", record.convex, "there is no convex decomposition of it")
-        if choice == "part":
-            return self.pieces(occurrence, stem, "part", record.pieces, "its Thing has no `collision()`")
-        mesh = record.meshes.get(choice)
-        if mesh is None:
-            return self.missing(occurrence, f"it has no {choice}")
+        pieces = occurrence.touching
+        if not pieces:
+            return self.missing(occurrence, ABSENT.get(choice, f"no {choice} could be fitted to it"))
         if choice == "mesh":
             self.lose(occurrence, "its collision mesh: MuJoCo touches the convex hull of a mesh", "approximated")
-        return self.pieces(occurrence, stem, choice, (mesh,), "")
-
-    def pieces(
-        self, occurrence: Occurrence, stem: str, kind: str, pieces: tuple[Mesh | Primitive, ...], absent: str
-    ) -> tuple[Shape, ...]:
-        """One shape per piece that can collide."""
-        if not pieces:
-            return self.missing(occurrence, absent)
         shapes: list[Shape] = []
         for index, piece in enumerate(pieces):
-            suffix = f"_{kind}" if kind in ("hull", "mesh") else f"_{kind}_{index}"
+            suffix = f"_{choice}" if choice in ("hull", "mesh") else f"_{PIECES.get(choice, choice)}_{index}"
             if isinstance(piece, Primitive):
-                shapes.append(_primitive(piece))
+                if min(piece.size) > 0.0:
+                    shapes.append(_primitive(piece))
+                else:
+                    self.flat(occurrence, f"the {choice} that encloses it has no volume")
             elif piece.flat:
                 self.flat(occurrence, "the points of its collision mesh lie in one plane")
             elif piece.faces > STL_FACES:

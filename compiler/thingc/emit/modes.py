@@ -49,7 +49,8 @@ def describe(robot: Robot, memo: Memo | None = None) -> dict[str, object]:
       the addresses in `MjData.qpos` and `.qvel`, behind a free base's 7 and 6;
     - `holds` further mounts held to the world, by their paths: `link` that carries the mount, `X_LM` the mount in it, `X_WM`
       where it is held;
-    - `poses` q by joint path, the mode's own pose first;
+    - `poses` q by joint path, the mode's own pose first; only where there are such, `bases`, `X_world_root` of the poses in which
+      a free base stands elsewhere;
     - only where there are loops `cuts`, the joints that close them (no joints of this model): `X_PA` and `X_CB` are the frames
       that meet, A on the parent moving by q about or along its z; and `residuals`, how far [m, rad] the worst loop is from
       closed in each pose.
@@ -77,6 +78,8 @@ def describe(robot: Robot, memo: Memo | None = None) -> dict[str, object]:
         positions, velocities = WIDTHS[joint.kind]
         qpos, dof = qpos + positions, dof + velocities
     order += [closure.path for closure in robot.closures if closure.joint is not None]
+    placed = ((frame.name, frame.base) for frame in robot.keyframes)
+    bases = {name: base.rows() for name, base in placed if base is not None and base != robot.bodies[0].X_PL}
     return {
         "root": robot.mode.root.path,
         "base": robot.base,
@@ -90,6 +93,7 @@ def describe(robot: Robot, memo: Memo | None = None) -> dict[str, object]:
             if closure.hold
         },
         "poses": {frame.name: {name: frame.q[name] for name in order} for frame in robot.keyframes},
+        **({"bases": bases} if bases else {}),
         **(_loops(robot, names) if robot.closures else {}),
     }
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from thingc.brief import Brief
 from thingc.inertia import MassProperties
 from thingc.pose import Pose
-from thingc.realize.record import PartRecord
+from thingc.realize.record import Mesh, PartRecord, Primitive
 from thingc.resolve.model import (
     AssemblyDefinition,
     BomEntry,
@@ -88,6 +88,20 @@ class Occurrence(Brief):
     mass_source: str
     mounts: dict[str, MountFrame]
     origin: Origin
+
+    @property
+    def touching(self) -> tuple[Mesh | Primitive, ...]:
+        """The shapes that simulators collide, in its own frame, as its `collision` chooses: of a mesh the convex hull. Empty for
+        `none`, without geometry, and where there is no such shape of the part."""
+        record, choice = self.record, self.overrides.collision
+        if record is None or not record.meshes:
+            return ()
+        if choice == "part":
+            return record.pieces
+        if choice == "decompose":
+            return record.convex
+        shape = record.fits.get(choice) or record.meshes.get(choice)
+        return () if shape is None else (shape,)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -217,7 +231,8 @@ class LinkedSensor(Brief):
 class LinkedMode(Brief):
     """A mode of the top document with its references worked out; `exclude` are pairs of link indices, `adhesion` by path.
 
-    `pose` is the mode's own, the first of `poses`; `cut` the joints (by path) it wants loops cut at.
+    `pose` is the mode's own, the first of `poses`; `cut` the joints (by path) it wants loops cut at. Of a mode that is `on_floor` the
+    height of `at` is 0 until the pass `stand` has found it, which then says in `at_in` where `at` is in each of its poses.
     """
 
     name: str
@@ -234,6 +249,8 @@ class LinkedMode(Brief):
     pose: str | None = None
     holds: tuple[LinkedHold, ...] = ()
     cut: tuple[Cut, ...] = ()
+    on_floor: bool = False
+    at_in: dict[str, Pose] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -71,6 +71,7 @@ def _mode(name: str, described: Mapping[str, Any]) -> Mode:
             )
             for cut in described.get("cuts", ())
         ),
+        bases=MappingProxyType({pose: _array(rows, 4, 4) for pose, rows in described.get("bases", {}).items()}),
     )
 
 

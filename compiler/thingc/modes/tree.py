@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -90,7 +90,7 @@ class Mode(Brief):
     """A mode of a robot. `root` is the path of the site that it stands on, `base` `fixed | held | free`, `gravity` (3,) [m/s^2]
     in the world, `X_world_root` (4, 4) where the mode puts its root link; `links` root first, parents before children; `joints`
     in the order of the model; `named` the poses of the mode, q by joint path, its own first; `holds` further mounts held to the
-    world; `cuts` the joints that close loops."""
+    world; `cuts` the joints that close loops; `bases` where a free root link stands in the poses in which that is elsewhere."""
 
     name: str
     root: str
@@ -102,6 +102,7 @@ class Mode(Brief):
     named: Mapping[str, Mapping[str, float]]
     holds: tuple[Hold, ...] = ()
     cuts: tuple[Cut, ...] = ()
+    bases: Mapping[str, Array] = field(default_factory=dict)
 
     @property
     def root_link(self) -> str:
@@ -137,7 +138,7 @@ class Mode(Brief):
             self._index(path)
         return State(
             mode=self.name,
-            base_pose=np.asarray(self.X_world_root if base_pose is None else base_pose, dtype=float),
+            base_pose=np.asarray(self.bases.get(named or "", self.X_world_root) if base_pose is None else base_pose, dtype=float),
             base_twist=np.asarray(np.zeros(6) if base_twist is None else base_twist, dtype=float),
             q={joint.name: (q or {}).get(joint.name, start.get(joint.name, 0.0)) for joint in self.joints},
             v={joint.name: (v or {}).get(joint.name, 0.0) for joint in self.joints},

@@ -280,8 +280,9 @@ class Cut(Brief):
 class Mode(Brief):
     """One simulation model. `extends` has been merged. `root.mount` None: a component root.
 
-    `at` is the world side's pose; `gravity` [m/s^2] in the world frame; `poses` in keyframe order, the mode's own
-    `pose` first; `actuators` joint paths, None for all; `exclude` pairs of component references; `adhesion` [N] per mount.
+    `at` is the world side's pose, of a mode that is `on_floor` but for its height, which is 0 here; `gravity` [m/s^2] in the world
+    frame; `poses` in keyframe order, the mode's own `pose` first; `actuators` joint paths, None for all; `exclude` pairs of component
+    references; `adhesion` [N] per mount.
     """
 
     name: str
@@ -298,6 +299,7 @@ class Mode(Brief):
     origin: Origin
     holds: tuple[Hold, ...] = ()
     cut: tuple[Cut, ...] = ()
+    on_floor: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

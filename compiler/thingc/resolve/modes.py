@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from fnmatch import fnmatchcase
 from itertools import product
 
@@ -11,14 +12,14 @@ from thingc.pose import NO_POSE, Pose, Vector
 from thingc.resolve import references
 from thingc.resolve.layers import Layers
 from thingc.resolve.loops import cuts, holds
-from thingc.resolve.model import Mode, Reference
+from thingc.resolve.model import Hold, Mode, Reference
 from thingc.resolve.references import GLOB, suggested
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Table
 from thingc.slips import MAX_CIRCLE, circle_words
 from thingc.source import Path
 from thingc.spec.assembly import ModeSpec
-from thingc.units import ACCELERATION, FORCE, NUMBER, TIME
+from thingc.units import ACCELERATION, FORCE, LENGTH, NUMBER, TIME, Quantity
 
 MAX_EXTENDED = 20
 MAX_EXCLUDED = 100_000
@@ -115,7 +116,7 @@ def _mode(table: Table, scope: Scope, name: str, layers: Layers | None) -> Mode 
         if base[1][1] == name:
             scope.error(Code.NOT_YET, f"a `{kind}` base is not built yet", base[1], help="use `fixed`, `held` or `free` for now")
         kind = "free"
-    at = _at(scope, layers)
+    at, on_floor = _at(scope, name, layers)
     gravity = _gravity(scope, layers)
     pose = _pose(table, scope, layers)
     poses = _poses(table, scope, layers)
@@ -125,6 +126,8 @@ def _mode(table: Table, scope: Scope, name: str, layers: Layers | None) -> Mode 
     adhesion = _adhesion(table, scope, contacts)
     stepped = simulation(scope, layers.sub("simulation"))
     held, cut = holds(table, scope, layers), cuts(table, scope, layers)
+    if on_floor:
+        _check_holds_on_floor(scope, name, layers, held)
     root = layers.pick("root")
     if root is None:
         if any(scope.doubts.touch(path) for _, path in layers.items):
@@ -141,16 +144,44 @@ def _mode(table: Table, scope: Scope, name: str, layers: Layers | None) -> Mode 
         name=name, root=reference, base=kind, at=at, gravity=gravity, pose=pose,
         poses=((pose,) if pose else ()) + tuple(one for one in poses if one != pose), actuators=actuators, exclude=exclude,
         adhesion=adhesion, simulation=stepped, origin=scope.origin(("modes", name), key=True), holds=held, cut=cut,
+        on_floor=on_floor,
     )
 
 
-def _at(scope: Scope, layers: Layers) -> Pose:
+def _at(scope: Scope, name: str, layers: Layers) -> tuple[Pose, bool]:
+    """The world side of the root, and whether its height is left to the floor: `on: floor`, unless a nearer `xyz` has a height."""
     at = layers.sub("at")
     if not at:
-        return NO_POSE
+        return NO_POSE, False
     zero = ((0, 0, 0), ())
-    xyz, rpy = at.pick("xyz") or zero, at.pick("rpy") or zero
-    return scope.pose(*xyz, *rpy) or NO_POSE
+    on, xyz, rpy = at.pick("on"), at.pick("xyz") or zero, at.pick("rpy") or zero
+    pose = scope.pose(*xyz, *rpy) or NO_POSE
+    if on is None:
+        return pose, False
+    x, y, z = pose.translation
+    order = [path for _, path in at.items]
+    own, other = order.index(on[1][:-1]), order.index(xyz[1][:-1]) if xyz is not zero else len(order)
+    if z != 0.0 and other < own:
+        return pose, False
+    if z != 0.0 and other == own:
+        scope.error(
+            Code.HEIGHT, f"mode `{name}` is `on: floor` and {Quantity(z, LENGTH)} above it: both say how high it is", (*xyz[1], 2),
+            help="write `0` for z, or take `on` out",
+        )
+    return replace(pose, translation=(x, y, 0.0)), True
+
+
+def _check_holds_on_floor(scope: Scope, name: str, layers: Layers, held: Sequence[Hold]) -> None:
+    """A hold at a place says how high the robot is, too."""
+    on = layers.sub("at").pick("on")
+    for hold in held:
+        if hold.pose is not None and on is not None:
+            mount = ".".join((*hold.mount.path, *((hold.mount.mount,) if hold.mount.mount else ())))
+            scope.error(
+                Code.HEIGHT, f"mode `{name}` is `on: floor` and holds `{mount}` at a place: both say how high it is",
+                ("modes", name, "hold"), span=hold.origin[0], help=f"write `{mount}: here`, or a height in `at`",
+                notes=[Note(message="`on: floor` is written here", span=scope.span(on[1]))],
+            )
 
 
 def _gravity(scope: Scope, layers: Layers) -> Vector:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
 
 from thingc.diagnostics import Code, Note, Report
 from thingc.graph import coordinates, joints_of, on_loops
@@ -12,7 +13,7 @@ from thingc.pose import MATE, NO_POSE, Pose
 from thingc.resolve.model import NamedPose
 from thingc.robot.closure import Loops, Solution, State
 from thingc.robot.kinematics import placed_bodies
-from thingc.robot.tree import bodies_from, cut_closures, in_link, placing
+from thingc.robot.tree import bodies_from, cut_closures, in_link, placing, root_pose
 from thingc.robot.types import Body, Closure, Keyframe, Unclosed, residual_words
 
 MET = 1e-12
@@ -85,11 +86,14 @@ def _target(hold: LinkedHold, where: Mapping[int, Pose] | None, body: int, X_LM:
 def _at_own_pose(assembly: Assembly, mode: LinkedMode, bodies: tuple[Body, ...]) -> dict[int, Pose]:
     """Where the mode's own pose (all joints at 0 where it has none) puts the bodies, its loops of joints closed."""
     pose = next((pose for pose in assembly.poses if pose.name == mode.pose), None)
-    state = _doc_loops(assembly)
+    return dict(enumerate(placed_bodies(bodies, closed_coordinates(assembly, pose), bodies[0].X_PL)))
+
+
+def closed_coordinates(assembly: Assembly, pose: NamedPose | None) -> dict[str, float]:
+    """q [rad or m] of every joint in a pose (None: all at 0), with the loops of joints closed as well as they close."""
     q = coordinates(joints_of(assembly), pose.values if pose is not None else {})
-    if state is not None:
-        q = _closed(state, State(q=q, base=NO_POSE), _named(assembly, pose), base_moves=False).state.q
-    return dict(enumerate(placed_bodies(bodies, q, bodies[0].X_PL)))
+    loops = _doc_loops(assembly)
+    return q if loops is None else _closed(loops, State(q=q, base=NO_POSE), _named(assembly, pose), base_moves=False).state.q
 
 
 def _doc_loops(assembly: Assembly) -> Loops | None:
@@ -112,8 +116,11 @@ def keyframes_of(
     joints = joints_of(assembly)
     by_name = {pose.name: pose for pose in assembly.poses}
     poses = [by_name[name] for name in mode.poses if name in by_name]
+    stands = {name: root_pose(assembly, replace(mode, at=at)) for name, at in mode.at_in.items()}
     if not closures:
-        return tuple(Keyframe(name=p.name, q=coordinates(joints, p.values), origin=p.origin) for p in poses), ()
+        return tuple(
+            Keyframe(name=p.name, q=coordinates(joints, p.values), origin=p.origin, base=stands.get(p.name)) for p in poses
+        ), ()
     held = any(closure.hold for closure in closures)
     loops = Loops(bodies, closures, joints, bodies[0].X_PL) if held else _doc_loops(assembly)
     if loops is None:
@@ -134,7 +141,7 @@ def keyframes_of(
         elif pose.name != mode.pose and any(abs(moved.get(c.path, 0.0)) > FAR * c.unit for c in loops.coordinates):
             unclosed.append(Unclosed(name=pose.name, path=closure.path, residual=residual, origin=pose.origin, moved=moved))
         else:
-            base = solution.state.base if base_moves else None
+            base = solution.state.base if base_moves else stands.get(pose.name)
             found.append(Keyframe(
                 name=pose.name, q=solution.state.q, origin=pose.origin, base=base, moved=moved, residual=solution.residual,
             ))

@@ -91,7 +91,7 @@ class Keyframe(Brief):
     In a mode with closures it is the named pose with the loops closed: `moved` says by how much [rad or m] each joint had to
     leave the pose (joints on loops of joints that the pose does not name have no place to leave), `residual` how far the worst
     closure is from closed [m, rad]. `base` is the pose of the root link in the world (None: where the mode puts it; else a free
-    base that has been moved to where closures want it).
+    base that has been moved to where closures want it, or onto the floor).
     """
 
     name: str

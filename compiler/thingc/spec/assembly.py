@@ -381,6 +381,8 @@ class SimulationSpec(Model):
 class WorldAtSpec(Model):
     """The world side of a mode's root."""
 
+    on: Literal["floor"] | None = None
+    """`floor`: as high as it has to be for the robot's lowest point, in the mode's start pose, to touch the plane z = 0."""
     xyz: Vector3Length = (0, 0, 0)  # type: ignore[assignment]
     """Where the root is, in the world."""
     rpy: Vector3Angle = (0, 0, 0)  # type: ignore[assignment]
@@ -414,7 +416,7 @@ class ModeSpec(Model):
     """A mount (mated to the world) or a component (laid on the world frame)."""
     base: Literal["fixed", "held", "free", "planar", "ball"] | None = None
     """`fixed` (default), `held` or `free`."""
-    at: WorldAtSpec | None = Field(default=None, examples=[{"xyz": "0 0 300 mm", "rpy": "0 0 90 deg"}])
+    at: WorldAtSpec | None = Field(default=None, examples=[{"xyz": "0 0 300 mm", "rpy": "0 0 90 deg"}, {"on": "floor"}])
     """Where in the world the root is; its origin unless written."""
     gravity: Literal["floor", "wall", "ceiling"] | Vector3Acceleration | None = Field(default=None, examples=["wall", "0 0 -1.62 m/s^2"])
     """What the robot stands on or hangs from, or a vector in the world frame; `floor` unless written."""

@@ -1,0 +1,142 @@
+"""Standing on the floor: how high a mode that is `on: floor` has to be for its lowest point to touch z = 0 of the world.
+
+The lowest point is that of the shapes that simulators collide, so that a simulation begins with the robot touching the floor and
+nothing in it. A mode has its height from its start pose; a `free` base from each of its poses, for its keyframes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+
+from thingc.diagnostics import Code, Report
+from thingc.graph.types import Assembly, LinkedMode, Occurrence
+from thingc.memo import Memo
+from thingc.pose import Pose, Vector, dot
+from thingc.realize.record import Mesh, Primitive
+from thingc.resolve.model import NamedPose
+from thingc.robot.closing import closed_coordinates
+from thingc.robot.kinematics import placed_bodies
+from thingc.robot.tree import bodies_from, in_link, root_pose, spanning
+
+Outline = Callable[[Mesh], Sequence[Vector]]
+"""The vertices [m] of a mesh in the store."""
+
+DECIMALS = 7
+"""Heights [m] are rounded to these: vertices in STL files have single precision, and 0.05825 would be 0.05825000014901161."""
+
+ROUNDING = 1e-6
+"""How far [m] a mesh may stick out of its part's box: rounding."""
+
+
+def stand(assembly: Assembly, outline: Outline | None, report: Report, memo: Memo | None = None) -> Assembly:
+    """The assembly with the heights of its modes that are `on: floor` found: in their `at` and `at_in`.
+
+    Without an `outline` parts count as large as their boxes, which is near enough for what does without meshes. A robot that touches
+    nothing is said in `report`. What `memo` has of it is taken from there.
+    """
+    if not any(mode.on_floor for mode in assembly.modes):
+        return assembly
+    modes = tuple(_stood(assembly, mode, outline, report, memo or Memo()) if mode.on_floor else mode for mode in assembly.modes)
+    return replace(assembly, modes=modes)
+
+
+def _stood(assembly: Assembly, mode: LinkedMode, outline: Outline | None, report: Report, memo: Memo) -> LinkedMode:
+    by_name = {pose.name: pose for pose in assembly.poses}
+    start = _height(assembly, mode, by_name.get(mode.pose or ""), outline, memo)
+    if start is None:
+        if all(one.record is None or one.record.exact for one in assembly.occurrences):
+            report.add(
+                Code.NOTHING_TOUCHES, f"mode `{mode.name}` is `on: floor`, and no part of `{assembly.name}` could touch it",
+                mode.origin, path=mode.name, help="give a part a `collision` other than `none`, or write `at: {xyz: ...}`",
+            )
+        return mode
+    at_in: dict[str, Pose] = {}
+    if mode.base == "free" and not mode.holds:
+        for name in mode.poses:
+            height = start if name == mode.pose else _height(assembly, mode, by_name.get(name), outline, memo)
+            at_in[name] = _raised(mode.at, start if height is None else height)
+    return replace(mode, at=_raised(mode.at, start), at_in=at_in)
+
+
+def _raised(at: Pose, height: float) -> Pose:
+    x, y, _ = at.translation
+    return replace(at, translation=(x, y, height))
+
+
+def _height(
+    assembly: Assembly, mode: LinkedMode, pose: NamedPose | None, outline: Outline | None, memo: Memo,
+) -> float | None:
+    """Where z [m] of the mode's `at` has to be in a pose (None: every joint at 0); None where nothing can touch."""
+    start = assembly.link_of[mode.root.occurrence]
+    bodies = bodies_from(assembly, start, spanning(assembly, mode), root_pose(assembly, _at_zero(mode)), memo)
+    at = dict(zip((body.link for body in bodies), placed_bodies(bodies, closed_coordinates(assembly, pose), bodies[0].X_PL)))
+    poses = [at[link] @ inner for link, inner in zip(assembly.link_of, in_link(assembly)) if link in at]
+    if len(poses) < len(assembly.occurrences):
+        return None
+    place = (mode.name, pose.name if pose is not None else None)
+    lowest = _lowest(list(zip(assembly.occurrences, poses, strict=True)), place, outline, memo)
+    return None if lowest == math.inf else round(-lowest, DECIMALS) + 0.0
+
+
+def _at_zero(mode: LinkedMode) -> LinkedMode:
+    return replace(mode, at=_raised(mode.at, 0.0))
+
+
+def _lowest(
+    parts: Sequence[tuple[Occurrence, Pose]], place: tuple[str, str | None], outline: Outline | None, memo: Memo,
+) -> float:
+    """The lowest z [m] of what collides, infinite where nothing does. Meshes are looked into from the one whose box reaches lowest,
+    and no further than one can be lower than what has been found."""
+    lowest = math.inf
+    meshes: list[tuple[float, int, int, Mesh]] = []
+    for number, (part, pose) in enumerate(parts):
+        box = part.record.box if part.record is not None else None
+        low = math.inf if box is None else pose.translation[2] + _of_box(box, pose.rotation[2])
+        if outline is None:
+            lowest = min(lowest, low if part.overrides.collision != "none" else math.inf)
+            continue
+        for index, shape in enumerate(part.touching):
+            if isinstance(shape, Primitive):
+                if min(shape.size) > 0.0:
+                    lowest = min(lowest, pose.translation[2] + of_primitive(shape, pose.rotation[2]))
+            elif shape.flat:  # MuJoCo does not touch what has no inside
+                continue
+            else:  # what a Thing collides as may lie anywhere
+                meshes.append((-math.inf if part.overrides.collision == "part" else low - ROUNDING, number, index, shape))
+    for under, number, index, mesh in sorted(meshes, key=lambda entry: entry[:3]):
+        if under >= lowest or outline is None:
+            break
+        part, pose = parts[number]
+        points = memo(("outline", part.path, index), partial(_vertices, outline, mesh), mesh.sha256)
+        lowest = min(lowest, pose.translation[2] + memo(("lowest", *place, part.path, index), _of_points, points, pose.rotation[2]))
+    return lowest
+
+
+def _vertices(outline: Outline, mesh: Mesh, sha256: str) -> Sequence[Vector]:
+    return outline(mesh)
+
+
+def _of_points(points: Sequence[Vector], down: Vector) -> float:
+    x, y, z = down
+    return min(x * a + y * b + z * c for a, b, c in points)
+
+
+def _of_box(box: tuple[Vector, Vector], down: Vector) -> float:
+    return sum(min(component * low, component * high) for component, low, high in zip(down, *box, strict=True))
+
+
+def of_primitive(shape: Primitive, down: Vector) -> float:
+    """The least of `down` (a unit vector in the part's frame) times x [m] over the points x of a primitive: minus its support
+    function in the other direction."""
+    axes = shape.pose.rotation
+    x, y, z = (dot(down, (axes[0][k], axes[1][k], axes[2][k])) for k in range(3))
+    middle, size = dot(down, shape.pose.translation), shape.size
+    if shape.shape == "box":
+        return middle - abs(x) * size[0] - abs(y) * size[1] - abs(z) * size[2]
+    if shape.shape == "sphere":
+        return middle - size[0]
+    along = abs(z) * size[1]
+    return middle - along - (size[0] if shape.shape == "capsule" else size[0] * math.hypot(x, y))

@@ -1,0 +1,284 @@
+"""`at: {on: floor}`: the lowest point of what MuJoCo touches is on the plane of the scene, by MuJoCo's own distances."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+
+from thingc.cli import info
+from thingc.cli.main import main
+from thingc.modes import Modes
+from thingc.pipeline import Compilation, Options
+from thingc.session import Session, Settings
+
+PARTS = '''
+from build123d import Align, Box, Cone, Location, Pos, Sphere
+
+from thingc import Length, MountPoint, Thing
+
+
+class Lamp(Thing):
+    """A cone on a box, off its origin; what it collides as is smaller, a ball and the box, and a wedge that is neither."""
+
+    def __init__(self, size: Length = 40):
+        super().__init__(material="stuff")
+        self.size = size
+        self.shade = MountPoint(Location((0, 0, size), (20, 30, 0)))
+
+    def result(self):
+        size = self.size
+        return Pos(3, -7, 0) * Cone(size / 2, size / 5, size) + Pos(10, 0, -size / 2) * Box(size, 12, 8)
+
+    def collision(self):
+        wedge = Pos(0, 0, 10) * Cone(self.size / 3, 0, 15, rotation=(0, 40, 0))
+        return [Pos(3, -7, 10) * Sphere(9), Pos(10, 0, -self.size / 2) * Box(self.size, 12, 8), wedge]
+
+
+class Bar(Thing):
+    """A square bar along x from its hinge `near` to `far`, whose axes are y."""
+
+    def __init__(self, length: Length = 100, width: Length = 20):
+        super().__init__(material="stuff")
+        self.body = Box(length, width, width, align=(Align.MIN, Align.CENTER, Align.CENTER))
+        self.near = MountPoint(Location((0, 0, 0), (90, 0, 90)))
+        self.far = MountPoint(Location((length, 0, 0), (-90, 0, 0)))
+        self.tip = MountPoint(Location((length, 0, 0), (0, 90, 0)))
+
+    def result(self):
+        return self.body
+'''
+HEAD = "thingc: assembly/1\nname: robot\nmaterials: {stuff: {density: 1000 kg/m^3}}\n"
+LAMP = HEAD + """\
+components:
+  lamp: {part: lamps:Lamp, collision: KIND}
+modes:
+  flat: {root: lamp, base: free, at: {on: floor}}
+  askew: {root: lamp, base: free, at: {on: floor, xyz: 30 -20 0 mm, rpy: 200 35 -70 deg}}
+  hung: {root: lamp.shade, at: {on: floor, rpy: 10 -50 130 deg}, gravity: ceiling}
+"""
+KINDS = ("hull", "box", "cylinder", "capsule", "sphere", "decompose", "mesh", "part")
+# Two bars on a hinge, the second one hanging down by `elbow`.
+ARM = HEAD + """\
+parameters: {length: 60 mm}
+components:
+  upper: {part: lamps:Bar}
+  lower: {part: lamps:Bar, params: {length: =length}}
+joints:
+  elbow: {type: revolute, parent: upper.far, child: lower.near, limit: {lower: -150 deg, upper: 150 deg},
+    drive: {kind: position, kp: 5, effort: 1 N*m}}
+poses:
+  level: {}
+  bent: {elbow: 30 deg}
+  raised: {elbow: -30 deg}
+modes:
+  afloat: {root: upper, base: free, at: {on: floor, xyz: [10 mm, 0, 0]}, pose: bent}
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    found = tmp_path_factory.mktemp("standing")
+    (found / "parts").mkdir()
+    (found / "parts" / "lamps.py").write_text(PARTS)
+    (found / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    return found
+
+
+Compiled = Callable[..., Compilation]
+
+
+@pytest.fixture
+def compiled(folder: Path, shared_store: str) -> Iterator[Compiled]:
+    with contextlib.ExitStack() as stack:
+        def compile(text: str, **options: Any) -> Compilation:
+            (folder / "robot.yaml").write_text(text)
+            compilation = stack.enter_context(Compilation(str(folder / "robot.yaml"), Options(store=shared_store, **options)))
+            compilation.run()
+            return compilation
+
+        yield compile
+
+
+def files_of(compilation: Compilation) -> dict[str, bytes]:
+    assert not compilation.report.failed, compilation.report.ordered()
+    files = compilation.emit(["mjcf"])["mjcf"].files
+    return {path: one if isinstance(one, bytes) else compilation.store.read(one.sha256) for path, one in files.items()}
+
+
+def scene(files: dict[str, bytes], mode: str) -> mujoco.MjModel:
+    return mujoco.MjModel.from_xml_string(files[f"mjcf/scene_{mode}.xml"].decode(), {os.path.basename(p): d for p, d in files.items()})
+
+
+def height(data: mujoco.MjData) -> float:
+    """The least distance [m] of any geom that collides from the floor, by MuJoCo."""
+    model = data.model
+    touching = [g for g in range(model.ngeom) if model.geom_contype[g] and model.geom(g).name != "floor"]
+    assert touching
+    return min(mujoco.mj_geomDistance(model, data, model.geom("floor").id, geom, 10.0, None) for geom in touching)
+
+
+def posed(model: mujoco.MjModel, pose: str | None = None) -> mujoco.MjData:
+    data = mujoco.MjData(model)
+    if pose is not None:
+        mujoco.mj_resetDataKeyframe(model, data, model.key(pose).id)
+    mujoco.mj_forward(model, data)
+    return data
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_lowest_point_of_what_collides_touches_the_floor(kind: str, compiled: Compiled) -> None:
+    files = files_of(compiled(LAMP.replace("KIND", kind)))
+    for mode in ("flat", "askew", "hung"):
+        assert height(posed(scene(files, mode))) == pytest.approx(0.0, abs=2e-7), mode
+
+
+def test_the_hull_is_that_of_what_is_drawn(compiled: Compiled) -> None:
+    """By the vertices of the mesh, read by trimesh, and the pose that the model has."""
+    files = files_of(compiled(LAMP.replace("KIND", "hull")))
+    data = posed(scene(files, "askew"))
+    mesh = trimesh.load(io.BytesIO(files["mjcf/assets/lamps.Lamp.obj"]), file_type="obj", process=False)
+    placed = mesh.vertices @ data.body("lamp").xmat.reshape(3, 3).T + data.body("lamp").xpos
+    assert placed[:, 2].min() == pytest.approx(0.0, abs=2e-7)
+    assert data.body("lamp").xpos[:2] == pytest.approx([0.03, -0.02], abs=1e-12)
+
+
+def bent_height(angle: float, length: float) -> float:
+    """Of the bar of 20 mm that hangs down by `angle`, its far lower corner; of the first bar its lower side."""
+    return max(0.01, length * np.sin(angle) + 0.01 * np.cos(angle))
+
+
+def test_a_floating_robot_stands_in_every_keyframe(compiled: Compiled) -> None:
+    files = files_of(compiled(ARM))
+    model = scene(files, "afloat")
+    expected = {"bent": bent_height(np.radians(30.0), 0.06), "level": 0.01, "raised": 0.01}
+    modes = Modes.parse(files["modes.json"])
+    for pose, z in expected.items():
+        data = posed(model, pose)
+        assert data.body("upper").xpos == pytest.approx([0.01, 0.0, z], abs=1e-7)
+        assert height(data) == pytest.approx(0.0, abs=2e-7)
+        assert modes["afloat"].state(pose).base_pose[:3, 3] == pytest.approx([0.01, 0.0, z], abs=1e-7)
+    assert posed(model).body("upper").xpos[2] == pytest.approx(expected["bent"], abs=1e-7)  # at qpos0, too
+    assert list(json.loads(files["modes.json"])["afloat"]["bases"]) == ["level", "raised"]
+
+
+def test_one_that_does_not_float_has_the_height_of_its_start_pose(compiled: Compiled) -> None:
+    files = files_of(compiled(ARM.replace("base: free", "base: held")))
+    for pose in ("bent", "level"):
+        assert posed(scene(files, "afloat"), pose).body("upper").xpos[2] == pytest.approx(bent_height(np.radians(30.0), 0.06), abs=1e-7)
+    assert "bases" not in json.loads(files["modes.json"])["afloat"]
+
+
+def test_it_starts_at_rest(compiled: Compiled) -> None:
+    """Two boxes on a plane: in the first step nothing is pushed out of the floor, and nothing falls onto it."""
+    files = files_of(compiled(ARM.replace("pose: bent", "pose: level")))
+    data = posed(scene(files, "afloat"), "level")
+    for _ in range(500):
+        mujoco.mj_step(data.model, data)
+        assert abs(data.qvel).max() < 0.05
+    assert data.body("upper").xpos[2] == pytest.approx(0.01, abs=2e-4)
+
+
+def test_here_holds_where_it_stands(compiled: Compiled) -> None:
+    compilation = compiled(ARM + "  held: {extends: afloat, base: fixed, hold: {lower.tip: here}}\n")
+    files = files_of(compilation)
+    data = posed(scene(files, "held"), "bent")
+    z = bent_height(np.radians(30.0), 0.06)
+    assert data.body("upper").xpos[2] == pytest.approx(z, abs=1e-7)
+    held = np.array(json.loads(files["modes.json"])["held"]["holds"]["lower/tip"]["X_WM"])
+    assert held[2, 3] == pytest.approx(z - 0.06 * np.sin(np.radians(30.0)), abs=1e-7)
+
+
+def test_the_nearer_mode_says_how_high(compiled: Compiled) -> None:
+    compilation = compiled(ARM + (
+        "  dropped: {extends: afloat, at: {xyz: 0 0 300 mm}}\n"
+        "  landed: {extends: dropped, at: {on: floor}}\n"
+        "  shifted: {extends: afloat, at: {xyz: [0, 50 mm, 0]}}\n"
+    ))
+    assert not compilation.report.failed
+    at = {robot.mode.name: robot.bodies[0].X_PL.translation for robot in compilation.robots}
+    z = pytest.approx(bent_height(np.radians(30.0), 0.06), abs=1e-7)
+    assert at["dropped"] == (0.0, 0.0, 0.3)
+    assert at["landed"] == (0.0, 0.0, z) and at["shifted"] == (0.0, 0.05, z) and at["afloat"] == (0.01, 0.0, z)
+
+
+def test_a_session_finds_every_height(folder: Path, shared_store: str) -> None:
+    """Other lengths, again and again: what is kept from one compilation is never that of another."""
+    (folder / "robot.yaml").write_text(ARM)
+    with Session(str(folder / "robot.yaml"), Options(store=shared_store)) as session:
+        for length in (60, 80, 60, 70, 80):
+            (robot,) = session.compile(Settings(parameters={"length": f"{length} mm"})).robots
+            expected = bent_height(np.radians(30.0), length / 1000.0)
+            assert robot.bodies[0].X_PL.translation[2] == pytest.approx(expected, abs=1e-7)
+
+
+def test_check_needs_no_meshes(compiled: Compiled, folder: Path) -> None:
+    """From the lock alone, with nothing in the store: the boxes of these parts are the parts."""
+    (folder / "robot.yaml").write_text(ARM)
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.chdir(folder):
+        assert main(["lock"]) == 0
+        assert main(["check", "robot.yaml", "--no-code"]) == 0, out.getvalue()
+        assert main(["check", "robot.yaml", "--store", str(folder / "nothing")]) == 0
+    compilation = compiled(ARM, lock=True, code=False)
+    z = compilation.robots[0].bodies[0].X_PL.translation[2]
+    assert z == pytest.approx(bent_height(np.radians(30.0), 0.06), abs=1e-6)
+
+
+def test_a_damaged_mesh_is_made_anew(folder: Path, tmp_path: Path) -> None:
+    (folder / "robot.yaml").write_text(LAMP.replace("KIND", "hull"))
+    options = Options(store=str(tmp_path / "store"))
+    with Compilation(str(folder / "robot.yaml"), options) as compilation:
+        compilation.run()
+        expected = [robot.bodies[0].X_PL for robot in compilation.robots]
+        assert compilation.assembly is not None and compilation.assembly.occurrences[0].record is not None
+        hull = compilation.assembly.occurrences[0].record.meshes["hull"]
+        path = Path(compilation.store.path(hull.sha256))
+    damaged = bytearray(path.read_bytes())
+    damaged[100] ^= 1
+    stamp = path.stat()
+    path.write_bytes(damaged)
+    os.utime(path, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
+    with Compilation(str(folder / "robot.yaml"), options) as compilation:
+        compilation.run()
+        assert [robot.bodies[0].X_PL for robot in compilation.robots] == expected and compilation.modelled == ["lamps:Lamp"]
+
+
+def test_info_says_where_it_stands(compiled: Compiled) -> None:
+    compilation = compiled(ARM.replace("pose: bent", "pose: level"))
+    assert compilation.assembly is not None
+    text = info.as_text(compilation.assembly, compilation.robots)
+    assert "\nmode afloat: root upper/origin, base free, on the floor with its root at 10 0 10 mm\n" in text
+
+
+def said(compilation: Compilation) -> list[tuple[str, str, str | None]]:
+    return [(d.code.code, d.message, d.help) for d in compilation.report.ordered()]
+
+
+def test_a_height_is_said_once(compiled: Compiled) -> None:
+    found = said(compiled(ARM.replace("xyz: [10 mm, 0, 0]", "xyz: [10 mm, 0, 5 mm]")))
+    assert found == [(
+        "TC606", "mode `afloat` is `on: floor` and 5 mm above it: both say how high it is", "write `0` for z, or take `on` out",
+    )]
+    found = said(compiled(ARM + "  held: {extends: afloat, hold: {lower.tip: {xyz: 100 0 0 mm}}}\n"))
+    assert found == [(
+        "TC606", "mode `held` is `on: floor` and holds `lower.tip` at a place: both say how high it is",
+        "write `lower.tip: here`, or a height in `at`",
+    )]
+
+
+def test_something_has_to_touch(compiled: Compiled) -> None:
+    found = said(compiled(LAMP.replace("KIND", "none")))
+    assert found == [
+        ("TC607", f"mode `{mode}` is `on: floor`, and no part of `robot` could touch it",
+         "give a part a `collision` other than `none`, or write `at: {xyz: ...}`") for mode in ("flat", "askew", "hung")
+    ]
