@@ -195,9 +195,9 @@ def environment() -> dict[str, str]:
         "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1",
     })
     own = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-    from thingc.realize.modules import is_installed
+    from thingc.realize.modules import own_roots
 
-    if not is_installed(os.path.join(own, "")):
+    if not (os.path.realpath(own) + os.sep).startswith(own_roots()):
         found["PYTHONPATH"] = own
     return found
 

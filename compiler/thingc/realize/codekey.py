@@ -3,7 +3,7 @@
 From the class outward: every top-level statement of a content-tracked module that binds a name it uses, or changes one,
 and so on through imports, however they are written. Statements that do something when a module is loaded count for
 everything in it, and for everything in the modules that import it. Where reading cannot be sure (`exec`, `globals()`, a name
-bound twice, a module used as an object) the whole file counts. Installed packages count by their version.
+bound twice, a module used as an object) the whole file counts. Packages of the environment are not followed.
 """
 
 from __future__ import annotations

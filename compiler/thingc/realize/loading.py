@@ -41,8 +41,10 @@ class PartImporter(importlib.abc.MetaPathFinder):
 
     of_parts = True
 
-    def __init__(self, parts: Sequence[str], hashes: Mapping[str, str], plain: Collection[str] = ()) -> None:
-        self.finder = Finder(parts)
+    def __init__(
+        self, parts: Sequence[str], packages: Sequence[str], hashes: Mapping[str, str], plain: Collection[str] = ()
+    ) -> None:
+        self.finder = Finder(parts, packages)
         self.plain = frozenset(plain)
         self.hashes = dict(hashes)
         self.loaded: dict[str, str] = {}

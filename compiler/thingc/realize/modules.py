@@ -1,4 +1,4 @@
-"""Where modules lie: in the workspace's part folders, in a package tracked by content, installed, or nowhere.
+"""Where modules lie: in the workspace's part folders, in a package tracked by content, elsewhere in the environment, or nowhere.
 
 Shared by the client, which reads part files without importing them, and the worker, which imports them, so that both
 mean the same file by the same name.
@@ -11,7 +11,7 @@ import os
 import site
 import sys
 import sysconfig
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -34,9 +34,9 @@ PROTECTED = frozenset(sys.stdlib_module_names) | SELDOM_USED | {
 class Module:
     """A module as found by name, without importing it.
 
-    `kind` is `content` (its code is read and counts), `installed` (its version counts) or `absent`. `file` is its source
-    (None for a folder without `__init__.py`, and for what has no source); `folders` are where its submodules
-    lie, empty for a plain module.
+    `kind` is `content` (its code is read, followed and counts), `installed` (what Python finds by itself: it counts by its version,
+    or by its files as they were loaded) or `absent`. `file` is its source (None for a folder without `__init__.py`, and for
+    what is built in), or the binary of an extension; `folders` are where its submodules lie, empty for a plain module.
     """
 
     name: str
@@ -47,18 +47,30 @@ class Module:
 
 
 @cache
-def installed_roots() -> tuple[str, ...]:
-    """Real paths of the folders whose contents count by version: the standard library and site-packages."""
+def own_roots() -> tuple[str, ...]:
+    """The interpreter's own folders, as they are named and as they really are: the standard library and site-packages."""
     named = sysconfig.get_paths()
     found = {named[key] for key in ("stdlib", "platstdlib", "purelib", "platlib")}
     found.update(site.getsitepackages() if hasattr(site, "getsitepackages") else ())
     if site.ENABLE_USER_SITE:
         found.add(site.getusersitepackages())
-    return tuple(sorted(os.path.realpath(folder) + os.sep for folder in found))
+    return _in_both_forms(found)
+
+
+@cache
+def installed_roots() -> tuple[str, ...]:
+    """The folders whose contents count by version: the interpreter's own, and those that the import path leads to besides
+    (a `.pth` file does that) and packages were installed into."""
+    others = [folder for folder in import_path() if any(name.endswith(".dist-info") for name in listed(folder))]
+    return tuple(dict.fromkeys((*own_roots(), *_in_both_forms(others))))
+
+
+def _in_both_forms(folders: Iterable[str]) -> tuple[str, ...]:
+    return tuple(sorted({os.path.join(form, "") for folder in folders for form in (folder, os.path.realpath(folder))}))
 
 
 def is_installed(file: str) -> bool:
-    """Whether a file belongs to the standard library or to site-packages."""
+    """Whether a file lies in one of `installed_roots`."""
     return (os.path.realpath(file) + os.sep).startswith(installed_roots())
 
 
@@ -74,13 +86,15 @@ def import_path() -> tuple[str, ...]:
 
 
 class Finder:
-    """Finds modules by name for one workspace: `parts` are its absolute part folders, in order of precedence.
+    """Finds modules by name for one workspace: `parts` are its absolute part folders, in order of precedence, `packages` the
+    packages that it allows. Those are followed as code, unless they are installed; whatever else is imported is not.
 
     `probed` collects the absolute paths that were looked at in folders tracked by content, there or not.
     """
 
-    def __init__(self, parts: Sequence[str]) -> None:
+    def __init__(self, parts: Sequence[str], packages: Iterable[str] = ()) -> None:
         self.parts = tuple(parts)
+        self.followed = CONTENT_TRACKED.union(packages)
         self.probed: set[str] = set()
         self._found: dict[str, Module] = {}
         self._part_modules: list[str] | None = None
@@ -105,7 +119,7 @@ class Finder:
             found = self._in_folders(name, name, self.parts, True, plain_folders=False)
             if found is not None:
                 return found
-        found = _on_path(name)
+        found = _on_path(name, self.followed)
         if found is None and name not in PROTECTED:
             found = self._in_folders(name, name, self.parts, True)
         return found or Module(name=name, kind="absent")
@@ -162,7 +176,7 @@ def listed(folder: str) -> list[str]:
         return []
 
 
-def _on_path(name: str) -> Module | None:
+def _on_path(name: str, followed: Collection[str]) -> Module | None:
     """A top-level module of the environment (editable packages that bring a finder of their own are asked for, too)."""
     specification = importlib.machinery.PathFinder.find_spec(name, list(import_path()))
     if specification is None or specification.origin is None and specification.submodule_search_locations:
@@ -181,9 +195,8 @@ def _on_path(name: str) -> Module | None:
     folders = tuple(specification.submodule_search_locations or ())
     if origin is None and folders and all(is_installed(os.path.join(folder, "")) for folder in folders):
         return Module(name=name, kind="installed")
-    if origin is None or not origin.endswith(".py"):
-        # an extension module, or a folder without __init__.py (the project's own build/ or docs/ count for nothing)
-        return Module(name=name, kind="installed") if origin is not None else None
-    if is_installed(origin) and name not in CONTENT_TRACKED:
-        return Module(name=name, kind="installed", file=origin)
-    return Module(name=name, kind="content", file=origin, folders=folders)
+    if origin is None:  # a folder without __init__.py: the project's own build/ or docs/ count for nothing
+        return None
+    if origin.endswith(".py") and name in followed and (name in CONTENT_TRACKED or not is_installed(origin)):
+        return Module(name=name, kind="content", file=origin, folders=folders)
+    return Module(name=name, kind="installed", file=origin if specification.has_location else None)

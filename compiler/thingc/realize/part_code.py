@@ -27,7 +27,7 @@ class PartCode:
     def __init__(self, workspace: Workspace, store: Store | None) -> None:
         self.workspace = workspace
         self.store = store
-        self.sources = Sources(Finder(workspace.parts), store, within=None if store is not None else workspace.contains)
+        self.sources = Sources(Finder(workspace.parts, workspace.packages), store, within=None if store is not None else workspace.contains)
         self._codes: dict[str, Code | None | PartFailure] = {}
         self._known_versions: dict[tuple[str, ...], dict[str, str]] = {}
 
@@ -90,16 +90,23 @@ class PartCode:
         used = (*KERNEL, *(code.installed if code is not None else (package,) if package else ()))
         key = tuple(sorted(set(used) - OWN))
         if key not in self._known_versions:
-            self._known_versions[key] = {**platform_versions(), **compiler_version(), **versions_of(key, self.store)}
+            self._known_versions[key] = {**platform_versions(), **compiler_version(), **versions_of(key, self.file_of, self.store)}
         return self._known_versions[key]
 
+    def file_of(self, package: str) -> str | None:
+        """The file of a top-level module of the environment, which then is one that decides."""
+        file = self.sources.finder.find(package).file
+        if file is not None:
+            self.probed.add(file)
+        return file
+
     def around(self, code: Code | None) -> dict[str, Any]:
-        """What a request to the worker says of the code: the workspace's folders, the files that have a key (SHA-256 by
-        file), part packages without `__init__.py`, and installed packages worth loading before the fork."""
+        """What a request to the worker says of the code: the workspace's folders and packages, the files that have a key (SHA-256
+        by file), part packages without `__init__.py`, and installed packages worth loading before the fork."""
         modules = code.modules if code is not None else {}
         loaded = code.loaded if code is not None else set()
         return {
-            "root": self.workspace.root, "parts": list(self.workspace.parts),
+            "root": self.workspace.root, "parts": list(self.workspace.parts), "packages": list(self.workspace.packages),
             "hashes": {file: code.hashes[name] for name, file in modules.items() if file and name in code.hashes}
             if code is not None else {},
             "plain": sorted(name for name, file in modules.items() if file is None),

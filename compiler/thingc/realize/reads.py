@@ -11,6 +11,7 @@ recorded is how a file was when it was first met:
 
 Paths inside the workspace are kept relative to it; files elsewhere (a font, a shared library of shapes) by their absolute
 path. Files of installed packages, of Python and of thingc count by version, and files the part wrote itself do not count.
+Modules that lie elsewhere count by their source, whether Python read that or what it had compiled of it before.
 Neither does how Python and thingc look for modules (the key of the code covers what they find), nor that the folders above
 the workspace are there: with either, a record would be good on one machine only.
 """
@@ -91,9 +92,9 @@ class Recorder:
         if not self._on or self._busy:
             return
         full = _absolute(path)
-        if full is None or full.startswith(_NOT_FILES) or self._is_own(full):
+        if full is None or full.startswith(_NOT_FILES) or full.endswith(".pyc") or self._is_own(full):
             return
-        if (full + os.sep).startswith(self._excluded):
+        if self.leaves_out(full):
             return
         if not listed and any(folder.startswith(os.path.join(full, "")) for folder in self._around):
             return
@@ -106,6 +107,10 @@ class Recorder:
             state = state_of(full, listed=listed)
             if state != "folder" or full.startswith(self.workspace):  # that there is such a folder says nothing
                 self.states[full] = state
+
+    def leaves_out(self, path: str) -> bool:
+        """Whether a file (by its absolute path as named) counts by version, or not at all."""
+        return (path + os.sep).startswith(self._excluded)
 
     def note_written(self, path: Any) -> None:
         """The part is about to write a file or to make a folder: what it reads of that is its own."""
@@ -154,6 +159,15 @@ def _absolute(path: Any) -> str | None:
         return os.path.abspath(os.fsdecode(path))
     except (TypeError, ValueError):
         return None
+
+
+def loaded_files() -> list[str]:
+    """The files of all modules that this process has loaded, sorted."""
+    origins = {
+        specification.origin for module in list(sys.modules.values())
+        if (specification := getattr(module, "__dict__", {}).get("__spec__")) is not None and specification.has_location
+    }
+    return sorted(origin for origin in origins if origin is not None)
 
 
 _listening: list[Recorder] = []

@@ -360,7 +360,7 @@ class GeometryService:
             record = found.get(text)
             if isinstance(record, PartRecord) and "mesh" in record.meshes:
                 wanted.setdefault(record.meshes["mesh"].sha256, []).append(text)
-        version = "".join(versions_of(["coacd", "manifold3d"], self.store).values()) if wanted else ""
+        version = "".join(versions_of(["coacd", "manifold3d"], self._parts.file_of, self.store).values()) if wanted else ""
         pieces: dict[str, Any] = {}
         requests = []
         for mesh in wanted:

@@ -11,7 +11,7 @@ from typing import Any
 
 from thingc.realize.loading import PartImporter
 from thingc.realize.part_files import BadPartFile
-from thingc.realize.reads import Recorder, state_of
+from thingc.realize.reads import Recorder, loaded_files, state_of
 from thingc.realize.record import PartFailure
 
 
@@ -26,11 +26,12 @@ class NoPart(Exception):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Surroundings:
-    """What a request says about where it runs: the workspace's `root` and part folders, the files of the code that has a
-    key (`hashes`: SHA-256 by file), part packages without `__init__.py`, and the store."""
+    """What a request says about where it runs: the workspace's `root`, part folders and packages, the files of the code that has
+    a key (`hashes`: SHA-256 by file), part packages without `__init__.py`, and the store."""
 
     root: str
     parts: tuple[str, ...]
+    packages: tuple[str, ...]
     hashes: dict[str, str]
     plain: tuple[str, ...]
     store: str
@@ -47,7 +48,7 @@ class Session:
     _before: str = ""
 
     def __post_init__(self) -> None:
-        self.importer = PartImporter(self.around.parts, self.around.hashes, self.around.plain)
+        self.importer = PartImporter(self.around.parts, self.around.packages, self.around.hashes, self.around.plain)
         self.recorder = Recorder(self.around.root, (self.around.store,))
 
     def __enter__(self) -> Session:
@@ -73,9 +74,11 @@ class Session:
         return {*self.around.hashes, *self.importer.loaded.values()}
 
     def reads(self, *mentioned: str | None) -> list[tuple[str, str]]:
-        """What was read, and the files that an answer mentions by line (whose layout counts for that answer)."""
+        """What was read: files, modules that no version stands for, and the files that an answer mentions by line (whose layout
+        counts for that answer)."""
         found = dict(self.recorder.reads(set(self.around.hashes)))
-        for file in mentioned:
+        loaded = [file for file in loaded_files() if file not in self.around.hashes and not self.recorder.leaves_out(file)]
+        for file in (*loaded, *mentioned):
             if file is not None:
                 found[self.recorder.relative(file)] = state_of(file)
         return sorted(found.items())

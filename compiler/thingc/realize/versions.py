@@ -8,10 +8,11 @@ import os
 import platform
 import re
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import cache
 
 from thingc.realize.modules import import_path, is_installed
+from thingc.realize.reads import state_of
 from thingc.realize.store import Store, StoreUnusable
 
 KERNEL = ("build123d", "OCP", "numpy", "manifold3d")
@@ -23,8 +24,9 @@ _DISTRIBUTIONS = {
 _METADATA = re.compile(r"(?P<name>[^-]+)-(?P<version>.+)\.(dist-info|egg-info)$")
 
 
-def versions_of(names: Iterable[str], store: Store | None = None) -> dict[str, str]:
-    """`{"version build123d": "0.13.0"}` for installed top-level packages; the standard library counts with Python."""
+def versions_of(names: Iterable[str], file_of: Callable[[str], str | None], store: Store | None = None) -> dict[str, str]:
+    """`{"version build123d": "0.13.0"}` for top-level packages of the environment: the version of their distribution, else a hash
+    of the file `file_of(name)`. The standard library counts with Python."""
     found: dict[str, str] = {}
     unknown: list[str] = []
     for name in sorted(set(names) - sys.stdlib_module_names):
@@ -37,8 +39,13 @@ def versions_of(names: Iterable[str], store: Store | None = None) -> dict[str, s
             unknown.append(name)
     if unknown:
         table = _by_import_name(store)
-        found.update({f"version {name}": table.get(name, "unknown") for name in unknown})
+        found.update({f"version {name}": table.get(name) or _file_version(file_of(name)) for name in unknown})
     return found
+
+
+def _file_version(file: str | None) -> str:
+    """What stands for the version of a module that no distribution brings."""
+    return "unknown" if file is None else state_of(file)
 
 
 def platform_versions() -> dict[str, str]:

@@ -110,8 +110,8 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
 
         return {"pieces": decompose(request["mesh"], Store(request["store"]))}
     around = Surroundings(
-        root=request["root"], parts=tuple(request["parts"]), hashes=dict(request["hashes"]), plain=tuple(request["plain"]),
-        store=request["store"],
+        root=request["root"], parts=tuple(request["parts"]), packages=tuple(request["packages"]), hashes=dict(request["hashes"]),
+        plain=tuple(request["plain"]), store=request["store"],
     )
     if operation == "describe":
         from thingc.realize.describing import describe
