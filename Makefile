@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 JOBS ?= 2
 
-.PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-weld walk bridge-search mutants fuzz schemas docs pictures clean
+.PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-weld walk bridge-search mutants fuzz schemas docs pictures freeze frozen clean
 
 demo: $(VENV)/.thingc
 	$(BIN)/thingc build assemblies/arm.yaml
@@ -51,6 +51,12 @@ bench-naming: $(VENV)/.thingc-dev
 
 bench-designs: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/designs/study.py
+
+freeze: $(VENV)/.thingc-dev
+	$(BIN)/python benchmarks/corpus.py freeze build/corpus.json
+
+frozen: $(VENV)/.thingc-dev
+	$(BIN)/python benchmarks/corpus.py compare build/corpus.json
 
 MINUTES ?= 30
 

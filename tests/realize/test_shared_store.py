@@ -6,6 +6,7 @@ A "machine" is a cache folder of its own and a copy of the workspace in a place 
 from __future__ import annotations
 
 import hashlib
+import multiprocessing
 import os
 import subprocess
 import sys
@@ -153,6 +154,28 @@ def test_files_are_there_before_the_entry_that_names_them(tmp_path: Path, monkey
     assert sorted(order[:2]) == sorted(map(store.path, blobs)) and len(order) == 3
     store.put_json("record", "another", {"meshes": blobs})
     assert len(order) == 4  # the files are sent once
+
+
+def test_machines_that_make_the_folders_at_the_same_moment(tmp_path: Path, ftp: tuple[str, Path, subprocess.Popen[str]]) -> None:
+    """Six machines send their first entry to an empty server: whoever finds a folder made by another goes on below it."""
+    url, served, _ = ftp
+    processes = multiprocessing.get_context("fork")
+    start = processes.Barrier(6, timeout=20)
+
+    def machine(number: int) -> None:
+        store = SharedStore(url, str(tmp_path / f"machine{number}"))
+        store.has("0" * 64)  # connects
+        for turn in range(5):
+            start.wait()
+            store.put_json("record", f"{turn}{number}".ljust(64, "0"), {"of": number})
+
+    machines = [processes.Process(target=machine, args=(number,)) for number in range(6)]
+    for one in machines:
+        one.start()
+    for one in machines:
+        one.join()
+    assert [one.exitcode for one in machines] == [0] * 6
+    assert len([path for path in served.rglob("*") if path.is_file()]) == 30
 
 
 @pytest.mark.parametrize(("url", "words"), [("nosuch://host/parts", "nosuch"), ("ftp://127.0.0.1:9/parts", "refused")])

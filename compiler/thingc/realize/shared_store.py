@@ -159,13 +159,16 @@ class SharedStore(Store):
                 self._system.mv(aside, there)
 
     def _make(self, folder: str) -> None:
-        if folder in self._made:
+        """Make a folder and those that it lies in, one by one: others may make any of them at the same moment."""
+        if not folder or folder in self._made:
             return
-        try:
-            self._system.makedirs(folder, exist_ok=True)
-        except Exception:  # others make it at the same moment
-            if not self._system.isdir(folder):
-                raise
+        if not self._system.isdir(folder):
+            self._make(folder.rpartition("/")[0])
+            try:
+                self._system.makedirs(folder, exist_ok=True)
+            except Exception:
+                if not self._system.isdir(folder):
+                    raise
         self._made.add(folder)
 
     def _protocols(self) -> set[str]:

@@ -1,0 +1,156 @@
+"""Does the compiler still write what it wrote? `make freeze`, then, after a change of its inside, `make frozen`.
+
+A corpus of outputs is kept as digests: both robots and what they nest, every document of `docs/` and every right example of
+`tests/cases/codes`, 200 random designs of MInchW (`benchmarks/designs`), and 50 sampled variants of it. Each entry is one command of
+`thingc`, with its exit code, what it printed and the SHA-256 of every file that it wrote. What `thingc` says of wrong documents is
+frozen already, as the texts of `tests/cases`.
+
+    python benchmarks/corpus.py freeze build/corpus.json      # some ten minutes on two cores
+    python benchmarks/corpus.py compare build/corpus.json     # the same again; prints what differs, 1 where anything does
+
+`--only PATTERN` takes part of it (`--only 'robots/*'`). Both are of one machine with one set of installed packages: another kernel
+or another MuJoCo may write other digits.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import hashlib
+import io
+import json
+import os
+import re
+import shutil
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from fnmatch import fnmatch
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "benchmarks" / "designs"))
+sys.path.insert(0, str(ROOT / "tests" / "docs"))
+
+import drawing
+import pages
+
+from thingc.cli.main import main as thingc
+
+DESIGNS, SEED = 200, 7
+VARIANTS = """\
+thingc: variants/1
+assembly: assemblies/minchw/minchw.yaml
+name: sampled
+sample: {method: sobol, count: 50, seed: 11, ranges: {leg_length: [64 mm, 140 mm], body_length: [92 mm, 220 mm]}}
+emit: [mjcf, bom]
+"""
+ASSEMBLY = re.compile(r"^thingc *[:=] *\"?assembly/1", re.MULTILINE)
+PASSING = re.compile(r"^(modelling|decomposing) parts: .*\n|\d+\.\d+ s\b", re.MULTILINE)
+"""What depends on the store or the clock."""
+
+Entry = dict[str, str]
+"""`exit`, `printed` (a digest), and every file by its path in the output folder, with the SHA-256 of its content."""
+
+
+def main() -> int:
+    """Freeze or compare; 1 where an entry differs."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", choices=["freeze", "compare"])
+    parser.add_argument("file", type=Path)
+    parser.add_argument("--only", default="*", help="entries whose name fits")
+    parser.add_argument("--store", help="where modelled parts are kept (default: an empty one)")
+    arguments = parser.parse_args()
+    before: dict[str, Entry] = json.loads(arguments.file.read_text()) if arguments.what == "compare" else {}
+    with tempfile.TemporaryDirectory() as scratch:
+        os.environ["THINGC_STORE"] = arguments.store or str(Path(scratch) / "store")
+        now = dict(entries(Path(os.path.realpath(scratch)), arguments.only))
+    if arguments.what == "freeze":
+        arguments.file.parent.mkdir(parents=True, exist_ok=True)
+        arguments.file.write_text(json.dumps(now, indent=1, sort_keys=True) + "\n")
+        print(f"{len(now)} entries, {sum(len(entry) - 2 for entry in now.values())} files: {arguments.file}")
+        return 0
+    return compared({name: entry for name, entry in before.items() if fnmatch(name, arguments.only)}, now)
+
+
+def compared(before: dict[str, Entry], now: dict[str, Entry]) -> int:
+    """Prints every entry that differs, and by kind of file how many; 1 where there are any."""
+    kinds: Counter[str] = Counter()
+    for name in sorted(before.keys() | now.keys()):
+        one, other = before.get(name, {}), now.get(name, {})
+        differ = sorted(key for key in one.keys() | other.keys() if one.get(key) != other.get(key))
+        if differ:
+            print(f"{name}: {', '.join(differ[:6])}{f' and {len(differ) - 6} more' if len(differ) > 6 else ''}")
+        kinds.update(key if key in ("exit", "printed") else Path(key).name if key.endswith(".json") else Path(key).suffix for key in differ)
+    words = ", ".join(f"{count} x {kind}" for kind, count in kinds.most_common())
+    print(f"{len(before.keys() | now.keys())} entries: {f'{words} differ' if kinds else 'all equal'}")
+    return 1 if kinds else 0
+
+
+def entries(folder: Path, only: str) -> Iterator[tuple[str, Entry]]:
+    """Every entry of the corpus, by name; `folder` is scratch."""
+    robots = folder / "robots"
+    drawing.workspace(robots)
+    for document in sorted((robots / "assemblies").rglob("*.yaml")):
+        name = f"robots/{document.relative_to(robots / 'assemblies')}"
+        if document.name not in ("materials.yaml", "bridge_search.yaml", "sizes.yaml") and fnmatch(name, only):
+            yield name, build(robots, document)
+    for page in sorted((ROOT / "docs").glob("*.md")):
+        if fnmatch(f"docs/{page.name}", only) and any(not pages.meant_to_be_wrong(block) for block in pages.documents(page)):
+            yield from documents(f"docs/{page.name}", pages.unpack(page, fresh(folder / "docs" / page.stem)))
+    examples = shutil.copytree(ROOT / "tests" / "cases", folder / "cases") / "codes"
+    for document in sorted([*examples.glob("*.right.*"), *examples.glob("*/right/*")]):
+        name = f"codes/{document.relative_to(examples)}"
+        if document.suffix in (".yaml", ".toml") and ASSEMBLY.search(document.read_text()) and fnmatch(name, only):
+            yield name, build(document.parent, document)
+    designs = folder / "designs"
+    drawing.workspace(designs)
+    for number in range(DESIGNS):
+        if fnmatch(f"designs/{number:03}", only):
+            one = drawing.design(number, SEED)
+            words = [word for name, value in one.parameters.items() for word in ("-p", f"{name}={value}")]
+            yield f"designs/{number:03}", build(designs, drawing.write(one, designs), "--emit", "mjcf", *words)
+    if fnmatch("variants", only):
+        variants = fresh(folder / "variants")
+        drawing.workspace(variants)
+        (variants / "sampled.yaml").write_text(VARIANTS)
+        out = fresh(variants / "out")
+        yield "variants", run(variants, out, ["batch", "sampled.yaml", "-o", str(out), "--pictures", "none"])
+
+
+def documents(name: str, folder: Path) -> Iterator[tuple[str, Entry]]:
+    """Every assembly that stands in a folder."""
+    for document in sorted([*folder.glob("*.yaml"), *folder.glob("*.toml")]):
+        if ASSEMBLY.search(document.read_text()):
+            yield f"{name}/{document.name}", build(folder, document)
+
+
+def build(folder: Path, document: Path, *words: str) -> Entry:
+    """All that one build of a document in a workspace writes and says."""
+    out = fresh(folder.parent / f"{folder.name}_out")
+    return run(folder, out, ["build", os.path.relpath(document, folder), "-o", str(out), *words])
+
+
+def run(folder: Path, out: Path, words: list[str]) -> Entry:
+    """One command of `thingc` in `folder`, which writes to `out`."""
+    printed = io.StringIO()
+    with contextlib.chdir(folder), contextlib.redirect_stdout(printed), contextlib.redirect_stderr(printed):
+        code = thingc(words)
+    text = PASSING.sub("", printed.getvalue()).replace(str(out), "OUT").replace(str(folder), "HERE")
+    print(f"{code}  {' '.join(words)}", file=sys.stderr)
+    files = {
+        str(path.relative_to(out)): hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(out.rglob("*")) if path.is_file()
+    }
+    return {"exit": str(code), "printed": hashlib.sha256(text.encode()).hexdigest(), **files}
+
+
+def fresh(folder: Path) -> Path:
+    """An empty folder of that name."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    return folder
+
+
+if __name__ == "__main__":
+    sys.exit(main())

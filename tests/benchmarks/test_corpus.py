@@ -1,0 +1,30 @@
+"""The corpus of outputs: the same twice, and a byte that differs is seen."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def corpus(*words: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, ROOT / "benchmarks/corpus.py", *words, "--only", "robots/end_effector.yaml"]
+    return subprocess.run([str(word) for word in command], capture_output=True, text=True)
+
+
+def test_what_is_frozen_is_found_again_and_a_change_is_seen(tmp_path: Path, shared_store: str) -> None:
+    kept = tmp_path / "corpus.json"
+    first = corpus("freeze", kept, "--store", shared_store)
+    assert first.returncode == 0 and first.stdout.startswith("1 entries, "), first.stderr
+    assert corpus("compare", kept, "--store", shared_store).stdout == "1 entries: all equal\n"
+    entries = json.loads(kept.read_text())
+    (entry,) = entries.values()
+    assert entry["exit"] == "0"
+    name = next(path for path in entry if path.endswith(".xml"))
+    entry[name] = "0" * 64
+    kept.write_text(json.dumps(entries))
+    changed = corpus("compare", kept, "--store", shared_store)
+    assert changed.returncode == 1 and changed.stdout == f"robots/end_effector.yaml: {name}\n1 entries: 1 x .xml differ\n"
