@@ -29,15 +29,15 @@ from collections.abc import Iterator
 from fnmatch import fnmatch
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "benchmarks" / "designs"))
-sys.path.insert(0, str(ROOT / "tests" / "docs"))
+sys.path.insert(0, str(Path(__file__).resolve().parent / "designs"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "docs"))
 
 import drawing
 import pages
 
 from thingc.cli.main import main as thingc
 
+ROOT = Path(__file__).resolve().parents[1]
 DESIGNS, SEED = 200, 7
 VARIANTS = """\
 thingc: variants/1
