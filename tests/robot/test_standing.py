@@ -75,7 +75,7 @@ components:
   lower: {part: lamps:Bar, params: {length: =length}}
 joints:
   elbow: {type: revolute, parent: upper.far, child: lower.near, limit: {lower: -150 deg, upper: 150 deg},
-    drive: {kind: position, kp: 5, effort: 1 N*m}}
+    drive: {kind: position, kp: 5 N*m/rad, effort: 1 N*m}}
 poses:
   level: {}
   bent: {elbow: 30 deg}
