@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from thingc.brief import Brief
 from thingc.slips import Hint
-from thingc.source import Edit, Origin, Span
+from thingc.source import Edit, Node, Origin, Span, stands_in
 
 
 class Severity(str, Enum):
@@ -24,8 +24,19 @@ class Severity(str, Enum):
     NOTE = "note"
 
 
+class Stage(str, Enum):
+    """The command that has said all warnings of a code once it has succeeded."""
+
+    CHECK = "check"
+    BUILD = "build"
+    TEST = "test"
+
+
 class Code(Enum):
     """Every diagnostic there is: `NAME = ("code", "title", "cure")`. Codes are never used twice or renumbered.
+
+    A code that is, or may be, a warning of an assembly document has a fourth value, the command that says it: such a warning can
+    be allowed where it stands (`allow: {TC407: reason}`).
 
     TC1xx reading, TC2xx one document, TC3xx names and values across documents, TC4xx parts, TC5xx the assembly,
     TC6xx modes (TC65x tests), TC7xx targets, TC8xx folders and files, TC9xx variants.
@@ -73,7 +84,7 @@ class Code(Enum):
     UNKNOWN_MOUNT = ("TC303", "unknown mount", "Name a mount that the component has, or export it in the nested document.")
     UNKNOWN_JOINT = ("TC304", "unknown joint", "Name a joint as `joint`, or `component.joint` inside a nested assembly.")
     UNKNOWN_PARAMETER = ("TC305", "unknown parameter", "Name a parameter that the part or the document declares.")
-    UNKNOWN_MATERIAL = ("TC306", "unknown material", "Name a material of the documents listed under `materials`.")
+    UNKNOWN_MATERIAL = ("TC306", "unknown material", "Name a material of the documents listed under `materials`.", Stage.CHECK)
     UNKNOWN_POSE = ("TC307", "unknown pose", "Name a pose of the document.")
     UNKNOWN_MODE = ("TC308", "unknown mode", "Name a mode of the document.")
     NO_MATCH = ("TC309", "pattern without a match", "Write a pattern that fits at least one name.")
@@ -117,8 +128,8 @@ class Code(Enum):
     PART_CRASHED = ("TC403", "part crashed the interpreter", "Change what the part asks of the CAD kernel; other parts are unharmed.")
     PART_EMPTY = ("TC404", "part without volume", "Let `result()` return a solid, or None for a part without geometry.")
     PART_INVALID = ("TC405", "part is not valid", "Mend the part file at the line named.")
-    PART_WARNING = ("TC406", "remark of a part", "Mend the part file at the line named.")
-    EXPECTATION = ("TC407", "not what the part was cut for", "Put the expected part there, or write `expect: ignore`.")
+    PART_WARNING = ("TC406", "remark of a part", "Mend the part file at the line named.", Stage.CHECK)
+    EXPECTATION = ("TC407", "not what the part was cut for", "Put the expected part there.", Stage.CHECK)
     # --- TC5xx: the assembly (link) --------------------------------------------------------------------------------
     INCOMPLETE = ("TC501", "assembly cannot be linked", "Mend what the other messages name.")
     MOUNT_CLASH = ("TC502", "two mounts of one name", "Give the mount that the document adds another name.")
@@ -130,9 +141,10 @@ class Code(Enum):
     DUPLICATE_LINK = ("TC508", "two links of one name", "Choose another name under `links:`.")
     LINK_NAMED_TWICE = ("TC509", "link with two names", "Keep one of the names under `links:`.")
     NO_ACTUATOR = ("TC510", "drive without an actuator", "Name a component whose Thing declares an actuator, or write the drive inline.")
-    EFFORT = ("TC511", "effort above the actuator's", "Lower `limit.effort`, or choose a stronger actuator.")
+    EFFORT = ("TC511", "effort above the actuator's", "Lower `limit.effort`, or choose a stronger actuator.", Stage.CHECK)
     NO_GAIN = ("TC512", "position drive without a gain", "Give the actuator a `kp`.")
     LOOP = ("TC513", "loop within one link", "Let a `loop: true` joint connect two links that move against each other.")
+    UNNEEDED = ("TC514", "allowance that nothing needs", "Take the code out of `allow`.")
     # --- TC6xx: modes (root) ---------------------------------------------------------------------------------------
     POSE_LIMITS = ("TC601", "pose outside joint limits", "Write a value within the joint's limits, or widen them.")
     UNREACHED = ("TC602", "links beyond the root's reach", "Mend the placements: every link hangs together with the root.")
@@ -150,11 +162,11 @@ class Code(Enum):
     TEST_TORQUE = ("TC656", "too little torque", "Choose a stronger drive, a lighter robot or another pose, or lower the margin.")
     TEST_SETTLES = ("TC657", "no rest in simulation", "Change the pose, the drives or the bounds; look at it with `thingc build`.")
     TEST_POSE = ("TC658", "pose that a test cannot take", "Name a pose in which the mode's loops close.")
-    TEST_ALLOWANCE = ("TC659", "allowance that is never needed", "Take the pair out of `allow`.")
+    TEST_ALLOWANCE = ("TC659", "allowance that is never needed", "Take the pair out of `allow`.", Stage.TEST)
     # --- TC7xx: targets (emit) -------------------------------------------------------------------------------------
     RAW_UNKNOWN = ("TC701", "raw attribute of nothing", "Name a kind of element and an element that the model has.")
     MJCF_REFUSED = ("TC702", "MuJoCo refuses the model", "Change what stands at the place named, as MuJoCo's words say.")
-    MJCF_WARNING = ("TC703", "MuJoCo warns of the model", "Change what stands at the place named, as MuJoCo's words say.")
+    MJCF_WARNING = ("TC703", "MuJoCo warns of the model", "Change what stands at the place named, as MuJoCo's words say.", Stage.BUILD)
     COLLISION_MISSING = ("TC704", "no such collision shape", "Choose another `collision`, or give the Thing a `collision()`.")
     MESH_TOO_LARGE = ("TC705", "mesh too large for MuJoCo", "Choose `collision: hull`, or a coarser `mesh` for the workspace.")
     LOSS_DENIED = ("TC706", "a target cannot say this", "Leave it out of the document, or build without --deny-loss.")
@@ -189,10 +201,11 @@ class Code(Enum):
     RUNNERS = ("TC925", "no runner starts", "Mend what the message names; what has been built stays, and --resume goes on.")
     CLUSTER = ("TC926", "the cluster does not answer", "Mend what the message names; what has been built stays, and --resume goes on.")
 
-    def __init__(self, code: str, title: str, cure: str) -> None:
+    def __init__(self, code: str, title: str, cure: str, warned_by: Stage | None = None) -> None:
         self.code = code
         self.title = title
         self.cure = cure
+        self.warned_by = warned_by
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -219,11 +232,41 @@ class Diagnostic(Brief):
     fixes: tuple[Edit, ...] = ()
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Allowance:
+    """A line of `allow:`. Warnings of `code` are meant so where they show a place in one of `nodes`, each with the span of its
+    key: the mapping that the line is written in, and (of a mode) those that are merged over it. `where` is the line's place;
+    `path` that of its mapping in the document."""
+
+    code: Code
+    reason: str
+    where: Span
+    path: str
+    nodes: tuple[tuple[Span, Node], ...]
+
+    def covers(self, found: Diagnostic) -> bool:
+        """Whether a warning is allowed: one of the places that it shows lies in the mapping."""
+        if found.code is not self.code:
+            return False
+        places = [place for place in (found.span, *(note.span for note in found.notes)) if place is not None]
+        return any(key.holds(place) or stands_in(node, place) for key, node in self.nodes for place in places)
+
+
+def meant_so(code: Code) -> str:
+    """What to type where a warning is no mistake."""
+    return f'if that is meant so, write `allow: {{{code.code}: "the reason"}}`'
+
+
 @dataclass(slots=True)
 class Report:
-    """Collects diagnostics through the passes. The only mutable thing that passes share."""
+    """Collects diagnostics through the passes. The only mutable thing that passes share.
+
+    A warning that one of the `allowances` covers is not said; `needed` are those that covered one.
+    """
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
+    allowances: Sequence[Allowance] = ()
+    needed: set[Allowance] = field(default_factory=set)
     _known: set[Diagnostic] = field(default_factory=set, repr=False)
 
     def add(
@@ -237,8 +280,9 @@ class Report:
         notes: Iterable[Note] = (),
         severity: Severity = Severity.ERROR,
         detail: str | None = None,
-    ) -> None:
+    ) -> bool:
         """Say `message` at `where`; of an `Origin` the innermost span is the place and the others become notes.
+        False where it is allowed there.
 
         A `Hint` that is sure, as message or as help, gives the diagnostic its fix.
         """
@@ -253,13 +297,19 @@ class Report:
             code=code, severity=severity, message=message, span=span, path=path, help=help, notes=tuple(extra),
             detail=detail, fixes=_fixes(span, message, help),
         )
-        self.say(found)
+        return self.say(found)
 
-    def say(self, found: Diagnostic) -> None:
-        """Say what was put together elsewhere; what has been said already is not said again."""
+    def say(self, found: Diagnostic) -> bool:
+        """Say what was put together elsewhere; what has been said already is not said again. False where it is allowed."""
+        if found.severity is Severity.WARNING:
+            covering = [allowance for allowance in self.allowances if allowance.covers(found)]
+            if covering:
+                self.needed.update(covering)
+                return False
         if found not in self._known:
             self._known.add(found)
             self.diagnostics.append(found)
+        return True
 
     def warn(
         self,
@@ -270,13 +320,25 @@ class Report:
         help: str | None = None,
         path: str | None = None,
         notes: Iterable[Note] = (),
-    ) -> None:
+    ) -> bool:
         """`add` with severity warning."""
-        self.add(code, message, where, help=help, path=path, notes=notes, severity=Severity.WARNING)
+        return self.add(code, message, where, help=help, path=path, notes=notes, severity=Severity.WARNING)
 
     def continued(self) -> Report:
         """A report of its own that begins with what this one has."""
-        return Report(list(self.diagnostics), set(self._known))
+        return Report(list(self.diagnostics), self.allowances, set(self.needed), set(self._known))
+
+    def say_unneeded(self, document: str, stages: Collection[Stage]) -> None:
+        """A warning for every allowance of `document` (an absolute path) of which no warning was found, if these stages, which
+        have been gone through, would have found one. (An allowance of a nested document may be for other robots.)"""
+        for allowance in self.allowances:
+            if allowance.where.file == document and allowance.code.warned_by in stages and allowance not in self.needed:
+                where = f"`{allowance.path}`" if allowance.path else "the document"
+                self.warn(
+                    Code.UNNEEDED, f"{where} allows `{allowance.code.code}` ({allowance.code.title}), and nothing there needs it",
+                    allowance.where, path=f"{allowance.path}.allow".lstrip("."), help="take it out of `allow`",
+                    notes=[Note(message=f"the reason given is: {allowance.reason}")],
+                )
 
     @property
     def failed(self) -> bool:

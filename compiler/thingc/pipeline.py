@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from thingc.diagnostics import Code, Report, Severity, shown_path
+from thingc.diagnostics import Code, Report, Severity, Stage, shown_path
 from thingc.memo import Memo
 from thingc.slips import did_you_mean
 
@@ -332,6 +332,7 @@ class Compilation:
         if workspace is None or sources is None:
             return
         self._sources = sources
+        report.allowances = sources.specs.allowances
         documents, specs = sources.documents, sources.specs
         if documents.root.kind == "materials":
             resolve_materials(documents, specs, workspace, report)
@@ -350,6 +351,12 @@ class Compilation:
         self.assembly = stand(linked, None if self.options.lock else partial(outline, self.store), report, front.memo)
         robots = [root(self.assembly, mode, report, front.memo) for mode in self.assembly.modes if not modes or mode.name in modes]
         self.robots = tuple(robot for robot in robots if robot is not None)
+
+    def say_unneeded(self, stages: Collection[Stage]) -> None:
+        """Say which allowances nothing has needed, after all of these stages; only where nothing is set, for other values may need
+        them."""
+        if self.assembly is not None and not self.report.failed and not self.options.parameters and not self.options.choices:
+            self.report.say_unneeded(self.document, stages)
 
     def _check_modes(self, wanted: Sequence[str], known: Sequence[str], *, failed: bool) -> None:
         for name in wanted:

@@ -25,6 +25,13 @@ class Span:
     end_line: int
     end_column: int
 
+    def holds(self, other: Span) -> bool:
+        """Whether the other stretch lies in this one."""
+        return (
+            self.file == other.file and (self.line, self.column) <= (other.line, other.column)
+            and (other.end_line, other.end_column) <= (self.end_line, self.end_column)
+        )
+
 
 Origin = tuple[Span, ...]
 """The chain of spans that made something, innermost first; never empty for what a document made."""
@@ -119,6 +126,19 @@ def span_at(root: Node, path: Path, *, key: bool = False) -> Span:
         else:
             break
     return span
+
+
+def stands_in(node: Node, span: Span) -> bool:
+    """Whether a place lies within what a node says: in one of its scalars or keys, or it is the place of a whole in it.
+
+    (The span of a TOML table may reach over other tables, which stand between its own lines.)
+    """
+    for _, inner in walk(node):
+        if inner.span == span or (isinstance(inner, ScalarNode) and inner.span.holds(span)):
+            return True
+        if isinstance(inner, MappingNode) and any(key.holds(span) for key in inner.keys.values()):
+            return True
+    return False
 
 
 def walk(node: Node, path: Path = ()) -> Iterator[tuple[Path, Node]]:

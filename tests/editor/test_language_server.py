@@ -142,7 +142,7 @@ def test_modes_offer_names(server: LanguageServer, arm: str, key: str, some: set
         ("  tip: hand.tip", "  tip: |", {"hand.tip", "wrist_servo.horn"}),
         ("    at: {in: bracket.board, xyz: 0 0 4 mm}", "    at:\n      in: |", {"bracket.board", "plate.bottom"}),
         ("materials: [materials.yaml]", "materials:\n  - |", {"materials.yaml", "minchw/materials.yaml"}),
-        ("    expect: ignore", "    material: |", {"petg", "steel"}),
+        ("    allow: {TC407: its rotor_seat turns on the idler}", "    material: |", {"petg", "steel"}),
         ("simulation: {timestep", "sensors:\n  eye:\n    type: camera\n    at: |\nsimulation: {timestep", {"tip", "hand.tip"}),
         ("simulation: {timestep", "sensors:\n  turned:\n    type: joint\n    joint: |\nsimulation: {timestep", {"yaw", "wrist"}),
         ("    drive: wrist_servo", "    mimic:\n      joint: |", {"yaw", "elbow"}),
@@ -238,7 +238,7 @@ def test_names_show_what_they_mean(server: LanguageServer, arm: str, old: str, n
         ("child: hand.seat", "child: hand.seet", "hand.seet", "`hand` (end_effector.yaml) has no such mount"),
         ("pen_diameter: =pen_diameter}", "pn: =pen_diameter}", "pn", "pn is not allowed"),
         ("{mount: servo_seat, to: elbow", "{mount: servo_set, to: elbow", "servo_set", "there is no such mount"),
-        ("    expect: ignore", "    material: petgg", "petgg", "there are `aluminium`, `petg`"),
+        ("    allow: {TC407: its rotor_seat turns on the idler}", "    material: petgg", "petgg", "there are `aluminium`, `petg`"),
         ("  home: {yaw: 30 deg", "  home: {yaw: 30 mm", "30 mm", "expected an angle"),
     ],
 )

@@ -36,7 +36,6 @@ components:
     collision: none
     visual: false
     process: {walls: 2}
-    expect: ignore
     bom: {number: X1, cost: 12.50 EUR, make: buy}
     mounts: {shaft: {xyz: 0 0 4 mm, rpy: 0 0 90 deg, interface: horn}}
   board:
@@ -88,7 +87,7 @@ def test_everything_a_component_says(tmp_path: Path) -> None:
     assert over.mass is not None and over.mass.value == (0.012,) and over.mass.source == "stated"
     assert over.com is not None and over.com.value == (0.001, 0.0, 0.1) and over.com.source == "stated"
     assert over.inertia is not None and over.inertia.value == (1.0, 2.0, 2.5, 0.0, -0.1, 0.0) and over.inertia.source == "vendor"
-    assert (over.collision, over.visual, over.ignore_expectations) == ("none", False, True)
+    assert (over.collision, over.visual) == ("none", False)
     assert over.process == Process(walls=2, infill=0.15)
     assert brace.bom == BomEntry(number="X1", supplier="us", cost="12.50 EUR", make="buy")
     shaft = brace.mounts["shaft"]

@@ -350,7 +350,7 @@ def test_no_word_of_the_machinery_reaches_a_person(tmp_path: Path) -> None:
         defaults: {component: {material: m}, joint: {turn: 3 deg}}
         components:
           p:
-            {part: a:B, params: {l: 5 mm}, mass: {value: 1 g, source: vendor}, com: 0 0 1 mm, visual: true, expect: ignore,
+            {part: a:B, params: {l: 5 mm}, mass: {value: 1 g, source: vendor}, com: 0 0 1 mm, visual: true, allow: {TC407: r},
             inertia: {ixx: 0, iyy: 0, izz: 0}, bom: {number: a, cost: 1 EUR, make: buy},
             mounts: {m: {xyz: 0 0 0, rpy: 0 0 0, interface: i}}}
           q: {frame: true, at: {in: p.a, xyz: 0 0 0, rpy: 0 0 0}, repeat: {count: 3, as: i}}
@@ -358,7 +358,7 @@ def test_no_word_of_the_machinery_reaches_a_person(tmp_path: Path) -> None:
         joints:
           j:
             {type: revolute, parent: a.b, child: c.d, limit: {lower: 0, upper: 1 deg, effort: 1 N, velocity: 1 rpm},
-            dynamics: {damping: 1 N*s/m, friction: 1 N, armature: 1 kg, stiffness: 1 N/m}, offset: 0, loop: false,
+            allow: {TC407: r}, dynamics: {damping: 1 N*s/m, friction: 1 N, armature: 1 kg, stiffness: 1 N/m}, offset: 0, loop: false,
             drive: {kind: motor, kv: 1 N*m*s/rad}, mimic: {joint: k, multiplier: 1, offset: 0}}
         links: {l: p}
         mounts: {m: p.a}
@@ -366,8 +366,9 @@ def test_no_word_of_the_machinery_reaches_a_person(tmp_path: Path) -> None:
         modes:
           b:
             {root: p, base: fixed, at: {xyz: 0 0 0}, gravity: floor, pose: h, poses: [h], actuators: [j], hold: {p.a: here},
-            contacts: {exclude: [[p, q]], adhesion: {p.a: 1 N}}, cut: [j], simulation: {timestep: 1 ms}, extends: c}
+            contacts: {exclude: [[p, q]], adhesion: {p.a: 1 N}}, cut: [j], simulation: {timestep: 1 ms}, extends: c, allow: {TC407: r}}
         raw: {mjcf: {a: 1}}
+        allow: {TC407: r}
         sensors: {s: {type: camera, at: p.a, fovy: 3 deg}}
     """)
     documents, report = read(tmp_path, base)

@@ -11,7 +11,7 @@ from typing import Any
 
 from thingc import stamp
 from thingc.cli import common
-from thingc.diagnostics import Code, Diagnostic, Report, Severity, shown_path
+from thingc.diagnostics import Code, Diagnostic, Report, Severity, Stage, shown_path
 from thingc.emit.artifact import Artifacts, Loss
 from thingc.output import OutputError, verify, write_build
 from thingc.pipeline import Compilation, Options, UnknownChoice
@@ -110,6 +110,8 @@ def _build(
     losses = [loss for target in targets for loss in artifacts[target].losses]
     if arguments.deny_loss:
         _deny(losses, compilation.report)
+    if not arguments.mode:
+        compilation.say_unneeded([Stage.CHECK, Stage.BUILD] if "mjcf" in targets else [Stage.CHECK])
     found = common.final(compilation.report, strict=arguments.strict)
     if common.exit_code(found):
         return found, None

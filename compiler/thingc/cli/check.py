@@ -11,7 +11,7 @@ from functools import partial
 
 from thingc import stamp
 from thingc.cli import common
-from thingc.diagnostics import Diagnostic, Report, Severity, shown_path
+from thingc.diagnostics import Diagnostic, Report, Severity, Stage, shown_path
 from thingc.pipeline import Compilation, Options
 
 EPILOG = """\
@@ -151,6 +151,7 @@ def check(document: str, options: Options, *, strict: bool = False) -> list[Diag
 def report_of(compilation: Compilation) -> Report:
     """What is said of a document of any kind that may be checked."""
     compilation.run(kinds=("assembly", "materials", "variants"))
+    compilation.say_unneeded([Stage.CHECK])
     if compilation.documents is None or compilation.documents.root.kind != "variants":
         return compilation.report
     from thingc.variants.planning import read_plan

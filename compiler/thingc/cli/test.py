@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from thingc.cli import common
-from thingc.diagnostics import Code, Diagnostic, Report, Severity, shown_path
+from thingc.diagnostics import Code, Diagnostic, Severity, Stage, shown_path
 from thingc.pipeline import Compilation, UnknownChoice
 from thingc.slips import did_you_mean
 
@@ -78,13 +78,14 @@ def _run(arguments: argparse.Namespace, compilation: Compilation, results: list[
         if arguments.format == "text":
             print(_line(result, width), flush=True)
 
-    report = Report()
     request = EmitRequest(
         assembly=assembly, robots=compilation.robots, store=compilation.store, geometry=compilation.geometry,
-        workspace=compilation.workspace, report=report,
+        workspace=compilation.workspace, report=compilation.report,
     )
     run_tests(request, selection, on_result)
-    return [*found, *common.final(report, strict=arguments.strict)], assembly.name
+    if not selection.only and not selection.modes:
+        compilation.say_unneeded([Stage.CHECK, Stage.TEST])
+    return common.final(compilation.report, strict=arguments.strict), assembly.name
 
 
 def _selection(arguments: argparse.Namespace, assembly: Assembly) -> Selection:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from thingc.diagnostics import Code
+from thingc.diagnostics import Code, meant_so
 from thingc.graph.findings import Findings, noted
 from thingc.graph.types import Mate, Occurrence
 from thingc.realize.record import Expectation
@@ -25,7 +25,7 @@ def check_expectations(
             on.setdefault((mate.parent, mate.parent_mount), []).append((mate.child, mate.child_mount))
             on.setdefault((mate.child, mate.child_mount), []).append((mate.parent, mate.parent_mount))
     for owner in occurrences:
-        if owner.record is None or owner.overrides.ignore_expectations:
+        if owner.record is None:
             continue
         expected = owner.record.expectations
         for one in expected:
@@ -33,8 +33,6 @@ def check_expectations(
             if any(_is(other, one) and mount == one.child_mount for other, mount in there):
                 continue
             if not there and (owner.index, one.mount) in open_mounts:
-                continue
-            if any(other.overrides.ignore_expectations for other, _ in there):
                 continue
             spoken_for = {(e.text, e.child_mount) for e in expected if e.mount == one.mount}
             strangers = [(o, m) for o, m in there if o.record is None or (o.record.text, m) not in spoken_for]
@@ -48,7 +46,7 @@ def _is(other: Occurrence, expected: Expectation) -> bool:
 def _warn(owner: Occurrence, one: Expectation, strangers: Sequence[tuple[Occurrence, str]], findings: Findings) -> None:
     name = owner.component.name
     cut = f"`{name}.{one.mount}` was cut for `{one.text}`"
-    help = f"put `{one.text}` there by its mount `{one.child_mount}`, or write `expect: ignore` on `{name}`"
+    help = f"put `{one.text}` there by its mount `{one.child_mount}`; {meant_so(Code.EXPECTATION)}"
     if not strangers:
         findings.warn(Code.EXPECTATION, f"{cut}, and nothing sits there", owner.origin, path=owner.path, help=help)
         return

@@ -47,9 +47,9 @@ class Findings:
         path: str | None = None,
         help: str | None = None,
         notes: Iterable[Note] = (),
-    ) -> None:
-        """Say a warning at `origin`, unless the same was said of the same place."""
-        self._say(Severity.WARNING, code, message, origin, path, help, notes, None)
+    ) -> bool:
+        """Say a warning at `origin`, unless the same was said of the same place. False where it is allowed there."""
+        return self._say(Severity.WARNING, code, message, origin, path, help, notes, None)
 
     def leave_out(self) -> None:
         """Note that something could not be linked because what it needs is wrong and has been reported."""
@@ -58,17 +58,19 @@ class Findings:
     def _say(
         self, severity: Severity, code: Code, message: str, origin: Origin, path: str | None, help: str | None,
         notes: Iterable[Note], detail: str | None,
-    ) -> None:
+    ) -> bool:
         key = (code, message, origin[0] if origin else None)
         if key in self._said or len(self._said) > MAX_FAULTS:
-            return
-        self._said.add(key)
-        if len(self._said) > MAX_FAULTS:
-            self.report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} faults; the rest is not said", None)
-            return
-        self.report.add(
+            return True
+        if len(self._said) == MAX_FAULTS:
+            self._said.add(key)
+            return self.report.add(Code.TOO_LARGE, f"more than {MAX_FAULTS} faults; the rest is not said", None)
+        said = self.report.add(
             code, message, origin or None, help=help, path=path, notes=notes, severity=severity, detail=detail,
         )
+        if said:  # where it is allowed, it may still be said of another place that the definition is used at
+            self._said.add(key)
+        return said
 
 
 def line_of(file: str, line: int) -> Span:

@@ -65,7 +65,7 @@ class Leaves:
         self._known: dict[int, Leaf | None] = {}
         self._failures: dict[str, list[tuple[Component, str, Origin]]] = {}
         self._unknown: dict[tuple[str, str, bool], list[tuple[Component, PartRecord, AssemblyDefinition, str, Origin]]] = {}
-        self._warned: set[str] = set()
+        self._warned: set[tuple[str, str]] = set()
         self.unknown = False
 
     def leaf(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> Leaf | None:
@@ -170,15 +170,15 @@ class Leaves:
         )
 
     def _warn(self, record: PartRecord, path: str, origin: Origin) -> None:
-        if record.text in self._warned:
-            return
-        self._warned.add(record.text)
         for warning in record.warnings:
+            if (record.text, warning.message) in self._warned:
+                continue
             notes = (
                 [Note(message="in the part file, here", span=line_of(warning.file, warning.line or 1))]
                 if warning.file is not None else []
             )
-            self._findings.warn(Code.PART_WARNING, f"`{record.text}`: {warning.message}", origin, path=path, notes=notes)
+            if self._findings.warn(Code.PART_WARNING, f"`{record.text}`: {warning.message}", origin, path=path, notes=notes):
+                self._warned.add((record.text, warning.message))
 
     def _material(
         self, component: Component, record: PartRecord | None, scope: AssemblyDefinition,

@@ -99,7 +99,6 @@ class Overrides(Brief):
     collision: str = "hull"
     visual: bool = True
     process: Process | None = None
-    ignore_expectations: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

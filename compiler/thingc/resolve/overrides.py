@@ -20,7 +20,7 @@ NO_BOM = BomEntry()
 
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
-_OF_PARTS = ("material", "mass", "com", "inertia", "collision", "visual", "process", "bom", "expect")
+_OF_PARTS = ("material", "mass", "com", "inertia", "collision", "visual", "process", "bom")
 """Keys that only a part or a frame has a use for."""
 
 
@@ -38,14 +38,14 @@ def refuse_on_assembly(node: Node) -> None:
 def overrides(scope: Scope, layers: Layers) -> Overrides:
     """Everything but material and BOM, key by key from the layers; keys that are wrong are reported and left out."""
     mass, com, inertia = _mass(scope, layers), _com(scope, layers), _inertia(scope, layers)
-    collision, visual, expect = layers.pick("collision"), layers.pick("visual"), layers.pick("expect")
+    collision, visual = layers.pick("collision"), layers.pick("visual")
     made = layers.sub("process")
-    if all(one is None for one in (mass, com, inertia, collision, visual, expect)) and not made:
+    if all(one is None for one in (mass, com, inertia, collision, visual)) and not made:
         return NONE_SAID
     return Overrides(
         mass=mass, com=com, inertia=inertia, collision=collision[0] if collision else "hull",
         visual=visual[0] if visual else True,
-        process=process(scope, made) if made else None, ignore_expectations=expect is not None,
+        process=process(scope, made) if made else None,
     )
 
 

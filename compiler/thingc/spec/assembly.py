@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
+from thingc.spec.allowances import Allow, allow
 from thingc.spec.base import Model
 from thingc.spec.fields import (
     AngleField,
@@ -183,8 +184,6 @@ class ComponentDefaults(Model):
         default=None, examples=[{"number": "902-0135-000", "supplier": "ROBOTIS", "cost": "269.90 USD", "make": "buy"}],
     )
     """The line of the bill of materials."""
-    expect: Literal["ignore"] | None = None
-    """`ignore`: do not warn where the geometry was cut for another part."""
 
 
 def _component_rules(schema: dict[str, Any]) -> None:
@@ -229,6 +228,8 @@ class ComponentSpec(ComponentDefaults):
     """Reserved."""
     repeat: RepeatSpec | None = Field(default=None, examples=[{"count": 6}, {"count": "=legs", "as": "k"}])
     """Makes `name_0`, `name_1` and so on of it."""
+    allow: Allow = allow()
+    """Warnings of this component that are meant so, by code, each with the reason."""
 
     @model_validator(mode="after")
     def _one_kind(self) -> ComponentSpec:
@@ -354,6 +355,8 @@ class JointSpec(JointDefaults):
     """Closes a loop instead of placing the child."""
     repeat: RepeatSpec | None = Field(default=None, examples=[{"count": 6}])
     """Makes `name_0`, `name_1` and so on of it."""
+    allow: Allow = allow()
+    """Warnings of this joint that are meant so, by code, each with the reason."""
 
 
 class DefaultsSpec(Model):
@@ -437,6 +440,8 @@ class ModeSpec(Model):
     """How simulators step in this mode, over what the document says."""
     extends: Name | None = None
     """Another mode that this one is merged over."""
+    allow: Allow = allow()
+    """Warnings of this mode, and of those that extend it, that are meant so, by code, each with the reason."""
 
 
 class AssemblySpec(Model):
@@ -476,3 +481,5 @@ class AssemblySpec(Model):
     """What the robot measures."""
     tests: dict[Name, TestSpec] = Field(default={}, examples=[{"light": {"mass": {"max": "2.2 kg"}}}])
     """What has to be true of the robot; `thingc test` runs them."""
+    allow: Allow = allow()
+    """Warnings of anything in this document that are meant so, by code, each with the reason."""

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from thingc.diagnostics import Allowance
 from thingc.source import Path
 
 if TYPE_CHECKING:
@@ -52,14 +53,17 @@ NO_DOUBTS = Doubts()
 
 
 class Specs(dict[str, "AssemblySpec | MaterialsSpec"]):
-    """The models of documents by path in the workspace; `doubts` has those of which only the sound rest is here."""
+    """The models of documents by path in the workspace; `doubts` has those of which only the sound rest is here, `allowances`
+    the warnings that they allow."""
 
     def __init__(self, *arguments: Any) -> None:
         super().__init__(*arguments)
         self.doubts: dict[str, Doubts] = {}
+        self.allowances: list[Allowance] = []
 
     def joined(self, more: Specs) -> Specs:
         """These and others together."""
         both = Specs({**self, **more})
         both.doubts = {**self.doubts, **more.doubts}
+        both.allowances = [*self.allowances, *more.allowances]
         return both

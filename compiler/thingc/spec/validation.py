@@ -18,6 +18,7 @@ from pydantic_core import PydanticCustomError, ValidationError
 from thingc.diagnostics import Code, Report
 from thingc.slips import Hint, did_you_mean, near_hint, nearest
 from thingc.source import Document, MappingNode, Path, ScalarNode, SequenceNode, Span, node_at, walk
+from thingc.spec.allowances import allowances
 from thingc.spec.assembly import AssemblySpec
 from thingc.spec.base import Model
 from thingc.spec.doubts import Doubts, Specs
@@ -44,7 +45,7 @@ MODELS: dict[str, type[Model]] = {
 _KINDS: dict[str, Code] = {
     "unit": Code.BAD_UNIT, "dimension": Code.WRONG_DIMENSION, "quantity": Code.BAD_QUANTITY, "expression": Code.BAD_EXPRESSION,
     "name": Code.BAD_NAME, "reference": Code.BAD_REFERENCE, "color": Code.BAD_COLOR, "vector": Code.WRONG_LENGTH,
-    "type": Code.WRONG_TYPE, "rule": Code.BROKEN_RULE,
+    "type": Code.WRONG_TYPE, "rule": Code.BROKEN_RULE, "choice": Code.UNKNOWN_CHOICE,
 }
 """The codes of errors that `spec.fields` and the models' own rules raise."""
 
@@ -62,6 +63,8 @@ def validate(documents: Documents, report: Report) -> Specs:
             specs[path] = spec
             if doubts:
                 specs.doubts[path] = doubts
+            if isinstance(spec, AssemblySpec):
+                specs.allowances.extend(allowances(spec, document))
     return specs
 
 

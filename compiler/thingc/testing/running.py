@@ -201,8 +201,8 @@ class _Runner:
         request = replace(self.request, robots=(case.robot,), report=report, made={}, verify=True)
         artifacts = mjcf.emit(request)
         if report.failed:
-            said = self.request.report.diagnostics
-            said.extend(d for d in report.diagnostics if d not in said)
+            for diagnostic in report.diagnostics:
+                self.request.report.say(diagnostic)
             failure = Failure(code=Code.TEST_SETTLES, key="", message="MuJoCo does not take the model")
             return Outcome(measured={}, expected={}, said="no model", failure=failure)
         store = self.request.store
