@@ -26,9 +26,11 @@ FOLDER = "folder:"
 
 
 def fingerprint() -> str:
-    """A digest of the interpreter, the installed packages (names of their metadata folders carry the version) and the
-    state of thingc's own files."""
-    digest = hashlib.sha256(sys.version.encode())
+    """A digest of the interpreter, the installed packages (names of their metadata folders carry the version), the variables that
+    workers are given, and the state of thingc's own files."""
+    from thingc.realize.environment import passed
+
+    digest = hashlib.sha256(f"{sys.version}\n{sorted(passed().items())}\n".encode("utf-8", "surrogateescape"))
     for entry in sys.path:
         if not entry or not os.path.isdir(entry):
             continue

@@ -228,8 +228,8 @@ def test_a_kernel_that_does_not_load(
     import thingc.realize.client as client
 
     (tmp_path / "build123d.py").write_text("raise ImportError('no kernel on this machine')")
-    environment = client.environment()
-    shadowed = {**environment, "PYTHONPATH": f"{tmp_path}:{environment.get('PYTHONPATH', '')}"}
+    usual = client.environment()
+    shadowed = {**usual, "PYTHONPATH": f"{tmp_path}:{usual.get('PYTHONPATH', '')}"}
     monkeypatch.setattr(client, "environment", lambda: shadowed)
     place.write("parts/arm.py", "from thingc import Thing\nclass A(Thing): pass\n")
     with place.service(workers=None) as service:

@@ -181,30 +181,6 @@ def test_a_server_that_dies_is_started_again(place: Any, define: Callable[..., A
         workers.close()
 
 
-def test_the_environment_of_parts_is_fixed(place: Any, define: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
-    text = """
-        import os
-        from build123d import *
-        from thingc import Thing
-
-        class A(Thing):
-            def result(self):
-                assert os.environ["PYTHONHASHSEED"] == "0"
-                assert os.getcwd() == os.path.dirname(os.path.dirname(os.path.abspath(__file__))), os.getcwd()
-                return Box(1, 1, float(os.environ.get("SIZE", 1)))
-    """
-    place.write("parts/arm.py", text)
-    monkeypatch.setenv("SIZE", "5")
-    own = Workers(1)
-    try:
-        with place.service(workers=own) as service:
-            record = service.realize([define("arm:A")])["arm:A"]
-    finally:
-        own.close()
-    assert isinstance(record, PartRecord), record
-    assert record.volume == pytest.approx(1e-9)
-
-
 @pytest.mark.parametrize("damage", ["gone", "truncated", "overwritten", "document"])
 def test_damage_is_mended_by_the_next_run(place: Any, define: Callable[..., Any], damage: str) -> None:
     place.write("parts/parts_.py", PARTS)

@@ -14,18 +14,21 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from thingc.realize.scratch import remove, settle
+
 KEPT = 8192
 """How many bytes of the end of a child's standard error are looked at."""
 
 
 @dataclass(slots=True, kw_only=True)
 class Child:
-    """A running child: its process (leader of its own group), the pipe its answer comes on, and its standard error."""
+    """A running child: its process (leader of its own group), the pipe its answer comes on, its standard error, and its folder."""
 
     number: int
     process: int
     pipe: int
     errors: Any
+    scratch: str
     deadline: float
     received: bytearray
 
@@ -50,6 +53,7 @@ class Child:
         with contextlib.suppress(ChildProcessError):
             os.waitpid(self.process, 0)
         os.close(self.pipe)
+        remove(self.scratch)
         try:
             if self.answered:
                 return {"id": self.number, **json.loads(self.received)}
@@ -113,8 +117,11 @@ def live_without_parent() -> None:
         ctypes.CDLL(None, use_errno=True).prctl(1, 0, 0, 0, 0)
 
 
-def start(request: Mapping[str, Any], run: Callable[[Mapping[str, Any]], dict[str, Any]], close: list[int]) -> Child:
-    """Fork a child that runs `run(request)` and writes the answer as one line. `close`: descriptors it must not hold."""
+def start(
+    request: Mapping[str, Any], run: Callable[[Mapping[str, Any]], dict[str, Any]], scratch: str, close: list[int]
+) -> Child:
+    """Fork a child that runs `run(request)` with the folder `scratch` for itself, and writes the answer as one line. `close`:
+    descriptors it must not hold."""
     reader, writer = os.pipe()
     errors = tempfile.TemporaryFile()  # noqa: SIM115 (it lives as long as the child)
     server = os.getpid()
@@ -129,13 +136,14 @@ def start(request: Mapping[str, Any], run: Callable[[Mapping[str, Any]], dict[st
             die_with_parent(server)
             for descriptor in (reader, *close):
                 os.close(descriptor)
+            settle(scratch)
             os.dup2(errors.fileno(), 1)
             os.dup2(errors.fileno(), 2)
             signal.signal(signal.SIGINT, signal.SIG_DFL)
             faulthandler.enable(file=errors.fileno(), all_threads=False)
             faulthandler.dump_traceback_later(timeout - min(0.5, timeout / 4), file=errors.fileno())
             _without_core_dump()
-            answer = json.dumps({"answer": run(request)}).encode() + b"\n"
+            answer = json.dumps({"answer": run({**request, "scratch": scratch})}).encode() + b"\n"
             while answer:
                 answer = answer[os.write(writer, answer) :]
             status = 0
@@ -149,7 +157,7 @@ def start(request: Mapping[str, Any], run: Callable[[Mapping[str, Any]], dict[st
     with contextlib.suppress(OSError):
         os.setpgid(process, process)
     return Child(
-        number=request["id"], process=process, pipe=reader, errors=errors, deadline=time.monotonic() + timeout,
+        number=request["id"], process=process, pipe=reader, errors=errors, scratch=scratch, deadline=time.monotonic() + timeout,
         received=bytearray(),
     )
 

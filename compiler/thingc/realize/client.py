@@ -16,6 +16,8 @@ from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any
 
+from thingc.realize.environment import environment
+
 GRACE = 15.0
 """How long [s] after a request's own deadline the worker may be silent before it is given up itself."""
 LOADING = 120.0
@@ -75,11 +77,15 @@ class Workers:
         no worker can be had.
         """
         source = iter(requests)
-        waiting: deque[Mapping[str, Any]] = deque(islice(source, 1))
+        waiting: deque[Mapping[str, Any]] = deque()
         own: set[int] = set()
         under_way = 0
         lost = 0
-        while waiting or under_way:
+        while True:
+            if not (waiting or under_way):
+                waiting.extend(islice(source, 1))
+                if not waiting:
+                    return
             self.warm()
             for worker in self._processes:
                 limit = (2 if self.forking else 1) * worker.capacity - len(worker.asked)
@@ -134,7 +140,7 @@ class Workers:
             with contextlib.suppress(OSError):
                 worker.process.stdin.close()  # type: ignore[union-attr]
         for worker in ended:
-            if not (self.forking and worker.ready):  # one that is still loading does not listen; it has no children
+            if not worker.ready or not self.forking and worker.asked:  # it does not listen, and has no children
                 worker.process.kill()
             try:
                 worker.process.wait(5.0)
@@ -184,22 +190,6 @@ def _gather(worker: _Process, put: Callable[[tuple[_Process, bytes]], None]) -> 
             for line in stream:
                 put((worker, line))
     put((worker, b""))
-
-
-def environment() -> dict[str, str]:
-    """The fixed environment of workers: what a part computes must not depend on who runs it."""
-    kept = ("HOME", "USERPROFILE", "SYSTEMROOT", "TEMP", "TMP", "TMPDIR", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "VIRTUAL_ENV")
-    found = {name: os.environ[name] for name in kept if name in os.environ}
-    found.update({
-        "PATH": os.defpath, "LC_ALL": "C.UTF-8", "PYTHONHASHSEED": "0", "PYTHONUTF8": "1", "TZ": "UTC",
-        "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1",
-    })
-    own = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-    from thingc.realize.modules import own_roots
-
-    if not (os.path.realpath(own) + os.sep).startswith(own_roots()):
-        found["PYTHONPATH"] = own
-    return found
 
 
 def once(flags: Sequence[str], request: Mapping[str, Any]) -> dict[str, Any]:

@@ -27,7 +27,7 @@ class NoPart(Exception):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Surroundings:
     """What a request says about where it runs: the workspace's `root`, part folders and packages, the files of the code that has
-    a key (`hashes`: SHA-256 by file), part packages without `__init__.py`, and the store."""
+    a key (`hashes`: SHA-256 by file), part packages without `__init__.py`, the store, and the part's own folder `scratch`."""
 
     root: str
     parts: tuple[str, ...]
@@ -35,6 +35,7 @@ class Surroundings:
     hashes: dict[str, str]
     plain: tuple[str, ...]
     store: str
+    scratch: str
 
 
 @dataclass(slots=True)
@@ -49,7 +50,7 @@ class Session:
 
     def __post_init__(self) -> None:
         self.importer = PartImporter(self.around.parts, self.around.packages, self.around.hashes, self.around.plain)
-        self.recorder = Recorder(self.around.root, (self.around.store,))
+        self.recorder = Recorder(self.around.root, (self.around.store, self.around.scratch))
 
     def __enter__(self) -> Session:
         from thingc.things import assets

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable, Iterable
 from functools import cache
 
+from thingc.realize.environment import passed
 from thingc.realize.modules import import_path, is_installed
 from thingc.realize.reads import state_of
 from thingc.realize.store import Store, StoreUnusable
@@ -49,8 +50,9 @@ def _file_version(file: str | None) -> str:
 
 
 def platform_versions() -> dict[str, str]:
-    """Python and the machine."""
+    """Python, the machine, and what workers see of its environment."""
     return {
+        **{f"variable {name}": value for name, value in passed().items()},
         "version Python": f"{platform.python_implementation()} {'.'.join(map(str, sys.version_info[:3]))}",
         "machine": f"{sys.platform} {platform.machine()}",
     }

@@ -18,7 +18,10 @@ import sys
 import time
 from collections import deque
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from thingc.realize.scratch import Scratch
 
 AHEAD = (
     "importlib.metadata", "importlib.resources.readers", "manifold3d", "thingc.realize.describing", "thingc.realize.modelling",
@@ -36,27 +39,38 @@ def main(arguments: list[str]) -> None:
     os.dup2(nothing, 1)
     parent = int(arguments[arguments.index("--parent") + 1]) if "--parent" in arguments else os.getppid()
     if hasattr(os, "fork"):
-        from thingc.realize.children import die_with_parent, live_without_parent
+        from thingc.realize.children import die_with_parent
 
         die_with_parent(parent)  # nobody watches standard input while the kernel is loaded
-    if "--assemble" in arguments:
-        _answer(answers, _safely(json.loads(sys.stdin.buffer.readline())))
+    from thingc.realize.scratch import Scratch, remove, settle
+
+    scratch = Scratch()
+    settle(scratch.folder)
+    try:
+        if "--assemble" in arguments:
+            _answer(answers, _safely(json.loads(sys.stdin.buffer.readline())))
+        elif not _load(answers):
+            return
+        elif hasattr(os, "fork") and "--inline" not in arguments:
+            from thingc.realize.children import live_without_parent
+
+            live_without_parent()  # from here on the end of standard input does it; the parent's thread may end before
+            if os.getppid() == parent:
+                jobs = int(arguments[arguments.index("--jobs") + 1]) if "--jobs" in arguments else os.cpu_count() or 1
+                _serve(answers, jobs, scratch)
+        else:
+            for line in sys.stdin.buffer:
+                folder = scratch.make()
+                settle(folder)
+                _answer(answers, _safely({**json.loads(line), "scratch": folder}))
+                remove(folder)
+    finally:
+        scratch.close()
         os._exit(0)
-    if hasattr(os, "fork") and "--inline" not in arguments:
-        _load(answers)
-        live_without_parent()  # from here on the end of standard input does it; the parent's thread may end before
-        if os.getppid() != parent:
-            os._exit(1)
-        _serve(answers, int(arguments[arguments.index("--jobs") + 1]) if "--jobs" in arguments else os.cpu_count() or 1)
-    else:
-        _load(answers)
-        for line in sys.stdin.buffer:
-            _answer(answers, _safely(json.loads(line)))
-    os._exit(0)
 
 
-def _load(answers: int) -> None:
-    """Import the kernel and everything requests need, once; what cannot be imported is said, and ends the worker."""
+def _load(answers: int) -> bool:
+    """Import the kernel and everything requests need, once; False where that cannot be imported, which is said."""
     gc.disable()
     try:
         from thingc.realize.deferred import import_cheaply
@@ -71,11 +85,12 @@ def _load(answers: int) -> None:
         import traceback
 
         _answer(answers, {"broken": f"{type(fault).__name__}: {fault}", "detail": traceback.format_exc()})
-        os._exit(1)
+        return False
     gc.freeze()
     gc.set_threshold(100_000, 20, 100)  # meshes are many small tuples
     gc.enable()
     _answer(answers, {"ready": True})
+    return True
 
 
 def _answer(descriptor: int, value: Mapping[str, Any]) -> None:
@@ -111,7 +126,7 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
         return {"pieces": decompose(request["mesh"], Store(request["store"]))}
     around = Surroundings(
         root=request["root"], parts=tuple(request["parts"]), packages=tuple(request["packages"]), hashes=dict(request["hashes"]),
-        plain=tuple(request["plain"]), store=request["store"],
+        plain=tuple(request["plain"]), store=request["store"], scratch=request["scratch"],
     )
     if operation == "describe":
         from thingc.realize.describing import describe
@@ -124,8 +139,8 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
     return model(request["definition"], Tessellations(**asked), around)
 
 
-def _serve(answers: int, jobs: int) -> None:
-    """The server: at most `jobs` children at once, each with its deadline."""
+def _serve(answers: int, jobs: int, scratch: Scratch) -> None:
+    """The server: at most `jobs` children at once, each with its deadline and its folder."""
     from thingc.realize.children import Child, kill_group, start
 
     waiting: deque[dict[str, Any]] = deque()
@@ -144,7 +159,7 @@ def _serve(answers: int, jobs: int) -> None:
             while waiting and len(running) < jobs:
                 request = waiting.popleft()
                 _prepare(request)
-                child = start(request, perform, [0, answers, *running])
+                child = start(request, perform, scratch.make(), [0, answers, *scratch.descriptors, *running])
                 running[child.pipe] = child
                 selector.register(child.pipe, selectors.EVENT_READ)
             now = time.monotonic()
@@ -169,7 +184,6 @@ def _serve(answers: int, jobs: int) -> None:
     finally:
         for child in running.values():
             kill_group(child.process)
-        os._exit(0)
 
 
 def _prepare(request: Mapping[str, Any]) -> None:
