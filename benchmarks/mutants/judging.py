@@ -9,9 +9,10 @@ from pathlib import Path
 
 from mutations import Mutant
 
-from thingc.diagnostics import Code, Diagnostic, Severity, as_json, as_text
+from thingc.diagnostics import Code, Diagnostic, Severity
 from thingc.load.finding import documents_in
 from thingc.pipeline import Compilation, Options
+from thingc.printing import as_json, as_text
 from thingc.source import Document, MappingNode, ScalarNode, walk
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from thingc.brief import Brief
-from thingc.diagnostics import Diagnostic, Report, as_text
+from thingc.diagnostics import Diagnostic, Report
 from thingc.inertia import MassProperties
 from thingc.pipeline import Compilation, Options
+from thingc.printing import as_text
 
 if TYPE_CHECKING:
     from thingc.graph.types import Assembly

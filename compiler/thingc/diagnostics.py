@@ -6,12 +6,12 @@ Passes never raise for bad input: they add to a `Report`, so that everything wro
 from __future__ import annotations
 
 import os
-import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from thingc.brief import Brief
+from thingc.shown import shortened
 from thingc.slips import Hint
 from thingc.source import Edit, Node, Origin, Span, stands_in
 
@@ -63,6 +63,7 @@ class Code(Enum):
     DATE = ("TC118", "a date or time", "No key takes one; put it in quotes if it is text.")
     SEVERAL_DOCUMENTS = ("TC119", "several documents in one file", "Write one document per file.")
     WORKSPACE_FOLDER = ("TC120", "a folder of the workspace is not there", "Make the folder or correct its name.")
+    FILE_NAME = ("TC121", "a file name with what nobody sees", "Rename the file: letters, digits, spaces and signs that can be seen.")
     # --- TC2xx: one document by itself (validate) ------------------------------------------------------------------
     UNKNOWN_KEY = ("TC201", "an unknown key", "Correct the spelling or remove the key.")
     MISSING_KEY = ("TC202", "a required key is missing", "Add the key.")
@@ -182,6 +183,7 @@ class Code(Enum):
     OUTPUT = ("TC805", "cannot write", "Make room, or choose a folder that can be written with -o or --store.")
     PART_UNREADABLE = ("TC807", "a part file that does not load", "Mend the part file at the line named.")
     NO_GRAPHICS = ("TC808", "no picture can be drawn here", "Install EGL (Debian, Ubuntu: apt install libegl1), or set MUJOCO_GL.")
+    WORKING_FOLDER = ("TC810", "the working folder is gone", "Go to a folder that is there, and try again.")
     EDITOR_SETTINGS = ("TC820", "settings of an editor that cannot be read", "Mend the file, or use --no-wire.")
     INTERNAL = ("TC899", "a defect of thingc", "Report it with the document and what --debug shows.")
     # --- TC9xx: variants (batch) -----------------------------------------------------------------------------------
@@ -210,16 +212,22 @@ class Code(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Note(Brief):
-    """A second place, or more to know: "mount declared here"."""
+    """A second place, or more to know: "mount declared here". The message is shortened as that of a `Diagnostic`."""
 
     message: str
     span: Span | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "message", shortened(self.message))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnostic(Brief):
     """One thing to say. `path` is the key path in the document or the path of the occurrence or joint; `detail` is
-    shown only with `--debug` (the traceback of a part); `fixes` what surely mends it, for `thingc check --fix`."""
+    shown only with `--debug` (the traceback of a part); `fixes` what surely mends it, for `thingc check --fix`.
+
+    Of what `message` and `help` quote nobody reads more than a line: they are shortened here, for every form of printing.
+    """
 
     code: Code
     severity: Severity
@@ -230,6 +238,11 @@ class Diagnostic(Brief):
     notes: tuple[Note, ...] = ()
     detail: str | None = None
     fixes: tuple[Edit, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "message", shortened(self.message))
+        if self.help is not None:
+            object.__setattr__(self, "help", shortened(self.help))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -370,104 +383,8 @@ def _fixes(span: Span | None, *words: str | None) -> tuple[Edit, ...]:
 
 def shown_path(file: str) -> str:
     """A file as a person at this working folder would name it."""
-    relative = os.path.relpath(file)
+    try:
+        relative = os.path.relpath(file)
+    except (OSError, ValueError):  # the working folder is gone, or the name cannot be a file's
+        return file
     return file if relative.startswith(os.path.join("..", "..", "..")) else relative
-
-
-def as_json(diagnostics: Sequence[Diagnostic]) -> list[dict[str, object]]:
-    """The contract of `--format json`: see `docs/` for the keys."""
-
-    def place(span: Span | None) -> dict[str, object]:
-        if span is None:
-            return {"file": None, "line": None, "column": None}
-        return {"file": shown_path(span.file), "line": span.line, "column": span.column}
-
-    return [
-        {
-            "code": d.code.code,
-            "severity": d.severity.value,
-            "message": d.message,
-            **place(d.span),
-            "path": d.path,
-            "help": d.help,
-            "notes": [{"message": n.message, **place(n.span)} for n in d.notes],
-            "fixes": [
-                {
-                    **place(e.span), "end_line": e.span.end_line, "end_column": e.span.end_column,
-                    "written": e.written, "replacement": e.replacement,
-                }
-                for e in d.fixes
-            ],
-        }
-        for d in diagnostics
-    ]
-
-
-def as_text(
-    diagnostics: Sequence[Diagnostic], *, color: bool = False, debug: bool = False, texts: Mapping[str, str] | None = None,
-) -> str:
-    """Code frames for people: position, source line, caret, hint, and the second place where there is one.
-
-    `texts` are those of documents that are in no file, by the name in their spans.
-    """
-    lines: list[str] = []
-    sources = {file: re.split("\r\n|\r|\n", text) for file, text in (texts or {}).items()}
-    for d in diagnostics:
-        tint = {"error": "1;31", "warning": "1;33", "note": "1;36"}[d.severity.value]
-        head = _paint(f"{d.severity.value}[{d.code.code}]", tint, color)
-        lines.append(f"{head}: {_paint(d.message, '1', color)}")
-        if d.span is not None:
-            lines.extend(_frame(d.span, sources, tint, color))
-        for n in d.notes:
-            lines.append(f"  {_paint('note', '1;36', color)}: {n.message}")
-            if n.span is not None:
-                lines.extend(_frame(n.span, sources, "1;36", color))
-        if d.help:
-            lines.append(f"  {_paint('help', '1;32', color)}: {d.help}")
-        if debug and d.detail:
-            lines.extend("  | " + text for text in d.detail.rstrip().splitlines())
-        lines.append("")
-    return "\n".join(lines)
-
-
-def summary(diagnostics: Sequence[Diagnostic]) -> str:
-    """`2 errors, 1 warning`, or an empty text when there is nothing to say."""
-    parts: list[str] = []
-    for severity in (Severity.ERROR, Severity.WARNING):
-        count = sum(1 for d in diagnostics if d.severity is severity)
-        if count:
-            parts.append(f"{count} {severity.value}{'' if count == 1 else 's'}")
-    return ", ".join(parts)
-
-
-def _paint(text: str, style: str, color: bool) -> str:
-    return f"\x1b[{style}m{text}\x1b[0m" if color else text
-
-
-_CONTROL = dict.fromkeys((*range(9), *range(11, 32), 127, *range(128, 160)), 65533)
-"""Control characters of a document must not reach the terminal; a tab stays."""
-
-
-def _frame(span: Span, sources: dict[str, list[str]], tint: str, color: bool) -> list[str]:
-    if span.file not in sources:
-        try:
-            with open(span.file, encoding="utf-8-sig", errors="replace", newline=None) as stream:
-                sources[span.file] = stream.read(10_000_001).split("\n")
-        except OSError:
-            sources[span.file] = []
-    place = f"{shown_path(span.file)}:{span.line}:{span.column}"
-    text = sources[span.file][span.line - 1] if span.line <= len(sources[span.file]) else ""
-    text = text.translate(_CONTROL)
-    first, last = span.column, span.end_column if span.end_line == span.line else len(text) + 1
-    if first == last == 1 and text.startswith(" "):  # a whole line of a part file
-        first, last = len(text) - len(text.lstrip()) + 1, len(text.rstrip()) + 1
-    offset = max(0, first - 60) if len(text) > 120 else 0
-    shown = text[offset : offset + 120]
-    width = max(1, min(last, offset + len(shown) + 1) - first)
-    pad = "".join("\t" if character == "\t" else " " for character in shown[: first - 1 - offset])
-    gutter = " " * len(str(span.line))
-    return [
-        f"  {gutter}--> {place}",
-        f"  {span.line} | {shown}",
-        f"  {gutter} | {pad}{_paint('^' * width, tint, color)}",
-    ]

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from thingc.diagnostics import Code, Report
+from thingc.shown import is_text
 from thingc.slips import did_you_mean
 from thingc.source import MappingNode, Path, Span
 from thingc.units import ANGLE, LENGTH, TIME, Dimension, Quantity, checked, parse_quantity, shortened
@@ -73,6 +74,12 @@ class Workspace:
     def find(document: str, report: Report) -> Workspace | None:
         """The workspace of a document (a path that need not exist). None when its file is wrong, which is reported."""
         start = folder = os.path.dirname(os.path.abspath(document))
+        if not is_text(start):
+            report.add(
+                Code.FILE_NAME, f"the folder `{start}` has bytes in its name that are no UTF-8", None,
+                help="rename it, or move the workspace elsewhere: everything that is written about it is UTF-8",
+            )
+            return None
         inputs: dict[str, str | None] = {}
         while True:
             for name in (OWN_FILE, SHARED_FILE):

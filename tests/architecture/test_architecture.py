@@ -13,10 +13,11 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "compiler" / "thingc"
 
-BASE = {"brief", "source", "slips", "diagnostics", "units", "expressions", "pose", "inertia", "memo", "workspace"}
+BASE = {"brief", "shown", "source", "slips", "diagnostics", "units", "expressions", "pose", "inertia", "memo", "workspace"}
 # What each room may import of thingc, besides itself. `workspace` reads its own document with load and spec.
 ROOMS: dict[str, set[str]] = {
-    "source": set(), "brief": {"source"}, "slips": set(), "diagnostics": {"brief", "source", "slips"}, "units": {"diagnostics", "slips"},
+    "shown": set(), "source": set(), "brief": {"source"}, "slips": set(), "diagnostics": {"brief", "shown", "source", "slips"},
+    "printing": {"shown", "source", "diagnostics"}, "units": {"diagnostics", "slips"},
     "expressions": {"diagnostics", "slips", "units"},
     "pose": set(), "inertia": {"brief", "pose"}, "memo": set(),
     "workspace": BASE | {"load", "spec"},
@@ -32,19 +33,19 @@ ROOMS: dict[str, set[str]] = {
     "emit": BASE | {"resolve", "realize", "joints", "graph", "robot"},
     "modes": {"brief", "diagnostics", "slips"},  # read at run time, next to a simulation
     "render": set(),
-    "reporting": {"source", "diagnostics"},
+    "reporting": {"shown", "source", "diagnostics"},
     "layout": BASE | {"load", "spec"},
     "editor": BASE | {"load", "spec", "realize", "resolve", "joints", "pipeline"},
-    "testing": BASE | {"resolve", "realize", "joints", "graph", "robot", "statics", "emit"},
+    "testing": BASE | {"printing", "resolve", "realize", "joints", "graph", "robot", "statics", "emit"},
     "gate": BASE | {"load", "realize"},
     "output": BASE | {"realize", "emit"},
     "stamp": BASE | {"realize"},
     "pipeline": BASE | {"stamp", "load", "spec", "realize", "resolve", "joints", "graph", "robot", "emit"},
     "session": BASE | {"pipeline"},
-    "variants": BASE | {"pipeline", "stamp", "session", "load", "spec", "realize", "resolve", "graph", "robot", "statics", "emit", "output",
-        "modes", "render"},
-    "api": BASE | {"pipeline", "realize", "graph", "robot", "emit"},
-    "cli": BASE | {"pipeline", "realize", "graph", "robot", "emit", "output", "stamp", "resolve", "render",
+    "variants": BASE | {"printing", "pipeline", "stamp", "session", "load", "spec", "realize", "resolve", "graph", "robot", "statics",
+        "emit", "output", "modes", "render"},
+    "api": BASE | {"printing", "pipeline", "realize", "graph", "robot", "emit"},
+    "cli": BASE | {"printing", "pipeline", "realize", "graph", "robot", "emit", "output", "stamp", "resolve", "render",
         "reporting", "layout", "editor", "testing", "variants", "load", "spec", "gate"},
     "__init__": {"things", "api", "modes"},
     "__main__": {"cli"},
@@ -166,3 +167,16 @@ def test_warnings_of_documents_can_be_allowed() -> None:
                 warned[code.attr] = Code[code.attr].warned_by is not None
     allowances = {"UNNEEDED"}  # said by the report itself
     assert len(warned) >= 5 and not [name for name, known in warned.items() if not known] and not allowances & set(warned)
+
+
+def test_what_commands_print_goes_through_one_place() -> None:
+    """`common.say` and the forms of diagnostics show what documents hold as text; a plain `print` would hand on escape sequences."""
+    plain = [
+        f"{path.name}:{node.lineno}" for path in (PACKAGE / "cli").glob("*.py") if path.name != "common.py"
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Call) and (
+            isinstance(node.func, ast.Name) and node.func.id == "print"
+            or isinstance(node.func, ast.Attribute) and node.func.attr == "write" and "sys.std" in ast.unparse(node.func)
+        )
+    ]
+    assert plain == []

@@ -198,3 +198,71 @@ def test_a_defect_of_the_compiler_is_called_one(
     assert code == 1
     assert lines[0] == f"error[{Code.INTERNAL.code}]: thingc itself failed: ZeroDivisionError: division by zero"
     assert not any("Traceback" in line for line in lines)
+
+
+# --- names that nobody can read ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("name", "told"), [
+    (b"a\nb.yaml", r"a\nb.yaml"), (b"a\x1b[31m.yaml", r"a\x1b[31m.yaml"), ("a\u202e.yaml".encode(), r"a\u202e.yaml"),
+    (b"caf\xe9.yaml", r"caf\udce9.yaml"), (b"a\tb.yaml", "a\tb.yaml"),
+])
+def test_a_document_with_a_name_that_nobody_can_read(
+    folder: Path, capsys: pytest.CaptureFixture[str], name: bytes, told: str
+) -> None:
+    (folder / os.fsdecode(name)).write_text(GOOD)
+    for command in ("check", "build", "info", "hag", "test"):
+        code, lines = said(capsys, command, os.fsdecode(name))
+        assert code == 1 and lines[0].startswith(f"error[{Code.FILE_NAME.code}]: the file name `{told}` has "), lines
+
+
+def test_a_link_does_not_hide_such_a_name(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "\u202emay.yaml").write_text(GOOD)
+    (folder / "link.yaml").symlink_to("\u202emay.yaml")
+    (folder / "nests.yaml").write_text("thingc: assembly/1\nname: n\ncomponents: {a: {assembly: link.yaml}}\n")
+    assert said(capsys, "check", "link.yaml")[1][0].startswith(f"error[{Code.FILE_NAME.code}]: ")
+    code, lines = said(capsys, "check", "nests.yaml")
+    assert code == 1 and lines[0].startswith(f"error[{Code.FILE_NAME.code}]: ") and "nests.yaml:3:" in lines[1]
+
+
+@pytest.mark.parametrize("command", [
+    ["check", "robot.yaml"], ["build", "robot.yaml"], ["lock"], ["schema"], ["parts"], ["fmt", "--modeline", "robot.yaml"],
+], ids=lambda words: words[0])
+def test_a_workspace_in_a_folder_whose_name_is_no_text(folder: Path, capsys: pytest.CaptureFixture[str], command: list[str]) -> None:
+    other = folder.parent / os.fsdecode(b"caf\xe9")
+    folder.rename(other)
+    os.chdir(other)
+    code, lines = said(capsys, *command)
+    assert code == 1 and lines[0].startswith(f"error[{Code.FILE_NAME.code}]: the folder `") and "caf\\udce9" in lines[0]
+
+
+def test_the_rest_of_its_path_may_hold_anything(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    other = folder.parent / "a\n\x1b[31m \u202e"
+    folder.rename(other)
+    os.chdir(other)
+    assert said(capsys, "check", str(other / "robot.yaml")) == (0, [f"{other}/robot.yaml: ok".replace("\n", "\\n").replace(
+        "\x1b", "\\x1b").replace("\u202e", "\\u202e")])
+    assert said(capsys, "build", "robot.yaml", "--emit", "bom")[0] == 0
+
+
+@pytest.mark.parametrize("form", ["text", "json", "github", "sarif"])
+def test_a_working_folder_that_is_gone(folder: Path, capsys: pytest.CaptureFixture[str], form: str) -> None:
+    (folder / "gone").mkdir()
+    os.chdir(folder / "gone")
+    (folder / "gone").rmdir()
+    for words in (["check", "x.yaml"], ["check", str(folder / "robot.yaml")], ["build", "x.yaml"], ["lock"], ["parts"]):
+        if form in ("text", "json") or words[0] in ("check", "build", "lock"):
+            code, lines = said(capsys, *words, "--format", form)
+            assert code == 2 and Code.WORKING_FOLDER.code in "\n".join(lines), words
+    assert said(capsys, "explain", "TC302")[0] == 2 and main(["--version"]) == 0
+
+
+def test_a_part_that_raises_half_a_character(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "parts" / "odd.py").write_text(
+        'from thingc import Thing\n\n\nclass Odd(Thing):\n    def result(self):\n        raise ValueError("half \\ud800 \\x1b[31m")\n'
+    )
+    (folder / "odd.yaml").write_text("thingc: assembly/1\nname: odd\ncomponents: {a: {part: odd:Odd}}\n")
+    for form in ("text", "json"):
+        code, lines = said(capsys, "check", "odd.yaml", "--format", form)
+        assert code == 1 and Code.PART_RAISED.code in "\n".join(lines)
+        assert "half ? \\x1b[31m" in "\n".join(lines) or "half ? \\u001b[31m" in "\n".join(lines)

@@ -16,10 +16,11 @@ from pathlib import Path
 
 import pytest
 
-from thingc.diagnostics import Code, Diagnostic, Report, Severity, as_json, as_text
+from thingc.diagnostics import Code, Diagnostic, Report, Severity
 from thingc.graph import link
 from thingc.load import load
 from thingc.pipeline import Compilation, Options
+from thingc.printing import as_json, as_text
 from thingc.realize.record import PartFailure, PartRecord
 from thingc.realize.service import GeometryService
 from thingc.realize.store import Store

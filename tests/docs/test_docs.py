@@ -25,7 +25,8 @@ from docs.pages import (
     unpack,
     without_fences,
 )
-from thingc.diagnostics import Report, as_text
+from thingc.diagnostics import Report
+from thingc.printing import as_text
 from thingc.workspace import Workspace
 
 LANGUAGE = ROOT / "docs" / "language.md"

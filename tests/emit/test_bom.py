@@ -12,6 +12,7 @@ import pytest
 
 from emit.small_robot import assembly, petg, request
 from thingc.emit.bom import COLUMNS, emit, items, make_of
+from thingc.emit.csvcell import cell
 from thingc.graph.types import Assembly
 from thingc.realize.store import Store
 from thingc.resolve.model import BomEntry, Overrides, Process
@@ -120,5 +121,32 @@ def test_a_name_that_the_thing_states(whole: Assembly) -> None:
 
 def test_awkward_words_survive_the_csv(whole: Assembly, tmp_path: Path) -> None:
     awkward = 'Müller, "Söhne"\nGmbH; Köln'
-    table, _ = written(changed(whole, "board", bom=BomEntry(supplier=awkward)), tmp_path)
-    assert [row["supplier"] for row in csv.DictReader(io.StringIO(table, newline=""))][-1] == awkward
+    table, entries = written(changed(whole, "board", bom=BomEntry(supplier=awkward)), tmp_path)
+    assert [row["supplier"] for row in csv.DictReader(io.StringIO(table, newline=""))][-1] == 'Müller, "Söhne"\\nGmbH; Köln'
+    assert len(table.splitlines()) == len(entries) + 1, "a row is a line"
+    assert entries[-1]["supplier"] == awkward
+
+
+FORMULAS = (
+    "=1+1", "+1+1", "-1+1", "@SUM(A1)", "\t=1", "\r=1", " =1", "=cmd|' /C calc'!A0", '=HYPERLINK("http://example.org")', "-2+3+cmd|'x'!A0",
+    "\uff1d1+1", "+49 170 1234567", "-0x10", "1e5=", "--1",
+)
+
+
+@pytest.mark.parametrize("text", FORMULAS)
+def test_no_cell_is_a_formula(text: str) -> None:
+    """As OWASP says of CSV injection: a quote before what begins with `=`, `+`, `-`, `@`, a tab or a carriage return."""
+    written = cell(text)
+    if text[0].isdigit():
+        assert written == text
+    else:
+        assert written.startswith(("'", "\\"))
+        assert not written.startswith(tuple("=+-@\t\r\uff1d"))
+
+
+@pytest.mark.parametrize(("value", "written"), [
+    (-0.5, "-0.5"), ("-0.5", "-0.5"), ("+3", "+3"), ("-1e-9", "-1e-9"), (-3, "-3"), (float("-inf"), "-inf"), ("-.5", "-.5"), (0.1, "0.1"),
+    (None, ""), (True, "true"), ("a-b", "a-b"), ("", ""), ("M3=M3", "M3=M3"),
+])
+def test_numbers_stay_numbers(value: object, written: str) -> None:
+    assert cell(value) == written

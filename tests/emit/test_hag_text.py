@@ -11,8 +11,9 @@ import pytest
 from emit.graphs import NASTY, SCREW, XM430, arm, awkward, graph, walker
 from thingc.emit import hag
 from thingc.graph.types import Hag
+from thingc.shown import shown
 
-NASTY_SHOWN = NASTY.replace("\x07", "\ufffd").replace("\ud800", "\ufffd")
+NASTY_SHOWN = NASTY.replace("\x07", "\\x07").replace("\ud800", "\\ud800")
 
 
 def unrolled(graph: Hag, node: str) -> dict[str, int]:
@@ -83,10 +84,10 @@ def test_dot_has_every_definition_and_every_component(drawn: Hag) -> None:
     assert '"' not in outside and outside.count("{") == outside.count("}") == 1, "every string ends where it should"
     found = re.findall(r'^  (n\d+) \[label=("(?:[^"\\]|\\.)*")', text, flags=re.MULTILINE)
     nodes = {name: strings(label)[0] for name, label in found}
-    assert list(nodes.values()) == [hag.clean(d.text) for d in drawn.definitions]
+    assert list(nodes.values()) == [shown(d.text) for d in drawn.definitions]
     edges = re.findall(r'^  (n\d+) -> (n\d+) \[label=("(?:[^"\\]|\\.)*")', text, flags=re.MULTILINE)
     assert [(nodes[a], nodes[b], strings(label)[0]) for a, b, label in edges] == [
-        (hag.clean(e.parent), hag.clean(e.child), "\n".join(filter(None, (e.component, hag.how(e))))) for e in drawn.edges
+        (shown(e.parent), shown(e.child), "\n".join(filter(None, (e.component, hag.how(e))))) for e in drawn.edges
     ]
 
 
@@ -109,10 +110,10 @@ def test_mermaid_has_every_definition_and_every_pair(drawn: Hag) -> None:
         match = re.fullmatch(r'  (n\d+)[\[(/]+"([^"]*)"[\])/]+:::(\w+)', line)
         if match:
             nodes[match[1]] = read_mermaid(match[2])
-    assert list(nodes.values()) == [hag.clean(d.text) for d in drawn.definitions]
+    assert list(nodes.values()) == [shown(d.text) for d in drawn.definitions]
     edges = [match for line in lines if (match := re.fullmatch(r'  (n\d+) -->\|"([^"]*)"\| (n\d+)', line))]
     pairs = {(nodes[match[1]], nodes[match[3]]) for match in edges}
-    assert pairs == {(hag.clean(e.parent), hag.clean(e.child)) for e in drawn.edges}
+    assert pairs == {(shown(e.parent), shown(e.child)) for e in drawn.edges}
     assert len(edges) == len({(e.parent, e.child) for e in drawn.edges})
     assert len(lines) == 1 + len(nodes) + len(edges) + 4, "every line is understood"
 

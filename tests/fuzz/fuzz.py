@@ -25,8 +25,9 @@ from types import FrameType
 from typing import Any
 
 from thingc.cli.check import without_code
-from thingc.diagnostics import Diagnostic, as_json, as_text
+from thingc.diagnostics import Diagnostic
 from thingc.pipeline import Options
+from thingc.printing import as_json, as_text
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 from mutations import ROOT, Grammar, mutated, mutated_lock, seeds

@@ -15,9 +15,10 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from thingc.cli.main import main
-from thingc.diagnostics import Report, as_text
+from thingc.diagnostics import Report
 from thingc.layout import format_document
 from thingc.layout.order import FIRST
+from thingc.printing import as_text
 from thingc.spec.shapes import model_keys
 
 UNTIDY = b"""\

@@ -10,8 +10,9 @@ from hypothesis import HealthCheck, assume, given, settings
 from ruamel.yaml import YAML
 
 from layout.written import documents
-from thingc.diagnostics import Report, as_text
+from thingc.diagnostics import Report
 from thingc.layout import format_document
+from thingc.printing import as_text
 
 COMMENT = re.compile(r"# ?c\d+\.")
 

@@ -8,8 +8,9 @@ from pathlib import Path
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from thingc.diagnostics import Report, as_json, as_text
+from thingc.diagnostics import Report
 from thingc.load import load
+from thingc.printing import as_json, as_text
 from thingc.spec import part_references, validate
 from thingc.workspace import Workspace
 

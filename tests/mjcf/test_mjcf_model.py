@@ -24,10 +24,10 @@ from mjcf.handmade import (
     spin,
     total,
 )
-from thingc.diagnostics import as_json
 from thingc.emit.mjcf import emit
 from thingc.emit.request import EmitRequest
 from thingc.pose import NO_POSE, Pose
+from thingc.printing import as_json
 from thingc.realize.record import Primitive
 from thingc.realize.store import Store
 from thingc.resolve.model import Dynamics, Limit, Mimic, Overrides

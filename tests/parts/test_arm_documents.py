@@ -16,8 +16,8 @@ JOINTS = ("yaw", "shoulder", "elbow", "wrist")
 
 def compiled(document, store, **parameters):
     """The compilation, run; it must have nothing to say."""
-    from thingc.diagnostics import as_text
     from thingc.pipeline import Compilation, Options
+    from thingc.printing import as_text
 
     compilation = Compilation(document, Options(store=store, jobs=2, parameters=parameters))
     compilation.run()

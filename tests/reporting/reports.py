@@ -35,3 +35,8 @@ def every_shape(folder: Path) -> list[Diagnostic]:
         Diagnostic(code=Code.COMMAND_LINE, severity=Severity.ERROR, message="there is no option `--x`", help="try `--y`"),
         Diagnostic(code=Code.INTERNAL, severity=Severity.ERROR, message="thingc itself failed"),
     ]
+
+
+def on_one_line(message: str) -> str:
+    """As people see a message of `every_shape`: the lines that it quotes stay on its line."""
+    return message.replace("\n", "\\n").replace("\r", "\\r")

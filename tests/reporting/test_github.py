@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from reporting.reports import every_shape, repository
+from reporting.reports import every_shape, on_one_line, repository
 from thingc.cli.main import main
 from thingc.diagnostics import Severity
 from thingc.reporting.github import as_github
@@ -39,7 +39,7 @@ def test_every_diagnostic_is_read_back(tmp_path: Path) -> None:
         command, properties, message = parsed(line)
         assert command == {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.NOTE: "notice"}[diagnostic.severity]
         assert properties["title"] == diagnostic.code.code
-        assert message.startswith(diagnostic.message)
+        assert message.startswith(on_one_line(diagnostic.message))
         assert diagnostic.help is None or message.endswith(f"\nhelp: {diagnostic.help}")
         assert all(f"note: {note.message}" in message for note in diagnostic.notes)
         place = diagnostic.span

@@ -10,7 +10,7 @@ from urllib.parse import unquote, urlsplit
 import jsonschema
 import pytest
 
-from reporting.reports import every_shape, repository
+from reporting.reports import every_shape, on_one_line, repository
 from thingc.diagnostics import Code, Severity
 from thingc.reporting.sarif import as_sarif
 
@@ -67,7 +67,7 @@ def test_everything_that_is_said_is_in_it(tmp_path: Path) -> None:
     for result, diagnostic in zip(run["results"], placed):
         assert diagnostic.span is not None
         assert (result["ruleId"], result["level"]) == (diagnostic.code.code, diagnostic.severity.value)
-        assert result["message"]["text"].startswith(diagnostic.message)
+        assert result["message"]["text"].startswith(on_one_line(diagnostic.message))
         assert diagnostic.help is None or diagnostic.help in result["message"]["text"]
         location = result["locations"][0]["physicalLocation"]
         read = unquote(location["artifactLocation"]["uri"].removeprefix("file://"))

@@ -90,11 +90,11 @@ def run(arguments: argparse.Namespace) -> int:
     except PlanError as fault:
         return _refuse(arguments, fault.diagnostics)
     except BatchFault as fault:
-        _clear()
+        common.say_in_place()
         return _refuse(arguments, [fault.diagnostic])
     except Interrupted as fault:
-        _clear()
-        print(f"interrupted: {fault.done} of {fault.count} variants are done; go on with: {_again(arguments)}", file=sys.stderr)
+        common.say_in_place()
+        common.say(f"interrupted: {fault.done} of {fault.count} variants are done; go on with: {_again(arguments)}", stream=sys.stderr)
         return INTERRUPTED
     return _answer(arguments, summary)
 
@@ -144,7 +144,7 @@ def _build(
             on_progress=_Show() if arguments.format == "text" else None, pictures=arguments.pictures,
             on_picture=_draw if arguments.format == "text" else None, ship=arguments.ship, retry=arguments.retry,
         )
-    _clear()
+    common.say_in_place()
     return summary
 
 
@@ -161,17 +161,15 @@ class _Show:
         estimate = f", {_time(left)} left" if left is not None else ""
         line = f"{progress.done} of {progress.count} variants ({counts}); {progress.rate:.3g} a second{estimate}"
         if sys.stderr.isatty():
-            print(f"\r\x1b[K{line}", end="", file=sys.stderr, flush=True)
+            common.say_in_place(line)
         elif time.monotonic() - self.said >= PAUSE:
             self.said = time.monotonic()
-            print(line, file=sys.stderr, flush=True)
+            common.say(line, stream=sys.stderr)
 
 
 def _draw(done: int, count: int) -> None:
     """How many pictures are drawn, on a terminal."""
-    if sys.stderr.isatty():
-        sys.stderr.write(f"\r\x1b[K{done} of {count} pictures")
-        sys.stderr.flush()
+    common.say_in_place(f"{done} of {count} pictures")
 
 
 def _page(arguments: argparse.Namespace, options: Options) -> int:
@@ -181,13 +179,13 @@ def _page(arguments: argparse.Namespace, options: Options) -> int:
         arguments.document, output=arguments.output, pictures=arguments.pictures, jobs=options.jobs, options=options,
         on_picture=_draw if arguments.format == "text" else None,
     )
-    _clear()
+    common.say_in_place()
     found = [warning] if warning is not None else []
     if arguments.format == "json":
         common.print_json(found, page=shown_path(path))
     else:
         common.print_text(found, stream=sys.stderr, debug=False)
-        print(shown_path(path), file=sys.stderr)
+        common.say(shown_path(path), stream=sys.stderr)
     return 0
 
 
@@ -199,11 +197,6 @@ def _pictures(text: str) -> int | None:
         return common.positive(text)
     except argparse.ArgumentTypeError:
         raise argparse.ArgumentTypeError(f"expected a whole number from 1, `none` or `all`, found `{text}`") from None
-
-
-def _clear() -> None:
-    if sys.stderr.isatty():
-        sys.stderr.write("\r\x1b[K")
 
 
 def _time(seconds: float) -> str:
@@ -227,15 +220,10 @@ def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
     common.print_text(summary.notes, stream=sys.stderr, debug=False)
     counts = ", ".join(f"{summary.statuses[status]} {spoken}" for status, spoken in STATUSES.items() if status in summary.statuses)
     earlier = f" ({summary.before} of them before)" if summary.before else ""
-    print(
-        f"{shown_path(summary.folder)}: {_variants(summary.count)}{earlier}: {counts}; {summary.modelled} parts modelled",
-        file=sys.stderr,
-    )
-    if summary.duplicates:
-        print(f"{summary.duplicates} more are equal to one of these", file=sys.stderr)
-    if code:
-        for line in _complaints(summary.folder):
-            print(line, file=sys.stderr)
+    lines = [f"{shown_path(summary.folder)}: {_variants(summary.count)}{earlier}: {counts}; {summary.modelled} parts modelled"]
+    lines += [f"{summary.duplicates} more are equal to one of these"] if summary.duplicates else []
+    lines += _complaints(summary.folder) if code else []
+    common.say(*lines, stream=sys.stderr)
     return code
 
 
@@ -273,7 +261,7 @@ def _forecast(arguments: argparse.Namespace, options: Options, targets: tuple[st
         )
         return 0
     common.print_text(list(planned.notes), stream=sys.stderr, debug=False)
-    print("\n".join(_told(planned, found)))
+    common.say(*_told(planned, found))
     return 0
 
 

@@ -149,7 +149,7 @@ def _write(
     parent = arguments.output or os.path.join(workspace.root, workspace.build)
 
     def on_wait(folder: str) -> None:
-        print(f"another build of {shown_path(folder)} is under way; waiting for it", file=sys.stderr)
+        common.say(f"another build of {shown_path(folder)} is under way; waiting for it", stream=sys.stderr)
 
     folder = write_build(parent, assembly.name, files, compilation.store, documents.root.relative, on_wait=on_wait)
     lost = Counter(loss.target for loss in losses)
@@ -168,10 +168,10 @@ def _tell(answer: Mapping[str, Any], document: str) -> None:
     folder = shown_path(answer["folder"])
     count = len(answer["artifacts"])
     if answer.get("unchanged"):
-        print(f"{folder}: nothing changed ({count} files)", file=sys.stderr)
+        common.say(f"{folder}: nothing changed ({count} files)", stream=sys.stderr)
     else:
         modelled, reused = len(answer["modelled"]), len(answer["reused"])
-        print(f"{folder}: {count} files; {modelled} parts modelled, {reused} reused", file=sys.stderr)
+        common.say(f"{folder}: {count} files; {modelled} parts modelled, {reused} reused", stream=sys.stderr)
     for target, number in answer["losses"].items():
         things = "thing" if number == 1 else "things"
-        print(f"{target}: {number} {things} it cannot say: thingc why --losses {document}", file=sys.stderr)
+        common.say(f"{target}: {number} {things} it cannot say: thingc why --losses {document}", stream=sys.stderr)

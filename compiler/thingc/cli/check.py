@@ -128,7 +128,7 @@ def _answer(arguments: argparse.Namespace, found: list[Diagnostic], good: list[s
     common.print_found(found, arguments.format, stream=sys.stdout, debug=arguments.debug)
     if arguments.format == "text":
         for document in good:
-            print(f"{document}: ok")
+            common.say(f"{document}: ok")
     return common.exit_code(found)
 
 

@@ -9,8 +9,10 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TextIO
 
-from thingc.diagnostics import Code, Diagnostic, Report, Severity, as_json, as_text, summary
+from thingc.diagnostics import Code, Diagnostic, Report, Severity
 from thingc.pipeline import Options
+from thingc.printing import as_json, as_text, summary
+from thingc.shown import json_text, shown
 from thingc.slips import did_you_mean, file_meant
 
 USAGE = 2
@@ -170,10 +172,35 @@ def present(documents: Iterable[str], found: list[Diagnostic]) -> Iterator[str]:
 def show_progress(what: str, done: int, total: int) -> None:
     """How far it is, on standard error: one line that counts on a terminal, else one at the start and one at the end."""
     if sys.stderr.isatty():
-        sys.stderr.write(f"\r\x1b[K{what} parts: {done} of {total}" if done < total else "\r\x1b[K")
+        say_in_place(f"{what} parts: {done} of {total}" if done < total else "")
     elif done in (0, total):
-        sys.stderr.write(f"{what} parts: {done} of {total}\n")
-    sys.stderr.flush()
+        say(f"{what} parts: {done} of {total}", stream=sys.stderr)
+
+
+def say(*lines: str, stream: TextIO | None = None) -> None:
+    """Lines for people, on standard output unless told otherwise: the one way by which what is no diagnostic gets there.
+
+    Whatever a document, a part or a file name has put into a line stays a piece of that line (see `shown`).
+    """
+    stream = stream or sys.stdout
+    stream.write("".join(f"{shown(line)}\n" for line in lines))
+    stream.flush()
+
+
+def hand_on(content: bytes | str) -> None:
+    """What has a form of its own (XML, a document, names that end with a NUL), on standard output as it is."""
+    if isinstance(content, str):
+        sys.stdout.write(content)
+    else:
+        sys.stdout.flush()
+        sys.stdout.buffer.write(content)
+
+
+def say_in_place(line: str = "") -> None:
+    """A line on standard error that the next one replaces, where that is a terminal; else nothing."""
+    if sys.stderr.isatty():
+        sys.stderr.write(f"\r\x1b[K{shown(line)}")
+        sys.stderr.flush()
 
 
 def print_text(diagnostics: Sequence[Diagnostic], *, stream: TextIO, debug: bool, texts: Mapping[str, str] | None = None) -> None:
@@ -189,10 +216,15 @@ def print_text(diagnostics: Sequence[Diagnostic], *, stream: TextIO, debug: bool
 
 
 def print_json(diagnostics: Sequence[Diagnostic], **more: object) -> None:
-    """The JSON answer, alone on standard output."""
+    """The JSON answer of a command that may find something, alone on standard output."""
+    print_data({"diagnostics": as_json(diagnostics), **more})
+
+
+def print_data(value: Mapping[str, object]) -> None:
+    """JSON, alone on standard output."""
     import json
 
-    print(json.dumps({"diagnostics": as_json(diagnostics), **more}, indent=2, ensure_ascii=False))
+    sys.stdout.write(json_text(json.dumps(value, indent=2, ensure_ascii=False)) + "\n")
 
 
 def print_found(diagnostics: Sequence[Diagnostic], form: str, *, stream: TextIO, debug: bool, **more: object) -> None:
@@ -207,7 +239,7 @@ def print_found(diagnostics: Sequence[Diagnostic], form: str, *, stream: TextIO,
     else:
         from thingc.reporting.places import repository
 
-        base = repository(os.getcwd())
+        base = repository(_working_folder() or os.sep)
         if form == "github":
             from thingc.reporting.github import as_github
 
@@ -253,6 +285,11 @@ def of_exception(fault: Exception) -> Diagnostic:
     """What to say of an exception that reached the command line: the system's refusals in words, else that thingc has failed."""
     from thingc.realize.store import StoreUnusable
 
+    if isinstance(fault, FileNotFoundError) and not _working_folder():
+        return Diagnostic(
+            code=Code.WORKING_FOLDER, severity=Severity.ERROR, message="the working folder is not there any more",
+            help="somebody has deleted it, or made it anew: `cd` to a folder that is there",
+        )
     if isinstance(fault, StoreUnusable):
         return Diagnostic(
             code=Code.OUTPUT, severity=Severity.ERROR, message=f"the store `{fault.root}` cannot be used: {fault.reason}",
@@ -262,14 +299,25 @@ def of_exception(fault: Exception) -> Diagnostic:
         return Diagnostic(
             code=Code.OUTPUT, severity=Severity.ERROR, message=f"`{fault.filename}`: {fault.strerror or fault}",
         )
+    import traceback
+
     words = " ".join(str(fault).split())
     return Diagnostic(
         code=Code.INTERNAL, severity=Severity.ERROR, message=f"thingc itself failed: {type(fault).__name__}: {words}",
         help="this is a defect of thingc, not of your document; please report it with what --debug shows",
+        detail="".join(traceback.format_exception(fault)),
     )
 
 
+def _working_folder() -> str | None:
+    """The working folder; None where it has been deleted."""
+    try:
+        return os.getcwd()
+    except FileNotFoundError:
+        return None
+
+
 USAGE_CODES = frozenset({
-    Code.COMMAND_LINE, Code.NO_DOCUMENT, Code.PARAMETER_OPTION, Code.CHOICE_OPTION, Code.STRANGERS, Code.OUTPUT, Code.NO_GRAPHICS,
-    Code.BATCH_LOCKED, Code.BATCH_UNFINISHED, Code.BATCH_CHANGED, Code.NO_BATCH,
+    Code.COMMAND_LINE, Code.WORKING_FOLDER, Code.NO_DOCUMENT, Code.PARAMETER_OPTION, Code.CHOICE_OPTION, Code.STRANGERS, Code.OUTPUT,
+    Code.NO_GRAPHICS, Code.BATCH_LOCKED, Code.BATCH_UNFINISHED, Code.BATCH_CHANGED, Code.NO_BATCH,
 })

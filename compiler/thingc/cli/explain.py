@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 
 from thingc.cli import common
@@ -36,9 +35,9 @@ def run(arguments: argparse.Namespace) -> int:
         common.print_found(found, arguments.format, stream=sys.stderr, debug=False)
         return common.USAGE
     if arguments.format == "json":
-        print(json.dumps(explained(code), indent=2, ensure_ascii=False))
+        common.print_data(explained(code))
     else:
-        print(as_page(code), end="")
+        common.say(*as_page(code).removesuffix("\n").split("\n"))
     return 0
 
 
@@ -51,10 +50,7 @@ def _hint(codes: list[Code]) -> str:
 def _list(form: str) -> None:
     if form == "json":
         listed = [{"code": code.code, "title": code.title, "cure": code.cure} for _, codes in sections() for code in codes]
-        print(json.dumps({"codes": listed}, indent=2, ensure_ascii=False))
+        common.print_data({"codes": listed})
         return
     for title, codes in sections():
-        print(title)
-        for code in codes:
-            print(f"  {code.code}  {code.title}")
-        print()
+        common.say(title, *(f"  {code.code}  {code.title}" for code in codes), "")

@@ -60,7 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
     code = common.exit_code(report.diagnostics)
     if not arguments.diff:
         would = " would be" if arguments.check else ""
-        print(f"{changed} of {common.counted(count, 'document')}{would} changed")
+        common.say(f"{changed} of {common.counted(count, 'document')}{would} changed")
     return code or int(arguments.check and changed > 0)
 
 
@@ -104,21 +104,21 @@ def _one(path: str, arguments: argparse.Namespace, report: Report) -> bool:
     if arguments.diff:
         _print_diff(path, data, formatted)
     elif arguments.check:
-        print(f"{path}: would be changed")
+        common.say(f"{path}: would be changed")
     else:
         try:
             write_in_place(path, formatted)
         except OSError as fault:
             report.add(Code.OUTPUT, f"cannot write `{path}`: {(fault.strerror or str(fault)).lower()}", None)
             return False
-        print(f"{path}: changed")
+        common.say(f"{path}: changed")
     return True
 
 
 def _print_diff(path: str, before: bytes, after: bytes) -> None:
     old, new = (data.decode("utf-8-sig").splitlines(keepends=True) for data in (before, after))
     for line in difflib.unified_diff(old, new, path, path):
-        print(line.rstrip("\r\n"))
+        common.say(line.rstrip("\r\n"))
 
 
 def _standard_input(arguments: argparse.Namespace) -> int:
@@ -136,5 +136,5 @@ def _standard_input(arguments: argparse.Namespace) -> int:
     if arguments.diff:
         _print_diff("<stdin>", data, formatted)
     elif not arguments.check:
-        sys.stdout.buffer.write(formatted)
+        common.hand_on(formatted)
     return int(arguments.check and changed)

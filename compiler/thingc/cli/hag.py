@@ -42,5 +42,5 @@ def run(arguments: argparse.Namespace) -> int:
     if code == 0 and compilation.assembly is not None:
         from thingc.emit import hag
 
-        print(getattr(hag, arguments.format)(compilation.assembly.hag).rstrip("\n"))
+        common.say(*getattr(hag, arguments.format)(compilation.assembly.hag).rstrip("\n").split("\n"))
     return code

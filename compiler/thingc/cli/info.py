@@ -10,6 +10,7 @@ from thingc.cli import common
 from thingc.graph.types import Assembly
 from thingc.pipeline import Compilation
 from thingc.robot.types import Robot
+from thingc.shown import shown
 
 EPILOG = """\
 Masses are exact integrals over the geometry times density, or what the document or the part states; every one says which
@@ -48,10 +49,9 @@ def run(arguments: argparse.Namespace) -> int:
         return code
     common.print_text(found, stream=sys.stderr, debug=arguments.debug)
     if assembly is not None:
-        print(as_text(assembly, compilation.robots))
+        common.say(*as_text(assembly, compilation.robots))
         if arguments.mates:
-            print()
-            print(mates_text(assembly))
+            common.say("", *mates_text(assembly))
     return code
 
 
@@ -88,8 +88,8 @@ def mode_data(robot: Robot) -> dict[str, object]:
     }
 
 
-def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> str:
-    """The same for people: grams and millimetres."""
+def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
+    """The same for people, line by line: grams and millimetres."""
     whole = assembly.properties
     lines = [
         f"{assembly.name}: {_grams(whole.mass)} in {len(assembly.occurrences)} occurrences, {len(assembly.links)} links, "
@@ -126,7 +126,7 @@ def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> str:
             crossed = ", crossed from child to parent" if body.joint.reversed else ""
             lines.append(f"  {name}  <- {body.joint.path} ({body.joint.kind}{crossed}) on {parent}")
         lines += _loops(robot)
-    return "\n".join(lines)
+    return lines
 
 
 def _loops(robot: Robot) -> list[str]:
@@ -153,8 +153,8 @@ def _shares(assembly: Assembly) -> str:
     return ", ".join(f"{source} {_grams(m)} ({100.0 * m / whole:.1f} %)" for source, m in sorted(mass.items()) if m)
 
 
-def mates_text(assembly: Assembly) -> str:
-    """How mounts meet, and which axis of the child lies along which axis of the parent at q = 0."""
+def mates_text(assembly: Assembly) -> list[str]:
+    """Line by line, how mounts meet, and which axis of the child lies along which axis of the parent at q = 0."""
     rows = [("child", "mount", "on", "mount", "by", "child x, y, z along parent")]
     for mate in assembly.mates:
         parent, child = assembly.occurrences[mate.parent], assembly.occurrences[mate.child]
@@ -162,7 +162,7 @@ def mates_text(assembly: Assembly) -> str:
         along = ", ".join(_axis((rotation[0][k], rotation[1][k], rotation[2][k])) for k in range(3))
         by = mate.joint.path if mate.joint is not None else "rigid"
         rows.append((child.path, mate.child_mount, parent.path, mate.parent_mount, by, along))
-    return "\n".join(_table(rows))
+    return _table(rows)
 
 
 def _axis(v: tuple[float, float, float]) -> str:
@@ -181,6 +181,7 @@ def _grams(mass: float) -> str:
 
 
 def _table(rows: Sequence[tuple[str, ...]], right: tuple[int, ...] = ()) -> list[str]:
+    rows = [tuple(map(shown, row)) for row in rows]
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
     return [
         "  ".join(cell.rjust(w) if k in right else cell.ljust(w) for k, (cell, w) in enumerate(zip(row, widths))).rstrip()

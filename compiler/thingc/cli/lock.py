@@ -13,6 +13,7 @@ from thingc.diagnostics import Code, Report, shown_path
 from thingc.pipeline import Front, Options, geometry_of
 from thingc.realize.lock import LOCK_FILE, MAX_BYTES, REMAKE, lock_path, read_lock, top_of
 from thingc.realize.record import PartDefinition, PartFailure
+from thingc.shown import json_text
 from thingc.source import Span
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
         found = [fault.diagnostic]
     common.print_found(found, arguments.format, stream=sys.stdout if arguments.check else sys.stderr, debug=arguments.debug)
     if written is not None and arguments.format == "text":
-        print(written)
+        common.say(written)
     return common.exit_code(found)
 
 
@@ -153,7 +154,7 @@ def _write(path: str, text: str) -> None:
 
 def _line(path: str, lines: list[str], key: str) -> Span:
     """The line of the lock on which a key stands; its first where it does not."""
-    word = json.dumps(key, ensure_ascii=False)
+    word = json_text(json.dumps(key, ensure_ascii=False))
     for number, line in enumerate(lines, 1):
         if line.lstrip().startswith(word + ":"):
             column = len(line) - len(line.lstrip()) + 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import io
 import os
 import sys
 from collections.abc import Sequence
@@ -103,8 +104,9 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
         raise WrongUsage(f"there is no {what} `{word}`{of}" if what == "option" else f"`{word}` is one word too many", help)
     if options.version:
         from thingc import __version__
+        from thingc.cli import common
 
-        print(f"thingc {__version__}")
+        common.say(f"thingc {__version__}")
         return None
     if options.command is None:
         parser.print_help()
@@ -124,6 +126,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options is None:
         return 0
     try:
+        os.getcwd()  # raises where the folder is gone, which every command would stumble over somewhere
         code: int = importlib.import_module(f"thingc.cli.{options.command}").run(options)
         sys.stdout.flush()
     except BrokenPipeError:
@@ -131,15 +134,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
     except KeyboardInterrupt:
-        print("interrupted; what was written is whole", file=sys.stderr)
-        return 130
-    except Exception as fault:
-        if getattr(options, "debug", False):
-            raise
         from thingc.cli import common
 
-        diagnostic = common.of_exception(fault)
-        common.print_found([diagnostic], _form(getattr(options, "format", "text")), stream=sys.stderr, debug=False)
+        common.say("interrupted; what was written is whole", stream=sys.stderr)
+        return 130
+    except Exception as fault:
+        from thingc.cli import common
+
+        diagnostic, debug = common.of_exception(fault), getattr(options, "debug", False)
+        common.print_found([diagnostic], _form(getattr(options, "format", "text")), stream=sys.stderr, debug=debug)
         return common.exit_code([diagnostic])
     return code
 
@@ -166,6 +169,9 @@ def _form(asked: str) -> str:
 
 def entry() -> None:
     """The console script: leaves without the interpreter's slow farewell, after everything has been written."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # a terminal may know fewer letters than documents hold
     code = main()
     sys.stdout.flush()
     sys.stderr.flush()

@@ -41,7 +41,7 @@ def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Op
             return _say(arguments, [refused], [])
     elif arguments.format == "text":
         _print_diff(texts, disk)
-        print(f"{common.counted(len(mended), 'place')} would be mended, {common.counted(len(found), 'diagnostic')} would be left")
+        common.say(f"{common.counted(len(mended), 'place')} would be mended, {common.counted(len(found), 'diagnostic')} would be left")
         return common.exit_code(found)
     return _say(arguments, found, mended)
 
@@ -109,14 +109,14 @@ def _say(arguments: argparse.Namespace, found: Sequence[Diagnostic], mended: Seq
     ]
     if arguments.format == "text":
         for one in mended:
-            print(f"{shown_path(one.file)}:{one.line}: mended `{one.written}` -> `{one.replacement}`")
+            common.say(f"{shown_path(one.file)}:{one.line}: mended `{one.written}` -> `{one.replacement}`")
         if not mended and any(d.fixes for d in found):
-            print("nothing is mended: a change is made where it can have meant one thing only and leaves fewer faults")
+            common.say("nothing is mended: a change is made where it can have meant one thing only and leaves fewer faults")
         if found and (mended or any(d.fixes for d in found)):
-            print()
+            common.say("")
     common.print_found(found, arguments.format, stream=sys.stdout, debug=arguments.debug, mended=rows)
     if arguments.format == "text" and not found:
-        print(f"{common.counted(len(mended), 'place')} mended, nothing is left")
+        common.say(f"{common.counted(len(mended), 'place')} mended, nothing is left")
     return common.exit_code(found)
 
 
@@ -125,4 +125,4 @@ def _print_diff(texts: Mapping[str, bytes], disk: _Disk) -> None:
         name = shown_path(file)
         old, new = (one.decode("utf-8-sig").splitlines() for one in (disk.read(file) or b"", data))
         for line in difflib.unified_diff(old, new, name, name, lineterm=""):
-            print(line)
+            common.say(line)

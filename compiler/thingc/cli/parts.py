@@ -60,9 +60,9 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         common.print_text(found, stream=sys.stderr, debug=arguments.debug)
         if listed:
-            print("\n\n".join(_as_text(schema, record) for schema, record in listed))
+            common.say(*[line for schema, record in listed for line in ("", *_as_text(schema, record))][1:])
         elif not found:
-            print("no parts in reach; they are looked for in the `parts` folders of the workspace", file=sys.stderr)
+            common.say("no parts in reach; they are looked for in the `parts` folders of the workspace", stream=sys.stderr)
     return common.exit_code(found)
 
 
@@ -128,7 +128,7 @@ def _as_data(schema: PartSchema, record: PartRecord | None) -> dict[str, object]
     }
 
 
-def _as_text(schema: PartSchema, record: PartRecord | None) -> str:
+def _as_text(schema: PartSchema, record: PartRecord | None) -> list[str]:
     lines = [schema.reference]
     first = schema.doc.strip().partition("\n")[0]
     if first:
@@ -143,7 +143,7 @@ def _as_text(schema: PartSchema, record: PartRecord | None) -> str:
         lines.append("  mounts: not known for its default parameters")
     elif record.mounts:
         lines.append(f"  mounts: {', '.join(_runs(record.mounts))}")
-    return "\n".join(lines)
+    return lines
 
 
 def _kind(p: ParameterSchema) -> str:

@@ -116,7 +116,8 @@ def _render(arguments: argparse.Namespace, compilation: Compilation) -> list[Dia
     named = "_".join(word for word in (robot.name, robot.mode.name, pose) if word is not None)
     path = arguments.output if arguments.output is not None else f"{named}.png"
     _write(path, png)
-    print(f"{shown_path(os.path.abspath(path))}: mode {robot.mode.name}" + (f", pose {pose}" if pose is not None else ""), file=sys.stderr)
+    posed = f", pose {pose}" if pose is not None else ""
+    common.say(f"{shown_path(os.path.abspath(path))}: mode {robot.mode.name}{posed}", stream=sys.stderr)
     return found
 
 

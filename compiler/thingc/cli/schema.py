@@ -119,7 +119,7 @@ def _watch(
         first = not known
         if first:
             _say_all(workspace, outcome)
-            print("watching; Ctrl-C ends it", flush=True)
+            common.say("watching; Ctrl-C ends it")
         else:
             _say_changes(workspace, outcome, seconds)
         if not arguments.no_wire and only is None and outcome.documents not in known[-1:]:
@@ -135,7 +135,7 @@ def _wire(workspace: Workspace, outcome: Outcome, report: Report) -> None:
 
     documents = common.counted(len(outcome.documents), "document")
     for name in wire(workspace.root, outcome.documents, report):
-        print(f"{shown_path(os.path.join(workspace.root, name))}: names {documents} and their schemas", flush=True)
+        common.say(f"{shown_path(os.path.join(workspace.root, name))}: names {documents} and their schemas")
 
 
 def _say_all(workspace: Workspace, outcome: Outcome) -> None:
@@ -145,7 +145,7 @@ def _say_all(workspace: Workspace, outcome: Outcome) -> None:
     same = len(outcome.documents) - len(outcome.written) - len(outcome.kept)
     said = [f"{len(outcome.written)} written", f"{same} as they were"]
     said += [f"{len(outcome.removed)} removed"] if outcome.removed else []
-    print(f"{folder}: schemas of {common.counted(len(outcome.documents), 'document')}: {', '.join(said)}", flush=True)
+    common.say(f"{folder}: schemas of {common.counted(len(outcome.documents), 'document')}: {', '.join(said)}")
     _say_kept(workspace, outcome)
 
 
@@ -153,13 +153,13 @@ def _say_changes(workspace: Workspace, outcome: Outcome, seconds: float) -> None
     for word, names in (("refreshed", outcome.written), ("removed", outcome.removed)):
         if names:
             more = f" and {len(names) - 3} more" if len(names) > 3 else ""
-            print(f"{word} in {seconds:.2f} s: {', '.join(_shown(workspace, name) for name in names[:3])}{more}", flush=True)
+            common.say(f"{word} in {seconds:.2f} s: {', '.join(_shown(workspace, name) for name in names[:3])}{more}")
     _say_kept(workspace, outcome)
 
 
 def _say_kept(workspace: Workspace, outcome: Outcome) -> None:
     for name in outcome.kept:
-        print(f"{_shown(workspace, name)}: not well-formed just now; it keeps its last schema", flush=True)
+        common.say(f"{_shown(workspace, name)}: not well-formed just now; it keeps its last schema")
 
 
 def _shown(workspace: Workspace, name: str) -> str:

@@ -76,7 +76,7 @@ def _run(arguments: argparse.Namespace, compilation: Compilation, results: list[
     def on_result(result: Result) -> None:
         results.append(result)
         if arguments.format == "text":
-            print(_line(result, width), flush=True)
+            common.say(_line(result, width))
 
     request = EmitRequest(
         assembly=assembly, robots=compilation.robots, store=compilation.store, geometry=compilation.geometry,
@@ -119,17 +119,17 @@ def _tell(arguments: argparse.Namespace, name: str, results: Sequence[Result], f
     if arguments.format == "junit":
         from thingc.testing.junit import as_junit
 
-        sys.stdout.write(as_junit(name, results, _beside(results, found)))
+        common.hand_on(as_junit(name, results, _beside(results, found)))
         return
     if results:
-        print()
+        common.say("")
     common.print_text(found, stream=sys.stdout, debug=arguments.debug)
     passed = sum(1 for result in results if result.passed)
     if results:
-        print(f"{common.counted(len(results), 'test')}: {passed} passed, {len(results) - passed} failed")
+        common.say(f"{common.counted(len(results), 'test')}: {passed} passed, {len(results) - passed} failed")
     elif not common.exit_code(list(found)):
         chosen = " that run in the modes chosen" if arguments.mode else ""
-        print(f"{shown_path(arguments.document)}: no tests{chosen}")
+        common.say(f"{shown_path(arguments.document)}: no tests{chosen}")
 
 
 def _beside(results: Sequence[Result], found: Sequence[Diagnostic]) -> list[Diagnostic]:

@@ -16,8 +16,8 @@ materials, the code of their parts, files that are parts. Nothing of theirs is r
 
   thingc touched parts/arm.py
   thingc touched --since origin/main                    everything that this branch has changed
-  thingc check $(thingc touched --since origin/main)
   thingc touched --since origin/main --roots            what to build: assemblies with modes, and what nothing else nests
+  thingc touched --since origin/main -0 | xargs -0r thingc check --
 """
 
 
@@ -27,6 +27,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("files", metavar="FILE", nargs="*", help="a file that has changed (it need not be there any more)")
     parser.add_argument("--since", metavar="REVISION", help="also every file that has changed since this branch left REVISION (git)")
     parser.add_argument("--all", action="store_true", help="every document below this folder, whatever has changed")
+    parser.add_argument("-0", "--null", action="store_true", help="names exactly as they are, each ended by a NUL, for scripts")
     parser.add_argument("--roots", action="store_true", help="only assemblies with modes of their own, and those that no other nests")
     parser.add_argument(
         "--store", metavar="DIR", help="where modelled parts are kept (default: THINGC_STORE, else the user's cache folder)"
@@ -37,6 +38,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0, whether anything is touched or not; 2 where git cannot say what has changed."""
     try:
+        if arguments.null and arguments.format == "json":
+            raise common.WrongCommandLine("-0 and --format json are two forms of one answer", "leave one of them out")
         found = documents(
             arguments.files, arguments.since, everything=arguments.all, roots=arguments.roots, store=arguments.store
         )
@@ -46,9 +49,10 @@ def run(arguments: argparse.Namespace) -> int:
     shown = [shown_path(path) for path in found]
     if arguments.format == "json":
         common.print_json([], documents=shown)
+    elif arguments.null:
+        common.hand_on(b"".join(os.fsencode(path) + b"\0" for path in shown))
     else:
-        for path in shown:
-            print(path)
+        common.say(*shown)
     return 0
 
 

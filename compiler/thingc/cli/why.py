@@ -62,14 +62,13 @@ def _reason(compilation: Compilation, wanted: str) -> None:
     occurrence = by_path[path]
     text = occurrence.definition.text
     if text not in compilation.decisions:
-        print(f"{path} is a frame: there is nothing to model")
+        common.say(f"{path} is a frame: there is nothing to model")
         return
     decision = compilation.decisions[text]
-    print(f"{path} is {text}")
-    print(f"{'reused' if decision.reused else 'modelled'}: {decision.reason}")
+    common.say(f"{path} is {text}", f"{'reused' if decision.reused else 'modelled'}: {decision.reason}")
     users = [o.path for o in assembly.occurrences if o.definition.text == text]
     if len(users) > 1:
-        print(f"shared by {', '.join(users)}")
+        common.say(f"shared by {', '.join(users)}")
 
 
 def _losses(compilation: Compilation, found: list[Diagnostic]) -> list[Diagnostic]:
@@ -80,7 +79,7 @@ def _losses(compilation: Compilation, found: list[Diagnostic]) -> list[Diagnosti
     for loss in losses:
         place = f"{shown_path(loss.span.file)}:{loss.span.line}: " if loss.span is not None else ""
         mode = f" in {loss.mode}" if loss.mode is not None else ""
-        print(f"{place}{loss.target}{mode}: {loss.path}: {loss.what}: {loss.how}")
+        common.say(f"{place}{loss.target}{mode}: {loss.path}: {loss.what}: {loss.how}")
     if not losses:
-        print("every target says everything")
+        common.say("every target says everything")
     return common.final(compilation.report, strict=False)

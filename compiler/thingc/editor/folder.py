@@ -8,6 +8,8 @@ import os
 from collections.abc import Iterable
 from typing import Any
 
+from thingc.shown import json_text
+
 FOLDER = ".thingc"
 SCHEMAS = ".thingc/schema"
 IGNORED = "*\n"
@@ -21,7 +23,7 @@ def schema_path(relative: str) -> str:
 
 def text_of(schema: dict[str, Any]) -> str:
     """A schema as the file has it: on one line, which is written ten times faster than an indented one."""
-    return json.dumps(schema, ensure_ascii=False) + "\n"
+    return json_text(json.dumps(schema, ensure_ascii=False)) + "\n"
 
 
 def read(root: str, relative: str) -> dict[str, Any]:

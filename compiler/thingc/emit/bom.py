@@ -9,6 +9,7 @@ from itertools import count
 
 from thingc.emit import jsontext
 from thingc.emit.artifact import Artifacts
+from thingc.emit.csvcell import cell
 from thingc.emit.request import EmitRequest
 from thingc.graph.types import Assembly, Occurrence
 
@@ -101,14 +102,13 @@ def items(assembly: Assembly) -> tuple[Item, ...]:
 
 
 def csv_text(rows: tuple[Item, ...]) -> str:
-    """RFC 4180 with a header and `\\n` line ends; mass of one piece in kg; empty where nothing is known. No line of totals, so
-    that a column can be summed."""
+    """RFC 4180 with a header and `\\n` line ends; mass of one piece in kg; empty where nothing is known; text that a
+    spreadsheet would compute begins with `'` (see `cell`). No line of totals, so that a column can be summed."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(COLUMNS)
     for row in rows:
-        values = (getattr(row, column) for column in COLUMNS)
-        writer.writerow("" if value is None else repr(value) if isinstance(value, float) else value for value in values)
+        writer.writerow(cell(getattr(row, column)) for column in COLUMNS)
     return stream.getvalue()
 
 

@@ -10,13 +10,10 @@ from itertools import groupby
 from thingc.emit.artifact import Artifacts
 from thingc.emit.request import EmitRequest
 from thingc.graph.types import Definition, DefinitionEdge, Hag
+from thingc.shown import shown
 
 KINDS = ("assembly", "part", "file", "frame")
 """Kinds of definitions, in the order of a legend."""
-
-_CONTROL = dict.fromkeys((*range(32), 0x7F, *range(0x80, 0xA0), 0xFFFE, 0xFFFF, *range(0xD800, 0xE000)), 0xFFFD)
-"""Control characters (text parameters may hold any) would break a line, a terminal or an XML file."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bundle:
@@ -68,17 +65,12 @@ def quantities(hag: Hag) -> dict[str, int]:
     return counted
 
 
-def clean(text: str) -> str:
-    """One line that a terminal and an XML file can show: control characters replaced by U+FFFD."""
-    return text.translate(_CONTROL)
-
-
 def how(edge: DefinitionEdge) -> str:
     """How a component is placed, on one line: `joint yaw: yaw_seat -> yaw_servo.rotor`; empty for a base."""
     parts = [f"joint {edge.joint}"] if edge.joint is not None else []
     if edge.mounts:
         parts.append(edge.mounts)
-    return clean(": ".join(parts))
+    return shown(": ".join(parts))
 
 
 def text(hag: Hag) -> str:
@@ -88,29 +80,29 @@ def text(hag: Hag) -> str:
     """
     below = _children(hag)
     rows: list[tuple[str, str, str]] = []
-    shown: set[str] = set()
+    unrolled: set[str] = set()
 
     def grow(parent: str, stem: str) -> None:
-        shown.add(parent)
+        unrolled.add(parent)
         groups = [(child, *entry) for child, edges in groupby(below.get(parent, []), _child) for entry in entries(list(edges))]
         for position, (child, component, placed) in enumerate(groups):
             last = position == len(groups) - 1
-            again = child in shown and bool(below.get(child))
+            again = child in unrolled and bool(below.get(child))
             branch = "└── " if last else "├── "
-            rows.append((stem + branch + component, clean(child) + (" (as above)" if again else ""), placed))
+            rows.append((stem + branch + component, shown(child) + (" (as above)" if again else ""), placed))
             if not again:
                 grow(child, stem + ("    " if last else "│   "))
 
     grow(hag.root, "")
     counted = quantities(hag)
     widths = [max((len(row[column]) for row in rows), default=0) for column in (0, 1)]
-    lines = [clean(hag.root)]
+    lines = [shown(hag.root)]
     lines += [f"{name:<{widths[0]}}  {definition:<{widths[1]}}  {placed}".rstrip() for name, definition, placed in rows]
     used = [definition for definition in hag.definitions if definition.text != hag.root]
     if used:
         digits = max(len(str(counted[definition.text])) for definition in used)
         lines += ["", f"{total(hag)}:"]
-        lines += [f"  {counted[d.text]:>{digits}} x {clean(d.text)}" + (f" ({d.kind})" if d.kind != "part" else "") for d in used]
+        lines += [f"  {counted[d.text]:>{digits}} x {shown(d.text)}" + (f" ({d.kind})" if d.kind != "part" else "") for d in used]
     return "\n".join(lines) + "\n"
 
 
@@ -138,7 +130,7 @@ def dot(hag: Hag) -> str:
     for definition in hag.definitions:
         lines.append(f"  {names[definition.text]} [label={_dot_quoted(definition.text)} {style[definition.kind]}];")
     for edge in hag.edges:
-        label = _dot_quoted("\n".join(line for line in (edge.component, how(edge)) if line))
+        label = _dot_quoted(*(line for line in (edge.component, how(edge)) if line))
         color = ' color="#c2410c"' if edge.joint is not None else ""
         lines.append(f"  {names[edge.parent]} -> {names[edge.child]} [label={label}{color}];")
     return "\n".join([*lines, "}"]) + "\n"
@@ -217,20 +209,20 @@ def _plural(number: int, word: str) -> str:
     return f"{number} {word}" if number == 1 else f"{number} {word}s"
 
 
-def _dot_quoted(text: str) -> str:
+def _dot_quoted(*lines: str) -> str:
     """A DOT string: `"` and, in labels, `\\` and `&` (HTML entities) are special; lines end with `\\n`."""
-    lines = (clean(line).replace("&", "&amp;").replace("\\", "\\\\").replace('"', '\\"') for line in text.split("\n"))
-    return '"' + "\\n".join(lines) + '"'
+    escaped = (shown(line).replace("&", "&amp;").replace("\\", "\\\\").replace('"', '\\"') for line in lines)
+    return '"' + "\\n".join(escaped) + '"'
 
 
 def _mermaid_escaped(text: str) -> str:
     """Inside a quoted Mermaid label: characters that end it, begin an entity, HTML or Markdown, as entity codes."""
-    return "".join(f"#{ord(character)};" if character in "\"#&<`\\" else character for character in clean(text))
+    return "".join(f"#{ord(character)};" if character in "\"#&<`\\" else character for character in shown(text))
 
 
 def short(definition: Definition) -> tuple[str, str, str]:
     """`(name, where, parameters)` of a definition, for a box: `("RotorBrace", "arm", "length=0.1")`."""
-    text = clean(definition.text).removesuffix(f" [{clean(definition.reference)}]")
+    text = shown(definition.text).removesuffix(f" [{shown(definition.reference)}]")
     head, opening, rest = text.partition("(") if definition.kind != "file" else (text, "", "")
     parameters = rest[:-1] if opening and rest.endswith(")") else rest
     if definition.kind == "part" and ":" in head:
@@ -239,4 +231,4 @@ def short(definition: Definition) -> tuple[str, str, str]:
     if definition.kind == "file":
         where, _, name = head.rpartition("/")
         return name, where, parameters
-    return head, clean(definition.reference) if definition.kind == "assembly" else "", parameters
+    return head, shown(definition.reference) if definition.kind == "assembly" else "", parameters

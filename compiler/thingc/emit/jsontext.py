@@ -7,13 +7,15 @@ import math
 from collections.abc import Mapping, Sequence
 from json.encoder import encode_basestring
 
+from thingc.shown import json_text
+
 
 def encode(value: object) -> bytes:
     """`value` (mappings, sequences, text, numbers, flags, None) as UTF-8 JSON with a final newline, keys in the order given.
 
     Raises `ValueError` for a number that is not finite, which JSON cannot say, and `TypeError` for anything else.
     """
-    return (_text(value, "\n") + "\n").encode()
+    return (json_text(_text(value, "\n")) + "\n").encode()
 
 
 class Fragment(str):

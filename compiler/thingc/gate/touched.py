@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from thingc.diagnostics import Report
 from thingc.load import Documents, load
 from thingc.load.finding import documents_in
+from thingc.load.paths import named
 from thingc.realize.codekey import Code
 from thingc.realize.lock import LOCK_FILE
 from thingc.realize.part_code import PartCode
@@ -95,7 +96,7 @@ def _needs(path: str, store: Store | None) -> _Needs:
             os.path.realpath(document.path) for document in documents.by_path.values() if document is not documents.root
         ),
         varies=frozenset(
-            os.path.realpath(os.path.join(os.path.dirname(path), text)) for text in _texts(documents.root, "assembly")
+            os.path.realpath(varied) for text in _texts(documents.root, "assembly") if (varied := named(text, path)) is not None
         ) if documents.root.kind == "variants" else frozenset(),
     )
 
@@ -106,7 +107,9 @@ def _files(documents: Documents) -> Iterator[str]:
         yield document.path
         for key in ("assembly", "materials", "file"):
             for text in _texts(document, key):
-                yield os.path.join(os.path.dirname(document.path), text)
+                path = named(text, document.path)
+                if path is not None:
+                    yield path
 
 
 def _references(documents: Documents) -> list[str]:

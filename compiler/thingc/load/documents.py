@@ -10,8 +10,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from thingc.diagnostics import Code, Note, Report
-from thingc.load.paths import DOCUMENT_SUFFIXES, PART_SUFFIXES, find_file
+from thingc.load.paths import DOCUMENT_SUFFIXES, PART_SUFFIXES, find_file, refuse_name
 from thingc.load.text import MAX_ALL_BYTES, MAX_FAULTS, decode
+from thingc.shown import unseen
 from thingc.slips import did_you_mean, near_hint, nearest
 from thingc.source import Document, MappingNode, Node, ScalarNode, SequenceNode, Span
 from thingc.units import shortened
@@ -65,6 +66,9 @@ def load(
         report.add(
             Code.OUTSIDE_WORKSPACE, f"`{name}` is a link that leaves the workspace", None, help="name the file that the link leads to",
         )
+        return None
+    if unseen(workspace.relative(path)):
+        refuse_name(workspace.relative(path), None, report)
         return None
     reader = _Reader(workspace, report, texts)
     root = reader.read(path)

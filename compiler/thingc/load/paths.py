@@ -7,6 +7,7 @@ import re
 from typing import TYPE_CHECKING
 
 from thingc.diagnostics import Code, Report
+from thingc.shown import is_text, unseen
 from thingc.slips import file_meant
 from thingc.source import Span
 from thingc.units import shortened
@@ -29,7 +30,7 @@ def find_file(
     the `suffixes`. `what` names it in messages (`an assembly document`).
     """
     shown = shortened(text)
-    if not text.strip() or "\0" in text:
+    if not text.strip():
         report.add(Code.MISSING_FILE, f"expected the path of {what}, found `{shown}`", where)
         return None
     if os.path.isabs(text) or text.startswith(("/", "~")) or _DRIVE.match(text):
@@ -38,7 +39,10 @@ def find_file(
             help="write it relative to this document, inside the workspace",
         )
         return None
-    path = os.path.normpath(os.path.join(os.path.dirname(beside), text))
+    path = named(text, beside)
+    if path is None:
+        refuse_name(text, where, report)
+        return None
     if not workspace.contains(path):
         report.add(
             Code.OUTSIDE_WORKSPACE, f"`{shown}` leaves the workspace", where,
@@ -56,7 +60,26 @@ def find_file(
         else:
             report.add(Code.MISSING_FILE, f"there is no file `{shown}`", where, help=_near(path, text, beside, suffixes))
         return None
+    relative = workspace.relative(path)
+    if unseen(relative):  # of the file that a link leads to
+        refuse_name(relative, where, report)
+        return None
     return path
+
+
+def named(text: str, beside: str) -> str | None:
+    """The absolute path of what a document at the path `beside` calls `text`, be it there or not; None where nothing can be called
+    so."""
+    return None if unseen(text) else os.path.normpath(os.path.join(os.path.dirname(beside), text))
+
+
+def refuse_name(name: str, where: Span | None, report: Report) -> None:
+    """Say that a file has a name that nobody can read, or keep on one line."""
+    what = "characters that nobody sees" if is_text(name) else "bytes that are no UTF-8"
+    report.add(
+        Code.FILE_NAME, f"the file name `{name}` has {what}: `{unseen(name)}`", where,
+        help="rename the file: letters, digits, spaces and signs that can be seen",
+    )
 
 
 def _near(path: str, text: str, beside: str, suffixes: tuple[str, ...]) -> str:

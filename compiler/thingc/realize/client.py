@@ -117,7 +117,7 @@ class Workers:
                     for request in left:
                         yield request, dict(failed)
                 continue
-            answer = json.loads(line)
+            answer = _answer(line)
             if "broken" in answer:
                 self.close()
                 raise WorkerBroken(answer["broken"], answer.get("detail", ""))
@@ -205,5 +205,12 @@ def once(flags: Sequence[str], request: Mapping[str, Any]) -> dict[str, Any]:
         return {"failed": "hung", "words": "", "detail": ""}
     if not done.stdout.endswith(b"\n"):
         return {"failed": "crashed", "words": f"the worker process ended with {done.returncode}", "detail": ""}
-    answer: dict[str, Any] = json.loads(done.stdout)
-    return answer
+    return _answer(done.stdout)
+
+
+def _answer(line: bytes) -> dict[str, Any]:
+    """What a worker says. Halves of characters, which a part may say and no file can hold, become question marks."""
+    found: dict[str, Any] = json.loads(line)
+    if b"\\ud" in line:
+        found = json.loads(json.dumps(found, ensure_ascii=False).encode("utf-8", "replace"))
+    return found

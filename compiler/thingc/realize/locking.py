@@ -13,6 +13,7 @@ from thingc.realize.lock_values import record_values, schema_values
 from thingc.realize.locked import hash_of
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema, Value
 from thingc.realize.service import GeometryService
+from thingc.shown import json_text
 
 
 @dataclass(slots=True, kw_only=True)
@@ -86,8 +87,9 @@ def default_of(schema: PartSchema) -> PartDefinition | None:
 
 
 def lock_text(values: Mapping[str, Any]) -> str:
-    """The file: two spaces, a list on one line, so that a change of one number is a change of one line."""
-    return _text(values, "\n") + "\n"
+    """The file: two spaces, a list on one line, so that a change of one number is a change of one line; and nothing in
+    it that who reads the change would not see."""
+    return json_text(_text(values, "\n")) + "\n"
 
 
 def _text(value: Any, newline: str) -> str:

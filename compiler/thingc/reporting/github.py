@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 from thingc.diagnostics import Diagnostic, Note, Severity
 from thingc.reporting.places import within
+from thingc.shown import shown
 from thingc.source import Span
 
 _COMMANDS = {Severity.ERROR: "error", Severity.WARNING: "warning", Severity.NOTE: "notice"}
@@ -28,7 +29,7 @@ def _command(d: Diagnostic, base: str) -> str:
 
 
 def _place(span: Span, base: str) -> dict[str, str]:
-    place = {"file": within(span.file, base) or span.file, "line": str(span.line)}
+    place = {"file": shown(within(span.file, base) or span.file), "line": str(span.line)}
     if span.line == span.end_line and span.column != span.end_column:
         place["col"] = str(span.column)
     place["endLine"] = str(span.end_line)
@@ -38,17 +39,19 @@ def _place(span: Span, base: str) -> dict[str, str]:
 
 
 def _words(d: Diagnostic, base: str) -> str:
-    """The message, the second places and the help, a line each: an annotation has one place only."""
-    lines = [d.message, *(f"note: {_note(note, base)}" for note in d.notes)]
+    """The message, the second places and the help, a line each: an annotation has one place only. Whatever they quote stays on
+    its line."""
+    lines = [shown(d.message), *(f"note: {_note(note, base)}" for note in d.notes)]
     if d.help:
-        lines.append(f"help: {d.help}")
+        lines.append(f"help: {shown(d.help)}")
     return "\n".join(lines)
 
 
 def _note(note: Note, base: str) -> str:
     if note.span is None:
-        return note.message
-    return f"{note.message} ({within(note.span.file, base) or note.span.file}:{note.span.line}:{note.span.column})"
+        return shown(note.message)
+    file = within(note.span.file, base) or note.span.file
+    return shown(f"{note.message} ({file}:{note.span.line}:{note.span.column})")
 
 
 def _data(text: str) -> str:

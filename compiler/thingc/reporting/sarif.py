@@ -16,6 +16,7 @@ from urllib.parse import quote
 
 from thingc.diagnostics import Code, Diagnostic, Severity
 from thingc.reporting.places import within
+from thingc.shown import json_text, shown
 from thingc.source import Span
 
 SCHEMA = "https://docs.oasis-open.org/sarif/sarif/v2.1.0/errata01/os/schemas/sarif-schema-2.1.0.json"
@@ -54,7 +55,7 @@ def as_sarif(diagnostics: Sequence[Diagnostic], *, base: str, version: str, docu
         "columnKind": "unicodeCodePoints",
         "results": _results(placed, rules, base),
     }
-    return json.dumps({"$schema": SCHEMA, "version": "2.1.0", "runs": [run]}, indent=2, ensure_ascii=False) + "\n"
+    return json_text(json.dumps({"$schema": SCHEMA, "version": "2.1.0", "runs": [run]}, indent=2, ensure_ascii=False)) + "\n"
 
 
 def _descriptor(code: Code, documentation: str | None) -> dict[str, Any]:
@@ -84,7 +85,7 @@ def _results(placed: Iterable[Diagnostic], rules: Sequence[Code], base: str) -> 
             "locations": [{"physicalLocation": _physical(d.span, base)}],
         }
         related = [
-            {"id": number, "message": {"text": note.message}, "physicalLocation": _physical(note.span, base)}
+            {"id": number, "message": {"text": shown(note.message)}, "physicalLocation": _physical(note.span, base)}
             for number, note in enumerate((note for note in d.notes if note.span is not None), 1)
             if note.span is not None
         ]
@@ -98,9 +99,9 @@ def _results(placed: Iterable[Diagnostic], rules: Sequence[Code], base: str) -> 
 
 
 def _words(d: Diagnostic) -> str:
-    lines = [d.message, *(f"note: {note.message}" for note in d.notes if note.span is None)]
+    lines = [shown(d.message), *(f"note: {shown(note.message)}" for note in d.notes if note.span is None)]
     if d.help:
-        lines.append(f"help: {d.help}")
+        lines.append(f"help: {shown(d.help)}")
     return "\n".join(lines)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 
 from thingc.diagnostics import MAX_FAULTS, Code, Note
-from thingc.load.paths import PART_SUFFIXES
+from thingc.load.paths import PART_SUFFIXES, named
 from thingc.realize.record import WHOLE, ParameterSchema, PartDefinition, PartFailure, PartSchema, Value, definition_text
 from thingc.resolve.scope import Enough, Found, Scope, dimension_message, kind_of, words_of
 from thingc.resolve.table import Context, Node
@@ -200,9 +200,9 @@ def of_file(context: Context, node: Node, text: str) -> PartDefinition | None:
     """The definition of a component that is a `file:`; None where the file cannot be used (which `load` has reported,
     unless it was chosen)."""
     beside = context.documents.root.path if "file" in node.chosen else node.scope.document.path
-    absolute = os.path.normpath(os.path.join(os.path.dirname(beside), text))
+    absolute = named(text, beside)
     workspace = context.workspace
-    if os.path.isabs(text) or not workspace.contains(absolute) or not absolute.lower().endswith(PART_SUFFIXES):
+    if absolute is None or os.path.isabs(text) or not workspace.contains(absolute) or not absolute.lower().endswith(PART_SUFFIXES):
         return None
     reference = workspace.relative(absolute)
     key: tuple[str, tuple[tuple[str, Value], ...]] = (reference, ())

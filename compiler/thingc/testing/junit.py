@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from xml.etree import ElementTree
 
-from thingc.diagnostics import Diagnostic, as_text
+from thingc.diagnostics import Diagnostic
+from thingc.printing import as_text
+from thingc.shown import shown
 from thingc.testing.results import Result
-
-_FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-"""Characters that XML 1.0 cannot hold."""
 
 
 def as_junit(name: str, results: Sequence[Result], others: Sequence[Diagnostic]) -> str:
@@ -34,16 +32,12 @@ def as_junit(name: str, results: Sequence[Result], others: Sequence[Diagnostic])
         })
         if result.diagnostic is not None:
             _said(ElementTree.SubElement(case, "failure"), [result.diagnostic])
-        ElementTree.SubElement(case, "system-out").text = _clean(result.outcome.said)
+        ElementTree.SubElement(case, "system-out").text = shown(result.outcome.said)
     ElementTree.indent(root)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
 
 
 def _said(element: ElementTree.Element, diagnostics: Sequence[Diagnostic]) -> None:
-    element.set("message", _clean(diagnostics[0].message))
+    element.set("message", shown(diagnostics[0].message))
     element.set("type", diagnostics[0].code.code)
-    element.text = _clean(as_text(diagnostics))
-
-
-def _clean(text: str) -> str:
-    return _FORBIDDEN.sub("\N{REPLACEMENT CHARACTER}", text)
+    element.text = as_text(diagnostics)

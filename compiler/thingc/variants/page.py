@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 from importlib import resources
 from typing import Any
 
+from thingc.shown import json_text, shown
 from thingc.variants import places
 from thingc.variants.journal import in_order
 from thingc.variants.tables import RUN, Column, cells
@@ -22,8 +23,8 @@ from thingc.variants.tables import RUN, Column, cells
 MOST = 50_000
 """Rows of a page: about 20 MB. A browser takes no more; the tables have all."""
 
-_ESCAPED = {ord("<"): "\\u003c", ord(">"): "\\u003e", ord("&"): "\\u0026", 0x2028: "\\u2028", 0x2029: "\\u2029"}
-"""What could end a `<script>` or, in old browsers, a line of it, as JSON writes it instead."""
+_ESCAPED = {ord("<"): "\\u003c", ord(">"): "\\u003e", ord("&"): "\\u0026"}
+"""What could end a `<script>`, as JSON writes it instead."""
 
 
 def write_page(folder: str, described: Mapping[str, Any], wanted: Sequence[Column]) -> str:
@@ -68,10 +69,12 @@ def _head(described: Mapping[str, Any], wanted: Sequence[Column]) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """A cell as JSON has it: an infinite one is the text `inf`."""
+    """A cell as the page shows it: an infinite one is the text `inf`, text is on one line."""
+    if isinstance(value, str):
+        return shown(value)
     return "inf" if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _encoded(value: Any) -> str:
     """JSON that can stand in a `<script>` whatever names and messages say."""
-    return json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False).translate(_ESCAPED)
+    return json_text(json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False)).translate(_ESCAPED)

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from thingc.brief import Brief
-from thingc.diagnostics import Diagnostic, Report, as_text
+from thingc.diagnostics import Diagnostic, Report
 from thingc.expressions import Expression, ExpressionError, evaluate
 from thingc.pipeline import Options
+from thingc.printing import as_text
 from thingc.realize.record import Value
 from thingc.resolve.model import AssemblyDefinition
 from thingc.resolve.parameters import plain

@@ -17,9 +17,10 @@ import time
 import traceback
 from typing import TYPE_CHECKING, Any
 
-from thingc.diagnostics import Code, Diagnostic, Report, Severity, as_json
+from thingc.diagnostics import Code, Diagnostic, Report, Severity
 from thingc.expressions import ExpressionError, parse_expression
 from thingc.pipeline import Options
+from thingc.printing import as_json
 from thingc.resolve.scope import Found
 from thingc.session import Session, Settings
 from thingc.slips import did_you_mean

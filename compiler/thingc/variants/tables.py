@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from thingc.emit.csvcell import cell
 from thingc.variants import places
 from thingc.variants.journal import Line, in_order
 from thingc.variants.rules import LENGTHS, PARAMETERS, RESULTS, dimension_of
@@ -89,19 +90,12 @@ def _rows(journal: str, wanted: Sequence[Column]) -> Iterator[list[Any]]:
 
 
 def _write_csv(path: str, journal: str, wanted: Sequence[Column]) -> None:
-    def text(value: Any) -> str:
-        if value is None:
-            return ""
-        if isinstance(value, bool):
-            return "true" if value else "false"
-        return repr(value) if isinstance(value, float) else str(value)
-
     fresh = f"{path}.new"
     with open(fresh, "w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow([column.name for column in wanted])
+        writer.writerow([cell(column.name) for column in wanted])
         for row in _rows(journal, wanted):
-            writer.writerow([text(value) for value in row])
+            writer.writerow([cell(value) for value in row])
     os.replace(fresh, path)
 
 

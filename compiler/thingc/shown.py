@@ -1,0 +1,84 @@
+"""How text that somebody else wrote is shown: names, file names and values in messages, tables and pictures.
+
+A document may hold anything, and so may whatever a part says, a lock, a file name, the environment or the command line: escape
+sequences that a terminal obeys, marks that turn the direction of the text after them, characters that are not seen at all, line
+ends that begin a line of their own choice, a name of a million characters. Everything that is printed goes through one of the
+functions here.
+"""
+
+from __future__ import annotations
+
+import re
+from json.encoder import encode_basestring_ascii
+
+LONGEST_QUOTE = 160
+"""Characters of one quotation in a message."""
+LONGEST = 4000
+"""Characters of a whole message, or of one cell of a table."""
+
+_QUOTE = re.compile(f"`([^`]{{{LONGEST_QUOTE + 1},}})`")
+_UNSEEN = re.compile("[\u034f\u115f\u1160\u17b4\u17b5\u180b-\u180f\u3164\ufe00-\ufe0f\uffa0\U000e0100-\U000e01ef]")
+"""What Unicode calls ignorable by default (`Default_Ignorable_Code_Point`) among what Python calls printable."""
+
+
+def shown(text: str, *, most: int = LONGEST) -> str:
+    """`text` on one line, for people: what a reader could not see, or a terminal would obey, is written as Python would escape it.
+
+    `\\x1b`, `\\n`, `\\u202e`, `\\ud800` (half a character, or a byte of a file name that is no text). Printable characters of any script
+    stay, and so does a tab. Of more than `most` characters the beginning and the end are left.
+    """
+    text = _cut(text, most)
+    return text if _plain(text) else "".join(map(_escaped, text))
+
+
+def shortened(message: str) -> str:
+    """A message without what nobody reads: of long quotations between backquotes, and of the whole, the beginning and the end."""
+    if len(message) <= LONGEST_QUOTE:
+        return message
+    return _cut(_QUOTE.sub(lambda quote: f"`{_cut(quote[1], LONGEST_QUOTE)}`", message), LONGEST)
+
+
+def unseen(name: str) -> str:
+    """Those characters of a name that are no letters, signs or spaces: controls, line ends, marks of direction, what has no width,
+    and bytes of a file name that are no UTF-8. A name that has any cannot be told in words, or kept on a line."""
+    if _plain(name):
+        return ""
+    from unicodedata import category
+
+    return "".join(character for character in name if not _plain(character) and category(character) != "Zs")
+
+
+def is_text(name: str) -> bool:
+    """Whether all of a name is Unicode text: no byte of a file name that is no UTF-8, no half of a character."""
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def json_text(text: str) -> str:
+    """JSON with the same values, in which what `shown` escapes is escaped as JSON does: no information is lost."""
+    return "\n".join(line if _plain(line) else "".join(map(_json_escaped, line)) for line in text.split("\n"))
+
+
+def _plain(text: str) -> bool:
+    return text.isprintable() and (text.isascii() or _UNSEEN.search(text) is None)
+
+
+def _escaped(character: str) -> str:
+    if character == "\t" or _plain(character):
+        return character
+    return character.encode("unicode_escape").decode("ascii")
+
+
+def _json_escaped(character: str) -> str:
+    return character if _plain(character) else encode_basestring_ascii(character)[1:-1]
+
+
+def _cut(text: str, most: int) -> str:
+    """At most about `most` characters of a text: its beginning, how long it is, and its end."""
+    if len(text) <= most:
+        return text
+    tail = most // 4
+    return f"{text[: most - tail]}... ({len(text)} characters) ...{text[len(text) - tail :]}"

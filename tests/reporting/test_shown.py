@@ -1,0 +1,133 @@
+"""What somebody else wrote reaches a reader as text and nothing more, in every form."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+import unicodedata
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from reporting.reports import repository, span
+from reporting.test_github import parsed
+from reporting.test_sarif import checked
+from thingc.diagnostics import Code, Diagnostic, Note, Severity
+from thingc.printing import as_json, as_text
+from thingc.reporting.github import as_github
+from thingc.reporting.sarif import as_sarif
+from thingc.shown import LONGEST, LONGEST_QUOTE, json_text, shortened, shown
+from thingc.testing.junit import as_junit
+
+NEVER = {
+    "a byte of a file name": "\udce9", "an escape sequence": "\x1b[31m", "NUL": "\0", "bell": "\a", "DEL": "\x7f",
+    "CSI": "\x9b31m", "next line": "\x85", "backspace": "\b",
+    "a line end": "\n", "a carriage return": "\r", "a line separator": "\u2028", "a paragraph separator": "\u2029",
+    "an override": "\u202e", "an isolate": "\u2067", "a mark of direction": "\u200f", "an Arabic mark": "\u061c",
+    "a space of no width": "\u200b", "a joiner": "\u200d", "a byte order mark": "\ufeff", "half a character": "\ud800",
+    "a tag": "\U000e0041", "a filler": "\u3164", "a selector": "\ufe0f",
+}
+"""What a terminal obeys or nobody sees."""
+
+
+@pytest.mark.parametrize("text", NEVER.values(), ids=NEVER)
+def test_what_a_terminal_obeys_or_nobody_sees_is_written_out(text: str) -> None:
+    """As a Python literal writes it, so that it can be told apart and searched for."""
+    assert shown(f"q{text}:X") == f"q{text.encode('unicode_escape').decode()}:X"
+
+
+def test_every_character_of_unicode_is_judged() -> None:
+    """The general categories are the oracle: controls, formats, halves, separators and what is nothing are never shown as they are."""
+    for number in range(sys.maxunicode + 1):
+        character = chr(number)
+        category = unicodedata.category(character)
+        if category in ("Cc", "Cf", "Cs", "Zl", "Zp", "Cn") and character != "\t":
+            assert shown(character).startswith("\\"), hex(number)
+        elif category[0] in "LNPS" and category != "Lo" or character in " \tあ漢אב":
+            assert shown(character) == character, hex(number)
+
+
+@given(st.text(alphabet=st.one_of(st.characters(), st.characters(categories=["Cs"]), st.sampled_from("".join(NEVER.values())))))
+def test_shown_text_is_one_printable_line(text: str) -> None:
+    assert shown(text).replace("\t", " ").isprintable()
+    assert shown(shown(text)) == shown(text)
+
+
+@given(st.text(alphabet=st.one_of(st.characters(exclude_categories=["Cs"]), st.sampled_from("\x1b\u202e\x7f\u2028\ufeff"))))
+def test_json_keeps_every_character(text: str) -> None:
+    written = json_text(json.dumps({"a": [text, {text: 1}]}, indent=2, ensure_ascii=False))
+    assert json.loads(written) == {"a": [text, {text: 1}]}
+    assert all(line.isprintable() for line in written.split("\n"))
+
+
+def test_half_a_character_stays_one_in_json() -> None:
+    assert json_text(json.dumps("\ud800x", ensure_ascii=False)) == '"\\ud800x"'
+
+
+@pytest.mark.parametrize("name", ["x" * 10**6, "`" * 10**6, "\u202e" * 10**6])
+def test_a_name_of_a_million_characters_is_shortened(name: str) -> None:
+    message = shortened(f"unknown key `{name}` in `components`")
+    assert len(message) < LONGEST + 100 and message.startswith("unknown key `" + name[:50]) and message.endswith("in `components`")
+    assert re.search(r"\(10000\d\d characters\)", message)
+    assert len(Diagnostic(code=Code.SYNTAX, severity=Severity.ERROR, message=f"`{name}`", help=f"`{name}`").message) < LONGEST + 100
+
+
+def test_what_is_short_stays_whole() -> None:
+    message = f"`{'x' * LONGEST_QUOTE}` and `{'y' * LONGEST_QUOTE}`"
+    assert shortened(message) == message
+    assert "xx... (161 characters) ...xx" in shortened(f"found `{'x' * (LONGEST_QUOTE + 1)}`")
+
+
+HOSTILE = "q" + "".join(NEVER.values()) + "X"
+
+
+def hostile(folder: Path) -> Diagnostic:
+    """A diagnostic every word of which is hostile, at a place in a file that is called so."""
+    document = repository(folder) / "work" / "\x1b[31m\u202e.yaml"
+    document.write_text(f"name: a\n  \u202e\x1bpart: {'x'}\u200b # {'y'}\n")
+    return Diagnostic(
+        code=Code.PART_INVALID, severity=Severity.ERROR, message=f"`{HOSTILE}` is nothing", span=span(document, 2, 5, 9), path=HOSTILE,
+        help=f"write `{HOSTILE}`", notes=(Note(message=f"`{HOSTILE}`", span=span(document, 1, 1, 2)), Note(message=HOSTILE)),
+        detail=HOSTILE,
+    )
+
+
+def test_a_code_frame_points_at_the_right_column_however_wide_the_escapes_are(tmp_path: Path) -> None:
+    lines = as_text([hostile(tmp_path)]).split("\n")
+    frame = next(k for k, line in enumerate(lines) if line.startswith("  2 | "))
+    assert lines[frame] == "  2 |   \\u202e\\x1bpart: x\\u200b # y"
+    begin, end = lines[frame + 1].index("^"), lines[frame + 1].rindex("^") + 1
+    assert lines[frame][begin:end] == "part"
+
+
+def test_the_caret_is_as_wide_as_what_it_points_at(tmp_path: Path) -> None:
+    document = repository(tmp_path) / "work" / "wide.yaml"
+    document.write_text("a: \u202e\x1b[31m b\n")
+    said = as_text([Diagnostic(code=Code.SYNTAX, severity=Severity.ERROR, message="x", span=span(document, 1, 4, 6))])
+    assert "\n  1 | a: \\u202e\\x1b[31m b\n    |    ^^^^^^^^^^\n" in said
+
+
+@pytest.mark.parametrize("debug", [False, True])
+def test_text_and_the_forms_for_reviews_and_tests_hold_nothing_hidden(tmp_path: Path, debug: bool) -> None:
+    found = [hostile(tmp_path)]
+    forms = {
+        "text": as_text(found, debug=debug), "github": as_github(found, base=str(tmp_path)),
+        "sarif": as_sarif(found, base=str(tmp_path), version="1"), "junit": as_junit("robot", [], found),
+    }
+    for form, text in forms.items():
+        assert all(line.isprintable() for line in text.split("\n")), form
+        assert "\u200b" not in text and "\\u200b" in text, form
+    assert "\\x1b[31m" in parsed(forms["github"].rstrip("\n"))[2] and forms["github"].count("\n") == 1
+    assert "\\x1b[31m" in checked(forms["sarif"])["results"][0]["message"]["text"]
+    assert ElementTree.fromstring(forms["junit"]).find(".//error") is not None
+
+
+def test_json_for_programs_has_the_exact_text(tmp_path: Path) -> None:
+    found = hostile(tmp_path)
+    (entry,) = json.loads(json_text(json.dumps(as_json([found]), ensure_ascii=False)))
+    assert (entry["message"], entry["path"], entry["help"]) == (found.message, found.path, found.help)
+    assert entry["file"].endswith("\x1b[31m\u202e.yaml")

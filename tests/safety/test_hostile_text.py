@@ -1,0 +1,199 @@
+"""Names, texts and file names that are written to be obeyed by a terminal, or not to be seen: no command hands them on."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+from harness import THINGC, environment
+
+from thingc.cli.main import main
+
+TEXT = "\x1b[31m\x1b]0;owned\x07\x9b1m\u202e\u2067\u200b\r\n\n::error::forged\n"
+EVIL = TEXT + "\ud800"
+"""With half a character, which Python takes for a text but neither prints nor has in a docstring."""
+IN_YAML = r"\e[31m\e]0;owned\a\x9b1m\u202e\u2067\u200b\r\n\n::error::forged\n"
+"""`TEXT` in double quotes of YAML."""
+
+PART = f'''\
+import sys
+import warnings
+
+from build123d import Box, Location
+from thingc import MountPoint, Thing
+
+
+class Odd(Thing):
+    """{TEXT.encode("unicode_escape").decode()}"""
+
+    bom = {{"make": "buy", "number": "=1+1", "supplier": {EVIL!r}, "cost": "-0.5", "name": "@SUM(A1)"}}
+
+    def __init__(self, text: str = "a"):
+        super().__init__(material="abs")
+        self.text = text
+        self.tip = MountPoint(Location((0, 0, 5)))
+
+    def result(self):
+        print({TEXT!r})
+        print({TEXT!r}, file=sys.stderr)
+        warnings.warn({EVIL!r})
+        if self.text == "fail":
+            raise ValueError({EVIL!r})
+        return Box(10, 10, 10)
+'''
+ROBOT = rf"""
+thingc: assembly/1
+name: odd
+materials: {{abs: {{density: 1050 kg/m^3, color: red}}}}
+components:
+  a: {{part: odd:Odd, params: {{text: "{IN_YAML}"}}}}
+modes:
+  m: {{root: a, base: fixed}}
+tests:
+  heavy: {{mass: {{min: 5 kg}}}}
+"""
+WRONG = rf"""
+thingc: assembly/1
+name: odd
+"{IN_YAML}": 1
+materials: ["{IN_YAML}"]
+components:
+  a: {{part: "q{IN_YAML}:X"}}
+  b: {{part: odd:Odd, params: {{text: fail, "{IN_YAML}": 1}}, attach: {{tip: "a.{IN_YAML}"}}}}
+  c: {{part: odd:Odd, params: {{text: fail}}, attach: {{tip: a.tip}}}}
+  d: {{file: "{IN_YAML}", attach: {{tip: a.tip}}}}
+joints: {{"{IN_YAML}": {{type: "{IN_YAML}"}}}}
+"""
+VARIANTS = r"""
+thingc: variants/1
+name: many
+assembly: odd.yaml
+list: [{choices: {components.a.part: odd:Odd}}]
+"""
+
+
+@pytest.fixture
+def hostile(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A workspace in which everything that a person may choose is hostile. It is the working folder."""
+    folder = tmp_path / "a\x1b[31m\nb\u202e"
+    (folder / "parts").mkdir(parents=True)
+    (folder / "parts" / "odd.py").write_text(PART)
+    for name, text in (("odd", ROBOT), ("wrong", WRONG), ("many", VARIANTS)):
+        (folder / f"{name}.yaml").write_text(text.lstrip())
+    (folder / "bad\x1b[31m\n.yaml").write_text(ROBOT.lstrip())
+    monkeypatch.setenv("THINGC_STORE", shared_store)
+    monkeypatch.chdir(folder)
+    return folder
+
+
+def printed(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str]:
+    """The exit code and both streams of a command."""
+    capsys.readouterr()
+    code = main(words)
+    out, err = capsys.readouterr()
+    return code, out + err
+
+
+def harmless(text: str) -> None:
+    """Fails unless every line is printable, nobody has begun a line of their own, and no defect was met."""
+    hidden = [line for line in text.split("\n") if not line.replace("\t", " ").isprintable()]
+    assert hidden == []
+    assert "\n::error::forged" not in text and "\nforged" not in text
+    assert "TC899" not in text
+
+
+COMMANDS: list[Sequence[str]] = [
+    *(["check", document, "--format", form] for document in ("wrong.yaml", "odd.yaml") for form in ("text", "json", "github", "sarif")),
+    ["check", "wrong.yaml", "--debug"], ["check", "bad\x1b[31m\n.yaml"], ["check", "no\x1b[31m\n.yaml"], ["check", "--fix", "wrong.yaml"],
+    ["check", "--fix", "--diff", "wrong.yaml"],
+    *(["build", document, "--format", form] for document in ("wrong.yaml", "odd.yaml") for form in ("text", "json", "github", "sarif")),
+    *(["info", "odd.yaml", "--format", form] for form in ("text", "json")), ["info", "odd.yaml", "--mates"],
+    *(["hag", "odd.yaml", "--format", form] for form in ("text", "dot", "mermaid", "svg")),
+    *(["test", "odd.yaml", "--format", form] for form in ("text", "json", "junit")), ["test", "odd.yaml", "--only", "\x1b[31m\n"],
+    *(["parts", "odd", "--format", form] for form in ("text", "json")), ["parts", "\x1b[31m\n"],
+    ["why", "odd.yaml", "a"], ["why", "odd.yaml", "--losses"], ["why", "odd.yaml", "\x1b[31m\n"],
+    ["touched", "--all"], ["touched", "--all", "--format", "json"], ["touched", "--since", "\x1b[31m\n"],
+    ["fmt", "--diff", "."], ["fmt", "--check", "."], ["fmt", "."], ["lock"], ["lock", "--check"], ["schema", "--no-model"],
+    *(["batch", "many.yaml", "--dry-run", "--format", form] for form in ("text", "json")),
+    ["explain", "\x1b[31m\n"], ["\x1b[31m\n"], ["check", "odd.yaml", "--\x1b[31m\n"], ["check", "odd.yaml", "-p", "\x1b[31m\n"],
+    ["check", "odd.yaml", "-p", "x\u202e=1"], ["check", "odd.yaml", "--set", "\x1b[31m=\u202e"],
+    ["build", "odd.yaml", "--emit", "\x1b[31m"], ["build", "odd.yaml", "--mode", "\x1b[31m"], ["build", "odd.yaml", "-o", "out\x1b[31m\n"],
+]
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=lambda words: " ".join(words).encode("unicode_escape").decode())
+def test_no_command_hands_it_on(hostile: Path, capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
+    code, text = printed(capsys, *words)
+    assert text or words[0] == "lock"
+    harmless(text)
+    if "json" in words or "sarif" in words:
+        json.loads("{" + text.partition("{")[2].rpartition("}")[0] + "}")
+    if words[:2] == ["check", "wrong.yaml"] and "--format" not in words:
+        assert code == 1 and "q\\x1b[31m\\x1b]0;owned\\x07\\x9b1m\\u202e\\u2067\\u200b\\r\\n" in text
+
+
+def test_check_without_code_and_with_a_hostile_lock(hostile: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (hostile / "bad\x1b[31m\n.yaml").unlink()
+    (hostile / "wrong.yaml").unlink()
+    assert printed(capsys, "lock")[0] == 0
+    lock = hostile / "parts.lock.json"
+    harmless(lock.read_text())
+    ran = subprocess.run([THINGC, "check", "--no-code", "odd.yaml"], capture_output=True, text=True, env=environment())
+    assert ran.returncode == 0
+    harmless(ran.stdout + ran.stderr)
+    held = lock.read_text()
+    lock.write_text(held.replace('"odd:Odd', '"\\u001b[31m\\n\\ud800odd:Odd').replace('"abs"', '"\\u001b[31m\\u202e"'))
+    ran = subprocess.run([THINGC, "check", "--no-code", "odd.yaml"], capture_output=True, text=True, env=environment())
+    assert ran.returncode == 1
+    harmless(ran.stdout + ran.stderr)
+
+
+def test_what_is_written_holds_nothing_hidden(hostile: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Every text file of a build, a batch, a lock and an editor's schemas: people open those in a terminal, too."""
+    for words in (["build", "odd.yaml"], ["schema", "--no-model"], ["batch", "many.yaml", "--pictures", "none"]):
+        code, text = printed(capsys, *words)
+        assert code == 0, text
+        harmless(text)
+    seen = 0
+    for path in (*hostile.rglob("build/**/*"), *hostile.rglob(".thingc/**/*"), *hostile.rglob(".vscode/*")):
+        if path.is_file() and path.suffix in (".csv", ".json", ".jsonl", ".html", ".xml", ".svg", ".dot", ".mmd", ".obj", ".step", ".md"):
+            text = path.read_text().replace("\r\n", "\n")
+            assert all(line.replace("\t", " ").isprintable() for line in text.split("\n")), path.name
+            seen += 1
+    assert seen > 12
+
+
+def test_a_terminal_gets_no_sequence_but_ours(hostile: Path) -> None:
+    """On a terminal colours and the progress line are escape sequences; nobody else's are."""
+    parent, child = pty.openpty()
+    process = subprocess.Popen([THINGC, "check", "wrong.yaml", "odd.yaml"], stdout=child, stderr=child, env=environment(TERM="xterm"))
+    os.close(child)
+    text = b""
+    while True:
+        try:
+            data = os.read(parent, 65536)
+        except OSError:
+            break
+        if not data:
+            break
+        text += data
+    assert process.wait() == 1
+    plain = text.decode().replace("\r\n", "\n")
+    for own in ("\x1b[1;31m", "\x1b[1;33m", "\x1b[1;36m", "\x1b[1;32m", "\x1b[1m", "\x1b[0m", "\r\x1b[K"):
+        plain = plain.replace(own, "")
+    assert "\\x1b[31m" in plain
+    harmless(plain)
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-8"])
+def test_a_terminal_that_knows_few_letters(hostile: Path, encoding: str) -> None:
+    (hostile / "odd.yaml").write_text(ROBOT.lstrip().replace("odd:Odd", "odd:Ödd漢"))
+    ran = subprocess.run([THINGC, "check", "odd.yaml"], capture_output=True, env=environment(PYTHONIOENCODING=encoding, LC_ALL="C"))
+    text = ran.stdout.decode(encoding)
+    assert ran.returncode == 1 and "TC899" not in text
+    assert {"ascii": r"\xd6dd\u6f22", "latin-1": r"Ödd\u6f22", "utf-8": "Ödd漢"}[encoding] in text
