@@ -245,7 +245,7 @@ def test_the_sole_stays_under_the_robots_own_weight(worm: Built) -> None:
 def test_info_says_what_is_held_and_how_well_it_closes(worm: Built) -> None:
     assembly = worm.compilation.assembly
     assert assembly is not None
-    text = info.as_text(assembly, worm.compilation.robots)
+    text = "\n".join(info.as_text(assembly, worm.compilation.robots))
     bridge = text.partition("mode bridge:")[2].partition("\nmode ")[0]
     assert "\n  rear is held at rear/sole\n" in bridge
     (closes,) = re.findall(r"^  pose arched closes to (\S+) m and (\S+) rad$", bridge, re.MULTILINE)

@@ -256,7 +256,7 @@ def test_a_damaged_mesh_is_made_anew(folder: Path, tmp_path: Path) -> None:
 def test_info_says_where_it_stands(compiled: Compiled) -> None:
     compilation = compiled(ARM.replace("pose: bent", "pose: level"))
     assert compilation.assembly is not None
-    text = info.as_text(compilation.assembly, compilation.robots)
+    text = "\n".join(info.as_text(compilation.assembly, compilation.robots))
     assert "\nmode afloat: root upper/origin, base free, on the floor with its root at 10 0 10 mm\n" in text
 
 
