@@ -62,6 +62,9 @@ PARTS = '''
         def __init__(self):
             super().__init__()
             self.here = MountPoint(Location())
+
+        def result(self):
+            return None
 '''
 LEAD = 11000.0
 MATERIALS = "materials: {lead: {density: 11000 kg/m^3, color: gray}}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import struct
 from collections import Counter
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -127,7 +128,52 @@ PARTS = """
             text: str = "x",
         ):
             super().__init__()
+
+        def result(self):
+            return None
+
+    class Pieces(Thing):
+        '''Blocks of 8, 1 and 1 cm^3, put together in one of many ways.'''
+
+        def __init__(self, how: str = "plus"):
+            super().__init__(material="petg")
+            large, near, far = Box(20, 20, 20), Pos(15, 0, 0) * Box(10, 10, 10), Pos(50, 0, 0) * Box(10, 10, 10)
+            self.body = {
+                "plus": lambda: large + far, "moved": lambda: Pos(1, 2, 3) * (large + far), "three": lambda: large + near + far,
+                "cut": lambda: large - Box(2, 50, 50), "fuse": lambda: large.fuse(far), "builder": lambda: self.built(),
+                "edge": lambda: large + Pos(15, 15, 0) * Box(10, 10, 10), "joined": lambda: large + near,
+                "list": lambda: [large, far], "compound": lambda: Compound([large, far]),
+                "children": lambda: Compound(children=[large, far]), "sum": lambda: sum([far, large], Part()),
+            }[how]()
+
+        def built(self):
+            with BuildPart() as block:
+                Box(20, 20, 20)
+                with Locations((50, 0, 0)):
+                    Box(10, 10, 10)
+            return block.part
+
+        def result(self):
+            return self.body
+
+    class Base(Thing):
+        '''What others are derived from.'''
+
+    class Forgot(Thing):
+        def result(self):
+            Box(1, 1, 1)
+
+    class Without(Base):
+        def result(self):
+            return None
+
+    def posts() -> Compound:
+        return Box(20, 20, 20) + Pos(50, 0, 0) * Box(10, 10, 10)
 """
+
+
+APART = ("plus", "moved", "three", "cut", "fuse", "builder", "sum")
+TOGETHER = ("edge", "joined", "list", "compound", "children")
 
 
 @pytest.fixture(scope="module")
@@ -143,7 +189,8 @@ def records(module_place: Any, define: Any) -> dict[str, Any]:
         "inside out": define("shapes:InsideOut"), "far": define("shapes:Far"),
         "frame": define("shapes:FrameOnly"), "seated": define("shapes:Seated"),
         "washer": define("shapes:washer", outer=10.0, thin=False), "library": define("shapes:Sphere", radius=5.0),
-        "convex": define("shapes:Angle_"),
+        "convex": define("shapes:Angle_"), "posts": define("shapes:posts"),
+        **{how: define("shapes:Pieces", how=how) for how in (*APART, *TOGETHER)},
     }
     with module_place.service() as service:
         found = service.realize(list(wanted.values()), convex={"shapes:Angle_"})
@@ -152,6 +199,31 @@ def records(module_place: Any, define: Any) -> dict[str, Any]:
 
 def close(found: Any, expected: Any, scale: float, precision: float = 1e-12) -> None:
     np.testing.assert_allclose(np.array(found), np.array(expected), rtol=precision, atol=precision * scale)
+
+
+@pytest.mark.parametrize("how", (*APART, "posts"))
+def test_solids_that_do_not_touch_are_noticed(records: dict[str, PartRecord], how: str) -> None:
+    expected = {"cut": (3.6e-6, 3.6e-6), "three": (9e-6, 1e-6)}.get(how, (8e-6, 1e-6))
+    assert records[how].apart == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("how", (*TOGETHER, "block", "drilled", "hollow", "library"))
+def test_what_touches_or_is_meant_to_be_several_is_not(records: dict[str, PartRecord], how: str) -> None:
+    assert records[how].apart == ()
+
+
+def test_a_thing_that_never_says_its_geometry_is_no_part(module_place: Any, records: dict[str, PartRecord]) -> None:
+    with module_place.service() as service:
+        found = service.describe(["shapes:Base", "shapes:Forgot", "shapes:Without"])
+    assert isinstance(found["shapes:Without"], PartSchema)
+    for name, words, line in (
+        ("shapes:Base", "`shapes:Base` has no `result()`: nothing says what its geometry is", "class Base(Thing):"),
+        ("shapes:Forgot", "`shapes:Forgot` has a `result()` that never returns anything", "def result(self):"),
+    ):
+        failure = found[name]
+        assert isinstance(failure, PartFailure) and failure.file is not None and failure.line is not None
+        assert (failure.kind, failure.message) == ("resultless", words)
+        assert Path(failure.file).read_text().splitlines()[failure.line - 1].strip() == line
 
 
 def test_block(records: dict[str, PartRecord]) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from thingc.cli import common
 from thingc.diagnostics import Code, Diagnostic, Report, Severity
-from thingc.realize.record import ParameterSchema, PartFailure, PartRecord, PartSchema, Value
+from thingc.realize.record import NO_PARTS, ParameterSchema, PartFailure, PartRecord, PartSchema, Value
 from thingc.slips import did_you_mean
 from thingc.source import Span
 
@@ -85,8 +85,7 @@ def _listed(
         if isinstance(answer, PartSchema):
             if answer.kind == "thing":
                 schemas.append(answer)
-        elif answer.kind not in ("invalid", "missing"):
-            # A class that is no part is not missed here; a module that does not load is.
+        elif answer.kind not in NO_PARTS or reference in wanted:
             report.diagnostics.append(_failed(reference, answer))
     definitions = {schema.reference: default_of(schema) for schema in schemas}
     records = geometry.realize([definition for definition in definitions.values() if definition is not None])

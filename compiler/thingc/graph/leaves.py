@@ -170,15 +170,27 @@ class Leaves:
         )
 
     def _warn(self, record: PartRecord, path: str, origin: Origin) -> None:
+        """What is to be said of a part, each once: at the first component that it is and that does not allow it."""
+        findings, of, place = self._findings, f"`{record.text}`", written_at(f"`{record.text}`", record.code)
         for warning in record.warnings:
-            if (record.text, warning.message) in self._warned:
-                continue
+            said = (record.text, warning.message)
             notes = (
                 [Note(message="in the part file, here", span=line_of(warning.file, warning.line or 1))]
                 if warning.file is not None else []
             )
-            if self._findings.warn(Code.PART_WARNING, f"`{record.text}`: {warning.message}", origin, path=path, notes=notes):
-                self._warned.add((record.text, warning.message))
+            if said not in self._warned and findings.warn(
+                Code.PART_WARNING, f"{of}: {warning.message}", origin, path=path, notes=notes,
+            ):
+                self._warned.add(said)
+        if record.apart:
+            said = (record.text, Code.APART.code)
+            volumes = ", ".join(f"{1e6 * volume:.3g}" for volume in record.apart[:_SHOWN_PLACES])
+            more = ", ..." if len(record.apart) > _SHOWN_PLACES else ""
+            if said not in self._warned and findings.warn(
+                Code.APART, f"{of} is {len(record.apart)} solids that do not touch ({volumes}{more} cm^3)", origin, path=path,
+                notes=place, help="let them overlap where they should be one; several on purpose are a list: `return [a, b]`",
+            ):
+                self._warned.add(said)
 
     def _material(
         self, component: Component, record: PartRecord | None, scope: AssemblyDefinition,

@@ -11,7 +11,7 @@ from typing import Any
 from thingc.realize import convert
 from thingc.realize.record import ParameterSchema, PartSchema
 from thingc.realize.record_json import failure_to_json, schema_to_json
-from thingc.realize.session import Session, Surroundings, kind_of
+from thingc.realize.session import NoPart, Session, Surroundings, kind_of
 
 
 def describe(references: Sequence[str], around: Surroundings) -> dict[str, Any]:
@@ -32,10 +32,14 @@ def describe(references: Sequence[str], around: Surroundings) -> dict[str, Any]:
 
 
 def _schema(session: Session, reference: str) -> PartSchema:
-    from thingc.things.inspection import actuator_of, parameters_of
+    from thingc.things.inspection import actuator_of, lacking_result, parameters_of
 
     part = session.part(reference)
     kind = kind_of(part, reference)
+    parameters = tuple(_parameter(parameter) for parameter in parameters_of(part))
+    lacks = lacking_result(part)
+    if lacks is not None:
+        raise NoPart("resultless", f"`{reference}` {lacks.words}", place=lacks.place)
     code = inspect.unwrap(part.__init__).__code__ if kind == "thing" and hasattr(part.__init__, "__code__") else None
     try:
         file = inspect.getsourcefile(part) or ""
@@ -44,7 +48,7 @@ def _schema(session: Session, reference: str) -> PartSchema:
         file, line = (code.co_filename, code.co_firstlineno) if code is not None else ("", 1)
     return PartSchema(
         reference=reference, kind=kind, doc=inspect.cleandoc(part.__doc__ or ""),
-        parameters=tuple(_parameter(parameter) for parameter in parameters_of(part)),
+        parameters=parameters,
         material=_default_material(part), actuator=actuator_of(part) is not None, file=file, line=line,
     )
 

@@ -84,6 +84,7 @@ def record_values(record: PartRecord) -> dict[str, Any]:
         "actuator": None if record.actuator is None else _actuator_values(record.actuator),
         **{key: _stated_values(getattr(record, key)) for key in ("mass", "com", "matrix", "density")},
         "bom": dict(sorted(record.bom.items())), "warnings": [warning.message for warning in record.warnings],
+        "apart": [_rounded(volume) for volume in record.apart],
     }
     return {**found, **{key: value for key, value in optional.items() if value}}
 
@@ -191,6 +192,7 @@ def read_record(text: str, value: Any, path: str, code: tuple[str, int] | None) 
         density=_stated(table, "density", 1, path), bom=_words(table.get("bom", {}), f"{path}.bom"),
         warnings=tuple(PartWarning(message=one) for one in _texts(table.get("warnings", []), f"{path}.warnings")),
         fits={}, meshes={}, pieces=(), convex=(), brep=None, code=code,
+        apart=tuple(number(one, f"{path}.apart") for one in sequence(table.get("apart", []), f"{path}.apart")),
     )
 
 

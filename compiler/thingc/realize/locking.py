@@ -11,7 +11,7 @@ from typing import Any
 from thingc.realize.lock import VERSION
 from thingc.realize.lock_values import record_values, schema_values
 from thingc.realize.locked import hash_of
-from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema, Value
+from thingc.realize.record import NO_PARTS, PartDefinition, PartFailure, PartRecord, PartSchema, Value
 from thingc.realize.service import GeometryService
 from thingc.shown import json_text
 
@@ -34,7 +34,7 @@ def locked(geometry: GeometryService, references: Sequence[str], definitions: Se
     schemas = geometry.describe(sorted({*references, *in_folders}))
     failures = [*geometry.not_python(), *(
         answer for reference, answer in schemas.items()
-        if isinstance(answer, PartFailure) and (reference in references or answer.kind not in ("invalid", "missing"))
+        if isinstance(answer, PartFailure) and (reference in references or answer.kind not in NO_PARTS)
     )]
     things = {
         reference: schema for reference, schema in schemas.items()

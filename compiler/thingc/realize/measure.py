@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from OCP.Bnd import Bnd_Box
 from OCP.BRepAdaptor import BRepAdaptor_Curve2d, BRepAdaptor_Surface
 from OCP.BRepBndLib import BRepBndLib
+from OCP.BRepExtrema import BRepExtrema_DistShapeShape
 from OCP.BRepGProp import BRepGProp_Domain, BRepGProp_Face, BRepGProp_Sinert, BRepGProp_Vinert
 from OCP.GeomAbs import GeomAbs_Circle, GeomAbs_Line, GeomAbs_Plane, GeomAbs_SurfaceOfExtrusion
 from OCP.gp import gp_Pnt
@@ -19,7 +20,7 @@ from OCP.TopoDS import TopoDS
 from thingc.pose import Matrix, Vector
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from OCP.TopoDS import TopoDS_Face, TopoDS_Shape
 
@@ -51,6 +52,30 @@ def explored(shape: TopoDS_Shape, kind: object) -> Iterator[TopoDS_Shape]:
 def solids_of(shape: TopoDS_Shape) -> list[TopoDS_Shape]:
     """The solids in a shape, in its own order."""
     return list(explored(shape, TopAbs_SOLID))
+
+
+TOUCHING = 1e-6
+"""A distance [mm] at which two solids still touch."""
+
+
+def bodies_of(solids: Sequence[TopoDS_Shape]) -> list[list[TopoDS_Shape]]:
+    """Solids by what hangs together: two are of one body where they touch, or are of one with a third."""
+    boxes = [bounding_box(solid) for solid in solids]
+    waiting = list(range(len(solids)))
+    found: list[list[TopoDS_Shape]] = []
+    while waiting:
+        body = [waiting.pop(0)]
+        for member in body:
+            near = [other for other in waiting if _boxes_touch(boxes[member], boxes[other])]
+            joined = [other for other in near if BRepExtrema_DistShapeShape(solids[member], solids[other]).Value() <= TOUCHING]
+            body += joined
+            waiting = [other for other in waiting if other not in joined]
+        found.append([solids[member] for member in sorted(body)])
+    return found
+
+
+def _boxes_touch(one: tuple[Vector, Vector], other: tuple[Vector, Vector]) -> bool:
+    return all(one[0][k] <= other[1][k] + TOUCHING and other[0][k] <= one[1][k] + TOUCHING for k in range(3))
 
 
 def measure(shape: TopoDS_Shape) -> Measures:

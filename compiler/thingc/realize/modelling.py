@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import math
 import os
 import warnings
 from collections.abc import Callable, Iterable, Sequence
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from thingc.realize import convert, meshing
 from thingc.realize.colors import hexadecimal, named
 from thingc.realize.fits import fit_all
-from thingc.realize.measure import Measures, explored, measure, solids_of
+from thingc.realize.measure import Measures, bodies_of, explored, measure, solids_of
 from thingc.realize.part_files import kernel_shape, read_part
 from thingc.realize.primitives import primitive_of
 from thingc.realize.record import (
@@ -94,11 +95,12 @@ def _model_code(definition: dict[str, Any], tessellations: Tessellations, sessio
 
     reference = definition["reference"]
     part = session.part(reference)
-    kind_of(part, reference)
+    kind = kind_of(part, reference)
     kinds = {parameter.name: parameter.kind for parameter in inspection.parameters_of(part)}
     parameters = {name: convert.to_author(kinds.get(name, ""), value) for name, value in definition["parameters"].items()}
     thing = inspection.build(part, parameters)
-    shapes = _shapes(thing.result, "result")
+    geometry = thing.result()
+    shapes = _shapes(geometry, "result")
     statements = inspection.statements_of(thing)
     color, extra = _color(inspection.color_of(thing), [shape.color for shape in shapes])
     actuator = inspection.actuator_of(thing)
@@ -111,8 +113,8 @@ def _model_code(definition: dict[str, Any], tessellations: Tessellations, sessio
         [shape.wrapped for shape in shapes],
         tessellations,
         store,
-        visual=[shape.wrapped for shape in _shapes(thing.visual, "visual")],
-        collision=[shape.wrapped for shape in _shapes(thing.collision, "collision")],
+        visual=[shape.wrapped for shape in _shapes(thing.visual(), "visual")],
+        collision=[shape.wrapped for shape in _shapes(thing.collision(), "collision")],
         material=inspection.material_of(thing),
         color=color,
         mounts={
@@ -132,6 +134,7 @@ def _model_code(definition: dict[str, Any], tessellations: Tessellations, sessio
         mass=_stated(statements.mass), com=_stated(statements.centre, convert.vector),
         matrix=_stated(statements.matrix, convert.matrix), density=_stated(statements.density),
         bom=inspection.bom_of(thing), extra=extra, code=code,
+        one=kind != "shape" and inspection.is_one_solid(geometry),  # a shape class of a library is not its user's
     )
 
 
@@ -140,10 +143,9 @@ def _model_file(definition: dict[str, Any], tessellations: Tessellations, around
     return _record(definition["text"], shapes, tessellations, store, color=color)
 
 
-def _shapes(method: Callable[[], Any], name: str) -> tuple[Any, ...]:
+def _shapes(geometry: Any, name: str) -> tuple[Any, ...]:
     from thingc.things.inspection import shapes_of
 
-    geometry = method()
     try:
         shapes = shapes_of(geometry)
     except TypeError as fault:
@@ -200,8 +202,10 @@ def _record(
     bom: dict[str, str] | None = None,
     extra: tuple[PartWarning, ...] = (),
     code: tuple[str, int] | None = None,
+    one: bool = False,
 ) -> PartRecord:
-    """Measure and mesh the solids of `shapes` (none: a part without geometry) and put the files into the store."""
+    """Measure and mesh the solids of `shapes` (none: a part without geometry) and put the files into the store. `one`: they are
+    meant to hang together."""
     measures: Measures | None = None
     meshes: dict[str, Mesh] = {}
     fits = {}
@@ -236,8 +240,18 @@ def _record(
         box=(convert.vector(measures.box[0]), convert.vector(measures.box[1])) if measures else None,
         mounts=mounts or {}, references=references, expectations=expectations, actuator=actuator,
         mass=mass, com=com, matrix=matrix, density=density, bom=bom or {}, warnings=extra, fits=fits, meshes=meshes,
+        apart=_apart(solid) if one and shapes else (),
         pieces=tuple(_pieces(collision, tessellations.simulation, store)), convex=(), brep=brep, code=code,
     )
+
+
+def _apart(solid: TopoDS_Shape) -> tuple[float, ...]:
+    """The volumes [m^3] of the bodies of a part, the largest first; empty where all of it hangs together."""
+    solids = solids_of(solid)
+    bodies = bodies_of(solids) if len(solids) > 1 else []
+    if len(bodies) < 2:
+        return ()
+    return tuple(sorted((convert.volume(math.fsum(measure(one).volume for one in body)) for body in bodies), reverse=True))
 
 
 def solid_part(shapes: Sequence[TopoDS_Shape]) -> TopoDS_Shape:

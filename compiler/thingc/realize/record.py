@@ -190,8 +190,10 @@ class PartRecord(Brief):
     `mesh` (binary STL, metres), `print` (binary STL, millimetres), absent without geometry; `fits` the
     smallest primitives that enclose the part, by shape; `pieces` the solids of the Thing's own `collision()`, primitives where
     they are exactly that, else STL files; `convex` the STL files of the convex decomposition where it was asked for.
-    `brep` is the B-rep in the store. `code` is `(file, line)` of the class. A record that is not `exact` stands in for one that
-    nobody may model now: only the names of its mounts, its material and that it has an actuator hold, no number does.
+    `apart` are the volumes [m^3] of the bodies of a part that should be one solid, the largest first; empty where they hang
+    together, or are meant to be several. `brep` is the B-rep in the store. `code` is `(file, line)` of the class. A record that is
+    not `exact` stands in for one that nobody may model now: only the names of its mounts, its material and that it has an actuator
+    hold, no number does.
     """
 
     text: str
@@ -218,6 +220,7 @@ class PartRecord(Brief):
     convex: tuple[Mesh, ...]
     brep: str | None
     code: tuple[str, int] | None
+    apart: tuple[float, ...] = ()
     exact: bool = True
 
 
@@ -225,8 +228,8 @@ class PartRecord(Brief):
 class PartFailure(Brief):
     """Why a part could not be described or modelled.
 
-    `kind` is `refused | missing | raised | hung | crashed | empty | invalid | stale | unlocked`; `message` the exception's words;
-    `file`, `line` the place in the part file; `candidates` near names for `missing`; `detail` the traceback, for
+    `kind` is `refused | missing | raised | hung | crashed | empty | invalid | resultless | stale | unlocked`; `message` the
+    exception's words; `file`, `line` the place in the part file; `candidates` near names for `missing`; `detail` the traceback, for
     `--debug` only.
     """
 
@@ -237,6 +240,10 @@ class PartFailure(Brief):
     line: int | None = None
     candidates: tuple[str, ...] = ()
     detail: str | None = None
+
+
+NO_PARTS = frozenset({"invalid", "missing", "resultless"})
+"""Kinds of failures of classes that are no parts: news only where somebody asks for such a class by name."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -104,7 +104,7 @@ def record_to_json(record: PartRecord, root: str) -> Any:
         "fits": {name: _primitive(fit) for name, fit in sorted(record.fits.items())},
         "meshes": {name: mesh_to_json(mesh) for name, mesh in sorted(record.meshes.items())},
         "pieces": [_piece(piece) for piece in record.pieces],
-        "brep": record.brep,
+        "brep": record.brep, "apart": list(record.apart),
         "code": None if record.code is None else [shortened(record.code[0], root), record.code[1]],
     }
 
@@ -132,7 +132,7 @@ def record_from_json(value: Any, root: str) -> PartRecord:
         meshes={name: mesh_from_json(mesh) for name, mesh in value["meshes"].items()},
         pieces=tuple(_read_piece(piece) for piece in value["pieces"]),
         convex=(),
-        brep=value["brep"],
+        brep=value["brep"], apart=tuple(value["apart"]),
         code=None if code is None else (full(code[0], root) or "", code[1]),
     )
 

@@ -16,12 +16,13 @@ from thingc.realize.record import PartFailure
 
 
 class NoPart(Exception):
-    """A part that cannot be: `kind` as in `PartFailure`, and the words."""
+    """A part that cannot be: `kind` as in `PartFailure`, the words, and the file and line where that is known beforehand."""
 
-    def __init__(self, kind: str, message: str, candidates: Iterable[str] = ()) -> None:
+    def __init__(self, kind: str, message: str, candidates: Iterable[str] = (), place: tuple[str, int] | None = None) -> None:
         super().__init__(message)
         self.kind = kind
         self.candidates = tuple(candidates)
+        self.place = place
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,6 +122,7 @@ class Session:
         candidates: tuple[str, ...] = ()
         if isinstance(fault, NoPart):
             kind, message, candidates, detail = fault.kind, str(fault), fault.candidates, None
+            file, line = fault.place or (file, line)
         elif isinstance(fault, (SignatureError, BadPartFile)) or isinstance(fault, ParameterError) and not places:
             kind, message = "invalid", str(fault)
         return PartFailure(

@@ -17,8 +17,8 @@ _DIMENSIONS = {"length": LENGTH, "angle": ANGLE, "mass": MASS, "ratio": NUMBER, 
 
 _FAILURES = {
     "missing": Code.PART_MISSING, "refused": Code.PART_REFUSED, "raised": Code.PART_RAISED, "hung": Code.PART_HUNG,
-    "crashed": Code.PART_CRASHED, "empty": Code.PART_EMPTY, "invalid": Code.PART_INVALID, "stale": Code.LOCK_STALE,
-    "unlocked": Code.NOT_LOCKED,
+    "crashed": Code.PART_CRASHED, "empty": Code.PART_EMPTY, "invalid": Code.PART_INVALID, "resultless": Code.NO_RESULT,
+    "stale": Code.LOCK_STALE, "unlocked": Code.NOT_LOCKED,
 }
 
 
@@ -180,7 +180,9 @@ def _report_failure(context: Context, node: Node, reference: str, failure: PartF
         message = f"part `{reference}` cannot be loaded: {failure.message}"
     elif failure.message.startswith(f"`{reference}`"):
         message, help = failure.message, "write a module of a part folder and a class in it, for example `arm:BasePlate`"
-    if failure.kind in ("stale", "unlocked"):
+    if failure.kind == "resultless":
+        message, help = failure.message, "write `def result(self):` that returns a shape, or `return None` for a part without geometry"
+    elif failure.kind in ("stale", "unlocked"):
         help = "run `thingc lock` where the code of the parts may run, and keep what it writes with the documents"
     elif failure.kind == "refused":
         allowed = ", ".join(f"`{package}`" for package in failure.candidates)

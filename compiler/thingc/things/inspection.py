@@ -6,15 +6,18 @@ Thing itself: `thing.result()`, `.collision()`, `.visual()`, `.envelope()` give 
 
 from __future__ import annotations
 
+import ast
 import inspect
 import math
+import textwrap
 import types
 import typing
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias, Union, cast
 
-from build123d.topology import Shape
+from build123d.build_enums import Select
+from build123d.topology import Compound, Shape
 
 from thingc.things.actuator import Actuator, sourced
 from thingc.things.construction import family_signature, make, wrapped
@@ -81,6 +84,39 @@ def is_part(candidate: object) -> Literal["thing", "shape", "function"] | None:
     alternatives = typing.get_args(declared) if typing.get_origin(declared) in (Union, types.UnionType) else (declared,)
     classes = [typing.get_origin(alternative) or alternative for alternative in alternatives]
     return "function" if all(isinstance(one, type) and issubclass(one, Shape) for one in classes) else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lack:
+    """What a class lacks, in words that follow its name, and the file and line where it should be."""
+
+    words: str
+    place: tuple[str, int] | None
+
+
+def lacking_result(part: PartLike) -> Lack | None:
+    """Why a Thing class says nothing about its geometry: it has no `result()` of its own, or one that returns nothing in any way,
+    which its author forgot. `return None` is a part without geometry; None is also the answer for what is no Thing."""
+    if not isinstance(part, type) or not issubclass(part, Thing):
+        return None
+    if part.result is Thing.result:
+        return Lack(words="has no `result()`: nothing says what its geometry is", place=_written(part))
+    function = inspect.unwrap(part.result)
+    try:
+        tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
+    except (OSError, TypeError, SyntaxError):
+        return None
+    ends = (ast.Return, ast.Raise, ast.Yield, ast.YieldFrom, ast.Lambda)
+    if any(isinstance(node, ends) for node in ast.walk(tree)):
+        return None
+    return Lack(words="has a `result()` that never returns anything", place=_written(function))
+
+
+def _written(code: Any) -> tuple[str, int] | None:
+    try:
+        return inspect.getsourcefile(code) or "", inspect.getsourcelines(code)[1]
+    except (OSError, TypeError):
+        return None
 
 
 def parameters_of(part: PartLike) -> tuple[Parameter, ...]:
@@ -175,6 +211,22 @@ def shapes_of(geometry: Geometry) -> tuple[Shape[Any], ...]:
         if not isinstance(item, Shape):
             raise TypeError(f"expected a build123d shape, found {item!r}")
     return found
+
+
+def is_one_solid(geometry: Geometry) -> bool:
+    """Whether what `result()` returned is meant to be one solid: a shape by itself, and none that was put together on purpose
+    from several (a list, a `Compound` of shapes). What a boolean operation leaves is a Compound, too, but remembers it."""
+    if not isinstance(geometry, Shape):
+        return False
+    if type(geometry) is not Compound:
+        return True
+    if geometry.children:
+        return False
+    try:
+        geometry.faces(Select.LAST)
+    except ValueError:  # the result of no recorded operation
+        return False
+    return True
 
 
 def material_of(thing: Thing) -> str | None:

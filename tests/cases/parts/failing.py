@@ -27,6 +27,9 @@ class Strict(Thing):
     def __init__(self, length: Length = 10):
         raise ValueError(f"no stock of {length:g} mm")
 
+    def result(self):
+        return None
+
 
 class Rounded(Thing):
     """Asks the kernel for a fillet that there is no room for."""
@@ -55,12 +58,18 @@ class Crashing(Thing):
     def __init__(self) -> None:
         os.kill(os.getpid(), signal.SIGSEGV)
 
+    def result(self):
+        return None
+
 
 class Leaving(Thing):
     """Leaves."""
 
     def __init__(self) -> None:
         os._exit(3)
+
+    def result(self):
+        return None
 
 
 class Flat(Thing):
@@ -85,6 +94,23 @@ class Unmountable(Thing):
 
     def __init__(self, tool=None):
         self.tool = tool
+
+    def result(self):
+        return self.tool
+
+
+class Shapeless(Thing):
+    """A bar whose author has not come to its result yet."""
+
+    def __init__(self, length: Length = 10):
+        self.body = Box(length, 10, 10)
+
+
+class Forgetful(Thing):
+    """A bar whose author forgot to return it."""
+
+    def result(self):
+        Box(10, 10, 10)
 
 
 NUMBER = 3

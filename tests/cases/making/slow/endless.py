@@ -8,3 +8,6 @@ from thingc import Thing
 class Endless(Thing):
     def __init__(self) -> None:
         Event().wait()
+
+    def result(self):
+        return None
