@@ -148,6 +148,11 @@ class Code(Enum):
     NO_GAIN = ("TC512", "position drive without a gain", "Give the actuator a `kp`.")
     LOOP = ("TC513", "loop within one link", "Let a `loop: true` joint connect two links that move against each other.")
     UNNEEDED = ("TC514", "allowance that nothing needs", "Take the code out of `allow`.")
+    LIMIT_TURNS = ("TC515", "limit beyond some turns", "Mend the number or its unit, or make the joint `continuous`.", Stage.CHECK)
+    LIMIT_UNITS = ("TC516", "limits in two units", "Write both limits in one unit.", Stage.CHECK)
+    FAR = ("TC517", "far away from the robot", "Mend the number or its unit.", Stage.CHECK)
+    MAGNET = ("TC518", "magnet far too weak or too strong", "Mend the number or its unit.", Stage.CHECK)
+    IDLE_ACTUATOR = ("TC519", "actuator that drives nothing", "Name the component as the `drive` of the joint that it moves.", Stage.CHECK)
     # --- TC6xx: modes (root) ---------------------------------------------------------------------------------------
     POSE_LIMITS = ("TC601", "pose outside joint limits", "Write a value within the joint's limits, or widen them.")
     UNREACHED = ("TC602", "links beyond the root's reach", "Mend the placements: every link hangs together with the root.")

@@ -13,6 +13,7 @@ from thingc.graph.links import fused, links_of
 from thingc.graph.mates import check_loops, mates_of
 from thingc.graph.modes import adhesions_of, check_poses, exported_of, modes_of, raw_of, sensors_of
 from thingc.graph.physics import check_links
+from thingc.graph.plausible import check_plausible
 from thingc.graph.tests import tests_of
 from thingc.graph.types import Assembly, Mate, Occurrence
 from thingc.graph.unroll import Instance, Tree
@@ -56,6 +57,7 @@ def link(
         check_links(links, link_of, occurrences, modes, faulty, findings)
         shown = {(mount.occurrence, mount.mount) for mount in exported if "/" not in mount.path}
         check_expectations(occurrences, mates, laid, shown, findings)
+        check_plausible(tree, occurrences, mates, links, modes, exported, findings)
     check_poses(model.poses, model.modes, joints, findings, on_loops(len(occurrences), mates))
     lie = tuple((m.parent, m.child, m.X_PJ, m.X_JC, m.loop, m.joint and (m.joint.kind, m.joint.offset)) for m in mates)
     at = memo("rest", lambda *_: _rest(mates, base, len(occurrences)), lie, base, len(occurrences))

@@ -15,7 +15,7 @@ from thingc.resolve.placement import Places
 from thingc.resolve.repeats import Item
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Table
-from thingc.source import MappingNode, Path, Span, node_at
+from thingc.source import MappingNode, Node, Path, ScalarNode, node_at
 from thingc.spec.assembly import DriveSpec, JointSpec
 from thingc.units import ANGLE, LENGTH, Dimension, Quantity
 
@@ -119,6 +119,7 @@ def _joint(table: Table, item: Item[JointSpec], kind: JointKind, parent: Referen
     turn, gap = layers.pick("turn"), layers.pick("gap")
     offset = 0.0
     limit, dynamics, drive = NO_LIMIT, NO_DYNAMICS, None
+    nodes = _nodes(table, layers)
     if kind.coordinate is None:
         for key in ("limit", "dynamics", "offset", "drive"):
             if key in spec.model_fields_set and getattr(spec, key) is not None:
@@ -137,23 +138,24 @@ def _joint(table: Table, item: Item[JointSpec], kind: JointKind, parent: Referen
         turn=(scope.number(*turn, ANGLE, f"`turn` of joint `{name}`") or 0.0) if turn else 0.0,
         gap=(scope.number(*gap, LENGTH, f"`gap` of joint `{name}`") or 0.0) if gap else 0.0,
         offset=offset, drive=drive, mimic=None, origin=scope.origin(path, key=True), loop=spec.loop,
-        spans=_spans(table, path, layers),
+        spans={key: node.span for key, node in nodes.items()},
+        written={key: node.text for key, node in nodes.items() if isinstance(node, ScalarNode)},
     )
 
 
-def _spans(table: Table, path: Path, layers: Layers) -> dict[str, Span]:
-    """Places within the joint by dotted key; those of the document's defaults where the joint itself is silent."""
-    spans: dict[str, Span] = {}
+def _nodes(table: Table, layers: Layers) -> dict[str, Node]:
+    """What stands within the joint by dotted key; what the document's defaults say where the joint itself is silent."""
+    nodes: dict[str, Node] = {}
     for _, base in reversed(layers.items):
-        _collect(node_at(table.document.tree, base), "", spans)
-    return spans
+        _collect(node_at(table.document.tree, base), "", nodes)
+    return nodes
 
 
-def _collect(node: Any, prefix: str, spans: dict[str, Span]) -> None:
+def _collect(node: Node | None, prefix: str, nodes: dict[str, Node]) -> None:
     if isinstance(node, MappingNode):
         for key, child in node.entries.items():
-            spans[prefix + key] = child.span
-            _collect(child, f"{prefix}{key}.", spans)
+            nodes[prefix + key] = child
+            _collect(child, f"{prefix}{key}.", nodes)
 
 
 def _limit(scope: Scope, item: Item[JointSpec], kind: JointKind, coordinate: Dimension, layers: Layers) -> Limit:

@@ -6,7 +6,7 @@ Everything is SI.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from thingc.brief import Brief
@@ -203,7 +203,7 @@ class Mimic(Brief):
 class Joint(Brief):
     """An edge that moves (or a `fixed` one): it places the component that `child` belongs to, unless it closes a `loop`.
 
-    `spans` gives places within the joint by dotted key (`limit.lower`), for diagnostics.
+    `spans` gives places within the joint by dotted key (`limit.lower`), `written` the values that stand there, for diagnostics.
     """
 
     name: str
@@ -219,6 +219,7 @@ class Joint(Brief):
     mimic: Mimic | None
     origin: Origin
     spans: dict[str, Span]
+    written: dict[str, str] = field(default_factory=dict)
     loop: bool = False
 
 

@@ -1,0 +1,210 @@
+"""What thingc says of the slips: `thingc build` of the robot with each, and `thingc test` of those that pass without a word.
+
+    python benchmarks/mutants/slipping.py                   # both lists; writes docs/slips.md
+    python benchmarks/mutants/slipping.py --counts          # only the counts, as JSON: of another version, with that on PYTHONPATH
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import io
+import json
+import os
+import re
+import shutil
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE))
+
+from slips import ARM, MEANING, MINCHW, SIZES, WALKER, Slip  # noqa: E402
+
+from thingc.cli.main import main as thingc  # noqa: E402
+from thingc.diagnostics import Report  # noqa: E402
+from thingc.load import load  # noqa: E402
+from thingc.source import Document, MappingNode, node_at  # noqa: E402
+from thingc.workspace import Workspace  # noqa: E402
+
+ROOT = HERE.parents[1]
+PAGE = ROOT / "docs" / "slips.md"
+HEAD = HERE / "slips_page.md"
+BEFORE = "c3d9b01"
+"""The commit that the study was first made for: the version before thingc had a word for any of this."""
+SILENT = 0.30
+"""The share of each list that may pass without a word."""
+
+DOCUMENTS = {
+    ARM: {name: f"assemblies/{name}.yaml" for name in ("arm", "end_effector", "materials")},
+    MINCHW: {name: f"assemblies/minchw/{name}.yaml" for name in ("minchw", "leg", "materials")},
+    WALKER: {name: f"walker/{name}.yaml" for name in ("walker", "leg", "materials")},
+}
+"""Of each robot its documents, by the name that edits use; the first is the one that is built."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """`outcome`: `refused` (an error), `warned`, `tests` (nothing but the document's own tests found it) or `silent`; `near`: one of
+    the places shown is a touched line or beside one; `said`: the first diagnostic's code and words."""
+
+    outcome: str
+    near: bool = False
+    said: str = ""
+
+
+def workspace(root: Path, folder: Path) -> None:
+    """The three robots of the checkout at `root` in a scratch workspace each: `assemblies/` with both robots, and `walker/`."""
+    for name in ("assemblies", "parts"):
+        shutil.copytree(root / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(root / "thingc.toml", folder)
+    walker = folder / "walker"
+    blocks = re.findall(r"^```\w+\n# ([\w/]+\.(?:yaml|py))\n(.*?)^```$", (root / "docs" / "language.md").read_text(), re.M | re.S)
+    for name, text in blocks:
+        if name in ("walker.yaml", "leg.yaml", "materials.yaml", "parts/toy.py"):
+            (walker / name).parent.mkdir(parents=True, exist_ok=True)
+            (walker / name).write_text(text)
+    shutil.copy(root / "thingc.toml", walker)
+
+
+def edited(path: Path, edit: str) -> range:
+    """Make one edit in a file; the lines of the file that were touched."""
+    report = Report()
+    home = Workspace.find(str(path), report)
+    documents = load(str(path), home, report, kinds=("assembly", "materials")) if home is not None else None
+    assert documents is not None, (path, report.diagnostics)
+    document, text = documents.root, path.read_text()
+    begin, end, new = _cut(document, text, edit[1:]) if edit.startswith("-") else _put(document, text, *edit.split(": ", 1))
+    path.write_text(text[:begin] + new + text[end:])
+    first = text.count("\n", 0, begin) + 1
+    return range(first - 1, first + new.rstrip("\n").count("\n") + 2)
+
+
+def _put(document: Document, text: str, where: str, value: str) -> tuple[int, int, str]:
+    *around, last = steps = _steps(where)
+    node = node_at(document.tree, steps)
+    if node is not None:
+        begin, end = _indices(text, node.span)
+        return begin, end, value
+    mapping = node_at(document.tree, tuple(around))
+    assert isinstance(mapping, MappingNode), where
+    begin = _indices(text, mapping.span)[0]
+    if text[begin] == "{":
+        return begin + 1, begin + 1, f"{last}: {value}, "
+    first = next(iter(mapping.keys.values()))
+    at = _indices(text, first)[0]
+    return at, at, f"{last}: {value}\n{' ' * (first.column - 1)}"
+
+
+def _cut(document: Document, text: str, where: str) -> tuple[int, int, str]:
+    steps = _steps(where)
+    node = node_at(document.tree, steps)
+    assert node is not None, where
+    begin, end = _indices(text, document.span(steps, key=True))[0], _indices(text, node.span)[1]
+    rest = re.compile(r"[ \t]*(?:,[ \t]*|(?:#.*)?\n)?").match(text, end)
+    assert rest is not None
+    line = text.rfind("\n", 0, begin) + 1
+    alone = not text[line:begin].strip() and rest.group().endswith("\n")
+    return (line, rest.end(), "") if alone else (begin, rest.end() - rest.group().endswith("\n"), "")
+
+
+def _steps(where: str) -> tuple[str | int, ...]:
+    return tuple(int(step) if step.isdigit() else step for step in where.split("/"))
+
+
+def _indices(text: str, span: Any) -> tuple[int, int]:
+    starts = [0, *(found.end() for found in re.finditer("\n", text))]
+    return starts[span.line - 1] + span.column - 1, starts[span.end_line - 1] + span.end_column - 1
+
+
+def judge(slip: Slip, folder: Path, rewrite: Callable[[str], str]) -> Verdict:
+    """What the build says with a slip in the documents below `folder`, which are put back afterwards; of what it does not speak
+    of, whether the document's own tests do."""
+    names = DOCUMENTS[slip.robot]
+    before = {name: (folder / path).read_text() for name, path in names.items()}
+    touched: dict[str, list[range]] = {}
+    try:
+        for edit in slip.edits:
+            name, _, rest = edit.removeprefix("-").partition(" ")
+            lines = edited(folder / names[name], f"{'-' * edit.startswith('-')}{rewrite(rest)}")
+            touched.setdefault(names[name], []).append(lines)
+        robot = str(folder / next(iter(names.values())))
+        answer = _json("build", robot, "-o", str(folder / "out"))
+        said = answer["diagnostics"]
+        if said:
+            places = [(found["file"], found["line"]) for one in said for found in (one, *one["notes"]) if found["file"]]
+            near = any(
+                line in lines for file, line in places for lines in touched.get(os.path.relpath(os.path.abspath(file), folder), ())
+            )
+            errors = [one for one in said if one["severity"] == "error"]
+            first = (errors or said)[0]
+            return Verdict("refused" if errors else "warned", near, f"{first['code']}: {first['message']}")
+        failed = [one for one in _json("test", robot)["diagnostics"] if one["severity"] == "error"]
+        return Verdict("tests", False, f"{failed[0]['code']}: {failed[0]['message']}") if failed else Verdict("silent")
+    finally:
+        for name, text in before.items():
+            (folder / names[name]).write_text(text)
+
+
+def _json(*words: str) -> Any:
+    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()):
+        thingc([*words, "--format", "json"])
+    return json.loads(out.getvalue())
+
+
+def run(task: tuple[int, int, str, str | None, bool]) -> list[tuple[int, Verdict]]:
+    """The verdicts of every `jobs`-th slip of both lists, by its number, in a scratch workspace of this process."""
+    part, jobs, root, store, bare_gains = task
+    slips = [*MEANING, *SIZES]
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(os.path.realpath(scratch))
+        os.environ["THINGC_STORE"] = store or str(folder / "store")
+        workspace(Path(root), folder)
+        os.chdir(folder)
+        for names in DOCUMENTS.values():
+            said = _json("build", str(folder / next(iter(names.values()))), "-o", str(folder / "out"))["diagnostics"]
+            assert not said, said
+        rewrite = (lambda edit: re.sub(r"(k[pv]: [\d.e]+) N\*m\*?s?/rad", r"\1", edit)) if bare_gains else str
+        found: list[tuple[int, Verdict]] = []
+        for number, slip in enumerate(slips):
+            if number % jobs == part:
+                found.append((number, judge(slip, folder, rewrite)))
+                print(f"{number}: {found[-1][1].outcome}: {slip.edits[0]}", file=sys.stderr, flush=True)
+        return found
+
+
+def verdicts(root: Path, jobs: int, store: str | None, *, bare_gains: bool = False) -> list[Verdict]:
+    """The verdicts of both lists, in their order, on the robots of the checkout at `root`. `bare_gains`: of a version in which `kp`
+    has no unit."""
+    with ProcessPoolExecutor(jobs) as pool:
+        parts = pool.map(run, [(part, jobs, str(root), store, bare_gains) for part in range(jobs)])
+    return [verdict for _, verdict in sorted((pair for part in parts for pair in part), key=lambda pair: pair[0])]
+
+
+def main() -> int:
+    """Judge, print, write; 1 where too many pass without a word."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--store", help="where modelled parts are kept (default: an empty one)")
+    parser.add_argument("--root", type=Path, default=ROOT, help="the checkout whose robots are taken")
+    parser.add_argument("--bare-gains", action="store_true", help="`kp` is written without a unit there")
+    parser.add_argument("--verdicts", action="store_true", help="only print the verdicts, as JSON")
+    arguments = parser.parse_args()
+    found = verdicts(arguments.root, arguments.jobs, arguments.store, bare_gains=arguments.bare_gains)
+    if arguments.verdicts:
+        print(json.dumps([[one.outcome, one.near, one.said] for one in found]))
+        return 0
+    for slip, one in zip([*MEANING, *SIZES], found, strict=True):
+        print(f"{one.outcome:8s} {one.near!s:5s} {slip.robot}: {slip.kind}: {' && '.join(slip.edits)}  => {one.said}")
+    print(Counter(one.outcome for one in found[: len(MEANING)]), Counter(one.outcome for one in found[len(MEANING) :]))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

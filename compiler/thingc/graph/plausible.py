@@ -1,0 +1,220 @@
+"""What is well-formed and probably not meant: warnings that name the number and its likely cause.
+
+Each is decided on the numbers alone, so that `check` says it. What geometry tells is looked at by `build`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection, Iterator, Sequence
+
+from thingc.diagnostics import Code, Note, meant_so
+from thingc.graph.findings import Findings, noted
+from thingc.graph.types import ExportedMount, Link, LinkedMode, Mate, Occurrence
+from thingc.graph.unroll import Instance, Tree
+from thingc.joints import KINDS
+from thingc.pose import Pose, Vector
+from thingc.resolve.model import AssemblyDefinition, At, Attach, Joint
+from thingc.source import Origin
+from thingc.units import FORCE, LENGTH, Quantity
+
+TURNS = 2.0
+"""A hinge that stops beyond so many turns is rarely one: what turns without end is `continuous`."""
+FAR = 10.0
+"""An offset of so many times the largest part's diagonal leads away from the robot; of so many times the robot's reach, a root."""
+WEAK, STRONG = 0.1, 1000.0
+"""A magnet that pulls less, or more, than so many times what the robot weighs."""
+GRAVITY = 9.81
+"""[m/s^2], for weights, whatever a mode's own gravity is."""
+
+_PLAIN = re.compile(r"([-+]?[\d.]+(?:e[-+]?\d+)?) *([A-Za-z]+)", re.IGNORECASE)
+
+
+def check_plausible(
+    tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], links: Sequence[Link], modes: Sequence[LinkedMode],
+    exported: Sequence[ExportedMount], findings: Findings,
+) -> None:
+    """Every such warning about a whole assembly, of documents without errors."""
+    if findings.earlier or findings.failed:
+        return
+    for instance, definition in tree.assemblies:
+        for joint in definition.joints:
+            _check_limits(instance, joint, findings)
+    _check_actuators(tree, occurrences, mates, {mount.occurrence for mount in exported if "/" not in mount.path}, findings)
+    _check_magnets(tree.top.assembly, modes, sum(link.properties.mass for link in links), findings)
+    sizes = {one.index: math.dist(*one.record.box) for one in occurrences if one.record is not None and one.record.box is not None}
+    if sizes and all(one.record is None or one.record.exact for one in occurrences):
+        largest = max(sizes, key=lambda index: sizes[index])
+        _check_offsets(tree, occurrences[largest], sizes[largest], findings)
+        reach = sum(max((sizes.get(member, 0.0) for member in link.members), default=0.0) for link in links)
+        _check_roots(modes, reach, findings)
+
+
+# --- joints ------------------------------------------------------------------------------------------------------------
+
+
+def _check_limits(instance: Instance, joint: Joint, findings: Findings) -> None:
+    """Limits of a hinge beyond some turns; else limits of which one is in rad and the other in deg."""
+    kind = KINDS.get(joint.kind)
+    if kind is None or kind.core != "hinge":
+        return
+    ends = {key: value for key, value in (("lower", joint.limit.lower), ("upper", joint.limit.upper)) if value is not None}
+    path, here = instance.within(joint.name), joint.origin + instance.origin
+    wide = [key for key, value in ends.items() if abs(value) > TURNS * 2.0 * math.pi]
+    for key in wide:
+        text, number, unit = _written(joint, key)
+        cause = f"`{number} deg` was meant" if unit == "rad" and abs(float(number)) <= 360.0 * TURNS else "there is a digit too many"
+        findings.warn(
+            Code.LIMIT_TURNS, f"`limit.{key}` of joint `{joint.name}` is {abs(ends[key]) / (2.0 * math.pi):.3g} turns (`{text}`)",
+            _place(joint, f"limit.{key}", here), path=path, notes=_elsewhere(joint, f"limit.{key}"),
+            help=f"probably {cause}; a joint that turns without end is `continuous`; {meant_so(Code.LIMIT_TURNS)}",
+        )
+    if wide or len(ends) < 2 or not all(ends.values()):
+        return
+    (lower, _, low_unit), (upper, _, high_unit) = _written(joint, "lower"), _written(joint, "upper")
+    if {low_unit, high_unit} == {"rad", "deg"}:
+        key, value = ("upper", upper) if high_unit == "rad" else ("lower", lower)
+        findings.warn(
+            Code.LIMIT_UNITS,
+            f"of joint `{joint.name}` the lower limit is in {low_unit} (`{lower}`), the upper one in {high_unit} (`{upper}`)",
+            _place(joint, f"limit.{key}", here), path=path, notes=_elsewhere(joint, f"limit.{key}"),
+            help=f"write both in one unit: `{value}` is `{kind.shown(ends[key])}`; {meant_so(Code.LIMIT_UNITS)}",
+        )
+
+
+def _written(joint: Joint, key: str) -> tuple[str, str, str]:
+    """A limit as it is written, its number and its unit (empty of what is no plain quantity)."""
+    text = joint.written.get(f"limit.{key}", "").strip()
+    plain = _PLAIN.fullmatch(text)
+    return (text, plain[1], plain[2]) if plain is not None else (text, "", "")
+
+
+def _place(joint: Joint, key: str, here: Origin) -> Origin:
+    """Where a value of the joint is written, with the documents around it."""
+    span = joint.spans.get(key)
+    return (span, *here[1:]) if span is not None else here
+
+
+def _elsewhere(joint: Joint, key: str) -> tuple[Note, ...]:
+    """The note on the joint whose value is written on another line (it may be that of the defaults)."""
+    span = joint.spans.get(key)
+    return noted(f"joint `{joint.name}` is here", joint.origin) if span is not None and span.line != joint.origin[0].line else ()
+
+
+# --- actuators and magnets ---------------------------------------------------------------------------------------------
+
+
+def _check_actuators(
+    tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], shown: Collection[int], findings: Findings,
+) -> None:
+    """Parts with an actuator that no joint is driven by. Of those in `shown` the top document shows a mount: what they drive may come
+    with an assembly around it; an inline drive of a joint on it says itself what the actuator does."""
+    driving: set[int] = set()
+    inline: set[str] = set()
+    for instance, definition in tree.assemblies:
+        for joint in definition.joints:
+            if joint.drive is None:
+                continue
+            named = tree.component(instance, joint.drive.component) if joint.drive.component is not None else None
+            if named is not None and named.index is not None:
+                driving.add(named.index)
+            else:
+                inline.add(instance.within(joint.name))
+    for one in occurrences:
+        if one.record is None or one.record.actuator is None or one.index in driving or one.index in shown:
+            continue
+        name = one.component.name
+        turning = [mate.joint for mate in mates if mate.joint is not None and one.index in (mate.parent, mate.child)]
+        if any(edge.path in inline for edge in turning):
+            continue
+        still = [edge for edge in turning if edge.actuator is None]
+        nearby = (still or turning)[:1]
+        help = f"write `drive: {name}` on the joint that it moves"
+        if still:
+            help = f"if it moves joint `{still[0].path}`, write `drive: {name}` there"
+        findings.warn(
+            Code.IDLE_ACTUATOR, f"`{name}` (`{one.definition.text}`) has an actuator, and no joint is driven by it", one.origin,
+            path=one.path, help=f"{help}; {meant_so(Code.IDLE_ACTUATOR)}",
+            notes=[
+                note for edge in nearby
+                for note in noted(f"joint `{edge.path}` is on it, " + ("without a drive" if still else "with another drive"), edge.origin)
+            ],
+        )
+
+
+def _check_magnets(top: AssemblyDefinition | None, modes: Sequence[LinkedMode], mass: float, findings: Findings) -> None:
+    """Pulls of magnets that are far from what the robot weighs."""
+    weight = mass * GRAVITY
+    places = {mode.name: mode for mode in top.modes} if top is not None else {}
+    said: set[tuple[str, float]] = set()
+    for mode in modes:
+        for reference, force in places[mode.name].adhesion if mode.name in places else ():
+            if WEAK * weight <= force <= STRONG * weight or weight <= 0.0 or (reference.text, force) in said:
+                continue
+            ratio = force / weight
+            times = f"{_times(ratio)} times" if ratio > 1.0 else f"{ratio:.2g} of"
+            said.add((reference.text, force))
+            findings.warn(
+                Code.MAGNET, f"the magnet `{reference.text}` pulls with {Quantity(force, FORCE)}, {times} what the robot weighs "
+                f"({Quantity(float(f'{weight:.3g}'), FORCE)})", reference.origin, path=mode.name,
+                notes=noted(f"mode `{mode.name}` is here", mode.origin),
+                help=f"mind the unit (`mN`, `N`, `kN`); {meant_so(Code.MAGNET)}",
+            )
+
+
+# --- places ------------------------------------------------------------------------------------------------------------
+
+
+def _check_offsets(tree: Tree, largest: Occurrence, size: float, findings: Findings) -> None:
+    """Offsets that lead away from the robot, by the diagonal `size` [m] of its largest part."""
+    for instance, definition in tree.assemblies:
+        for what, offset, path, origin in _offsets(definition):
+            if offset > FAR * size:
+                findings.warn(
+                    Code.FAR, f"{what} by {_shown(offset)}, {_times(offset / size)} times the size of the largest part "
+                    f"(`{largest.path}`, {_shown(size, 3)} across)", origin + instance.origin,
+                    path=instance.within(path), help=f"mind the unit (`mm`, `m`); {meant_so(Code.FAR)}",
+                )
+
+
+def _offsets(definition: AssemblyDefinition) -> Iterator[tuple[str, float, str, Origin]]:
+    """What a document moves, in words, by how much [m], the path of its owner, and where it says so."""
+    for component in definition.components:
+        name = component.name
+        if isinstance(component.placement, At):
+            yield f"`{name}` is moved", _length(component.placement.pose), name, component.placement.origin
+        elif isinstance(component.placement, Attach):
+            yield f"`{name}` is moved", abs(component.placement.gap), name, component.placement.origin
+        for mount, extra in component.mounts.items():
+            yield f"the mount `{name}.{mount}` is moved", _length(extra.pose), name, extra.origin
+    for joint in definition.joints:
+        kind = KINDS.get(joint.kind)
+        along = joint.offset if kind is not None and kind.core == "slide" else 0.0
+        yield f"joint `{joint.name}` is moved", max(abs(joint.gap), abs(along)), joint.name, joint.origin
+
+
+def _check_roots(modes: Sequence[LinkedMode], reach: float, findings: Findings) -> None:
+    """Roots that are far from the origin of the world, by the `reach` [m]: the diagonals of the largest part of every link, summed."""
+    for mode in modes:
+        offset = _length(mode.at)
+        if offset > FAR * reach:
+            findings.warn(
+                Code.FAR, f"mode `{mode.name}` puts its root {_shown(offset)} from the origin of the world, "
+                f"{_times(offset / reach)} times the robot's reach ({_shown(reach, 3)})", mode.origin,
+                path=mode.name, help=f"mind the unit (`mm`, `m`); {meant_so(Code.FAR)}",
+            )
+
+
+def _length(pose: Pose) -> float:
+    offset: Vector = pose.translation
+    return math.hypot(*offset)
+
+
+def _shown(length: float, digits: int = 6) -> str:
+    """A length [m] as a person writes it: `40 mm`, `12 m`."""
+    return f"{float(f'{length:.{digits}g}'):g} m" if length >= 1.0 else str(Quantity(float(f"{length:.{digits}g}"), LENGTH))
+
+
+def _times(ratio: float) -> str:
+    return f"{ratio:.3g}" if ratio < 1000.0 else f"{ratio:.0f}"
