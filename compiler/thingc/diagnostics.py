@@ -131,6 +131,7 @@ class Code(Enum):
     PART_INVALID = ("TC405", "part is not valid", "Mend the part file at the line named.")
     PART_WARNING = ("TC406", "remark of a part", "Mend the part file at the line named.", Stage.CHECK)
     EXPECTATION = ("TC407", "not what the part was cut for", "Put the expected part there.", Stage.CHECK)
+    PART_ASKS = ("TC408", "part asks more than its inputs", "Take it as a parameter, or from a file; seed generators.", Stage.CHECK)
     NO_RESULT = ("TC413", "Thing without a result", "Write `def result(self)` that returns the geometry, or None for a part without.")
     APART = ("TC414", "solids that do not touch", "Let them overlap, or return a list where several are meant.", Stage.CHECK)
     # --- TC5xx: the assembly (link) --------------------------------------------------------------------------------

@@ -184,6 +184,45 @@ def test_where_reading_cannot_be_sure_the_whole_file_counts(tmp_path: Path, body
     assert changed(tmp_path, {"arm.py": text}, after, ("A", "B")) == {"A"}
 
 
+@pytest.mark.parametrize(
+    "body",
+    [
+        "return A.__doc__",
+        "return __doc__",
+        "return getattr(helper, '__doc__')",
+        "return inspect.getdoc(helper)",
+        "from inspect import getsource as source; return source(B)",
+        "import sys; return sys._getframe().f_lineno",
+        "return B.__init__.__code__.co_firstlineno",
+        "import traceback; return traceback.extract_stack()[-1].lineno",
+        "return lines.line()",
+    ],
+)
+def test_code_that_looks_at_docstrings_or_lines_depends_on_every_text(tmp_path: Path, body: str) -> None:
+    text = f"""
+    'A file of parts.'
+    import inspect
+    import lines
+    from shapes import helper
+    class A:
+        def result(self):
+            {body}
+    class B:
+        def __init__(self):
+            'A docstring.'
+    """
+    files = {
+        "arm.py": text,
+        "shapes.py": "def helper():\n    'Helps.'\n",
+        "lines.py": "import sys\ndef line():\n    return sys._getframe(1).f_lineno\n",
+    }
+    for file, old, new in (
+        ("arm.py", "class A", "# moves the line\n    class A"), ("arm.py", "docstring", "text"), ("shapes.py", "Helps", "Does help"),
+        ("arm.py", "A file of", "Another file of"),
+    ):
+        assert changed(tmp_path, files, {file: files[file].replace(old, new)}, ("A", "B")) == {"A"}, (file, new)
+
+
 TABLE = """\
 T = {}
 def put(c):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import textwrap
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -182,13 +183,18 @@ READERS = """
                 Path(path).write_text("3")
                 return Box(1, 1, float(Path(path).read_text()))
 
+    class Itself(Thing):
+        def result(self):
+            return Box(1, 1, Path(__file__).read_text().count("a remark for Itself"))
+
     class Reader(Thing):
         def result(self):
+            assert Path(__file__).resolve().exists() and os.path.getsize(__file__)
             return Box(1, 2, 3)
 """
 ALL = (
     "FromStep", "FromBrep", "FromStl", "FromKernel", "FromJson", "FromAsset", "Optional", "Tried", "Listing", "Chain", "Dynamic",
-    "Own", "Reader",
+    "Own", "Itself", "Reader",
 )
 
 
@@ -246,6 +252,7 @@ def test_nothing_changed(readers: dict[str, Any], module_place: Any, define: Cal
         ("Listing", "layers/two", b"", 3e-9, "folder parts/layers holds other files"),
         ("Chain", "a.txt", b"8", 8e-9, "file parts/a.txt changed"),
         ("Dynamic", "hidden.py", b"SIZE = 5\n", 5e-9, "file parts/hidden.py changed"),
+        ("Itself", "readers.py", f"{textwrap.dedent(READERS)}# a remark for Itself\n".encode(), 2e-9, "file parts/readers.py changed"),
     ],
 )
 def test_a_file_rebuilds_its_readers_and_nothing_else(

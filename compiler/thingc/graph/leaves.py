@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 
 from thingc.diagnostics import Code, Note
@@ -12,7 +12,7 @@ from thingc.graph.types import Definition, MountFrame
 from thingc.inertia import MassProperties, physical_fault
 from thingc.memo import Memo
 from thingc.pose import NO_POSE
-from thingc.realize.record import PartDefinition, PartFailure, PartRecord
+from thingc.realize.record import Outside, PartDefinition, PartFailure, PartRecord, PartWarning
 from thingc.resolve.model import AssemblyDefinition, BomEntry, Component, Material
 from thingc.slips import did_you_mean, nearest
 from thingc.source import Origin
@@ -32,6 +32,14 @@ _FAILED = {
     "unlocked": (Code.NOT_LOCKED, "is not locked", "run `thingc lock`, and keep what it writes with the documents"),
 }
 """By kind of failure: the code, the words that follow the part, and what to do."""
+_INSTEAD = {
+    Outside.ENVIRONMENT: "make it a parameter, or a file that the part reads with `asset(...)`",
+    Outside.CLOCK: "make it a parameter",
+    Outside.CHANCE: "seed the generator: `random.Random(7)`, `numpy.random.default_rng(7)`",
+    Outside.PROCESS: "let it write a file beforehand, and read that with `asset(...)`",
+    Outside.NETWORK: "fetch it into a file beforehand, and read that with `asset(...)`",
+}
+"""By what a part asks: what to do instead."""
 _SHOWN_PLACES = 8
 
 
@@ -174,14 +182,18 @@ class Leaves:
         findings, of, place = self._findings, f"`{record.text}`", written_at(f"`{record.text}`", record.code)
         for warning in record.warnings:
             said = (record.text, warning.message)
-            notes = (
-                [Note(message="in the part file, here", span=line_of(warning.file, warning.line or 1))]
-                if warning.file is not None else []
-            )
-            if said not in self._warned and findings.warn(
-                Code.PART_WARNING, f"{of}: {warning.message}", origin, path=path, notes=notes,
+            if warning.asked is None and said not in self._warned and findings.warn(
+                Code.PART_WARNING, f"{of}: {warning.message}", origin, path=path, notes=_places([warning]),
             ):
                 self._warned.add(said)
+        asked: dict[tuple[Outside, str], list[PartWarning]] = {}
+        for warning in record.warnings:
+            # a line outside of any class is met by every part of its module
+            if warning.asked is not None and (_line(warning) or record.text, warning.message) not in self._warned:
+                asked.setdefault((warning.asked, warning.message), []).append(warning)
+        for (what, message), where in asked.items():
+            if findings.warn(Code.PART_ASKS, f"{of} {message}", origin, path=path, notes=_places(where), help=_INSTEAD[what]):
+                self._warned.update((_line(warning) or record.text, message) for warning in where)
         if record.apart:
             said = (record.text, Code.APART.code)
             volumes = ", ".join(f"{1e6 * volume:.3g}" for volume in record.apart[:_SHOWN_PLACES])
@@ -307,3 +319,15 @@ def _bom(component: Component, record: PartRecord | None) -> BomEntry:
     thing = BomEntry(**{key: value for key, value in record.bom.items() if key in names})
     said = {name: value for name in names if (value := getattr(component.bom, name)) is not None}
     return replace(thing, **said)
+
+
+def _line(warning: PartWarning) -> str:
+    """The line of a part file that a warning is about, as text; empty where it names none."""
+    return "" if warning.file is None else f"{warning.file}:{warning.line}"
+
+
+def _places(warnings: Sequence[PartWarning]) -> list[Note]:
+    """Notes at the lines of part files, where there are any."""
+    places = [line_of(warning.file, warning.line or 1) for warning in warnings if warning.file is not None]
+    more = [Note(message=f"and {len(places) - _SHOWN_PLACES} more lines")] if len(places) > _SHOWN_PLACES else []
+    return [*(Note(message="in the part file, here", span=place) for place in places[:_SHOWN_PLACES]), *more]

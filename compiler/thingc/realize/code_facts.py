@@ -10,10 +10,12 @@ import sys
 from dataclasses import dataclass
 from typing import Any
 
-VERSION = 1
+VERSION = 2
 """Of the facts: a change of their meaning must raise it, since facts are kept by the content of a file."""
 
 DYNAMIC_MODULES = frozenset({"importlib", "imp", "runpy", "pkgutil", "builtins"})
+TELLING_MODULES = frozenset({"inspect", "linecache", "pydoc", "traceback"})
+"""These tell docstrings, lines and source texts, which are otherwise no part of a key."""
 HARMLESS_SUBMODULES = frozenset({"resources", "metadata", "abc"})
 """Of `importlib`: these import nothing of ours behind our back."""
 
@@ -39,7 +41,8 @@ class Unit:
 
     `kind` is `class | function | value | import | statement`; `uses` are dotted names as far as written
     (`shapes.plate`); `changes` the module-level names it may change, `late` when it does so inside a function;
-    `effect`: it does something when the module is loaded besides binding names; `unsure`: reading cannot tell what it uses.
+    `effect`: it does something when the module is loaded besides binding names; `unsure`: reading cannot tell what it uses;
+    `telling`: it may look at docstrings or lines of code.
     `digest` leaves docstrings out, `documented` has them.
     """
 
@@ -52,6 +55,7 @@ class Unit:
     late: bool
     effect: bool
     unsure: bool
+    telling: bool
     digest: str
     documented: str
 
@@ -77,7 +81,8 @@ def as_json(facts: FileFacts) -> Any:
             [
                 unit.kind, list(unit.names), unit.line, list(unit.uses),
                 [[i.alias, i.module, i.level, i.name, i.whole_path] for i in unit.imports],
-                list(unit.changes), unit.late, unit.effect, unit.unsure, unit.digest, unit.documented,
+                list(unit.changes), unit.late, unit.effect, unit.unsure, unit.telling, unit.digest,
+                unit.documented,
             ]
             for unit in facts.units
         ],
@@ -95,9 +100,9 @@ def from_json(value: Any) -> FileFacts:
             Unit(
                 kind=kind, names=tuple(names), line=line, uses=tuple(uses),
                 imports=tuple(Import(alias=a, module=m, level=v, name=n, whole_path=w) for a, m, v, n, w in imports),
-                changes=tuple(changes), late=late, effect=effect, unsure=unsure, digest=own, documented=documented,
+                changes=tuple(changes), late=late, effect=effect, unsure=unsure, telling=telling, digest=own, documented=documented,
             )
-            for kind, names, line, uses, imports, changes, late, effect, unsure, own, documented in units
+            for kind, names, line, uses, imports, changes, late, effect, unsure, telling, own, documented in units
         ),
         digest=digest,
         exported=None if exported is None else tuple(exported),

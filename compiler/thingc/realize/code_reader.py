@@ -17,6 +17,11 @@ MUTATORS = frozenset({
 UNSURE = frozenset({"exec", "eval", "globals", "locals", "compile", "__import__", "__builtins__"})
 """Names whose use makes static reading a guess."""
 
+TELLING = frozenset({
+    "__doc__", "f_lineno", "tb_lineno", "co_firstlineno", "co_lines", "co_positions", "co_linetable", "co_lnotab", "co_consts",
+})
+"""Attributes by which code looks at docstrings or lines."""
+
 UNSURE_CHAINS = ("sys.modules", "sys._getframe", "inspect.currentframe", "inspect.stack", "builtins")
 _FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 _SKIPPED_FIELDS = frozenset({"ctx", "type_comment", "kind", "type_ignores"})
@@ -64,7 +69,7 @@ def _import_unit(found: Import, line: int) -> Unit:
     digest = hashlib.sha256(text.encode()).hexdigest()
     return Unit(
         kind="import", names=() if found.name == "*" else (found.alias,), line=line, uses=(), imports=(found,), changes=(),
-        late=False, effect=False, unsure=False, digest=digest, documented=digest,
+        late=False, effect=False, unsure=False, telling=False, digest=digest, documented=digest,
     )
 
 
@@ -137,6 +142,7 @@ class _Reader:
         self.imports: list[Import] = []
         self.effect = False
         self.unsure = False
+        self.telling = False
         self.late_changes: set[str] = set()
         self.annotation = 0
 
@@ -178,6 +184,7 @@ class _Reader:
             late=bool(self.late_changes),
             effect=self.effect,
             unsure=self.unsure,
+            telling=self.telling,
             digest=digest,
             documented=documented,
         )
@@ -301,6 +308,7 @@ class _Reader:
         scope = self.scopes[-1]
         if isinstance(node.ctx, ast.Load):
             scope.loads.add(node.id)
+            self.telling = self.telling or node.id in TELLING
         else:
             scope.stores.add(node.id)
             if isinstance(node.ctx, ast.Del):
@@ -312,6 +320,7 @@ class _Reader:
         while isinstance(inner, ast.Attribute):
             chain.append(inner.attr)
             inner = inner.value
+        self.telling = self.telling or not TELLING.isdisjoint(chain)
         if isinstance(inner, ast.Name):
             chain.append(inner.id)
             text = ".".join(reversed(chain))
@@ -384,6 +393,7 @@ class _Reader:
 
     def constant(self, node: ast.Constant) -> None:
         self.out.append(repr(node.value))
+        self.telling = self.telling or isinstance(node.value, str) and node.value in TELLING
         if self.annotation and isinstance(node.value, str) and len(node.value) < 200:
             try:
                 written = ast.parse(node.value, mode="eval")

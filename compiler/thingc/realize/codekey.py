@@ -3,7 +3,8 @@
 From the class outward: every top-level statement of a content-tracked module that binds a name it uses, or changes one,
 and so on through imports, however they are written. Statements that do something when a module is loaded count for
 everything in it, and for everything in the modules that import it. Where reading cannot be sure (`exec`, `globals()`, a name
-bound twice, a module used as an object) the whole file counts. Packages of the environment are not followed.
+bound twice, a module used as an object) the whole file counts. Where the code may look at docstrings or at lines, the whole text of
+every file that is loaded for it counts. Packages of the environment are not followed.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from dataclasses import dataclass, field
 from thingc.realize.code_facts import (
     DYNAMIC_MODULES,
     HARMLESS_SUBMODULES,
+    TELLING_MODULES,
     FileFacts,
     Import,
     Unit,
@@ -28,6 +30,9 @@ from thingc.realize.store import Store, StoreUnusable
 
 MAX_UNTRUSTED = 1_000_000
 """Bytes of source that are read of a workspace that is not trusted: the syntax tree takes a hundred times as much memory."""
+
+
+_HARMLESS = [[name] for name in sorted(HARMLESS_SUBMODULES)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,6 +140,9 @@ def code_of(reference: str, sources: Sources) -> Code:
     walk.execute(module)
     walk.use(module, name.split("."))
     walk.code.place = walk.place(module, name.partition(".")[0])
+    if walk.telling:
+        for own, sha256 in walk.code.hashes.items():
+            walk.code.ingredients[f"text of {own}"] = walk.code.documented[f"text of {own}"] = sha256
     return walk.code
 
 
@@ -185,6 +193,7 @@ class _Walk:
         self.used: set[tuple[str, str]] = set()
         self.chains: set[tuple[str, ...]] = set()
         self.whole_files: set[str] = set()
+        self.telling = False
 
     # --- loading -------------------------------------------------------------------------------------------------
 
@@ -333,8 +342,10 @@ class _Walk:
             self._add(module, source.label(index), unit.digest, unit.documented)
         elif unit.names:
             self._add(module, source.label(index), unit.digest)
-        if unit.unsure or self._imports_dynamically(source, unit):
+        met = self._met_modules(source, unit)
+        if unit.unsure or any(path[0] in DYNAMIC_MODULES and path[1:2] not in _HARMLESS for path in met):
             self.whole(module)
+        self.telling = self.telling or unit.telling or any(path[0] in TELLING_MODULES for path in met)
         own = {found.alias: found for found in unit.imports if found.alias not in unit.names}
         for found in own.values():
             self.loaded_by(source, found)
@@ -347,7 +358,8 @@ class _Walk:
             else:
                 self.use(module, names)
 
-    def _imports_dynamically(self, source: SourceFile, unit: Unit) -> bool:
+    def _met_modules(self, source: SourceFile, unit: Unit) -> list[list[str]]:
+        """The imported modules that a unit uses, with the attributes that it names: `["importlib", "import_module"]`."""
         roots = {chain.partition(".")[0] for chain in unit.uses}
         binding = [source.facts.units[index] for root in sorted(roots) for index in source.binders.get(root, [])]
         aliases = {
@@ -355,17 +367,15 @@ class _Walk:
             for other in (unit, *binding)
             for found in other.imports
         }
+        paths: list[list[str]] = []
         for chain in unit.uses:
             names = chain.split(".")
             found = aliases.get(names[0])
-            if found is None or found.level or found.module.partition(".")[0] not in DYNAMIC_MODULES:
+            if found is None or found.level:
                 continue
             path = [*found.module.split("."), *([found.name] if found.name else []), *names[1:]]
-            if found.name is None and not found.whole_path:
-                path = names
-            if len(path) < 2 or path[1] not in HARMLESS_SUBMODULES:
-                return True
-        return False
+            paths.append(names if found.name is None and not found.whole_path else path)
+        return paths
 
     def whole(self, module: str) -> None:
         """Everything in a file counts, in its order."""

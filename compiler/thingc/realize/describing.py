@@ -27,7 +27,7 @@ def describe(references: Sequence[str], around: Surroundings) -> dict[str, Any]:
                 failure = session.failure(reference, fault)
                 mentioned.append(failure.file)
                 answers[reference] = {"failure": failure_to_json(failure, around.root)}
-        session.recorder.stop()
+        session.stop()
         return {"answers": answers, "reads": session.reads(*mentioned)}
 
 

@@ -10,6 +10,7 @@ import types
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
+from thingc.realize.asking import builtins_for
 from thingc.realize.modules import Finder
 
 _compiled: dict[tuple[str, str], types.CodeType] = {}
@@ -85,6 +86,14 @@ class _PartLoader(importlib.machinery.SourceFileLoader):
     def __init__(self, name: str, file: str, sha256: str | None) -> None:
         super().__init__(name, file)
         self.sha256 = sha256
+
+    def exec_module(self, module: types.ModuleType) -> None:
+        """Run the module, with the builtins that it is to have."""
+        code = self.get_code(module.__name__)
+        own = builtins_for(code) if code is not None else None
+        if own is not None:
+            module.__dict__["__builtins__"] = own
+        super().exec_module(module)
 
     def get_code(self, fullname: str) -> types.CodeType | None:
         """The code object of the module."""

@@ -14,6 +14,7 @@ from thingc.realize.record import (
     Actuator,
     Expectation,
     MountRecord,
+    Outside,
     ParameterSchema,
     PartRecord,
     PartSchema,
@@ -83,7 +84,8 @@ def record_values(record: PartRecord) -> dict[str, Any]:
         "expectations": [[one.mount, one.text, one.child_mount] for one in record.expectations],
         "actuator": None if record.actuator is None else _actuator_values(record.actuator),
         **{key: _stated_values(getattr(record, key)) for key in ("mass", "com", "matrix", "density")},
-        "bom": dict(sorted(record.bom.items())), "warnings": [warning.message for warning in record.warnings],
+        "bom": dict(sorted(record.bom.items())), "warnings": [warning.message for warning in record.warnings if warning.asked is None],
+        "asks": [[warning.asked.value, warning.message] for warning in record.warnings if warning.asked is not None],
         "apart": [_rounded(volume) for volume in record.apart],
     }
     return {**found, **{key: value for key, value in optional.items() if value}}
@@ -190,7 +192,10 @@ def read_record(text: str, value: Any, path: str, code: tuple[str, int] | None) 
         actuator=None if table.get("actuator") is None else _actuator(table["actuator"], f"{path}.actuator"),
         mass=_stated(table, "mass", 1, path), com=_stated(table, "com", 3, path), matrix=_stated(table, "matrix", _ENTRIES, path),
         density=_stated(table, "density", 1, path), bom=_words(table.get("bom", {}), f"{path}.bom"),
-        warnings=tuple(PartWarning(message=one) for one in _texts(table.get("warnings", []), f"{path}.warnings")),
+        warnings=(
+            *(PartWarning(message=one) for one in _texts(table.get("warnings", []), f"{path}.warnings")),
+            *(_question(one, f"{path}.asks") for one in sequence(table.get("asks", []), f"{path}.asks")),
+        ),
         fits={}, meshes={}, pieces=(), convex=(), brep=None, code=code,
         apart=tuple(number(one, f"{path}.apart") for one in sequence(table.get("apart", []), f"{path}.apart")),
     )
@@ -215,6 +220,13 @@ def _expectation(value: Any, path: str) -> Expectation:
     if len(texts) != 3:
         raise BadLock(path, "expected a mount, a definition and its mount")
     return Expectation(mount=texts[0], text=texts[1], child_mount=texts[2])
+
+
+def _question(value: Any, path: str) -> PartWarning:
+    texts = list(_texts(value, path))
+    if len(texts) != 2 or texts[0] not in list(Outside):
+        raise BadLock(path, "expected what a part asks, and the words for it")
+    return PartWarning(message=texts[1], asked=Outside(texts[0]))
 
 
 def _actuator(value: Any, path: str) -> Actuator:

@@ -66,24 +66,20 @@ def model(definition: dict[str, Any], tessellations: Tessellations, around: Surr
                 record = _model_file(definition, tessellations, around, store)
             else:
                 record = _model_code(definition, tessellations, session, store)
-            session.recorder.stop()
-            found = (*record.warnings, *_warnings(caught, session.own_files()))
-            answer = {"record": record_to_json(_with_warnings(record, found), around.root)}
+            session.stop()
+            found = (*record.warnings, *_warnings(caught, session.is_own), *session.asking.found)
+            answer = {"record": record_to_json(replace(record, warnings=found), around.root)}
             return {**answer, "reads": session.reads(*(warning.file for warning in found))}
         except BaseException as fault:
-            session.recorder.stop()
+            session.stop()
             failure = session.failure(text, fault)
             return {"failure": failure_to_json(failure, around.root), "reads": session.reads(failure.file)}
 
 
-def _with_warnings(record: PartRecord, found: tuple[PartWarning, ...]) -> PartRecord:
-    return replace(record, warnings=found)
-
-
-def _warnings(caught: list[warnings.WarningMessage], own: set[str]) -> list[PartWarning]:
+def _warnings(caught: list[warnings.WarningMessage], is_own: Callable[[str], bool]) -> list[PartWarning]:
     """Warnings about the authors' own lines: what libraries say about themselves is none of their business."""
     found = [
-        PartWarning(message=str(one.message), file=one.filename, line=one.lineno) for one in caught if one.filename in own
+        PartWarning(message=str(one.message), file=one.filename, line=one.lineno) for one in caught if is_own(one.filename)
     ]
     return list(dict.fromkeys(found))
 

@@ -11,7 +11,8 @@ recorded is how a file was when it was first met:
 
 Paths inside the workspace are kept relative to it; files elsewhere (a font, a shared library of shapes) by their absolute
 path. Files of installed packages, of Python and of thingc count by version, and files the part wrote itself do not count.
-Modules that lie elsewhere count by their source, whether Python read that or what it had compiled of it before.
+Modules that lie elsewhere count by their source, whether Python read that or what it had compiled of it before. A file of code that
+has a key counts when the part reads it as a text.
 Neither does how Python and thingc look for modules (the key of the code covers what they find), nor that the folders above
 the workspace are there: with either, a record would be good on one machine only.
 """
@@ -21,14 +22,18 @@ from __future__ import annotations
 import contextlib
 import functools
 import hashlib
+import importlib.util
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Container, Iterable, Iterator
 from types import FrameType
 from typing import Any
 
+from thingc.realize import audit
 from thingc.realize.modules import installed_roots
 
+_PYTHONS_OWN = ("<", os.path.join(os.path.dirname(os.__file__), ""))
+_ON_THE_WAY = (__name__, audit.__name__)
 _NOT_FILES = ("/dev/", "/proc/", "/sys/")
 _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_TRUNC
 
@@ -60,11 +65,13 @@ def same(path: str, state: str) -> bool:
 class Recorder:
     """Records reads from `start` to `stop`. One per process at a time (audit hooks cannot be taken away).
 
-    `workspace` is the absolute folder that paths are kept relative to; files under `excluded` (absolute) never count.
+    `workspace` is the absolute folder that paths are kept relative to; files under `excluded` (absolute) never count, and files of
+    code that has a key (`keyed`, absolute) do not where Python loads them.
     """
 
-    def __init__(self, workspace: str, excluded: tuple[str, ...] = ()) -> None:
+    def __init__(self, workspace: str, excluded: Iterable[str] = (), keyed: Container[str] = ()) -> None:
         self.workspace = os.path.join(os.path.abspath(workspace), "")
+        self.keyed = keyed
         self.states: dict[str, str] = {}
         own = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
         archives = [entry for entry in sys.path if entry and not os.path.isdir(entry)]  # of Python itself, there or not
@@ -87,14 +94,17 @@ class Recorder:
         with contextlib.suppress(ValueError):
             _listening.remove(self)
 
-    def note(self, path: Any, *, listed: bool = False) -> None:
-        """A file was read, or looked for; with `listed`, a folder's names were."""
+    def note(self, path: Any, *, listed: bool = False, opened: bool = True) -> None:
+        """A file was read, or (not `opened`) looked for; with `listed`, a folder's names were."""
         if not self._on or self._busy:
             return
         full = _absolute(path)
-        if full is None or full.startswith(_NOT_FILES) or full.endswith(".pyc") or self._is_own(full):
+        if full is None or full.startswith(_NOT_FILES):
             return
-        if self.leaves_out(full):
+        if full.endswith(".pyc"):
+            with contextlib.suppress(ValueError):
+                full = importlib.util.source_from_cache(full)
+        if self._is_own(full) or self.leaves_out(full) or full in self.keyed and (not opened or _loads()):
             return
         if not listed and any(folder.startswith(os.path.join(full, "")) for folder in self._around):
             return
@@ -128,14 +138,9 @@ class Recorder:
                 return False
         return True
 
-    def reads(self, without: set[str]) -> list[tuple[str, str]]:
-        """`(path, state)` of everything read, sorted, except the files `without` (absolute: the code that has a key)."""
-        left_out = without | {os.path.realpath(path) for path in without}
-        return sorted(
-            (self.relative(path), state)
-            for path, state in self.states.items()
-            if path not in left_out and os.path.realpath(path) not in left_out
-        )
+    def reads(self) -> list[tuple[str, str]]:
+        """`(path, state)` of everything read, sorted."""
+        return sorted((self.relative(path), state) for path, state in self.states.items())
 
     def relative(self, path: str) -> str:
         """The path with `/` within the workspace, or as it is where it lies elsewhere."""
@@ -178,11 +183,11 @@ def _install_hook() -> None:
     global _hooked
     if not _hooked:
         _hooked = True
-        sys.addaudithook(_hook)
+        audit.listen(("open", "os.listdir", "os.scandir", "os.mkdir", "sqlite3.connect"), _heard)
         _wrap_looking()
 
 
-def _hook(event: str, arguments: tuple[Any, ...]) -> None:
+def _heard(event: str, arguments: tuple[Any, ...]) -> None:
     if not _listening:
         return
     if event == "open":
@@ -198,7 +203,7 @@ def _hook(event: str, arguments: tuple[Any, ...]) -> None:
     elif event == "os.mkdir":
         for recorder in _listening:
             recorder.note_written(arguments[0])
-    elif event == "sqlite3.connect":
+    else:
         for recorder in _listening:
             recorder.note(arguments[0])
 
@@ -214,7 +219,7 @@ def _looking(function: Callable[..., Any]) -> Callable[..., Any]:
     def wrapped(path: Any, *arguments: Any, **options: Any) -> Any:
         if _listening and options.get("dir_fd") is None and not _looks_for_modules():
             for recorder in _listening:
-                recorder.note(path)
+                recorder.note(path, opened=False)
         return function(path, *arguments, **options)
 
     return wrapped
@@ -222,10 +227,24 @@ def _looking(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def _looks_for_modules() -> bool:
     """Whether Python's import system or thingc itself asked the function that calls this (`os.path` in between)."""
-    frame: FrameType | None = sys._getframe(2)
-    while frame is not None and frame.f_globals.get("__name__") in ("posixpath", "ntpath", "genericpath", "os", __name__):
+    frame: FrameType | None = sys._getframe(1)
+    while frame is not None and frame.f_globals.get("__name__") in ("posixpath", "ntpath", "genericpath", "os", *_ON_THE_WAY):
         frame = frame.f_back
     return frame is not None and str(frame.f_globals.get("__name__")).startswith(("importlib.", "thingc."))
+
+
+def _loads() -> bool:
+    """Whether Python loads a module or thingc looks something up, not the part: whose frame is the nearest that is not Python's own?"""
+    frame: FrameType | None = sys._getframe(1)
+    while frame is not None:
+        name = str(frame.f_globals.get("__name__"))
+        if name not in _ON_THE_WAY:
+            if name == "importlib._bootstrap_external" or name.startswith("thingc."):
+                return True
+            if not frame.f_code.co_filename.startswith(_PYTHONS_OWN):
+                return False
+        frame = frame.f_back
+    return True
 
 
 # --- the kernel's readers ---------------------------------------------------------------------------------------------

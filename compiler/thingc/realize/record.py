@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import math
 from dataclasses import dataclass, field
+from enum import Enum
 
 from thingc.brief import Brief
 from thingc.pose import Matrix, Pose, Vector
@@ -172,13 +173,25 @@ class Mesh(Brief):
     flat: bool
 
 
+class Outside(str, Enum):
+    """What a part may ask besides its inputs. Such an answer is not in its key, so it stays as it was when the part was made."""
+
+    ENVIRONMENT = "environment"
+    CLOCK = "clock"
+    CHANCE = "chance"
+    PROCESS = "process"
+    NETWORK = "network"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartWarning(Brief):
-    """Something the part's author should know, and the line of the part file where there is one."""
+    """Something the part's author should know, and the line of the part file where there is one. `asked` is what the part asked
+    there, None for a remark of its own."""
 
     message: str
     file: str | None = None
     line: int | None = None
+    asked: Outside | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,6 +14,7 @@ from thingc.realize.record import (
     Expectation,
     Mesh,
     MountRecord,
+    Outside,
     ParameterSchema,
     PartFailure,
     PartRecord,
@@ -100,7 +101,7 @@ def record_to_json(record: PartRecord, root: str) -> Any:
         "actuator": None if record.actuator is None else _actuator(record.actuator),
         "mass": _stated(record.mass), "com": _stated(record.com), "matrix": _stated(record.matrix),
         "density": _stated(record.density), "bom": dict(sorted(record.bom.items())),
-        "warnings": [[w.message, shortened(w.file, root), w.line] for w in record.warnings],
+        "warnings": [[w.message, shortened(w.file, root), w.line, w.asked and w.asked.value] for w in record.warnings],
         "fits": {name: _primitive(fit) for name, fit in sorted(record.fits.items())},
         "meshes": {name: mesh_to_json(mesh) for name, mesh in sorted(record.meshes.items())},
         "pieces": [_piece(piece) for piece in record.pieces],
@@ -127,7 +128,10 @@ def record_from_json(value: Any, root: str) -> PartRecord:
         actuator=None if value["actuator"] is None else Actuator(**value["actuator"]),
         mass=_read_stated(value["mass"]), com=_read_stated(value["com"]), matrix=_read_stated(value["matrix"]),
         density=_read_stated(value["density"]), bom=value["bom"],
-        warnings=tuple(PartWarning(message=m, file=full(f, root), line=line) for m, f, line in value["warnings"]),
+        warnings=tuple(
+            PartWarning(message=message, file=full(file, root), line=line, asked=None if asked is None else Outside(asked))
+            for message, file, line, asked in value["warnings"]
+        ),
         fits={name: _read_primitive(fit) for name, fit in value["fits"].items()},
         meshes={name: mesh_from_json(mesh) for name, mesh in value["meshes"].items()},
         pieces=tuple(_read_piece(piece) for piece in value["pieces"]),

@@ -9,6 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
+from thingc.realize.asking import Asking
 from thingc.realize.loading import PartImporter
 from thingc.realize.part_files import BadPartFile
 from thingc.realize.reads import Recorder, loaded_files, state_of
@@ -41,17 +42,19 @@ class Surroundings:
 
 @dataclass(slots=True)
 class Session:
-    """One request in its process, in the workspace's folder: the importer and the recorder of reads, installed while it
-    lasts."""
+    """One request in its process, in the workspace's folder: the importer, the recorder of reads, and who notes what the part asks,
+    installed while it lasts."""
 
     around: Surroundings
     recorder: Recorder = field(init=False)
     importer: PartImporter = field(init=False)
+    asking: Asking = field(init=False)
     _before: str = ""
 
     def __post_init__(self) -> None:
         self.importer = PartImporter(self.around.parts, self.around.packages, self.around.hashes, self.around.plain)
-        self.recorder = Recorder(self.around.root, (self.around.store, self.around.scratch))
+        self.recorder = Recorder(self.around.root, (self.around.store, self.around.scratch), self.around.hashes)
+        self.asking = Asking(self.is_own)
 
     def __enter__(self) -> Session:
         from thingc.things import assets
@@ -60,25 +63,31 @@ class Session:
         os.chdir(self.around.root)
         self.importer.install()
         self.recorder.start()
+        self.asking.start()
         assets.install(self.recorder.note, (self.around.root,))
         return self
 
     def __exit__(self, *exception: object) -> None:
         from thingc.things import assets
 
-        self.recorder.stop()
+        self.stop()
         assets.install(None)
         self.importer.remove()
         os.chdir(self._before)
 
-    def own_files(self) -> set[str]:
-        """The files that hold the authors' code."""
-        return {*self.around.hashes, *self.importer.loaded.values()}
+    def stop(self) -> None:
+        """The part is done: what is read and asked from here on is not its doing."""
+        self.recorder.stop()
+        self.asking.stop()
+
+    def is_own(self, file: str) -> bool:
+        """Whether a file holds the authors' code."""
+        return file in self.around.hashes or file in self.importer.loaded.values()
 
     def reads(self, *mentioned: str | None) -> list[tuple[str, str]]:
         """What was read: files, modules that no version stands for, and the files that an answer mentions by line (whose layout
         counts for that answer)."""
-        found = dict(self.recorder.reads(set(self.around.hashes)))
+        found = dict(self.recorder.reads())
         loaded = [file for file in loaded_files() if file not in self.around.hashes and not self.recorder.leaves_out(file)]
         for file in (*loaded, *mentioned):
             if file is not None:
@@ -113,9 +122,8 @@ class Session:
         from thingc.things.parameters import ParameterError, SignatureError
 
         detail: str | None = "".join(traceback.format_exception(fault))
-        own = self.own_files()
-        places = [(frame.filename, frame.lineno) for frame in traceback.extract_tb(fault.__traceback__) if frame.filename in own]
-        if isinstance(fault, SyntaxError) and fault.filename in own:
+        places = [(one.filename, one.lineno) for one in traceback.extract_tb(fault.__traceback__) if self.is_own(one.filename)]
+        if isinstance(fault, SyntaxError) and fault.filename is not None and self.is_own(fault.filename):
             places.append((str(fault.filename), fault.lineno))
         file, line = places[-1] if places else (None, None)
         kind, message = "raised", _words(fault)
@@ -132,7 +140,8 @@ class Session:
 
 def _words(fault: BaseException) -> str:
     text = fault.msg if isinstance(fault, SyntaxError) else str(fault)
-    return f"{type(fault).__name__}: {text}" if text else type(fault).__name__
+    words = f"{type(fault).__name__}: {text}" if text else type(fault).__name__
+    return "; ".join((words, *getattr(fault, "__notes__", ())))
 
 
 def kind_of(part: Any, reference: str) -> str:

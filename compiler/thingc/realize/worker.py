@@ -78,9 +78,11 @@ def _load(answers: int) -> bool:
         import_cheaply("build123d")
         for name in AHEAD:
             importlib.import_module(name)
+        from thingc.realize import asking
         from thingc.realize.reads import wrap_importers
 
         wrap_importers()
+        asking.install()
     except BaseException as fault:
         import traceback
 

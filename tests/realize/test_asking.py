@@ -1,0 +1,219 @@
+"""What a part asks besides its inputs is noted with its line, and what only looks like it is not."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import os
+import textwrap
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from thingc.cli.main import main
+from thingc.realize.record import Outside, PartRecord
+
+HEAD = """\
+import datetime, logging, os, random, secrets, socket, subprocess, tempfile, time, uuid, warnings
+from datetime import date, datetime as moment
+from random import shuffle
+from time import time as now
+from build123d import *
+from helper import shuffled
+"""
+HELPER = "import random\n\n\ndef shuffled(values):\n    random.shuffle(values)\n    return values\n"
+
+ASKS = {
+    "os.environ['SIZE'] if 'SIZE' in os.environ else 1": Outside.ENVIRONMENT,
+    "os.environ.get('SIZE')": Outside.ENVIRONMENT,
+    "os.getenv('SIZE', '3')": Outside.ENVIRONMENT,
+    "os.environb.get(b'SIZE')": Outside.ENVIRONMENT,
+    "os.path.expandvars('$SIZE')": Outside.ENVIRONMENT,
+    "time.time()": Outside.CLOCK,
+    "now()": Outside.CLOCK,
+    "time.strftime('%Y')": Outside.CLOCK,
+    "time.localtime()": Outside.CLOCK,
+    "moment.now()": Outside.CLOCK,
+    "datetime.datetime.now(datetime.timezone.utc)": Outside.CLOCK,
+    "date.today()": Outside.CLOCK,
+    "type('Own', (moment,), {}).utcnow()": Outside.CLOCK,
+    "random.random()": Outside.CHANCE,
+    "shuffle([1, 2])": Outside.CHANCE,
+    "random.seed()": Outside.CHANCE,
+    "random.Random().random()": Outside.CHANCE,
+    "random.SystemRandom().random()": Outside.CHANCE,
+    "secrets.token_hex()": Outside.CHANCE,
+    "os.urandom(8)": Outside.CHANCE,
+    "uuid.uuid4()": Outside.CHANCE,
+    "uuid.uuid1()": Outside.CHANCE,
+    "__import__('numpy').random.default_rng()": Outside.CHANCE,
+    "__import__('numpy').random.rand()": Outside.CHANCE,
+    "__import__('numpy').random.RandomState()": Outside.CHANCE,
+    "subprocess.run(['true'])": Outside.PROCESS,
+    "subprocess.run('true', shell=True)": Outside.PROCESS,
+    "os.system('true')": Outside.PROCESS,
+    "os.waitpid(os.fork() or os._exit(0), 0)": Outside.PROCESS,
+    "os.waitpid(os.posix_spawn('/bin/true', ['true'], {}), 0)": Outside.PROCESS,
+    "socket.getaddrinfo('localhost', 9)": Outside.NETWORK,
+    "logging.getLogger('x').warning('%s', now())": Outside.CLOCK,
+}
+"""An expression of a part, and what it asks."""
+
+SILENT = (
+    "os.environ['PATH'] + os.environ['HOME'] + tempfile.gettempdir()",
+    "os.environ.setdefault and os.environ.__setitem__('MINE', '1') or os.environ['MINE']",
+    "dict(os.environ)",
+    "tempfile.mkstemp()",
+    "logging.getLogger('x').warning('a remark')",
+    "time.strftime('%Y', time.gmtime(0)), time.localtime(0), time.sleep(0)",
+    "moment(2020, 1, 1), moment.fromtimestamp(0), moment.strptime('2020', '%Y'), date.fromisoformat('2020-01-01')",
+    "random.Random(7).random()",
+    "random.seed(7), random.random(), shuffle([1, 2]), shuffled([1, 2])",
+    "random.setstate(random.Random(7).getstate()), random.random()",
+    "__import__('numpy').random.default_rng(7).random(), __import__('numpy').random.RandomState(7).rand()",
+    "__import__('numpy').random.seed(7), __import__('numpy').random.rand()",
+    "uuid.uuid5(uuid.NAMESPACE_DNS, 'thingc')",
+    "__import__('asyncio'), __import__('multiprocessing')",
+    "extrude(Text('a', 10), 1)",
+)
+"""What asks nothing, or nothing that could have another answer."""
+
+
+def module(expressions: Any) -> str:
+    """Functions `part_0`, `part_1`, ... that evaluate one expression each, on a line of its own."""
+    return HEAD + "".join(f"def part_{k}():\n    {text}\n    return Box(1, 1, 1)\n" for k, text in enumerate(expressions))
+
+
+@pytest.fixture(scope="module")
+def records(module_place: Any, define: Callable[..., Any]) -> dict[str, PartRecord]:
+    """All of them, made once."""
+    module_place.write("parts/asks.py", module(ASKS))
+    module_place.write("parts/silent.py", module(SILENT))
+    module_place.write("parts/helper.py", HELPER)
+    definitions = [define(f"asks:part_{k}") for k in range(len(ASKS))] + [define(f"silent:part_{k}") for k in range(len(SILENT))]
+    with module_place.service() as service:
+        found = service.realize(definitions)
+    failed = {text: answer for text, answer in found.items() if not isinstance(answer, PartRecord)}
+    assert failed == {}
+    return found
+
+
+@pytest.mark.parametrize("number", range(len(ASKS)), ids=list(ASKS))
+def test_a_question_is_noted_at_its_line(records: dict[str, PartRecord], module_place: Any, number: int) -> None:
+    text = list(ASKS)[number]
+    (warning,) = records[f"asks:part_{number}"].warnings
+    assert warning.asked is ASKS[text]
+    assert warning.file == str(module_place.parts / "asks.py")
+    assert (module_place.parts / "asks.py").read_text().splitlines()[(warning.line or 0) - 1].strip() == text
+
+
+@pytest.mark.parametrize("number", range(len(SILENT)), ids=SILENT)
+def test_what_is_no_question(records: dict[str, PartRecord], number: int) -> None:
+    assert records[f"silent:part_{number}"].warnings == ()
+
+
+def test_a_helper_is_the_authors_code_too(place: Any, define: Callable[..., Any]) -> None:
+    place.write("parts/helper.py", HELPER)
+    place.write("parts/arm.py", HEAD + "def part():\n    shuffled([1, 2])\n    return Box(1, 1, 1)\n")
+    with place.service() as service:
+        (warning,) = service.realize([define("arm:part")])["arm:part"].warnings
+    assert (warning.file, warning.line) == (str(place.parts / "helper.py"), 5)
+
+
+def test_a_library_asks_for_the_part_that_calls_it(place: Any, define: Callable[..., Any]) -> None:
+    text = """
+        from build123d import Box
+        def part():
+            import networkx
+            x, y = networkx.random_layout(networkx.path_graph(2))[0]
+            return Box(1 + x, 1 + y, 1)
+    """
+    place.write("parts/arm.py", text)
+    with place.service() as service:
+        (warning,) = service.realize([define("arm:part")])["arm:part"].warnings
+    assert (warning.asked, warning.line) == (Outside.CHANCE, 5)
+
+
+ROBOT = """\
+thingc: assembly/1
+name: robot
+materials: {pla: {density: 1240 kg/m^3}}
+defaults: {component: {material: pla}}
+components:
+  block: {part: arm:Block}
+  other: {part: arm:Other, at: {in: block.origin, xyz: 0 0 100 mm}}
+"""
+ARM = """\
+import os
+from build123d import Box
+from thingc import Thing
+SIZE = float(os.environ.get("SIZE", 30))
+class Block(Thing):
+    def result(self):
+        return Box(SIZE, 1, 1)
+class Other(Thing):
+    def result(self):
+        assert "SIZE" not in os.environ
+        return Box(SIZE, SIZE, 1)
+"""
+
+
+@pytest.fixture
+def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any]]:
+    """Runs a command on a robot whose parts ask for a variable; its exit code, and its diagnostics as JSON."""
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts/arm.py").write_text(ARM)
+    (tmp_path / "robot.yaml").write_text(ROBOT)
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("THINGC_STORE", str(tmp_path / "store"))
+    monkeypatch.setenv("SIZE", "5")
+
+    def run(*words: str) -> tuple[int, Any]:
+        out = io.StringIO()
+        with contextlib.redirect_stdout(out):
+            code = main([*words, "robot.yaml", "--format", "json"])
+        return code, json.loads(out.getvalue())
+
+    return run
+
+
+def test_it_is_said_by_every_build_that_takes_the_part_from_the_store(robot: Callable[..., tuple[int, Any]]) -> None:
+    said = []
+    for words in (("check",), ("build",), ("build", "--emit", "bom")):
+        code, answer = robot(*words)
+        assert code == 0
+        said.append([(one["code"], one["message"], [note["line"] for note in one["notes"]]) for one in answer["diagnostics"]])
+    wanted = "asks the environment for `SIZE`, which no part is given"
+    first = [("TC408", f"`arm:Block` {wanted}", [4]), ("TC408", f"`arm:Other` {wanted}", [10])]
+    assert said == [first, first, first]
+    assert answer["modelled"] == []
+    assert robot("check", "--strict")[0] == 1
+    assert robot("build", "--strict")[0] == 1
+
+
+def test_the_lock_says_it_too(robot: Callable[..., tuple[int, Any]]) -> None:
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        assert main(["lock"]) == 0
+        assert main(["lock", "--check"]) == 0
+    os.environ["THINGC_STORE"] = os.path.abspath("empty")
+    code, answer = robot("check", "--no-code")
+    assert code == 0 and [one["code"] for one in answer["diagnostics"]] == ["TC408", "TC408"]
+    lock = Path("parts.lock.json")
+    lock.write_text(lock.read_text().replace('"environment", "asks', '"weather", "asks'))
+    assert {one["code"] for one in robot("check", "--no-code")[1]["diagnostics"]} == {"TC342"}
+
+
+def test_a_variable_that_is_missed_is_named(place: Any, define: Callable[..., Any]) -> None:
+    place.write("parts/arm.py", textwrap.dedent("""
+        import os
+        from build123d import Box
+        def part():
+            return Box(float(os.environ["WIDTH"]), 1, 1)
+    """))
+    with place.service() as service:
+        failure = service.realize([define("arm:part")])["arm:part"]
+    assert failure.message == "KeyError: 'WIDTH'; the environment of a part is fixed, and has no `WIDTH`"
