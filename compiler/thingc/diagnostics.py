@@ -161,6 +161,7 @@ class Code(Enum):
     UNCLOSED = ("TC604", "loop that does not close", "Move the hold, widen the limits of the joints, or start from another pose.")
     CUT = ("TC605", "cut of no loop", "Name joints of a loop under `cut`, one for each loop.")
     HEIGHT = ("TC606", "a height that is said twice", "Let `on: floor` say how high the robot is, or write it; not both.")
+    STANDING = ("TC608", "a mode that cannot stand so", "Let a mode with a free base stand on mounts that nothing else holds, each once.")
     NOTHING_TOUCHES = ("TC607", "nothing that could touch the floor", "Give a part a `collision` shape, or write where the root is.")
     # --- TC65x: tests of the document (thingc test) ----------------------------------------------------------------
     TEST_MASS = ("TC651", "mass outside its bounds", "Change what weighs too much or too little, or the bound.")
@@ -172,6 +173,8 @@ class Code(Enum):
     TEST_SETTLES = ("TC657", "no rest in simulation", "Change the pose, the drives or the bounds; look at it with `thingc build`.")
     TEST_POSE = ("TC658", "pose that a test cannot take", "Name a pose in which the mode's loops close.")
     TEST_ALLOWANCE = ("TC659", "allowance that is never needed", "Take the pair out of `allow`.", Stage.TEST)
+    TEST_FALLS = ("TC660", "robot that falls over", "Move its feet or what is heavy, or let it stand on more feet.")
+    TEST_FOOT = ("TC661", "feet in the air", "Lower them in the pose, or let the mode stand on others.")
     # --- TC7xx: targets (emit) -------------------------------------------------------------------------------------
     RAW_UNKNOWN = ("TC701", "raw attribute of nothing", "Name a kind of element and an element that the model has.")
     MJCF_REFUSED = ("TC702", "MuJoCo refuses the model", "Change what stands at the place named, as MuJoCo's words say.")

@@ -96,10 +96,10 @@ def test_the_comparison_of_output_means_something() -> None:
 def test_tables_of_keys_have_every_field_and_no_other() -> None:
     from pydantic import BaseModel
 
-    from thingc.spec import assembly, materials, sensors, tests, variants, workspace
+    from thingc.spec import assembly, materials, modes, sensors, tests, variants, workspace
 
     models = {
-        name: value for module in (assembly, materials, sensors, tests, variants, workspace) for name, value in vars(module).items()
+        name: value for module in (assembly, materials, modes, sensors, tests, variants, workspace) for name, value in vars(module).items()
         if isinstance(value, type) and issubclass(value, BaseModel) and value.__module__ == module.__name__
     }
     text = LANGUAGE.read_text()

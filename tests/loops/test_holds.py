@@ -53,6 +53,9 @@ MODES = f"""\
   rear: {{root: rear.sole, base: fixed}}
   bridge: {{extends: front, hold: {{rear.sole: {written(AWAY @ MATE)}}}}}
   stay: {{extends: front, hold: {{rear.sole: here}}}}
+  pinned: {{extends: front, hold: {{rear.sole: {{at: here, carries: force}}}}}}
+  reached: {{extends: front, hold: {{rear.sole: {{xyz: {written(AWAY @ MATE).split("xyz: ")[1].split(", rpy")[0]}, carries: force}}}}}}
+  dangling: {{root: body, base: free, at: {{xyz: 0 0 300 mm}}, hold: {{front.sole: {{xyz: 0 0 500 mm, carries: force}}}}}}
   hanging: {{root: body, base: free, at: {{xyz: 0 0 300 mm}}, hold: {{front.sole: {written(MATE @ MATE)}}}}}
 """
 POSES = """\
@@ -128,6 +131,58 @@ def test_poses_that_do_not_close_are_losses_and_no_keyframes(worm: Built) -> Non
         assert set(omitted) == lost
         assert set(worm.modes[mode]["poses"]) == closed
         assert [worm.model(mode).key(k).name for k in range(worm.model(mode).nkey)] == [f.name for f in robot.keyframes]
+
+
+# --- a hold that carries force alone ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mode", ["pinned", "reached", "dangling"])
+def test_a_point_is_held_at_every_keyframe_and_the_link_may_turn(worm: Built, mode: str) -> None:
+    model, robot = worm.model(mode), worm.robot(mode)
+    assert robot.keyframes[0].name == "arched" and (mode == "pinned" or len(robot.keyframes) > 1)
+    for frame in robot.keyframes:
+        data = at_key(model, frame.name)
+        assert (data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY).sum() == 3
+        assert equality_residual(data) < EXACT
+    place = np.array(worm.modes[mode]["holds"]["front/sole" if mode == "dangling" else "rear/sole"]["X_WM"])[:3, 3]
+    expected = {"pinned": rear_sole(HOME)[:3, 3], "reached": AWAY[:3, 3], "dangling": (0.0, 0.0, 0.5)}[mode]
+    assert place == pytest.approx(expected, abs=1e-12)
+
+
+def test_the_pinned_sole_turns_where_the_clamped_one_cannot(worm: Built) -> None:
+    """Held at one place, clamped (`bridge`) and by its point (`reached`): the clamp leaves no way to `lifted`, the point does, with
+    the sole askew."""
+    assert "lifted" in {one.name for one in worm.robot("bridge").unclosed}
+    soles = {frame.name: rear_sole(frame.q) for frame in worm.robot("reached").keyframes}
+    distance, angle = apart(soles["lifted"], AWAY)
+    assert distance < EXACT and np.degrees(angle) > 5.0
+
+
+def test_a_joint_goes_on_turning_at_a_pinned_sole(worm: Built) -> None:
+    """Spun about its sole, with gravity compensated, the link turns and the point stays."""
+    model = worm.model("dangling")
+    data = at_key(model, "arched")
+    start = np.array(data.site("front/sole").xpos)
+    linear = np.zeros((3, model.nv))
+    mujoco.mj_jacSite(model, data, linear, None, model.site("front/sole").id)
+    spin = np.array([0.4, -0.2, 0.3])
+    data.qvel[3:6] = spin
+    data.qvel[:3] = -linear[:, 3:6] @ spin
+    for _ in range(100):
+        data.qfrc_applied[:] = data.qfrc_bias
+        mujoco.mj_step(model, data)
+    mujoco.mj_forward(model, data)
+    assert np.abs(data.site("front/sole").xpos - start).max() < 1e-4
+    assert np.linalg.norm(data.body("front").cvel[:3]) > 0.1
+
+
+def test_modes_json_and_info_say_what_a_hold_carries(worm: Built) -> None:
+    carries = {mode: next(iter(worm.modes[mode]["holds"].values()))["carries"] for mode in ("stay", "pinned", "dangling")}
+    assert carries == {"stay": "force and torque", "pinned": "force", "dangling": "force"}
+    assembly = worm.compilation.assembly
+    assert assembly is not None
+    text = info.as_text(assembly, worm.compilation.robots)
+    assert "\n  rear is held at rear/sole, about which it may turn\n" in text.partition("mode pinned:")[2].partition("\nmode ")[0]
 
 
 def test_values_that_had_to_move_are_a_loss(worm: Built) -> None:
@@ -215,6 +270,7 @@ def test_a_held_link_does_not_touch_the_world_and_other_pairs_are_the_same_in_ev
     assert len(neighbours) == 6
     assert pairs("rear") == neighbours
     assert pairs("bridge") == neighbours | {frozenset(("world", "rear"))}
+    assert pairs("pinned") == pairs("bridge")
     assert pairs("hanging") == neighbours | {frozenset(("world", "front"))}
 
 
@@ -338,6 +394,13 @@ def test_a_mount_is_held_once_under_all_its_names(tmp_path: Path) -> None:
         ("{arn.tip: here}", ("TC302", "this document has no component `arn`", "did you mean `arm`?", 12)),
         ("{arm.tip: there}", ("TC204", "expected `here`, found text `there`", "did you mean `here`?", 12)),
         ("{arm.tip: {xyz: 0 0 3 kg}}", ("TC207", None, None, 12)),
+        ("{arm.tip: {}}", ("TC212", "a hold says where: `at: here`, or `xyz` and `rpy`", "write for example `at: here`", 12)),
+        ("{arm.tip: {carries: force}}", ("TC212", "a hold says where: `at: here`, or `xyz` and `rpy`", "write for example `at: here`", 12)),
+        ("{arm.tip: {at: here, xyz: 0 0 0}}",
+         ("TC212", "a hold is `here` or at a place of its own; here are `at` and `xyz`", "keep one of them", 12)),
+        ("{arm.tip: {xyz: 0 0 0, rpy: 0 0 90 deg, carries: force}}",
+         ("TC212", "a hold that carries force alone holds a point: `rpy` turns nothing", "take `rpy` out", 12)),
+        ("{arm.tip: {at: here, carries: torque}}", ("TC204", None, None, 12)),
     ],
 )
 def test_wrong_holds(tmp_path: Path, hold: str, said: tuple[str, str | None, str | None, int]) -> None:

@@ -27,11 +27,15 @@ def chain(count: int = COUNT, seed: int = 4) -> Made:
     last = f"c{count - 1}"
     bent = pose("bent", **{f"j{k}": 0.2 * k for k in range(1, count)})
     held = (Hold(mount=ref(f"{last}.tip"), pose=None, origin=where(3)),)
+    pinned = (replace(held[0], turns=True),)
     modes = [
         mode("float", whole("c3"), "free"), mode("near", whole("c0"), "held"), mode("far", ref(f"{last}.tip"), "held"),
         mode("bridge", whole("c0"), "held", pose="bent", poses=("bent",), holds=held),
         mode("bolted", whole("c0"), "fixed", pose="bent", poses=("bent",), holds=held),
         mode("hung", whole("c3"), "free", pose="bent", poses=("bent",), holds=held),
+        mode("pinned", whole("c0"), "held", pose="bent", poses=("bent",), holds=pinned),
+        mode("pinned_hung", whole("c3"), "free", pose="bent", poses=("bent",), holds=pinned),
+        mode("pinned_bolted", whole("c0"), "fixed", pose="bent", poses=("bent",), holds=pinned),
     ]
     components = [component(f"c{k}", f"p:B{k}") for k in range(count)]
     return emitted(linked(assembly("chain", components, joints, modes=modes, poses=[bent]), *parts))
@@ -42,11 +46,11 @@ def made() -> Made:
     return chain()
 
 
-def stretched_weld(data: mujoco.MjData) -> float:
+def stretched_weld(data: mujoco.MjData, rows_of: int = 6) -> float:
     """How far MuJoCo finds its equalities violated [m, rad]."""
     mujoco.mj_forward(data.model, data)
     rows = data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
-    assert rows.sum() == 6
+    assert rows.sum() == rows_of
     return float(np.abs(data.efc_pos[rows]).max())
 
 
@@ -234,3 +238,71 @@ def test_a_slide_that_closes_a_loop_has_the_way_between_its_ends() -> None:
         assert back.q[name] == pytest.approx(q, abs=2e-9)
     np.testing.assert_allclose(back.base_pose, start.base_pose, atol=2e-9)
     assert as_pose(back.base_pose).translation != (0.0, 0.0, 0.0)
+
+
+# --- a hold that carries force alone: a point stays, and the link may turn about it ------------------------------------------
+
+
+def tip(data: mujoco.MjData) -> tuple[Array, Array]:
+    """The point that is pinned and its velocity, by MuJoCo."""
+    linear = np.zeros((3, data.model.nv))
+    mujoco.mj_jacSite(data.model, data, linear, None, data.model.site("c8/tip").id)
+    return np.array(data.site("c8/tip").xpos), linear @ data.qvel
+
+
+@pytest.mark.parametrize("target", ["pinned", "pinned_hung"])
+def test_a_catch_of_a_point(made: Made, target: str) -> None:
+    """The projection with MuJoCo's mass matrix and the Jacobian of the site: the tip stops, and its link goes on turning."""
+    one, other = stir(np.random.default_rng(7), made.data("float")), made.data(target)
+    with pytest.raises(BaseMoves):
+        made.modes.switch(("float", one), (target, other))
+    switched = made.modes.switch(("float", one), (target, other), on_motion="impact")
+    point = np.zeros((3, one.model.nv))
+    mujoco.mj_jacSite(one.model, one, point, None, one.model.site("c8/tip").id)
+    J = np.vstack([jacobian(one, "c0"), point]) if target == "pinned" else point
+    M = mass_matrix(one)
+    taken = np.linalg.solve(J @ np.linalg.solve(M, J.T), -J @ one.qvel)
+    after = one.qvel + np.linalg.solve(M, J.T @ taken)
+    for name, (_, v) in joints_of(other).items():
+        assert v == pytest.approx(after[one.model.joint(name).dofadr[0]], abs=1e-9)
+    mujoco.mj_forward(other.model, other)
+    place, velocity = tip(other)
+    assert place == pytest.approx(tip(one)[0], abs=1e-12) and np.abs(velocity).max() < 1e-11
+    assert np.linalg.norm(bodies(other)["c8"][1][3:]) > 1e-2, "it turns about its tip"
+    caught = switched.holds["c8/tip"]
+    assert caught.removed[:3] == pytest.approx(tip(one)[1], abs=1e-12) and not caught.removed[3:].any()
+    assert caught.impulse[:3] == pytest.approx(taken[-3:], abs=1e-9)
+    arm = tip(one)[0] - bodies(one)["c8"][0][:3, 3]
+    assert bodies(one)["c8"][0][:3, :3] @ caught.impulse[3:] == pytest.approx(np.cross(arm, taken[-3:]), abs=1e-9)
+    assert stretched_weld(other, 3) < 1e-12
+
+
+def test_a_link_that_turns_about_its_pinned_point_is_at_rest_there(made: Made) -> None:
+    """What it may keep is no motion that anybody has to decide about."""
+    robot = made.modes
+    still = robot["float"].state()
+    poses, link = robot["float"].poses(still), robot["float"].links[8]
+    hold = robot["pinned_hung"].holds[0]
+    assert hold.turns and not robot["hung"].holds[0].turns
+    spin = np.array([0.3, -0.5, 0.7])
+    base = poses["c3"]
+    arm = base[:3, :3].T @ ((poses[link.name] @ hold.X_LM)[:3, 3] - base[:3, 3])
+    about = np.concatenate([base[:3, :3] @ -np.cross(spin, arm), spin])  # the whole robot, stiff, about the tip
+    moving = robot["float"].state(base_twist=about)
+    switched = robot.switch(moving, "pinned_hung")
+    assert np.abs(switched.removed).max() == 0.0 and np.abs(switched.holds["c8/tip"].removed).max() < 1e-12
+    with pytest.raises(BaseMoves):
+        robot.switch(moving, "hung")
+
+
+def test_of_a_bolted_robot_the_point_must_be_where_it_is_held(made: Made) -> None:
+    """However the link is turned there: the last joint but one goes through no tip, so another posture is elsewhere."""
+    robot = made.modes
+    bent = robot["pinned_bolted"].state("bent")
+    source, other = made.data("near"), made.data("pinned_bolted")
+    robot.write(robot.switch(bent, "near").state, source)
+    robot.switch(("near", source), ("pinned_bolted", other))
+    assert stretched_weld(other, 3) < 1e-9
+    robot.write(robot.switch(robot["pinned_bolted"].state("bent", q={"j4": 0.0}), "near").state, source)
+    with pytest.raises(BaseElsewhere):
+        robot.switch(("near", source), ("pinned_bolted", other))

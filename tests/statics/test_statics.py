@@ -23,7 +23,7 @@ from thingc.robot.types import Robot
 from thingc.statics import Efforts, static_efforts
 from thingc.statics.efforts import balance_tree, problem
 from thingc.statics.loads import loads
-from thingc.statics.looped import balance_loops
+from thingc.statics.shared import balance_shared
 from thingc.variants.measure import measure
 
 CRANE = f"""\
@@ -118,7 +118,7 @@ def both_ways(robot: Robot, q: dict[str, float]) -> tuple[Efforts, Efforts]:
     """Of a tree: the closed form, and least squares over no loops."""
     bodies = body_poses(robot, q)
     load, drives = problem(robot, q, bodies)
-    return balance_tree(load, drives), balance_loops(robot, q, bodies, load, drives)
+    return balance_tree(load, drives), balance_shared(robot, q, bodies, load, drives)
 
 
 @pytest.mark.parametrize("mode", ["bench", "tipped", "by_hook", "few"])
@@ -309,4 +309,4 @@ def test_the_way_of_trees_imports_no_numpy() -> None:
     program = "import sys, json, thingc.variants.measure, thingc.statics; print(json.dumps(sorted(sys.modules)))"
     loaded: Any = json.loads(subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout)
     assert not {name.split(".")[0] for name in loaded} & {"numpy", "scipy", "mujoco", "build123d", "OCP", "pyarrow"}
-    assert "thingc.statics.looped" not in loaded and "thingc.statics.loads" in loaded
+    assert "thingc.statics.shared" not in loaded and "thingc.statics.loads" in loaded

@@ -130,12 +130,13 @@ def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
 
 
 def _loops(robot: Robot) -> list[str]:
-    """The loops of a mode, and how well they close in its poses."""
+    """What a mode stands on, its loops, and how well they close in its poses."""
     names = [robot.assembly.links[body.link].name for body in robot.bodies]
-    lines: list[str] = []
+    lines = [f"  stands on {foot.mount.path} (friction {foot.friction:g})" for foot in robot.mode.feet]
     for closure in robot.closures:
         if closure.parent is None:
-            lines.append(f"  {names[closure.child]} is held at {closure.path}")
+            turns = ", about which it may turn" if closure.kind == "ball" else ""
+            lines.append(f"  {names[closure.child]} is held at {closure.path}{turns}")
         else:
             lines.append(f"  {closure.path} ({closure.kind}) closes a loop of {names[closure.parent]} and {names[closure.child]}")
     for frame in robot.keyframes:

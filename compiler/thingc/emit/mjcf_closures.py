@@ -1,4 +1,5 @@
-"""Loops in MJCF: a held mount is welded to the world, a joint that the tree does not cross becomes an equality.
+"""Loops in MJCF: a held mount is welded to the world, or with its point connected to it; a joint that the tree does not cross
+becomes an equality.
 
 MuJoCo has no hinge among its equalities: two `connect`, a lever apart on the axis, make one. Both ends of every equality are
 written out; none is left to where things are at qpos0.
@@ -23,7 +24,7 @@ TIMESTEP = 0.002
 
 
 def equalities(robot: Robot, section: Element, links: list[str]) -> None:
-    """One `weld` per hold or rigid loop and two `connect` per hinge, as stiff as the timestep allows."""
+    """One `weld` per clamp or rigid loop, one `connect` per point and two per hinge, as stiff as the timestep allows."""
     stepped = {**robot.assembly.definition.simulation, **robot.mode.simulation}.get("timestep", TIMESTEP)
     stiff = {"solref": numbers((2.0 * float(stepped), 1.0)), "solimp": STIFFNESS}
     for closure in robot.closures:
@@ -33,6 +34,10 @@ def equalities(robot: Robot, section: Element, links: list[str]) -> None:
             relpose = numbers((*X_PL.translation, *X_PL.quaternion()))
             section.add("weld", {
                 "name": equality_name(closure), "body1": parent, "body2": links[closure.child], "relpose": relpose, **stiff,
+            }, closure.origin)
+        elif closure.kind == "ball":
+            section.add("connect", {
+                "name": equality_name(closure), "site1": held_site(closure), "site2": closure.path, **stiff,
             }, closure.origin)
         elif closure.kind == "hinge":
             for index, (one, other) in enumerate(_points(robot, closure)):
@@ -45,9 +50,18 @@ def equality_name(closure: Closure) -> str:
     return f"{closure.path}:{'hold' if closure.hold else 'loop'}"
 
 
-def sites(robot: Robot, bodies: list[Element]) -> None:
-    """The points at which the halves of a hinge meet, two on either side."""
+def held_site(closure: Closure) -> str:
+    """The point of the world at which a mount is held that may turn: `leg_2/sole:held`."""
+    return f"{closure.path}:held"
+
+
+def sites(robot: Robot, world: Element, bodies: list[Element]) -> None:
+    """The points of the world at which mounts are held that may turn, and those at which the halves of a hinge meet, two on either
+    side."""
     for closure in robot.closures:
+        if closure.kind == "ball":
+            world.add("site", {"name": held_site(closure), "group": "3", **pose_attributes(Pose(translation=closure.X_PA.translation))},
+                      closure.origin)
         if closure.kind == "hinge" and closure.parent is not None:
             for one, other in _points(robot, closure):
                 for body, (name, pose) in ((closure.parent, one), (closure.child, other)):

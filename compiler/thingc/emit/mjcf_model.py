@@ -158,7 +158,7 @@ class _Builder:
             self.grow(element, ("geoms", link.name), elements.geoms, link.poses, shapes)
         for site in self.robot.sites:
             self.grow(made[site.body], ("site", site.path), elements.site, site.path, site.pose, site.origin)
-        mjcf_closures.sites(self.robot, made)
+        mjcf_closures.sites(self.robot, world, made)
         mjcf_sensors.cameras(self.robot, made)
         # The sites of a link belong to it, not to what hangs on it: children come last.
         for element in made:

@@ -47,10 +47,10 @@ def describe(robot: Robot, memo: Memo | None = None) -> dict[str, object]:
     - `joints` in the order of the model: `parent` and `child` are links as this mode's tree has them; `reversed` says that
       the document has them the other way round (the axis has been turned for it, so q means the same); `qpos` and `dof` are
       the addresses in `MjData.qpos` and `.qvel`, behind a free base's 7 and 6;
-    - `holds` further mounts held to the world, by their paths: `link` that carries the mount, `X_LM` the mount in it, `X_WM`
-      where it is held;
+    - `holds` further mounts held to the world, by their paths: `link` that carries the mount, what the hold `carries` (`force`: the
+      mount's origin stays, and it may turn; else `force and torque`), `X_LM` the mount in the link, `X_WM` where it is held;
     - `poses` q by joint path, the mode's own pose first; only where there are such, `bases`, `X_world_root` of the poses in which
-      a free base stands elsewhere;
+      a free base stands elsewhere, and `standing_on`, the mounts that the mode says it stands on;
     - only where there are loops `cuts`, the joints that close them (no joints of this model): `X_PA` and `X_CB` are the frames
       that meet, A on the parent moving by q about or along its z; and `residuals`, how far [m, rad] the worst loop is from
       closed in each pose.
@@ -88,12 +88,16 @@ def describe(robot: Robot, memo: Memo | None = None) -> dict[str, object]:
         "links": links,
         "joints": joints,
         "holds": {
-            closure.path: {"link": names[closure.child], "X_LM": closure.X_CB.rows(), "X_WM": closure.X_PA.rows()}
+            closure.path: {
+                "link": names[closure.child], "carries": "force" if closure.kind == "ball" else "force and torque",
+                "X_LM": closure.X_CB.rows(), "X_WM": closure.X_PA.rows(),
+            }
             for closure in robot.closures
             if closure.hold
         },
         "poses": {frame.name: {name: frame.q[name] for name in order} for frame in robot.keyframes},
         **({"bases": bases} if bases else {}),
+        **({"standing_on": [foot.mount.path for foot in robot.mode.feet]} if robot.mode.feet else {}),
         **(_loops(robot, names) if robot.closures else {}),
     }
 

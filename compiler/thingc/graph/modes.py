@@ -8,7 +8,7 @@ from dataclasses import replace
 from thingc.diagnostics import Code
 from thingc.graph.findings import Findings, noted
 from thingc.graph.kinematics import coordinates
-from thingc.graph.types import Adhesion, ExportedMount, JointEdge, LinkedHold, LinkedMode, LinkedSensor, RootChoice
+from thingc.graph.types import Adhesion, ExportedMount, Foot, JointEdge, LinkedHold, LinkedMode, LinkedSensor, RootChoice
 from thingc.graph.unroll import Tree
 from thingc.joints import KINDS
 from thingc.resolve.model import AssemblyDefinition, Mode, NamedPose, RawAttribute, Reference
@@ -16,6 +16,11 @@ from thingc.slips import did_you_mean
 
 _ROUNDING = 1e-9
 """How far past a limit a pose may be without being outside, relative: limits and poses may come from expressions."""
+
+
+SLIDE = 1.0
+"""Sliding friction of what states none: MuJoCo's own, on either side of a contact (it takes the larger one). One that a material
+states goes before that of the floor (it is written with a priority)."""
 
 
 def exported_of(tree: Tree, findings: Findings) -> tuple[ExportedMount, ...]:
@@ -57,6 +62,7 @@ def _mode(tree: Tree, mode: Mode, link_of: Sequence[int], findings: Findings) ->
         name=mode.name, root=root, base=mode.base, at=mode.at, gravity=mode.gravity, poses=mode.poses, actuators=mode.actuators,
         exclude=tuple(pairs), adhesion=adhesion, simulation=mode.simulation, origin=mode.origin, pose=mode.pose,
         holds=tuple(_holds(tree, mode, findings)), cut=mode.cut, on_floor=mode.on_floor,
+        feet=tuple(_feet(tree, mode, findings)),
     )
 
 
@@ -77,7 +83,7 @@ def _holds(tree: Tree, mode: Mode, findings: Findings) -> Iterator[LinkedHold]:
         choice = _root(tree, hold.mount)
         if choice is None:
             continue
-        found = LinkedHold(mount=choice, pose=hold.pose, origin=hold.origin)
+        found = LinkedHold(mount=choice, pose=hold.pose, origin=hold.origin, turns=hold.turns)
         other = met.setdefault((choice.occurrence, choice.mount or "origin"), found)
         if other is not found:
             findings.error(
@@ -86,6 +92,30 @@ def _holds(tree: Tree, mode: Mode, findings: Findings) -> Iterator[LinkedHold]:
             )
             continue
         yield found
+
+
+def _feet(tree: Tree, mode: Mode, findings: Findings) -> Iterator[Foot]:
+    """What the mode stands on, each mount once; one that it holds as well is said."""
+    if mode.standing is None:
+        return
+    held = {(choice.occurrence, choice.mount): hold for hold in mode.holds if (choice := _root(tree, hold.mount)) is not None}
+    met: set[tuple[int, str | None]] = set()
+    for reference in mode.standing.mounts:
+        choice = _root(tree, reference)
+        if choice is None or (choice.occurrence, choice.mount) in met:
+            continue
+        met.add((choice.occurrence, choice.mount))
+        hold = held.get((choice.occurrence, choice.mount))
+        if hold is not None:
+            findings.error(
+                Code.STANDING, f"mode `{mode.name}` stands on `{choice.path}` and holds it", reference.origin, path=choice.path,
+                help="keep one of the two", notes=noted("it is held here", hold.origin),
+            )
+            continue
+        leaf = tree.leaves[choice.occurrence].leaf
+        stated = leaf.material.slide if leaf is not None and leaf.material is not None else None
+        friction = mode.standing.friction if mode.standing.friction is not None else stated
+        yield Foot(mount=choice, friction=SLIDE if friction is None else friction, origin=reference.origin)
 
 
 def sensors_of(tree: Tree) -> tuple[LinkedSensor, ...]:

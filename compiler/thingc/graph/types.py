@@ -205,10 +205,21 @@ class Adhesion(Brief):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkedHold(Brief):
-    """A hold of a mode: `mount` is mated to the world frame moved to `pose` (None: where the mode's own pose puts it)."""
+    """A hold of a mode: `mount` is mated to the world frame moved to `pose` (None: where the mode's own pose puts it), or with
+    `turns` only its origin is laid there."""
 
     mount: RootChoice
     pose: Pose | None
+    origin: Origin
+    turns: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Foot(Brief):
+    """A mount that a floating mode stands on, with the sliding friction between it and the floor."""
+
+    mount: RootChoice
+    friction: float
     origin: Origin
 
 
@@ -249,6 +260,7 @@ class LinkedMode(Brief):
     pose: str | None = None
     holds: tuple[LinkedHold, ...] = ()
     cut: tuple[Cut, ...] = ()
+    feet: tuple[Foot, ...] = ()
     on_floor: bool = False
     at_in: dict[str, Pose] = field(default_factory=dict)
 

@@ -8,7 +8,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from thingc.spec.assembly import AssemblySpec, ComponentSpec, JointSpec, ModeSpec
+from thingc.spec.assembly import AssemblySpec, ComponentSpec, JointSpec
+from thingc.spec.modes import ModeSpec
 from thingc.spec.shapes import Shape, branch_of, model_keys, shape_of
 from thingc.spec.validation import MODELS
 

@@ -11,7 +11,7 @@ from thingc.brief import Brief
 from thingc.modes.frames import Array, cross_matrix
 from thingc.modes.inertias import Inertias
 from thingc.modes.state import State
-from thingc.modes.tree import Cut, Mode
+from thingc.modes.tree import Cut, Hold, Mode
 
 OPEN = {"weld": (), "hinge": (5,), "slide": (2,)}
 """Along which of (x, y, z, about x, about y, about z) of its frame a joint lets its ends move."""
@@ -19,8 +19,9 @@ OPEN = {"weld": (), "hinge": (5,), "slide": (2,)}
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Caught(Brief):
-    """What became of a link that is held: `removed` (6,) is the twist [m/s, rad/s] that it could not keep, `impulse` (6,) what an
-    inelastic catch took: linear [N s] in world axes, angular [N m s] about its frame's origin in its own axes (0 without one)."""
+    """What became of a link that is held: `removed` (6,) is the twist [m/s, rad/s] that it could not keep (where it may turn about
+    its mount the velocity of the mount's origin, and no turn), `impulse` (6,) what an inelastic catch took: linear [N s] in world
+    axes, angular [N m s] about its frame's origin in its own axes (0 without one)."""
 
     removed: Array
     impulse: Array
@@ -40,12 +41,16 @@ def caught(mode: Mode, state: State, inertias: Inertias | None = None) -> tuple[
     N, C = _allowed(mode, state)
     after = N @ np.linalg.solve(N.T @ M @ N, N.T @ (M @ u)) if N.shape[1] else np.zeros_like(u)
     impulses = np.asarray(np.linalg.lstsq(C.T, M @ (after - u), rcond=None)[0], dtype=np.float64)
-    count = 0 if mode.base == "free" else 6
+    count = row = 0 if mode.base == "free" else 6
     placed = mode.poses(state)
     holds = {}
-    for number, hold in enumerate(mode.holds):
-        own = impulses[count + 6 * number :][:6]
-        holds[hold.path] = np.concatenate([own[:3], placed[mode.links[hold.link].name][:3, :3].T @ own[3:]])
+    for hold in mode.holds:
+        X = placed[mode.links[hold.link].name]
+        size = 3 if hold.turns else 6
+        own = impulses[row :][:size]
+        turning = np.cross(X[:3, :3] @ hold.X_LM[:3, 3], own) if hold.turns else own[3:]
+        holds[hold.path] = np.concatenate([own[:3], X[:3, :3].T @ turning])
+        row += size
     stopped = replace(
         state, base_twist=after[:6], v={joint.name: value for joint, value in zip(mode.joints, after[6:], strict=True)}
     )
@@ -58,7 +63,8 @@ def _allowed(mode: Mode, state: State) -> tuple[Array, Array]:
     n = 6 + len(mode.joints)
     base = np.eye(n)[: 0 if mode.base == "free" else 6]
     jacobians = mode.jacobians(state)
-    holds = [jacobians[hold.link] for hold in mode.holds]
+    placed = list(mode.poses(state).values())
+    holds = [_held(hold, placed[hold.link], jacobians[hold.link]) for hold in mode.holds]
     loops = [_ends_meet(mode, state, cut, jacobians) for cut in mode.cuts]
     coupling = mode.coupling()
     N = np.zeros((n, 6 + coupling.shape[1]))
@@ -67,6 +73,18 @@ def _allowed(mode: Mode, state: State) -> tuple[Array, Array]:
     if holds or loops:
         N = N @ _null_space(np.vstack([*holds, *loops]) @ N)
     return N, np.vstack([base, *holds, _mimics(mode), *loops])
+
+
+def _held(hold: Hold, X: Array, J: Array) -> Array:
+    """What must not move of a link at X (4, 4) with the Jacobian J (6, n): the link, or (3, n) the origin of a mount that may turn."""
+    return J[:3] - cross_matrix(X[:3, :3] @ hold.X_LM[:3, 3]) @ J[3:] if hold.turns else J
+
+
+def at_point(hold: Hold, X: Array, twist: Array) -> Array:
+    """(6,): the velocity [m/s] of the origin of a held mount, in world axes, and zeros, of a link at X (4, 4) that moves with a twist
+    (6,) of its frame's origin in world axes and about its own."""
+    linear = twist[:3] + np.cross(X[:3, :3] @ twist[3:], X[:3, :3] @ hold.X_LM[:3, 3])
+    return np.concatenate([linear, np.zeros(3)])
 
 
 def _mimics(mode: Mode) -> Array:

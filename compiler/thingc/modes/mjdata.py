@@ -103,16 +103,20 @@ def _warm_start(modes: tuple[Mode, Mode], source: Any, target: Any) -> None:
 
 
 def hold_here(mode: Mode, state: State, data: Any) -> None:
-    """Let the further holds of a mode hold their mounts where `state` has them: the welds to the world in the model of `data`.
+    """Let the further holds of a mode hold their mounts where `state` has them: the equalities with the world in the model of `data`.
 
     MuJoCo keeps a weld in `eq_data`: a point on the second body (3), where that is on the first (3), and the second body's
-    quaternion in the first (4). Those of a fixed base are where the model has them, like the base itself.
+    quaternion in the first (4). A hold that turns connects the mount to a site of the world. Those of a fixed base are where the
+    model has them, like the base itself.
     """
     if mode.base == "fixed":
         return
     poses = mode.poses(state)
     for hold in mode.holds:
         X = poses[mode.links[hold.link].name]
+        if hold.turns:
+            data.model.site(f"{hold.path}:held").pos[:] = (X @ hold.X_LM)[:3, 3]
+            continue
         weld = data.model.equality(f"{hold.path}:hold").data
         weld[3:6] = X[:3, :3] @ weld[:3] + X[:3, 3]
         weld[6:10] = quaternion_of(X[:3, :3])

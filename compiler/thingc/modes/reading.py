@@ -61,7 +61,10 @@ def _mode(name: str, described: Mapping[str, Any]) -> Mode:
         joints=tuple(_joint(joint, links, index) for joint in described["joints"]),
         named=MappingProxyType({pose: MappingProxyType(dict(q)) for pose, q in described["poses"].items()}),
         holds=tuple(
-            Hold(path=path, link=index[hold["link"]], X_LM=_array(hold["X_LM"], 4, 4), X_WM=_array(hold["X_WM"], 4, 4))
+            Hold(
+                path=path, link=index[hold["link"]], X_LM=_array(hold["X_LM"], 4, 4), X_WM=_array(hold["X_WM"], 4, 4),
+                turns=hold["carries"] == "force",
+            )
             for path, hold in described["holds"].items()
         ),
         cuts=tuple(
@@ -72,6 +75,7 @@ def _mode(name: str, described: Mapping[str, Any]) -> Mode:
             for cut in described.get("cuts", ())
         ),
         bases=MappingProxyType({pose: _array(rows, 4, 4) for pose, rows in described.get("bases", {}).items()}),
+        standing_on=tuple(str(path) for path in described.get("standing_on", ())),
     )
 
 

@@ -12,9 +12,9 @@ import numpy as np
 
 from thingc.brief import Brief
 from thingc.modes import mjdata, reading
-from thingc.modes.catching import Caught, caught
+from thingc.modes.catching import Caught, at_point, caught
 from thingc.modes.faults import BaseElsewhere, BaseMoves, ModesError, UnknownMode
-from thingc.modes.frames import Array, angle_between, inverse
+from thingc.modes.frames import Array, angle_between, inverse, pose
 from thingc.modes.inertias import Inertias
 from thingc.modes.state import State
 from thingc.modes.tree import Cut, Mode
@@ -112,8 +112,9 @@ class Modes(Mapping[str, Mode]):
         `BaseMoves`; `"drop"` keeps the joints' v; `"impact"` gives the v after a perfectly inelastic catch (see `caught`), with
         the masses `inertias`, else those in the target's model, else the source's, else the build's. A fixed base must be where
         it stands within `tolerance` [m and rad], else `BaseElsewhere`. What has been said of a held base goes for the links of
-        further holds, too: they are held where they are (the equality in the target's model is moved there), but of a fixed base
-        they must be where the document holds them. Nothing is written when anything is raised (`ModesError`).
+        further holds, too, and for the point that a hold carrying force alone holds: they are held where they are (the equality in
+        the target's model is moved there), but of a fixed base they must be where the document holds them. Nothing is written when
+        anything is raised (`ModesError`).
         """
         if on_motion not in CHOICES:
             raise ModesError(f"expected on_motion \"raise\", \"drop\" or \"impact\", found `{on_motion}`")
@@ -187,11 +188,15 @@ def _across(mode: Mode, cut: Cut, poses: Mapping[str, Array], twists: Mapping[st
 
 
 def _removed(state: State, mode: Mode) -> dict[str, tuple[str, Array]]:
-    """What must stand still in `mode`, by the path of its mount: the link's name and its twist now. The root first."""
+    """What must stand still in `mode`, by the path of its mount: the link's name and its twist now; of a hold that turns the velocity
+    of the mount's origin, and no turn. The root first."""
     twists = mode.twists(state)
-    held = {} if mode.base == "free" else {mode.root: mode.root_link}
-    held |= {hold.path: mode.links[hold.link].name for hold in mode.holds}
-    return {path: (link, twists[link]) for path, link in held.items()}
+    poses = mode.poses(state)
+    found = {} if mode.base == "free" else {mode.root: (mode.root_link, twists[mode.root_link])}
+    for hold in mode.holds:
+        link = mode.links[hold.link].name
+        found[hold.path] = (link, at_point(hold, poses[link], twists[link]) if hold.turns else twists[link])
+    return found
 
 
 def _speed(twist: Array) -> float:
@@ -206,7 +211,8 @@ def _bolted(state: State, mode: Mode, place: Array, tolerance: float) -> State:
     poses = mode.poses(state)
     for hold in mode.holds:
         link = mode.links[hold.link].name
-        _compare(mode, link, poses[link], hold.X_WM @ inverse(hold.X_LM), tolerance)
+        there = pose(poses[link][:3, :3] @ hold.X_LM[:3, :3], hold.X_WM[:3, 3]) if hold.turns else hold.X_WM
+        _compare(mode, link, poses[link], there @ inverse(hold.X_LM), tolerance)
     return replace(state, base_pose=place)
 
 

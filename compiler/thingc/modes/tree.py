@@ -64,12 +64,14 @@ class Joint(Brief):
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Hold(Brief):
     """A mount `path` on `link` (an index) that the mode holds still besides its root: `X_LM` (4, 4) in the link, `X_WM` (4, 4)
-    where the document holds it in the world."""
+    where the document holds it in the world. One that `turns` carries force alone: its origin is held, and the link may turn about
+    it."""
 
     path: str
     link: int
     X_LM: Array
     X_WM: Array
+    turns: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -90,7 +92,8 @@ class Mode(Brief):
     """A mode of a robot. `root` is the path of the site that it stands on, `base` `fixed | held | free`, `gravity` (3,) [m/s^2]
     in the world, `X_world_root` (4, 4) where the mode puts its root link; `links` root first, parents before children; `joints`
     in the order of the model; `named` the poses of the mode, q by joint path, its own first; `holds` further mounts held to the
-    world; `cuts` the joints that close loops; `bases` where a free root link stands in the poses in which that is elsewhere."""
+    world; `cuts` the joints that close loops; `bases` where a free root link stands in the poses in which that is elsewhere;
+    `standing_on` the mounts (paths) that the document says a free base stands on."""
 
     name: str
     root: str
@@ -103,6 +106,7 @@ class Mode(Brief):
     holds: tuple[Hold, ...] = ()
     cuts: tuple[Cut, ...] = ()
     bases: Mapping[str, Array] = field(default_factory=dict)
+    standing_on: tuple[str, ...] = ()
 
     @property
     def root_link(self) -> str:

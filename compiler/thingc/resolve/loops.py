@@ -13,7 +13,7 @@ from thingc.resolve.references import GLOB, suggested
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Table
 from thingc.source import Path
-from thingc.spec.assembly import HoldPoseSpec
+from thingc.spec.modes import HoldSpec
 
 
 def holds(table: Table, scope: Scope, layers: Layers) -> tuple[Hold, ...]:
@@ -25,13 +25,14 @@ def holds(table: Table, scope: Scope, layers: Layers) -> tuple[Hold, ...]:
     found: list[Hold] = []
     for text, (said, path) in merged.items():
         reference = references.root(table, scope, text, path, key=True)
-        pose = None
-        if isinstance(said, HoldPoseSpec):
-            pose = scope.pose(said.xyz, (*path, "xyz"), said.rpy, (*path, "rpy"))
-            if pose is None:
+        pose, turns = None, False
+        if isinstance(said, HoldSpec):
+            turns = said.carries == "force"
+            pose = scope.pose(said.xyz, (*path, "xyz"), said.rpy, (*path, "rpy")) if said.at is None else None
+            if said.at is None and pose is None:
                 continue
         if reference is not None:
-            found.append(Hold(mount=reference, pose=pose, origin=scope.origin(path, key=True)))
+            found.append(Hold(mount=reference, pose=pose, origin=scope.origin(path, key=True), turns=turns))
     return tuple(found)
 
 

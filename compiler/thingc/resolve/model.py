@@ -260,11 +260,23 @@ class Sensor(Brief):
 class Hold(Brief):
     """A further mount that a mode holds to the world: mated to the world frame moved to `pose`, as a root is mated to `at`.
 
-    `pose` None: `here`, where the mode's own pose puts it. `mount.mount` None: a component, whose origin lies on `pose`.
+    `pose` None: `here`, where the mode's own pose puts it. `mount.mount` None: a component, whose origin lies on `pose`. One that
+    `turns` carries force alone: its origin stays, and it may turn about it.
     """
 
     mount: Reference
     pose: Pose | None
+    origin: Origin
+    turns: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Standing(Brief):
+    """The mounts that a floating mode stands on, points that the floor pushes and does not pull. `friction` None: that of their
+    materials."""
+
+    mounts: tuple[Reference, ...]
+    friction: float | None
     origin: Origin
 
 
@@ -300,6 +312,7 @@ class Mode(Brief):
     holds: tuple[Hold, ...] = ()
     cut: tuple[Cut, ...] = ()
     on_floor: bool = False
+    standing: Standing | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

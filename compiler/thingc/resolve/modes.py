@@ -15,10 +15,11 @@ from thingc.resolve.loops import cuts, holds
 from thingc.resolve.model import Hold, Mode, Reference
 from thingc.resolve.references import GLOB, suggested
 from thingc.resolve.scope import Scope
+from thingc.resolve.standing import standing
 from thingc.resolve.table import Table
 from thingc.slips import MAX_CIRCLE, circle_words
 from thingc.source import Path
-from thingc.spec.assembly import ModeSpec
+from thingc.spec.modes import ModeSpec
 from thingc.units import ACCELERATION, FORCE, LENGTH, NUMBER, TIME, Quantity
 
 MAX_EXTENDED = 20
@@ -126,6 +127,7 @@ def _mode(table: Table, scope: Scope, name: str, layers: Layers | None) -> Mode 
     adhesion = _adhesion(table, scope, contacts)
     stepped = simulation(scope, layers.sub("simulation"))
     held, cut = holds(table, scope, layers), cuts(table, scope, layers)
+    stands = standing(table, scope, name, layers, kind)
     if on_floor:
         _check_holds_on_floor(scope, name, layers, held)
     root = layers.pick("root")
@@ -144,7 +146,7 @@ def _mode(table: Table, scope: Scope, name: str, layers: Layers | None) -> Mode 
         name=name, root=reference, base=kind, at=at, gravity=gravity, pose=pose,
         poses=((pose,) if pose else ()) + tuple(one for one in poses if one != pose), actuators=actuators, exclude=exclude,
         adhesion=adhesion, simulation=stepped, origin=scope.origin(("modes", name), key=True), holds=held, cut=cut,
-        on_floor=on_floor,
+        on_floor=on_floor, standing=stands,
     )
 
 

@@ -160,7 +160,7 @@ class _Reader:
         )
 
     def torque_margin(self, written: spec.TorqueMarginTest, path: Path, chosen: Sequence[str]) -> TorqueCheck:
-        """A margin of drives; only where something other than contacts carries the robot."""
+        """A margin of drives; only where the document says what carries the robot."""
         minimum = self.number(written.min, (*path, "min"), NUMBER, "`min`", above=0.0)
         at = (*path, "drive")
         patterns = [(written.drive, at)] if isinstance(written.drive, str) else [
@@ -168,13 +168,14 @@ class _Reader:
         ]
         joints = driven(self.table, self.scope, patterns)
         self.sound = self.sound and bool(joints)
-        floating = [name for name in chosen if self.modes[name].base == "free"]
+        floating = [name for name in chosen if not _carried(self.modes[name])]
         if floating:
-            standing = [name for name, mode in self.modes.items() if mode.base != "free"]
+            standing = [name for name, mode in self.modes.items() if _carried(mode)]
+            others = f", or name modes that stand: {', '.join(f'`{name}`' for name in standing)}" if standing else ""
             self.error(
-                Code.TEST, f"the base of mode `{floating[0]}` floats: what carries it there is not known without a simulation",
+                Code.TEST, f"the base of mode `{floating[0]}` floats: what carries it there is not known",
                 (*path, "mode") if written.mode is not None else path, key=written.mode is None,
-                help=f"name modes that stand: {', '.join(f'`{name}`' for name in standing)}" if standing else "use `settles`",
+                help=f"say what it stands on, `standing_on: [...]` in the mode{others}",
             )
         for name in chosen:
             present = self.modes[name].actuators
@@ -350,6 +351,11 @@ class _Reader:
                 )
             low, high = first, last
         return JointRange(joint=name.replace(".", "/"), lower=low, upper=high)
+
+
+def _carried(mode: Mode) -> bool:
+    """Whether something other than a simulation knows of carries the base of a mode."""
+    return mode.base != "free" or mode.standing is not None or bool(mode.holds)
 
 
 def _movable(joint: Joint) -> bool:

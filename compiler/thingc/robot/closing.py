@@ -57,7 +57,7 @@ def closures_of(
         if hold.pose is None and where is None:
             where = _at_own_pose(assembly, mode, bodies)
         held.append(Closure(
-            path=choice.path, kind="weld", hold=True, parent=None, child=body_of[link],
+            path=choice.path, kind="ball" if hold.turns else "weld", hold=True, parent=None, child=body_of[link],
             X_PA=_target(hold, where, body_of[link], X_LM), X_CB=X_LM, joint=None, origin=hold.origin,
         ))
     return (*held, *cut) if sound else None

@@ -130,23 +130,29 @@ class Loops:
 
     def residuals(self, state: State) -> tuple[tuple[float, float], ...]:
         """|p| [m] and |w| [rad] of every closure."""
-        at = self._placed(state)
-        found = (_error(*self._frames(closure, at, state.q)) for closure in self.closures)
-        return tuple((math.hypot(*p), math.hypot(*w)) for p, w in found)
+        return tuple((math.hypot(*p), math.hypot(*w)) for p, w in self._errors(state))
 
-    def linearized(self, state: State) -> tuple[list[float], list[list[float]]]:
+    def _errors(self, state: State) -> list[tuple[Vector, Vector]]:
+        """p [m] and w [rad] of every closure, in world axes; a ball has no w."""
+        at = self._placed(state)
+        found = [_error(*self._frames(closure, at, state.q)) for closure in self.closures]
+        return [(p, (0.0, 0.0, 0.0) if closure.kind == "ball" else w) for closure, (p, w) in zip(self.closures, found, strict=True)]
+
+    def linearized(self, state: State, *, base_moves: bool = False) -> tuple[list[float], list[list[float]]]:
         """The residuals of all closures in one list, p [m] then w [rad] of each, and their derivative by each of `coordinates`
-        [rad or m]: a list for each, as long as that of the residuals.
+        [rad or m], with `base_moves` also by three shifts of the base (in lengths of the robot) and three turns: a list for each, as
+        long as that of the residuals.
 
         The derivative is exact where the loops are closed. Where they are open it leaves out what turns p and w as a whole, which
         changes neither |p| nor |w|.
         """
         sizes = [1.0, 1.0, 1.0, self.length, self.length, self.length] * len(self.closures)
         error = [value / size for value, size in zip(self._stacked(state), sizes, strict=True)]
-        columns = self._columns(state, self.coordinates, False)
+        columns = self._columns(state, self.coordinates, base_moves)
+        units = [c.unit for c in self.coordinates] + [1.0] * (len(columns) - len(self.coordinates))
         return error, [
-            [value / (size * c.unit) for value, size in zip(column, sizes, strict=True)]
-            for c, column in zip(self.coordinates, columns, strict=True)
+            [value / (size * unit) for value, size in zip(column, sizes, strict=True)]
+            for unit, column in zip(units, columns, strict=True)
         ]
 
     def close(self, start: State, movable: Collection[str] | None, *, base_moves: bool) -> Solution:
@@ -184,10 +190,8 @@ class Loops:
 
     def _stacked(self, state: State) -> list[float]:
         """All residuals in one list, rotations as the lengths that they make at the robot's size."""
-        at = self._placed(state)
         stacked: list[float] = []
-        for closure in self.closures:
-            p, w = _error(*self._frames(closure, at, state.q))
+        for p, w in self._errors(state):
             stacked.extend(p)
             stacked.extend(self.length * component for component in w)
         return stacked
@@ -235,9 +239,10 @@ class Loops:
 
     def _add(self, column: list[float], closure: int, velocity: tuple[Vector, Vector], factor: float) -> None:
         linear, angular = velocity
+        turned = 0.0 if self.closures[closure].kind == "ball" else factor * self.length
         for k in range(3):
             column[6 * closure + k] += factor * linear[k]
-            column[6 * closure + 3 + k] += factor * self.length * angular[k]
+            column[6 * closure + 3 + k] += turned * angular[k]
 
     def _step(
         self, state: State, chosen: Sequence[Coordinate], columns: Sequence[Sequence[float]], error: Sequence[float],

@@ -57,7 +57,7 @@ def root(assembly: Assembly, mode: LinkedMode, report: Report, memo: Memo | None
 
 
 def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[Site]:
-    """Exported mounts at every level, frames, the roots and holds of every mode, and where sensors sit, each name once."""
+    """Exported mounts at every level, frames, the roots, holds and feet of every mode, and where sensors sit, each name once."""
     placed = in_link(assembly)
     named: set[str] = set()
     wanted = [(mount.path, mount.occurrence, mount.mount, mount.origin) for mount in assembly.exported]
@@ -66,6 +66,7 @@ def _sites(assembly: Assembly, body_of: dict[int, int], memo: Memo) -> Iterator[
     wanted += [
         (h.mount.path, h.mount.occurrence, h.mount.mount or "origin", h.origin) for m in assembly.modes for h in m.holds
     ]
+    wanted += [(f.mount.path, f.mount.occurrence, f.mount.mount or "origin", f.origin) for m in assembly.modes for f in m.feet]
     for s in assembly.sensors:
         if s.site is not None and s.occurrence is not None and s.mount is not None:
             wanted.append((s.site, s.occurrence, s.mount, s.origin))

@@ -63,9 +63,9 @@ class Closure(Brief):
 
         X_W,parent @ X_PA @ motion(q) == X_W,child @ X_CB
 
-    `kind` is `weld` (no motion), `hinge` or `slide`: q of the joint that was cut turns about, or slides along, z of A; its
-    `offset` is in `X_PA`. A weld to the world holds a mount: `hold` is true, `path` the mount's, B its frame; else `path` is the
-    joint's. `joint` is what the cut joint would be in the tree (None for a weld).
+    `kind` is `weld` (no motion), `ball` (only the origins of A and B meet), `hinge` or `slide`: q of the joint that was cut turns
+    about, or slides along, z of A; its `offset` is in `X_PA`. A weld or ball on the world holds a mount: `hold` is true, `path` the
+    mount's, B its frame; else `path` is the joint's. `joint` is what the cut joint would be in the tree (None for a weld or ball).
     """
 
     path: str
@@ -139,3 +139,8 @@ class Robot(Brief):
     adhesion: dict[str, float]
     closures: tuple[Closure, ...] = ()
     unclosed: tuple[Unclosed, ...] = ()
+
+    @property
+    def carried(self) -> bool:
+        """Whether the base floats and is carried by what the mode stands on or holds."""
+        return self.base == "free" and (bool(self.mode.feet) or any(closure.hold for closure in self.closures))

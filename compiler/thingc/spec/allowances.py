@@ -14,7 +14,8 @@ from thingc.spec.fields import Checked, fault, found
 from thingc.units import shortened
 
 if TYPE_CHECKING:
-    from thingc.spec.assembly import AssemblySpec, ModeSpec
+    from thingc.spec.assembly import AssemblySpec
+    from thingc.spec.modes import ModeSpec
 
 _BY_CODE = {code.code: code for code in Code}
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, model_validator
-from pydantic_core import PydanticCustomError
 
 from thingc.spec.allowances import Allow, allow
-from thingc.spec.base import Model
+from thingc.spec.base import Model, rule
 from thingc.spec.fields import (
     AngleField,
     AnyQuantityField,
@@ -17,7 +16,6 @@ from thingc.spec.fields import (
     CountField,
     DampingField,
     EffortField,
-    ForceField,
     FrictionField,
     InertiaField,
     JointValueField,
@@ -25,26 +23,19 @@ from thingc.spec.fields import (
     MassField,
     MultiplierField,
     Name,
-    NumberField,
     RawField,
     ReferenceField,
     SpeedField,
     StiffnessField,
-    TimeField,
-    Vector3Acceleration,
     Vector3Angle,
     Vector3Length,
 )
 from thingc.spec.materials import MaterialSpec, ProcessSpec
+from thingc.spec.modes import ModeSpec, SimulationSpec
 from thingc.spec.sensors import SensorSpec
 from thingc.spec.tests import TestSpec
 
 Source = Literal["measured", "vendor", "estimated"]
-
-
-def rule(message: str, help: str = "", key: str | None = None) -> PydanticCustomError:
-    """A broken rule of a whole mapping, in words; `key` is the one of its keys that is to blame."""
-    return PydanticCustomError("rule", "{message}", {"message": message, "help": help, "path": (key,) if key is not None else ()})
 
 
 class ParameterSpec(Model):
@@ -366,82 +357,6 @@ class DefaultsSpec(Model):
     """What every component has that says nothing else."""
     joint: JointDefaults | None = Field(default=None, examples=[{"dynamics": {"damping": "0.02 N*m*s/rad"}}])
     """What every joint has that says nothing else."""
-
-
-class SimulationSpec(Model):
-    """How simulators step."""
-
-    timestep: TimeField | None = None
-    """Time between two states."""
-    integrator: Literal["euler", "rk4", "implicit", "implicitfast"] | None = None
-    """MuJoCo's way from one state to the next."""
-    cone: Literal["pyramidal", "elliptic"] | None = None
-    """The shape of the friction cone of contacts."""
-    impratio: NumberField | None = None
-    """Ratio of friction to normal impedance; above 1 contacts slip less."""
-
-
-class WorldAtSpec(Model):
-    """The world side of a mode's root."""
-
-    on: Literal["floor"] | None = None
-    """`floor`: as high as it has to be for the robot's lowest point, in the mode's start pose, to touch the plane z = 0."""
-    xyz: Vector3Length = (0, 0, 0)  # type: ignore[assignment]
-    """Where the root is, in the world."""
-    rpy: Vector3Angle = (0, 0, 0)  # type: ignore[assignment]
-    """Extrinsic roll, pitch, yaw, as in URDF."""
-
-
-class ContactsSpec(Model):
-    """Who may touch whom in this mode."""
-
-    exclude: list[Annotated[list[ReferenceField], Field(min_length=2, max_length=2)]] = Field(
-        default=[], examples=[[["plate", "hand"], ["leg_*", "body"]]],
-    )
-    """Pairs of components (globs allowed) that never touch."""
-    adhesion: dict[ReferenceField, ForceField] = Field(default={}, examples=[{"front_foot.sole": "300 N"}])
-    """Pull-off force per mount."""
-
-
-class HoldPoseSpec(Model):
-    """Where a further mount is held: the world side, as `at` of a root."""
-
-    xyz: Vector3Length = (0, 0, 0)  # type: ignore[assignment]
-    """Where the mount is held, in the world."""
-    rpy: Vector3Angle = (0, 0, 0)  # type: ignore[assignment]
-    """Extrinsic roll, pitch, yaw, as in URDF."""
-
-
-class ModeSpec(Model):
-    """One simulation model."""
-
-    root: ReferenceField | None = None
-    """A mount (mated to the world) or a component (laid on the world frame)."""
-    base: Literal["fixed", "held", "free", "planar", "ball"] | None = None
-    """`fixed` (default), `held` or `free`."""
-    at: WorldAtSpec | None = Field(default=None, examples=[{"xyz": "0 0 300 mm", "rpy": "0 0 90 deg"}, {"on": "floor"}])
-    """Where in the world the root is; its origin unless written."""
-    gravity: Literal["floor", "wall", "ceiling"] | Vector3Acceleration | None = Field(default=None, examples=["wall", "0 0 -1.62 m/s^2"])
-    """What the robot stands on or hangs from, or a vector in the world frame; `floor` unless written."""
-    pose: Name | None = None
-    """Where it starts."""
-    poses: list[Name] | None = Field(default=None, examples=[["home", "folded"]])
-    """Its keyframes; all unless written."""
-    actuators: list[str] | None = Field(default=None, examples=[["yaw", "leg_*"]])
-    """The joints driven here, globs allowed; all unless written."""
-    contacts: ContactsSpec | None = Field(default=None, examples=[{"exclude": [["plate", "hand"]]}])
-    hold: dict[ReferenceField, HoldPoseSpec | Literal["here"]] | None = Field(
-        default=None, examples=[{"rear_foot.sole": "here"}, {"rear_foot.sole": {"xyz": "200 0 0 mm"}}],
-    )
-    """Further mounts held to the world, each at a pose or `here`: where the mode's own pose puts it."""
-    cut: list[str] | None = Field(default=None, examples=[["rear_knee"]])
-    """The joints at which loops are cut, globs allowed."""
-    simulation: SimulationSpec | None = Field(default=None, examples=[{"timestep": "1 ms"}])
-    """How simulators step in this mode, over what the document says."""
-    extends: Name | None = None
-    """Another mode that this one is merged over."""
-    allow: Allow = allow()
-    """Warnings of this mode, and of those that extend it, that are meant so, by code, each with the reason."""
 
 
 class AssemblySpec(Model):

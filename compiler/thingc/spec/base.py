@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pydantic import BaseModel, ConfigDict
+from pydantic_core import PydanticCustomError
 
 
 class Model(BaseModel):
@@ -13,3 +14,8 @@ class Model(BaseModel):
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
+
+
+def rule(message: str, help: str = "", key: str | None = None) -> PydanticCustomError:
+    """A broken rule of a whole mapping, in words; `key` is the one of its keys that is to blame."""
+    return PydanticCustomError("rule", "{message}", {"message": message, "help": help, "path": (key,) if key is not None else ()})

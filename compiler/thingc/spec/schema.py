@@ -15,7 +15,7 @@ from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema
 
-from thingc.spec import assembly, materials, sensors, tests, variants, workspace
+from thingc.spec import assembly, materials, modes, sensors, tests, variants, workspace
 from thingc.spec.validation import MODELS
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -24,7 +24,7 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 def json_schema(kind: str) -> dict[str, Any]:
     """The JSON Schema of a kind of document (`assembly`, `materials`, `variants`, `workspace`)."""
     schema = MODELS[kind].model_json_schema(schema_generator=_Generator)
-    documented = _documentation(assembly, materials, sensors, tests, variants, workspace)
+    documented = _documentation(assembly, materials, modes, sensors, tests, variants, workspace)
     for name, definition in {**schema.get("$defs", {}), MODELS[kind].__name__: schema}.items():
         _describe(definition, documented.get(name, {}))
     cleaned: dict[str, Any] = _without_null(schema)

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from thingc.expressions import Expression, ExpressionError, parse_expression
-from thingc.spec.assembly import rule
-from thingc.spec.base import Model
+from thingc.spec.base import Model, rule
 from thingc.spec.choices import EXAMPLES, parse
 from thingc.spec.fields import AnyQuantityField, Checked, CountField, Name, ReferenceField, fault, found
 from thingc.units import shortened

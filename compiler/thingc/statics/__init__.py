@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
-from thingc.statics.efforts import Efforts, static_efforts
+from thingc.statics.efforts import Efforts, Fall, static_efforts
+from thingc.statics.footing import lifted, stance
 
-__all__ = ["Efforts", "static_efforts"]
+__all__ = ["Efforts", "Fall", "lifted", "stance", "static_efforts"]

@@ -5,8 +5,8 @@ loops' closing conditions and N a basis of what they leave free, the efforts t o
 
     N' (Q + S t) = 0
 
-A tree has no C: every coordinate is balanced by the drives on it, in closed form. Loops are balanced by least squares
-(`statics/looped.py`, which alone needs numpy). Dry friction holds nothing.
+A tree has no C: every coordinate is balanced by the drives on it, in closed form. Loops, holds and feet on the floor share the load by
+least squares (`statics/shared.py`, which alone needs numpy). Dry friction in joints holds nothing.
 """
 
 from __future__ import annotations
@@ -35,12 +35,21 @@ class Drive(NamedTuple):
     weight: float
 
 
+class Fall(NamedTuple):
+    """Why the floor does not carry a robot on its feet, whatever its drives give: it `tips`, with its centre of mass `outside` [m] of
+    the polygon of the feet, it `slides`, or gravity `pulls` it off."""
+
+    how: str
+    outside: float
+
+
 class Efforts(NamedTuple):
     """What each drive gives [N m or N], by joint path, positive along positive q; `margins` are of those with a limit of effort.
 
     Where there is more than one answer (two held feet, two drives on a loop, two joints that mimic one another) it is the one
     with the least sum of squares of effort by limit; `choices` says how many directions it was chosen from. `unheld` is the
-    greatest load that no drive balances, as a part of the greatest load, at the coordinate `where` (empty without any).
+    greatest load that no drive balances, as a part of the greatest load, at the coordinate `where` (empty without any, and for the
+    base of a robot that floats); `fall` says that no drives could keep it on its feet.
     """
 
     by_joint: dict[str, float]
@@ -48,6 +57,7 @@ class Efforts(NamedTuple):
     unheld: float
     where: str
     choices: int
+    fall: Fall | None = None
 
     @property
     def least_margin(self) -> float | None:
@@ -57,13 +67,13 @@ class Efforts(NamedTuple):
 
 def static_efforts(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> Efforts:
     """What the drives of a mode have to give for it to stay at `q` (every joint by path, rad or m; loops closed), its bodies at
-    these poses in the world and its root held."""
+    these poses in the world. A base that floats is carried by the mode's feet and holds; one that has neither, as any other, is held."""
     load, drives = problem(robot, q, bodies)
-    if not robot.closures:
+    if not robot.closures and not robot.carried:
         return balance_tree(load, drives)
-    from thingc.statics.looped import balance_loops
+    from thingc.statics.shared import balance_shared
 
-    return balance_loops(robot, q, bodies, load, drives)
+    return balance_shared(robot, q, bodies, load, drives)
 
 
 def problem(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> tuple[dict[str, float], list[Drive]]:
@@ -101,16 +111,17 @@ def balance_tree(load: Mapping[str, float], drives: Sequence[Drive]) -> Efforts:
     for path, value in load.items():
         if path not in held and abs(value) > unheld:
             unheld, where = abs(value), path
-    return answer(drives, efforts, load, unheld, where, len(drives) - len(held))
+    greatest = max(map(abs, load.values()), default=0.0)
+    return answer(drives, efforts, greatest, unheld, where, len(drives) - len(held))
 
 
 def answer(
-    drives: Iterable[Drive], efforts: dict[str, float], load: Mapping[str, float], unheld: float, where: str, choices: int,
+    drives: Iterable[Drive], efforts: dict[str, float], greatest: float, unheld: float, where: str, choices: int,
+    fall: Fall | None = None,
 ) -> Efforts:
-    """The efforts found, with their margins; `unheld` [N m or N] of the `load` is left at `where`."""
+    """The efforts found, with their margins; `unheld` [N m or N] of the load, which is `greatest` somewhere, is left at `where`."""
     margins = {path: margin(limit, efforts[path]) for path, _, _, limit, _ in drives if limit is not None}
-    greatest = max(map(abs, load.values())) if unheld else 1.0
-    return Efforts(efforts, margins, unheld / greatest, where, choices)
+    return Efforts(efforts, margins, unheld / greatest if unheld else 0.0, where, choices, fall)
 
 
 def margin(limit: float, effort: float) -> float:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from thingc.diagnostics import Code, Note
 from thingc.graph import joints_of
 from thingc.graph.types import JointEdge
 from thingc.joints import KINDS
+from thingc.pose import Pose
 from thingc.resolve.tests_model import TorqueCheck
 from thingc.robot import body_poses
-from thingc.robot.types import Keyframe
-from thingc.statics import static_efforts
+from thingc.robot.types import Keyframe, Robot
+from thingc.statics import Efforts, lifted, stance, static_efforts
 from thingc.testing.results import Case, Failure, Measure, Outcome, shown
-from thingc.units import FORCE, TORQUE
+from thingc.units import FORCE, LENGTH, TORQUE
 
 SLACK = 1e-6
 """What part of the gravity on the joints may stay unbalanced: rounding."""
@@ -21,10 +24,11 @@ SLACK = 1e-6
 
 def torque_margin(case: Case, check: TorqueCheck, frame: Keyframe) -> Outcome:
     """The least of limit by static effort among the drives named."""
-    joints = {joint.path: joint for joint in joints_of(case.robot.assembly)}
-    held = static_efforts(case.robot, frame.q, body_poses(case.robot, frame.q, frame.base))
+    robot, bodies = case.robot, body_poses(case.robot, frame.q, frame.base)
+    joints = {joint.path: joint for joint in joints_of(robot.assembly)}
+    held = static_efforts(robot, frame.q, bodies)
     efforts, margins, choices = held.by_joint, held.margins, held.choices
-    least = min(check.joints, key=lambda path: float(f"{margins[path]:.12g}"))  # of those that differ by rounding, the first
+    least = _weakest(check, margins)
     text = _effort(joints[least], efforts[least])
     limit = _effort(joints[least], joints[least].limit.effort or 0.0)
     measured: dict[str, Measure] = {
@@ -32,23 +36,24 @@ def torque_margin(case: Case, check: TorqueCheck, frame: Keyframe) -> Outcome:
         "efforts": {path: efforts[path] for path in check.joints},
     }
     expected: dict[str, Measure] = {"min": check.minimum}
+    unsteady = _unsteady(robot, bodies, held)
+    if unsteady is not None:
+        return Outcome(measured=measured, expected=expected, said=unsteady[0], failure=unsteady[1])
     notes: list[Note] = []
-    open_ = ", one answer of many" if choices else ""
+    aside = ""
     if choices:
         measured["undetermined"] = choices
         notes.append(Note(message="statics alone does not determine these efforts: they are the least that hold the pose"))
+        aside = ", one answer of many"
+    slippery = _without_friction(robot, frame, bodies, check)
+    if slippery is not None:
+        measured["margin_without_friction"] = slippery
+        aside += f"; {slippery:.3g} if the floor had no friction"
     failure: Failure | None = None
-    if held.unheld > SLACK:
-        failure = Failure(
-            code=Code.TEST_TORQUE, key="drive",
-            message=f"no effort of the drives holds this pose: joint `{held.where}` would move",
-            help="drive the joint, or choose a pose in which it hangs at rest",
-        )
-        return Outcome(measured=measured, expected=expected, said="does not stay in the pose", failure=failure)
     if not math.isfinite(margins[least]):
-        said = f"{least} carries nothing (margin at least {check.minimum:g}){open_}"
+        said = f"{least} carries nothing (margin at least {check.minimum:g}){aside}"
         return Outcome(measured=measured, expected=expected, said=said)
-    said = f"margin {margins[least]:.3g} at {least}: {text} of {limit} (at least {check.minimum:g}){open_}"
+    said = f"margin {margins[least]:.3g} at {least}: {text} of {limit} (at least {check.minimum:g}){aside}"
     if margins[least] < check.minimum:
         others = [path for path in check.joints if path != least and margins[path] < check.minimum]
         notes += [
@@ -60,6 +65,56 @@ def torque_margin(case: Case, check: TorqueCheck, frame: Keyframe) -> Outcome:
             message=f"drive `{least}` has to hold {text} of its {limit}: a margin of {margins[least]:.3g}, below {check.minimum:g}",
         )
     return Outcome(measured=measured, expected=expected, said=said, failure=failure)
+
+
+def _weakest(check: TorqueCheck, margins: Mapping[str, float]) -> str:
+    """The drive with the least margin; of those that differ by rounding, the first."""
+    return min(check.joints, key=lambda path: float(f"{margins[path]:.12g}"))
+
+
+def _unsteady(robot: Robot, bodies: Sequence[Pose], held: Efforts) -> tuple[str, Failure] | None:
+    """What is said, and the failure, where nothing holds the pose: feet in the air, a robot that falls over, a joint that gives way."""
+    if robot.mode.feet:
+        feet = stance(robot, bodies).feet
+        high = lifted(feet)
+        if high:
+            listed = ", ".join(f"`{path}` by {shown(height, LENGTH)}" for path, height in high.items())
+            failure = Failure(
+                code=Code.TEST_FOOT, key="pose", message=f"the mode stands on feet that are above its others in this pose: {listed}",
+                help="lower them in the pose, or let the mode stand on the others",
+            )
+            return "stands on feet in the air", failure
+    if held.fall is not None:
+        said, why = {
+            "tips": ("falls over", f"its centre of mass is {shown(held.fall.outside, LENGTH)} outside of the polygon of its feet"),
+            "slides": ("slides off", "friction does not hold its feet where they are"),
+            "pulls": ("falls off", "gravity pulls it away from the floor, and nothing else presses it on"),
+        }[held.fall.how]
+        failure = Failure(
+            code=Code.TEST_FALLS, key="pose", message=f"in this pose the robot {said}: {why}",
+            help="move its feet or what is heavy, or let the mode stand on more feet",
+        )
+        return said, failure
+    if held.unheld > SLACK:
+        moves = f"joint `{held.where}`" if held.where else "the robot"
+        failure = Failure(
+            code=Code.TEST_TORQUE, key="drive", message=f"no effort of the drives holds this pose: {moves} would move",
+            help="drive the joint, or choose a pose in which it hangs at rest",
+        )
+        return "does not stay in the pose", failure
+    return None
+
+
+def _without_friction(robot: Robot, frame: Keyframe, bodies: Sequence[Pose], check: TorqueCheck) -> float | None:
+    """The least margin if the floor only pushed upwards; None where nothing stands on it, or that would not hold the robot."""
+    if not any(foot.friction > 0.0 for foot in robot.mode.feet):
+        return None
+    smooth = replace(robot, mode=replace(robot.mode, feet=tuple(replace(foot, friction=0.0) for foot in robot.mode.feet)))
+    held = static_efforts(smooth, frame.q, bodies)
+    if held.fall is not None or held.unheld > SLACK:
+        return None
+    least = held.margins[_weakest(check, held.margins)]
+    return least if math.isfinite(least) else None
 
 
 def _effort(joint: JointEdge, value: float) -> str:

@@ -21,7 +21,7 @@ from thingc.pose import Pose, Vector
 from thingc.robot.kinematics import placed_bodies
 from thingc.robot.tree import in_link
 from thingc.robot.types import Robot
-from thingc.statics import static_efforts
+from thingc.statics import lifted, stance, static_efforts
 
 Results = dict[str, float | None]
 """By name, SI; None (or absent) where a variant has not the result."""
@@ -40,7 +40,8 @@ def measure(robot: Robot, pose: str | None, reach: tuple[str, str] | None) -> Re
     """The results of one mode's robot in a pose of it (None: the mode's own, else q = 0).
 
     Where the mode's loops do not close in that pose, it has no box, reach and torques; with loops closed it has no torque margin
-    (the torques depend on how the loops share the load). `reach` are the references of two mounts. Raises `UnknownMount`.
+    (the torques depend on how the loops share the load), nor where it does not stand on its feet. `reach` are the references of two
+    mounts. Raises `UnknownMount`.
     """
     assembly = robot.assembly
     whole = total(link.properties.seen_from(assembly.rest[link.frame]) for link in assembly.links)
@@ -67,8 +68,9 @@ def measure(robot: Robot, pose: str | None, reach: tuple[str, str] | None) -> Re
         (a, b), (c, d) = ends
         points = [(occurrences[a] @ _frame(assembly, a, b)).translation, (occurrences[c] @ _frame(assembly, c, d)).translation]
         results["reach"] = math.dist(*points)
-    if not robot.closures:
-        results["torque_margin"] = static_efforts(robot, q, bodies).least_margin
+    if not robot.closures and not lifted(stance(robot, bodies).feet):
+        held = static_efforts(robot, q, bodies)
+        results["torque_margin"] = held.least_margin if held.fall is None else None
     return results
 
 
