@@ -134,6 +134,7 @@ class Code(Enum):
     PART_ASKS = ("TC408", "part asks more than its inputs", "Take it as a parameter, or from a file; seed generators.", Stage.CHECK)
     NO_RESULT = ("TC413", "Thing without a result", "Write `def result(self)` that returns the geometry, or None for a part without.")
     APART = ("TC414", "solids that do not touch", "Let them overlap, or return a list where several are meant.", Stage.CHECK)
+    DENSITY = ("TC415", "density of no solid", "Check the unit: solids have 10 to 25 000 kg/m^3.", Stage.CHECK)
     # --- TC5xx: the assembly (link) --------------------------------------------------------------------------------
     INCOMPLETE = ("TC501", "assembly cannot be linked", "Mend what the other messages name.")
     MOUNT_CLASH = ("TC502", "two mounts of one name", "Give the mount that the document adds another name.")

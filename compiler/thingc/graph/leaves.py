@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import cast
 
 from thingc.diagnostics import Code, Note
 from thingc.graph.findings import Findings, line_of, noted, written_at
@@ -14,6 +15,7 @@ from thingc.memo import Memo
 from thingc.pose import NO_POSE
 from thingc.realize.record import Outside, PartDefinition, PartFailure, PartRecord, PartWarning
 from thingc.resolve.model import AssemblyDefinition, BomEntry, Component, Material
+from thingc.resolve.plausible import density_doubt, density_words, mass_doubt, mass_words
 from thingc.slips import did_you_mean, nearest
 from thingc.source import Origin
 
@@ -227,6 +229,8 @@ class Leaves:
         elif material is not None and material.density is not None:
             density = Density(value=material.density)
         weighed = weigh(record, density, process, overrides)
+        if record is not None and record.exact and weighed is not None:
+            self._doubt(component, record, material, weighed, path, origin)
         needs_density = record is not None and record.volume > 0.0 and record.mass is None and overrides.mass is None
         if unknown and not scope.materials_known:
             findings.leave_out()
@@ -254,6 +258,45 @@ class Leaves:
             self._no_walls(component, material, missing, path, origin)
             return None
         return weighed
+
+    def _doubt(
+        self, component: Component, record: PartRecord, material: Material | None, weighed: Weighed, path: str, origin: Origin,
+    ) -> None:
+        """Warn where a density, or a mass for this volume, is one that no solid has: at the number that says it."""
+        stated, warn = component.overrides.mass, self._findings.warn
+        if record.volume <= 0.0 or stated is not None and stated.stand_in:
+            return
+        if stated is not None:
+            doubt = mass_doubt(weighed.properties.mass, record.volume)
+            if doubt is not None:
+                warn(
+                    Code.DENSITY, f"`{component.name}` {doubt.words}", stated.origin + origin[len(component.origin):], path=path,
+                    help=None if doubt.meant is None else f"write `{mass_words(doubt.meant)}` if that is meant",
+                )
+        elif record.mass is not None or record.density is not None:
+            self._doubt_thing(record, path, origin)
+        elif material is not None and material.density is not None:
+            doubt = density_doubt(material.density)
+            if doubt is not None:
+                warn(
+                    Code.DENSITY, f"`{material.name}` {doubt.words}", material.density_origin, path=path,
+                    notes=noted(f"`{component.name}` is made of it", origin),
+                    help=None if doubt.meant is None else f"write `{density_words(doubt.meant)}` if that is meant",
+                )
+
+    def _doubt_thing(self, record: PartRecord, path: str, origin: Origin) -> None:
+        """The same of what a Thing states itself: at the first component that it is."""
+        said = (record.text, Code.DENSITY.code)
+        method, unit, doubt = "mass", "kg", None
+        if record.mass is not None:
+            doubt = mass_doubt(cast("float", record.mass.value), record.volume)
+        elif record.density is not None:
+            method, unit, doubt = "density", "kg/m^3", density_doubt(cast("float", record.density.value))
+        if doubt is not None and said not in self._warned and self._findings.warn(
+            Code.DENSITY, f"`{record.text}` {doubt.words}", origin, path=path, notes=written_at(f"`{record.text}`", record.code),
+            help=f"`{method}()` returns {unit}" + ("" if doubt.meant is None else f": return {doubt.meant:.6g} if that is meant"),
+        ):
+            self._warned.add(said)
 
     def _no_walls(self, component: Component, material: Material | None, missing: str, path: str, origin: Origin) -> None:
         """Say what the infill model misses: once of a material that does not have it, else of the component."""

@@ -62,12 +62,19 @@ def resolve(
 def resolve_materials(
     documents: Documents, specs: Specs, workspace: Workspace, report: Report
 ) -> None:
-    """Report what is wrong with a `materials/1` document that is checked by itself."""
+    """Report what is wrong with a `materials/1` document that is checked by itself, and what is odd."""
     from thingc.resolve.materials import of_document
+    from thingc.resolve.plausible import density_doubt, density_words
     from thingc.resolve.table import Context
 
     context = Context(documents=documents, specs=specs, workspace=workspace, schemas={}, report=report)
-    of_document(context, documents.root)
+    for found in of_document(context, documents.root).values():
+        doubt = None if found is None or found.density is None else density_doubt(found.density)
+        if found is not None and doubt is not None:
+            report.warn(
+                Code.DENSITY, f"`{found.name}` {doubt.words}", found.density_origin, path=f"materials.{found.name}.density",
+                help=None if doubt.meant is None else f"write `{density_words(doubt.meant)}` if that is meant",
+            )
 
 
 def part_definitions(model: AssemblyDefinition) -> tuple[PartDefinition, ...]:

@@ -113,6 +113,7 @@ def material(scope: Scope, name: str, spec: MaterialSpec, path: Path) -> Materia
         name=name, density=_STAND_IN if wrong and density is None else density, color=spec.color or base_color, slide=slide,
         torsion=torsion, roll=roll, process=made, origin=scope.origin(path, key=True),
         process_origin=scope.origin((*path, "process")) if made is not None else (),
+        density_origin=scope.origin((*path, "density" if spec.density is not None else "base")) if density is not None else (),
     )
 
 

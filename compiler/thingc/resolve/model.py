@@ -58,7 +58,8 @@ class Process(Brief):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Material(Brief):
     """A material in scope. `density` [kg/m^3]; `color` `#rrggbb` or `#rrggbbaa`; `slide` the sliding friction (torsional and
-    rolling likewise); `process_origin` is where its `process` is written, empty where it has none."""
+    rolling likewise); `process_origin` is where its `process` is written, empty where it has none, `density_origin` the same of its
+    density."""
 
     name: str
     density: float | None
@@ -69,15 +70,18 @@ class Material(Brief):
     process: Process | None
     origin: Origin
     process_origin: Origin = ()
+    density_origin: Origin = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StatedValue(Brief):
-    """A number a document states (mass [kg], com [m], inertia [kg m^2] as ixx iyy izz ixy ixz iyz), its source and place."""
+    """A number a document states (mass [kg], com [m], inertia [kg m^2] as ixx iyy izz ixy ixz iyz), its source and place. One that
+    was wrong, which has been reported, is a `stand_in`."""
 
     value: tuple[float, ...]
     source: str
     origin: Origin
+    stand_in: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -57,7 +57,7 @@ def _mass(scope: Scope, layers: Layers) -> StatedValue | None:
     source, at = (raw.source, (*path, "value")) if isinstance(raw, StatedMass) else ("stated", path)
     value = scope.number(raw.value if isinstance(raw, StatedMass) else raw, at, MASS, "the mass", above=0.0)
     # Of a wrong one a stand-in stays, so that no later pass says that there is none.
-    return StatedValue(value=(1.0 if value is None else value,), source=source, origin=scope.origin(path))
+    return StatedValue(value=(1.0 if value is None else value,), source=source, origin=scope.origin(path), stand_in=value is None)
 
 
 def _com(scope: Scope, layers: Layers) -> StatedValue | None:

@@ -144,3 +144,17 @@ class Stair(Thing):
 
     def result(self):
         return self.body
+
+
+class Feather(Stair):
+    """A stair that knows its density, in another unit than it should."""
+
+    def density(self):
+        return 1.27
+
+
+class Anvil(Stair):
+    """A stair that knows its mass, in another unit than it should."""
+
+    def mass(self):
+        return (12.0, "vendor")
