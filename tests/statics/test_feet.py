@@ -378,7 +378,7 @@ def test_modes_json_sites_and_info(hexapod: Hexapod) -> None:
         assert all(model.site(f"leg_{k}/sole") for k in range(6))
     assembly = hexapod.compilation.assembly
     assert assembly is not None
-    text = info.as_text(assembly, hexapod.compilation.robots)
+    text = "\n".join(info.as_text(assembly, hexapod.compilation.robots))
     assert "\n  stands on leg_4/sole (friction 0.8)\n" in text and "\n  stands on leg_4/sole (friction 0)\n" in text
 
 
