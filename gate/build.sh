@@ -1,25 +1,25 @@
 #!/usr/bin/env bash
-# Builds the assemblies of the file ROOTS, each into OUT/<its folder>/<its name>/. OPTIONS are more words for `thingc build`.
+# Builds the assemblies of the file ROOTS (names ended by NUL), each into OUT/<its folder>/<its name>/. OPTIONS are more words for
+# `thingc build`.
 set -euo pipefail
+source "${BASH_SOURCE[0]%/*}/runner.sh"
 
-mapfile -t roots < "$ROOTS"
+mapfile -d '' -t roots < "$ROOTS"
 read -ra options <<< "$OPTIONS"
-mark="end-$RANDOM-$RANDOM-$RANDOM"
 built=()
 failed=0
 for root in "${roots[@]}"; do
-    if thingc build --format github -o "$OUT/$(dirname -- "$root")" "${options[@]}" -- "$root"; then
+    folder="$OUT/"
+    if [[ "$root" == */* ]]; then
+        folder="$OUT/${root%/*}"
+    fi
+    if thingc build --format github -o "$folder" "${options[@]}" -- "$root" 2> "$RUNNER_TEMP/thingc-progress"; then
         built+=("$root")
     else
         failed=1
     fi
+    quoted < "$RUNNER_TEMP/thingc-progress"
 done
-{
-    echo "built<<$mark"
-    if (( ${#built[@]} )); then
-        printf '%s\n' "${built[@]}"
-    fi
-    echo "$mark"
-} >> "$GITHUB_OUTPUT"
+output built "${built[@]}"
 echo "${#built[@]} of ${#roots[@]} built"
 exit "$failed"

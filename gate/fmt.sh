@@ -1,12 +1,16 @@
 #!/usr/bin/env bash
-# Says which documents of the file LIST are not as `thingc fmt` writes them.
+# Says which documents of the file LIST (names ended by NUL) are not as `thingc fmt` writes them.
 set -euo pipefail
+source "${BASH_SOURCE[0]%/*}/runner.sh"
 
-mapfile -t documents < "$LIST"
+mapfile -d '' -t documents < "$LIST"
 if (( ${#documents[@]} == 0 )); then
     exit 0
 fi
-if ! thingc fmt --check --diff -- "${documents[@]}"; then
-    echo "run: thingc fmt ${documents[*]@Q}"
+if ! thingc fmt --check --diff -- "${documents[@]}" > "$RUNNER_TEMP/thingc-fmt"; then
+    {
+        cat "$RUNNER_TEMP/thingc-fmt"
+        echo "run: thingc fmt -- ${documents[*]@Q}"
+    } | quoted
     exit 1
 fi

@@ -1,7 +1,9 @@
 #!/usr/bin/env bash
-# What the change concerns: writes `list` (a file of documents), `documents`, `roots` (a file of assemblies to build) and `code`
-# (may part code run) to the step's outputs. Needs SINCE (empty: everything counts), TRUST and FORK.
+# What the change concerns: writes `list` (a file of documents, each ended by NUL), `documents` (one on a line), `roots` (a file of
+# assemblies to build, ended by NUL) and `code` (may part code run) to the step's outputs. Needs SINCE (empty: everything counts),
+# TRUST and FORK.
 set -euo pipefail
+source "${BASH_SOURCE[0]%/*}/runner.sh"
 
 list="$RUNNER_TEMP/thingc-documents"
 roots="$RUNNER_TEMP/thingc-roots"
@@ -10,13 +12,15 @@ if [[ -n "$SINCE" ]]; then
     if [[ "$(git rev-parse --is-shallow-repository)" == true ]]; then
         git fetch --quiet --unshallow origin
     fi
-    which=(--since "$SINCE")
+    which="--since=$SINCE"
 else
-    which=(--all)
+    which=--all
 fi
 # nothing of the change is run to find out, and what it says is read for a bounded time
-timeout 300 thingc touched "${which[@]}" > "$list"
-timeout 300 thingc touched "${which[@]}" --roots > "$roots"
+timeout 300 thingc touched "$which" -0 > "$list"
+timeout 300 thingc touched "$which" -0 --roots > "$roots"
+mapfile -d '' -t documents < "$list"
+mapfile -d '' -t assemblies < "$roots"
 
 case "$TRUST" in
     yes) code=yes ;;
@@ -24,13 +28,8 @@ case "$TRUST" in
     *) if [[ "$FORK" == true ]]; then code=no; else code=yes; fi ;;
 esac
 
-mark="end-$RANDOM-$RANDOM-$RANDOM"
-{
-    echo "code=$code"
-    echo "list=$list"
-    echo "roots=$roots"
-    echo "documents<<$mark"
-    cat "$list"
-    echo "$mark"
-} >> "$GITHUB_OUTPUT"
-echo "documents concerned: $(wc -l < "$list"); to build: $(wc -l < "$roots"); part code runs: $code"
+output code "$code"
+output list "$list"
+output roots "$roots"
+output documents "${documents[@]}"
+echo "documents concerned: ${#documents[@]}; to build: ${#assemblies[@]}; part code runs: $code"

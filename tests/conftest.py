@@ -1,11 +1,18 @@
-"""What all tests share: the repository's root and one geometry store (parts are modelled once per test run)."""
+"""What all tests share: the repository's root, one geometry store (parts are modelled once per test run), and that thingc never calls
+anything a defect of its own (TC899) unless a test wants to see just that: `@pytest.mark.defect`."""
 
 from __future__ import annotations
 
 import os
+import re
+import subprocess
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+
+from thingc.diagnostics import Code, Diagnostic
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -25,3 +32,38 @@ def shared_store(tmp_path_factory: pytest.TempPathFactory) -> str:
     store = base / "shared-store"
     store.mkdir(exist_ok=True)
     return str(store)
+
+
+DEFECTS: list[str] = []
+"""What was called a defect since the last test: in this process, or in the output of one that was run."""
+_SAID = re.compile(rb'error\[TC899\]|title=TC899|\\*"(?:code|id|ruleId)\\*": ?\\*"TC899')
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Watch every diagnostic that is made here, and all that processes print to their end."""
+    said, communicate = Diagnostic.__post_init__, subprocess.Popen.communicate
+
+    def post_init(self: Diagnostic) -> None:
+        said(self)
+        if self.code is Code.INTERNAL:
+            DEFECTS.append(f"{self.message}\n{self.detail or ''}")
+
+    def to_its_end(self: subprocess.Popen[Any], *arguments: Any, **named: Any) -> tuple[Any, Any]:
+        streams = communicate(self, *arguments, **named)
+        for stream in streams:
+            data = stream.encode("utf-8", "replace") if isinstance(stream, str) else stream or b""
+            if _SAID.search(data):
+                DEFECTS.append(f"{self.args}\n{data[:4000].decode('utf-8', 'replace')}")
+        return streams
+
+    Diagnostic.__post_init__ = post_init
+    subprocess.Popen.communicate = to_its_end
+
+
+@pytest.fixture(autouse=True)
+def no_defect(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Fails a test in which thingc called something a defect of its own, and one that is marked `defect` in which it did not."""
+    yield
+    met, wanted = DEFECTS.copy(), request.node.get_closest_marker("defect") is not None
+    DEFECTS.clear()
+    assert bool(met) == wanted, "\n".join(met) or "this test is marked `defect`, and none was met"

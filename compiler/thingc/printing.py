@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 
 from thingc.diagnostics import Diagnostic, Severity, shown_path
-from thingc.shown import shown
+from thingc.shown import shown, shown_line
 from thingc.source import Span
 
 
@@ -95,7 +95,7 @@ def _frame(span: Span, sources: dict[str, list[str]], tint: str, color: bool) ->
         first, last = len(text) - len(text.lstrip()) + 1, len(text.rstrip()) + 1
     offset = max(0, first - 60) if len(text) > 120 else 0
     start, end = first - 1, max(first, last) - 1
-    before, marked, after = (shown(text[a:b]) for a, b in ((offset, start), (start, min(end, offset + 120)), (end, offset + 120)))
+    before, marked, after = (shown_line(text[a:b]) for a, b in ((offset, start), (start, min(end, offset + 120)), (end, offset + 120)))
     pad = "".join("\t" if character == "\t" else " " for character in before)
     gutter = " " * len(str(span.line))
     return [

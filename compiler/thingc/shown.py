@@ -25,10 +25,15 @@ def shown(text: str, *, most: int = LONGEST) -> str:
     """`text` on one line, for people: what a reader could not see, or a terminal would obey, is written as Python would escape it.
 
     `\\x1b`, `\\n`, `\\u202e`, `\\ud800` (half a character, or a byte of a file name that is no text). Printable characters of any script
-    stay, and so does a tab. Of more than `most` characters the beginning and the end are left.
+    stay. Of more than `most` characters the beginning and the end are left.
     """
     text = _cut(text, most)
     return text if _plain(text) else "".join(map(_escaped, text))
+
+
+def shown_line(line: str) -> str:
+    """A line of a document or a part file as `shown` has it, however long, but for tabs, which indent."""
+    return "\t".join(shown(piece, most=len(piece)) for piece in line.split("\t"))
 
 
 def shortened(message: str) -> str:
@@ -67,7 +72,7 @@ def _plain(text: str) -> bool:
 
 
 def _escaped(character: str) -> str:
-    if character == "\t" or _plain(character):
+    if _plain(character):
         return character
     return character.encode("unicode_escape").decode("ascii")
 

@@ -186,6 +186,7 @@ def test_without_a_workspace_file_the_documents_own_folder_is_one(folder: Path, 
     assert code == 1 and lines[0] == "error[TC114]: `../petg.yaml` leaves the workspace"
 
 
+@pytest.mark.defect
 def test_a_defect_of_the_compiler_is_called_one(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -205,7 +206,7 @@ def test_a_defect_of_the_compiler_is_called_one(
 
 @pytest.mark.parametrize(("name", "told"), [
     (b"a\nb.yaml", r"a\nb.yaml"), (b"a\x1b[31m.yaml", r"a\x1b[31m.yaml"), ("a\u202e.yaml".encode(), r"a\u202e.yaml"),
-    (b"caf\xe9.yaml", r"caf\udce9.yaml"), (b"a\tb.yaml", "a\tb.yaml"),
+    (b"caf\xe9.yaml", r"caf\udce9.yaml"), (b"a\tb.yaml", r"a\tb.yaml"),
 ])
 def test_a_document_with_a_name_that_nobody_can_read(
     folder: Path, capsys: pytest.CaptureFixture[str], name: bytes, told: str
@@ -266,3 +267,14 @@ def test_a_part_that_raises_half_a_character(folder: Path, capsys: pytest.Captur
         code, lines = said(capsys, "check", "odd.yaml", "--format", form)
         assert code == 1 and Code.PART_RAISED.code in "\n".join(lines)
         assert "half ? \\x1b[31m" in "\n".join(lines) or "half ? \\u001b[31m" in "\n".join(lines)
+
+
+@pytest.mark.parametrize(("code", "words"), [
+    (b"x = " + b"-" * 50_000 + b"1\n", "Error: too deeply nested"), (b"x = " + b"(" * 500 + b"\n", "SyntaxError: "),
+    (b"x = 1\0\n", "Error: "), (b'x = "\\ud800\x1b[31m\n', "SyntaxError: "),
+])
+def test_part_files_that_python_cannot_read(folder: Path, capsys: pytest.CaptureFixture[str], code: bytes, words: str) -> None:
+    (folder / "parts" / "odd.py").write_bytes(code)
+    exit_code, lines = said(capsys, "parts", "--format", "json")
+    assert exit_code == 1 and Code.PART_UNREADABLE.code in "\n".join(lines) and words in "\n".join(lines)
+    assert Code.PART_UNREADABLE.code in said(capsys, "lock")[1][0]

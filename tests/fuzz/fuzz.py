@@ -1,8 +1,9 @@
 """`make fuzz MINUTES=30`: generated workspaces through what `thingc check --no-code` does, in this process, and what came of it.
 
-Recorded are inputs, crashes (an exception, or TC899), the slowest input, the peak of memory, and by Python's audit hook every file
-that was opened outside of the workspace, every import of one of its modules, every process, connection and write. Whatever is
-found is kept as a workspace in the folder of `--keep`, and the exit code is 1. The same `--seed` gives the same inputs.
+Recorded are inputs, crashes (an exception, or TC899), characters in what is printed that a terminal would obey, the slowest input,
+the peak of memory, and by Python's audit hook every file that was opened outside of the workspace, every import of one of its modules,
+every process, connection and write. Whatever is found is kept as a workspace in the folder of `--keep`, and the exit code is 1. The same
+`--seed` gives the same inputs.
 """
 
 from __future__ import annotations
@@ -28,9 +29,12 @@ from thingc.cli.check import without_code
 from thingc.diagnostics import Diagnostic
 from thingc.pipeline import Options
 from thingc.printing import as_json, as_text
+from thingc.reporting.github import as_github
+from thingc.reporting.sarif import as_sarif
+from thingc.shown import json_text
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-from mutations import ROOT, Grammar, mutated, mutated_lock, seeds
+from mutations import NAMES, ROOT, Grammar, mutated, mutated_code, mutated_lock, seeds
 
 HANG = 5.0
 """Seconds of computing that no input may take."""
@@ -108,12 +112,15 @@ class Fuzzer:
         self.lock = lock
         self.result = Result()
         self.kinds: set[str] = set()
+        self.home = os.getcwd()
         self.folder = Path(tempfile.mkdtemp(prefix="thingc-fuzz-"))
-        self.watch = Watch(allowed=tuple({os.path.realpath(path) + os.sep for path in (sys.prefix, sys.base_prefix, *sys.path) if path}))
+        own = {os.path.realpath(path) + os.sep for path in (sys.prefix, sys.base_prefix, *sys.path) if path}
+        self.watch = Watch(allowed=(*own, os.devnull))
         self.watch.workspace = os.path.realpath(self.folder)
         (self.folder / "parts").mkdir()
         shutil.copytree(ROOT / "parts" / "minchw", self.folder / "parts" / "minchw", ignore=shutil.ignore_patterns("__pycache__"))
         shutil.copy(ROOT / "parts" / "arm.py", self.folder / "parts")
+        self.code = (self.folder / "parts" / "arm.py").read_text()
         marker = f"open({str(self.folder / 'EXECUTED')!r}, 'w')\n"
         for name in ("json", "yaml", "conftest", "sitecustomize", "evil"):
             (self.folder / f"{name}.py").write_text(marker)
@@ -126,8 +133,14 @@ class Fuzzer:
         for path in self.folder.iterdir():
             if path.suffix in (".yaml", ".yml", ".toml", ".step") or path.name == "parts.lock.json":
                 shutil.rmtree(path) if path.is_dir() and not path.is_symlink() else path.unlink()
-        for name, text in files.items():
+        if self.random.random() < 0.05:
+            files = {**files, "parts/arm.py": mutated_code(self.code, self.random)}
+        for name, text in {"parts/arm.py": self.code, **files}.items():
             (self.folder / name).write_bytes(text.encode("utf-8", "surrogatepass"))
+        if self.random.random() < 0.05:
+            name = self.random.choice(NAMES)
+            (self.folder / document).rename(self.folder / name)
+            document = name
         (self.folder / "z_link.yaml").symlink_to("/etc/hostname")
         (self.folder / "z_folder.yaml").mkdir()
         os.mkfifo(self.folder / "z_pipe.yaml")
@@ -164,11 +177,19 @@ class Fuzzer:
         found: list[Diagnostic] = []
         start = time.process_time()
         signal.setitimer(signal.ITIMER_PROF, HANG)
+        gone = self.random.random() < 0.02  # a working folder that somebody has deleted
+        if gone:
+            os.chdir(tempfile.mkdtemp())
+            os.rmdir(os.getcwd())
         self.watch.on = True
         try:
             found = without_code(str(self.folder / document), Options(), strict=False)
-            as_text(found)
-            json.dumps(as_json(found))
+            printed = [
+                as_text(found, debug=True), as_github(found, base="/"), as_sarif(found, base="/", version="1"),
+                json_text(json.dumps(as_json(found), ensure_ascii=False)),
+            ]
+            if not all(line.replace("\t", " ").isprintable() for text in printed for line in text.split("\n")):
+                fault = "hidden characters printed"
         except Hang:
             fault = "hang"
         except Exception as raised:
@@ -178,6 +199,8 @@ class Fuzzer:
             self.watch.on = False
             signal.setitimer(signal.ITIMER_PROF, 0.0)
         spent = time.process_time() - start
+        if gone:
+            os.chdir(self.home)
         if any(one.code.code == "TC899" for one in found):
             fault = "TC899"
         if self.watch.said:
@@ -202,7 +225,8 @@ class Fuzzer:
         for path in self.folder.iterdir():
             if path.is_file() and not path.is_symlink() and path.suffix in (".yaml", ".yml", ".toml", ".json"):
                 shutil.copy(path, place)
-        (place / "FAULT.txt").write_text(words)
+        shutil.copy(self.folder / "parts" / "arm.py", place)
+        (place / "FAULT.txt").write_text(words, errors="backslashreplace")
         return str(place)
 
     def close(self) -> None:

@@ -31,8 +31,26 @@ NASTY = [
     "{value: 1 mm, source: measured}", "{in: a.origin, xyz: 0 0 1 mm}", "{lower: 1 deg, upper: 0}", "{count: 99999999, as: i}",
     "{count: -1, as: i}", "0 0 0",
     "1 2 3 4", "[1, 2", "{joint: a, multiplier: 0}", "[1 mm, 2 deg, 3]", "'", "\"", "|", ">", "\t", "\r", "\x85", "\ufeff",
+    *(f'"{escape}"' for escape in (
+        r"q\e[31m:X", r"\e]0;x\a", r"a\0b.step", r"a\nb.yaml", r"\u202ea", r"\u200b", r"\x9b1m", r"\U000E0041", r"\r\n::error::x",
+        r"\u2028",
+    )),
+    "caf\udce9.yaml", "=cmd|' /C calc'!A0", "a" * 100_000, "`" * 3000,
 ]
 """What people and attackers write where something else is wanted."""
+
+NAMES = [
+    "caf\udce9.yaml", "a\nb.yaml", "\x1b[31m.yaml", "\u202ea.yaml", "-x.yaml", " .yaml", "$(id).yaml", "a\\.yaml", "'\".yaml",
+    "a:b,c%d.yaml",
+    "\u200b.toml", "x" * 200 + ".yaml",
+]
+"""What documents may be called on a file system; `\udce9` stands for a byte that is no UTF-8."""
+
+PATHS = [
+    "../x.yaml", "/etc/hostname", r'"a\0b.step"', r'"\e[31m.yaml"', *NAMES, "z_link.yaml", "z_pipe.yaml", "z_folder.yaml", "x.step",
+    "document.yaml",
+]
+"""What documents may call other files."""
 
 _VALUE = re.compile(r"(?<=: )[^\n{}\[\],#]+|(?<=\[)[^\n{}\[\],#]+|(?<=, )[^\n{}\[\],#]+")
 _WORD = re.compile(r"[A-Za-z_][A-Za-z0-9_.]*")
@@ -186,8 +204,17 @@ def mutated(text: str, choose: random.Random, donors: list[str]) -> str:
                 "1e-300"]) + text[place.end():]
         elif kind == 12 and (places := list(re.finditer(r"[\w./-]+\.(?:yaml|toml|step)", text))):
             place = choose.choice(places)
-            text = text[: place.start()] + choose.choice(["../x.yaml", "/etc/hostname", "z_link.yaml", "z_pipe.yaml", "z_folder.yaml",
-                "x.step", "document.yaml"]) + text[place.end():]
+            text = text[: place.start()] + choose.choice(PATHS) + text[place.end():]
+    return text
+
+
+def mutated_code(text: str, choose: random.Random) -> str:
+    """The text of a part file with one to three things changed: bytes, words, texts, nesting."""
+    for _ in range(choose.choice([1, 1, 2, 3])):
+        at = choose.randrange(len(text) + 1)
+        new = choose.choice(['"\\ud800"', "'\\0'", "\0", "\x1b[31m", "\u202e", '"\udce9"', "(" * 300, "def f(:", "\f", "\\", "'''", "0x",
+            "é = 1\n", "-" * 5000, "class Pen(Thing): pass\n", "import os\n", "from . import *\n", "x = " + "[" * 150 + "]" * 150 + "\n"])
+        text = text[:at] + new + text[at + choose.choice([0, 0, 1, 40]):]
     return text
 
 

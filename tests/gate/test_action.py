@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,12 @@ from gate.repository import commit, fork, git
 
 ROOT = Path(__file__).resolve().parents[2]
 BIN = Path(sys.executable).parent
+
+
+def steps() -> list[dict[str, Any]]:
+    """The steps of the action that run something of ours."""
+    action = yaml.safe_load((ROOT / "action.yml").read_text())
+    return [step for step in action["runs"]["steps"] if "run" in step and step["name"] != "Install thingc"]
 
 
 @dataclass
@@ -36,8 +42,8 @@ class Job:
     def run(self) -> Job:
         action = yaml.safe_load((ROOT / "action.yml").read_text())
         self.inputs = {name: given["default"] for name, given in action["inputs"].items()} | self.inputs
-        for step in action["runs"]["steps"]:
-            if "run" in step and step["name"] != "Install thingc" and self.wanted(step):
+        for step in steps():
+            if self.wanted(step):
                 self.step(step)
         return self
 
@@ -78,18 +84,18 @@ class Job:
         }
         done = subprocess.run(
             ["bash", "--noprofile", "--norc", "-eo", "pipefail", "-c", step["run"]], env=environment,
-            cwd=self.folder / self.filled(step["working-directory"]), capture_output=True, text=True,
+            cwd=self.folder / self.filled(step["working-directory"]), capture_output=True, text=True, errors="surrogateescape",
         )
         self.printed[step["name"]] = done.stdout + done.stderr
         if done.returncode:
             self.failed.append(step["name"])
-        self.outputs[step.get("id", step["name"])] = outputs(output.read_text())
+        self.outputs[step.get("id", step["name"])] = outputs(output.read_text(errors="replace"))
 
 
 def outputs(text: str) -> dict[str, str]:
     """The file of a step's outputs: `name=value`, and `name<<mark` with lines up to the mark."""
     found: dict[str, str] = {}
-    lines = iter(text.splitlines())
+    lines = iter(text.split("\n")[:-1])
     for line in lines:
         if "<<" in line.split("=")[0]:
             name, mark = line.split("<<")
@@ -187,15 +193,113 @@ def test_layout_is_asked_for(job: Job) -> None:
     assert "thingc fmt" in job.printed["Format"]
 
 
-def test_names_that_look_like_something_else(job: Job) -> None:
-    for name in ("--help.yaml", "a b.yaml", "$(touch stolen).yaml"):
-        shutil.copy(job.folder / "assemblies" / "end_effector.yaml", job.folder / "assemblies" / name)
+def commands(text: str) -> list[str]:
+    """What GitHub's runner takes for its commands in what a step prints: `::name ...::` at the beginning of a line, after spaces, and
+    `##[name]` anywhere (actions/runner, `ActionCommand.TryParseV2` and `TryParse`), but for what stands between `stop-commands` and
+    its token."""
+    found: list[str] = []
+    token = None
+    for line in re.split("\r\n|\n|\r", text):
+        match = re.match(r"\s*::([\w-]+)[^:]*::(.*)", line) or re.search(r"##\[([\w-]+)[^\]]*\](.*)", line)
+        if token is not None:
+            token = None if line.strip() == f"::{token}::" else token
+        elif match and match.group(1) == "stop-commands":
+            token = match.group(2)
+        elif match:
+            found.append(line)
+    assert token is None, "commands were stopped for good"
+    return found
+
+
+def test_the_runner_is_read_as_it_reads() -> None:
+    assert commands("a\n::error file=x::b\n  ::warning::c\nx ##[debug]d\n") == ["::error file=x::b", "  ::warning::c", "x ##[debug]d"]
+    assert commands("::stop-commands::k\n::error::b\n::x::\n::k::\n::notice::c") == ["::notice::c"]
+
+
+ODD = (
+    "--help.yaml", "::error::x.yaml", "##[error]x.yaml", "$(touch stolen).yaml", "a b'\".yaml", "-o.yaml", "--store=x.yaml",
+    "`touch stolen`.yaml", ";touch stolen;.yaml",
+    "a*.yaml", "?.yaml", "~.yaml",
+    "!x.yaml", "%0A.yaml", "&.yaml", "$IFS.yaml", "\\n.yaml", "#.yaml",
+    "é.yaml", "{a,b}.yaml", "<x>|y.yaml",
+)
+"""Names that a shell, a program or the runner could take for something else; they are good names of documents."""
+BUILT = ODD[:5]
+"""Those that are built, too: a build takes a second."""
+HIDDEN = (
+    b"a\nb.yaml", b"assemblies\n.yaml", b"\n::error::forged.yaml", b"x\r::error::forged.yaml", b"\x1b[31m.yaml", b"caf\xe9.yaml",
+    "\u202e.yaml".encode(), b"tab\t.yaml",
+)
+"""Names that no document may have."""
+
+
+def robots(job: Job, names: Sequence[str]) -> None:
+    """A small robot of each name, committed."""
+    for number, name in enumerate(names):
+        path = job.folder / "assemblies" / name
+        path.write_text(f"thingc: assembly/1\nname: robot_{number}\ncomponents:\n  base: {{frame: true, mass: 1 g}}\n")
     commit(job.folder, "odd names")
-    job.inputs = {"fmt": "false", "folder": "assemblies", "options": "--emit hag"}
+    job.inputs = {"folder": "assemblies", "options": "--emit bom"}
+
+
+def test_names_that_look_like_something_else(job: Job) -> None:
+    robots(job, ODD)
+    job.inputs["build"] = "false"
     job.run()
-    assert not (job.folder / "assemblies" / "stolen").exists()
-    assert sorted(job.outputs["touched"]["documents"].splitlines()) == ["$(touch stolen).yaml", "--help.yaml", "a b.yaml"]
-    assert job.failed in ([], ["Build"]), job.printed  # three assemblies of one name go to one folder
+    assert not job.failed, job.printed
+    assert not list(job.folder.rglob("stolen")) and not list(job.temp.rglob("stolen"))
+    assert sorted(job.outputs["touched"]["documents"].split("\n")) == sorted(ODD)
+    Path(job.outputs["touched"]["roots"]).write_text("".join(f"{name}\0" for name in BUILT))
+    job.step(next(step for step in steps() if step["name"] == "Build"))
+    assert not job.failed and not list(job.temp.rglob("stolen"))
+    assert job.outputs["build"]["built"].split("\n") == list(BUILT)
+    assert len(list((job.temp / "thingc-build").rglob("bom.csv"))) == len(BUILT)
+    assert [line for text in job.printed.values() for line in commands(text)] == []
+
+
+def test_names_that_nobody_can_read_are_refused_one_by_one(job: Job) -> None:
+    robots(job, ["good.yaml", *(os.fsdecode(name) for name in HIDDEN)])
+    job.run()
+    assert job.failed == ["Check"], job.printed
+    said = commands(job.printed["Check"])
+    assert len(said) == len(HIDDEN), "\n".join(said)
+    assert all(re.match(r"::error title=TC121::the file name ", line) and "forged" not in line.partition(" has ")[2] for line in said)
+    assert job.outputs["touched"]["documents"].split("\n").count("good.yaml") == 1
+    assert not any("forged" in line.partition("::error::")[0] for line in job.outputs["touched"]["documents"].split("\n"))
+    # were the check passed over, the build would refuse them all the same
+    Path(job.outputs["touched"]["roots"]).write_bytes(b"".join(name + b"\0" for name in (b"good.yaml", *HIDDEN[1:4])))
+    job.step(next(step for step in steps() if step["name"] == "Build"))
+    assert job.failed == ["Check", "Build"] and job.outputs["build"]["built"] == "good.yaml"
+
+
+def test_a_document_cannot_speak_to_the_runner(job: Job) -> None:
+    """What is not laid out well is shown as it is, between the lines of a difference."""
+    hostile = (
+        "thingc:   assembly/1\nname: x\n# ##[error]forged\ndescription: |\n ::stop-commands::x\n ::error::forged\n"
+        "components: {a: {frame: true}}\n"
+    )
+    (job.folder / "assemblies" / "##[warning]x.yaml").write_text(hostile)
+    commit(job.folder, "hostile")
+    job.inputs = {"folder": "assemblies"}
+    job.run()
+    assert job.failed == ["Check", "Format"] or job.failed == ["Format"], job.printed
+    assert "forged" in job.printed["Format"] and commands(job.printed["Format"]) == []
+    assert all(line.startswith("::error file=") for line in commands(job.printed["Check"]))
+
+
+@pytest.mark.parametrize("ref", [
+    "$(touch stolen)", "`touch stolen`", "; touch stolen", "--output=stolen", "-", "--all", "--", "main main", "main\nHEAD", "\n", "../..",
+    "HEAD^{/x}", "\x1b[31m", "@{u}", ":/arm", "main..branch", "caf\udce9", "'", '"', "*", "refs/heads/*", "-h", "--help",
+])
+def test_refs_that_look_like_something_else(job: Job, ref: str) -> None:
+    """The base of a pull request is GitHub's to say, but `since` is an input: it is a revision or a message, and nothing more."""
+    edit(job.folder, "assemblies/arm.yaml", "reach: {value: 100 mm", "reach: {value: 102 mm")
+    job.inputs = {"since": ref, "build": "false", "fmt": "false"}
+    job.run()
+    assert not list(job.folder.rglob("stolen")) and not list(job.temp.rglob("stolen"))
+    assert job.failed == (["What the change concerns"] if ref != ":/arm" else []), job.printed
+    assert commands(job.printed["What the change concerns"]) == []
+    assert "Traceback" not in job.printed["What the change concerns"]
 
 
 # --- pre-commit ------------------------------------------------------------------------------------------------------

@@ -84,6 +84,7 @@ def test_an_unchanged_document_answers_in_every_form(
     assert exit_code == 0 and list(forms.values()) == [["TC406"]] * 4
 
 
+@pytest.mark.defect
 def test_a_defect_is_told_in_the_form_that_was_asked_for(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
 ) -> None:

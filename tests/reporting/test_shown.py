@@ -45,15 +45,15 @@ def test_every_character_of_unicode_is_judged() -> None:
     for number in range(sys.maxunicode + 1):
         character = chr(number)
         category = unicodedata.category(character)
-        if category in ("Cc", "Cf", "Cs", "Zl", "Zp", "Cn") and character != "\t":
+        if category in ("Cc", "Cf", "Cs", "Zl", "Zp", "Cn"):
             assert shown(character).startswith("\\"), hex(number)
-        elif category[0] in "LNPS" and category != "Lo" or character in " \tあ漢אב":
+        elif category[0] in "LNPS" and category != "Lo" or character in " あ漢אב":
             assert shown(character) == character, hex(number)
 
 
 @given(st.text(alphabet=st.one_of(st.characters(), st.characters(categories=["Cs"]), st.sampled_from("".join(NEVER.values())))))
 def test_shown_text_is_one_printable_line(text: str) -> None:
-    assert shown(text).replace("\t", " ").isprintable()
+    assert shown(text).isprintable()
     assert shown(shown(text)) == shown(text)
 
 
@@ -131,3 +131,10 @@ def test_json_for_programs_has_the_exact_text(tmp_path: Path) -> None:
     (entry,) = json.loads(json_text(json.dumps(as_json([found]), ensure_ascii=False)))
     assert (entry["message"], entry["path"], entry["help"]) == (found.message, found.path, found.help)
     assert entry["file"].endswith("\x1b[31m\u202e.yaml")
+
+
+def test_a_tab_stays_in_a_code_frame_and_the_caret_goes_with_it(tmp_path: Path) -> None:
+    document = repository(tmp_path) / "work" / "tab.toml"
+    document.write_text("\t\u202ea = 1\n")
+    said = as_text([Diagnostic(code=Code.SYNTAX, severity=Severity.ERROR, message="a\tb", span=span(document, 1, 3, 4))])
+    assert said.startswith("error[TC103]: a\\tb\n") and "\n  1 | \t\\u202ea = 1\n    | \t      ^\n" in said

@@ -12,7 +12,7 @@ from typing import TextIO
 from thingc.diagnostics import Code, Diagnostic, Report, Severity
 from thingc.pipeline import Options
 from thingc.printing import as_json, as_text, summary
-from thingc.shown import json_text, shown
+from thingc.shown import json_text, shown, shown_line
 from thingc.slips import did_you_mean, file_meant
 
 USAGE = 2
@@ -185,6 +185,11 @@ def say(*lines: str, stream: TextIO | None = None) -> None:
     stream = stream or sys.stdout
     stream.write("".join(f"{shown(line)}\n" for line in lines))
     stream.flush()
+
+
+def say_lines_of_documents(lines: Iterable[str]) -> None:
+    """`say` for what stands in documents, where tabs stay."""
+    sys.stdout.write("".join(f"{shown_line(line)}\n" for line in lines))
 
 
 def hand_on(content: bytes | str) -> None:

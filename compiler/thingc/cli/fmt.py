@@ -117,8 +117,7 @@ def _one(path: str, arguments: argparse.Namespace, report: Report) -> bool:
 
 def _print_diff(path: str, before: bytes, after: bytes) -> None:
     old, new = (data.decode("utf-8-sig").splitlines(keepends=True) for data in (before, after))
-    for line in difflib.unified_diff(old, new, path, path):
-        common.say(line.rstrip("\r\n"))
+    common.say_lines_of_documents(line.rstrip("\r\n") for line in difflib.unified_diff(old, new, path, path))
 
 
 def _standard_input(arguments: argparse.Namespace) -> int:

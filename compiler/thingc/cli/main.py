@@ -6,6 +6,7 @@ import argparse
 import importlib
 import io
 import os
+import re
 import sys
 from collections.abc import Sequence
 from typing import NoReturn
@@ -85,6 +86,9 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
         from thingc.slips import did_you_mean
 
         raise WrongUsage(f"there is no command `{command}`", did_you_mean(command, COMMANDS, what="commands"))
+    empty = next((word for word in words if re.fullmatch(r"-\w--|--[\w-]+=--", word)), None)
+    if empty is not None:  # argparse would hand on a list
+        raise WrongUsage(f"`{empty}`: expected a value, found `--`", "write `./--` for a file or folder of that name")
     parser, own = parser_for(command)
     try:
         options, unknown = parser.parse_known_args(words)

@@ -124,5 +124,4 @@ def _print_diff(texts: Mapping[str, bytes], disk: _Disk) -> None:
     for file, data in sorted(texts.items()):
         name = shown_path(file)
         old, new = (one.decode("utf-8-sig").splitlines() for one in (disk.read(file) or b"", data))
-        for line in difflib.unified_diff(old, new, name, name, lineterm=""):
-            common.say(line)
+        common.say_lines_of_documents(difflib.unified_diff(old, new, name, name, lineterm=""))

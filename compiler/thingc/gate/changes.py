@@ -23,11 +23,13 @@ def changed_since(revision: str, folder: str) -> list[str]:
 
 
 def _git(folder: str, *words: str) -> str:
+    if any("\0" in word for word in words):
+        raise NotARepository("a revision has no NUL in its name")
     try:
-        done = subprocess.run(["git", *words], cwd=folder, capture_output=True, text=True, errors="surrogateescape")
+        done = subprocess.run(["git", *words], cwd=folder, capture_output=True)
     except FileNotFoundError as fault:
         raise NotARepository("git is not installed here") from fault
     if done.returncode != 0:
-        said = done.stderr.strip().splitlines()
+        said = os.fsdecode(done.stderr).strip().splitlines()
         raise NotARepository(said[0] if said else f"git {words[0]} found nothing in common with it")
-    return done.stdout
+    return os.fsdecode(done.stdout)  # as it is: a name may hold a carriage return

@@ -36,9 +36,9 @@ def not_python(sources: Sources, packages: Sequence[str]) -> list[PartFailure]:
             continue
         try:
             with open(source.module.file, "rb") as stream:
-                ast.parse(stream.read())
-        except (SyntaxError, ValueError) as fault:
-            words, line = (fault.msg, fault.lineno) if isinstance(fault, SyntaxError) else (str(fault), None)
+                ast.parse(stream.read(), source.module.file)
+        except (SyntaxError, ValueError, RecursionError, MemoryError) as fault:
+            words, line = (fault.msg, fault.lineno) if isinstance(fault, SyntaxError) else (str(fault) or "too deeply nested", None)
             failures.append(PartFailure(
                 subject=module, kind="raised", message=f"{type(fault).__name__}: {words}", file=source.module.file, line=line,
             ))

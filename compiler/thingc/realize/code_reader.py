@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import hashlib
+import os
 from typing import Any
 
 from thingc.realize.code_facts import FileFacts, Import, Unit
@@ -23,6 +24,8 @@ TELLING = frozenset({
 """Attributes by which code looks at docstrings or lines."""
 
 UNSURE_CHAINS = ("sys.modules", "sys._getframe", "inspect.currentframe", "inspect.stack", "builtins")
+NOWHERE = os.devnull
+"""The file that Python is told: it looks for the faulty line in it, and by default that is a file `<unknown>` of the working folder."""
 _FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 _SKIPPED_FIELDS = frozenset({"ctx", "type_comment", "kind", "type_ignores"})
 
@@ -30,7 +33,7 @@ _SKIPPED_FIELDS = frozenset({"ctx", "type_comment", "kind", "type_ignores"})
 def read_facts(source: bytes) -> FileFacts:
     """The facts of a source file."""
     try:
-        tree = ast.parse(source)
+        tree = ast.parse(source, NOWHERE)
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         return FileFacts(units=(), digest=hashlib.sha256(source).hexdigest(), exported=None, broken=True)
     try:
@@ -396,8 +399,8 @@ class _Reader:
         self.telling = self.telling or isinstance(node.value, str) and node.value in TELLING
         if self.annotation and isinstance(node.value, str) and len(node.value) < 200:
             try:
-                written = ast.parse(node.value, mode="eval")
-            except (SyntaxError, ValueError):
+                written = ast.parse(node.value, NOWHERE, "eval")
+            except (SyntaxError, ValueError, RecursionError, MemoryError):
                 return
             for part in ast.walk(written):
                 if isinstance(part, ast.Name):
