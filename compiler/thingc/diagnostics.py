@@ -164,6 +164,7 @@ class Code(Enum):
     HEIGHT = ("TC606", "a height that is said twice", "Let `on: floor` say how high the robot is, or write it; not both.")
     STANDING = ("TC608", "a mode that cannot stand so", "Let a mode with a free base stand on mounts that nothing else holds, each once.")
     NOTHING_TOUCHES = ("TC607", "nothing that could touch the floor", "Give a part a `collision` shape, or write where the root is.")
+    START_BELOW = ("TC610", "mode that starts under the floor", "Raise the root: `at: {xyz: ...}`, or `at: {on: floor}`.", Stage.BUILD)
     # --- TC65x: tests of the document (thingc test) ----------------------------------------------------------------
     TEST_MASS = ("TC651", "mass outside its bounds", "Change what weighs too much or too little, or the bound.")
     TEST_CENTRE = ("TC652", "centre of mass outside its box", "Move what is heavy, or widen the box.")

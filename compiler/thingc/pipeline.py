@@ -323,7 +323,7 @@ class Compilation:
         from thingc.graph import link
         from thingc.realize.outline import outline
         from thingc.resolve import part_definitions, resolve, resolve_materials
-        from thingc.robot import root, stand
+        from thingc.robot import check_starts, root, stand
 
         front = self.front
         front.read(kinds)
@@ -348,9 +348,12 @@ class Compilation:
         linked = link(model, records, report, front.memo)
         if linked is None:
             return
-        self.assembly = stand(linked, None if self.options.lock else partial(outline, self.store), report, front.memo)
+        corners = None if self.options.lock else partial(outline, self.store)
+        self.assembly = stand(linked, corners, report, front.memo)
         robots = [root(self.assembly, mode, report, front.memo) for mode in self.assembly.modes if not modes or mode.name in modes]
         self.robots = tuple(robot for robot in robots if robot is not None)
+        if not self._lent and not report.failed:
+            check_starts(self.robots, corners, report, front.memo)
 
     def say_unneeded(self, stages: Collection[Stage]) -> None:
         """Say which allowances nothing has needed, after all of these stages; only where nothing is set, for other values may need

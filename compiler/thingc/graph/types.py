@@ -262,6 +262,7 @@ class LinkedMode(Brief):
     cut: tuple[Cut, ...] = ()
     feet: tuple[Foot, ...] = ()
     on_floor: bool = False
+    stated: bool = True
     at_in: dict[str, Pose] = field(default_factory=dict)
 
 

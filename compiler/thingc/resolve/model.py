@@ -298,7 +298,7 @@ class Mode(Brief):
 
     `at` is the world side's pose, of a mode that is `on_floor` but for its height, which is 0 here; `gravity` [m/s^2] in the world
     frame; `poses` in keyframe order, the mode's own `pose` first; `actuators` joint paths, None for all; `exclude` pairs of component
-    references; `adhesion` [N] per mount.
+    references; `adhesion` [N] per mount. The mode of a document that states none is not `stated`.
     """
 
     name: str
@@ -317,6 +317,7 @@ class Mode(Brief):
     cut: tuple[Cut, ...] = ()
     on_floor: bool = False
     standing: Standing | None = None
+    stated: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -39,7 +39,7 @@ def modes(table: Table, scope: Scope) -> tuple[Mode, ...]:
         return (Mode(
             name="default", root=Reference(path=(table.base,), mount=None, origin=origin), base="fixed", at=NO_POSE,
             gravity=GRAVITY["floor"], pose=None, poses=tuple(table.poses), actuators=None, exclude=(), adhesion=(), simulation={},
-            origin=origin,
+            origin=origin, stated=False,
         ),)
     circular = _circular(scope, spec.modes)
     made: list[Mode] = []

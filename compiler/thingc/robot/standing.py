@@ -94,7 +94,7 @@ def _lowest(
     meshes: list[tuple[float, int, int, Mesh]] = []
     for number, (part, pose) in enumerate(parts):
         box = part.record.box if part.record is not None else None
-        low = math.inf if box is None else pose.translation[2] + _of_box(box, pose.rotation[2])
+        low = math.inf if box is None else pose.translation[2] + of_box(box, pose.rotation[2])
         if outline is None:
             lowest = min(lowest, low if part.overrides.collision != "none" else math.inf)
             continue
@@ -110,21 +110,24 @@ def _lowest(
         if under >= lowest or outline is None:
             break
         part, pose = parts[number]
-        points = memo(("outline", part.path, index), partial(_vertices, outline, mesh), mesh.sha256)
-        lowest = min(lowest, pose.translation[2] + memo(("lowest", *place, part.path, index), _of_points, points, pose.rotation[2]))
+        points = memo(("outline", part.path, index), partial(vertices, outline, mesh), mesh.sha256)
+        lowest = min(lowest, pose.translation[2] + memo(("lowest", *place, part.path, index), of_points, points, pose.rotation[2]))
     return lowest
 
 
-def _vertices(outline: Outline, mesh: Mesh, sha256: str) -> Sequence[Vector]:
+def vertices(outline: Outline, mesh: Mesh, sha256: str) -> Sequence[Vector]:
+    """The vertices of a mesh, by its digest: for a `Memo`."""
     return outline(mesh)
 
 
-def _of_points(points: Sequence[Vector], down: Vector) -> float:
+def of_points(points: Sequence[Vector], down: Vector) -> float:
+    """The least of `down` times x [m] over points x."""
     x, y, z = down
     return min(x * a + y * b + z * c for a, b, c in points)
 
 
-def _of_box(box: tuple[Vector, Vector], down: Vector) -> float:
+def of_box(box: tuple[Vector, Vector], down: Vector) -> float:
+    """The same over the points of a box."""
     return sum(min(component * low, component * high) for component, low, high in zip(down, *box, strict=True))
 
 

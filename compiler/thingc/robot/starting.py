@@ -1,0 +1,114 @@
+"""Where a mode starts: whether parts that are seen lie under the plane of its scene, which is z = 0 of the world."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from functools import partial
+
+from thingc.diagnostics import Code, Note, Report, meant_so
+from thingc.graph.types import Assembly, Link, LinkedMode, Occurrence
+from thingc.memo import Memo
+from thingc.pose import Pose, Vector
+from thingc.robot.kinematics import body_poses
+from thingc.robot.standing import Outline, of_box, of_points, vertices
+from thingc.robot.types import Robot
+from thingc.units import LENGTH, Quantity
+
+Box = tuple[Vector, Vector]
+"""Two corners [m], the lower one first."""
+
+DEEP = 0.5e-3
+"""[m] How far under the plane a part may start: soles are pressed on by less."""
+
+
+def check_starts(robots: Sequence[Robot], outline: Outline | None, report: Report, memo: Memo) -> None:
+    """A warning for each mode that starts with a part under the plane; modes that start alike (they differ in gravity, say) share one.
+    A document without modes does not say where its robot is, and of one that is `on: floor` it has been worked out. The root of a
+    `fixed` or `held` base may reach into the ground that it is bolted to, unless all of it lies there.
+
+    Without an `outline` (the vertices of a mesh) parts are looked at by their boxes: then it is said what is certain, that something
+    touches every side of a box.
+    """
+    spheres = [_sphere(link, robots[0].assembly) for link in robots[0].assembly.links] if robots else []
+    alike: dict[tuple[int, float], list[Robot]] = {}
+    for robot in robots:
+        if robot.mode.stated and not robot.mode.on_floor:
+            deepest = min(_lowest(robot, spheres, outline, memo), default=None)
+            if deepest is not None and deepest[0] < -DEEP:
+                alike.setdefault((deepest[1], round(-deepest[0], 6)), []).append(robot)
+    for (number, depth), found in alike.items():
+        others = [robot.mode.name for robot in found[1:]]
+        _warn(found[0].mode, others, found[0].assembly.occurrences[number], depth, outline is None, report)
+
+
+def _warn(mode: LinkedMode, others: Sequence[str], part: Occurrence, depth: float, bound: bool, report: Report) -> None:
+    height = mode.at.translation[2]
+    shown = Quantity(float(f"{depth:.3g}"), LENGTH)
+    raised = Quantity(float(f"{height + math.ceil(1e4 * depth) / 1e4:.6g}"), LENGTH)
+    help = f"write for example `at: {{xyz: 0 0 {raised}}}`, or let it stand: `at: {{on: floor}}`"
+    if height < 0.0:
+        help = f"`at` is at z = {Quantity(height, LENGTH)}, probably with a sign too many"
+    notes = [Note(message=f"`{part.path}` is here", span=part.origin[0])] if part.origin else []
+    if others:
+        notes.append(Note(message=f"so {'does' if len(others) == 1 else 'do'} mode{'' if len(others) == 1 else 's'} "
+                          + ", ".join(f"`{name}`" for name in others)))
+    report.warn(
+        Code.START_BELOW,
+        f"mode `{mode.name}` starts with `{part.path}` {'at least ' if bound else ''}{shown} under the plane z = 0 of its scene",
+        mode.origin, path=mode.name, help=f"{help}; {meant_so(Code.START_BELOW)}", notes=notes,
+    )
+
+
+def _lowest(robot: Robot, spheres: Sequence[float], outline: Outline | None, memo: Memo) -> Iterator[tuple[float, int]]:
+    """The lowest z [m] of every part that may lie under the plane where the mode starts, with the part's number."""
+    assembly, name = robot.assembly, robot.mode.pose
+    frame = next((frame for frame in robot.keyframes if frame.name == name), None)
+    placed = body_poses(robot, frame.q if frame is not None else {}, frame.base if frame is not None else None)
+    for body, at in zip(robot.bodies, placed, strict=True):
+        if at.translation[2] - spheres[body.link] > -DEEP:
+            continue
+        seen = list(_seen(assembly, assembly.links[body.link], at))
+        if body.parent is None and robot.base != "free" and any(_top(box, pose) > -DEEP for _, box, pose in seen):
+            continue  # what is bolted to the ground may reach into it
+        for part, box, pose in seen:
+            if pose.translation[2] + of_box(box, pose.rotation[2]) > -DEEP:
+                continue
+            hull = part.record.meshes.get("hull") if outline is not None and part.record is not None else None
+            if outline is None or hull is None:
+                yield pose.translation[2] + _certain(box, pose.rotation[2]), part.index
+            else:
+                points = memo(("hull", part.path), partial(vertices, outline, hull), hull.sha256)
+                yield pose.translation[2] + of_points(points, pose.rotation[2]), part.index
+
+
+def _seen(assembly: Assembly, link: Link, at: Pose) -> Iterator[tuple[Occurrence, Box, Pose]]:
+    """The parts of a link that are drawn, with their boxes and their poses in the world."""
+    for member, inner in zip(link.members, link.poses, strict=True):
+        part = assembly.occurrences[member]
+        if part.record is not None and part.record.exact and part.record.box is not None and part.overrides.visual:
+            yield part, part.record.box, at @ inner
+
+
+def _top(box: Box, pose: Pose) -> float:
+    """The highest z [m] that something in a box can have."""
+    x, y, z = pose.rotation[2]
+    return pose.translation[2] - of_box(box, (-x, -y, -z))
+
+
+def _certain(box: Box, down: Vector) -> float:
+    """The lowest that is certain of a part in a box, which it touches on every side: on each side the point that it touches is no
+    higher than the highest of that side."""
+    highest = [max(component * low, component * high) for component, low, high in zip(down, *box, strict=True)]
+    return min(sum(highest) - highest[axis] + down[axis] * side[axis] for axis in range(3) for side in box)
+
+
+def _sphere(link: Link, assembly: Assembly) -> float:
+    """A radius [m] around the origin of a link within which all of its parts lie."""
+    reach = 0.0
+    for member, pose in zip(link.members, link.poses, strict=True):
+        record = assembly.occurrences[member].record
+        if record is not None and record.box is not None:
+            corner = math.hypot(*(max(abs(low), abs(high)) for low, high in zip(*record.box, strict=True)))
+            reach = max(reach, math.hypot(*pose.translation) + corner)
+    return reach
