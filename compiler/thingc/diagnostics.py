@@ -52,7 +52,7 @@ class Code(Enum):
     ALIAS = ("TC107", "a YAML alias or merge key that cannot be followed", "Define the anchor first; write merged keys out.")
     TOO_LARGE = ("TC108", "a bound is exceeded", "Split the document: 10 MB, 100 levels, 10 000 nodes from aliases.")
     NOT_FINITE = ("TC109", "a number that is not finite", "Write a finite number, or leave the key out.")
-    EXPRESSION_COMMA = ("TC110", "an unquoted comma cuts an expression", "Put the expression in quotes.")
+    EXPRESSION_COMMA = ("TC110", "an unquoted comma cuts a value", "Put an expression in quotes, and the three values of a vector in `[]`.")
     HEADER = ("TC111", "the kind or version of a document is missing or unknown", "Begin with `thingc: assembly/1` or another kind.")
     WRONG_KIND = ("TC112", "a document of another kind is wanted here", "Name a document of the right kind.")
     MISSING_FILE = ("TC113", "a file that a document names is not there", "Paths are relative to the document that names them.")

@@ -7,6 +7,7 @@ line of the parent document that nested it, and so on).
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Union
@@ -167,6 +168,11 @@ class Document:
     sha256: str
     text: str = field(repr=False)
     _spans: dict[tuple[Path, bool], Span] = field(default_factory=dict, init=False, compare=False, repr=False)
+
+    def line(self, number: int) -> str:
+        """A line of the text, counted from 1; empty behind the last one."""
+        lines = re.split(r"\r\n|\r|\n", self.text)
+        return lines[number - 1] if number <= len(lines) else ""
 
     def span(self, path: Path = (), *, key: bool = False) -> Span:
         """The span at `path` in this document, see `span_at`."""

@@ -410,6 +410,7 @@ def parse_vector(text: str) -> tuple[Quantity, Quantity, Quantity]:
     if not numbers:
         raise UnitError(f"expected three numbers and a unit, found `{shortened(text.strip())}`", help=how)
     if len(numbers) != 3:
+        how = _separated(text) or how
         raise UnitError(f"expected three numbers and a unit, found {count} (`{shortened(text.strip())}`)", help=how)
     unit: Unit = (1, 1, NUMBER)
     if at < len(text):
@@ -421,6 +422,15 @@ def parse_vector(text: str) -> tuple[Quantity, Quantity, Quantity]:
             )
     x, y, z = (Quantity(converted(number, unit), unit[2]) for number in numbers)
     return x, y, z
+
+
+def _separated(text: str) -> str | None:
+    """A hint for three values with commas or units between them."""
+    pieces = [piece.strip() for piece in text.split(",")]
+    if len(pieces) == 3 and all(scan_number(piece) for piece in pieces):
+        return f"write `[{shortened(', '.join(pieces))}]`"
+    values = re.fullmatch(rf"\s*({_NUMBER.pattern})\s*([^\W\d]+)\s+({_NUMBER.pattern})\s*\2\s+({_NUMBER.pattern})\s*\2\s*", text)
+    return f"write `{values.group(1)} {values.group(3)} {values.group(4)} {values.group(2)}`" if values is not None else None
 
 
 def checked(quantity: Quantity, expected: tuple[Dimension, ...], text: str) -> Quantity:

@@ -145,6 +145,29 @@ def test_a_density_without_a_unit(tmp_path: Path, written: str, mended: str | No
     assert f"density: {mended or written}}}" in file.read_text()
 
 
+@pytest.mark.parametrize(("right", "wrong"), [
+    ("limit: {lower: 0, upper:", "limit: {min: 0, max:"), ("type: prismatic", "type: slider"),
+    ("collision: hull", "collision: convex_hull"),
+    ("xyz: 0 0 4 mm", "pos: 0 0 4 mm"), ("make: buy", "make: bought"), ("at: {in: lever.origin}", "at: {frame: lever.origin}"),
+    ("side: {xyz: [4 mm, 0, 0]}", "side: {xyz: 4 mm, 0, 0}"),
+])
+def test_words_of_elsewhere_are_mended(tmp_path: Path, right: str, wrong: str) -> None:
+    slip = ROBOT.replace(right, wrong, 1)
+    assert slip != ROBOT
+    assert fixed(tmp_path, slip) == (0, ROBOT)
+
+
+@pytest.mark.parametrize(("written", "mended"), [
+    ("long * 0.8", "=long * 0.8"), ("long", "=long"), ('"${long * 0.8}"', '"=long * 0.8"'), ('"{{ long }}"', '"=long"'),
+    ("=long * 0.8 mm", None), ("short * 0.8", None),
+])
+def test_an_expression_without_its_sign_where_a_text_may_stand(tmp_path: Path, written: str, mended: str | None) -> None:
+    """What takes the parameter knows that it is a length, and which names there are."""
+    (tmp_path / "leg.yaml").write_text(ROBOT)
+    nest = "thingc: assembly/1\nname: nest\nparameters: {long: 100 mm}\ncomponents:\n  leg: {assembly: leg.yaml, parameters: {reach: X}}\n"
+    assert fixed(tmp_path, nest.replace("X", written)) == (1 if mended is None else 0, nest.replace("X", mended or written))
+
+
 def test_what_hides_behind_a_fault_is_mended_in_the_same_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     slip = ROBOT.replace("components:", "componets:").replace("frame: true, mass", "frme: true, mass").replace("plate.side", "palte.side")
     slip = slip.replace("gap: 1.5 mm", "gap: 1.5")

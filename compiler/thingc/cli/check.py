@@ -18,7 +18,7 @@ EPILOG = """\
 Every key, name, unit, reference, limit and mass of the document and of those it uses, for every mode. Parts are looked
 up in the store; those that are not there are modelled first (in a worker of its own).
 
-  thingc check assemblies/*.yaml
+  thingc check assemblies                                every document below a folder
   thingc check robot.yaml --fix                          mend misspelt names, units and the like
   thingc check robot.yaml --format json | jq '.diagnostics[].message'
   thingc check assemblies/*.yaml --format github         annotations of a pull request
@@ -57,6 +57,9 @@ def run(arguments: argparse.Namespace) -> int:
         options = common.options_of(arguments)
         trusted = arguments.touched and not arguments.no_code
         documents = concerned(arguments.document, arguments.store) if trusted else arguments.document
+        folders = not arguments.touched and any(os.path.isdir(word) for word in arguments.document)
+        if folders:
+            documents = common.expanded(documents)
     except common.WrongCommandLine as fault:
         return _answer(arguments, [fault.diagnostic], [])
     if arguments.fix or arguments.diff:
@@ -64,16 +67,16 @@ def run(arguments: argparse.Namespace) -> int:
 
         return run_fix(arguments, documents, options)
     if arguments.no_code:
-        return _answer(arguments, *_untrusted(arguments, options))
+        return _answer(arguments, *_untrusted(arguments, documents, options), of=len(documents) if folders else None)
     for document in common.present(documents, found):
         said = check(document, options, strict=arguments.strict)
         found.extend(d for d in said if d not in found)
         if not said:
             good.append(document)
-    return _answer(arguments, found, good)
+    return _answer(arguments, found, good, of=len(documents) if folders else None)
 
 
-def _untrusted(arguments: argparse.Namespace, options: Options) -> tuple[list[Diagnostic], list[str]]:
+def _untrusted(arguments: argparse.Namespace, documents: Sequence[str], options: Options) -> tuple[list[Diagnostic], list[str]]:
     """The findings, and the documents without any, of documents that nobody trusts: each is looked at in a process of its own."""
     from thingc.cli.confined import confined
 
@@ -87,11 +90,11 @@ def _untrusted(arguments: argparse.Namespace, options: Options) -> tuple[list[Di
         seconds = common.time_of("--time-limit", arguments.time_limit)
     except common.WrongCommandLine as fault:
         return [fault.diagnostic], []
-    documents = arguments.document
     if arguments.touched:
-        documents = confined(partial(_concerned_without_code, arguments.document), seconds)
-        if isinstance(documents, Diagnostic):
-            return [documents], []
+        names = confined(partial(_concerned_without_code, documents), seconds)
+        if isinstance(names, Diagnostic):
+            return [names], []
+        documents = names
     for document in common.present(documents, found):
         answer = confined(partial(_packed, document, options, arguments.strict), seconds)
         said = [replace(answer, path=document)] if isinstance(answer, Diagnostic) else [stamp.unpacked(one) for one in answer]
@@ -124,11 +127,14 @@ def concerned(files: Sequence[str], store: str | None) -> list[str]:
     return [shown_path(path) for path in documents(files, store=store)]
 
 
-def _answer(arguments: argparse.Namespace, found: list[Diagnostic], good: list[str]) -> int:
+def _answer(arguments: argparse.Namespace, found: list[Diagnostic], good: list[str], of: int | None = None) -> int:
+    """Print what was found; `of` is how many documents were found in folders that were named."""
     common.print_found(found, arguments.format, stream=sys.stdout, debug=arguments.debug)
     if arguments.format == "text":
         for document in good:
             common.say(f"{document}: ok")
+        if of is not None:
+            common.say(f"{common.counted(of, 'document')} checked, {'all' if len(good) == of else len(good)} ok")
     return common.exit_code(found)
 
 

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TextIO
 
-from thingc.diagnostics import Code, Diagnostic, Report, Severity
+from thingc.diagnostics import Code, Diagnostic, Report, Severity, shown_path
 from thingc.pipeline import Options
 from thingc.printing import as_json, as_text, summary
 from thingc.shown import json_text, shown, shown_line
@@ -32,7 +32,8 @@ def add_document(parser: argparse.ArgumentParser, *, many: bool = False) -> None
     """The DOC argument."""
     parser.add_argument(
         "document", metavar="DOC", nargs="+" if many else None,
-        help="an assembly, materials or variants document (YAML or TOML)" if many else "an assembly document (YAML or TOML)",
+        help="an assembly, materials or variants document (YAML or TOML), or a folder with all documents below it" if many
+        else "an assembly document (YAML or TOML)",
     )
 
 
@@ -156,6 +157,25 @@ def require_document(path: str) -> None:
         raise WrongCommandLine(f"`{path}` is no file that can be read again", "name a document that is a file", Code.NO_DOCUMENT)
     message = f"`{path}` is no document ({', '.join(DOCUMENT_SUFFIXES)})" if is_file else f"there is no document `{path}`"
     raise WrongCommandLine(message, file_meant(path, near, what="documents"), Code.NO_DOCUMENT)
+
+
+def expanded(words: Iterable[str]) -> list[str]:
+    """Documents as the command line names them, each once: a folder stands for all documents below it. Raises `WrongCommandLine` for a
+    folder that has none."""
+    from thingc.load.finding import documents_in
+
+    found: dict[str, str] = {}
+    for word in words:
+        inside = [word]
+        if os.path.isdir(word):
+            inside = [path if os.path.isabs(word) else shown_path(path) for path in documents_in(word)]
+            if not inside:
+                raise WrongCommandLine(
+                    f"there is no document below `{word}`", "a document begins with `thingc: assembly/1` or another kind", Code.NO_DOCUMENT,
+                )
+        for path in inside:
+            found.setdefault(os.path.realpath(path), path)
+    return list(found.values())
 
 
 def present(documents: Iterable[str], found: list[Diagnostic]) -> Iterator[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from dataclasses import replace
 
 from thingc.expressions.terms import (
@@ -19,8 +20,8 @@ from thingc.expressions.terms import (
     Term,
     Unary,
 )
-from thingc.slips import did_you_mean
-from thingc.units import MAX_TEXT, NUMBER, UNITS, Quantity, UnitError, converted, scan_number, scan_unit
+from thingc.slips import Hint, did_you_mean
+from thingc.units import MAX_TEXT, NUMBER, UNITS, Quantity, UnitError, converted, scan_number, scan_unit, shortened
 
 
 def parse_expression(text: str, *, dotted: bool = False) -> Expression:
@@ -223,3 +224,22 @@ class _Parser:
                 f"`{name}` takes {count} argument{'' if count == '1' else 's'}, found {len(arguments)}", offset, self.at,
             )
         return Call(function=name, arguments=tuple(arguments), offset=offset, end=self.at)
+
+
+_MARKED = re.compile(r"(?:\$\{|\{\{|\$\(|#\{|<%=?)\s*(.*?)\s*(?:\}\}?|\)|%>)|\$([A-Za-z]\w*)")
+"""How other languages mark an expression in a text: xacro, shells, templates."""
+
+
+def expression_hint(text: str, names: Collection[str] | None = None) -> Hint | None:
+    """A hint where somebody wrote an expression without its `=`, or marked it as other languages do; None where it is none, or uses
+    other names than `names`."""
+    text = text.strip()
+    marked = _MARKED.fullmatch(text)
+    inside = (marked.group(1) or marked.group(2) or "") if marked is not None else text
+    try:
+        found = parse_expression(f"={inside}")
+    except ExpressionError:
+        return None
+    if names is not None and any(use.name not in names for use in found.names):
+        return None
+    return Hint(f"an expression begins with `=`: `={shortened(inside)}`", (text, f"={inside}") if "\n" not in text else None)

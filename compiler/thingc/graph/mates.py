@@ -70,6 +70,16 @@ def _jointed(tree: Tree, instance: Instance, joint: Joint, findings: Findings, m
         findings.leave_out()
     if child is None or parent is None or kind is None:
         return
+    if joint.child.path[:1] == joint.parent.path[:1] and not joint.loop:  # a loop may close between two parts of one nested assembly
+        findings.leave_out()
+        findings.error(
+            Code.PLACED_ON_ITSELF,
+            f"joint `{joint.name}` connects `{joint.child.path[0]}` with itself: its mounts are `{joint.parent.text}` and "
+            f"`{joint.child.text}`",
+            joint.parent.origin + instance.origin, path=instance.within(joint.name), help="name mounts of two components",
+            notes=noted("the child", joint.child.origin),
+        )
+        return
     edge = joint_edge(tree, instance, joint, kind, findings) if kind.moves else None
     path = instance.within(joint.name)
     origin = joint.origin + instance.origin
@@ -119,7 +129,7 @@ def _stands_on(definition: AssemblyDefinition) -> dict[str, tuple[str, Origin]]:
     for joint in definition.joints:
         if joint.child.path and joint.parent.path and not joint.loop:
             stands.setdefault(joint.child.path[0], (joint.parent.path[0], joint.origin))
-    return {name: on for name, on in stands.items() if name in names and on[0] in names}
+    return {name: on for name, on in stands.items() if name in names and on[0] in names and on[0] != name}
 
 
 def _check_circles(instance: Instance, definition: AssemblyDefinition, findings: Findings) -> None:
@@ -131,6 +141,7 @@ def _check_circles(instance: Instance, definition: AssemblyDefinition, findings:
         findings.leave_out()
         return
     stands = _stands_on(definition)
+    jointed = {joint.child.path[0] for joint in definition.joints if joint.child.path}
     order = {component.name: number for number, component in enumerate(definition.components)}
     settled: set[str] = set()
     for start in stands:
@@ -152,7 +163,10 @@ def _check_circles(instance: Instance, definition: AssemblyDefinition, findings:
         findings.leave_out()
         findings.error(
             Code.PLACEMENT_CIRCLE, f"components placed in a circle: {hops}", stands[circle[0]][1] + instance.origin,
-            path=instance.within(circle[0]), help="place one of them on a component outside of the circle",
+            path=instance.within(circle[0]),
+            help="place one of them on a component outside of the circle" + (
+                "; or, where a joint of it closes a loop, write `loop: true` in that" if jointed & set(circle) else ""
+            ),
             notes=[note for member in circle[1:MAX_CIRCLE] for note in noted(f"`{member}` is placed here", stands[member][1])],
         )
 

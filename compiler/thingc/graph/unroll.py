@@ -15,7 +15,7 @@ from thingc.graph.leaves import Leaf, Leaves
 from thingc.graph.types import MountFrame
 from thingc.pose import Pose
 from thingc.resolve.model import COUNTED, AssemblyDefinition, Component, Reference
-from thingc.slips import did_you_mean
+from thingc.slips import did_you_mean, meant
 from thingc.source import Origin
 
 
@@ -151,7 +151,7 @@ class Tree:
         """The mount that `reference` names, read in the document of `instance`; None where it is wrong (reported)."""
         found: Found | Instance | _Fault = self._walk(instance, reference.path)
         if isinstance(found, Instance):
-            found = self._mount(found, reference.mount or "origin", ".".join(reference.path))
+            found = self._mount(found, reference.mount or "origin", ".".join(reference.path), instance)
         if isinstance(found, Found):
             return found
         self._say(found, reference, instance)
@@ -190,8 +190,8 @@ class Tree:
             instance = child
         return instance
 
-    def _mount(self, instance: Instance, name: str, shown: str) -> Found | _Fault:
-        """A mount by name: of a part, of an assembly (exported or added), or `origin`. `shown` names the instance.
+    def _mount(self, instance: Instance, name: str, shown: str, document: Instance) -> Found | _Fault:
+        """A mount by name: of a part, of an assembly (exported or added), or `origin`. `shown` names the instance, as `document` does.
 
         What is wrong with an exported mount is said of the line that exports it, not of those that use it.
         """
@@ -226,7 +226,7 @@ class Tree:
                 added = component.mounts if component is not None else {}
                 return _Fault(
                     code=Code.UNKNOWN_MOUNT, message=f"{_owner(instance, shown)} shows no mount `{name}`",
-                    help=did_you_mean(name, [*definition.mounts, *added, "origin"], what="mounts"), notes=_shown_by(definition),
+                    help=_mount_help(name, [*definition.mounts, *added, "origin"], document), notes=_shown_by(definition),
                 )
         leaf = instance.leaf
         if leaf is None or instance.index is None:
@@ -237,9 +237,21 @@ class Tree:
             return _SILENT
         return _Fault(
             code=Code.UNKNOWN_MOUNT, message=f"{_owner(instance, shown)} has no mount `{name}`",
-            help=did_you_mean(name, leaf.mounts, what="mounts"),
+            help=_mount_help(name, leaf.mounts, document),
             notes=written_at(f"`{leaf.definition.text}`", leaf.record.code) if leaf.record is not None else (),
         )
+
+
+def _mount_help(name: str, mounts: Collection[str], document: Instance) -> str:
+    """A hint for a mount that a component has not: a list goes by its numbers, a slip by its letters, and some other component of the
+    document may have a mount of just this name."""
+    numbers = sorted(int(one[len(name) + 1 :]) for one in mounts if re.fullmatch(rf"{re.escape(name)}_\d+", one))
+    if numbers:
+        return f"`{name}` is a list: its mounts are `{name}_{numbers[0]}`" + (f" to `{name}_{numbers[-1]}`" if len(numbers) > 1 else "")
+    having = [one for one, child in document.children.items() if child.leaf is not None and name in child.leaf.mounts]
+    if meant(name, mounts) is None and 0 < len(having) <= 3:
+        return f"did you mean {' or '.join(f'`{one}.{name}`' for one in having)}?"
+    return did_you_mean(name, mounts, what="mounts")
 
 
 def _may_be_there(name: str, mounts: Collection[str]) -> bool:

@@ -18,8 +18,9 @@ from thingc.source import Document, Edit, MappingNode, ScalarNode, walk
 LANGUAGE = frozenset({
     Code.UNKNOWN_KEY, Code.UNKNOWN_CHOICE, Code.HEADER, Code.BAD_UNIT, Code.BAD_QUANTITY, Code.BAD_EXPRESSION, Code.WRONG_TYPE,
     Code.BAD_COLOR, Code.EXPRESSION_COMMA, Code.RAW_TARGET, Code.RAW_UNKNOWN, Code.LIBRARY, Code.PART_MISSING, Code.MISSING_FILE,
+    Code.DIMENSION,
 })
-"""Codes of faults in words that no document gives: those of the language, of units, of Python, of files."""
+"""Codes of faults in words that no document gives: those of the language, of units, of Python, of files; and of expressions."""
 
 GIVING = frozenset({"components", "joints", "links", "mounts", "parameters", "materials", "poses", "modes", "sensors"})
 """Keys of a document below which it gives names."""

@@ -14,12 +14,13 @@ if TYPE_CHECKING:
 HEAD = 65536
 """Bytes in which a document's `thingc:` key is looked for."""
 
-_HEADER = re.compile(rb"""^(?:\xef\xbb\xbf)?["']?thingc["']?[ \t]*[:=][ \t]*["']?(assembly|materials|variants)/""", re.MULTILINE)
+_HEADER = re.compile(rb"""^(?:\xef\xbb\xbf)?["']?thingc["']?[ \t]*[:=](?![ \t]*["']?workspace/)""", re.MULTILINE)
 _OTHERS = frozenset({"node_modules", "__pycache__"})
 
 
 def documents_in(folder: str, workspace: Workspace | None = None) -> list[str]:
-    """Absolute paths of the assembly, materials and variants documents below a folder, sorted.
+    """Absolute paths of the assembly, materials and variants documents below a folder, sorted: the files that have the key `thingc`, also
+    where it says something wrong. All others are somebody else's.
 
     With a workspace only its own: its build folder and workspaces inside of it are passed over. Hidden folders and virtual
     environments always are; links to folders are not followed. A file that cannot be read is no document here: whoever
@@ -40,7 +41,7 @@ def documents_in(folder: str, workspace: Workspace | None = None) -> list[str]:
 
 
 def is_document(path: str) -> bool:
-    """Whether a file says at its beginning that it is an assembly, materials or variants document."""
+    """Whether a file has the key `thingc` at its beginning, and is no workspace."""
     if not os.path.isfile(path):  # a pipe would be waited for
         return False
     try:

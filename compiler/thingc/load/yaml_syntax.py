@@ -96,6 +96,13 @@ def _by_layout(source: Source, problem: str, context: str, at: int, began: int) 
                 help=f"keys of one mapping begin in one column: here {' or '.join(map(str, columns))}",
                 note=(f"the line above it begins in column {columns[0]}", place),
             )
+        shallow = _shallow_above(source, at)
+        if shallow is not None:
+            return SyntaxFault(
+                message="this line is indented further than the one above it, which has a value already", start=at, end=end,
+                help="keys of one mapping begin in one column: indent the line above like this one, or this one like the line above",
+                note=("the line above it begins here", shallow),
+            )
         return SyntaxFault(
             message="this line does not continue the mapping above it", start=at, end=end,
             help="keys of one mapping begin in one column, and text with quotes inside is quoted whole",
@@ -142,6 +149,20 @@ def _deeper_above(source: Source, at: int) -> tuple[int, list[int]] | None:
         if indent < own:
             break
     return None if place is None else (place, columns)
+
+
+def _shallow_above(source: Source, at: int) -> int | None:
+    """For a line that begins at `at`: where the line above it begins, if that is a key with its value and less indented."""
+    number = source.line_at(at)
+    own = at - source.starts[number]
+    if source.line(number)[:own].strip():
+        return None
+    for above in range(number - 1, -1, -1):
+        written = source.line(above)
+        if written.strip() and not written.lstrip().startswith("#"):
+            indent = len(written) - len(written.lstrip())
+            return source.starts[above] + indent if indent < own and re.match(r"\s*[\w.$*-]+: +[^\s#]", written) else None
+    return None
 
 
 def _in_flow(source: Source, at: int, began: int, mapping: bool) -> SyntaxFault:

@@ -13,7 +13,7 @@ from thingc.load.text import MAX_ALIAS_NODES, MAX_FAULTS, MAX_LEVELS, MAX_NODES,
 from thingc.load.yaml_syntax import explain
 from thingc.slips import Hint, did_you_mean
 from thingc.source import MappingNode, Node, Scalar, ScalarNode, SequenceNode, Span
-from thingc.units import shortened
+from thingc.units import scan_number, shortened
 
 
 def read_yaml(source: Source, report: Report) -> Node | None:
@@ -224,16 +224,26 @@ class _Builder:
         damaged = False
         start, end = event.start_mark.index, event.end_mark.index
         following = next(self.events)
-        while type(following).__name__ != "MappingEndEvent":
-            key = self.key(following, level)
-            value = next(self.events)
-            ahead = None
+        behind: list[tuple[Any, Any]] = []
+        while behind or type(following).__name__ != "MappingEndEvent":
+            if behind:
+                first, value = behind.pop(0)
+                key = self.key(first, level)
+            else:
+                key = self.key(following, level)
+                value, following = next(self.events), None
             node: Node
             if event.flow_style and _cut(value):
-                node, ahead = self.rejoined_entries(value)
+                node, following = self.rejoined_entries(value)
             else:
                 node = self.node(value, level + 1)
             damaged = damaged or key is None
+            if not behind and following is None:
+                following = next(self.events)
+                if event.flow_style and _is_value(value) and _is_value(following):
+                    behind, following = self.numbers(following)
+                    if len(behind) == 2 and following is not None:
+                        node, behind = self.vector(value, [piece for piece, _ in behind]), []
             if key is not None:
                 name, place = key
                 if name in entries:
@@ -243,7 +253,6 @@ class _Builder:
                     )
                 else:
                     entries[name], keys[name] = node, place
-            following = next(self.events) if ahead is None else ahead
         span = self.collection_span(start, end, following, bool(event.flow_style))
         return MappingNode(entries=entries, keys=keys, span=span, damaged=damaged)
 
@@ -318,6 +327,29 @@ class _Builder:
     # An unquoted comma inside `{length: =min(a, 80 mm)}` ends the value: what follows comes as keys without values, in
     # a list as further items. One diagnostic says so, and the pieces are put together again.
 
+    def numbers(self, following: Any) -> tuple[list[tuple[Any, Any]], Any]:
+        """Up to two keys of a mapping that are values of a vector, without a value of their own, from the event `following` on, and the
+        event behind them; with None for that the last of them has a value."""
+        found: list[tuple[Any, Any]] = []
+        while len(found) < 2 and _is_value(following):
+            value = next(self.events)
+            found.append((following, value))
+            if type(value).__name__ != "ScalarEvent" or value.value or value.style:
+                return found, None
+            following = next(self.events)
+        return found, following
+
+    def vector(self, first: Any, more: list[Any]) -> ScalarNode:
+        """Three values in a mapping, as in `{xyz: 0, 0, 4 mm}`, as the vector that was meant."""
+        start, end = first.start_mark.index, more[-1].end_mark.index
+        span, text = self.source.span(start, end), " ".join(piece.value for piece in (first, *more))
+        written = self.source.text[start:end]
+        self.report.add(
+            Code.EXPRESSION_COMMA, "the comma ends the value: the three of a vector stand in `[]`, or have spaces between them", span,
+            help=Hint(f"write `[{shortened(written)}]`", (written, f"[{written}]") if "\n" not in written else None),
+        )
+        return ScalarNode(value=text, text=text, span=span, damaged=True)
+
     def rejoined_entries(self, first: Any) -> tuple[ScalarNode, Any]:
         """The expression that begins with `first`, and the event that follows it (its mapping's next key or end)."""
         pieces = [first]
@@ -353,6 +385,13 @@ class _Builder:
 def _cut(event: Any) -> bool:
     """Whether this is a plain scalar that begins an expression and ends before its parentheses are closed."""
     return type(event).__name__ == "ScalarEvent" and not event.style and event.value.startswith("=") and _open([event])
+
+
+def _is_value(event: Any) -> bool:
+    """Whether this is a plain scalar that is a number or an expression, or begins with one."""
+    if type(event).__name__ != "ScalarEvent" or event.style:
+        return False
+    return event.value.startswith("=") or scan_number(event.value) is not None
 
 
 def _open(pieces: list[Any]) -> bool:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
+import io
 import os
+import re
+import sys
 import traceback
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -140,8 +144,18 @@ class Session:
 
 def _words(fault: BaseException) -> str:
     text = fault.msg if isinstance(fault, SyntaxError) else str(fault)
+    if isinstance(fault, (NameError, AttributeError, ImportError)) and (meant := _python_suggests(fault)):
+        text = f"{text}. {meant}"
     words = f"{type(fault).__name__}: {text}" if text else type(fault).__name__
     return "; ".join((words, *getattr(fault, "__notes__", ())))
+
+
+def _python_suggests(fault: BaseException) -> str | None:
+    """`Did you mean: 'MountPoint'?`, which Python works out where it prints an exception that nobody catches, and nowhere else."""
+    with contextlib.redirect_stderr(io.StringIO()) as printed:
+        sys.__excepthook__(type(fault), fault, fault.__traceback__)
+    found = re.search(r"\. (Did you (?:mean|forget)\b.*\?)\s*\Z", printed.getvalue())
+    return found.group(1) if found is not None else None
 
 
 def kind_of(part: Any, reference: str) -> str:

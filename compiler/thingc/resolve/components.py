@@ -120,7 +120,7 @@ def _given(context: Context, node: Node, relative: str, spec: AssemblySpec) -> d
         scope.error(code, message, (*path, name), help=help, notes=notes, key=code is Code.UNKNOWN_PARAMETER)
 
     document = context.documents.by_path[relative]
-    return fitting(context, document, spec, values, f"`{spec.name}`", complain)
+    return fitting(context, document, spec, values, f"`{spec.name}`", complain, scope.names)
 
 
 def components(

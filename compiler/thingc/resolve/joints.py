@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, get_args
 
 from thingc.diagnostics import Code, Note
 from thingc.joints import KINDS, LATER, SLIDE, TURN, JointKind, dimensions_of
@@ -20,6 +20,9 @@ from thingc.spec.assembly import DriveSpec, JointSpec
 from thingc.units import ANGLE, LENGTH, Dimension, Quantity
 
 _ENDLESS = "; a joint that turns without end is `continuous`"
+
+DRIVE_KINDS: tuple[str, ...] = get_args(DriveSpec.model_fields["kind"].annotation)
+"""The kinds of an inline drive."""
 
 NO_LIMIT = Limit()
 NO_DYNAMICS = Dynamics()
@@ -75,13 +78,6 @@ def joints(table: Table, items: Iterable[Item[JointSpec]], places: Places) -> bo
             unsure = unsure or not spec.loop
         else:
             places.setdefault(placed, []).append((f"joint `{item.name}`", scope.span(path, key=True)))
-        # A loop may close between two parts of one nested assembly: `link` knows.
-        if parent is not None and child is not None and parent.path[0] == child.path[0] and not spec.loop:
-            scope.error(
-                Code.PLACED_ON_ITSELF, f"joint `{item.name}` connects `{child.path[0]}` with itself", (*path, "child"),
-                help="name mounts of two components", notes=[Note(message="the parent", span=scope.span((*path, "parent")))],
-            )
-            parent = None
         if kind is None or parent is None or child is None:
             table.joints[item.name] = None
             if placed is not None:
@@ -223,6 +219,14 @@ def _drive(table: Table, scope: Scope, name: str, coordinate: Dimension, layers:
         if spec.kp is not None and values["kp"] is None:
             values["kp"] = 1.0  # a stand-in, so that no later pass says that there is none
         return Drive(component=None, kind=spec.kind, **values, origin=scope.origin(path))
+    if spec not in table.nodes and (spec in DRIVE_KINDS or spec == "servo"):
+        kind = spec if spec in DRIVE_KINDS else "position"
+        gain = f", kp: {'20 N*m/rad' if coordinate == ANGLE else '200 N/m'}" if kind == "position" else ""
+        scope.error(
+            Code.DRIVE, f"`drive` names a component with an actuator, or is a mapping; `{spec}` is no component", path,
+            help=f"write `{{kind: {kind}{gain}}}`",
+        )
+        return None
     found = references.component(table, scope, spec, path)
     if found is None:
         return None

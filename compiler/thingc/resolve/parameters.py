@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 from thingc.diagnostics import Code, Note, Report
@@ -114,8 +114,11 @@ def plain(found: Found) -> Value:
 
 def fitting(
     context: Context, document: Document, spec: AssemblySpec, given: Mapping[str, Found], what: str, complain: Complain,
+    names: Collection[str] = (),
 ) -> dict[str, Found]:
-    """Those of the values somebody sets that fit their parameters: known, of the same dimension, within the bounds."""
+    """Those of the values somebody sets that fit their parameters: known, of the same dimension, within the bounds.
+
+    `names` are those that an expression may use where they are set."""
     table = declared(context, document, spec)
     scope = context.scope(document, table.values, table.broken)
     sound: dict[str, Found] = {}
@@ -134,7 +137,7 @@ def fitting(
             continue
         note = [Note(message=f"`{name}` is declared here", span=document.span(("parameters", name), key=True))]
         if not _same_kind(own, found, scope, spec, name):
-            _complain_kind(name, own, found, what, complain, note)
+            _complain_kind(name, own, found, what, complain, note, names)
             continue
         if _within(scope, spec, name, found, complain):
             sound[name] = found
@@ -149,10 +152,12 @@ def _same_kind(own: Found, found: Found, scope: Scope, spec: AssemblySpec, name:
     return found.fits(own.dimension)
 
 
-def _complain_kind(name: str, own: Found, found: Found, what: str, complain: Complain, notes: list[Note]) -> None:
+def _complain_kind(
+    name: str, own: Found, found: Found, what: str, complain: Complain, notes: list[Note], names: Collection[str],
+) -> None:
     label = f"parameter `{name}` of {what}"
     if isinstance(own, Quantity):
-        message, help = dimension_message(found, (own.dimension,), label, None)
+        message, help = dimension_message(found, (own.dimension,), label, None, names)
         if own.dimension == NUMBER and own.value == 0.0 and isinstance(found, Quantity):
             help = f"its own value is a bare 0: write `0 {found.dimension.example.partition(' ')[2]}` there"
         complain(name, Code.DIMENSION, message, help=help, notes=notes)

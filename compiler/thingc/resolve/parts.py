@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import os
+import re
+from collections.abc import Collection
 
 from thingc.diagnostics import MAX_FAULTS, Code, Note
 from thingc.load.paths import PART_SUFFIXES, named
 from thingc.realize.record import WHOLE, ParameterSchema, PartDefinition, PartFailure, PartSchema, Value, definition_text
 from thingc.resolve.scope import Enough, Found, Scope, dimension_message, kind_of, words_of
 from thingc.resolve.table import Context, Node
-from thingc.slips import did_you_mean, nearest
+from thingc.slips import did_you_mean, near_hint, nearest
 from thingc.source import Path, Span
 from thingc.units import ANGLE, LENGTH, MASS, NUMBER, Quantity, shortened
+from thingc.workspace import DEFAULT_PARTS
 
 _DIMENSIONS = {"length": LENGTH, "angle": ANGLE, "mass": MASS, "ratio": NUMBER, "number": NUMBER, **dict.fromkeys(WHOLE, NUMBER)}
 
@@ -107,7 +110,7 @@ def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, found
         return None
     dimension = _DIMENSIONS[parameter.kind]
     if not isinstance(found, Quantity) or not found.fits(dimension):
-        message, help = dimension_message(found, (dimension,), what, written)
+        message, help = dimension_message(found, (dimension,), what, written, scope.names)
         if parameter.kind in ("number", *WHOLE) and isinstance(found, Quantity):
             help = "the part takes a plain number here, without a unit"
         scope.error(Code.DIMENSION, message, path, help=help, notes=_declared_at(schema))
@@ -179,7 +182,7 @@ def _report_failure(context: Context, node: Node, reference: str, failure: PartF
     if failure.kind == "raised":
         message = f"part `{reference}` cannot be loaded: {failure.message}"
     elif failure.message.startswith(f"`{reference}`"):
-        message, help = failure.message, "write a module of a part folder and a class in it, for example `arm:BasePlate`"
+        message, help = failure.message, _reference_hint(context, reference)
     if failure.kind == "resultless":
         message, help = failure.message, "write `def result(self):` that returns a shape, or `return None` for a part without geometry"
     elif failure.kind in ("stale", "unlocked"):
@@ -187,8 +190,8 @@ def _report_failure(context: Context, node: Node, reference: str, failure: PartF
     elif failure.kind == "refused":
         allowed = ", ".join(f"`{package}`" for package in failure.candidates)
         help = f"parts come from the part folders of the workspace{' and from ' + allowed if allowed else ''}"
-    elif failure.candidates and failure.file is None:
-        help = did_you_mean(module, failure.candidates, what="modules")
+    elif failure.kind == "missing" and failure.file is None:
+        help = _module_hint(context, reference, failure.candidates)
     elif failure.candidates:
         help = did_you_mean(reference, [f"{module}:{name}" for name in failure.candidates], what="parts")
     context.report.add(
@@ -196,6 +199,38 @@ def _report_failure(context: Context, node: Node, reference: str, failure: PartF
         help=help,
         path=f"{'.'.join(str(step) for step in path)}", notes=notes, detail=failure.detail,
     )
+
+
+def _reference_hint(context: Context, text: str) -> str:
+    """What to write for a text that is no `module:Class`."""
+    called = re.fullmatch(r"([\w.]+:[\w.]+)\((.*)\)", text, re.DOTALL)
+    if called is not None:
+        return f"write `part: {shortened(called.group(1))}`, and the parameters beside it: `params: {{...}}`"
+    module, _, name = text.rpartition(":") if ":" in text else text.rpartition(".")
+    for folder in context.workspace.parts:
+        relative = context.workspace.relative(folder)
+        module = module.removeprefix("./").removeprefix(f"{relative}/").removeprefix(f"{relative}.")
+    module = module.removesuffix(".py").replace("/", ".")
+    meant = f"{module}:{name}"
+    if re.fullmatch(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*", meant) and meant != text:
+        return f"did you mean `{shortened(meant)}`?"
+    return "write a module of a part folder and a class in it, for example `arm:BasePlate`"
+
+
+def _module_hint(context: Context, reference: str, known: Collection[str]) -> str:
+    """What to do where there is no module of this name: there may be a near one, or none at all yet."""
+    module, _, name = reference.partition(":")
+    close = near_hint(module, known)
+    if close is not None:
+        return close
+    folders = [context.workspace.relative(folder) for folder in context.workspace.parts] or list(DEFAULT_PARTS)
+    hint = f"modules lie in {' or '.join(f'`{folder}/`' for folder in folders)}"
+    if not context.workspace.parts:
+        hint += ", which is not there yet"
+    if "." not in module:
+        hint += f": write a class `{shortened(name)}` into `{folders[0]}/{shortened(module)}.py`"
+    there = sorted(set(known) - set(context.workspace.packages))
+    return f"{hint}; {did_you_mean('', there, what='modules')}" if there else hint
 
 
 def of_file(context: Context, node: Node, text: str) -> PartDefinition | None:

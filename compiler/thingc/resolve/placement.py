@@ -48,6 +48,13 @@ def _attach(table: Table, node: Node) -> Attach | None:
     elif spec:
         name, to_text = next(iter(spec.items()))
         to_path = (*path, name)
+        if _turned_around(table, node, name):
+            mine_meant = to_text.removeprefix(f"{node.name}.")
+            scope.error(
+                Code.REFERENCE, f"`attach` names a mount of `{node.name}`, then the one that it meets; `{name}` is of another component",
+                to_path, key=True, help=f"write `{{{mine_meant}: {name}}}`" if "." not in mine_meant else None,
+            )
+            return None
         mine = references.own_mount(node, scope, name, to_path, key=True)
     else:
         return None
@@ -60,6 +67,12 @@ def _attach(table: Table, node: Node) -> Attach | None:
         )
         return None
     return Attach(mount=mine, to=to, turn=turn, gap=gap, origin=scope.origin(path, key=True))
+
+
+def _turned_around(table: Table, node: Node, name: str) -> bool:
+    """Whether what `attach` names first is a mount of another component of the document."""
+    first, dot, _ = name.partition(".")
+    return bool(dot) and first in table.nodes and first != node.name and (node.table is None or first not in node.table.nodes)
 
 
 def _at(table: Table, node: Node) -> At | None:
@@ -97,7 +110,7 @@ def check(table: Table, places: Places, *, unsure: bool) -> None:
         (first, there), (second, here) = ways[0], ways[1]
         table.scope.report.add(
             Code.PLACED_TWICE, f"`{name}` is placed twice: by {first} and by {second}", here,
-            help="keep one of them", path=f"components.{name}",
+            help="keep one of them" + _closes(second), path=f"components.{name}",
             notes=[
                 Note(message=f"placed by {first} here", span=there),
                 *(Note(message=f"and by {how} here", span=span) for how, span in ways[2:]),
@@ -114,13 +127,20 @@ def check(table: Table, places: Places, *, unsure: bool) -> None:
         first_name = next(iter(table.nodes))
         table.scope.error(
             Code.NO_BASE, "every component is placed on another one: the assembly has no base", ("components",), key=True,
-            help=f"take the placement of one of them away, for example that of `{first_name}`",
+            help=f"take the placement of one of them away, for example that of `{first_name}`" + _closes(
+                next((way for ways in reversed(places.values()) for way, _ in ways if way.startswith("joint")), "")
+            ),
             notes=[Note(message=f"`{name}` is placed by {ways[0][0]}", span=ways[0][1]) for name, ways in [*places.items()][:4]],
         )
     if len(free) > 1:
         _report_bases(table, free)
         for name in free[1:]:
             table.nodes[name].unsound = True
+
+
+def _closes(way: str) -> str:
+    """What else a joint may have been meant to do than to place its child."""
+    return f"; or, where {way} closes a loop, write `loop: true` in it" if way.startswith("joint ") else ""
 
 
 def _report_bases(table: Table, free: list[str]) -> None:

@@ -9,6 +9,7 @@ from itertools import islice
 
 from thingc.diagnostics import Code, Note
 from thingc.resolve.model import COUNTED, AssemblyDefinition, Reference
+from thingc.resolve.repeats import RESERVED
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Node, Table
 from thingc.slips import did_you_mean, nearest
@@ -75,6 +76,14 @@ def words(scope: Scope, text: str, path: Path, *, key: bool = False) -> tuple[st
     wrong = next((part for part in parts if not _NAME.fullmatch(part)), None)
     if wrong is None:
         return parts
+    item = re.fullmatch(r"([A-Za-z]\w*)\[(\d+)\]", wrong, re.ASCII)
+    if item is not None:
+        meant = ".".join(f"{item.group(1)}_{item.group(2)}" if part == wrong else part for part in parts)
+        scope.error(
+            Code.REFERENCE, f"`{wrong}` in `{filled}` is no name", path, key=key,
+            help=f"an item of a list is called by its number: `{meant}`",
+        )
+        return None
     if GLOB.search(wrong):
         scope.error(
             Code.REFERENCE, f"`{filled}` is a pattern, and one name is wanted here", path, help="write the name in full", key=key,
@@ -159,6 +168,13 @@ def root(table: Table, scope: Scope, text: str, path: Path, *, key: bool = False
                 message = f"this document has no component and shows no mount `{parts[0]}`"
                 scope.error(Code.UNKNOWN_COMPONENT, message, path, help=f"did you mean `{close}`?", key=key)
                 return None
+        if parts[0] in RESERVED and parts[0] not in table.nodes:
+            example = table.base or next(iter(table.nodes), "plate")
+            scope.error(
+                Code.UNKNOWN_COMPONENT, f"`{parts[0]}` is no component: the root is what stands on the world", path, key=key,
+                help=f"name a component or a mount of one, such as `{example}` or `{example}.MOUNT`",
+            )
+            return None
         return Reference(path=parts, mount=None, origin=origin) if _descend(table, scope, parts, path, key) is not None else None
     inner: Table | None = table
     for step in parts[:-1]:

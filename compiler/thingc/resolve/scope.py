@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Set
+from collections.abc import Collection, Iterable, Mapping, Set
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from thingc.diagnostics import MAX_FAULTS, Code, Note, Report
-from thingc.expressions import Expression, ExpressionError, evaluate
+from thingc.expressions import Expression, ExpressionError, evaluate, expression_hint
 from thingc.pose import Pose, Vector, placed
 from thingc.source import Document, Origin, Path, ScalarNode, Span, node_at
 from thingc.spec.doubts import NO_DOUBTS, Doubts
@@ -192,15 +192,19 @@ class Scope:
         self, found: Found, expected: tuple[Dimension, ...], what: str, path: Path, notes: Iterable[Note] = (),
     ) -> None:
         """Report a value of another dimension, naming both."""
-        message, help = dimension_message(found, expected, what, self.written(path))
+        message, help = dimension_message(found, expected, what, self.written(path), self.names)
         self.error(Code.DIMENSION, message, path, help=help, notes=notes)
 
 
-def dimension_message(found: Found, expected: tuple[Dimension, ...], what: str, written: str | None) -> tuple[str, str | None]:
-    """The words for a value of another dimension, and what to type next."""
+def dimension_message(
+    found: Found, expected: tuple[Dimension, ...], what: str, written: str | None, names: Collection[str] = (),
+) -> tuple[str, str | None]:
+    """The words for a value of another dimension, and what to type next; `names` are those that an expression may use there."""
     wanted = " or ".join(f"{dimension.words} (such as {dimension.example})" for dimension in expected)
     text = shortened((written if written is not None else words_of(found)).strip())
-    help = None
+    help: str | None = expression_hint(found, names) if isinstance(found, str) else None
+    if isinstance(found, str) and help is not None and text.startswith("="):
+        help = f"`{shortened(found)}` is a text where it stands; an expression begins with `=`: `={shortened(found)}`"
     if isinstance(found, Quantity) and found.dimension == NUMBER and not text.startswith("="):
         unit = expected[0].example.partition(" ")[2]
         help = f"write `{text} {unit}`" if unit else None

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 
 from pydantic_core import PydanticCustomError, core_schema
 
-from thingc.expressions import Expression, ExpressionError, parse_expression
+from thingc.expressions import Expression, ExpressionError, expression_hint, parse_expression
 from thingc.slips import Hint, near_hint
 from thingc.spec.patterns import ANY_VALUE, EXPRESSION, quantity_pattern, raw_schema, vector_pattern
 from thingc.units import (
@@ -156,7 +156,7 @@ def _quantity_in(text: str, words: str, example: str) -> Quantity:
     """`parse_quantity`, with what is wanted here named where the text is no quantity at all."""
     start = len(text) - len(text.lstrip())
     if scan_number(text, start) is None:
-        raise UnitError(f"expected {words} (such as `{example}`), found {found(text)}", help=_expression_hint(text))
+        raise UnitError(f"expected {words} (such as `{example}`), found {found(text)}", help=expression_hint(text))
     try:
         return parse_quantity(text)
     except UnitError as error:
@@ -167,7 +167,7 @@ def _quantity_in(text: str, words: str, example: str) -> Quantity:
                 help=decimal_point(text.strip(), comma.group(1), comma.group(2)),
             ) from None
         if error.help is None and re.search(r"[*/(]", text):
-            error.help = _expression_hint(text)
+            error.help = expression_hint(text)
         raise
 
 
@@ -177,16 +177,6 @@ def decimal_point(text: str, whole: str, rest: str) -> Hint:
     decimals = re.match(r"\d*", rest)
     sure = decimals is not None and len(decimals.group()) != 3 and shortened(point) == point
     return Hint(f"write `{shortened(point)}`", (text, point) if sure else None)
-
-
-def _expression_hint(text: str) -> Hint | None:
-    """A hint where somebody wrote an expression without its `=`."""
-    try:
-        parse_expression(f"={text.strip()}")
-    except ExpressionError:
-        return None
-    text = text.strip()
-    return Hint(f"an expression begins with `=`: `={shortened(text)}`", (text, f"={text}") if "\n" not in text else None)
 
 
 def quantity(*dimensions: Dimension, doc: str = "") -> Any:
@@ -284,7 +274,7 @@ def _vector(dimension: Dimension) -> Any:
     """The type of three values of one dimension: `[10 mm, 0, =h]` or `0 120 30 mm`; validated to a tuple of three."""
     words = f"three values, each {dimension.words}"
     number, _, unit = dimension.example.partition(" ")
-    short = f"0 {number} 30 {unit}"
+    short = f"0 0 -{number} {unit}" if dimension == ACCELERATION else f"0 {number} 30 {unit}"
     listed = f"[{dimension.example}, 0, 0]"
 
     def validate(value: Any) -> Vector:
@@ -359,7 +349,7 @@ def _reference(value: Any) -> str:
             message = f"`{shortened(value)}` is no reference"
             if word != value:
                 message += f": `{shortened(word)}` in it is no name" if word else ": a name is missing beside a `.`"
-            help = "levels are separated by `.`" if "/" in word else None
+            help = f"levels are separated by `.`: `{shortened(value.replace('/', '.'))}`" if "/" in word else None
             if re.fullmatch(r"\w+ +\w+", word):
                 help = f"write `{'.'.join(word.split())}`"
             raise fault("reference", message, help=help, offset=at, end=at + max(1, len(word)))

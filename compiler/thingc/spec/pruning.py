@@ -21,6 +21,11 @@ _STAND_INS: dict[str, Any] = {"parameters": 0, "poses": {}}
 """What stays of an entry that is taken out, by section: its name is known, and its value is in doubt."""
 
 
+MISPLACED = "misplaced"
+"""The kind of a fault of keys (`value`) that stand beside the entry that they are of, the `owner` in its context (None where they stand
+before every entry)."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fault:
     """One error of the document: at `path`, of the key with `key`; the type and context as pydantic or `fields` gave
@@ -48,6 +53,11 @@ def prune(plain: dict[str, Any], faults: Iterable[Fault]) -> set[Path] | None:
             doubts.add(path)
             if isinstance(mapping, dict):
                 mapping.pop(path[-1], None)
+            continue
+        if fault.kind == MISPLACED:
+            for name in fault.value:
+                doubts.update(((*path[:-1], name), (*path[:-1], fault.context["owner"], name)))
+                _at(plain, path[:-1]).pop(name, None)
             continue
         if fault.kind == "missing":
             path = path[:-1]

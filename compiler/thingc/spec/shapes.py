@@ -89,12 +89,17 @@ def model_keys(model: type[BaseModel]) -> dict[str, tuple[Shape, bool]]:
     }
 
 
+def alternatives(shape: Shape) -> list[Shape]:
+    """The branches of a union; of anything else itself alone."""
+    return [shape_of(member) for member in shape.members] if shape.kind == "union" else [shape]
+
+
 def branch_of(shape: Shape, value: Any) -> Shape | None:
     """The branch of a union that a person who wrote `value` meant; None where no branch takes such a thing."""
-    branches = [shape_of(member) for member in shape.members]
+    branches = alternatives(shape)
     if isinstance(value, dict):
         fitting = [branch for branch in branches if branch.kind in ("model", "dict")]
-        return max(fitting, key=lambda branch: _likeness(branch, value)) if fitting else None
+        return max(fitting, key=lambda branch: likeness(branch, value)) if fitting else None
     if isinstance(value, list):
         return next((branch for branch in branches if branch.kind in ("list", "field")), None)
     if isinstance(value, str):
@@ -109,8 +114,8 @@ def _takes_no_text(branches: list[Shape]) -> bool:
     return not any(branch.kind in ("field", "text") for branch in branches)
 
 
-def _likeness(branch: Shape, value: dict[str, Any]) -> float:
-    """How many keys of `value` a branch knows; a near name is half a key."""
+def likeness(branch: Shape, value: dict[str, Any]) -> float:
+    """How many keys of `value` a shape knows; a near name is half a key, and a mapping of any names a quarter in all."""
     if branch.model is None:
         return 0.25
     known = model_keys(branch.model)

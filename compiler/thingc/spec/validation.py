@@ -16,17 +16,18 @@ from typing import TYPE_CHECKING, Any
 from pydantic_core import PydanticCustomError, ValidationError
 
 from thingc.diagnostics import Code, Report
-from thingc.slips import Hint, did_you_mean, near_hint, nearest
+from thingc.slips import Hint
 from thingc.source import Document, MappingNode, Path, ScalarNode, SequenceNode, Span, node_at, walk
 from thingc.spec.allowances import allowances
 from thingc.spec.assembly import AssemblySpec
 from thingc.spec.base import Model
 from thingc.spec.doubts import Doubts, Specs
-from thingc.spec.fields import decimal_point, found, read_value
-from thingc.spec.joint_values import dimension_at
+from thingc.spec.fields import decimal_point
 from thingc.spec.materials import MaterialsSpec
+from thingc.spec.misplaced import gathered
 from thingc.spec.pruning import ROUNDS, Fault, prune, take_out
-from thingc.spec.shapes import Shape, branch_of, model_keys, one_of, shape_of, spoken
+from thingc.spec.saying import KINDS, MAX_FAULTS, dotted, say
+from thingc.spec.shapes import Shape, branch_of, model_keys, shape_of
 from thingc.spec.variants import VariantsSpec
 from thingc.spec.workspace import WorkspaceSpec
 from thingc.units import shortened
@@ -34,20 +35,10 @@ from thingc.units import shortened
 if TYPE_CHECKING:
     from thingc.load import Documents
 
-MAX_FAULTS = 200
-"""Faults said of one document."""
-
 MODELS: dict[str, type[Model]] = {
     "assembly": AssemblySpec, "materials": MaterialsSpec, "workspace": WorkspaceSpec, "variants": VariantsSpec,
 }
 """The model of each kind of document."""
-
-_KINDS: dict[str, Code] = {
-    "unit": Code.BAD_UNIT, "dimension": Code.WRONG_DIMENSION, "quantity": Code.BAD_QUANTITY, "expression": Code.BAD_EXPRESSION,
-    "name": Code.BAD_NAME, "reference": Code.BAD_REFERENCE, "color": Code.BAD_COLOR, "vector": Code.WRONG_LENGTH,
-    "type": Code.WRONG_TYPE, "rule": Code.BROKEN_RULE, "choice": Code.UNKNOWN_CHOICE,
-}
-"""The codes of errors that `spec.fields` and the models' own rules raise."""
 
 
 def validate(documents: Documents, report: Report) -> Specs:
@@ -94,8 +85,8 @@ def _sound(document: Document, report: Report) -> tuple[Model | None, Doubts]:
             return spec, Doubts()
         faults: list[Fault] = []
     except ValidationError as error:
-        faults = list(_faults(shape_of(model), plain, (), error))
-        _Reporter(document, report, empty, damaged).say(faults)
+        faults = gathered(document, model, list(_faults(shape_of(model), plain, (), error)))
+        say(document, model, faults, report, empty, damaged)
     if model is WorkspaceSpec:
         return None, Doubts()
     return _rest(model, plain, faults, empty | damaged)
@@ -147,7 +138,7 @@ def _report_empty(document: Document, report: Report) -> frozenset[Path]:
             named = next((f"`{shortened(step)}`" for step in reversed(path) if isinstance(step, str)), "the document")
             help: str = "write a value after the colon, or remove the key"
             key = document.span(path, key=True)
-            comment = re.match(r":?\s+(#[0-9a-fA-F]{3,8})\b", _line(document, key.end_line)[key.end_column - 1 :])
+            comment = re.match(r":?\s+(#[0-9a-fA-F]{3,8})\b", document.line(key.end_line)[key.end_column - 1 :])
             if comment is not None:
                 help = f'a `#` begins a comment: write `"{comment.group(1)}"`'
             message = f"an item of {named} has no value" if path and isinstance(path[-1], int) else f"{named} has no value"
@@ -193,7 +184,7 @@ def _faults(shape: Shape, value: Any, path: Path, error: ValidationError) -> Ite
                 yield from _union_faults(there, _value_at(value, steps), (*path, *steps))
             continue
         context = dict(entry.get("ctx", {}))
-        if entry["type"] not in _KINDS:
+        if entry["type"] not in KINDS:
             context.setdefault("message", entry["msg"])
         yield Fault(path=(*path, *steps), kind=entry["type"], context=context, value=entry["input"], shape=there, key=key)
 
@@ -249,212 +240,6 @@ def _value_at(value: Any, path: Path) -> Any:
     for step in path:
         value = value[step]
     return value
-
-
-class _Reporter:
-    """Faults to diagnostics of one document; `empty` are paths that have been reported as without a value, `damaged` those
-    of mappings with a key that is none (reported, too; what is missing there may be what that key was) and of values that
-    stand for one that cannot be."""
-
-    def __init__(self, document: Document, report: Report, empty: frozenset[Path], damaged: frozenset[Path]) -> None:
-        self.document = document
-        self.report = report
-        self.empty = empty
-        self.damaged = damaged
-
-    def say(self, faults: list[Fault]) -> None:
-        meant: set[Path] = set()
-        for fault in faults:
-            if fault.kind == "extra_forbidden":
-                close = self.near_key(fault)
-                if close is not None:
-                    meant.add((*fault.path[:-1], close))
-        parents = {path[:-1] for path in self.empty}
-        before = len(self.report.diagnostics)
-        for fault in faults:
-            if fault.path in self.empty or self.stands_in(fault.path) or (fault.kind == "missing" and fault.path in meant):
-                continue
-            if fault.kind == "rule" and (fault.path in parents or fault.path in self.damaged):
-                continue
-            if (fault.kind == "missing" and fault.path[:-1] in self.damaged) or (
-                fault.kind == "too_short" and fault.path in self.damaged
-            ):
-                continue
-            if len(self.report.diagnostics) - before >= MAX_FAULTS:
-                message = f"more than {MAX_FAULTS} faults in one document; the rest is not said"
-                self.add(Code.TOO_LARGE, message, self.place(fault.path), fault.path, None)
-                return
-            self.one(fault)
-
-    def stands_in(self, path: Path) -> bool:
-        """Whether the value at a path (or inside it: an item of a vector) is one that load put there for what cannot be."""
-        inside = (place for place in self.damaged if place[: len(path)] == path)
-        return any(isinstance(node_at(self.document.tree, place), ScalarNode) for place in inside)
-
-    def one(self, fault: Fault) -> None:
-        if fault.kind == "extra_forbidden":
-            self.unknown_key(fault)
-        elif fault.kind == "missing":
-            self.missing_key(fault)
-        elif fault.kind == "literal_error":
-            self.unknown_choice(fault)
-        elif fault.kind in ("too_short", "too_long"):
-            self.wrong_length(fault)
-        elif fault.kind in _KINDS and "message" in fault.context:
-            self.stated(fault)
-        else:
-            self.wrong_type(fault)
-
-    def add(self, code: Code, message: str, where: Span, path: Path, help: str | None) -> None:
-        self.report.add(code, message, where, help=help or None, path=dotted(path) or None)
-
-    def place(self, path: Path, *, key: bool = False) -> Span:
-        """The value at a path, or its key where the value goes over several lines (or is not there)."""
-        node = node_at(self.document.tree, path)
-        if node is None or not path:
-            first = next(iter(self.document.tree.keys.values()), self.document.tree.span)
-            return self.document.span(path, key=True) if path else first
-        long = node.span.line != node.span.end_line and not isinstance(node, ScalarNode)
-        return self.document.span(path, key=key or (long and isinstance(path[-1], str)))
-
-    def near_key(self, fault: Fault) -> str | None:
-        mapping = node_at(self.document.tree, fault.path[:-1])
-        present = set(mapping.entries) if isinstance(mapping, MappingNode) else set()
-        return nearest(str(fault.path[-1]), [key for key in _keys(fault.shape) if key not in present])
-
-    def unknown_key(self, fault: Fault) -> None:
-        key = str(fault.path[-1])
-        close = self.near_key(fault)
-        help: str = did_you_mean(key, _keys(fault.shape), what="keys")
-        if close and help != f"did you mean `{close}`?":
-            help = f"did you mean `{close}`?"
-        if close is None and nearest(key, _keys(fault.shape)):
-            help = f"`{nearest(key, _keys(fault.shape))}` is already here"
-        message = f"unknown key `{shortened(key)}`{_inside(fault.path[:-1])}"
-        self.add(Code.UNKNOWN_KEY, message, self.place(fault.path, key=True), fault.path, help)
-
-    def missing_key(self, fault: Fault) -> None:
-        key, parent = str(fault.path[-1]), fault.path[:-1]
-        owner = f"`{dotted(parent)}`" if parent else "the document"
-        assert fault.shape.model is not None
-        shape = model_keys(fault.shape.model)[key][0]
-        self.add(
-            Code.MISSING_KEY, f"{owner} needs the key `{key}`", self.place(parent, key=True), parent,
-            f"`{key}` takes {shape.words}",
-        )
-
-    def unknown_choice(self, fault: Fault) -> None:
-        choices = [spoken(choice) for choice in fault.shape.choices]
-        text = spoken(fault.value)
-        self.add(
-            Code.UNKNOWN_CHOICE, f"expected {one_of(choices)}, found {found(fault.value)}", self.place(fault.path), fault.path,
-            near_hint(text, choices) if isinstance(fault.value, str) else None,
-        )
-
-    def wrong_length(self, fault: Fault) -> None:
-        if isinstance(fault.value, dict):
-            message = f"`{dotted(fault.path)}` is empty; it needs at least one entry"
-        else:
-            least, most = fault.context.get("min_length"), fault.context.get("max_length")
-            wanted = "a list with at least one item" if least == 1 and most is None else f"a list of {most if least is None else least}"
-            message = f"expected {wanted}, found {found(fault.value)}"
-        self.add(Code.WRONG_LENGTH, message, self.place(fault.path), fault.path, None)
-
-    def stated(self, fault: Fault) -> None:
-        """An error in words of its own: of a field, or of a rule of a model."""
-        path = (*fault.path, *fault.context.get("path", ()))
-        if fault.kind == "unit":
-            fault = self.of_its_joint(fault)
-        where = self.place(path, key=fault.key or fault.kind == "rule")
-        offset = fault.context.get("offset")
-        if offset is not None and not fault.key:
-            where = within(self.document, path, int(offset), int(fault.context["end"])) or where
-        help = fault.context.get("help")
-        if fault.kind in ("type", "quantity") and not help:
-            help = _space_hint(fault.value)
-        self.add(_KINDS[fault.kind], fault.context["message"], where, path, help)
-
-    def of_its_joint(self, fault: Fault) -> Fault:
-        """A unit that is missing, with the dimension that the joint's type gives the value."""
-        dimension = dimension_at(self.document, fault.path)
-        if dimension is not None:
-            try:
-                read_value(fault.value, (dimension,), dimension.words, dimension.example)
-            except PydanticCustomError as narrower:
-                return replace(fault, kind=narrower.type, context=dict(narrower.context or {}))
-        return fault
-
-    def wrong_type(self, fault: Fault) -> None:
-        shape, value = fault.shape, fault.value
-        help: str | None = _mapping_hint(fault.path, value) if shape.kind in ("model", "dict", "union") else None
-        if shape.kind == "text" and isinstance(value, (int, float)):
-            node = node_at(self.document.tree, fault.path)
-            if isinstance(node, ScalarNode):
-                quoted = f'"{node.text}"'
-                help = Hint(f"write `{shortened(quoted)}`", (node.text, quoted))
-        elif shape.kind == "flag" and isinstance(value, str) and value.lower() in ("yes", "no", "on", "off"):
-            flag = "true" if value.lower() in ("yes", "on") else "false"
-            help = Hint(f"write `{flag}`", (value, flag))
-        elif help is None and isinstance(value, str) and any(member.kind == "list" for member in _alternatives(shape)):
-            help = f"write `[{shortened(value)}]`"
-        self.add(Code.WRONG_TYPE, f"expected {shape.words}, found {found(value)}", self.place(fault.path), fault.path, help)
-
-
-def _alternatives(shape: Shape) -> list[Shape]:
-    return [shape_of(member) for member in shape.members] if shape.kind == "union" else [shape]
-
-
-def _keys(shape: Shape) -> list[str]:
-    return list(model_keys(shape.model)) if shape.model is not None else []
-
-
-def _inside(path: Path) -> str:
-    return f" in `{dotted(path)}`" if path else ""
-
-
-def _mapping_hint(path: Path, value: Any) -> str | None:
-    """A hint where text stands for a mapping that can be told from it."""
-    if isinstance(value, str) and path[-1:] == ("attach",):
-        return f"write `{{my_mount: {shortened(value)}}}`"
-    if isinstance(value, str) and path[:-1] == ("components",) and re.fullmatch(r"[\w.]+:[\w.]+", value):
-        return f"write `{{part: {shortened(value)}}}`"
-    return _space_hint(value)
-
-
-def _space_hint(value: Any) -> str | None:
-    """A hint where `key:value` was meant as a mapping."""
-    found = re.fullmatch(r"([A-Za-z_]\w*):(\S.*)", value) if isinstance(value, str) else None
-    return f"a space is missing after the `:`: `{found.group(1)}: {shortened(found.group(2))}`" if found else None
-
-
-def dotted(path: Path) -> str:
-    """A path as messages show it: `components.plate.at.xyz[0]`."""
-    text = ""
-    for step in path:
-        text += f"[{step}]" if isinstance(step, int) else f".{shortened(step)}" if text else shortened(step)
-    return text
-
-
-def _line(document: Document, number: int) -> str:
-    lines = re.split(r"\r\n|\r|\n", document.text)
-    return lines[number - 1] if number <= len(lines) else ""
-
-
-def within(document: Document, path: Path, offset: int, end: int) -> Span | None:
-    """The characters `offset` to before `end` of the scalar at `path`; None where they cannot be told apart (text over
-    several lines, escapes)."""
-    node = node_at(document.tree, path)
-    if not isinstance(node, ScalarNode) or node.span.line != node.span.end_line or node.span.file != document.path:
-        return None
-    written = _line(document, node.span.line)[node.span.column - 1 : node.span.end_column - 1]
-    begin = written.find(node.text)
-    if begin < 0 or not node.text:
-        return None
-    column = node.span.column + begin
-    return Span(
-        file=node.span.file, line=node.span.line, column=column + min(offset, len(node.text) - 1),
-        end_line=node.span.line, end_column=column + max(min(end, len(node.text)), min(offset, len(node.text) - 1) + 1),
-    )
 
 
 def part_references(
