@@ -219,7 +219,8 @@ def _drive(table: Table, scope: Scope, name: str, coordinate: Dimension, layers:
         if spec.kp is not None and values["kp"] is None:
             values["kp"] = 1.0  # a stand-in, so that no later pass says that there is none
         return Drive(component=None, kind=spec.kind, **values, origin=scope.origin(path))
-    if spec not in table.nodes and (spec in DRIVE_KINDS or spec == "servo"):
+    known = spec in table.nodes or table.unbuilt or table.doubts.lacks("components") or table.doubts.touch(("components", spec))
+    if not known and (spec in DRIVE_KINDS or spec == "servo"):
         kind = spec if spec in DRIVE_KINDS else "position"
         gain = f", kp: {'20 N*m/rad' if coordinate == ANGLE else '200 N/m'}" if kind == "position" else ""
         scope.error(

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from pydantic import BaseModel
 
 from thingc.slips import Hint
-from thingc.spec import assembly, materials, sensors, variants, workspace
+from thingc.spec import assembly, materials, modes, sensors, variants, workspace
 from thingc.spec.shapes import model_keys, one_of
 from thingc.units import shortened
 
@@ -84,7 +84,7 @@ KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
         "name": "a component is called by its key",
     },
     assembly.AtSpec: {**_POSE_KEYS, **dict.fromkeys(("frame", "parent", "to", "of", "on", "mount", "component"), "in")},
-    assembly.WorldAtSpec: _POSE_KEYS, assembly.HoldPoseSpec: _POSE_KEYS, assembly.MountSpec: _POSE_KEYS,
+    modes.WorldAtSpec: _POSE_KEYS, modes.HoldSpec: _POSE_KEYS, assembly.MountSpec: _POSE_KEYS,
     assembly.AttachSpec: {
         **dict.fromkeys(("offset", "distance"), "gap"), **dict.fromkeys(("angle", "rotation", "yaw"), "turn"),
         **dict.fromkeys(("mine", "my", "from", "child"), "mount"), **dict.fromkeys(("on", "target", "parent", "other"), "to"),
@@ -101,18 +101,18 @@ KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
         **dict.fromkeys(("price",), "cost"), **dict.fromkeys(("vendor", "manufacturer", "shop"), "supplier"),
         **dict.fromkeys(("part_number", "order_number", "sku", "mpn"), "number"),
     },
-    assembly.SimulationSpec: {
+    modes.SimulationSpec: {
         **dict.fromkeys(("dt", "step", "time_step"), "timestep"),
         "gravity": "a mode says it: `modes: {standing: {gravity: floor}}`",
         **dict.fromkeys(("iterations", "solver", "tolerance"), "what MuJoCo alone knows is written under `raw: {mjcf: {option: {...}}}`"),
     },
-    assembly.ModeSpec: {
+    modes.ModeSpec: {
         **dict.fromkeys(("type", "fixed_base", "mount"), "base"), **dict.fromkeys(("start", "initial", "keyframe", "home"), "pose"),
         **dict.fromkeys(("keyframes", "keys"), "poses"), **dict.fromkeys(("parent", "base_link", "frame", "link", "component"), "root"),
         **dict.fromkeys(("drives", "motors"), "actuators"), **dict.fromkeys(("weld", "pinned", "fixed"), "hold"),
         **dict.fromkeys(("inherits", "like"), "extends"),
     },
-    assembly.ContactsSpec: {
+    modes.ContactsSpec: {
         **dict.fromkeys(("ignore", "disable", "disabled"), "exclude"), **dict.fromkeys(("magnets", "suction"), "adhesion"),
     },
     assembly.AssemblySpec: {
@@ -189,11 +189,11 @@ FLOATING = frozenset({"floating", "float", "free", "freejoint", "6dof", "floatin
 """Types of joints elsewhere that are the base of a mode here."""
 
 WHOLE: Mapping[type[BaseModel], tuple[str, ...]] = {
-    assembly.LimitSpec: ("lower", "upper"), assembly.WorldAtSpec: ("xyz",), assembly.HoldPoseSpec: ("xyz",), assembly.MountSpec: ("xyz",),
-    assembly.MimicSpec: ("joint",), assembly.RepeatSpec: ("count",), assembly.AtSpec: ("in",), assembly.ModeSpec: ("root",),
+    assembly.LimitSpec: ("lower", "upper"), modes.WorldAtSpec: ("xyz",), modes.HoldSpec: ("xyz",), assembly.MountSpec: ("xyz",),
+    assembly.MimicSpec: ("joint",), assembly.RepeatSpec: ("count",), assembly.AtSpec: ("in",), modes.ModeSpec: ("root",),
     assembly.InertiaMatrix: ("ixx", "iyy", "izz"), assembly.DriveSpec: ("kind",), assembly.DynamicsSpec: ("damping",),
     materials.MaterialSpec: ("density",), materials.FrictionSpec: ("slide",), materials.ProcessSpec: ("kind",),
-    sensors.SensorSpec: ("type",), assembly.ContactsSpec: ("exclude",),
+    sensors.SensorSpec: ("type",), modes.ContactsSpec: ("exclude",),
 }
 """Mappings that people write as a value or a list of values, and the keys that those are of."""
 
