@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator
 
@@ -17,15 +18,15 @@ from thingc.source import Document, Path
 from thingc.spec import validate_one
 from thingc.spec.assembly import AssemblySpec
 from thingc.spec.choices import DEFAULT_MATERIAL, parse
-from thingc.spec.variants import VariantsSpec
-from thingc.variants.axes import Axis, Reader
+from thingc.spec.variants import AxisSpec, VariantsSpec
+from thingc.variants.axes import MOST_VALUES, Axis, Reader
 from thingc.variants.planning import OUTSIDE, Plan, Setting, moved
 from thingc.variants.rules import read_rules
 from thingc.variants.wanted import check_margin, check_names, moving_joints, targets_of
 from thingc.workspace import Workspace
 
-MOST_DRAWN = 1_000_000
-"""Variants that one document may draw."""
+MOST = 1_000_000
+"""Variants of one document, drawn or of the grid."""
 
 
 def read(path: str, options: Options, report: Report) -> Plan | None:
@@ -72,6 +73,8 @@ class _Planner:
         assembly = self.sources.specs.get(root.relative)
         model = resolve(self.sources.documents, self.sources.specs, self.workspace, self.sources.schemas, {}, self.report)
         if not isinstance(assembly, AssemblySpec) or model is None:
+            return None
+        if not self.grid_fits():
             return None
         context = Context(
             documents=self.sources.documents, specs=self.sources.specs, workspace=self.workspace, schemas=self.sources.schemas,
@@ -228,13 +231,28 @@ class _Planner:
         sample = self.spec.sample
         if sample is None:
             return None, 0, 0
-        count = reader.count(sample.count, ("sample", "count"), least=1, most=MOST_DRAWN)
+        count = reader.count(sample.count, ("sample", "count"), least=1, most=MOST)
         seed = reader.count(sample.seed, ("sample", "seed"), least=0, most=2**31 - 1)
         many = any(isinstance(raw, list) and len(raw) > 1 for raw in (*self.spec.parameters.values(), *self.spec.choices.values()))
         if not sample.ranges and not many and not any(not isinstance(raw, list) and hasattr(raw, "count")
                                                       for raw in self.spec.parameters.values()):
             self.error(Code.VARIANT_VALUE, "there is nothing to draw", ("sample",), "add `ranges: {NAME: [smallest, largest]}`")
         return sample.method, count or 0, seed or 0
+
+    def grid_fits(self) -> bool:
+        """Whether a batch can have all variants of the grid; reported where it cannot, before any value of an axis is worked out."""
+        axes = [(key, raw) for key in ("parameters", "choices") for raw in getattr(self.spec, key).values()]
+        sized = [(key, raw.count if isinstance(raw, AxisSpec) else len(raw)) for key, raw in axes if isinstance(raw, (AxisSpec, list))]
+        sizes = [(key, size) for key, size in sized if isinstance(size, int) and 1 < size <= MOST_VALUES]
+        count = math.prod(size for _, size in sizes)
+        if self.spec.sample is not None or count <= MOST:
+            return True
+        product = " x ".join(str(size) for _, size in sizes) if len(sizes) < 10 else f"{len(sizes)} axes"
+        self.report.add(
+            Code.VARIANT_VALUE, f"the grid has {count} variants ({product}), and a batch has at most {MOST}",
+            self.document.span((sizes[0][0],), key=True), help="give fewer values, or draw some of them with `sample:`", path=sizes[0][0],
+        )
+        return False
 
     # --- what it depends on -----------------------------------------------------------------------------------------
 
