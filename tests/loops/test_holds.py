@@ -181,7 +181,7 @@ def test_modes_json_and_info_say_what_a_hold_carries(worm: Built) -> None:
     assert carries == {"stay": "force and torque", "pinned": "force", "dangling": "force"}
     assembly = worm.compilation.assembly
     assert assembly is not None
-    text = info.as_text(assembly, worm.compilation.robots)
+    text = "\n".join(info.as_text(assembly, worm.compilation.robots))
     assert "\n  rear is held at rear/sole, about which it may turn\n" in text.partition("mode pinned:")[2].partition("\nmode ")[0]
 
 

@@ -91,7 +91,7 @@ def random_robot(seed: int, *, mimics: bool = False) -> Made:
             follow = mimic(str(rng.choice(leaders)), float(rng.uniform(-2, 2)), 0.1) if follows else None
             joints.append(joint(
                 f"j{k}", f"c{rng.integers(0, k)}.a", f"c{k}.b", kind, turn=float(rng.uniform(-1, 1)),
-                gap=float(rng.uniform(-0.1, 0.1)), offset=float(rng.uniform(-0.5, 0.5)), lower=-50, upper=50, mimic=follow,
+                gap=float(rng.uniform(-0.1, 0.1)), offset=float(rng.uniform(-0.5, 0.5)), lower=-12, upper=12, mimic=follow,
                 armature=float(rng.choice([0.0, 0.01])),
             ))
         placement = attach(f"c{k}.b", f"c{rng.integers(0, k)}.a") if k and kind == "attach" else None
