@@ -158,11 +158,24 @@ def test_components_in_a_circle() -> None:
         (
             "PLACEMENT_CIRCLE",
             "components placed in a circle: `a` on `c`, `c` on `b`, `b` on `a`",
-            "place one of them on a component outside of the circle",
+            "place one of them on a component outside of the circle; or, where a joint of it closes a loop, write `loop: true` in that",
             7,
         )
     ]
     assert notes(report) == [("`c` is placed here", "/robots/robot.yaml", 9), ("`b` is placed here", "/robots/robot.yaml", 8)]
+
+
+def test_a_joint_between_two_mounts_of_one_component() -> None:
+    model = assembly("a", [component("plate", "p:Plate"), component("a", "p:Cap")], [joint("j", "a.top", "a.foot", line=9)])
+    assert said(faults(model, PLATE, CAP)) == [
+        ("PLACED_ON_ITSELF", "joint `j` connects `a` with itself: its mounts are `a.top` and `a.foot`", "name mounts of two components", 9)
+    ]
+
+
+def test_a_joint_of_one_component_that_names_a_mount_of_another() -> None:
+    """What is wrong is the mount that is not there, at its own place, and not that both sides are one component."""
+    model = assembly("a", [component("plate", "p:Plate"), component("a", "p:Cap")], [joint("j", "a.foott", "a.foot", line=9)])
+    assert said(faults(model, PLATE, CAP)) == [("UNKNOWN_MOUNT", "`a` (`p:Cap`) has no mount `foott`", "did you mean `foot`?", 9)]
 
 
 def test_a_component_on_itself() -> None:

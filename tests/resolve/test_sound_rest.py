@@ -194,8 +194,7 @@ def test_what_is_wrong_beside_a_fault_of_shape_is_said_in_the_same_run(tmp_path:
         'TC206 several.yaml:3:23 unknown unit `blub`; did you mean `lb`?',
         'TC313 several.yaml:3:37 unknown name `raech` | did you mean `reach`?',
         'TC201 several.yaml:5:28 unknown key `colour` in `components.plate`'
-        ' | known keys: `allow`, `assembly`, `at`, `attach`, `bom`, `collision`, `com`, `file`, `frame`, '
-        '`inertia`, `mass`, `material` and 8 more',
+        ' | that is of the material: name one in `material`, and write its `density` and `color` under `materials`',
         'TC317 several.yaml:6:15 `arm:Rod` needs the parameter `length`, and nothing sets it'
         ' | write `params: {length: 120 mm}`',
         'TC305 several.yaml:6:33 `arm:Rod` has no parameter `lenght` | did you mean `length`?',

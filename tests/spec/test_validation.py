@@ -127,7 +127,7 @@ def in_doubt(documents: Documents, report: Report) -> bool:
      "[a, b, c]"),
     ("modes: {b: {poses: home}}", Code.WRONG_TYPE, "expected a list, found text `home`", "write `[home]`", "home"),
     # references
-    ("links: {b: a/b}", Code.BAD_REFERENCE, "`a/b` is no reference", "levels are separated by `.`", "a/b"),
+    ("links: {b: a/b}", Code.BAD_REFERENCE, "`a/b` is no reference", "levels are separated by `.`: `a.b`", "a/b"),
     ("links: {b: a..b}", Code.BAD_REFERENCE, "`a..b` is no reference: a name is missing beside a `.`", None, "."),
     ("links: {b: a.2b}", Code.BAD_REFERENCE, "`a.2b` is no reference: `2b` in it is no name", None, "2b"),
     ("links: {b: 3}", Code.WRONG_TYPE, "expected a reference such as `plate.servo_seat`, found the number `3`", None, "3"),

@@ -127,9 +127,9 @@ def _stands_on(definition: AssemblyDefinition) -> dict[str, tuple[str, Origin]]:
         if component.placement is not None and component.placement.to.path:
             stands[component.name] = (component.placement.to.path[0], component.placement.origin)
     for joint in definition.joints:
-        if joint.child.path and joint.parent.path and not joint.loop:
+        if joint.child.path and joint.parent.path and not joint.loop and joint.child.path[0] != joint.parent.path[0]:
             stands.setdefault(joint.child.path[0], (joint.parent.path[0], joint.origin))
-    return {name: on for name, on in stands.items() if name in names and on[0] in names and on[0] != name}
+    return {name: on for name, on in stands.items() if name in names and on[0] in names}
 
 
 def _check_circles(instance: Instance, definition: AssemblyDefinition, findings: Findings) -> None:

@@ -114,15 +114,3 @@ class Forgetful(Thing):
 
 
 NUMBER = 3
-
-
-class Misspelt(Thing):
-    """A part with a slip in a name."""
-
-    def __init__(self) -> None:
-        super().__init__(material="petg")
-        self.body = Box(10, 10, 10)
-        self.top = MountPont(Location((0, 0, 5)))  # noqa: F821
-
-    def result(self):
-        return self.body
