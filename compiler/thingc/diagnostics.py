@@ -135,6 +135,8 @@ class Code(Enum):
     NO_RESULT = ("TC413", "Thing without a result", "Write `def result(self)` that returns the geometry, or None for a part without.")
     APART = ("TC414", "solids that do not touch", "Let them overlap, or return a list where several are meant.", Stage.CHECK)
     DENSITY = ("TC415", "density of no solid", "Check the unit: solids have 10 to 25 000 kg/m^3.", Stage.CHECK)
+    SIZE = ("TC416", "part of an unlikely size", "Check the unit: `unit:` of a mesh file, or that of a parameter.", Stage.CHECK)
+    ROBOT_MASS = ("TC417", "robot of an unlikely mass", "Check the units of densities, masses and mesh files.", Stage.CHECK)
     # --- TC5xx: the assembly (link) --------------------------------------------------------------------------------
     INCOMPLETE = ("TC501", "assembly cannot be linked", "Mend what the other messages name.")
     MOUNT_CLASH = ("TC502", "two mounts of one name", "Give the mount that the document adds another name.")

@@ -178,6 +178,19 @@ def test_files_that_are_parts_are_compared_with_the_lock(workspace: Path, shared
     assert "TC343" in checked(workspace, "other.yaml").out
 
 
+def test_a_file_is_locked_in_each_unit_that_it_is_used_in(workspace: Path, shared_store: str) -> None:
+    (workspace / "motor.stl").write_text(TETRAHEDRON)
+    text = "thingc: assembly/1\nname: filed\ncomponents:\n  motor: {file: motor.stl, unit: cm, mass: 1 kg}\n"
+    (workspace / "filed.yaml").write_text(text + "  small: {file: motor.stl, mass: 1 g, at: {in: motor.origin}}\n")
+    assert ran(["lock", "--store", shared_store], workspace).code == 0
+    held = json.loads((workspace / "parts.lock.json").read_text())["files"]
+    volumes = {key: one["record"]["volume"] for key, one in held.items()}
+    assert volumes == pytest.approx({"motor.stl": 1e-6 / 6, "motor.stl(unit='cm')": 1e-3 / 6}, rel=1e-9)
+    assert checked(workspace, "filed.yaml").code == 0
+    (workspace / "filed.yaml").write_text(text.replace("cm", "m"))
+    assert "TC343" in checked(workspace, "filed.yaml").out
+
+
 BROKEN = {
     "empty": "", "no JSON": "{", "a list": "[]", "another version": '{"thingc": "lock/2"}', "no number": '{"thingc": "lock/1", "x": NaN}',
     "a key twice": '{"thingc": "lock/1", "thingc": "lock/1"}', "things are a list": '{"thingc": "lock/1", "things": []}',

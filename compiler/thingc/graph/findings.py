@@ -51,6 +51,10 @@ class Findings:
         """Say a warning at `origin`, unless the same was said of the same place. False where it is allowed there."""
         return self._say(Severity.WARNING, code, message, origin, path, help, notes, None)
 
+    def has_said(self, code: Code) -> bool:
+        """Whether something of this code was said while linking."""
+        return any(known is code for known, _, _ in self._said)
+
     def leave_out(self) -> None:
         """Note that something could not be linked because what it needs is wrong and has been reported."""
         self.incomplete = True

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import cast
 
-from thingc.diagnostics import Code, Note
+from thingc.diagnostics import Code, Note, meant_so
 from thingc.graph.findings import Findings, line_of, noted, written_at
 from thingc.graph.mass import NOTHING, Density, Weighed, incomplete_infill, merged, stated_inertia, weigh
 from thingc.graph.types import Definition, MountFrame
@@ -202,7 +202,7 @@ class Leaves:
             more = ", ..." if len(record.apart) > _SHOWN_PLACES else ""
             if said not in self._warned and findings.warn(
                 Code.APART, f"{of} is {len(record.apart)} solids that do not touch ({volumes}{more} cm^3)", origin, path=path,
-                notes=place, help="let them overlap where they should be one; several on purpose are a list: `return [a, b]`",
+                notes=place, help=f"let them overlap; several on purpose are a list: `return [a, b]`; {meant_so(Code.APART)}",
             ):
                 self._warned.add(said)
 
@@ -271,7 +271,7 @@ class Leaves:
             if doubt is not None:
                 warn(
                     Code.DENSITY, f"`{component.name}` {doubt.words}", stated.origin + origin[len(component.origin):], path=path,
-                    help=None if doubt.meant is None else f"write `{mass_words(doubt.meant)}` if that is meant",
+                    help=_doubted(None if doubt.meant is None else f"write `{mass_words(doubt.meant)}` if that is meant"),
                 )
         elif record.mass is not None or record.density is not None:
             self._doubt_thing(record, path, origin)
@@ -281,7 +281,7 @@ class Leaves:
                 warn(
                     Code.DENSITY, f"`{material.name}` {doubt.words}", material.density_origin, path=path,
                     notes=noted(f"`{component.name}` is made of it", origin),
-                    help=None if doubt.meant is None else f"write `{density_words(doubt.meant)}` if that is meant",
+                    help=_doubted(None if doubt.meant is None else f"write `{density_words(doubt.meant)}` if that is meant"),
                 )
 
     def _doubt_thing(self, record: PartRecord, path: str, origin: Origin) -> None:
@@ -294,7 +294,7 @@ class Leaves:
             method, unit, doubt = "density", "kg/m^3", density_doubt(cast("float", record.density.value))
         if doubt is not None and said not in self._warned and self._findings.warn(
             Code.DENSITY, f"`{record.text}` {doubt.words}", origin, path=path, notes=written_at(f"`{record.text}`", record.code),
-            help=f"`{method}()` returns {unit}" + ("" if doubt.meant is None else f": return {doubt.meant:.6g} if that is meant"),
+            help=_doubted(f"`{method}()` returns {unit}" + ("" if doubt.meant is None else f": return {doubt.meant:.6g} if that is meant")),
         ):
             self._warned.add(said)
 
@@ -352,6 +352,11 @@ class Leaves:
                 continue
             mounts[name] = MountFrame(pose=extra.pose, interface=extra.interface)
         return mounts
+
+
+def _doubted(help: str | None) -> str:
+    """What to do about a density that no solid has."""
+    return f"{help}; {meant_so(Code.DENSITY)}" if help is not None else meant_so(Code.DENSITY)
 
 
 def _bom(component: Component, record: PartRecord | None) -> BomEntry:

@@ -10,12 +10,13 @@ import re
 from collections.abc import Collection, Iterator, Sequence
 
 from thingc.diagnostics import Code, Note, meant_so
-from thingc.graph.findings import Findings, noted
+from thingc.graph.findings import Findings, noted, written_at
 from thingc.graph.types import ExportedMount, Link, LinkedMode, Mate, Occurrence
 from thingc.graph.unroll import Instance, Tree
 from thingc.joints import KINDS
 from thingc.pose import Pose, Vector
 from thingc.resolve.model import AssemblyDefinition, At, Attach, Joint
+from thingc.resolve.plausible import LARGEST, SMALLEST, mass_words, unit_meant
 from thingc.source import Origin
 from thingc.units import FORCE, LENGTH, Quantity
 
@@ -25,6 +26,8 @@ FAR = 10.0
 """An offset of so many times the largest part's diagonal leads away from the robot; of so many times the robot's reach, a root."""
 WEAK, STRONG = 0.1, 1000.0
 """A magnet that pulls less, or more, than so many times what the robot weighs."""
+FEATHER, ELEPHANT = 1e-3, 1e4
+"""Of robots: what they weigh [kg]."""
 GRAVITY = 9.81
 """[m/s^2], for weights, whatever a mode's own gravity is."""
 
@@ -41,6 +44,9 @@ def check_plausible(
     for instance, definition in tree.assemblies:
         for joint in definition.joints:
             _check_limits(instance, joint, findings)
+    odd = _check_sizes(occurrences, findings)
+    if not odd and not findings.has_said(Code.DENSITY) and any(mate.joint is not None for mate in mates):
+        _check_mass(tree.top, sum(link.properties.mass for link in links), findings)
     _check_actuators(tree, occurrences, mates, {mount.occurrence for mount in exported if "/" not in mount.path}, findings)
     _check_magnets(tree.top.assembly, modes, sum(link.properties.mass for link in links), findings)
     sizes = {one.index: math.dist(*one.record.box) for one in occurrences if one.record is not None and one.record.box is not None}
@@ -49,6 +55,41 @@ def check_plausible(
         _check_offsets(tree, occurrences[largest], sizes[largest], findings)
         reach = sum(max((sizes.get(member, 0.0) for member in link.members), default=0.0) for link in links)
         _check_roots(modes, reach, findings)
+
+
+# --- parts -------------------------------------------------------------------------------------------------------------
+
+
+def _check_sizes(occurrences: Sequence[Occurrence], findings: Findings) -> bool:
+    """Parts that are smaller or larger than parts are, each at the first component that it is; whether there are any."""
+    found: set[str] = set()
+    for one in occurrences:
+        if one.record is None or one.record.box is None or not one.record.exact or one.definition.text in found:
+            continue
+        low, high = one.record.box
+        sides = [above - below for below, above in zip(low, high)]
+        if SMALLEST <= max(sides) <= LARGEST:
+            continue
+        measures = " x ".join(f"{float(f'{1000.0 * side:.3g}'):g}" for side in sides)
+        bound = f"under {1000.0 * SMALLEST:g} mm" if max(sides) < SMALLEST else f"over {LARGEST:g} m"
+        if findings.warn(
+            Code.SIZE, f"`{one.component.name}` (`{one.definition.text}`) is {bound} long: it measures {measures} mm", one.origin,
+            path=one.path, notes=written_at(f"`{one.definition.text}`", one.record.code),
+            help=f"{unit_meant(one.component.definition, max(sides))}; {meant_so(Code.SIZE)}",
+        ):
+            found.add(one.definition.text)
+    return bool(found)
+
+
+def _check_mass(top: Instance, mass: float, findings: Findings) -> None:
+    """A whole robot that weighs less, or more, than robots do; one that weighs nothing is another matter."""
+    definition = top.assembly
+    if definition is None or mass <= 0.0 or FEATHER <= mass <= ELEPHANT:
+        return
+    findings.warn(
+        Code.ROBOT_MASS, f"`{definition.name}` weighs {mass_words(mass)} as a whole", definition.origin, path="name",
+        help=f"`thingc info` shows what each part weighs: check units of densities, masses and files; {meant_so(Code.ROBOT_MASS)}",
+    )
 
 
 # --- joints ------------------------------------------------------------------------------------------------------------

@@ -15,7 +15,7 @@ from thingc.spec.validation import MODELS
 
 FIRST: dict[type[BaseModel], tuple[str, ...]] = {
     ComponentSpec: (
-        "repeat", "part", "file", "assembly", "frame", "params", "parameters", "material", "mass", "com", "inertia", "attach",
+        "repeat", "part", "file", "unit", "assembly", "frame", "params", "parameters", "material", "mass", "com", "inertia", "attach",
         "at", "mounts", "mirror", "collision", "visual", "process", "bom",
     ),
     JointSpec: (

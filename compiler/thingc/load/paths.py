@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 DOCUMENT_SUFFIXES = (".yaml", ".yml", ".toml")
 PART_SUFFIXES = (".step", ".stp", ".brep", ".stl", ".3mf", ".obj")
+SUFFIXES_WITH_UNIT = (".step", ".stp", ".3mf")
+"""Of these, the files that say in which unit their numbers are."""
 
 _DRIVE = re.compile(r"[A-Za-z]:|\\\\")
 

@@ -66,8 +66,8 @@ class Lock:
     def record(self, definition: PartDefinition, code: tuple[str, int] | None = None) -> PartRecord | None:
         """The record of a definition, None where the lock has none. Raises `BadLock`."""
         if definition.kind == "file":
-            held = self.files.get(definition.reference)
-            return None if held is None else read_record(definition.text, held[1], f"files.{definition.reference}.record", None)
+            held = self.files.get(definition.text)
+            return None if held is None else read_record(definition.text, held[1], f"files.{definition.text}.record", None)
         thing = self.things.get(definition.reference)
         values = None if thing is None else thing.records.get(definition.text)
         if values is None:

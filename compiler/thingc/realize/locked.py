@@ -81,7 +81,7 @@ class LockAnswers:
     def record(self, definition: PartDefinition) -> PartRecord | None:
         """The record of a definition; None where the lock cannot say. Raises `BadLock`."""
         if definition.kind == "file":
-            held = self.lock.files.get(definition.reference)
+            held = self.lock.files.get(definition.text)
             if held is None or self.state(definition.reference, "file:") != held[0]:
                 return None
         elif not self.current(definition.reference):
@@ -227,7 +227,7 @@ class LockedGeometry:
             before = len(self.broken)
             record = self._tried(partial(answers.record, definition))
             if record is None and definition.kind == "file":
-                found[definition.text] = _unlocked_file(definition.reference, answers.lock)
+                found[definition.text] = _unlocked_file(definition, answers.lock)
                 continue
             if record is None and len(self.broken) == before:
                 self.unknown.append(definition.text)
@@ -244,7 +244,8 @@ class LockedGeometry:
             return None
 
 
-def _unlocked_file(reference: str, lock: Lock) -> PartFailure:
-    if reference in lock.files:
+def _unlocked_file(definition: PartDefinition, lock: Lock) -> PartFailure:
+    reference = definition.reference
+    if definition.text in lock.files:
         return PartFailure(subject=reference, kind="stale", message=f"the file has changed since `{LOCK_FILE}` was written")
     return PartFailure(subject=reference, kind="unlocked", message=f"`{LOCK_FILE}` does not hold it")

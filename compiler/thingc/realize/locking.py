@@ -53,7 +53,7 @@ def locked(geometry: GeometryService, references: Sequence[str], definitions: Se
             for reference, schema in sorted(things.items())
         },
         "files": {
-            text: {"content": geometry.state(text), "record": record_values(good[text])}
+            text: {"content": geometry.state(definition.reference), "record": record_values(good[text])}
             for text, definition in sorted(used.items()) if definition.kind == "file" and text in good
         },
         "others": sorted({reference for reference in in_folders if reference not in things}),

@@ -18,6 +18,7 @@ from thingc.realize.measure import Measures, bodies_of, explored, measure, solid
 from thingc.realize.part_files import kernel_shape, read_part
 from thingc.realize.primitives import primitive_of
 from thingc.realize.record import (
+    FILE_UNIT,
     Actuator,
     Expectation,
     Mesh,
@@ -31,6 +32,7 @@ from thingc.realize.record import (
 from thingc.realize.record_json import failure_to_json, record_to_json
 from thingc.realize.session import NoPart, Session, Surroundings, kind_of
 from thingc.realize.store import Store
+from thingc.units import parse_quantity
 
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape
@@ -135,7 +137,8 @@ def _model_code(definition: dict[str, Any], tessellations: Tessellations, sessio
 
 
 def _model_file(definition: dict[str, Any], tessellations: Tessellations, around: Surroundings, store: Store) -> PartRecord:
-    shapes, color = read_part(os.path.join(around.root, definition["reference"]))
+    unit = parse_quantity(f"1 {definition['parameters'].get('unit', FILE_UNIT)}").value * convert.MM
+    shapes, color = read_part(os.path.join(around.root, definition["reference"]), unit)
     return _record(definition["text"], shapes, tessellations, store, color=color)
 
 

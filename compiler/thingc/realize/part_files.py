@@ -24,17 +24,18 @@ class BadPartFile(ValueError):
     """A file that makes no part, in words."""
 
 
-def read_part(path: str) -> tuple[list[TopoDS_Shape], str | None]:
-    """The shapes in a file and their colour (`#rrggbb`) where they have one in common. Raises `BadPartFile`."""
+def read_part(path: str, unit: float) -> tuple[list[TopoDS_Shape], str | None]:
+    """The shapes in a file and their colour (`#rrggbb`) where they have one in common; `unit` [mm] is that of the numbers in a file
+    that does not say its own. Raises `BadPartFile`."""
     suffix = os.path.splitext(path)[1].lower()
     if suffix in (".step", ".stp"):
         return _from_step(path)
     if suffix in (".brep", ".brp"):
-        return [_from_brep(path)], None
+        return [_scaled(_from_brep(path), unit)], None
     if suffix == ".stl":
-        return solids_from(_from_stl(path)), None
+        return solids_from(_from_stl(path).scaled(unit)), None
     if suffix == ".obj":
-        return solids_from(_from_obj(path)), None
+        return solids_from(_from_obj(path).scaled(unit)), None
     if suffix == ".3mf":
         return solids_from(_from_3mf(path)), None
     raise BadPartFile(f"`{suffix or path}` is no format of parts: use {', '.join(SUFFIXES)}")
@@ -75,6 +76,17 @@ def _from_brep(path: str) -> TopoDS_Shape:
     if shape is None:
         raise BadPartFile("the BREP file holds no shape")
     return shape
+
+
+def _scaled(shape: TopoDS_Shape, factor: float) -> TopoDS_Shape:
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_Transform
+    from OCP.gp import gp_Pnt, gp_Trsf
+
+    if factor == 1.0:
+        return shape
+    larger = gp_Trsf()
+    larger.SetScale(gp_Pnt(0.0, 0.0, 0.0), factor)
+    return BRepBuilderAPI_Transform(shape, larger, True).Shape()
 
 
 def _from_stl(path: str) -> Triangles:

@@ -53,13 +53,17 @@ class PartSchema(Brief):
     line: int
 
 
+FILE_UNIT = "mm"
+"""What the numbers of a mesh file are in unless the document says otherwise."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartDefinition(Brief):
     """A part class with its complete canonical parameters: equal definitions are one node of the HAG.
 
     `reference` is `module:Class`, or for a part of a file its path in the workspace (`kind` says which:
-    `code | file`). `parameters` holds every parameter, sorted by name; `text` prints only those that differ from their
-    default (`arm:RotorBrace(length=0.1)`). `mirror` is reserved and always None.
+    `code | file`). `parameters` holds every parameter, sorted by name (of a file its `unit`, where that is not `FILE_UNIT`); `text`
+    prints only those that differ from their default (`arm:RotorBrace(length=0.1)`). `mirror` is reserved and always None.
     """
 
     reference: str

@@ -10,11 +10,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from thingc.diagnostics import Code
+from thingc.load.paths import SUFFIXES_WITH_UNIT
 from thingc.realize.record import PartFailure
 from thingc.resolve.repeats import Item
 from thingc.resolve.table import Context, Node, Table
 from thingc.slips import did_you_mean
-from thingc.spec.assembly import AssemblySpec, ComponentDefaults, ComponentSpec, DefaultsSpec
+from thingc.spec.assembly import UNIT_OF_ITS_OWN, AssemblySpec, ComponentDefaults, ComponentSpec, DefaultsSpec
 from thingc.spec.choices import DEFAULT_MATERIAL, EXAMPLES, KEYS, ChoicePath, parse
 from thingc.units import shortened
 
@@ -135,6 +136,9 @@ def chosen(context: Context, table: Table, item: Item[ComponentSpec]) -> tuple[C
             said = "is a frame, without geometry" if kind == "frame" else f"is written with `{kind}`, not with `{key}`"
             help = f"choose `components.{label}.{kind}`" if kind != "frame" else "choose for a component with geometry"
             _complain(context, path, f"component `{label}` {said}", help)
+            continue
+        if key == "file" and spec.unit is not None and text.lower().endswith(SUFFIXES_WITH_UNIT):
+            _complain(context, path, f"`{shortened(text)}` says its unit itself, and `{label}` has `unit: {spec.unit}`", UNIT_OF_ITS_OWN)
             continue
         taken[key] = text
     inside = below(table.choices, *names)

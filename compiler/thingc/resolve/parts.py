@@ -8,7 +8,7 @@ from collections.abc import Collection
 
 from thingc.diagnostics import MAX_FAULTS, Code, Note
 from thingc.load.paths import PART_SUFFIXES, named
-from thingc.realize.record import WHOLE, ParameterSchema, PartDefinition, PartFailure, PartSchema, Value, definition_text
+from thingc.realize.record import FILE_UNIT, WHOLE, ParameterSchema, PartDefinition, PartFailure, PartSchema, Value, definition_text
 from thingc.resolve.scope import Enough, Found, Scope, dimension_message, kind_of, words_of
 from thingc.resolve.table import Context, Node
 from thingc.slips import did_you_mean, near_hint, nearest
@@ -234,16 +234,18 @@ def _module_hint(context: Context, reference: str, known: Collection[str]) -> st
 
 
 def of_file(context: Context, node: Node, text: str) -> PartDefinition | None:
-    """The definition of a component that is a `file:`; None where the file cannot be used (which `load` has reported,
-    unless it was chosen)."""
+    """The definition of a component that is a `file:`, with the unit of its numbers where that is not mm; None where the file cannot
+    be used (which `load` has reported, unless it was chosen)."""
     beside = context.documents.root.path if "file" in node.chosen else node.scope.document.path
     absolute = named(text, beside)
     workspace = context.workspace
     if absolute is None or os.path.isabs(text) or not workspace.contains(absolute) or not absolute.lower().endswith(PART_SUFFIXES):
         return None
     reference = workspace.relative(absolute)
-    key: tuple[str, tuple[tuple[str, Value], ...]] = (reference, ())
-    known = context.parts.get(key)
+    unit = node.spec.unit or FILE_UNIT
+    given: tuple[tuple[str, Value], ...] = () if unit == FILE_UNIT else (("unit", unit),)
+    known = context.parts.get((reference, given))
     if known is None and os.path.isfile(absolute):
-        known = context.parts[key] = PartDefinition(reference=reference, kind="file", parameters=(), text=reference)
+        written = definition_text(reference, dict(given), {})
+        known = context.parts[reference, given] = PartDefinition(reference=reference, kind="file", parameters=given, text=written)
     return known

@@ -4,8 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from thingc.load.paths import SUFFIXES_WITH_UNIT
+from thingc.realize.record import FILE_UNIT, PartDefinition
+from thingc.units import parse_quantity
+
 LIGHTEST, HEAVIEST = 10.0, 25_000.0
 """Densities [kg/m^3] that solids have: foams begin at 10, osmium has 22 590."""
+
+SMALLEST, LARGEST = 1e-3, 10.0
+"""Of parts: how long [m] the longest side of the box around one is."""
+
+LIKELY_UNITS = ("mm", "m", "in", "cm", "um")
+"""Of files that do not say theirs, the likeliest first."""
 
 _STEP = 1000.0
 """Between kg/m^3 and g/cm^3, g and kg."""
@@ -39,6 +49,20 @@ def mass_doubt(mass: float, volume: float) -> Doubt | None:
         words=f"weighs {mass_words(mass)} in {1e6 * volume:.3g} cm^3: it {doubt.words}",
         meant=None if doubt.meant is None else doubt.meant * volume,
     )
+
+
+def unit_meant(definition: object, size: float) -> str:
+    """What to do about a part (its definition) whose size [m] is odd: of a file without a unit, the unit in which it is none."""
+    if not isinstance(definition, PartDefinition) or definition.kind != "file":
+        return "part code is in millimetres, and documents write units: check those of its `params`"
+    if definition.reference.lower().endswith(SUFFIXES_WITH_UNIT):
+        return "the file says its unit itself: export it anew in the right one"
+    unit = str(dict(definition.parameters).get("unit", FILE_UNIT))
+    number = size / parse_quantity(f"1 {unit}").value
+    for other in LIKELY_UNITS:
+        if 5.0 * SMALLEST <= number * parse_quantity(f"1 {other}").value <= LARGEST / 3.0:
+            return f"write `unit: {other}` if its numbers are in {other}"
+    return f"its numbers are taken as {unit}: check the file"
 
 
 def mass_words(mass: float) -> str:

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
+from thingc.load.paths import SUFFIXES_WITH_UNIT
 from thingc.spec.allowances import Allow, allow
 from thingc.spec.base import Model, rule
 from thingc.spec.fields import (
@@ -36,6 +37,9 @@ from thingc.spec.sensors import SensorSpec
 from thingc.spec.tests import TestSpec
 
 Source = Literal["measured", "vendor", "estimated"]
+
+
+UNIT_OF_ITS_OWN = "STEP and 3MF files carry the unit of their numbers"
 
 
 class ParameterSpec(Model):
@@ -184,7 +188,7 @@ def _component_rules(schema: dict[str, Any]) -> None:
     schema["dependentSchemas"] = {
         key: {"anyOf": [{"required": [of]}, {"properties": {key: {"maxProperties": 0}}}]}
         for key, of in (("params", "part"), ("parameters", "assembly"))
-    }
+    } | {"unit": {"required": ["file"]}}
     for branch in schema["properties"]["attach"]["anyOf"]:
         if "additionalProperties" in branch:
             branch |= {"minProperties": 1, "maxProperties": 1}
@@ -203,6 +207,8 @@ class ComponentSpec(ComponentDefaults):
     """Another assembly document, relative to this one."""
     frame: Literal[True] | None = None
     """A component without geometry."""
+    unit: Literal["um", "mm", "cm", "m", "in", "ft"] | None = None
+    """The unit of the numbers in an STL, OBJ or BREP file, which does not say it; mm unless written."""
     params: dict[str, AnyQuantityField] = Field(default={}, examples=[{"length": "120 mm", "holes": 4}])
     """The part's parameters."""
     parameters: dict[str, AnyQuantityField] = Field(default={}, examples=[{"pen_diameter": "15 mm"}])
@@ -237,6 +243,10 @@ class ComponentSpec(ComponentDefaults):
             raise rule(
                 "`params` belongs to a `part`", "a nested assembly takes `parameters`" if self.assembly else "take it out",
             )
+        if self.unit is not None and self.file is None:
+            raise rule("`unit` belongs to a `file`", "take it out: only files of numbers without a unit need it", "unit")
+        if self.unit is not None and self.file is not None and self.file.lower().endswith(SUFFIXES_WITH_UNIT):
+            raise rule(f"`{self.file}` says its unit itself: {UNIT_OF_ITS_OWN}", "take `unit` out", "unit")
         if self.parameters and self.assembly is None:
             raise rule("`parameters` belongs to a nested `assembly`", "a part takes `params`" if self.part else "take it out")
         if self.attach is not None and self.at is not None:
