@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 JOBS ?= 2
 
-.PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-weld walk bridge-search mutants fuzz schemas docs pictures freeze frozen clean
+.PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-weld print-masses walk bridge-search mutants fuzz schemas docs pictures freeze frozen clean
 
 demo: $(VENV)/.thingc
 	$(BIN)/thingc build assemblies/arm.yaml
@@ -31,6 +31,9 @@ bench: $(VENV)/.thingc-dev
 
 bench-weld: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/weld_vs_root/study.py
+
+print-masses: $(VENV)/.thingc-dev
+	$(BIN)/python benchmarks/prints/print_masses.py
 
 walk: $(VENV)/.thingc-dev
 	$(BIN)/python examples/walk.py --gif docs/pictures/minchw_walk.gif

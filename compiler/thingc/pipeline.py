@@ -320,7 +320,7 @@ class Compilation:
             self._run(modes, kinds)
 
     def _run(self, modes: Sequence[str], kinds: Sequence[str]) -> None:
-        from thingc.graph import link
+        from thingc.graph import link, slicings_of
         from thingc.realize.outline import outline
         from thingc.resolve import part_definitions, resolve, resolve_materials
         from thingc.robot import check_starts, root, stand
@@ -342,7 +342,9 @@ class Compilation:
         if model is None:
             return
         self._check_modes(modes, [mode.name for mode in model.modes], failed=report.failed)
-        records = front.parts.realize(part_definitions(model), convex=_decomposed(model))
+        definitions = part_definitions(model)
+        records = front.parts.realize(definitions, convex=_decomposed(model))
+        records = front.parts.slice(definitions, records, slicings_of(model, records))
         self.decisions = front.parts.decisions
         front.say_gaps(report)
         linked = link(model, records, report, front.memo)

@@ -63,7 +63,7 @@ ELSEWHERE = {
 
 _SPOKEN = {"UNREACHED": "does not hang together with the root of mode"}
 
-_PROGRESS = re.compile(r"^(modelling|decomposing) parts: \d+ of \d+\n", re.MULTILINE)
+_PROGRESS = re.compile(r"^(modelling|decomposing|slicing) parts: \d+ of \d+\n", re.MULTILINE)
 """Depends on what the store holds already."""
 
 _SECONDS = re.compile(r"  \d+\.\d\d s$", re.MULTILINE)

@@ -41,7 +41,7 @@ SIZE = (0.1, 0.06, 0.04)
 VOLUME = 0.1 * 0.06 * 0.04
 AREA = 2 * (0.1 * 0.06 + 0.06 * 0.04 + 0.1 * 0.04)
 MASS = 1000.0 * VOLUME
-PRINTED = Process(kind="fdm", walls=3, line_width=0.0004, infill=0.15)
+PRINTED = Process(kind="fdm", walls=3, line_width=0.0004, infill=0.15, estimate="skin")
 
 
 def only(record: object, **over: object) -> Occurrence:
@@ -80,7 +80,7 @@ def test_infill() -> None:
 
 
 def test_infill_of_a_part_that_is_all_skin() -> None:
-    thin = Process(kind="fdm", walls=100, line_width=0.01, infill=0.15)
+    thin = Process(kind="fdm", walls=100, line_width=0.01, infill=0.15, estimate="skin")
     assert only(box("p:Box", SIZE), materials=(material("petg", process=thin),)).properties.mass == pytest.approx(MASS)
 
 
@@ -281,14 +281,16 @@ def test_material_without_density() -> None:
     ]
 
 
-@pytest.mark.parametrize(("process", "missing"), [(Process(infill=0.2), "walls"), (Process(infill=0.2, walls=2), "line_width")])
+@pytest.mark.parametrize(("process", "missing"), [
+    (Process(infill=0.2), "`walls` and `line_width`"), (Process(infill=0.2, walls=2), "`line_width`"),
+])
 def test_infill_that_cannot_be_estimated(process: Process, missing: str) -> None:
     model = assembly("a", [component("humerus", "p:Box", process=process, line=7)])
     assert said(faults(model, box("p:Box"))) == [
         (
             "INFILL",
-            f"`humerus` is printed with an infill, but its process has no `{missing}`",
-            f"add `{missing}` to the `process` of the material or of the component, or write `infill: 100 %`",
+            f"`humerus` is printed with an infill, but its process has no {missing}",
+            f"add {missing} to the `process` of the material or of the component, or write `infill: 100 %`",
             7,
         )
     ]

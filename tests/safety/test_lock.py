@@ -21,6 +21,7 @@ TETRAHEDRON = "solid t\n" + "".join(
     for face in _FACES
 ) + "endsolid t\n"
 
+UNKNOWN = "note[TC345]: 1 part has parameters or a process that `parts.lock.json` does not hold: its geometry was not looked at"
 ARM, MINCHW = "assemblies/arm.yaml", "assemblies/minchw/minchw.yaml"
 
 
@@ -124,12 +125,33 @@ def test_lock_check_says_what_changed(workspace: Path, shared_store: str) -> Non
     assert done.out.count("error[TC341]") == 4
 
 
+def test_a_process_that_the_lock_does_not_hold(workspace: Path, shared_store: str) -> None:
+    """How a part is sliced is in the lock; another percentage needs no other slices, more walls do."""
+    arm = workspace / ARM
+    edit(arm, "process: {infill: 30 %}", "process: {infill: 25 %}")
+    assert checked(workspace).out == f"{ARM}: ok\n"
+    edit(arm, "process: {infill: 25 %}", "process: {infill: 25 %, walls: 2}")
+    done = checked(workspace)
+    assert done.code == 0
+    assert UNKNOWN in done.out
+    assert "`arm:BasePlate`" in done.out
+    with Compilation(str(arm), Options(store=shared_store, lock=True)) as compilation:  # where code may run, it is sliced
+        compilation.run()
+        assert compilation.assembly is not None and not compilation.report.diagnostics
+        plate = compilation.assembly.occurrences[0]
+        assert plate.estimate == "layers"
+    with Compilation(str(arm), Options(store=shared_store)) as build:
+        build.run()
+        assert build.assembly is not None
+        assert plate.properties.mass == pytest.approx(build.assembly.occurrences[0].properties.mass, rel=1e-9)
+
+
 def test_parameters_that_the_lock_does_not_hold(workspace: Path) -> None:
     arm = workspace / ARM
     edit(arm, "{part: arm:BasePlate,", "{part: arm:BasePlate, params: {size: 120 mm},")
     done = checked(workspace)
     assert done.code == 0
-    assert "note[TC345]: 1 part has parameters that `parts.lock.json` does not hold: its geometry was not looked at" in done.out
+    assert UNKNOWN in done.out
     assert "`arm:BasePlate(size=0.12)`" in done.out
     # What can be checked is checked: bounds from the schema, and the names of mounts.
     edit(arm, "size: 120 mm", "size: 1200 mm")

@@ -7,14 +7,14 @@ import sys
 from collections.abc import Sequence
 
 from thingc.cli import common
-from thingc.graph.types import Assembly
+from thingc.graph.types import Assembly, Occurrence
 from thingc.pipeline import Compilation
 from thingc.robot.types import Robot
 from thingc.shown import shown
 
 EPILOG = """\
 Masses are exact integrals over the geometry times density, or what the document or the part states; every one says which
-(`derived`, `estimated` for the infill model, `measured`, `vendor`, `stated`).
+(`derived`, `estimated (layers)` for prints with an infill, `measured`, `vendor`, `stated`).
 
   thingc info assemblies/arm.yaml
   thingc info assemblies/arm.yaml --mates                 which mount meets which, and which axes lie along which
@@ -107,7 +107,7 @@ def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
     ]
     rows = [("occurrence", "definition", "mass", "from", "link")]
     rows += [
-        (o.path, o.definition.text, _grams(o.properties.mass), o.mass_source if o.properties.mass else "-",
+        (o.path, o.definition.text, _grams(o.properties.mass), _source(o) if o.properties.mass else "-",
          assembly.links[assembly.link_of[o.index]].name)
         for o in assembly.occurrences
     ]
@@ -127,6 +127,11 @@ def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
             lines.append(f"  {name}  <- {body.joint.path} ({body.joint.kind}{crossed}) on {parent}")
         lines += _loops(robot)
     return lines
+
+
+def _source(occurrence: Occurrence) -> str:
+    """Where a mass is from, and for one with an infill how it was estimated: `estimated (layers)`."""
+    return occurrence.mass_source + (f" ({occurrence.estimate})" if occurrence.estimate is not None else "")
 
 
 def _loops(robot: Robot) -> list[str]:

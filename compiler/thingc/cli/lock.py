@@ -18,6 +18,7 @@ from thingc.source import Span
 
 if TYPE_CHECKING:
     from thingc.realize.service import GeometryService
+    from thingc.realize.slices import Slicing
     from thingc.workspace import Workspace
 
 EPILOG = """\
@@ -66,8 +67,8 @@ def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str 
     if workspace is None:
         return None
     with geometry_of(workspace, options) as geometry:
-        references, definitions = _used(workspace, geometry, options, report)
-        made = locked(geometry, references, definitions)
+        references, definitions, slicings = _used(workspace, geometry, options, report)
+        made = locked(geometry, references, definitions, slicings)
     for failure in made.failures:
         _say(failure, report)
     if report.failed:
@@ -97,13 +98,15 @@ def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str 
 
 def _used(
     workspace: Workspace, geometry: GeometryService, options: Options, report: Report,
-) -> tuple[list[str], list[PartDefinition]]:
-    """What the assembly documents of a workspace use: `module:Class`, and definitions."""
+) -> tuple[list[str], list[PartDefinition], dict[str, set[Slicing]]]:
+    """What the assembly documents of a workspace use: `module:Class`, definitions, and how these are sliced, by their text."""
+    from thingc.graph import slicings_of
     from thingc.load.finding import documents_in
     from thingc.resolve import part_definitions, resolve
 
     references: dict[str, None] = {}
     definitions: dict[str, PartDefinition] = {}
+    slicings: dict[str, set[Slicing]] = {}
     for document in documents_in(workspace.root, workspace):
         front = Front(document, options, geometry)
         front.read(kinds=("assembly", "materials", "variants"))
@@ -111,8 +114,11 @@ def _used(
         if front.documents is not None and front.specs is not None and front.documents.root.kind == "assembly":
             model = resolve(front.documents, front.specs, workspace, front.schemas, {}, own)
             references.update(dict.fromkeys(front.schemas))
-            for definition in part_definitions(model) if model is not None else ():
-                definitions.setdefault(definition.text, definition)
+            if model is not None:
+                used = {definition.text: definition for definition in part_definitions(model)}
+                definitions = {**used, **definitions}
+                for text, found in slicings_of(model, geometry.realize(list(used.values()))).items():
+                    slicings.setdefault(text, set()).update(found)
         if front.report.failed or own.failed:
             report.warn(
                 Code.LOCK_DOCUMENT, f"`{shown_path(document)}` has errors: what it uses may be missing from `{LOCK_FILE}`",
@@ -120,7 +126,7 @@ def _used(
             )
     # A part that is not there is the fault of the document, which has been said.
     known = {reference for reference, answer in geometry.describe(list(references)).items() if not isinstance(answer, PartFailure)}
-    return sorted(known), list(definitions.values())
+    return sorted(known), list(definitions.values()), slicings
 
 
 def _say(failure: PartFailure, report: Report) -> None:

@@ -4,5 +4,6 @@ from __future__ import annotations
 
 from thingc.graph.kinematics import coordinates, joints_of, leaders, on_loops, poses
 from thingc.graph.linking import link
+from thingc.graph.prints import slicings_of
 
-__all__ = ["coordinates", "joints_of", "leaders", "link", "on_loops", "poses"]
+__all__ = ["coordinates", "joints_of", "leaders", "link", "on_loops", "poses", "slicings_of"]

@@ -8,13 +8,25 @@ from typing import cast
 
 from thingc.diagnostics import Code, Note, meant_so
 from thingc.graph.findings import Findings, line_of, noted, written_at
-from thingc.graph.mass import NOTHING, Density, Weighed, incomplete_infill, merged, stated_inertia, weigh
+from thingc.graph.mass import (
+    NOTHING,
+    Density,
+    Weighed,
+    estimate_of,
+    layers_too_high,
+    missing_keys,
+    slicing_of,
+    stated_inertia,
+    weigh,
+)
+from thingc.graph.prints import material_of, process_of
 from thingc.graph.types import Definition, MountFrame
 from thingc.inertia import MassProperties, physical_fault
 from thingc.memo import Memo
 from thingc.pose import NO_POSE
 from thingc.realize.record import Outside, PartDefinition, PartFailure, PartRecord, PartWarning
-from thingc.resolve.model import AssemblyDefinition, BomEntry, Component, Material
+from thingc.realize.slices import Unsliced
+from thingc.resolve.model import AssemblyDefinition, BomEntry, Component, Material, Process
 from thingc.resolve.plausible import density_doubt, density_words, mass_doubt, mass_words
 from thingc.slips import did_you_mean, nearest
 from thingc.source import Origin
@@ -58,6 +70,7 @@ class Leaf:
     bom: BomEntry
     properties: MassProperties
     source: str
+    estimate: str | None
     mounts: dict[str, MountFrame]
     sound: bool
 
@@ -76,6 +89,7 @@ class Leaves:
         self._failures: dict[str, list[tuple[Component, str, Origin]]] = {}
         self._unknown: dict[tuple[str, str, bool], list[tuple[Component, PartRecord, AssemblyDefinition, str, Origin]]] = {}
         self._warned: set[tuple[str, str]] = set()
+        self._told: set[tuple[str, Unsliced]] = set()
         self.unknown = False
 
     def leaf(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> Leaf | None:
@@ -175,6 +189,7 @@ class Leaves:
             bom=_bom(component, record),
             properties=weighed.properties if weighed is not None else NOTHING,
             source=weighed.source if weighed is not None else "derived",
+            estimate=weighed.estimate if weighed is not None else None,
             mounts=self._mounts(component, record, path, origin),
             sound=sound,
         )
@@ -210,19 +225,15 @@ class Leaves:
         self, component: Component, record: PartRecord | None, scope: AssemblyDefinition,
     ) -> tuple[Material | None, bool]:
         """The material, and whether the Thing names one that the document does not know."""
-        if component.material is not None:
-            return component.material, False
-        if record is None or record.material is None:
-            return None, False
-        material = scope.materials.get(record.material)
-        return material, material is None
+        material = material_of(component, record, scope)
+        return material, material is None and record is not None and record.material is not None
 
     def _weigh(
         self, component: Component, record: PartRecord | None, material: Material | None, unknown: bool,
         scope: AssemblyDefinition, path: str, origin: Origin,
     ) -> Weighed | None:
         findings, overrides = self._findings, component.overrides
-        process = merged(overrides.process, material.process if material is not None else None)
+        process = process_of(component, material)
         density: Density | None = None
         if record is not None and record.density is not None:
             density = Density(value=float(record.density.value), estimated=record.density.source == "estimated")  # type: ignore[arg-type]
@@ -253,10 +264,16 @@ class Leaves:
                 help=f"add `density:` to `{material.name}`, or `mass:` to `{component.name}`",
                 notes=noted(f"`{material.name}` is written here", material.origin),
             )
-        missing = incomplete_infill(process)
-        if needs_density and weighed is not None and missing is not None:
-            self._no_walls(component, material, missing, path, origin)
+        missing = missing_keys(process)
+        if needs_density and weighed is not None and missing:
+            self._incomplete(component, material, missing, path, origin)
             return None
+        if needs_density and weighed is not None and estimate_of(process) == "layers" and process is not None:
+            if layers_too_high(process):
+                self._high_layers(component, material, process, path, origin)
+                return None
+            if weighed.estimate == "skin":
+                self._unsliced(component, record, process, path, origin)
         return weighed
 
     def _doubt(
@@ -298,18 +315,49 @@ class Leaves:
         ):
             self._warned.add(said)
 
-    def _no_walls(self, component: Component, material: Material | None, missing: str, path: str, origin: Origin) -> None:
-        """Say what the infill model misses: once of a material that does not have it, else of the component."""
-        if material is not None and incomplete_infill(material.process) is not None:
+    def _high_layers(self, component: Component, material: Material | None, process: Process, path: str, origin: Origin) -> None:
+        """Say that no line can be as high as that: once of a material that says so, else of the component."""
+        of_material = material is not None and material.process is not None and layers_too_high(material.process)
+        self._findings.error(
+            Code.HIGH_LAYERS, f"`layer` is {1e3 * (process.layer or 0.0):g} mm, and `line_width` only "
+            f"{1e3 * (process.line_width or 0.0):g} mm: a line is at least as wide as it is high",
+            material.process_origin if of_material and material is not None else origin, path=path,
+            help="write for example `layer: 0.2 mm, line_width: 0.45 mm`",
+            notes=noted(f"`{component.name}` is made of it", origin) if of_material else
+            noted(f"the process of `{material.name}` is written here", material.process_origin) if material is not None else (),
+        )
+
+    def _unsliced(self, component: Component, record: PartRecord | None, process: Process, path: str, origin: Origin) -> None:
+        """Say why a part is not estimated by its layers: once of a part, however often it occurs."""
+        slicing = slicing_of(process, component.overrides, record) if record is not None else None
+        found = record.slices.get(slicing) if record is not None and slicing is not None else None
+        if record is None or not isinstance(found, Unsliced) or (record.text, found) in self._told:
+            return
+        self._told.add((record.text, found))
+        self._findings.warn(
+            Code.UNSLICED, f"`{component.name}` (`{record.text}`) cannot be cut into layers: it {found.reason}; its mass is estimated "
+            "by its skin", origin, path=path, help="mend the part, or write `process: {estimate: skin}` here",
+        )
+
+    def _incomplete(
+        self, component: Component, material: Material | None, missing: tuple[str, ...], path: str, origin: Origin,
+    ) -> None:
+        """Say what the estimate misses: once of a material that does not have it, else of the component."""
+        of_material = material.process if material is not None and missing_keys(material.process) else None
+        keys = missing_keys(of_material) if of_material is not None else missing
+        listed = " and ".join(filter(None, (", ".join(f"`{key}`" for key in keys[:-1]), f"`{keys[-1]}`")))
+        needed = {"walls", "line_width"} & set(keys)
+        instead = "`infill: 100 %`" if needed else "`estimate: skin`, which needs `walls` and `line_width` only"
+        if material is not None and of_material is not None:
             self._findings.error(
-                Code.INFILL, f"`{material.name}` is printed with an infill, but its `process` has no `{missing}`",
-                material.process_origin, path=path, help=f"add `{missing}`, or write `infill: 100 %`",
+                Code.INFILL, f"`{material.name}` is printed with an infill, but its `process` has no {listed}",
+                material.process_origin, path=path, help=f"add {listed}, or write {instead}",
                 notes=noted(f"`{component.name}` is made of it", origin),
             )
             return
         self._findings.error(
-            Code.INFILL, f"`{component.name}` is printed with an infill, but its process has no `{missing}`", origin, path=path,
-            help=f"add `{missing}` to the `process` of the material or of the component, or write `infill: 100 %`",
+            Code.INFILL, f"`{component.name}` is printed with an infill, but its process has no {listed}", origin, path=path,
+            help=f"add {listed} to the `process` of the material or of the component, or write {instead}",
             notes=noted(f"the process of `{material.name}` is written here", material.process_origin) if material is not None else (),
         )
 

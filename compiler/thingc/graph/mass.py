@@ -1,6 +1,7 @@
 """The mass, centre and inertia of one component: who may say it, and who is asked first.
 
-Component override, then the Thing's own `mass()` and `matrix_of_inertia()`, then material x process x exact volume.
+Component override, then the Thing's own `mass()` and `matrix_of_inertia()`, then density x what the part is made of: its exact volume,
+or, with an infill, what is printed of it.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from typing import cast
 from thingc.inertia import ZERO, MassProperties
 from thingc.pose import Matrix, Vector
 from thingc.realize.record import PartRecord
+from thingc.realize.slices import BRIDGE_FLOW, OVERLAP, UPRIGHT, Sliced, Slicing
 from thingc.resolve.model import Overrides, Process
 
 NOTHING = MassProperties(mass=0.0)
@@ -27,10 +29,11 @@ class Density:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Weighed:
     """The answer: properties in the component's frame, and where the mass came from
-    (`measured | vendor | stated | derived | estimated`)."""
+    (`measured | vendor | stated | derived | estimated`); `estimate` is `layers | skin` where it was worked out from an infill."""
 
     properties: MassProperties
     source: str
+    estimate: str | None = None
 
 
 def merged(over: Process | None, under: Process | None) -> Process | None:
@@ -41,24 +44,37 @@ def merged(over: Process | None, under: Process | None) -> Process | None:
     return replace(under, **said)
 
 
-def incomplete_infill(process: Process | None) -> str | None:
-    """The key that the infill model misses (`walls` or `line_width`), or None."""
+_NEEDED = {"skin": ("walls", "line_width"), "layers": ("walls", "line_width", "layer", "top", "bottom")}
+
+
+def estimate_of(process: Process | None) -> str | None:
+    """How the volume that is printed with this process is worked out: `layers` or `skin`; None where the part is solid."""
     if process is None or process.infill is None or process.infill >= 1.0:
         return None
-    if process.walls is None:
-        return "walls"
-    return "line_width" if process.line_width is None else None
+    return process.estimate or ("layers" if process.kind == "fdm" else "skin")
 
 
-def solid_fraction(volume: float, area: float, process: Process | None) -> float | None:
-    """The share of `volume` [m^3] that is filled when printed with an infill, None for a solid part.
+def missing_keys(process: Process | None) -> tuple[str, ...]:
+    """The keys of a process that the estimate misses: `("walls",)`."""
+    return tuple(key for key in _NEEDED.get(estimate_of(process) or "", ()) if getattr(process, key) is None)
 
-    `(V_s + infill * (V - V_s)) / V` with the skin `V_s = min(V, area * walls * line_width)`, `area` in m^2.
-    """
-    if process is None or process.infill is None or process.infill >= 1.0:
+
+def layers_too_high(process: Process) -> bool:
+    """Whether its layers are higher than its lines are wide."""
+    return process.layer is not None and process.line_width is not None and process.layer > process.line_width
+
+
+def slicing_of(process: Process | None, overrides: Overrides, record: PartRecord) -> Slicing | None:
+    """How a part is cut into layers, where its mass comes from them; None where it does not, or the process cannot say how."""
+    if process is None or record.volume <= 0.0 or estimate_of(process) != "layers" or missing_keys(process):
         return None
-    skin = min(volume, area * float(process.walls or 0) * (process.line_width or 0.0))
-    return (skin + process.infill * (volume - skin)) / volume
+    if layers_too_high(process):
+        return None
+    return Slicing(
+        up=overrides.up or record.up or UPRIGHT, layer=process.layer or 0.0, line_width=process.line_width or 0.0,
+        walls=process.walls or 0, top=process.top or 0, bottom=process.bottom or 0,
+        overlap=OVERLAP if process.overlap is None else process.overlap, bridge_flow=process.bridge_flow or BRIDGE_FLOW,
+    )
 
 
 def weigh(record: PartRecord | None, density: Density | None, process: Process | None, overrides: Overrides) -> Weighed | None:
@@ -67,16 +83,17 @@ def weigh(record: PartRecord | None, density: Density | None, process: Process |
     `record` is None for a frame. `density` is the Thing's own or the material's, None where there is neither. A mass
     alone scales whatever inertia there is, a centre alone moves it unchanged; inertias are about the centre.
     """
-    natural = _natural(record, density, process)
+    matter, estimate = _matter(record, process, overrides)
+    natural = _natural(matter, density, estimate)
     mass = natural.properties.mass if natural is not None else None
     source = natural.source if natural is not None else "derived"
     inertia: Matrix = natural.properties.inertia if natural is not None else ZERO
-    centre = record.centre if record is not None else (0.0, 0.0, 0.0)
+    centre = matter.centre
 
     if record is not None:
         if record.mass is not None:
-            mass, source = cast("float", record.mass.value), record.mass.source
-            inertia = _scaled(record, mass)
+            mass, source, estimate = cast("float", record.mass.value), record.mass.source, None
+            inertia = matter.with_mass(mass).inertia
         if record.com is not None:
             centre = cast("Vector", record.com.value)
         if record.matrix is not None:
@@ -87,8 +104,8 @@ def weigh(record: PartRecord | None, density: Density | None, process: Process |
         if mass is not None and mass > 0.0:
             inertia = MassProperties(mass=mass, inertia=inertia).with_mass(new).inertia
         elif record is not None and record.matrix is None:
-            inertia = _scaled(record, new)
-        mass, source = new, overrides.mass.source
+            inertia = matter.with_mass(new).inertia
+        mass, source, estimate = new, overrides.mass.source, None
     if mass is None:
         return None
     if overrides.com is not None:
@@ -96,7 +113,7 @@ def weigh(record: PartRecord | None, density: Density | None, process: Process |
         centre = (x, y, z)
     if overrides.inertia is not None:
         inertia = stated_inertia(overrides.inertia.value)
-    return Weighed(properties=MassProperties(mass=mass, centre=centre, inertia=inertia), source=source)
+    return Weighed(properties=MassProperties(mass=mass, centre=centre, inertia=inertia), source=source, estimate=estimate)
 
 
 def stated_inertia(six: tuple[float, ...]) -> Matrix:
@@ -105,20 +122,32 @@ def stated_inertia(six: tuple[float, ...]) -> Matrix:
     return ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
 
 
-def _natural(record: PartRecord | None, density: Density | None, process: Process | None) -> Weighed | None:
-    """Material x process x exact volume; nothing weighs nothing; None without a density."""
+def _matter(record: PartRecord | None, process: Process | None, overrides: Overrides) -> tuple[MassProperties, str | None]:
+    """What a part is made of, at density 1: its volume [m^3] as the mass, centre and inertia [m^5]; and how that was estimated.
+
+    From layers as they are printed. By skin: `(V_s + infill * (V - V_s))` of the solid part with the volume V and the area A, where
+    `V_s = min(V, A * walls * line_width)`. Without an infill it is exact.
+    """
     if record is None or record.volume <= 0.0:
+        return (NOTHING if record is None else replace(NOTHING, centre=record.centre)), None
+    exact = MassProperties(mass=record.volume, centre=record.centre, inertia=record.inertia)
+    if process is None or process.infill is None or estimate_of(process) is None:
+        return exact, None
+    slicing = slicing_of(process, overrides, record)
+    sliced = record.slices.get(slicing) if slicing is not None else None
+    if isinstance(sliced, Sliced):
+        return sliced.printed(process.infill), "layers"
+    skin = min(record.volume, record.area * float(process.walls or 0) * (process.line_width or 0.0))
+    return exact.with_mass(record.volume * ((skin + process.infill * (record.volume - skin)) / record.volume)), "skin"
+
+
+def _natural(matter: MassProperties, density: Density | None, estimate: str | None) -> Weighed | None:
+    """Density x matter; nothing weighs nothing; None without a density."""
+    if matter.mass <= 0.0:
         return Weighed(properties=NOTHING, source="derived")
     if density is None:
         return None
-    fraction = solid_fraction(record.volume, record.area, process)
-    mass = density.value * record.volume * (1.0 if fraction is None else fraction)
     return Weighed(
-        properties=MassProperties(mass=mass, centre=record.centre, inertia=_scaled(record, mass)),
-        source="estimated" if density.estimated or fraction is not None else "derived",
+        properties=matter.with_mass(density.value * matter.mass),
+        source="estimated" if density.estimated or estimate is not None else "derived",
     )
-
-
-def _scaled(record: PartRecord, mass: float) -> Matrix:
-    """The inertia [kg m^2] of the part's exact shape at this mass [kg]; zero without geometry."""
-    return MassProperties(mass=record.volume, inertia=record.inertia).with_mass(mass).inertia

@@ -72,7 +72,8 @@ class Occurrence(Brief):
     """A leaf of the unrolled HAG: a part or a frame at a path (`hand/cap`).
 
     `index` is its place in document order; `properties` in its own frame; `mass_source` is
-    `measured | vendor | stated | derived | estimated`. `mounts` includes `origin`. `color` is `#rrggbb`.
+    `measured | vendor | stated | derived | estimated`, `estimate` how one with an infill was estimated (`layers | skin`), else None.
+    `mounts` includes `origin`. `color` is `#rrggbb`.
     """
 
     path: str
@@ -88,6 +89,7 @@ class Occurrence(Brief):
     mass_source: str
     mounts: dict[str, MountFrame]
     origin: Origin
+    estimate: str | None = None
 
     @property
     def touching(self) -> tuple[Mesh | Primitive, ...]:

@@ -9,6 +9,7 @@ from thingc.diagnostics import Code, Note, Report, Severity
 from thingc.realize.lock import LOCK_FILE, REMAKE, lock_path, report_bad, top_of
 from thingc.realize.lock_values import BadLock
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema
+from thingc.realize.slices import Slicing
 
 if TYPE_CHECKING:
     from thingc.realize.service import Decision
@@ -46,6 +47,13 @@ class PartAnswers(Protocol):
     def realize(self, definitions: Sequence[PartDefinition], convex: Collection[str] = ()) -> Mapping[str, PartRecord | PartFailure]:
         """The record of each definition, by text; one that nobody may know is absent."""
 
+    def slice(
+        self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
+        wanted: Mapping[str, Collection[Slicing]],
+    ) -> Mapping[str, PartRecord | PartFailure]:
+        """The `records` of `definitions` with what is laid into them when they are sliced as `wanted`, by text. One of which nobody
+        may know that is not `exact`."""
+
 
 def report_gaps(parts: PartAnswers, report: Report, *, severity: Severity = Severity.ERROR) -> None:
     """Say what was wrong with entries of the lock, and how many definitions could not be looked at for want of a record."""
@@ -59,6 +67,6 @@ def report_gaps(parts: PartAnswers, report: Report, *, severity: Severity = Seve
     their = "its" if len(texts) == 1 else "their"
     more = [Note(message=f"and {len(texts) - SHOWN} more")] if len(texts) > SHOWN else []
     report.add(
-        Code.NOT_LOOKED_AT, f"{what} parameters that `{LOCK_FILE}` does not hold: {their} geometry was not looked at", top_of(file),
-        help=REMAKE, notes=[*(Note(message=f"`{text[:200]}`") for text in texts[:SHOWN]), *more], severity=Severity.NOTE,
+        Code.NOT_LOOKED_AT, f"{what} parameters or a process that `{LOCK_FILE}` does not hold: {their} geometry was not looked at",
+        top_of(file), help=REMAKE, notes=[*(Note(message=f"`{text[:200]}`") for text in texts[:SHOWN]), *more], severity=Severity.NOTE,
     )

@@ -6,9 +6,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
-from thingc.pose import Pose
+from thingc.inertia import physical_fault
+from thingc.pose import Pose, Vector
 from thingc.realize.record import (
     WHOLE,
     Actuator,
@@ -22,6 +24,7 @@ from thingc.realize.record import (
     Stated,
     Value,
 )
+from thingc.realize.slices import Moments, Sliced, Slicing, Unsliced
 
 UNITS = {"length": "m", "angle": "rad", "mass": "kg", "ratio": "1", "number": "1"}
 """The units that the lock names for people who read it; values are SI."""
@@ -32,6 +35,8 @@ _ORTHOGONAL = 1e-6
 _NOTHING = 1e-20
 """Far below any inertia of a part at density 1 [m^5] that weighs something."""
 _ENTRIES = 9
+_MOMENTS = 10
+_LAID = ("solid", "joins", "sparse")
 _POSE = 12
 
 
@@ -84,6 +89,8 @@ def record_values(record: PartRecord) -> dict[str, Any]:
         "expectations": [[one.mount, one.text, one.child_mount] for one in record.expectations],
         "actuator": None if record.actuator is None else _actuator_values(record.actuator),
         **{key: _stated_values(getattr(record, key)) for key in ("mass", "com", "matrix", "density")},
+        "up": None if record.up is None else list(record.up),
+        "slices": [_sliced_values(*one) for one in sorted(record.slices.items(), key=repr)],
         "bom": dict(sorted(record.bom.items())), "warnings": [warning.message for warning in record.warnings if warning.asked is None],
         "asks": [[warning.asked.value, warning.message] for warning in record.warnings if warning.asked is not None],
         "apart": [_rounded(volume) for volume in record.apart],
@@ -94,6 +101,13 @@ def record_values(record: PartRecord) -> dict[str, Any]:
 def _rounded(value: float) -> float:
     """Twelve digits: what two builds of the CAD kernel differ by must not show in the difference of two locks."""
     return 0.0 if abs(value) < _NOTHING else float(f"{value:.12g}")
+
+
+def _sliced_values(slicing: Slicing, sliced: Sliced | Unsliced) -> dict[str, Any]:
+    how = {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(slicing).items()}
+    if isinstance(sliced, Unsliced):
+        return {**how, "unsliced": sliced.reason}
+    return {**how, **{key: [_rounded(entry) for entry in getattr(sliced, key).numbers] for key in _LAID}}
 
 
 def _mount_values(mount: MountRecord) -> dict[str, Any]:
@@ -198,7 +212,48 @@ def read_record(text: str, value: Any, path: str, code: tuple[str, int] | None) 
         ),
         fits={}, meshes={}, pieces=(), convex=(), brep=None, code=code,
         apart=tuple(number(one, f"{path}.apart") for one in sequence(table.get("apart", []), f"{path}.apart")),
+        up=None if table.get("up") is None else _direction(table["up"], f"{path}.up"),
+        slices=dict(_sliced(one, f"{path}.slices") for one in sequence(table.get("slices", []), f"{path}.slices")),
     )
+
+
+def _sliced(value: Any, path: str) -> tuple[Slicing, Sliced | Unsliced]:
+    table = mapping(value, path)
+    slicing = Slicing(
+        up=_direction(table.get("up"), f"{path}.up"), walls=_whole(table, "walls", path), top=_whole(table, "top", path),
+        bottom=_whole(table, "bottom", path),
+        **{key: _least(table, key, path) for key in ("layer", "line_width", "overlap", "bridge_flow")},
+    )
+    reason = _text(table, "unsliced", path)
+    if reason is not None:
+        return slicing, Unsliced(reason=reason)
+    solid, joins, sparse = (_matter(table.get(key), f"{path}.{key}") for key in _LAID)
+    if not solid.volume > 0.0:
+        raise BadLock(f"{path}.solid", "expected a volume above 0")
+    return slicing, Sliced(solid=solid, joins=joins, sparse=sparse)
+
+
+def _matter(value: Any, path: str) -> Moments:
+    """Moments that some matter can have."""
+    found = Moments.of(numbers(value, _MOMENTS, path))
+    of = found.properties
+    if found.volume < 0.0 or found.volume > 0.0 and physical_fault(of.inertia) is not None:
+        raise BadLock(path, "expected the integrals of 1, x, y, z, xx, yy, zz, xy, xz, yz over something")
+    return found
+
+
+def _direction(value: Any, path: str) -> Vector:
+    x, y, z = numbers(value, 3, path)
+    if abs(math.hypot(x, y, z) - 1.0) > _ORTHOGONAL:
+        raise BadLock(path, "expected a direction: three numbers whose squares add up to 1")
+    return x, y, z
+
+
+def _whole(table: Mapping[str, Any], key: str, path: str) -> int:
+    found = _least(table, key, path)
+    if found != int(found):
+        raise BadLock(f"{path}.{key}", "expected a whole number")
+    return int(found)
 
 
 def _mount(value: Any, path: str) -> MountRecord:

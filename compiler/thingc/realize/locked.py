@@ -14,6 +14,8 @@ from thingc.realize.lock_values import BadLock
 from thingc.realize.part_code import PartCode
 from thingc.realize.reads import state_of
 from thingc.realize.record import Actuator, PartDefinition, PartFailure, PartRecord, PartSchema
+from thingc.realize.slice_answers import lacking
+from thingc.realize.slices import Slicing
 
 if TYPE_CHECKING:
     from thingc.realize.service import Decision
@@ -234,6 +236,19 @@ class LockedGeometry:
                 record = self._tried(partial(answers.relative, definition))
             if record is not None:
                 found[definition.text] = record
+        return found
+
+    def slice(
+        self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
+        wanted: Mapping[str, Collection[Slicing]],
+    ) -> dict[str, PartRecord | PartFailure]:
+        """The same records; one whose slices the lock does not hold stands for what nobody may know."""
+        found = dict(records)
+        for text in lacking(records, wanted):
+            record = found[text]
+            if isinstance(record, PartRecord) and record.exact:
+                self.unknown.append(text)
+                found[text] = replace(record, exact=False)
         return found
 
     def _tried(self, ask: Callable[[], _T | None]) -> _T | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,6 +13,7 @@ from thingc.realize.lock_values import record_values, schema_values
 from thingc.realize.locked import hash_of
 from thingc.realize.record import NO_PARTS, PartDefinition, PartFailure, PartRecord, PartSchema, Value
 from thingc.realize.service import GeometryService
+from thingc.realize.slices import Slicing
 from thingc.shown import json_text
 
 
@@ -24,8 +25,12 @@ class Locked:
     failures: list[PartFailure] = field(default_factory=list)
 
 
-def locked(geometry: GeometryService, references: Sequence[str], definitions: Sequence[PartDefinition]) -> Locked:
-    """The lock of a workspace of whose documents `references` (`module:Class`) and `definitions` are all that they use.
+def locked(
+    geometry: GeometryService, references: Sequence[str], definitions: Sequence[PartDefinition],
+    slicings: Mapping[str, Collection[Slicing]],
+) -> Locked:
+    """The lock of a workspace of whose documents `references` (`module:Class`), `definitions` and their `slicings` (by text) are all
+    that they use.
 
     Things of the part folders are in it whether they are used or not, those of packages where they are used. A Thing that cannot
     be made with its defaults has no record for them, unless a document uses it so.
@@ -43,7 +48,8 @@ def locked(geometry: GeometryService, references: Sequence[str], definitions: Se
     defaults = [definition for schema in things.values() if (definition := default_of(schema)) is not None]
     used = {definition.text: definition for definition in definitions}
     wanted = {**{definition.text: definition for definition in defaults}, **used}
-    records = geometry.realize([wanted[text] for text in sorted(wanted)])
+    modelled = [wanted[text] for text in sorted(wanted)]
+    records = geometry.slice(modelled, geometry.realize(modelled), slicings)
     failures += [answer for text, answer in records.items() if isinstance(answer, PartFailure) and text in used]
     good = {text: record for text, record in records.items() if isinstance(record, PartRecord)}
     values = {

@@ -37,6 +37,7 @@ from thingc.units import parse_quantity
 if TYPE_CHECKING:
     from OCP.TopoDS import TopoDS_Shape
 
+    from thingc.pose import Vector
     from thingc.workspace import Tessellation
 
 NOTHING = 1e-9
@@ -131,7 +132,7 @@ def _model_code(definition: dict[str, Any], tessellations: Tessellations, sessio
         ),
         mass=_stated(statements.mass), com=_stated(statements.centre, convert.vector),
         matrix=_stated(statements.matrix, convert.matrix), density=_stated(statements.density),
-        bom=inspection.bom_of(thing), extra=extra, code=code,
+        bom=inspection.bom_of(thing), up=inspection.up_of(thing), extra=extra, code=code,
         one=kind != "shape" and inspection.is_one_solid(geometry),  # a shape class of a library is not its user's
     )
 
@@ -199,6 +200,7 @@ def _record(
     matrix: Stated | None = None,
     density: Stated | None = None,
     bom: dict[str, str] | None = None,
+    up: Vector | None = None,
     extra: tuple[PartWarning, ...] = (),
     code: tuple[str, int] | None = None,
     one: bool = False,
@@ -240,7 +242,7 @@ def _record(
         mounts=mounts or {}, references=references, expectations=expectations, actuator=actuator,
         mass=mass, com=com, matrix=matrix, density=density, bom=bom or {}, warnings=extra, fits=fits, meshes=meshes,
         apart=_apart(solid) if one and shapes else (),
-        pieces=tuple(_pieces(collision, tessellations.simulation, store)), convex=(), brep=brep, code=code,
+        pieces=tuple(_pieces(collision, tessellations.simulation, store)), convex=(), brep=brep, code=code, up=up,
     )
 
 

@@ -13,6 +13,7 @@ from enum import Enum
 
 from thingc.brief import Brief
 from thingc.pose import Matrix, Pose, Vector
+from thingc.realize.slices import Sliced, Slicing, Unsliced
 
 Value = float | int | bool | str
 """A canonical parameter value: SI floats for dimensioned ones, ints for whole numbers, text and flags as they are."""
@@ -207,6 +208,7 @@ class PartRecord(Brief):
     `mesh` (binary STL, metres), `print` (binary STL, millimetres), absent without geometry; `fits` the
     smallest primitives that enclose the part, by shape; `pieces` the solids of the Thing's own `collision()`, primitives where
     they are exactly that, else STL files; `convex` the STL files of the convex decomposition where it was asked for.
+    `up` is how the Thing wants to lie on a printer (a unit vector); `slices` what it holds when printed, as far as that was asked for.
     `apart` are the volumes [m^3] of the bodies of a part that should be one solid, the largest first; empty where they hang
     together, or are meant to be several. `brep` is the B-rep in the store. `code` is `(file, line)` of the class. A record that is
     not `exact` stands in for one that nobody may model now: only the names of its mounts, its material and that it has an actuator
@@ -238,6 +240,8 @@ class PartRecord(Brief):
     brep: str | None
     code: tuple[str, int] | None
     apart: tuple[float, ...] = ()
+    up: Vector | None = None
+    slices: dict[Slicing, Sliced | Unsliced] = field(default_factory=dict)
     exact: bool = True
 
 

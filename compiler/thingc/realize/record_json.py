@@ -90,7 +90,7 @@ def failure_from_json(value: Any, root: str) -> PartFailure:
 
 
 def record_to_json(record: PartRecord, root: str) -> Any:
-    """The inverse of `record_from_json`; without `convex`, which is kept apart."""
+    """The inverse of `record_from_json`; without `convex` and `slices`, which are kept apart."""
     return {
         "text": record.text, "material": record.material, "color": record.color, "volume": record.volume,
         "area": record.area, "centre": list(record.centre), "inertia": record.inertia, "box": record.box,
@@ -106,12 +106,13 @@ def record_to_json(record: PartRecord, root: str) -> Any:
         "meshes": {name: mesh_to_json(mesh) for name, mesh in sorted(record.meshes.items())},
         "pieces": [_piece(piece) for piece in record.pieces],
         "brep": record.brep, "apart": list(record.apart),
+        "up": record.up,
         "code": None if record.code is None else [shortened(record.code[0], root), record.code[1]],
     }
 
 
 def record_from_json(value: Any, root: str) -> PartRecord:
-    """A part record, without convex pieces."""
+    """A part record, without convex pieces and slices."""
     box = value["box"]
     code = value["code"]
     return PartRecord(
@@ -137,6 +138,7 @@ def record_from_json(value: Any, root: str) -> PartRecord:
         pieces=tuple(_read_piece(piece) for piece in value["pieces"]),
         convex=(),
         brep=value["brep"], apart=tuple(value["apart"]),
+        up=None if value["up"] is None else _vector(value["up"]),
         code=None if code is None else (full(code[0], root) or "", code[1]),
     )
 

@@ -27,6 +27,8 @@ from thingc.realize.record_json import (
     schema_from_json,
 )
 from thingc.realize.results import Kept, Results
+from thingc.realize.slice_answers import SliceAnswers, lacking
+from thingc.realize.slices import Slicing
 from thingc.realize.store import Store
 from thingc.realize.versions import versions_of
 
@@ -77,6 +79,7 @@ class GeometryService:
         self._parts = PartCode(workspace, store)
         self._results = Results(store, workspace.root)
         self._claims = Claims(store)
+        self._slices = SliceAnswers(store, lambda: self._parts.versions(None))
         self._recent = Recent()
         self._locked = LockBeside(lock, workspace, self._parts)
         self.unknown: list[str] = []
@@ -217,9 +220,10 @@ class GeometryService:
     # --- realize -------------------------------------------------------------------------------------------------
 
     def realize(
-        self, definitions: Sequence[PartDefinition], convex: Collection[str] = ()
+        self, definitions: Sequence[PartDefinition], convex: Collection[str] = (), *, locked: bool = True,
     ) -> dict[str, PartRecord | PartFailure]:
-        """The record of each definition, by text; with convex pieces for the texts in `convex`."""
+        """The record of each definition, by text; with convex pieces for the texts in `convex`. Unless it may be `locked`, it has
+        its meshes."""
         self.decisions = {}
         found: dict[str, PartRecord | PartFailure] = {}
         tasks: list[_Task] = []
@@ -227,7 +231,7 @@ class GeometryService:
         recipes: dict[str, Recipe] = {}
         for text, definition in unique.items():
             recent = self._recent.get(definition, text in convex)
-            if recent is not None:
+            if recent is not None and (locked or recent[0].meshes):
                 found[text], reason = recent
                 self._decide(text, True, reason)
                 continue
@@ -242,9 +246,9 @@ class GeometryService:
                 self._decide(text, True, unchanged(kept.reason))
                 found[text] = self._record(kept.value, code)
                 self.reads[text] = dict(kept.reads)
-            elif (locked := self._locked.record(definition)) is not None:
+            elif locked and (held := self._locked.record(definition)) is not None:
                 self._decide(text, True, f"{LOCK_FILE} holds it")
-                found[text] = locked
+                found[text] = held
                 del recipes[text]  # nothing was modelled, which is what `thingc why` would say of it
             else:
                 reason = why(definition, recipe, self._results)
@@ -381,6 +385,18 @@ class GeometryService:
                 record = found[text]
                 if isinstance(record, PartRecord):
                     found[text] = replace(record, convex=tuple(mesh_from_json(piece) for piece in made))
+
+    def slice(
+        self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
+        wanted: Mapping[str, Collection[Slicing]],
+    ) -> dict[str, PartRecord | PartFailure]:
+        """The `records` of `definitions` with what is laid into them when they are sliced as `wanted`, by text."""
+        modelled = [definition for definition in definitions if definition.text in lacking(records, wanted)]  # only the lock has them
+        if modelled:
+            decisions = self.decisions
+            records = {**records, **self.realize(modelled, locked=False)}
+            self.decisions = {**decisions, **self.decisions}
+        return self._slices.added(records, wanted, self._run, self.timeout, self._broken)
 
     # --- assemble ------------------------------------------------------------------------------------------------
 

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 
 AHEAD = (
     "importlib.metadata", "importlib.resources.readers", "manifold3d", "thingc.realize.describing", "thingc.realize.modelling",
-    "thingc.things.adjust", "thingc.things.assets", "thingc.things.inspection", "thingc.things.resolver", "thingc.workspace",
+    "thingc.realize.slicing", "thingc.things.adjust", "thingc.things.assets", "thingc.things.inspection", "thingc.things.resolver",
+    "thingc.workspace",
 )
 """What children would each import again."""
 
@@ -112,7 +113,7 @@ def _safely(request: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def perform(request: Mapping[str, Any]) -> dict[str, Any]:
-    """Do what one request asks: `describe`, `model`, `decompose` or `assemble`."""
+    """Do what one request asks: `describe`, `model`, `decompose`, `slice` or `assemble`."""
     from thingc.realize.store import Store
 
     operation = request["op"]
@@ -126,6 +127,11 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
         from thingc.realize.decomposing import decompose
 
         return {"pieces": decompose(request["mesh"], Store(request["store"]))}
+    if operation == "slice":
+        from thingc.realize.slices import Slicing
+        from thingc.realize.slicing import slice_stored
+
+        return slice_stored(request["mesh"], Slicing(**request["slicing"]), Store(request["store"]))
     around = Surroundings(
         root=request["root"], parts=tuple(request["parts"]), packages=tuple(request["packages"]), hashes=dict(request["hashes"]),
         plain=tuple(request["plain"]), store=request["store"], scratch=request["scratch"],

@@ -21,6 +21,9 @@ _STAND_IN = 1000.0
 """Density [kg/m^3] of a material whose own was wrong and has been reported, so that no later pass says that it has none.
 Nothing is ever built with it: there is an error in the report."""
 
+BRIDGE_FLOWS = (0.1, 2.0)
+"""What bridges can be laid with: less is no strand, more is no bridge."""
+
 
 def in_scope(context: Context, scope: Scope, spec: AssemblySpec) -> dict[str, Material | None]:
     """Every material by name; None for names that must not be complained about (their document was wrong)."""
@@ -131,19 +134,25 @@ def process(scope: Scope, layers: Layers) -> Process:
         raw, path = read(key)
         return None if raw is None else scope.number(raw, path, LENGTH, f"`{key}`", above=0.0)
 
-    infill, path = read("infill")
+    def share(key: str, least: float, most: float) -> float | None:
+        raw, path = read(key)
+        return None if raw is None else _share(scope, raw, path, key, least, most)
+
     return Process(
         kind=read("kind")[0], walls=count("walls"), line_width=length("line_width"), layer=length("layer"), top=count("top"),
-        bottom=count("bottom"), infill=None if infill is None else _infill(scope, infill, path),
+        bottom=count("bottom"), infill=share("infill", 0.0, 1.0), overlap=share("overlap", 0.0, 1.0),
+        bridge_flow=share("bridge_flow", *BRIDGE_FLOWS), estimate=read("estimate")[0],
     )
 
 
-def _infill(scope: Scope, raw: Any, path: Path) -> float | None:
-    value = scope.number(raw, path, NUMBER, "`infill`")
-    if value is not None and not 0.0 <= value <= 1.0:
+def _share(scope: Scope, raw: Any, path: Path, key: str, least: float, most: float) -> float | None:
+    value = scope.number(raw, path, NUMBER, f"`{key}`")
+    if value is not None and not least <= value <= most:
         text = scope.written(path) or f"{value:g}"
-        help = f"write `{text} %`" if 1.0 < value <= 100.0 and not text.startswith("=") and "%" not in text else None
-        scope.error(Code.OUT_OF_RANGE, f"`infill` must be between 0 % and 100 %, found `{text}`", path, help=help)
+        help = f"write `{text} %`" if most < value <= 100.0 * most and not text.startswith("=") and "%" not in text else None
+        scope.error(
+            Code.OUT_OF_RANGE, f"`{key}` must be between {100.0 * least:g} % and {100.0 * most:g} %, found `{text}`", path, help=help,
+        )
         return None
     return value
 

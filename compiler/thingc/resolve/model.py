@@ -44,7 +44,8 @@ class Reference(Brief):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Process(Brief):
-    """How a part is made, for the infill model. `kind` such as `fdm`; widths and layer [m]; infill 0..1."""
+    """How a part is made. `kind` such as `fdm`; widths and layer [m]; infill and overlap 0..1, bridge flow a ratio; `estimate` is how
+    the mass of a part with an infill is worked out, `layers | skin` (None: by the kind)."""
 
     kind: str | None = None
     walls: int | None = None
@@ -53,6 +54,9 @@ class Process(Brief):
     top: int | None = None
     bottom: int | None = None
     infill: float | None = None
+    overlap: float | None = None
+    bridge_flow: float | None = None
+    estimate: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,7 +99,8 @@ class ExtraMount(Brief):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Overrides(Brief):
-    """What a document says about one component on top of what its part says. None: not said."""
+    """What a document says about one component on top of what its part says. None: not said. `up` is the direction away from the
+    bed of a printer, a unit vector in the component's axes."""
 
     mass: StatedValue | None = None
     com: StatedValue | None = None
@@ -103,6 +108,7 @@ class Overrides(Brief):
     collision: str = "hull"
     visual: bool = True
     process: Process | None = None
+    up: Vector | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
 from thingc.diagnostics import Code
-from thingc.pose import NO_POSE
+from thingc.pose import NO_POSE, Vector
 from thingc.resolve.layers import Layers
 from thingc.resolve.materials import process
 from thingc.resolve.model import BomEntry, ExtraMount, Material, Overrides, StatedValue
@@ -13,14 +15,14 @@ from thingc.resolve.table import Node
 from thingc.slips import did_you_mean
 from thingc.source import Path
 from thingc.spec.assembly import InertiaMatrix, StatedCentre, StatedInertia, StatedMass
-from thingc.units import INERTIA, LENGTH, MASS
+from thingc.units import INERTIA, LENGTH, MASS, NUMBER
 
 NONE_SAID = Overrides()
 NO_BOM = BomEntry()
 
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
-_OF_PARTS = ("material", "mass", "com", "inertia", "collision", "visual", "process", "bom")
+_OF_PARTS = ("material", "mass", "com", "inertia", "collision", "visual", "process", "print", "bom")
 """Keys that only a part or a frame has a use for."""
 
 
@@ -39,13 +41,13 @@ def overrides(scope: Scope, layers: Layers) -> Overrides:
     """Everything but material and BOM, key by key from the layers; keys that are wrong are reported and left out."""
     mass, com, inertia = _mass(scope, layers), _com(scope, layers), _inertia(scope, layers)
     collision, visual = layers.pick("collision"), layers.pick("visual")
-    made = layers.sub("process")
-    if all(one is None for one in (mass, com, inertia, collision, visual)) and not made:
+    made, up = layers.sub("process"), _up(scope, layers)
+    if all(one is None for one in (mass, com, inertia, collision, visual, up)) and not made:
         return NONE_SAID
     return Overrides(
         mass=mass, com=com, inertia=inertia, collision=collision[0] if collision else "hull",
         visual=visual[0] if visual else True,
-        process=process(scope, made) if made else None,
+        process=process(scope, made) if made else None, up=up,
     )
 
 
@@ -80,6 +82,21 @@ def _inertia(scope: Scope, layers: Layers) -> StatedValue | None:
     values = [scope.number(getattr(matrix, key), (*at, key), INERTIA, f"`{key}`") for key in _MOMENTS]
     sound = tuple(value for value in values if value is not None)
     return StatedValue(value=sound, source=source, origin=scope.origin(path)) if len(sound) == len(_MOMENTS) else None
+
+
+def _up(scope: Scope, layers: Layers) -> Vector | None:
+    said = layers.sub("print").pick("up")
+    if said is None:
+        return None
+    raw, path = said
+    x, y, z = (scope.number(part, (*path, index), NUMBER, "a part of `up`") for index, part in enumerate(raw))
+    if x is None or y is None or z is None:
+        return None
+    length = math.hypot(x, y, z)
+    if not length > 0.0:
+        scope.error(Code.OUT_OF_RANGE, "`up` must have a direction, found `0 0 0`", path, help="write for example `up: [0, 0, 1]`")
+        return None
+    return x / length + 0.0, y / length + 0.0, z / length + 0.0
 
 
 def bom(layers: Layers) -> BomEntry:

@@ -15,7 +15,6 @@ from thingc.units import shortened
 
 if TYPE_CHECKING:
     from thingc.spec.assembly import AssemblySpec
-    from thingc.spec.modes import ModeSpec
 
 _BY_CODE = {code.code: code for code in Code}
 
@@ -70,8 +69,13 @@ def allowances(spec: AssemblySpec, document: Document) -> Iterator[Allowance]:
         yield from _lines(component.allow, document, ("components", name))
     for name, joint in spec.joints.items():
         yield from _lines(joint.allow, document, ("joints", name))
+    extending: dict[str, list[str]] = {}
     for name, mode in spec.modes.items():
-        yield from _lines(mode.allow, document, ("modes", name), [("modes", one) for one in spec.modes if name in _bases(spec.modes, one)])
+        if mode.extends is not None:
+            extending.setdefault(mode.extends, []).append(name)
+    for name, mode in spec.modes.items():
+        if mode.allow:
+            yield from _lines(mode.allow, document, ("modes", name), [("modes", one) for one in _with_heirs(extending, name)])
 
 
 def _lines(
@@ -91,11 +95,13 @@ def _place(document: Document, path: Path) -> tuple[Span, Node]:
     return (document.span(path, key=True) if path else node.span), node
 
 
-def _bases(modes: Mapping[str, ModeSpec], name: str) -> set[str]:
-    """A mode and those that it extends, one through the other."""
-    found: set[str] = set()
-    step: str | None = name
-    while step is not None and step in modes and step not in found:
-        found.add(step)
-        step = modes[step].extends
-    return found
+def _with_heirs(extending: Mapping[str, list[str]], name: str) -> list[str]:
+    """A mode and those that extend it, one through the other; `extending` are the modes that extend one directly."""
+    found = {name: None}
+    waiting = [name]
+    while waiting:
+        for heir in extending.get(waiting.pop(), ()):
+            if heir not in found:
+                found[heir] = None
+                waiting.append(heir)
+    return list(found)

@@ -24,6 +24,7 @@ from thingc.spec.fields import (
     MassField,
     MultiplierField,
     Name,
+    NumberField,
     RawField,
     ReferenceField,
     SpeedField,
@@ -123,6 +124,13 @@ class BomSpec(Model):
     """Whether it is bought, printed or machined; what is bought gets no print file."""
 
 
+class PrintSpec(Model):
+    """How a part is printed."""
+
+    up: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[0, 0, 1], [0, -1, 0]])
+    """The direction away from the bed, in the part's axes; `[0, 0, 1]` unless written."""
+
+
 class AtSpec(Model):
     """Plain placement: my frame at this pose in that frame; no mate, no flip."""
 
@@ -179,6 +187,8 @@ class ComponentDefaults(Model):
         default=None, examples=[{"number": "902-0135-000", "supplier": "ROBOTIS", "cost": "269.90 USD", "make": "buy"}],
     )
     """The line of the bill of materials."""
+    print: PrintSpec | None = Field(default=None, examples=[{"up": [0, 0, 1]}])
+    """How it lies on the printer."""
 
 
 def _component_rules(schema: dict[str, Any]) -> None:

@@ -22,7 +22,7 @@ class FrictionSpec(Model):
 
 
 class ProcessSpec(Model):
-    """How a part is made. For `fdm` prints the infill model estimates the mass from it."""
+    """How a part is made. The mass of a part with an infill is estimated from it: for `fdm` layer by layer."""
 
     kind: Literal["fdm", "resin", "machined", "cast", "molded", "bought"] | None = None
     """Printed from filament (`fdm`) or resin, machined, cast, molded, or bought."""
@@ -38,6 +38,12 @@ class ProcessSpec(Model):
     """Solid layers below."""
     infill: RatioField | None = None
     """0 % to 100 %."""
+    overlap: RatioField | None = Field(default=None, examples=["25 %"])
+    """How far infill reaches into the walls, of a line: 25 % unless written, as PrusaSlicer has it."""
+    bridge_flow: RatioField | None = Field(default=None, examples=["100 %"])
+    """How much is laid into bridges: 100 % unless written, as PrusaSlicer has it."""
+    estimate: Literal["layers", "skin"] | None = None
+    """How the mass of a part with an infill is worked out: `layers` (the default for `fdm`) or `skin` (for all others)."""
 
 
 class MaterialSpec(Model):

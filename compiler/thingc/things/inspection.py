@@ -164,7 +164,7 @@ def references_of(thing: Thing) -> tuple[str, ...]:
         return ()
     names = [
         name for name, value in vars(thing).items()
-        if not name.startswith("_") and name not in ("bom", "actuator") and not _only_mounts(value)
+        if not name.startswith("_") and name not in ("bom", "print", "actuator") and not _only_mounts(value)
     ]
     for family in reversed(type(thing).__mro__):
         if issubclass(family, Thing) and family is not Thing:
@@ -245,6 +245,22 @@ def bom_of(thing: Thing) -> dict[str, str]:
     if not isinstance(bom, Mapping) or not all(isinstance(word, str) for pair in bom.items() for word in pair):
         raise TypeError(f"`bom` of `{type(thing).__name__}` must map texts to texts, found {bom!r}")
     return dict(bom)
+
+
+def up_of(thing: Thing) -> Vector | None:
+    """The direction away from the bed in which the part wants to be printed, a unit vector; None where it does not say. Raises
+    `TypeError` or `ValueError` where `print` is something else."""
+    said = thing.print
+    if not said:
+        return None
+    what = f"`print` of `{type(thing).__name__}`"
+    if not isinstance(said, Mapping) or set(said) != {"up"}:
+        raise TypeError(f"{what} has one key, `up`: write for example {{\"up\": (0, 0, 1)}}; found {said!r}")
+    up = _vector(what, said["up"])
+    length = math.hypot(*up)
+    if not length > 0.0:
+        raise ValueError(f"`up` in {what} must have a direction, found {said['up']!r}")
+    return up[0] / length + 0.0, up[1] / length + 0.0, up[2] / length + 0.0
 
 
 def actuator_of(part: Thing | PartLike) -> Actuator | None:

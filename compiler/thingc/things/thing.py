@@ -34,6 +34,8 @@ class Thing(metaclass=ThingType):
 
     bom: Mapping[str, str] = MappingProxyType({})
     """For the bill of materials: `number`, `supplier`, `cost`, `make` (`buy | print | machine`)."""
+    print: Mapping[str, Sequence[float]] = MappingProxyType({})
+    """How it is printed: `up`, the direction away from the bed, three numbers in the Thing's axes; as it is modelled without it."""
     actuator: Actuator | None = None
     """What moves a joint that names this part as its drive."""
     _construction: Construction

@@ -1,0 +1,256 @@
+"""`make print-masses`: what thingc says that prints weigh, against what PrusaSlicer lays for them. Prints the tables and writes them
+into `docs/prints.md`. Needs `prusa-slicer` (Debian: `apt install prusa-slicer`); exit code 1 where a bound is not kept.
+
+The ten printed parts of both robots and twelve reference solids, each with four infills, three shells, in two orientations.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[2]
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE), str(ROOT / "compiler")]
+
+from prusa import Printed, Settings, printed, program, version  # noqa: E402
+
+from thingc.inertia import MassProperties  # noqa: E402
+from thingc.pipeline import Options  # noqa: E402
+from thingc.session import Session  # noqa: E402
+from thingc.session import Settings as Said  # noqa: E402
+
+PAGE = ROOT / "docs" / "prints.md"
+KEPT = ROOT / "build" / "prints"
+DENSITY = 1270.0
+
+ROBOTS = {
+    "arm:BasePlate": "BasePlate", "arm:YawPitchBracket": "YawPitchBracket", "arm:RotorBrace": "RotorBrace", "arm:Hand": "Hand",
+    "arm:OmegaCap": "OmegaCap", "minchw.body:Chassis": "Chassis", "minchw.body:Cover": "Cover", "minchw.leg:HipBracket": "HipBracket",
+    "minchw.leg:ThighBrace": "ThighBrace", "minchw.leg:Foot": "Foot",
+}
+SOLIDS = {
+    f"solids:{name}": name
+    for name in ("Block", "Plate", "Rod", "Frustum", "Funnel", "Ball", "Ring", "Tube", "Tray", "Table", "Wedge", "Comb")
+}
+INFILLS = (0.1, 0.15, 0.25, 0.5)
+SHELLS = ((2, 3), (3, 4), (4, 6))
+"""Lines of the walls, and layers of each lid."""
+UPS = {"as modelled": (0.0, 0.0, 1.0), "on its side": (1.0, 0.0, 0.0)}
+
+MASS = (0.04, 0.07, 0.03)
+"""What the error of the mass has to be below: in nine of ten cases, in all, and its root mean square."""
+CENTRE, MOMENTS = 0.01, 0.04
+"""The same of the centre, as a share of the part's extent, and of the principal moments, in nine of ten cases."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """One print: a part (`module:Class`), how it lies, and the settings; what thingc says of it and what the slicer lays, relative
+    errors of the mass and of the principal moments, the error of the centre as a share of the extent along each axis."""
+
+    part: str
+    up: str
+    settings: Settings
+    ours: float
+    theirs: float
+    mass: float
+    centre: float
+    moments: tuple[float, ...]
+
+
+@contextmanager
+def session(folder: Path, store: str) -> Iterator[Session]:
+    """A session on `print.yaml`, with the parts of the robots and the solids, in a workspace of its own."""
+    shutil.copytree(ROOT / "parts", folder / "parts")
+    shutil.copy(HERE / "solids.py", folder / "parts")
+    shutil.copy(HERE / "print.yaml", folder)
+    (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    with Session(str(folder / "print.yaml"), Options(store=store)) as opened:
+        yield opened
+
+
+def said(opened: Session, part: str, up: Sequence[float], settings: Settings) -> tuple[MassProperties, bytes]:
+    """What thingc says of a print, and its print file. Raises `RuntimeError` with its words where it refuses it."""
+    parameters = {"infill": f"{100 * settings.infill:g} %", "walls": str(settings.walls), "lids": str(settings.lids)}
+    parameters |= {axis: f"{value:g}" for axis, value in zip("xyz", up, strict=True)}
+    found = opened.compile(Said(parameters=parameters, choices={"components.part.part": part}))
+    if found.assembly is None or found.report.diagnostics:
+        raise RuntimeError("\n".join(diagnostic.message for diagnostic in found.report.diagnostics))
+    (occurrence,) = found.assembly.occurrences
+    if occurrence.record is None or occurrence.estimate != "layers":
+        raise RuntimeError(f"{part} was not estimated by its layers")
+    return occurrence.properties, found.store.read(occurrence.record.meshes["print"].sha256)
+
+
+def turned(stl: bytes, turn: np.ndarray[Any, np.dtype[np.float64]]) -> bytes:
+    """A binary STL file, each of its vertices turned."""
+    kind = np.dtype([("n", "<f4", 3), ("p", "<f4", (3, 3)), ("a", "<u2")])
+    triangles = np.frombuffer(stl, offset=84, dtype=kind).copy()
+    triangles["p"] = (triangles["p"].astype(float) @ turn.T).astype(np.float32)
+    triangles["n"] = 0.0
+    return stl[:84] + triangles.tobytes()
+
+
+def case(opened: Session, part: str, name: str, settings: Settings, kept: Path | None) -> Case:
+    """One comparison, in the frame of the printer."""
+    up = UPS[name]
+    ours, stl = said(opened, part, up, settings)
+    # About y, a quarter turn: x comes to lie where z was.
+    turn = np.eye(3) if up == (0.0, 0.0, 1.0) else np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
+    lying = turned(stl, turn)
+    theirs = printed(lying, settings, kept)
+    return compared(part, name, settings, ours, theirs, turn, lying)
+
+
+def compared(
+    part: str, up: str, settings: Settings, ours: MassProperties, theirs: Printed, turn: np.ndarray[Any, np.dtype[np.float64]], stl: bytes,
+) -> Case:
+    """The errors of thingc's properties (SI, part's frame) against the slicer's (mm, the frame of the printer)."""
+    corners = np.frombuffer(stl, offset=84, dtype=np.dtype([("n", "<f4", 3), ("p", "<f4", (3, 3)), ("a", "<u2")]))["p"].reshape(-1, 3)
+    extent = corners.max(axis=0).astype(float) - corners.min(axis=0)
+    centre = turn @ np.array(ours.centre) * 1e3
+    mass = theirs.volume * 1e-9 * DENSITY
+    own = np.linalg.eigvalsh(np.array(ours.inertia))
+    their = np.linalg.eigvalsh(np.array(theirs.inertia)) * 1e-15 * DENSITY
+    return Case(
+        part=part, up=up, settings=settings, ours=ours.mass, theirs=mass, mass=ours.mass / mass - 1.0,
+        centre=float(np.abs((centre - theirs.centre) / extent).max()), moments=tuple((own / their - 1.0).tolist()),
+    )
+
+
+def cases(parts: Iterable[str], kept: Path | None, progress: Callable[[str], None]) -> Iterator[Case]:
+    """Every part with every infill and shell, in every orientation."""
+    with tempfile.TemporaryDirectory() as folder, session(Path(folder), str(KEPT / "store")) as opened:
+        for part in parts:
+            for up, (walls, lids), infill in product(UPS, SHELLS, INFILLS):
+                settings = Settings(walls=walls, lids=lids, infill=infill)
+                found = case(opened, part, up, settings, kept)
+                progress(f"{part} {up}, {walls} walls, {lids} lids, {infill:.0%}: {found.mass:+.1%}")
+                yield found
+
+
+# --- the page -----------------------------------------------------------------------------------------------------------
+
+
+def rms(values: Iterable[float]) -> float:
+    """The root of the mean square."""
+    held = list(values)
+    return math.sqrt(sum(value * value for value in held) / len(held))
+
+
+def ninth(values: Iterable[float]) -> float:
+    """What nine of ten do not exceed."""
+    held = sorted(values)
+    return held[math.ceil(0.9 * len(held)) - 1]
+
+
+def kept_bounds(found: Sequence[Case]) -> bool:
+    """Whether what is promised holds."""
+    masses = [abs(one.mass) for one in found]
+    return (
+        ninth(masses) <= MASS[0] and max(masses) <= MASS[1] and rms(masses) <= MASS[2]
+        and ninth(one.centre for one in found) <= CENTRE and ninth(max(map(abs, one.moments)) for one in found) <= MOMENTS
+    )
+
+
+def summary(found: Sequence[Case]) -> list[str]:
+    """How far off mass, centre and moments are: the mean, the root mean square, nine of ten, and the worst."""
+    rows = {
+        "mass": [one.mass for one in found], "centre, of the extent": [one.centre for one in found],
+        "principal moments": [moment for one in found for moment in one.moments],
+    }
+    lines = ["| | mean | RMS | nine of ten below | worst |", "|---|---|---|---|---|"]
+    for name, values in rows.items():
+        sizes = [abs(value) for value in values]
+        worst = max(values, key=abs)
+        lines.append(f"| {name} | {_percent(float(np.mean(values)))} | {rms(values):.1%} | {ninth(sizes):.1%} | {_percent(worst)} |")
+    return lines
+
+
+def by_part(found: Sequence[Case]) -> list[str]:
+    """A row for each part: the mass at 15 % with three walls and four lids, and the errors over all settings."""
+    lines = [
+        "| part | as modelled | sliced | on its side | sliced | mass: mean | RMS | worst | centre: worst | moments: RMS | worst |",
+        "|---|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for part, name in {**ROBOTS, **SOLIDS}.items():
+        own = [one for one in found if one.part == part]
+        if not own:
+            continue
+        usual = {one.up: one for one in own if (one.settings.walls, one.settings.lids, one.settings.infill) == (3, 4, 0.15)}
+        masses = [cell for up in UPS for cell in (f"{1e3 * usual[up].ours:.2f} g", f"{1e3 * usual[up].theirs:.2f} g")]
+        errors, moments = [one.mass for one in own], [moment for one in own for moment in one.moments]
+        worst, worst_moment = _percent(max(errors, key=abs)), _percent(max(moments, key=abs))
+        lines.append(
+            f"| {name} | {' | '.join(masses)} | {_percent(float(np.mean(errors)))} | {rms(errors):.1%} | {worst} | "
+            f"{max(one.centre for one in own):.1%} | {rms(moments):.1%} | {worst_moment} |"
+        )
+    return lines
+
+
+def by_setting(found: Sequence[Case]) -> list[str]:
+    """The errors of the mass by infill, shell and orientation."""
+    groups: list[tuple[str, Callable[[Case], bool]]] = [
+        *((f"infill {infill:.0%}", lambda one, i=infill: one.settings.infill == i) for infill in INFILLS),
+        *((f"{walls} walls, lids of {lids}", lambda one, w=walls: one.settings.walls == w) for walls, lids in SHELLS),
+        *((up, lambda one, u=up: one.up == u) for up in UPS),
+        ("parts of the robots", lambda one: one.part in ROBOTS), ("reference solids", lambda one: one.part in SOLIDS),
+    ]
+    lines = ["| | prints | mean | RMS | worst |", "|---|---|---|---|---|"]
+    for name, belongs in groups:
+        masses = [one.mass for one in found if belongs(one)]
+        if masses:
+            lines.append(
+                f"| {name} | {len(masses)} | {_percent(float(np.mean(masses)))} | {rms(masses):.1%} | {_percent(max(masses, key=abs))} |"
+            )
+    return lines
+
+
+def _percent(value: float) -> str:
+    return f"{value:+.1%}".replace("-", "\N{MINUS SIGN}")
+
+
+def tables(found: Sequence[Case]) -> str:
+    """What goes between the markers of the page."""
+    return "\n".join([
+        f"{len(found)} prints, sliced by {version()}.", "", *summary(found), "", *by_part(found), "", *by_setting(found),
+    ])
+
+
+BEGIN, END = "<!-- print-masses -->\n", "\n<!-- end of print-masses -->"
+
+
+def main() -> int:
+    """Slice, compare, print, write; 1 where a bound is not kept, 2 without the slicer."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--print", action="store_true", help="only print, leave the page as it is")
+    parser.add_argument("--keep", action="store_true", help="keep what was sliced in build/prints, and use what is there")
+    parser.add_argument("parts", nargs="*", help="only these (`arm:Hand`); prints, and leaves the page as it is")
+    arguments = parser.parse_args()
+    if program() is None:
+        print("prusa-slicer is not installed: apt install prusa-slicer", file=sys.stderr)
+        return 2
+    wanted = arguments.parts or [*ROBOTS, *SOLIDS]
+    found = list(cases(wanted, KEPT if arguments.keep else None, lambda line: print(line, file=sys.stderr)))
+    text = tables(found)
+    print(text)
+    if not arguments.print and not arguments.parts:
+        before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)
+        PAGE.write_text(before + BEGIN + text + END + rest.partition(END)[2], encoding="utf-8")
+    return 0 if kept_bounds(found) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,121 @@
+"""Twelve solids to print: what is full, flat, hollow, leaning, round, bridged and thin. Each stands on z = 0."""
+
+from __future__ import annotations
+
+from build123d import Axis, Box, Cone, Cylinder, Pos, Rot, Sphere, Torus, fillet
+from build123d.topology import Part
+
+from thingc import Length, Thing
+
+
+class _Solid(Thing):
+    """Of petg."""
+
+    body: Part
+
+    def __init__(self) -> None:
+        super().__init__(material="petg")
+
+    def result(self) -> Part:
+        """The solid."""
+        return self.body
+
+
+class Block(_Solid):
+    """A box."""
+
+    def __init__(self, length: Length = 40, width: Length = 30, height: Length = 20) -> None:
+        super().__init__()
+        self.body = Pos(0, 0, height / 2) * Box(length, width, height)
+
+
+class Plate(_Solid):
+    """A thin box with round corners and holes."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        plate = Pos(0, 0, 2) * Box(80, 60, 4)
+        self.body = fillet(plate.edges().filter_by(Axis.Z), 8) - [Pos(x, y, 2) * Cylinder(3, 4) for x in (-30, 30) for y in (-20, 20)]
+
+
+class Rod(_Solid):
+    """A cylinder."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.body = Pos(0, 0, 20) * Cylinder(15, 40)
+
+
+class Frustum(_Solid):
+    """Walls that lean inwards."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.body = Pos(0, 0, 15) * Cone(20, 6, 30)
+
+
+class Funnel(_Solid):
+    """Walls that lean outwards."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.body = Pos(0, 0, 15) * Cone(8, 20, 30)
+
+
+class Ball(_Solid):
+    """Tops and bottoms that grow flat."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.body = Pos(0, 0, 20) * Sphere(20)
+
+
+class Ring(_Solid):
+    """A torus."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.body = Pos(0, 0, 8) * Torus(22, 8)
+
+
+class Tube(_Solid):
+    """A wall between two cylinders, 5 mm thick."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.body = Pos(0, 0, 20) * (Cylinder(20, 40) - Cylinder(15, 40))
+
+
+class Tray(_Solid):
+    """A floor and four walls, 6 mm thick."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.body = Pos(0, 0, 12) * Box(70, 50, 24) - Pos(0, 0, 15) * Box(58, 38, 18)
+
+
+class Table(_Solid):
+    """A top on two legs: a bridge."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        legs = [Pos(x, 0, 10) * Box(10, 30, 20) for x in (-25, 25)]
+        self.body = Pos(0, 0, 23) * Box(60, 30, 6) + legs
+
+
+class Wedge(_Solid):
+    """A ramp of 18 degrees on an angle."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        block = Pos(0, 0, 12) * Box(60, 30, 24)
+        self.body = block - Pos(0, 0, 24) * Rot(0, -18, 0) * Pos(0, 0, 20) * Box(100, 40, 40)
+
+
+class Comb(_Solid):
+    """Fins from 0.8 to 4 mm on a thin back."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        fins = [Pos(-30 + 10 * k, 0, 12) * Box(thickness, 24, 20) for k, thickness in enumerate((0.8, 1.2, 1.6, 2.0, 2.6, 3.2, 4.0))]
+        self.body = Pos(0, 0, 1.5) * Box(70, 24, 3) + fins

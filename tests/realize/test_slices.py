@@ -1,0 +1,218 @@
+"""What is asked of the geometry service about prints: kept by mesh and slicing, made once, and never modelled again for it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from realize.conftest import Place, file_part, part
+from thingc.pipeline import Compilation, Options
+from thingc.realize.client import Workers
+from thingc.realize.lock_values import BadLock, read_record, record_values
+from thingc.realize.record import PartDefinition, PartFailure, PartRecord
+from thingc.realize.record_json import record_from_json, record_to_json
+from thingc.realize.service import GeometryService
+from thingc.realize.slices import Sliced, Slicing, Unsliced
+from thingc.session import Session, Settings
+
+HOW = Slicing(up=(0.0, 0.0, 1.0), layer=0.0002, line_width=0.00045, walls=3, top=4, bottom=4)
+
+PARTS = """
+    from build123d import Box, Pos
+    from thingc import Length, MountPoint, Thing
+
+    class Block(Thing):
+        print = {"up": (0, -2, 0)}
+
+        def __init__(self, width: Length = 20):
+            super().__init__(material="petg")
+            self.body = Box(width, 10, 6)
+
+        def result(self):
+            return self.body
+
+    class Foil(Thing):
+        def result(self):
+            return Box(20, 20, 0.05)
+"""
+
+
+class Counted(Workers):
+    """Workers that note what they are asked."""
+
+    def __init__(self) -> None:
+        super().__init__(2)
+        self.asked: list[str] = []
+
+    def run(self, requests: Any) -> Iterator[Any]:
+        """The same."""
+
+        def noted() -> Iterator[Any]:
+            for request in requests:
+                self.asked.append(request["op"])
+                yield request
+
+        return super().run(noted())
+
+
+@pytest.fixture(scope="module")
+def counted() -> Iterator[Counted]:
+    made = Counted()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def spot(place: Place, counted: Counted) -> Place:
+    counted.asked.clear()
+    place.workers = counted
+    place.write("parts/blocks.py", PARTS)
+    return place
+
+
+def sliced(service: GeometryService, definitions: Sequence[PartDefinition], *slicings: Slicing) -> dict[str, Any]:
+    records = service.realize(definitions)
+    return service.slice(definitions, records, {definition.text: slicings for definition in definitions})
+
+
+def test_a_slicing_is_made_once_and_models_nothing(spot: Place, counted: Counted) -> None:
+    block = part("blocks:Block", width=0.02)
+    with spot.service() as service:
+        first = sliced(service, [block], HOW)[block.text]
+        assert counted.asked == ["model", "slice"]
+        assert isinstance(first.slices[HOW], Sliced)
+        assert sliced(service, [block], HOW)[block.text] is first, "the same record for the same question"
+        both = sliced(service, [block], HOW, replace(HOW, walls=2))[block.text]
+        assert counted.asked == ["model", "slice", "slice"]
+        assert set(both.slices) == {HOW, replace(HOW, walls=2)}
+        assert both.slices[replace(HOW, walls=2)].sparse.volume > both.slices[HOW].sparse.volume
+    with spot.service() as later:
+        again = sliced(later, [block], HOW)[block.text]
+        assert counted.asked == ["model", "slice", "slice"]
+        assert again.slices == first.slices
+        assert later.decisions[block.text].reused
+
+
+def test_equal_meshes_are_sliced_once(spot: Place, counted: Counted) -> None:
+    """Two definitions of one shape have one mesh."""
+    spot.write("parts/twins.py", PARTS)
+    blocks = [part("blocks:Block", width=0.02), part("twins:Block", width=0.02)]
+    with spot.service() as service:
+        found = sliced(service, blocks, HOW)
+        assert counted.asked.count("slice") == 1
+        assert found[blocks[0].text].slices == found[blocks[1].text].slices
+
+
+def test_a_part_that_cannot_be_cut_says_why_and_is_not_asked_again(spot: Place, counted: Counted) -> None:
+    foil = part("blocks:Foil")
+    for _ in range(2):
+        with spot.service() as service:
+            assert sliced(service, [foil], HOW)[foil.text].slices == {HOW: Unsliced(reason="is lower than one layer")}
+    assert counted.asked.count("slice") == 1
+
+
+def test_parts_of_files_are_printed_too(spot: Place, root: Path) -> None:
+    corners = [(0, 0, 0), (30, 0, 0), (0, 30, 0), (0, 0, 30)]
+    faces = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
+    lines = [f"v {x} {y} {z}" for x, y, z in corners] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in faces]
+    spot.write("corner.obj", "\n".join(lines))
+    with spot.service() as service:
+        found = sliced(service, [file_part("corner.obj")], HOW)["corner.obj"]
+    assert 0.5 * 4.5e-6 < found.slices[HOW].printed(0.15).mass < 4.5e-6
+
+
+def test_failures_and_parts_without_geometry_stay_what_they_are(spot: Place) -> None:
+    missing = part("blocks:Nothing")
+    with spot.service() as service:
+        assert isinstance(sliced(service, [missing], HOW)[missing.text], PartFailure)
+
+
+def test_a_thing_says_how_it_lies(spot: Place) -> None:
+    with spot.service() as service:
+        block, foil = part("blocks:Block", width=0.02), part("blocks:Foil")
+        records = service.realize([block, foil])
+        held, plain = records[block.text], records[foil.text]
+    assert isinstance(held, PartRecord) and isinstance(plain, PartRecord)
+    assert (held.up, plain.up) == ((0.0, -1.0, 0.0), None)
+    assert record_from_json(record_to_json(held, "/w"), "/w") == held
+
+
+@pytest.mark.parametrize(("said", "words"), [
+    ('{"up": (0, 0, 0)}', "must have a direction"), ('{"up": (0, 1)}', "must return three numbers"),
+    ('{"down": (0, 0, 1)}', "has one key, `up`"), ('(0, 0, 1)', "has one key, `up`"),
+])
+def test_a_thing_that_says_it_wrongly(spot: Place, said: str, words: str) -> None:
+    spot.write("parts/wrong.py", f"""
+        from build123d import Box
+        from thingc import Thing
+
+        class Wrong(Thing):
+            print = {said}
+
+            def result(self):
+                return Box(1, 1, 1)
+    """)
+    with spot.service() as service:
+        found = service.realize([part("wrong:Wrong")])["wrong:Wrong"]
+    assert isinstance(found, PartFailure)
+    assert words in found.message
+
+
+DOCUMENT = """
+    thingc: assembly/1
+    name: rig
+    parameters: {infill: 15 %, walls: 3}
+    materials: {petg: {density: 1000 kg/m^3}}
+    components:
+      block:
+        part: blocks:Block
+        process: {kind: fdm, walls: =walls, line_width: 0.45 mm, layer: 0.2 mm, top: 4, bottom: 4, infill: =infill}
+"""
+
+
+def test_another_percentage_needs_no_worker(spot: Place) -> None:
+    """Not in a session, nor in the next process: the same slicing is asked for, and everything is linear in the percentage."""
+    document = str(spot.write("rig.yaml", DOCUMENT))
+    options = Options(store=spot.store.root)
+    masses = {}
+    with Session(document, options) as session:
+        for infill in (15, 20, 40):
+            found = session.compile(Settings(parameters={"infill": f"{infill} %"}))
+            assert found.assembly is not None
+            masses[infill] = found.assembly.occurrences[0].properties.mass
+            assert found.assembly.occurrences[0].estimate == "layers"
+    assert masses[20] - masses[15] == pytest.approx((masses[40] - masses[20]) / 4, rel=1e-9)
+    with Compilation(document, replace(options, parameters={"infill": "33 %"})) as later:
+        later.run()
+        assert later.assembly is not None and not later.report.diagnostics
+        assert later.assembly.occurrences[0].properties.mass == pytest.approx(masses[20] + 13 * (masses[40] - masses[20]) / 20, rel=1e-9)
+        assert later.geometry._workers is None, "a worker was started"
+        assert not later.modelled
+
+
+def test_what_a_lock_says_of_prints(spot: Place) -> None:
+    """It is what the service says; what is tampered with is no lock."""
+    block = part("blocks:Block", width=0.02)
+    with spot.service() as service:
+        record = sliced(service, [block], HOW)[block.text]
+    values = record_values(record)
+    held = read_record(block.text, values, "r", None)
+    assert held.up == record.up
+    assert held.slices[HOW].printed(0.15).mass == pytest.approx(record.slices[HOW].printed(0.15).mass, rel=1e-11)
+    (one,) = values["slices"]
+    for key, wrong in {
+        "solid": [-1.0, *one["solid"][1:]], "sparse": [*one["sparse"][:4], -1e-9, *one["sparse"][5:]], "joins": [1.0], "walls": 2.5,
+        "up": [0, 0, 3], "layer": "0.2 mm",
+    }.items():
+        with pytest.raises(BadLock, match="expected"):
+            read_record(block.text, {**values, "slices": [{**one, key: wrong}]}, "r", None)
+    foil = part("blocks:Foil")
+    with spot.service() as service:
+        unsliced = sliced(service, [foil], HOW)[foil.text]
+    assert read_record(foil.text, record_values(unsliced), "r", None).slices == unsliced.slices
+
+

@@ -1,0 +1,184 @@
+"""What is laid into the layers of solids whose regions have a formula. Lengths in mm; the settings are PrusaSlicer's defaults."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from manifold3d import Manifold
+
+from thingc.pose import Vector
+from thingc.realize.meshing import Triangles
+from thingc.realize.slices import Moments, Sliced, Slicing
+from thingc.realize.slicing import JOINED, NotSliced, slice_part
+
+HOW = Slicing(up=(0.0, 0.0, 1.0), layer=0.0002, line_width=0.00045, walls=3, top=4, bottom=4)
+SPACING = 0.45 - 0.2 * (1 - math.pi / 4)  # of lines 0.45 mm wide and 0.2 mm high
+ROUND = (0.45 - SPACING) / 2  # what the rounded side of the outermost line lacks
+BRIDGE = math.pi / 4 * 0.4**2 / (0.45 * 0.2)  # strands of a 0.4 mm nozzle, 0.45 mm apart
+
+
+def mesh(solid: Manifold) -> Triangles:
+    found = solid.to_mesh64()
+    return Triangles(np.asarray(found.vert_properties)[:, :3].copy(), np.asarray(found.tri_verts, dtype=np.int64))
+
+
+def box(*size: float, at: Vector = (0.0, 0.0, 0.0)) -> Triangles:
+    return mesh(Manifold.cube(size, True).translate(at))
+
+
+def volume(moments: Moments) -> float:
+    """In mm^3."""
+    return moments.volume * 1e9
+
+
+def test_a_box_has_a_wall_lids_and_lines_between() -> None:
+    """100 layers of 40 x 30: 4 below and 4 on top are solid, of these the lowest on top lies on sparse infill."""
+
+    def area(inset: float) -> float:
+        return (40 - 2 * inset) * (30 - 2 * inset)
+
+    walls = ROUND + 3 * SPACING
+    filled = area(walls - 0.25 * SPACING)
+    inset = walls - 0.25 * SPACING + SPACING / 2
+    found = slice_part(box(40, 30, 20), HOW)
+    assert volume(found.sparse) == pytest.approx(92 * 0.2 * area(inset), rel=1e-9)
+    assert volume(found.joins) == pytest.approx(92 * 0.2 * JOINED * SPACING * 2 * (40 + 30 - 4 * inset), rel=1e-9)
+    solid = 100 * (area(ROUND) - area(walls)) + 7 * filled + BRIDGE * filled
+    assert volume(found.solid) == pytest.approx(0.2 * solid, rel=1e-9)
+    centre = found.printed(0.15).centre
+    assert centre[:2] == pytest.approx((0.0, 0.0), abs=1e-12)
+    lift = 0.2 * filled * (BRIDGE - 1) * (10 - 0.7)  # the bridge is the only thing that is not alike above and below
+    assert centre[2] == pytest.approx(1e-3 * lift / volume(found.solid.plus(found.joins).plus(found.sparse, 0.15)), rel=1e-6)
+
+
+def test_numbers_of_walls_and_lids() -> None:
+    block = box(40, 30, 20)
+    bare = slice_part(block, replace(HOW, walls=0, top=0, bottom=0))
+    # no walls, no lids: only the first and the last layer are laid solid, because they are open
+    inset = ROUND + 0.25 * SPACING
+    assert volume(bare.sparse) == pytest.approx(98 * 0.2 * (40 - 2 * inset) * (30 - 2 * inset), rel=1e-9)
+
+
+@pytest.mark.parametrize(("height", "layers"), [(0.79, 4), (0.71, 4), (0.69, 3), (0.9, 4), (0.91, 5)])
+def test_a_layer_is_laid_where_its_middle_is_in_the_part(height: float, layers: int) -> None:
+    found = slice_part(box(30, 30, height), HOW)
+    one = slice_part(box(30, 30, 0.2), HOW)
+    assert volume(found.solid) == pytest.approx(layers * volume(one.solid), rel=1e-9)
+
+
+def test_a_bridge_over_air_is_laid_with_strands() -> None:
+    """A table: its top of four layers lies over air but for the legs."""
+    leg = Manifold.cube((10, 20, 10))
+    table = Manifold.cube((60, 20, 0.8)).translate((0, 0, 10)) + leg + leg.translate((50, 0, 0))
+    flat = replace(HOW, bridge_flow=0.25)
+    thick, thin = slice_part(mesh(table), HOW), slice_part(mesh(table), flat)
+    # per layer over air: the span and 3 mm on either side of it, but for the walls and the rims of lids inside
+    assert volume(thick.solid) - volume(thin.solid) > 0.2 * 40 * 17 * (BRIDGE - math.pi / 4 * 0.2**2 / (0.25 * 0.2))
+
+
+SOLIDS: dict[str, Manifold] = {
+    "block": Manifold.cube((30, 20, 10), True).translate((3, 1, 5)),
+    "ball": Manifold.sphere(12, 48).translate((0, 0, 12)),
+    "cone": Manifold.cylinder(20, 12, 2, 48),
+    "tilted": Manifold.cube((20, 12, 8), True).rotate((20, 30, 10)),
+    "tube": Manifold.cylinder(20, 15, 15, 96) - Manifold.cylinder(20, 12, 12, 96),
+    "two": Manifold.cube((10, 10, 10)) + Manifold.cube((5, 5, 5)).translate((20, 0, 0)),
+}
+
+
+def exact(solid: Manifold) -> tuple[float, Any, Any]:
+    """Volume, centre and the principal moments of a mesh at density 1, by tetrahedra from the origin (Tonon 2004)."""
+    found = solid.to_mesh64()
+    corners = np.asarray(found.vert_properties)[:, :3][np.asarray(found.tri_verts, dtype=np.int64)]
+    size = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
+    total = size.sum()
+    centre = (size[:, None] * corners.sum(axis=1) / 4).sum(axis=0) / total
+    sums = corners.sum(axis=1)
+    second = np.einsum("i,ijk->jk", size / 20, np.einsum("ij,ik->ijk", sums, sums) + np.einsum("inj,ink->ijk", corners, corners))
+    second -= total * np.outer(centre, centre)
+    return total, centre, np.linalg.eigvalsh(np.trace(second) * np.eye(3) - second)
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_thin_layers_of_walls_alone_are_the_exact_solid(name: str) -> None:
+    """Nothing but walls of lines that are hardly rounded: volume, centre and moments are those of the solid to 1e-3."""
+    layer = 1.25e-5 if name in ("block", "tube", "two") else 3e-5  # what is prismatic takes no time
+    fine = replace(HOW, layer=layer, line_width=2 * layer, walls=4000)
+    found = slice_part(mesh(SOLIDS[name]), fine).printed(0.15)
+    total, centre, moments = exact(SOLIDS[name])
+    assert found.mass * 1e9 == pytest.approx(total, rel=1e-3)
+    assert np.array(found.centre) * 1e3 == pytest.approx(centre, abs=0.01)
+    assert np.linalg.eigvalsh(np.array(found.inertia) * 1e15) == pytest.approx(moments, rel=2e-3)
+
+
+@pytest.mark.parametrize("up", [(1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.6, 0.8), (0.0, 0.0, -1.0)])
+def test_up_turns_the_part(up: Vector) -> None:
+    """Sliced along `up` it is the turned part sliced along z, told in the part's own frame."""
+    solid = Manifold.cube((30, 20, 10)) - Manifold.cylinder(30, 4, 4, 48).translate((8, 8, -5))
+    z = np.array(up)
+    y = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
+    y /= np.linalg.norm(y)
+    turn = np.stack([np.cross(y, z), y, z])
+    turned = solid.transform(np.hstack([turn, np.zeros((3, 1))]))
+    found = slice_part(mesh(solid), replace(HOW, up=up)).printed(0.2)
+    expected = slice_part(mesh(turned), HOW).printed(0.2)
+    assert found.mass == pytest.approx(expected.mass, rel=1e-5)
+    assert np.array(found.centre) == pytest.approx(turn.T @ np.array(expected.centre), abs=1e-7)
+    assert np.array(found.inertia) == pytest.approx(turn.T @ np.array(expected.inertia) @ turn, abs=1e-6 * expected.inertia[0][0])
+
+
+def test_how_it_lies_matters() -> None:
+    plate = box(60, 60, 3)
+    flat, upright = slice_part(plate, HOW), slice_part(plate, replace(HOW, up=(1.0, 0.0, 0.0)))
+    assert upright.printed(0.15).mass > 1.05 * flat.printed(0.15).mass
+
+
+def test_where_it_stands_does_not_matter() -> None:
+    near, far = slice_part(box(30, 20, 10), HOW).printed(0.15), slice_part(box(30, 20, 10, at=(500.0, -300.0, 40.0)), HOW).printed(0.15)
+    assert far.mass == pytest.approx(near.mass, rel=1e-9)
+    assert np.array(far.centre) - np.array(near.centre) == pytest.approx([0.5, -0.3, 0.04], abs=1e-9)
+    assert np.array(far.inertia) == pytest.approx(np.array(near.inertia), rel=1e-6, abs=1e-15)
+
+
+def test_upright_walls_are_cut_once_and_leaning_ones_in_every_layer() -> None:
+    """The short way (equal layers are worked out once) and the long one agree: a part cut by planes that make no layer equal."""
+    solid = SOLIDS["tube"] + Manifold.cube((6, 6, 20)).translate((9, 9, 0))
+    leaning = solid.warp_batch(lambda points: points + np.outer(points[:, 2], [1e-5, 0, 0]))
+    short, long = slice_part(mesh(solid), HOW), slice_part(mesh(leaning), HOW)
+    for one, other in zip((short.solid, short.joins, short.sparse), (long.solid, long.joins, long.sparse), strict=True):
+        assert one.volume == pytest.approx(other.volume, rel=2e-3)
+
+
+def test_what_has_no_layers() -> None:
+    with pytest.raises(NotSliced, match="is lower than one layer"):
+        slice_part(box(20, 20, 0.09), HOW)
+    with pytest.raises(NotSliced, match="is thinner than a line"):
+        slice_part(box(20, 0.02, 5), HOW)
+    with pytest.raises(NotSliced, match="would have 100000 layers"):
+        slice_part(box(20, 20, 20), replace(HOW, layer=2e-7, line_width=4e-7))
+    open_box = box(20, 20, 20)
+    with pytest.raises(NotSliced, match="has a mesh that is not closed"):
+        slice_part(Triangles(open_box.vertices, open_box.faces[:-1]), HOW)
+
+
+def test_infill_is_linear_and_none_has_no_joins() -> None:
+    found = slice_part(box(40, 30, 20), HOW)
+    masses = [found.printed(infill).mass for infill in (0.1, 0.2, 0.4)]
+    assert masses[1] - masses[0] == pytest.approx((masses[2] - masses[1]) / 2, rel=1e-12)
+    assert found.printed(0.0).mass == found.solid.volume
+
+
+def test_moments_of_two_bodies_add_up() -> None:
+    """Two points of 1 and 3 at x = 0 and x = 4: centre 3, 1 * 9 + 3 * 1 about it."""
+    one = Moments.of([1.0, *[0.0] * 9])
+    other = Moments.of([3.0, 12.0, 0, 0, 48.0, 0, 0, 0, 0, 0])
+    twice = Moments.of([2 * value for value in other.numbers])
+    both = Sliced(solid=one, joins=Moments(), sparse=twice).printed(0.5)
+    assert (both.mass, both.centre[0]) == (4.0, 3.0)
+    assert both.inertia[1][1] == both.inertia[2][2] == pytest.approx(12.0)
+    assert Moments.of(other.numbers) == other
+    assert Moments().properties.mass == 0.0
