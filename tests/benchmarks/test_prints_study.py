@@ -1,9 +1,8 @@
-"""`make print-masses` on a few prints, the reading of G-code by hand, and the page against what the study promises."""
+"""`make print-masses` on a few prints, and the reading of G-code by hand."""
 
 from __future__ import annotations
 
 import math
-import re
 import struct
 import sys
 from pathlib import Path
@@ -20,8 +19,6 @@ import prusa
 
 from thingc.inertia import MassProperties
 from thingc.realize.slicing import JOINED
-
-PAGE = (ROOT / "docs" / "prints.md").read_text(encoding="utf-8")
 
 sliced = pytest.mark.skipif(prusa.program() is None, reason="PrusaSlicer is not installed (Debian, Ubuntu: apt install prusa-slicer)")
 
@@ -89,20 +86,3 @@ def test_the_share_of_joins_follows_from_the_rule() -> None:
     assert joined.share(joined.FAMILIES["stars"], 360, 1000, seed=1) == pytest.approx(JOINED, abs=0.01)
     even = np.arange(0.0, 101.0)  # ends as far from each other: every second gap, but for one at the end
     assert joined.joined(even) == pytest.approx(0.5, abs=0.011)
-
-
-def test_the_page_says_what_the_study_promises() -> None:
-    """Its figures are within the bounds; a study that does not keep them exits with 1."""
-    count = len(study.ROBOTS | study.SOLIDS) * len(study.UPS) * len(study.SHELLS) * len(study.INFILLS)
-    assert f"\n{count} prints, sliced by PrusaSlicer " in PAGE
-    rows = {name: cells.split("|") for name, cells in re.findall(r"^\| ([a-z][a-z, ]+) \| ([^\n]*%) \|$", PAGE, re.MULTILINE)}
-
-    def share(text: str) -> float:
-        return abs(float(text.strip().rstrip("%").replace("\N{MINUS SIGN}", "-"))) / 100
-
-    _, mass_rms, mass_ninth, mass_worst = map(share, rows["mass"])
-    assert mass_ninth <= study.MASS[0] and mass_worst <= study.MASS[1] and mass_rms <= study.MASS[2]
-    assert share(rows["centre, of the extent"][2]) <= study.CENTRE
-    assert share(rows["principal moments"][2]) <= study.MOMENTS
-    for name in (*study.ROBOTS.values(), *study.SOLIDS.values()):
-        assert f"\n| {name} | " in PAGE

@@ -183,12 +183,12 @@ class ComponentDefaults(Model):
     """Whether it is drawn; true unless said otherwise."""
     process: ProcessSpec | None = Field(default=None, examples=[{"kind": "fdm", "walls": 4, "infill": "30 %"}])
     """How it is made, merged over the material's process."""
+    print: PrintSpec | None = Field(default=None, examples=[{"up": [0, 0, 1]}])
+    """How it lies on the printer."""
     bom: BomSpec | None = Field(
         default=None, examples=[{"number": "902-0135-000", "supplier": "ROBOTIS", "cost": "269.90 USD", "make": "buy"}],
     )
     """The line of the bill of materials."""
-    print: PrintSpec | None = Field(default=None, examples=[{"up": [0, 0, 1]}])
-    """How it lies on the printer."""
 
 
 def _component_rules(schema: dict[str, Any]) -> None:
