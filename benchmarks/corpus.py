@@ -47,7 +47,7 @@ sample: {method: sobol, count: 50, seed: 11, ranges: {leg_length: [64 mm, 140 mm
 emit: [mjcf, bom]
 """
 ASSEMBLY = re.compile(r"^thingc *[:=] *\"?assembly/1", re.MULTILINE)
-PASSING = re.compile(r"^(modelling|decomposing) parts: .*\n|\d+ parts? modelled.*|\d+\.\d+ s\b", re.MULTILINE)
+PASSING = re.compile(r"^(modelling|decomposing|slicing) parts: .*\n|\d+ parts? modelled.*|\d+\.\d+ s\b", re.MULTILINE)
 """What depends on the store or the clock."""
 
 Entry = dict[str, str]

@@ -35,7 +35,7 @@ def said(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, list[str
     capsys.readouterr()
     code = main(words)
     out, err = capsys.readouterr()
-    return code, [line for line in (out + err).splitlines() if not line.startswith(("modelling ", "decomposing "))]
+    return code, [line for line in (out + err).splitlines() if not line.startswith(("modelling ", "decomposing ", "slicing "))]
 
 
 def test_a_folder_with_files_of_a_stranger_is_not_touched(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -185,7 +185,7 @@ def test_a_machine_that_cannot_draw(
     more = without(tmp_path)
     ran = command("render", root / ARM, store=shared_store, cwd=tmp_path / "here", more=more)
     assert ran.code == 2 and ran.out == ""
-    assert re.sub(r"^(modelling|decomposing) parts.*\n", "", ran.err, flags=re.MULTILINE) == said + "\n1 error\n"
+    assert re.sub(r"^(modelling|decomposing|slicing) parts.*\n", "", ran.err, flags=re.MULTILINE) == said + "\n1 error\n"
     assert list((tmp_path / "here").iterdir()) == []
 
 

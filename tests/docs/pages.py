@@ -21,7 +21,7 @@ WITH_LINKS = (*PAGES, ROOT / "README.md", ROOT / "ARCHITECTURE.md")
 
 _FENCE = re.compile(r"^```(\w*)[^\n]*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _FILE = re.compile(r"# ([\w/]+\.(?:yaml|toml|py))$")
-_PROGRESS = re.compile(r"^(modelling|decomposing) parts: \d+ of \d+\n", re.MULTILINE)
+_PROGRESS = re.compile(r"^(modelling|decomposing|slicing) parts: \d+ of \d+\n", re.MULTILINE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

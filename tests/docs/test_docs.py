@@ -263,7 +263,7 @@ def test_what_is_not_built_yet_is_refused_as_such(page: Path, here: Path) -> Non
 def test_a_nested_assembly_takes_no_override(page: Path, here: Path) -> None:
     values = {
         "material": "pla", "mass": "1 kg", "com": "0 0 0", "inertia": "{ixx: 1 kg*m^2, iyy: 1 kg*m^2, izz: 1 kg*m^2}",
-        "collision": "box", "visual": "false", "process": "{walls: 3}", "bom": "{number: x}",
+        "collision": "box", "visual": "false", "process": "{walls: 3}", "print": "{up: [0, 0, 1]}", "bom": "{number: x}",
     }
     assert [row[0].strip("`") for row in table(LANGUAGE, "keys: ComponentDefaults")] == list(values)
     for key, value in values.items():
