@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from thingc.brief import Brief
 from thingc.inertia import MassProperties
 from thingc.pose import Matrix, Vector
 
@@ -41,7 +42,7 @@ class Slicing:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Moments:
+class Moments(Brief):
     """Of some matter, about the origin of the part's frame: `volume` [m^3], `first` the integrals of x, y, z [m^4], `second` those of
     their products [m^5]."""
 
@@ -86,7 +87,7 @@ class Moments:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sliced:
+class Sliced(Brief):
     """What is laid into a part: `solid`, whatever the infill; `joins`, the pieces along the walls that join the lines of infill, as
     soon as there is any; `sparse`, the lines themselves, as if the infill were 100 %."""
 
