@@ -103,7 +103,7 @@ def test_info_in_json(arm: Path, shared_store: str) -> None:
         "bench": ("plate/origin", "fixed"), "drawing": ("hand/tip", "held"), "adrift": ("bracket/origin", "free"),
     }
     for found in info["modes"].values():
-        assert set(found) == {"root", "base", "links", "joints"}
+        assert set(found) == {"root", "base", "X_world_root", "links", "joints"}
         assert sorted(found["links"]) == ["base_link", "bracket", "forearm", "hand_link", "humerus"]
         assert sorted(found["joints"]) == ["elbow", "shoulder", "wrist", "yaw"]
     assert info["modes"]["drawing"]["links"][0] == "hand_link"
