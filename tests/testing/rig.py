@@ -137,5 +137,6 @@ class Workspace:
         answer: dict[str, Any] = json.loads(out)
         assert code != 1 or answer.get("tests") or not tests, out
         answer["code"] = code
+        answer["diagnostics"] = [found for found in answer["diagnostics"] if found["code"] != "TC610"]  # bars lie in the floor
         answer["by_name"] = {result["name"]: result for result in answer.get("tests", [])}
         return answer
