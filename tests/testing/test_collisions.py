@@ -74,7 +74,7 @@ def test_allowances(rig: Workspace) -> None:
     assert answer["code"] == 0 and all(result["passed"] for result in answer["tests"])
     assert [(d["code"], d["severity"]) for d in answer["diagnostics"]] == [("TC659", "warning")]
     assert answer["diagnostics"][0]["notes"][0]["message"] == "the reason given is: they might"
-    assert rig.test(SLIDERS, tests, "--strict")["code"] == 1
+    assert rig.test(SLIDERS + 'allow: {TC610: "they lie in the floor"}\n', tests, "--strict")["code"] == 1
 
 
 def test_neighbours_may_touch_and_what_is_rigid_may_overlap(rig: Workspace) -> None:
