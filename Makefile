@@ -36,7 +36,7 @@ print-masses: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/prints/print_masses.py
 
 walk: $(VENV)/.thingc-dev
-	$(BIN)/python examples/walk.py --gif docs/pictures/minchw_walk.gif
+	$(BIN)/python examples/walk.py --gif docs/pictures/minchw_walk.gif --page docs/walking.md
 
 bridge-search: $(VENV)/.thingc-dev
 	$(BIN)/python examples/longest_bridge.py --docs docs

@@ -133,11 +133,12 @@ class Legs:
         return np.array(error), rows[:, self.columns]
 
 
-def swings(models: dict[str, mujoco.MjModel], steps: int, short: float, stride: float, lift: float) -> list[Swing]:
+def swings(models: dict[str, mujoco.MjModel], steps: int, short: float, stride: float, lift: float, sink: float) -> list[Swing]:
     """`steps` steps forward: the front foot goes ahead by `stride` [m], the rear one follows.
 
     `models` are those of the modes that a foot holds, by foot. The soles are `short` [m] apart when the robot is drawn up; a
-    foot is lifted by `lift` [m], which the body does with half its pitch and the legs with the rest.
+    foot is lifted by `lift` [m], which the body does with half its pitch and the legs with the rest, and put down `sink` [m] below
+    the steel: the servos press it on gently, before its magnet would snatch it.
     """
     start = np.array([0.0, 1.5, 1.5, 0.0, 1.5, 1.5])
     found = {}
@@ -146,8 +147,9 @@ def swings(models: dict[str, mujoco.MjModel], steps: int, short: float, stride: 
         legs, side = Legs(models[holds], holds), 1.0 if holds == "rear" else -1.0
         q, knots = start, []
         between, up = begin + (end - begin) * smooth(s), lift * 64.0 * (s * (1.0 - s)) ** 3
-        for distance, height, pitch in zip(between, up, side * up / short, strict=True):
-            q = legs.solve(float(distance), float(height), float(pitch), q)
+        height = up + sink * (1.0 - 2.0 * smooth(s))  # the foot that moves now is the one that the other was pressed down from
+        for row in zip(between, height, side * up / short, strict=True):
+            q = legs.solve(*(float(value) for value in row), q)
             knots.append(q)
         start = knots[-1]
         path = np.asarray(chebyshev.chebfit(2.0 * s - 1.0, np.array(knots), DEGREE), dtype=float)

@@ -47,6 +47,8 @@ class Seen:
     slips: dict[str, float] = field(default_factory=lambda: {"standing": 0.0, "landing": 0.0})
     pull: float = 0.0
     """The largest pull that a holding foot has to bear, a moment counted as the force at the rim that it takes."""
+    pulled: str = ""
+    """In which phase that was."""
     shear: float = 0.0
     """The largest ratio of force along the steel to what friction bears."""
     torque: dict[str, float] = field(default_factory=lambda: dict.fromkeys(JOINTS, 0.0))
@@ -265,10 +267,11 @@ class Climb:
         for foot in carrying:
             held = world.model.body_mocapid[world.model.body(f"{foot}/foot").id] >= 0
             if not held and world.hold(foot, world.sole(foot))[0] == 0:
-                seen.pull = np.inf  # it has come off
+                seen.pull, seen.pulled = np.inf, now.phase  # it has come off
                 continue
             normal, along, tipping = world.reaction(foot)
-            seen.pull = max(seen.pull, tipping / POLE - normal)
+            if tipping / POLE - normal > seen.pull:
+                seen.pull, seen.pulled = tipping / POLE - normal, now.phase
             seen.shear = max(seen.shear, along / (SLIDE * max(PULL + normal, 1e-9)))
         force, speed = data.actuator_force[world.drives], np.abs(data.qvel[world.dofs])
         for name, part in zip(JOINTS, np.abs(force) / world.stall, strict=True):

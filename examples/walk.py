@@ -1,5 +1,5 @@
-"""MInchW climbs a steel beam, lying on the floor and standing at a wall: `make walk`, or `python examples/walk.py BUILD`;
-with `--on ceiling` hanging from one.
+"""MInchW climbs a steel beam, lying on the floor, standing at a wall and hanging from a ceiling: `make walk`, or
+`python examples/walk.py BUILD`.
 
 Once rooted at the foot that holds, the root changing from foot to foot with `thingc.modes`, and once with a free base, held
 by its magnets alone. What is printed is what the simulation measured.
@@ -22,22 +22,25 @@ from inchworm_physics import Climb, Seen
 from inchworm_scenery import Film, save
 
 ROOT = Path(__file__).resolve().parent.parent
-SHORT, STRIDE, LIFT = 0.31, 0.09, 0.025
-"""Soles apart when drawn up, length of a step, height of a lifted foot [m]."""
+SHORT, STRIDE, LIFT, SINK = 0.31, 0.09, 0.025, 0.0001
+"""Soles apart when drawn up, length of a step, height of a lifted foot, and how far below the steel it is put down [m]: a foot that has
+landed stands a third of a milliradian askew, which lifts the other one by 0.13 mm when it is the root."""
 
 PLACES = {"floor": "", "wall": "_wall", "ceiling": "_ceiling"}
-SHOWN = ("floor", "wall")
+FILMED = ("floor", "wall")
 FRAME = 0.15
 """Time [s] between two frames of the film, which is shown a third faster than that."""
 
 
-def walk(folder: Path, steps: int, film: Path | None = None, places: Sequence[str] = SHOWN) -> dict[tuple[str, str], Seen]:
-    """Both ways of walking at every place, by (place, way)."""
+def walk(
+    folder: Path, steps: int, film: Path | None = None, places: Sequence[str] = tuple(PLACES), sink: float = SINK,
+) -> dict[tuple[str, str], Seen]:
+    """Both ways of walking at every place, by (place, way); feet are put down `sink` [m] below the steel."""
     found, films = {}, []
     for place in places:
         climb = Climb(folder, PLACES[place])
-        plan = swings(climb.models, steps, SHORT, STRIDE, LIFT)
-        watch = None if film is None else Film(place, FRAME)
+        plan = swings(climb.models, steps, SHORT, STRIDE, LIFT, sink)
+        watch = Film(place, FRAME) if film is not None and place in FILMED else None
         found[place, "rooted"] = climb.rooted(plan, watch)
         found[place, "free"] = climb.adhering(plan)
         if watch is not None:
@@ -58,6 +61,7 @@ def report(found: dict[tuple[str, str], Seen]) -> str:
         ("slip of a standing foot [mm]", [f"{1e3 * seen.slips['standing']:.3f}" for seen in found.values()]),
         ("slip of a landed foot [mm]", [f"{1e3 * seen.slips['landing']:.3f}" for seen in found.values()]),
         ("least pull margin [N]", [f"{PULL - seen.pull:.1f}" for seen in found.values()]),
+        ("  in", [seen.pulled for seen in found.values()]),
         ("least shear margin", [f"{100 * (1 - seen.shear):.1f} %" for seen in found.values()]),
         ("least torque margin", [f"{100 * (1 - max(seen.torque.values())):.1f} %" for seen in found.values()]),
         ("  at", [worst[key] for key in found]),
@@ -71,6 +75,13 @@ def report(found: dict[tuple[str, str], Seen]) -> str:
     return "\n".join(f"{name:38}" + "".join(f"{cell:>16}" for cell in cells) for name, cells in rows)
 
 
+def write(page: Path, marker: str, found: dict[tuple[str, str], Seen]) -> None:
+    """Put a report into the block of a page that follows a marker."""
+    head, opening, rest = page.read_text().partition(f"<!-- {marker} -->\n```text\n")
+    assert opening, f"{page} has no block <!-- {marker} -->"
+    page.write_text(head + opening + report(found) + "\n```" + rest.partition("\n```")[2])
+
+
 def _only(way: str, value: float) -> str:
     return f"{value:.2f}" if way == "rooted" else "-"
 
@@ -80,8 +91,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("build", nargs="?", type=Path, help="the folder of a built MInchW; built afresh unless given")
     parser.add_argument("--steps", type=int, default=3)
-    parser.add_argument("--on", nargs="+", choices=PLACES, default=SHOWN, help="where it climbs; `floor wall` unless given")
-    parser.add_argument("--gif", type=Path, help="where to draw a film of the rooted walks")
+    parser.add_argument("--on", nargs="+", choices=PLACES, default=tuple(PLACES), help="where it climbs; everywhere unless given")
+    parser.add_argument("--sink", type=float, default=1e3 * SINK, help="how far below the steel a foot is put down [mm]")
+    parser.add_argument("--gif", type=Path, help="where to draw a film of the rooted walks, on the floor and the wall")
+    parser.add_argument("--page", type=Path, help="a page whose reports to write anew (docs/walking.md)")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         folder = given.build
@@ -89,8 +102,11 @@ def main() -> int:
             command = [sys.executable, "-m", "thingc", "build", "assemblies/minchw/minchw.yaml", "-o", scratch]
             subprocess.run(command, cwd=ROOT, check=True)
             folder = Path(scratch) / "minchw"
-        found = walk(folder, given.steps, given.gif, given.on)
-    print(report(found))
+        found = walk(folder, given.steps, given.gif, given.on, 1e-3 * given.sink)
+        print(report(found))
+        if given.page is not None:
+            write(given.page, "report", found)
+            write(given.page, "report of feet put down at the steel", walk(folder, given.steps, places=["ceiling"], sink=0.0))
     return 0
 
 
