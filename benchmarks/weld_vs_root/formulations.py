@@ -18,8 +18,8 @@ import thingc
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCUMENT = ROOT / "assemblies" / "minchw" / "minchw.yaml"
-FOOT, TIP = "front/foot", "rear/sole"
-"""The body that is held, and the site whose error is the robot's."""
+FOOT, SOLE, TIP = "front/foot", "front/sole", "rear/sole"
+"""The body that is held, the site at which it is, and the site whose error is the robot's."""
 
 INTEGRATORS = {
     "Euler": mujoco.mjtIntegrator.mjINT_EULER,
@@ -56,7 +56,7 @@ class Formulation:
         self.v = np.array([model.joint(joint).dofadr[0] for joint in study.joints])
         self.free = model.nv > len(study.joints)
         self.drives = [model.actuator(joint).id for joint in study.joints]
-        self.foot, self.tip = model.body(FOOT).id, model.site(TIP).id
+        self.foot, self.sole, self.tip = model.body(FOOT).id, model.site(SOLE).id, model.site(TIP).id
         self.friction = model.dof_frictionloss.copy()
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
 
@@ -91,10 +91,12 @@ class Formulation:
         """Apply joint torques [N m]: nothing at a free base."""
         data.qfrc_applied[self.v] = torque
 
-    def foot_pose(self, data: mujoco.MjData) -> tuple[Vector, Vector]:
-        """Of the held body: position [m] and rotation matrix, for the state as it is now."""
+    def places(self, data: mujoco.MjData) -> tuple[Vector, Vector]:
+        """For the state as it is now: where the sole that is held is, its body's frame, and the free sole (3 x 3, a row each) [m]; and
+        how the held body is turned, a matrix."""
         mujoco.mj_kinematics(self.model, data)
-        return data.xpos[self.foot].copy(), data.xmat[self.foot].reshape(3, 3).copy()
+        points = np.array([data.site_xpos[self.sole], data.xpos[self.foot], data.site_xpos[self.tip]])
+        return points, data.xmat[self.foot].reshape(3, 3).copy()
 
 
 class Study:

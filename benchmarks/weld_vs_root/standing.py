@@ -19,13 +19,16 @@ TRIED = (0.3, 0.4, 0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 3.0)
 
 @dataclass(frozen=True)
 class Stand:
-    """A run: after how many steps max |qvel| stays below `REST` and `NEARLY` (None: not within the run), and how far the foot
-    [mm, deg] and the energy [mJ] went over the run. `speeds` is max |qvel| after each step."""
+    """A run: after how many steps max |qvel| stays below `REST` and `NEARLY` (None: not within the run), and how far over the run
+    went the middle of the sole that is held (`drift` [mm]), its foot (`turn` [deg]), the frame of the foot's body, which is at the ankle
+    (`ankle` [mm]), the sole that is free (`tip` [mm]) and the energy [mJ]. `speeds` is max |qvel| after each step."""
 
     steps: int | None
     nearly: int | None
     drift: float
     turn: float
+    ankle: float
+    tip: float
     energy: float
     speeds: Vector
 
@@ -45,27 +48,28 @@ def stand(
     model, data = formulation.model, formulation.stand(q)
     formulation.torque(data, torque)
     data.qvel[formulation.v] = kick
-    position, rotation = formulation.foot_pose(data)
+    points, rotation = formulation.places(data)
     mujoco.mj_energyPos(model, data)
     energy = data.energy[0]
     count = round(horizon / settings.timestep)
     speeds = np.full(count, np.inf)
-    drift = turn = change = 0.0
+    moved, turn, change = np.zeros(len(points)), 0.0, 0.0
     sample = max(1, count // 200)
     with np.errstate(all="ignore"):
         for k in range(count):
             mujoco.mj_step(model, data)
             speeds[k] = np.abs(data.qvel).max()
             if data.warning[mujoco.mjtWarning.mjWARN_BADQACC].number or not speeds[k] < 1e4:
-                return Stand(None, None, np.inf, np.inf, np.inf, speeds)
+                return Stand(None, None, *[np.inf] * 5, speeds)
             if k % sample == 0 or k == count - 1:
-                now, turned = formulation.foot_pose(data)
-                drift = max(drift, float(np.linalg.norm(now - position)))
+                now, turned = formulation.places(data)
+                moved = np.maximum(moved, np.linalg.norm(now - points, axis=1))
                 turn = max(turn, angle(rotation.T @ turned))
                 mujoco.mj_energyPos(model, data)
                 mujoco.mj_energyVel(model, data)
                 change = max(change, abs(data.energy.sum() - energy))
-    return Stand(_from(speeds, REST), _from(speeds, NEARLY), 1e3 * drift, turn, 1e3 * change, speeds)
+    sole, ankle, tip = (1e3 * float(far) for far in moved)
+    return Stand(_from(speeds, REST), _from(speeds, NEARLY), sole, turn, ankle, tip, 1e3 * change, speeds)
 
 
 def angle(rotation: Vector) -> float:
@@ -81,7 +85,7 @@ def is_stable(formulation: Formulation, settings: Settings) -> bool:
     for gravity in ("floor", "wall"):
         for q in study.postures.values():
             run = stand(formulation, q, study.holding(q, gravity), settings, gravity, True, horizon=0.6, kick=0.2)
-            if not (run.drift < 1.0 and run.speeds[-len(run.speeds) // 6 :].max() < 0.002):
+            if not (run.ankle < 1.0 and run.speeds[-len(run.speeds) // 6 :].max() < 0.002):
                 return False
     return True
 

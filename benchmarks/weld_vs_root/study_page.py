@@ -89,6 +89,9 @@ def _short(found: Measured) -> dict[str, str]:
         "soft_nearly": span([run.nearly for run in soft]),
         "soft_drift": number(max(run.drift for run in soft)),
         "soft_turn": number(max(run.turn for run in soft)),
+        "soft_ankle": number(max(run.ankle for run in soft)),
+        "soft_tip": number(max(run.tip for run in soft)),
+        "stiff_tip": number(max(run.tip for run in stiff)),
         "stiff_drift": number(max(run.drift for run in stiff)),
         "stiff_steps": span([run.steps for run in stiff]),
         "stiff_ratio": f"{errors[STIFF] / errors[ROOTED]:.1f}",
@@ -113,11 +116,13 @@ def _usual(found: Measured, condition: str) -> str:
         for name in FORMULATIONS:
             runs = runs_of(found, condition, integrator, timestep, name, gravity)
             worst = (
-                fastest(runs), max(run.drift for run in runs), max(run.turn for run in runs), max(run.energy for run in runs)
+                fastest(runs), max(run.drift for run in runs), max(run.turn for run in runs), max(run.tip for run in runs),
+                max(run.energy for run in runs),
             )
             steps = (span([run.nearly for run in runs]), span([run.steps for run in runs]))
             rows.append([f"{gravity}: {name}", *steps, *(number(value) for value in worst)])
-    heads = ["", "steps until nearly at rest", "until at rest", "largest speed", "foot [mm]", "foot [deg]", "energy [mJ]"]
+    heads = ["", "steps until nearly at rest", "until at rest", "largest speed", "held sole [mm]", "foot [deg]", "free sole [mm]"]
+    heads.append("energy [mJ]")
     return table(heads, rows)
 
 
@@ -132,7 +137,7 @@ def _all(found: Measured, condition: str) -> str:
                 *(longest([run.steps for run in runs]) for runs in groups),
                 *(number(max(run.drift for run in runs)) for runs in groups),
             ])
-    return table(["", *_columns("steps until nearly at rest", "until at rest", "foot [mm]")], rows)
+    return table(["", *_columns("steps until nearly at rest", "until at rest", "held sole [mm]")], rows)
 
 
 def _columns(*quantities: str) -> list[str]:
