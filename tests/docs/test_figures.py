@@ -1,0 +1,94 @@
+"""Every measured figure in the prose of the pages written by hand is one that a command prints: of README, of walking.
+
+A command writes what it measured into a block, or a whole page (`make walk`, `make bench-weld`, ...). A `Claim` finds the figures of a
+sentence and those that it quotes. What a page gives (sizes that were chosen, bounds, data of a part) is listed with what gives it, so
+that a new figure without a source is found.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import pytest
+
+from docs.pages import ROOT, without_fences
+
+
+@dataclass(frozen=True)
+class Claim:
+    """`prose` finds a sentence of a page, its groups the figures; `source` finds the same ones, in this order, on the page `printed`,
+    below its comment `<!-- block -->` where there is one."""
+
+    page: str
+    prose: str
+    printed: str
+    source: str
+    block: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.page}: {self.prose[:40]}"
+
+
+CLAIMS = (
+    Claim(
+        "docs/walking.md", r"stands up to ([\d.]+) mrad askew", "docs/walking.md",
+        r"largest tilt of a landed sole \[mrad\] +([\d.]+) ", block="report of feet put down at the steel",
+    ),
+    Claim(
+        "docs/walking.md", r"has ([\d.]+) N of pull margin left in it, where a foot that only adheres has ([\d.]+) N", "docs/walking.md",
+        r"least pull margin \[N\] +([\d.]+) +([\d.]+)\n", block="report of feet put down at the steel",
+    ),
+    Claim(
+        "docs/walking.md", r"pressed on first it is ([\d.]+) N and ([\d.]+) N", "docs/walking.md",
+        r"least pull margin \[N\](?: +[\d.]+){4} +([\d.]+) +([\d.]+)\n", block="report",
+    ),
+)
+
+GIVEN = {
+    "README.md": {
+        "2.08 kg": "the published mass of MInchW, tests/minchw/test_minchw_facts.py",
+        "1e-9 m": "a bound, tests/conformance",
+        "861 steps": "`make bench-weld` prints it", "5.4 mm": "`make bench-weld` prints it",
+        "0.39 ms": "`make bench-variants` prints it", "300 variants": "`make bench-variants` prints it",
+    },
+    "docs/walking.md": {
+        "90 mm": "STRIDE of examples/walk.py", "0.1 mm": "SINK of examples/walk.py", "300 N": "data of the magnet",
+        "20.4 N": "the weight of 2.08 kg", "25 mm": "POLE of examples/inchworm_physics.py", "4 mm": "STEEL of examples/inchworm_physics.py",
+    },
+}
+"""Figures that were chosen, are bounds, or have no block to be compared with, by page, and what says so."""
+
+MEASURED = r"(?<![\w.$-])(\d[\d ]*\d|\d+|\d[\d.]*(?:e-?\d+)?) ?(ms|mm|mrad|kg|MB|N|m|steps|variants|s)\b"
+"""A number with a unit of something measured."""
+
+
+def prose(page: str) -> str:
+    """A page without its blocks and comments, on one line."""
+    return re.sub(r"\s+", " ", re.sub(r"<!--.*?-->", "", without_fences(ROOT / page)))
+
+
+def printed(claim: Claim) -> str:
+    text = (ROOT / claim.printed).read_text()
+    if not claim.block:
+        return re.sub(r"\s+", " ", text)
+    _, marker, rest = text.partition(f"<!-- {claim.block} -->\n")
+    assert marker, f"{claim.printed} has no block <!-- {claim.block} -->"
+    return rest.split("```")[1]
+
+
+@pytest.mark.parametrize("claim", CLAIMS, ids=str)
+def test_prose_quotes_what_a_command_printed(claim: Claim) -> None:
+    said, measured = re.search(claim.prose, prose(claim.page)), re.search(claim.source, printed(claim))
+    assert said is not None, f"{claim.page} does not say it so: {claim.prose}"
+    assert measured is not None, f"{claim.printed} has no such figures: {claim.source}"
+    assert said.groups() == measured.groups(), f"{claim.page} says {said.groups()}, {claim.printed} {measured.groups()}"
+
+
+@pytest.mark.parametrize("page", sorted(GIVEN))
+def test_every_figure_has_a_source(page: str) -> None:
+    text = prose(page)
+    quoted = [match.span() for claim in CLAIMS if claim.page == page for match in [re.search(claim.prose, text)] if match is not None]
+    found = [match for match in re.finditer(MEASURED, text) if not any(a <= match.start() and match.end() <= b for a, b in quoted)]
+    unknown = [text[max(0, m.start() - 60) : m.end()] for m in found if m.group() not in GIVEN[page]]
+    assert not unknown, f"{page}: no command prints these, and nothing gives them: {unknown}"
