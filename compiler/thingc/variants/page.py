@@ -54,7 +54,7 @@ def _frame(described: Mapping[str, Any]) -> tuple[str, str]:
     """The page before and after its data."""
     own = resources.files("thingc.variants")
     texts = {place: (own / name).read_text(encoding="utf-8") for place, name in (("@STYLE@", "page.css"), ("@SCRIPT@", "page.js"))}
-    texts["@TITLE@"] = html.escape(f"{described['name']}: variants of {described['assembly']}")
+    texts["@TITLE@"] = html.escape(shown(f"{described['name']}: variants of {described['assembly']}"))
     # cut before anything is put in: a name may hold the word for a place
     pieces = re.split("(@[A-Z]+@)", (own / "page.html").read_text(encoding="utf-8"))
     before, after = pieces[: pieces.index("@DATA@")], pieces[pieces.index("@DATA@") + 1 :]
@@ -63,7 +63,8 @@ def _frame(described: Mapping[str, Any]) -> tuple[str, str]:
 
 def _head(described: Mapping[str, Any], wanted: Sequence[Column]) -> str:
     """The object that the page's program reads, up to its rows."""
-    told = {name: described[name] for name in ("name", "document", "assembly", "count", "modes", "pose", "finished")}
+    told: dict[str, Any] = {name: _plain(described[name]) for name in ("name", "document", "assembly", "count", "pose", "finished")}
+    told["modes"] = [shown(name) for name in described["modes"]]
     told["columns"] = [{"name": column.name, "kind": column.kind, "unit": column.unit} for column in wanted]
     return _encoded(told)[:-1] + ',"rows":['
 
