@@ -20,10 +20,12 @@ import hashlib
 import json
 import os
 import stat
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 from thingc.diagnostics import Code, Report, shown_path
+from thingc.emit import written
 from thingc.emit.artifact import MANIFEST, Content, Stored
 
 Waiting = Callable[[str], None]
@@ -58,23 +60,48 @@ class StrangerFiles(OutputError):
 
     code = Code.STRANGERS
 
-    def __init__(self, folder: str, names: tuple[str, ...], message: str) -> None:
-        super().__init__(message, "move these files away, or build into another folder with -o")
+    def __init__(self, folder: str, names: tuple[str, ...], message: str, *, ours: bool) -> None:
+        more = ", or give them up with --force" if ours else ""
+        super().__init__(message, f"move these files away, or build into another folder with -o{more}")
         self.folder = folder
         self.names = names
 
 
+NOTHING = hashlib.sha256(b"").hexdigest()
+"""The content of a file that a power failure has emptied, or that somebody has: there is nothing to lose."""
+Signature = tuple[int, int, int, int, int]
+"""Device, inode, size and times (of the content, of the entry) of a file: while they stand, so does its content."""
+
+
+@dataclass(frozen=True, slots=True)
+class Strangers:
+    """What a build must not delete from a folder, by path in it, sorted: files that no build wrote (`others`), and those that one
+    wrote and somebody has `changed` since: edited, or replaced by a link. `owner` is the document whose build the folder holds,
+    None where it holds none."""
+
+    owner: str | None
+    others: tuple[str, ...]
+    changed: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All of them, sorted."""
+        return tuple(sorted((*self.others, *self.changed)))
+
+
 def write_build(
-    parent: str, name: str, files: Mapping[str, Content], store: Blobs, document: str, *, on_wait: Waiting | None = None
+    parent: str, name: str, files: Mapping[str, Content], store: Blobs, document: str, *, force: bool = False,
+    on_wait: Waiting | None = None,
 ) -> str:
     """Make `<parent>/<name>` hold exactly `files`; its absolute path.
 
     `files` are by path in the folder and contain a `manifest.json` of `document` (its path in the workspace) that lists
     the others; stored ones come out of `store` (whose exception for a missing blob passes through). `parent` is made
     if it is not there; where the folder is a symbolic link, what it points to is replaced. `on_wait` is called when
-    another build of the same folder is under way, before waiting for it.
+    another build of the same folder is under way, before waiting for it. With `force` files in a build of the same document that
+    no build wrote, or that were changed since, are given up.
 
-    Raises `StrangerFiles` when the folder holds anything but a build of the same document, `OutputError` when the
+    Raises `StrangerFiles` when the folder holds anything but a build of the same document as it was written, `OutputError` when the
     system refuses, and `ValueError` for paths that would leave the folder; the folder is then as it was.
     """
     _check_paths(name, files)
@@ -85,11 +112,12 @@ def write_build(
         os.makedirs(os.path.dirname(folder), exist_ok=True)
         with _locked(folder, on_wait):
             _mend(folder)
-            _refuse_strangers(folder, document)
+            known: dict[Signature, str] = {}
+            found = _refuse_strangers(folder, document, files, known, force=force)
             fresh = _beside(folder, "new")
             try:
                 _write_files(fresh, files, store)
-                _swap(fresh, folder, document)
+                _swap(fresh, folder, document, files, known, given_up=found.names)
             finally:
                 _delete(fresh)
     except OSError as fault:
@@ -118,17 +146,40 @@ def verify(folder: str) -> dict[str, Any] | None:
     return manifest
 
 
-def strangers(folder: str, document: str) -> tuple[str, ...]:
-    """Files in `folder` that a build of `document` must not delete, sorted: those that its manifest does not list, or all
-    of them where the manifest is missing, damaged or of another document. Links are files here; empty folders do not count.
+def strangers(
+    folder: str, document: str, *, also: Collection[str] = (), known: dict[Signature, str] | None = None,
+) -> Strangers:
+    """What a build of `document` must not delete from `folder`: what its manifest does not list, or lists with another content;
+    everything where the manifest is missing, damaged or of another document. Links are files here; empty folders do not count.
+
+    A manifest is believed only for names that a target writes, or that are in `also`: it is a file like any other, and may have been
+    made to list what is not ours. `known` keeps the SHA-256 of contents, so that the next look reads none of them again.
 
     Raises `OSError` when the folder cannot be read.
     """
     found = _listing(folder)
     manifest = _manifest(folder)
-    if manifest is not None and manifest["document"] == document:
-        return tuple(sorted(set(found) - {*manifest["files"], MANIFEST}))
-    return tuple(sorted(found))
+    if manifest is None or manifest["document"] != document:
+        return Strangers(None if manifest is None else manifest["document"], tuple(sorted(found)))
+    listed: dict[str, str] = manifest["files"]
+    ours = written()
+    others = [name for name in found if name != MANIFEST and not (name in listed and (name in also or ours.fullmatch(name)))]
+    own = sorted(set(found) - {MANIFEST, *others})
+    known = {} if known is None else known
+    changed = [name for name in own if _content_of(os.path.join(folder, name), known) not in (listed[name], NOTHING)]
+    return Strangers(document, tuple(sorted(others)), tuple(changed))
+
+
+def _content_of(path: str, known: dict[Signature, str]) -> str | None:
+    """The SHA-256 of a file; None for a link, or what is no file."""
+    state = os.lstat(path)
+    if not stat.S_ISREG(state.st_mode):
+        return None
+    signature = (state.st_dev, state.st_ino, state.st_size, state.st_mtime_ns, state.st_ctime_ns)
+    if signature not in known:
+        with open(path, "rb") as stream:
+            known[signature] = hashlib.file_digest(stream, "sha256").hexdigest()
+    return known[signature]
 
 
 def _check_paths(name: str, files: Mapping[str, Content]) -> None:
@@ -200,24 +251,41 @@ def _mend(folder: str) -> None:
     _delete(_beside(folder, "new"))
 
 
-def _refuse_strangers(folder: str, document: str) -> None:
+def _refuse_strangers(
+    folder: str, document: str, also: Collection[str], known: dict[Signature, str], *, force: bool,
+) -> Strangers:
+    """What is given up by `force`; raises `StrangerFiles` where there is anything else."""
     if not os.path.lexists(folder):
-        return
+        return Strangers(None, ())
     if not os.path.isdir(folder):
         message = f"`{shown_path(folder)}` is a file, and the build needs a folder there"
         raise OutputError(message, "move it away, or build into another folder with -o")
-    names = strangers(folder, document)
-    if names:
-        raise StrangerFiles(folder, names, _accusation(folder, names, document))
+    found = strangers(folder, document, also=also, known=known)
+    if found.names and not (force and found.owner == document):
+        raise _accusation(folder, found, document)
+    return found
 
 
-def _accusation(folder: str, names: tuple[str, ...], document: str) -> str:
-    manifest = _manifest(folder)
-    if manifest is not None and manifest["document"] != document:
-        return f"`{shown_path(folder)}` holds the build of another document, `{manifest['document']}`, and is left as it is"
+def _accusation(folder: str, found: Strangers, document: str) -> StrangerFiles:
+    place = f"`{shown_path(folder)}`"
+    ours = found.owner == document
+    if found.owner is not None and not ours:
+        message = f"{place} holds the build of another document, `{found.owner}`, and is left as it is"
+    else:
+        said = [
+            f"{what} ({_enumerated(names)})"
+            for what, names in (
+                (f"files that no build of `{document}` wrote", found.others),
+                ("files that were changed since they were built", found.changed),
+            ) if names
+        ]
+        message = f"{place} holds {' and '.join(said)}, and is left as it is"
+    return StrangerFiles(folder, found.names, message, ours=ours)
+
+
+def _enumerated(names: Sequence[str]) -> str:
     shown = ", ".join(f"`{name}`" for name in names[:8])
-    more = f" and {len(names) - 8} more" if len(names) > 8 else ""
-    return f"`{shown_path(folder)}` holds files that no build of `{document}` wrote, and is left as it is: {shown}{more}"
+    return f"{shown} and {len(names) - 8} more" if len(names) > 8 else shown
 
 
 def _write_files(fresh: str, files: Mapping[str, Content], store: Blobs) -> None:
@@ -239,10 +307,12 @@ def _write_files(fresh: str, files: Mapping[str, Content], store: Blobs) -> None
                 os.fsync(stream.fileno())
 
 
-def _swap(fresh: str, folder: str, document: str) -> None:
+def _swap(
+    fresh: str, folder: str, document: str, also: Collection[str], known: dict[Signature, str], *, given_up: Collection[str],
+) -> None:
     """Put `fresh` in the place of `folder`, whose old content is deleted.
 
-    A file that someone saved into the old build while the new one was written brings the old one back.
+    A file that someone saved into the old build while the new one was written brings the old one back, unless it is `given_up`.
     """
     if not os.path.lexists(folder):
         os.rename(fresh, folder)
@@ -254,15 +324,14 @@ def _swap(fresh: str, folder: str, document: str) -> None:
         displaced = _beside(folder, "old")
         os.rename(folder, displaced)
         os.rename(fresh, folder)
-    late = strangers(displaced, document)
-    if late:
-        message = _accusation(displaced, late, document).replace(shown_path(displaced), shown_path(folder))
+    late = strangers(displaced, document, also=also, known=known)
+    if set(late.names) - set(given_up):
         if displaced != fresh:
             os.rename(folder, fresh)
             os.rename(displaced, folder)
         else:
             _exchange(fresh, folder)
-        raise StrangerFiles(folder, late, message)
+        raise _accusation(folder, late, document)
     _delete(displaced)
 
 

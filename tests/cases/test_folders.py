@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import fnmatch
 import io
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from thingc.cli.main import main
 from thingc.diagnostics import Code
+from thingc.emit import WRITES, written
 
 HERE = Path(__file__).resolve().parent
 GOOD = (HERE / "load" / "good.yaml").read_text()
@@ -44,8 +47,7 @@ def test_a_folder_with_files_of_a_stranger_is_not_touched(folder: Path, capsys: 
     code, lines = said(capsys, "build", "robot.yaml", "-o", "out", "--emit", "bom")
     assert code == 2
     assert lines == [
-        f"error[{Code.STRANGERS.code}]: `out/two` holds files that no build of `robot.yaml` wrote, and is left as it is: "
-        "`thesis.tex`",
+        f"error[{Code.STRANGERS.code}]: `out/two` holds files that no build of `robot.yaml` wrote (`thesis.tex`), and is left as it is",
         "  help: move these files away, or build into another folder with -o",
         "", "1 error",
     ]
@@ -278,3 +280,70 @@ def test_part_files_that_python_cannot_read(folder: Path, capsys: pytest.Capture
     exit_code, lines = said(capsys, "parts", "--format", "json")
     assert exit_code == 1 and Code.PART_UNREADABLE.code in "\n".join(lines) and words in "\n".join(lines)
     assert Code.PART_UNREADABLE.code in said(capsys, "lock")[1][0]
+
+
+# --- what a person has done to a build folder ----------------------------------------------------------------------
+
+
+def _edit(two: Path) -> None:
+    with (two / "bom.csv").open("a") as stream:
+        stream.write("x\n")
+
+
+def _add(two: Path) -> None:
+    (two / "notes.txt").write_text("mine")
+
+
+def _link(two: Path) -> None:
+    (two.parent / "elsewhere.csv").write_bytes((two / "bom.csv").read_bytes())
+    (two / "bom.csv").unlink()
+    (two / "bom.csv").symlink_to("../elsewhere.csv")
+
+
+def _replace(two: Path) -> None:
+    (two / "bom.csv").unlink()
+    (two / "bom.csv").mkdir()
+    (two / "bom.csv" / "mine").write_text("mine")
+
+
+@pytest.mark.parametrize("changed", [False, True], ids=["nothing else changed", "the document changed"])
+@pytest.mark.parametrize(("meddle", "name"), [(_edit, "bom.csv"), (_add, "notes.txt"), (_link, "bom.csv"), (_replace, "bom.csv/mine")])
+def test_what_a_person_did_to_a_build_is_kept_until_they_give_it_up(
+    folder: Path, capsys: pytest.CaptureFixture[str], meddle: Callable[[Path], None], name: str, changed: bool
+) -> None:
+    """With the stamp of the build before at hand, and without."""
+    words = ["build", "robot.yaml", "-o", "out", "--emit", "bom,hag"]
+    assert said(capsys, *words)[0] == 0
+    two = folder / "out" / "two"
+    whole = {path.name: path.read_bytes() for path in two.iterdir()}
+    meddle(two)
+    if changed:
+        (folder / "robot.yaml").write_text(GOOD.replace("-90 deg", "-80 deg"))
+    before = {path: (path.is_symlink(), path.is_file() and path.read_bytes()) for path in two.rglob("*")}
+    for _ in range(2):
+        code, lines = said(capsys, *words)
+        assert code == 2 and lines[0].startswith(f"error[{Code.STRANGERS.code}]: `out/two` holds files that ") and f"`{name}`" in lines[0]
+        assert lines[1].endswith("or give them up with --force")
+        assert {path: (path.is_symlink(), path.is_file() and path.read_bytes()) for path in two.rglob("*")} == before
+    assert said(capsys, *words, "--force")[0] == 0
+    assert sorted(path.name for path in two.iterdir()) == sorted(whole)
+    assert (two / "bom.csv").read_bytes() == whole["bom.csv"] or changed
+    assert said(capsys, *words)[1] == ["out/two: nothing changed (6 files)"]
+
+
+def test_what_is_gone_from_a_build_is_written_again(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["build", "robot.yaml", "-o", "out", "--emit", "bom"]
+    assert said(capsys, *words)[0] == 0
+    (folder / "out" / "two" / "bom.csv").unlink()
+    assert said(capsys, *words)[0] == 0 and (folder / "out" / "two" / "bom.csv").exists()
+
+
+def test_every_target_writes_what_it_says(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What a target writes and does not name would be taken for a stranger by the next build with other targets."""
+    assert said(capsys, "build", "robot.yaml", "-o", "out")[0] == 0
+    names = [str(path.relative_to(folder / "out" / "two")) for path in (folder / "out" / "two").rglob("*") if path.is_file()]
+    assert [name for name in names if not written().fullmatch(name)] == ["manifest.json"]
+    used = {pattern for pattern in WRITES for name in names if fnmatch.fnmatch(name, pattern)}
+    assert used == set(WRITES)
+    for targets in ("bom", "mjcf", "hag,stl"):
+        assert said(capsys, "build", "robot.yaml", "-o", "out", "--emit", targets)[0] == 0

@@ -23,7 +23,7 @@ NOT_COUNTED = ("object.", "code.", "compile", "marshal.", "cpython.", "sys._getf
 def build(version: int) -> dict[str, bytes]:
     """A build of which every byte depends on the version; files come and go with it."""
     files = {f"mjcf/assets/{k}.obj": f"{version} {k} ".encode() * 500 for k in range(6)}
-    files[f"only_{version}.csv"] = b"x" * version
+    files[f"stl/only_{version}.stl"] = b"x" * version
     files["bom.csv"] = f"version {version}\n".encode()
     listed = {path: hashlib.sha256(data).hexdigest() for path, data in files.items()}
     manifest = {"name": "arm", "document": "arm.yaml", "files": listed, "version": version}

@@ -210,8 +210,8 @@ class TestStrangers:
         assert said.code is Code.STRANGERS
         assert said.span is None
         names = ", ".join(f"`note_{number}`" for number in range(8))
-        assert said.message == f"`arm` holds files that no build of `arm.yaml` wrote, and is left as it is: {names} and 2 more"
-        assert said.help == "move these files away, or build into another folder with -o"
+        assert said.message == f"`arm` holds files that no build of `arm.yaml` wrote ({names} and 2 more), and is left as it is"
+        assert said.help == "move these files away, or build into another folder with -o, or give them up with --force"
 
     def test_the_build_of_another_document(self, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.chdir(tmp_path)
@@ -245,11 +245,110 @@ class TestStrangers:
             build(tmp_path, FIRST, store)
         assert (tmp_path / "arm").read_text() == "mine"
 
-    def test_an_edited_file_of_ours_is_replaced(self, tmp_path: Path, store: Store) -> None:
+    def test_a_file_that_somebody_has_edited_is_not_lost(
+        self, tmp_path: Path, store: Store, monkeypatch: pytest.MonkeyPatch,
+    ) -> None:
+        monkeypatch.chdir(tmp_path)
         folder = build(tmp_path, FIRST, store)
-        (folder / "bom.csv").write_text("edited")
+        (folder / "bom.csv").write_text("one\nand a line of mine\n")
+        before = content(folder)
+        with pytest.raises(StrangerFiles) as raised:
+            build(tmp_path, SECOND, store)
+        assert raised.value.message == "`arm` holds files that were changed since they were built (`bom.csv`), and is left as it is"
+        assert raised.value.names == ("bom.csv",) and content(folder) == before
+        (folder / "notes.txt").touch()
+        with pytest.raises(StrangerFiles) as raised:
+            build(tmp_path, SECOND, store)
+        assert raised.value.message == (
+            "`arm` holds files that no build of `arm.yaml` wrote (`notes.txt`) and files that were changed since they were built "
+            "(`bom.csv`), and is left as it is"
+        )
+        build(tmp_path, SECOND, store, force=True)
+        assert content(folder) == SECOND and os.listdir(tmp_path) == ["arm"]
+
+    def test_an_edit_of_the_same_size_and_time_is_seen(self, tmp_path: Path, store: Store) -> None:
+        """Times and sizes are no proof: only the content counts."""
+        folder = build(tmp_path, FIRST, store)
+        state = (folder / "stl" / "a.stl").stat()
+        (folder / "stl" / "a.stl").write_bytes(b"B" * 100)
+        os.utime(folder / "stl" / "a.stl", ns=(state.st_atime_ns, state.st_mtime_ns))
+        with pytest.raises(StrangerFiles) as raised:
+            build(tmp_path, SECOND, store)
+        assert raised.value.names == ("stl/a.stl",)
+
+    def test_a_file_that_was_touched_and_not_changed_is_ours(self, tmp_path: Path, store: Store) -> None:
+        folder = build(tmp_path, FIRST, store)
+        (folder / "bom.csv").write_bytes(bytes(FIRST["bom.csv"]))  # type: ignore[arg-type]
+        os.utime(folder / "stl" / "a.stl", (1, 1))
         build(tmp_path, SECOND, store)
         assert content(folder) == SECOND
+
+    def test_what_is_gone_or_empty_is_written_again(self, tmp_path: Path, store: Store) -> None:
+        folder = build(tmp_path, FIRST, store)
+        (folder / "bom.csv").unlink()
+        (folder / "stl" / "a.stl").write_bytes(b"")
+        assert verify(str(folder)) is None
+        build(tmp_path, SECOND, store)
+        assert content(folder) == SECOND
+
+    @pytest.mark.parametrize("name", [
+        "thesis.tex", "stl/notes.txt", "mjcf/assets/deep/a.obj", "mjcf/.xml/a", ".git/config", "bom.csv.bak", "STL/a.stl", "a/bom.csv",
+    ])
+    def test_a_manifest_is_not_believed_for_what_no_target_writes(self, tmp_path: Path, store: Store, name: str) -> None:
+        """Whoever can change the manifest could otherwise have any file taken away by the next build, with its right hash."""
+        folder = build(tmp_path, FIRST, store)
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text("mine")
+        listed = {**json.loads((folder / "manifest.json").read_text())["files"], name: hashlib.sha256(b"mine").hexdigest()}
+        (folder / "manifest.json").write_text(json.dumps({"name": "arm", "document": "arm.yaml", "files": listed}))
+        with pytest.raises(StrangerFiles) as raised:
+            build(tmp_path, SECOND, store)
+        assert raised.value.names == (name,) and (folder / name).read_text() == "mine"
+
+    def test_a_manifest_that_lists_what_lies_outside(self, tmp_path: Path, store: Store) -> None:
+        (tmp_path / "precious.stl").write_text("mine")
+        folder = build(tmp_path, FIRST, store)
+        outside = {"../precious.stl": hashlib.sha256(b"mine").hexdigest(), str(tmp_path / "precious.stl"): "0" * 64}
+        listed = {**json.loads((folder / "manifest.json").read_text())["files"], **outside}
+        (folder / "manifest.json").write_text(json.dumps({"name": "arm", "document": "arm.yaml", "files": listed}))
+        assert verify(str(folder)) is None
+        build(tmp_path, SECOND, store, force=True)
+        assert content(folder) == SECOND and (tmp_path / "precious.stl").read_text() == "mine"
+
+    def test_what_a_build_writes_again_is_ours_whatever_it_is_called(self, tmp_path: Path, store: Store) -> None:
+        """A target of somebody else's package that says nothing of its names."""
+        own = with_manifest({"weights.txt": b"1"})
+        folder = build(tmp_path, own, store)
+        build(tmp_path, with_manifest({"weights.txt": b"2"}), store)
+        with pytest.raises(StrangerFiles):
+            build(tmp_path, FIRST, store)
+        assert (folder / "weights.txt").read_bytes() == b"2"
+
+    @pytest.mark.parametrize("owner", ["other.yaml", None])
+    def test_force_takes_no_folder_that_is_not_ours(self, tmp_path: Path, store: Store, owner: str | None) -> None:
+        if owner is None:
+            (tmp_path / "arm").mkdir()
+            (tmp_path / "arm" / "thesis.tex").write_text("years of work")
+        else:
+            build(tmp_path, with_manifest({"bom.csv": b"one"}, owner), store, owner)
+        before = content(tmp_path / "arm")
+        with pytest.raises(StrangerFiles) as raised:
+            build(tmp_path, FIRST, store, force=True)
+        assert "--force" not in raised.value.hint and content(tmp_path / "arm") == before
+
+    def test_force_gives_up_only_what_was_there(self, tmp_path: Path) -> None:
+        class Meddler(Store):
+            def read(self, sha256: str) -> bytes:
+                (tmp_path / "arm" / "late.txt").write_text("mine")
+                return super().read(sha256)
+
+        store = Meddler(str(tmp_path / "store"))
+        folder = build(tmp_path, FIRST, store)
+        (folder / "early.txt").touch()
+        stored = Stored(sha256=store.put(b"mesh"), size=4)
+        with pytest.raises(StrangerFiles) as raised:
+            build(tmp_path, {**SECOND, "stl/late.stl": stored}, store, force=True)
+        assert "late.txt" in raised.value.names and (folder / "late.txt").read_text() == "mine"
 
     @pytest.mark.parametrize("how", ["exchange", "renames"])
     def test_a_file_saved_while_we_write(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: str) -> None:
@@ -284,13 +383,16 @@ class TestLinks:
         os.unlink(folder / "stl" / "a.stl")
         os.rmdir(folder / "stl")
         os.symlink(precious, folder / "stl")
-        assert strangers(str(folder), "arm.yaml") == ("stl",)
+        assert strangers(str(folder), "arm.yaml").names == ("stl",)
         with pytest.raises(StrangerFiles):
             build(tmp_path / "build", SECOND, store)
         os.unlink(folder / "stl")
         os.unlink(folder / "bom.csv")
         os.symlink(precious / "a.stl", folder / "bom.csv")
-        build(tmp_path / "build", SECOND, store)
+        with pytest.raises(StrangerFiles) as raised:
+            build(tmp_path / "build", SECOND, store)
+        assert raised.value.names == ("bom.csv",)
+        build(tmp_path / "build", SECOND, store, force=True)
         assert content(folder) == SECOND
         assert (precious / "a.stl").read_text() == "mine"
 

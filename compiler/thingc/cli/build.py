@@ -35,6 +35,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", metavar="DIR", help="write DIR/NAME/ (default: the workspace's build folder)")
     parser.add_argument("--mode", metavar="M", action="append", default=[], help="only this mode (may be repeated; default: all)")
     parser.add_argument("--emit", metavar="T", action="append", default=[], help="only this target (may be repeated; default: all)")
+    parser.add_argument(
+        "--force", action="store_true", help="give up files in the build folder that no build wrote, or that were changed since"
+    )
     parser.add_argument("--deny-loss", action="store_true", help="what a target cannot say is an error")
     common.add_format(parser, common.FINDINGS)
     common.add_compiling(parser)
@@ -151,7 +154,9 @@ def _write(
     def on_wait(folder: str) -> None:
         common.say(f"another build of {shown_path(folder)} is under way; waiting for it", stream=sys.stderr)
 
-    folder = write_build(parent, assembly.name, files, compilation.store, documents.root.relative, on_wait=on_wait)
+    folder = write_build(
+        parent, assembly.name, files, compilation.store, documents.root.relative, force=arguments.force, on_wait=on_wait
+    )
     lost = Counter(loss.target for loss in losses)
     return {
         "folder": folder,

@@ -5,7 +5,9 @@ A package of somebody else adds one through the entry-point group `thingc.emitte
 
 from __future__ import annotations
 
+import contextlib
 import os
+import re
 import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -27,6 +29,25 @@ EMITTERS: dict[str, str] = {
     "hag": "thingc.emit.hag:emit",
 }
 """Our own targets: `module:function`, in the order in which a build writes them."""
+
+
+WRITES = (
+    "mjcf/*.xml", "mjcf/*.mjz", "mjcf/assets/*.obj", "mjcf/assets/*.stl", "stl/*.stl", "step/*.step", "bom.csv", "bom.json", "hag.dot",
+    "hag.mmd", "hag.svg", "modes.json",
+)
+"""What our own targets call their files. A package that adds a target says the same of its own in `WRITES` of the module."""
+
+
+def written() -> re.Pattern[str]:
+    """Fits every path in a build folder that a target, ours or an installed one's, may write."""
+    from importlib import import_module
+
+    patterns = [*WRITES]
+    for name, value in _installed().items():
+        if name not in EMITTERS:
+            with contextlib.suppress(ImportError):
+                patterns += getattr(import_module(value.partition(":")[0]), "WRITES", ())
+    return re.compile("|".join(re.escape(pattern).replace(r"\*", "[^/]+") for pattern in patterns))
 
 
 def targets() -> tuple[str, ...]:

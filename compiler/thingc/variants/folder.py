@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from thingc.diagnostics import Code, Diagnostic, Severity, shown_path
-from thingc.output import same_file
+from thingc.output import Signature, same_file
 from thingc.output import strangers as strangers_of_build
 from thingc.variants import places
 
@@ -100,8 +100,9 @@ def begin(folder: str, document: str, assembly: str) -> None:
         if before is None or found:
             shown = ", ".join(f"`{name}`" for name in found[:8]) + (f" and {len(found) - 8} more" if len(found) > 8 else "")
             raise BatchFault(
-                Code.STRANGERS, f"`{shown_path(folder)}` holds files that no batch of `{document}` wrote, and is left as it is: {shown}",
-                "move these files away, or write into another folder with -o",
+                Code.STRANGERS,
+                f"`{shown_path(folder)}` holds files that no batch of `{document}` wrote, or that were changed since, and is left as it "
+                f"is: {shown}", "move these files away, or write into another folder with -o",
             )
         if not before.get("finished"):
             raise BatchFault(
@@ -156,7 +157,8 @@ def _delete(folders: list[str], stopped: threading.Event) -> None:
 
 
 def strangers(folder: str, assembly: str) -> list[str]:
-    """Everything in the folder that no batch over `assembly` wrote, by path in it, sorted."""
+    """Everything in the folder that no batch over `assembly` wrote, or that was changed since, by path in it, sorted."""
+    known: dict[Signature, str] = {}  # variants share their meshes
     found = [name for name in os.listdir(folder) if name.removesuffix(".new") not in places.OWN and not _OLD.fullmatch(name)]
     for inner, pattern in ((places.VARIANTS, _VARIANT), (places.ASSETS, _ASSET), (places.PICTURES, _PICTURE)):
         place = os.path.join(folder, inner)
@@ -167,7 +169,7 @@ def strangers(folder: str, assembly: str) -> list[str]:
             if not pattern.fullmatch(name):
                 found.append(path)
             elif inner == places.VARIANTS:
-                found.extend(f"{path}/{one}" for one in strangers_of_build(os.path.join(folder, path), assembly))
+                found.extend(f"{path}/{one}" for one in strangers_of_build(os.path.join(folder, path), assembly, known=known).names)
     return sorted(found)
 
 
