@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[2]
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(ROOT / "compiler")]
 
-from prusa import Printed, Settings, printed, program, version  # noqa: E402
+from prusa import NotSliced, Printed, Settings, printed, program, version  # noqa: E402
 
 from thingc.inertia import MassProperties  # noqa: E402
 from thingc.pipeline import Options  # noqa: E402
@@ -130,14 +130,20 @@ def compared(
     )
 
 
-def cases(parts: Iterable[str], kept: Path | None, progress: Callable[[str], None]) -> Iterator[Case]:
-    """Every part with every infill and shell, in every orientation."""
+def cases(parts: Iterable[str], kept: Path | None, progress: Callable[[str], None], unsliced: list[str]) -> Iterator[Case]:
+    """Every part with every infill and shell, in every orientation; what the slicer refuses is added to `unsliced`."""
     with tempfile.TemporaryDirectory() as folder, session(Path(folder), str(KEPT / "store")) as opened:
         for part in parts:
             for up, (walls, lids), infill in product(UPS, SHELLS, INFILLS):
                 settings = Settings(walls=walls, lids=lids, infill=infill)
-                found = case(opened, part, up, settings, kept)
-                progress(f"{part} {up}, {walls} walls, {lids} lids, {infill:.0%}: {found.mass:+.1%}")
+                name = f"{part} {up}, {walls} walls, {lids} lids, {infill:.0%}"
+                try:
+                    found = case(opened, part, up, settings, kept)
+                except NotSliced as fault:
+                    unsliced.append(f"{name}: {str(fault).splitlines()[0]}")
+                    progress(unsliced[-1])
+                    continue
+                progress(f"{name}: {found.mass:+.1%}")
                 yield found
 
 
@@ -190,7 +196,8 @@ def by_part(found: Sequence[Case]) -> list[str]:
         if not own:
             continue
         usual = {one.up: one for one in own if (one.settings.walls, one.settings.lids, one.settings.infill) == (3, 4, 0.15)}
-        masses = [cell for up in UPS for cell in (f"{1e3 * usual[up].ours:.2f} g", f"{1e3 * usual[up].theirs:.2f} g")]
+        masses = [f"{1e3 * mass:.2f} g" for up in UPS for mass in ((usual[up].ours, usual[up].theirs) if up in usual else ())]
+        masses += ["-"] * (2 * len(UPS) - len(masses))  # what the slicer refuses lies on its side
         errors, moments = [one.mass for one in own], [moment for one in own for moment in one.moments]
         worst, worst_moment = _percent(max(errors, key=abs)), _percent(max(moments, key=abs))
         lines.append(
@@ -222,10 +229,14 @@ def _percent(value: float) -> str:
     return f"{value:+.1%}".replace("-", "\N{MINUS SIGN}")
 
 
-def tables(found: Sequence[Case]) -> str:
+def tables(found: Sequence[Case], unsliced: Sequence[str]) -> str:
     """What goes between the markers of the page."""
+    refused = {(name.partition(",")[0], words) for name, _, words in (line.partition(": ") for line in unsliced)}
+    lines = [f"- {name}: {words}" for name, words in sorted(refused)]
     return "\n".join([
-        f"{len(found)} prints, sliced by {version()}.", "", *summary(found), "", *by_part(found), "", *by_setting(found),
+        f"{len(found)} prints, sliced by {version()}"
+        + (f"; {len(unsliced)} more it refuses to slice, and they are in no figure:" if unsliced else "."),
+        *lines, "", *summary(found), "", *by_part(found), "", *by_setting(found),
     ])
 
 
@@ -243,8 +254,9 @@ def main() -> int:
         print("prusa-slicer is not installed: apt install prusa-slicer", file=sys.stderr)
         return 2
     wanted = arguments.parts or [*ROBOTS, *SOLIDS]
-    found = list(cases(wanted, KEPT if arguments.keep else None, lambda line: print(line, file=sys.stderr)))
-    text = tables(found)
+    unsliced: list[str] = []
+    found = list(cases(wanted, KEPT if arguments.keep else None, lambda line: print(line, file=sys.stderr), unsliced))
+    text = tables(found, unsliced)
     print(text)
     if not arguments.print and not arguments.parts:
         before, _, rest = PAGE.read_text(encoding="utf-8").partition(BEGIN)

