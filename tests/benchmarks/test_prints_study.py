@@ -86,3 +86,15 @@ def test_the_share_of_joins_follows_from_the_rule() -> None:
     assert joined.share(joined.FAMILIES["stars"], 360, 1000, seed=1) == pytest.approx(JOINED, abs=0.01)
     even = np.arange(0.0, 101.0)  # ends as far from each other: every second gap, but for one at the end
     assert joined.joined(even) == pytest.approx(0.5, abs=0.011)
+
+
+def test_the_page_keeps_what_is_promised() -> None:
+    """docs/prints.md as the command has written it: every part is in it, and the errors are within the bounds."""
+    text = study.PAGE.read_text(encoding="utf-8").partition(study.BEGIN)[2].partition(study.END)[0].replace("\N{MINUS SIGN}", "-")
+    rows = {cells[0]: cells[1:] for line in text.splitlines() if (cells := [cell.strip() for cell in line.strip("| ").split("|")])}
+    for name in (*study.ROBOTS.values(), *study.SOLIDS.values()):
+        assert len(rows[name]) == 10, name
+    _, rms, ninth, worst = (abs(float(cell.rstrip("%"))) / 100 for cell in rows["mass"])
+    assert all(error <= bound for error, bound in zip((ninth, worst, rms), study.MASS, strict=True))
+    assert float(rows["centre, of the extent"][2].rstrip("%")) / 100 <= study.CENTRE
+    assert float(rows["principal moments"][2].rstrip("%")) / 100 <= study.MOMENTS
