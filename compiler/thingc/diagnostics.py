@@ -195,7 +195,7 @@ class Code(Enum):
     COMMAND_LINE = ("TC801", "wrong command line", "`thingc COMMAND --help` shows what it takes.")
     NO_DOCUMENT = ("TC802", "no such document", "Name an assembly document that is there.")
     PARAMETER_OPTION = ("TC803", "bad -p", "Write -p 'NAME=VALUE' with a parameter of the document, as the document would.")
-    CHOICE_OPTION = ("TC809", "bad --set", "Write --set 'components.NAME.part=module:Class' with a component that the document has.")
+    CHOICE_OPTION = ("TC809", "bad --set", "Write --set 'joints.NAME.limit.upper=90 deg' or --set 'components.NAME.part=module:Class'.")
     STRANGERS = ("TC804", "strangers in the build folder", "Move the named files away, or build elsewhere with -o.")
     OUTPUT = ("TC805", "cannot write", "Make room, or choose a folder that can be written with -o or --store.")
     PART_UNREADABLE = ("TC807", "a part file that does not load", "Mend the part file at the line named.")
@@ -331,6 +331,7 @@ class Report:
 
     def say(self, found: Diagnostic) -> bool:
         """Say what was put together elsewhere; what has been said already is not said again. False where it is allowed."""
+        found = _of_option(found)
         if found.severity is Severity.WARNING:
             covering = [allowance for allowance in self.allowances if allowance.covers(found)]
             if covering:
@@ -387,6 +388,19 @@ class Report:
         return Report([
             replace(d, severity=Severity.ERROR) if d.severity is Severity.WARNING else d for d in self.diagnostics
         ])
+
+
+def _of_option(found: Diagnostic) -> Diagnostic:
+    """What shows a value that `--set` has put into a document is said of that option: there is no file to show."""
+    notes = tuple(
+        Note(message=f"{note.message}: `{note.span.option}`") if note.span is not None and note.span.option is not None else note
+        for note in found.notes
+    )
+    option = found.span.option if found.span is not None else None
+    if option is None:
+        return replace(found, notes=notes) if notes != found.notes else found
+    code = Code.CHOICE_OPTION if found.severity is Severity.ERROR else found.code
+    return replace(found, code=code, span=None, path=option, notes=notes, fixes=())
 
 
 MAX_FAULTS = 200

@@ -8,7 +8,10 @@ from collections.abc import Mapping, Sequence
 
 from thingc.diagnostics import Diagnostic, Severity, shown_path
 from thingc.shown import shown, shown_line
-from thingc.source import Span
+from thingc.source import SET, Span
+
+OPTIONS = ("-p ", SET)
+"""What the path of a diagnostic begins with that is about a value of the command line."""
 
 
 def as_json(diagnostics: Sequence[Diagnostic]) -> list[dict[str, object]]:
@@ -55,6 +58,8 @@ def as_text(
         lines.append(f"{head}: {_paint(shown(d.message), '1', color)}")
         if d.span is not None:
             lines.extend(_frame(d.span, sources, tint, color))
+        elif d.path is not None and d.path.startswith(OPTIONS):
+            lines.append(f"   --> {shown(d.path)}")
         for n in d.notes:
             lines.append(f"  {_paint('note', '1;36', color)}: {shown(n.message)}")
             if n.span is not None:

@@ -34,6 +34,21 @@ class Span:
         )
 
 
+    @property
+    def option(self) -> str | None:
+        """The option of the command line that says what is here, where no file does: `--set joints.elbow.limit.upper=1 deg`."""
+        return self.file if self.file.startswith(SET) else None
+
+
+SET = "--set "
+"""What the place of a value begins with that stands in no file. (A file's name is an absolute path.)"""
+
+
+def option_span(path: str, text: str) -> Span:
+    """The place of a value that `--set` puts at a path of a document."""
+    return Span(file=f"{SET}{path}={text}", line=1, column=1, end_line=1, end_column=1)
+
+
 Origin = tuple[Span, ...]
 """The chain of spans that made something, innermost first; never empty for what a document made."""
 

@@ -11,7 +11,7 @@ import thingc
 from thingc.diagnostics import Code
 from thingc.pipeline import Compilation, Options
 from thingc.spec.choices import ChoicePath, parse
-from variants.robots import environment, workspace
+from variants.robots import PENDULUM, environment, workspace
 from variants.robots import thingc as run
 
 FAMILY = """
@@ -139,3 +139,78 @@ def test_commands_and_the_library_take_them(tmp_path: Path, shared_store: str) -
     info = json.loads(run("info", "family.yaml", *words, "--format", "json", cwd=here, env=env).stdout)
     same = thingc.compile(str(here / "family.yaml"), choices={"components.row.material": "heavy"}, store=shared_store)
     assert info["mass"] == same.properties.mass == pytest.approx(500 * (5 * CUBE - 2 * CUBE + 2 * DISC) + 3 * 5000 * DISC, rel=1e-9)
+
+
+# --- values by their path -------------------------------------------------------------------------------------------------
+
+
+def pendulum(folder: Path, store: str, choices: dict[str, str]) -> Compilation:
+    workspace(folder)
+    with Compilation(str(folder / "pendulum.yaml"), Options(store=store, choices=choices)) as compilation:
+        compilation.run()
+        return compilation
+
+
+TOP = "    mounts: {top:"
+BY_PATH = [
+    ("joints.swing.limit.upper", "60 deg", "upper: 90 deg}\n        drive", "upper: 60 deg}\n        drive"),
+    ("joints.swing.dynamics.damping", "0.25 N*m*s/rad", "drive: {kind", "dynamics: {damping: 0.25 N*m*s/rad}\n        drive: {kind"),
+    ("components.rod.mass", "=bob / 2", "mass: 100 g", "mass: =bob / 2"),
+    ("components.rod.com", "0 0 3 mm", 'com: ["=length / 2", 0, 0]', "com: 0 0 3 mm"),
+    ("defaults.joint.dynamics.friction", "0.1 N*m", TOP, "    defaults: {joint: {dynamics: {friction: 0.1 N*m}}}\n" + TOP),
+    ("raw.mjcf.joint.swing.margin", "0.5", TOP, "    raw: {mjcf: {joint: {swing: {margin: 0.5}}}}\n" + TOP),
+    ("poses.tilted.swing", "-30 deg", "{swing: =tilt}", "{swing: -30 deg}"),
+    ("simulation.timestep", "1 ms", TOP, "    simulation: {timestep: 1 ms}\n" + TOP),
+]
+
+
+def models(folder: Path, store: str, document: str, choices: dict[str, str]) -> dict[str, object]:
+    """The MJCF models of a pendulum's document."""
+    workspace(folder, pendulum=document)
+    with Compilation(str(folder / "pendulum.yaml"), Options(store=store, choices=choices)) as compilation:
+        compilation.run()
+        files = compilation.emit(["mjcf"], verify=False)["mjcf"].files
+        assert compilation.report.diagnostics == []
+        return {path: content for path, content in files.items() if path.endswith(".xml")}
+
+
+def test_a_value_by_its_path_is_as_if_it_were_written_there(tmp_path: Path, shared_store: str) -> None:
+    """The same models, byte for byte, as of a document in which somebody has edited it."""
+    plain = models(tmp_path, shared_store, PENDULUM, {})
+    for path, text, written, instead in BY_PATH:
+        assert PENDULUM.count(written) == 1
+        found = models(tmp_path, shared_store, PENDULUM, {path: text})
+        assert found == models(tmp_path, shared_store, PENDULUM.replace(written, instead), {}), path
+        assert found != plain, path
+
+
+def test_a_value_inside_one_nested_assembly_leaves_the_other_alone(tmp_path: Path, shared_store: str) -> None:
+    found = compiled(tmp_path, shared_store, {"components.left.components.upper.mass": "7 g", "components.row.mass": "2 g"})
+    assert found.report.diagnostics == []
+    weights = masses(found)
+    assert weights["left/upper"] == 0.007 and weights["right/upper"] == pytest.approx(500 * DISC, rel=1e-9)
+    assert [weights[f"row_{k}"] for k in range(3)] == [0.002] * 3
+
+
+def test_a_wrong_path_inside_a_nested_assembly_is_told_the_whole_nearest_one(tmp_path: Path, shared_store: str) -> None:
+    found = compiled(tmp_path, shared_store, {"components.left.components.uper.mass": "7 g", "components.row_1.mass": "2 g"})
+    assert [(one.code, one.path, one.message, one.help) for one in found.report.ordered()] == [
+        (Code.CHOICE_OPTION, "--set components.row_1.mass", "`components` has no `row_1`", "did you mean `components.row.mass`?"),
+        (Code.CHOICE_OPTION, "--set components.left.components.uper.mass", "`components.left.components` has no `uper`",
+         "did you mean `components.left.components.upper.mass`?"),
+    ]
+
+
+def test_what_a_later_pass_says_of_a_value_is_said_of_the_option(tmp_path: Path, shared_store: str) -> None:
+    (said,) = pendulum(tmp_path, shared_store, {"joints.swing.limit.upper": "40000 deg"}).report.diagnostics
+    assert (said.code, said.span, said.path) == (Code.LIMIT_TURNS, None, "--set joints.swing.limit.upper=40000 deg")
+    (said,) = pendulum(tmp_path, shared_store, {"poses.tilted.swing": "100 deg"}).report.diagnostics
+    assert (said.code, said.span, said.path) == (Code.CHOICE_OPTION, None, "--set poses.tilted.swing=100 deg")
+    assert pendulum(tmp_path, shared_store, {"joints.swing.limit.upper": "1.5 rad"}).report.diagnostics == []  # no word on units
+
+
+def test_a_document_with_faults_of_its_own_is_not_looked_into(tmp_path: Path, shared_store: str) -> None:
+    workspace(tmp_path, pendulum=PENDULUM.replace("mass: 2 kg", "mass: 2 m"))
+    with Compilation(str(tmp_path / "pendulum.yaml"), Options(store=shared_store, choices={"joints.swin.gap": "1 mm"})) as compilation:
+        compilation.run()
+    assert [one.code for one in compilation.report.diagnostics] == [Code.WRONG_DIMENSION]

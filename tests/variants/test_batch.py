@@ -5,6 +5,7 @@ from __future__ import annotations
 import concurrent.futures
 import csv
 import json
+import math
 import shlex
 from pathlib import Path
 from typing import Any
@@ -100,6 +101,31 @@ def test_somebody_elses_processes_build_the_same(tmp_path: Path, shared_store: s
         summary = batch(here, shared_store, executor=executor, jobs=2)
     assert summary.statuses == {"built": 12}
     assert [line["index"] for line in in_order(str(here / "build" / "sweep" / "journal.jsonl"))] == list(range(12))
+
+
+PATHS = """
+    thingc: variants/1
+    assembly: pendulum.yaml
+    name: paths
+    parameters: {joints.swing.limit.upper: [90 deg, 60 deg], joints.twist.dynamics.damping: [0.2 N*m*s/rad]}
+"""
+
+
+def test_what_is_set_by_path_is_a_column_and_the_command_builds_the_same(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path, paths=PATHS)
+    assert batch(here, shared_store, "paths", pictures=0).statuses == {"built": 2}
+    table = rows(here / "build" / "paths")
+    names = list(table[0])
+    at = names.index("joints.swing.limit.upper")
+    assert names[at - 1].startswith("parameters.") and names[at + 1: at + 3] == ["joints.twist.dynamics.damping", "mass"]
+    assert [row["joints.swing.limit.upper"] for row in table] == [repr(math.pi / 2), repr(math.pi / 3)]
+    described = json.loads((here / "build" / "paths" / "batch.json").read_text())
+    units = {one["name"]: one["unit"] for one in described["columns"]}
+    assert (units["joints.swing.limit.upper"], units["joints.twist.dynamics.damping"]) == ("rad", "kg*m^2/rad/s")
+    words = shlex.split(table[1]["command"])[1:]
+    assert "joints.swing.limit.upper=1.0471975511965976 rad" in words
+    assert thingc(*words, "-o", "alone", cwd=here, env=environment(shared_store)).stderr.startswith("alone/pendulum: ")
+    assert tree(here / "alone" / "pendulum") == tree(here / "build" / "paths" / table[1]["path"])
 
 
 CHOICES = """

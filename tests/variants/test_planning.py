@@ -105,6 +105,43 @@ def test_rules_on_parameters_are_decided_by_the_plan(tmp_path: Path, shared_stor
     assert found == {0.2: None, 0.3: "length != 300 mm", 0.4: None, 0.5: "double < 900 mm", 0.6: "double < 900 mm"}
 
 
+# --- values by their path --------------------------------------------------------------------------------------------
+
+PATHS = HEAD + """
+parameters:
+  joints.swing.limit.upper: [90 deg, 60 deg]
+  joints.swing.dynamics.damping: {from: 0, to: 0.4 N*m*s/rad, count: 3}
+  components.weight.mass: [1 kg, 2 kg]
+  raw.mjcf.joint.swing.margin: 0.5
+list: [{name: plain}, {parameters: {bob: 900 g}}]
+keep: ["joints.swing.limit.upper > 1.1 rad"]
+"""
+
+
+def test_paths_are_axes_like_parameters(tmp_path: Path, shared_store: str) -> None:
+    found = list(planned(tmp_path, PATHS, shared_store))
+    upper, damping, mass = "joints.swing.limit.upper", "joints.swing.dynamics.damping", "components.weight.mass"
+    grid = [(v.values[upper], v.values[damping], v.values[mass]) for v in found[2:]]
+    assert grid == list(product([math.radians(90), math.radians(60)], [0.0, 0.2, 0.4], [1.0, 2.0]))
+    plain, heavy = found[:2]  # what is not set is what the document says; the mass of the weight is `=bob`
+    assert (plain.values[upper], plain.values[mass], heavy.values[mass]) == (math.radians(90), 0.5, 0.9)
+    assert damping not in plain.values  # the document says nothing there
+    margin = {"raw.mjcf.joint.swing.margin": "0.5"}
+    assert plain.choices == margin and found[2].parameters == {}
+    assert found[2].choices == {damping: "0.0 kg*m^2/rad/s", mass: "1.0 kg", **margin}  # 90 deg is what the document says
+    assert {v.failed for v in found if v.values[upper] < 1.1} == {"joints.swing.limit.upper > 1.1 rad"}
+    assert {v.failed for v in found if v.values[upper] > 1.1} == {None}
+
+
+def test_paths_are_drawn_like_parameters(tmp_path: Path, shared_store: str) -> None:
+    ranges = "{joints.swing.limit.upper: [60 deg, 90 deg], raw.mjcf.joint.swing.group: [1, 4]}"
+    found = list(planned(tmp_path, HEAD + f"sample: {{method: uniform, count: 50, seed: 3, ranges: {ranges}}}\n", shared_store))
+    cube = numpy.random.default_rng(3).random((50, 2)).tolist()
+    low, high = math.radians(60), math.radians(90)
+    assert [v.values["joints.swing.limit.upper"] for v in found] == [low + u * (high - low) for u, _ in cube]
+    assert [v.choices["raw.mjcf.joint.swing.group"] for v in found] == [str(1 + math.floor(4 * u)) for _, u in cube]
+
+
 # --- drawing --------------------------------------------------------------------------------------------------------
 
 DRAWN = HEAD + """

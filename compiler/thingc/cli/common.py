@@ -45,7 +45,8 @@ def add_compiling(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--set", metavar="PATH=TEXT", action="append", default=[], dest="choice",
-        help="choose a part, a nested assembly or a material, for example --set components.foot.part=feet:Wide (may be repeated)",
+        help="set a value by its path, --set 'joints.elbow.limit.upper=90 deg', or choose a part, a nested assembly or a material, "
+        "--set components.foot.part=feet:Wide (may be repeated)",
     )
     parser.add_argument("--strict", action="store_true", help="warnings are errors")
     add_geometry(parser)
@@ -88,7 +89,11 @@ def parameters(words: Sequence[str]) -> Mapping[str, str]:
         name, equals, value = word.partition("=")
         name, value = name.strip(), value.strip()
         if not equals or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) or not value:
-            raise WrongCommandLine(f"expected -p NAME=VALUE, found `{word}`", "write for example -p 'reach=120 mm'")
+            by_path = "." in name and value != ""
+            raise WrongCommandLine(
+                f"expected -p NAME=VALUE, found `{word}`",
+                f"a value is set by its path with --set '{name}={value}'" if by_path else "write for example -p 'reach=120 mm'",
+            )
         if name in found:
             raise WrongCommandLine(f"-p sets `{name}` twice", "keep one of them")
         found[name] = value

@@ -117,6 +117,7 @@ def of_variants(general: Schema, assembly: Outline | None, others: Mapping[str, 
             name: {**value, "title": name, "description": one["description"]}
             for name, one in parameters_schema("", assembly)["properties"].items()
         }
+        section["patternProperties"] = {r"\.": value}  # paths
         section["additionalProperties"] = False
     return schema
 

@@ -114,7 +114,8 @@ def _check_limits(instance: Instance, joint: Joint, findings: Findings) -> None:
     if wide or len(ends) < 2 or not all(ends.values()):
         return
     (lower, _, low_unit), (upper, _, high_unit) = _written(joint, "lower"), _written(joint, "upper")
-    if {low_unit, high_unit} == {"rad", "deg"}:
+    by_option = any(_place(joint, f"limit.{key}", here)[0].option for key in ends)  # whoever sets one may know nothing of the other
+    if {low_unit, high_unit} == {"rad", "deg"} and not by_option:
         key, value = ("upper", upper) if high_unit == "rad" else ("lower", lower)
         findings.warn(
             Code.LIMIT_UNITS,

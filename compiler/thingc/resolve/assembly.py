@@ -24,6 +24,7 @@ from thingc.resolve.raw import raw
 from thingc.resolve.repeats import check_names, unrolled
 from thingc.resolve.scope import Found, Scope
 from thingc.resolve.sensors import sensors
+from thingc.resolve.substituting import substituted
 from thingc.resolve.table import Context, Table
 from thingc.resolve.tests import tests
 from thingc.source import Path
@@ -52,6 +53,7 @@ def resolved(
     known = context.table(key)
     if known is not None:
         return known
+    document, spec = substituted(context, document, spec, chosen.values(choices))
     scope = context.scope(document, values, frozenset(broken))
     if len(context.tables) >= MAX_DEFINITIONS and not context.overfull:
         context.overfull = True

@@ -1,4 +1,5 @@
-"""What is chosen for components in place of what a document says: `components.foot.part` and a text.
+"""What `--set` says in place of a document: choices, `components.foot.part` and a text; values by their path are put into the tree by
+`substituting`.
 
 A choice names a component by the components on the way (`components.leg.components.foot.part`), or what a document's
 components have by default (`defaults.component.material`). It replaces what is written there, and is part of the identity of
@@ -9,14 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from thingc.diagnostics import Code
 from thingc.load.paths import SUFFIXES_WITH_UNIT
 from thingc.realize.record import PartFailure
 from thingc.resolve.repeats import Item
 from thingc.resolve.table import Context, Node, Table
 from thingc.slips import did_you_mean
+from thingc.source import ScalarNode, node_at
 from thingc.spec.assembly import UNIT_OF_ITS_OWN, AssemblySpec, ComponentDefaults, ComponentSpec, DefaultsSpec
-from thingc.spec.choices import DEFAULT_MATERIAL, EXAMPLES, KEYS, ChoicePath, parse
+from thingc.spec.choices import DEFAULT_MATERIAL, EXAMPLES, KEYS, VALUES, ChoicePath, is_value, nested, parse
 from thingc.units import shortened
 
 Choices = tuple[tuple[str, str], ...]
@@ -27,11 +28,8 @@ def from_command_line(context: Context, choices: Mapping[str, str]) -> Choices:
     """Those choices whose paths can be read; the others are reported."""
     sound: dict[str, str] = {}
     for path, text in choices.items():
-        if parse(path) is None:
-            context.report.add(
-                Code.CHOICE_OPTION, f"`{shortened(path)}` is nothing that can be chosen", None, path=f"--set {path}",
-                help=f"write {EXAMPLES}",
-            )
+        if parse(path) is None and not is_value(path):
+            context.say_of_option(path, f"`{shortened(path)}` is nothing that can be set", f"write {VALUES}; {EXAMPLES}")
         else:
             sound[path] = text
     return tuple(sorted(sound.items()))
@@ -44,7 +42,9 @@ def that_say_more(context: Context, relative: str, spec: AssemblySpec, choices: 
 
 def _written(context: Context, relative: str, spec: AssemblySpec, path: str, text: str) -> bool:
     found = parse(path)
-    assert found is not None
+    if found is None:
+        node = node_at(context.documents.by_path[relative].tree, tuple(path.split(".")))
+        return isinstance(node, ScalarNode) and node.text == text
     if found.key == DEFAULT_MATERIAL and not found.components:
         default = spec.defaults.component if spec.defaults is not None else None
         return default is not None and default.material == text
@@ -66,14 +66,14 @@ def _place(context: Context, relative: str, text: str) -> str:
 def below(choices: Choices, *names: str) -> Choices:
     """The choices inside the nested document of a component, by paths from there on; `names` are those that it goes by, and
     a later one is the more exact."""
-    found: dict[str, str] = {}
-    for name in names:
-        prefix = f"components.{name}."
-        found.update({
-            path[len(prefix):]: text for path, text in choices
-            if path.startswith((f"{prefix}components.", f"{prefix}defaults."))
-        })
+    inside = [(through, text) for path, text in choices if (through := nested(path)) is not None]
+    found = {path: text for name in names for (component, path), text in inside if component == name}
     return tuple(sorted(found.items()))
+
+
+def values(choices: Choices) -> dict[str, str]:
+    """What is set by path in the document itself."""
+    return {path: text for path, text in choices if parse(path) is None and nested(path) is None}
 
 
 def own(choices: Choices, *names: str) -> dict[str, str]:
@@ -102,12 +102,11 @@ def check_names(context: Context, table: Table, items: Sequence[Item[ComponentSp
     if table.doubts.lacks("components") or table.unbuilt:
         return
     for path, _ in table.choices:
-        found = parse(path)
-        assert found is not None
-        if found.components and found.components[0] not in known:
-            _complain(
-                context, path, f"`{table.spec.name}` has no component `{found.components[0]}`",
-                did_you_mean(found.components[0], table.spec.components, what="components"),
+        found, through = parse(path), nested(path)
+        name = through[0] if through is not None else next(iter(found.components), None) if found is not None else None
+        if name is not None and name not in known:
+            context.say_of_option(
+                path, f"`{table.spec.name}` has no component `{name}`", did_you_mean(name, table.spec.components, what="components"),
             )
 
 
@@ -125,8 +124,8 @@ def chosen(context: Context, table: Table, item: Item[ComponentSpec]) -> tuple[C
         path = f"components.{label}.{key}"
         if key == "material":
             if kind == "assembly":
-                _complain(
-                    context, path, f"`{label}` is an assembly, which has no material of its own",
+                context.say_of_option(
+                    path, f"`{label}` is an assembly, which has no material of its own",
                     f"choose `components.{label}.{DEFAULT_MATERIAL}`, or the material of one of its components",
                 )
                 continue
@@ -135,16 +134,16 @@ def chosen(context: Context, table: Table, item: Item[ComponentSpec]) -> tuple[C
         elif key != kind:
             said = "is a frame, without geometry" if kind == "frame" else f"is written with `{kind}`, not with `{key}`"
             help = f"choose `components.{label}.{kind}`" if kind != "frame" else "choose for a component with geometry"
-            _complain(context, path, f"component `{label}` {said}", help)
+            context.say_of_option(path, f"component `{label}` {said}", help)
             continue
         if key == "file" and spec.unit is not None and text.lower().endswith(SUFFIXES_WITH_UNIT):
-            _complain(context, path, f"`{shortened(text)}` says its unit itself, and `{label}` has `unit: {spec.unit}`", UNIT_OF_ITS_OWN)
+            context.say_of_option(path, f"`{shortened(text)}` says its unit itself, and `{label}` has `unit: {spec.unit}`", UNIT_OF_ITS_OWN)
             continue
         taken[key] = text
     inside = below(table.choices, *names)
     if inside and kind != "assembly":
         path = f"components.{label}.{inside[0][0]}"
-        _complain(context, path, f"component `{label}` is no assembly: there is nothing inside it", None)
+        context.say_of_option(path, f"component `{label}` is no assembly: there is nothing inside it", None)
     return (spec.model_copy(update=dict(taken)) if taken else spec), frozenset(taken)
 
 
@@ -155,38 +154,32 @@ def check_part(context: Context, node: Node, reference: str) -> bool:
         return True
     if isinstance(schema, PartFailure):
         help = did_you_mean(reference, schema.candidates, what="parts") if schema.candidates else None
-        _complain(context, f"components.{node.name}.part", f"part `{shortened(reference)}`: {schema.message}", help)
+        context.say_of_option(f"components.{node.name}.part", f"part `{shortened(reference)}`: {schema.message}", help)
     return False
 
 
 def refuse_file(context: Context, node: Node, text: str) -> None:
     """Report a file that was chosen and is none of a part."""
-    _complain(
-        context, f"components.{node.name}.file", f"`{shortened(text)}` is no file of a part in this workspace",
+    context.say_of_option(
+        f"components.{node.name}.file", f"`{shortened(text)}` is no file of a part in this workspace",
         f"name it from `{context.documents.root.relative}`, for example `parts/motor.step`",
     )
 
 
 def refuse_circle(context: Context, node: Node, relative: str) -> None:
     """Report an assembly that would stand inside itself."""
-    _complain(context, f"components.{node.name}.assembly", f"`{relative}` would stand inside itself", "choose another assembly")
+    context.say_of_option(f"components.{node.name}.assembly", f"`{relative}` would stand inside itself", "choose another assembly")
 
 
 def _known_material(context: Context, table: Table, name: str, path: str) -> bool:
     if name in table.materials:
         return True
     if not table.materials_unreadable:
-        _complain(
-            context, path, f"no material `{shortened(name)}` is in scope of `{table.spec.name}`",
+        context.say_of_option(
+            path, f"no material `{shortened(name)}` is in scope of `{table.spec.name}`",
             did_you_mean(name, table.materials, what="materials"),
         )
     return False
-
-
-def _complain(context: Context, path: str, message: str, help: str | None) -> None:
-    """Say it of the whole path, from the top document down."""
-    whole = ".".join((*(f"components.{name}" for name in context.route), path))
-    context.report.add(Code.CHOICE_OPTION, message, None, path=f"--set {whole}", help=help)
 
 
 def documents_and_parts(choices: Mapping[str, str]) -> tuple[list[str], list[str]]:

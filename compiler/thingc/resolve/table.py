@@ -15,7 +15,7 @@ from thingc.memo import Memo
 from thingc.realize.record import PartDefinition, PartFailure, PartSchema, Value
 from thingc.resolve.model import AssemblyDefinition, Component, ExtraMount, Joint, Material, NamedPose, Reference
 from thingc.resolve.scope import NOTHING, Found, Scope
-from thingc.source import Document, Path
+from thingc.source import SET, Document, Path
 from thingc.spec.doubts import NO_DOUBTS, Doubts
 
 if TYPE_CHECKING:
@@ -208,6 +208,14 @@ class Context:
             return
         tables = {table.key: table for table in top.inner()}
         self.memo.keep("resolve", (self.specs, self.schemas), (tables, self.declared, self.materials))
+
+    def from_top(self, path: str) -> str:
+        """A path in the document that is being resolved, as the top document has it."""
+        return ".".join((*(f"components.{name}" for name in self.route), path))
+
+    def say_of_option(self, path: str, message: str, help: str | None) -> None:
+        """Report what is wrong with `--set` at a path in the document that is being resolved."""
+        self.report.add(Code.CHOICE_OPTION, message, None, path=f"{SET}{self.from_top(path)}", help=help)
 
     def scope(self, document: Document, names: Mapping[str, Found], broken: frozenset[str] = NOTHING) -> Scope:
         """A scope that reports to this run."""

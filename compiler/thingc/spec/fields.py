@@ -240,7 +240,7 @@ else:
     InertiaField = quantity(INERTIA)
 
 
-def _any_value(value: Any) -> Value | bool | str:
+def any_value(value: Any) -> Value | bool | str:
     """A parameter's value: a quantity of any dimension, an expression, a flag, or text (not beginning with a number)."""
     if isinstance(value, bool):
         return value
@@ -324,7 +324,8 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
 _REFERENCE = re.compile(r"[A-Za-z][A-Za-z0-9_]*(?:\$[A-Za-z][A-Za-z0-9_]*)?", re.ASCII)
 
 
-def _name(value: Any) -> str:
+def name_of(value: Any) -> str:
+    """A name as documents write it. Raises a fault for what is none."""
     if not isinstance(value, str):
         raise fault("type", f"expected a name, found {found(value)}")
     if _NAME.fullmatch(value):
@@ -470,12 +471,12 @@ if TYPE_CHECKING:
     NumberField = Value
 else:
     RawField = Annotated[Any, Checked(_raw, "text, a number, true or false, or a mapping", _RAW_SCHEMA)]
-    AnyQuantityField = Annotated[Any, Checked(_any_value, "a quantity, true or false, or text", _ANY_SCHEMA)]
+    AnyQuantityField = Annotated[Any, Checked(any_value, "a quantity, true or false, or text", _ANY_SCHEMA)]
     JointValueField = Annotated[Any, Checked(_joint_value, "an angle or a length", _JOINT_SCHEMA)]
     Vector3Length = _vector(LENGTH)
     Vector3Angle = _vector(ANGLE)
     Vector3Acceleration = _vector(ACCELERATION)
-    Name = Annotated[str, Checked(_name, "a name", _NAME_SCHEMA)]
+    Name = Annotated[str, Checked(name_of, "a name", _NAME_SCHEMA)]
     ReferenceField = Annotated[str, Checked(_reference, "a reference", _REFERENCE_SCHEMA)]
     ColorField = Annotated[str, Checked(_color, "a colour", _COLOR_SCHEMA)]
     CostField = Annotated[str, Checked(_cost, "an amount and a currency", _COST_SCHEMA)]

@@ -8,8 +8,8 @@ from pydantic import Field, model_validator
 
 from thingc.expressions import Expression, ExpressionError, parse_expression
 from thingc.spec.base import Model, rule
-from thingc.spec.choices import EXAMPLES, parse
-from thingc.spec.fields import AnyQuantityField, Checked, CountField, Name, ReferenceField, fault, found
+from thingc.spec.choices import EXAMPLES, VALUES, is_value, parse
+from thingc.spec.fields import AnyQuantityField, Checked, CountField, Name, ReferenceField, fault, found, name_of
 from thingc.units import shortened
 
 
@@ -34,6 +34,21 @@ def _rule_text(value: Any) -> Expression:
     return expression
 
 
+def _setting(value: Any) -> str:
+    """What a variant sets: a parameter by its name, or a value by its path."""
+    if not isinstance(value, str) or "." not in value:
+        return name_of(value)
+    if parse(value) is not None:
+        raise fault("reference", f"`{shortened(value)}` is a choice", help="write it under `choices`")
+    if not is_value(value):
+        raise fault("reference", f"`{shortened(value)}` is no path of a value", help=f"write {VALUES}")
+    return value
+
+
+_SETTING_SCHEMA = {
+    "type": "string", "pattern": r"^[A-Za-z]\w*(\.[^.\s]+)*$", "description": "A parameter, or the path of a value in the assembly.",
+    "examples": ["leg_length", "joints.elbow.limit.upper"],
+}
 _PATH_SCHEMA = {
     "type": "string", "pattern": r"^(components\.[A-Za-z]\w*\.)*(part|file|assembly|material|defaults\.component\.material)$",
     "description": "What is chosen.", "examples": ["components.foot.part", "defaults.component.material"],
@@ -45,8 +60,10 @@ _RULE_SCHEMA = {
 
 if TYPE_CHECKING:
     ChoicePathField = str
+    SettingField = str
     RuleField = Expression
 else:
+    SettingField = Annotated[str, Checked(_setting, "a parameter or the path of a value", _SETTING_SCHEMA)]
     ChoicePathField = Annotated[str, Checked(_choice_path, "the path of a choice", _PATH_SCHEMA)]
     RuleField = Annotated[Any, Checked(_rule_text, "a comparison", _RULE_SCHEMA)]
 
@@ -66,8 +83,8 @@ class ListedSpec(Model):
 
     name: Name | None = None
     """What it is called; from the name of the document and its number unless written."""
-    parameters: dict[Name, AnyQuantityField] = Field(default={}, examples=[{"leg_length": "100 mm"}])
-    """Values of parameters of the assembly."""
+    parameters: dict[SettingField, AnyQuantityField] = Field(default={}, examples=[{"leg_length": "100 mm"}])
+    """Values of parameters of the assembly, and of anything else in it by its path."""
     choices: dict[ChoicePathField, str] = Field(default={}, examples=[{"components.foot.part": "minchw.foot:WideFoot"}])
     """Parts, assemblies and materials, by where they stand in the assembly."""
 
@@ -81,10 +98,11 @@ class SampleSpec(Model):
     """How many are drawn."""
     seed: CountField
     """The same seed draws the same variants."""
-    ranges: dict[Name, Annotated[list[AnyQuantityField], Field(min_length=2, max_length=2)]] = Field(
-        default={}, examples=[{"leg_length": ["70 mm", "140 mm"], "feet": [2, 6]}],
+    ranges: dict[SettingField, Annotated[list[AnyQuantityField], Field(min_length=2, max_length=2)]] = Field(
+        default={}, examples=[{"leg_length": ["70 mm", "140 mm"], "joints.elbow.dynamics.damping": ["0.1 N*m*s/rad", "1 N*m*s/rad"]}],
     )
-    """The smallest and the largest value of a parameter. Two whole numbers written without a point: whole numbers are drawn."""
+    """The smallest and the largest value of a parameter, or of what stands at a path. Two
+    whole numbers written without a point: whole numbers are drawn."""
 
 
 class ReachSpec(Model):
@@ -106,10 +124,11 @@ class VariantsSpec(Model):
     """The batch, and the folder that it is written to."""
     description: str = Field(default="", examples=["How long its legs should be."])
     """For people."""
-    parameters: dict[Name, list[AnyQuantityField] | AxisSpec | AnyQuantityField] = Field(
+    parameters: dict[SettingField, list[AnyQuantityField] | AxisSpec | AnyQuantityField] = Field(
         default={}, examples=[{"leg_length": ["80 mm", "100 mm"], "body_width": {"from": "60 mm", "to": "90 mm", "count": 4}}],
     )
-    """Of the assembly: a list or a range is an axis of the grid, a single value holds for all variants."""
+    """Of the assembly, by name, or anything else in it by path (`joints.elbow.limit.upper`): a list or a range is an axis of the
+    grid, a single value holds for all variants."""
     choices: dict[ChoicePathField, list[str] | str] = Field(
         default={}, examples=[{"components.foot.part": ["minchw.foot:Foot", "minchw.foot:WideFoot"]}],
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,10 +16,13 @@ from thingc.source import Document, Path, ScalarNode, node_at
 from thingc.spec.assembly import AssemblySpec
 from thingc.spec.variants import AxisSpec
 from thingc.units import NUMBER, Quantity, shortened
-from thingc.variants.values import is_whole, spaced, spaced_si
+from thingc.variants.by_path import Paths, as_value, of_kind
+from thingc.variants.values import is_whole, spaced, spaced_si, text_of
 
 MOST_VALUES = 100_000
 """Values of one axis."""
+MOST_TRIED = 20
+"""Values of one path that are tried in the assembly before the batch begins."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,24 +49,34 @@ class Axis:
 
 
 class Reader:
-    """Reads the values of one `variants/1` document. `own` are the values of the assembly's parameters, `context` its scope."""
+    """Reads the values of one `variants/1` document. `own` are the values of the assembly's parameters, `context` its scope; `fits(path,
+    text, at)` says whether a text may stand at one of the `paths` (reported if not)."""
 
-    def __init__(self, document: Document, context: Context, assembly: AssemblySpec, own: Mapping[str, Found], report: Report) -> None:
+    def __init__(
+        self, document: Document, context: Context, assembly: AssemblySpec, own: Mapping[str, Found], report: Report,
+        paths: Paths, fits: Callable[[str, str, Path], bool],
+    ) -> None:
         self.document = document
         self.context = context
         self.assembly = assembly
         self.own = own
         self.report = report
+        self.paths = paths
+        self.fits = fits
+        self.tried: dict[str, int] = {}
 
     def value(self, name: str, raw: Any, path: Path) -> Found | None:
-        """A value for a parameter; None where it does not fit (reported)."""
+        """A value for a parameter, or for a path; None where it does not fit (reported)."""
         if isinstance(raw, Expression):
             self._error(
                 Code.VARIANT_VALUE, "a variant states values; an expression stands in the assembly", path,
                 help=f"write a value, or a parameter of `{self.assembly.name}` that is worked out",
             )
             return None
-        found: Found = Quantity(float(raw)) if isinstance(raw, (int, float)) and not isinstance(raw, bool) else raw
+        found = as_value(raw)
+        assert found is not None
+        if "." in name:
+            return self._by_path(name, found, path)
 
         def complain(name: str, code: Code, message: str, *, help: str | None = None, notes: Iterable[Note] = ()) -> None:
             key = code is Code.UNKNOWN_PARAMETER
@@ -79,6 +92,20 @@ class Reader:
         if isinstance(value, Quantity) and value.dimension == NUMBER and value.value == 0.0 and isinstance(own, Quantity):
             return Quantity(0.0, own.dimension)  # a bare 0
         return value
+
+    def _by_path(self, name: str, found: Found, path: Path) -> Found | None:
+        """A value at a path: tried there, as many of them as people write out; the others are of the same kind."""
+        tried = self.tried[name] = self.tried.get(name, 0) + 1
+        if tried <= MOST_TRIED and not self.fits(name, self._written(path) or text_of(found), path):
+            self.tried[name] = MOST_TRIED if tried == 1 else tried
+            return None
+        kind = self.paths.kinds.get(name)
+        sound = of_kind(found, kind)
+        if sound is None and kind is not None:
+            self._error(
+                Code.VARIANT_VALUE, f"values at one path are of one kind: found {kind_of(found)}, and `{words_of(kind)}` elsewhere", path,
+            )
+        return sound
 
     def axis(self, name: str, raw: Any) -> Axis | None:
         """The axis of a parameter: a list, a range in steps, or a single value; None where nothing of it is sound."""

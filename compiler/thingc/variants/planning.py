@@ -23,6 +23,7 @@ from thingc.resolve.scope import Found
 from thingc.spec.assembly import AssemblySpec, ParameterSpec
 from thingc.units import Dimension, Quantity
 from thingc.variants.axes import Axis
+from thingc.variants.by_path import Paths
 from thingc.variants.rules import Rule
 from thingc.variants.sampling import points
 from thingc.variants.values import identity, text_of, unit_of
@@ -45,7 +46,8 @@ class Variant(Brief):
     """One member of the family. `index` is its place in the plan, `id` 12 hex of the SHA-256 of its settings.
 
     `parameters` and `choices` are the settings as `thingc build -p` and `--set` take them (without those that say what the
-    documents say anyway); `values` every parameter of the assembly, SI. `failed` is the rule that the parameters do not keep.
+    documents say anyway); `values` every parameter of the assembly, and what is set by path, SI. `failed`
+    is the rule that the parameters do not keep.
     """
 
     index: int
@@ -73,7 +75,8 @@ class Plan(Brief):
     `document` and `assembly` are absolute paths, `relative` and `assembly_relative` those in the workspace, `sha256` is of
     the document. `fixed` holds for all
     variants; `listed` are written out; `axes` make the grid, or with `method` are drawn `drawn` times. `own` are the values of
-    the assembly's parameters, `own_choices` what its document says at the paths of choices. `modes` are those built (never
+    the assembly's parameters, `paths` what is set by path, `own_choices` what its document says at the paths of choices. `modes`
+    are those built (never
     empty), `chosen_modes` those that the document names. `emit` are the targets, in the order in which a build writes them;
     `inputs` the digests (`stamp.state_of`) of what the plan was made of, by path in the workspace.
     """
@@ -88,6 +91,7 @@ class Plan(Brief):
     model: AssemblyDefinition
     workspace: Workspace
     own: Mapping[str, Found]
+    paths: Paths
     own_choices: Mapping[str, str]
     fixed: Setting
     listed: tuple[Setting, ...]
@@ -112,7 +116,8 @@ class Plan(Brief):
             failed = next((rule.text for rule in rules if not _holds(rule, values)), None)
             yield Variant(
                 index=index, id=id, name=setting.name or f"{self.name}_{index:0{width}d}",
-                parameters={name: text_of(parameters[name]) for name in sorted(parameters)}, choices=dict(sorted(choices.items())),
+                parameters={name: text_of(parameters[name]) for name in sorted(parameters) if "." not in name},
+                choices=dict(sorted({**choices, **{path: text_of(found) for path, found in parameters.items() if "." in path}}.items())),
                 values={name: plain(found) for name, found in values.items()}, failed=failed,
             )
 
@@ -149,12 +154,17 @@ class Plan(Brief):
 
     @cached_property
     def dimensions(self) -> dict[str, Dimension]:
-        """The dimension of every parameter that is a number."""
-        return {name: found.dimension for name, found in self.own.items() if isinstance(found, Quantity)}
+        """The dimension of every parameter, and of every value set by path, that is a number."""
+        return {name: found.dimension for name, found in self.kinds.items() if isinstance(found, Quantity)}
+
+    @cached_property
+    def kinds(self) -> dict[str, Found]:
+        """A value of the kind of every parameter, and of every value set by path."""
+        return {**self.own, **self.paths.kinds}
 
     @property
     def units(self) -> dict[str, str]:
-        """The SI unit of every parameter that is a number."""
+        """The SI unit of every one that is a number."""
         return {name: unit_of(dimension) for name, dimension in self.dimensions.items()}
 
     @cached_property
@@ -165,24 +175,26 @@ class Plan(Brief):
         return tuple(dict.fromkeys(paths))
 
     def values(self, given: Mapping[str, Found]) -> dict[str, Found]:
-        """Every parameter of the assembly where these are set; without those that cannot be worked out."""
+        """Every parameter of the assembly, and what stands at the paths, where these are set; without what cannot be worked out."""
         values: dict[str, Found] = {}
+        stated = {**self.own, **self.paths.own}
         for name, expression in self._order:
             if name in given:
                 values[name] = given[name]
             elif expression is None:
-                if name in self.own:
-                    values[name] = self.own[name]
+                if name in stated:
+                    values[name] = stated[name]
             else:
                 try:
                     values[name] = evaluate(expression, values)
                 except ExpressionError:
                     continue
-        return {name: values[name] for name in self.own if name in values}
+        return {name: values[name] for name in self.kinds if name in values}
 
     @cached_property
     def _order(self) -> tuple[tuple[str, Expression | None], ...]:
-        """The assembly's parameters, each after those that its expression uses; those with a value of their own have none."""
+        """The assembly's parameters and what stands at the paths, each after those that its expression uses; those with a value of their
+        own have none."""
         raw = {name: entry.value if isinstance(entry, ParameterSpec) else entry for name, entry in self.assembly_spec.parameters.items()}
         ordered: dict[str, Expression | None] = {}
 
@@ -197,12 +209,13 @@ class Plan(Brief):
 
         for name in raw:
             visit(name)
-        return tuple(ordered.items())
+        return (*ordered.items(), *((path, self.paths.expressions.get(path)) for path in self.paths.kinds))
 
     @cached_property
     def _stated(self) -> dict[str, Value]:
-        """The assembly's parameters that have a value of their own: setting them to it says nothing."""
-        return {name: plain(self.own[name]) for name, expression in self._order if expression is None and name in self.own}
+        """What the assembly says itself, not by an expression: setting it to that says nothing."""
+        own = {**self.own, **self.paths.own}
+        return {name: plain(own[name]) for name, expression in self._order if expression is None and name in own}
 
     def _settings(self) -> Iterator[Setting]:
         """Everything that the document asks for, in its order; some may be equal."""

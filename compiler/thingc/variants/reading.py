@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Iterator
 
-from thingc.diagnostics import Code, Note, Report, Severity
+from thingc.diagnostics import Code, Diagnostic, Note, Report, Severity
 from thingc.load import load
 from thingc.load.paths import DOCUMENT_SUFFIXES, find_file
 from thingc.pipeline import Front, Options, Sources
@@ -19,6 +19,7 @@ from thingc.spec import validate_one
 from thingc.spec.assembly import AssemblySpec
 from thingc.spec.choices import DEFAULT_MATERIAL, parse
 from thingc.spec.variants import AxisSpec, VariantsSpec
+from thingc.variants import by_path
 from thingc.variants.axes import MOST_VALUES, Axis, Reader
 from thingc.variants.planning import OUTSIDE, Plan, Setting, moved
 from thingc.variants.rules import read_rules
@@ -81,7 +82,8 @@ class _Planner:
             report=Report(),
         )
         own = declared(context, root, assembly).values
-        reader = Reader(self.document, context, assembly, own, self.report)
+        paths = by_path.read(self.spec, self.sources, own)
+        reader = Reader(self.document, context, assembly, own, self.report, paths, self.fits)
         axes, parameters = self.parameters(reader)
         choice_axes, choices = self.choices(root.relative)
         fixed = Setting(name=None, parameters=parameters, choices=choices)
@@ -90,7 +92,7 @@ class _Planner:
         ranges = [reader.range(name, raw) for name, raw in (self.spec.sample.ranges if self.spec.sample else {}).items()]
         drawn_axes = [axis for axis in ranges if axis is not None]
         rules = read_rules(
-            self.document, self.spec.keep, own, [name.replace("/", ".") for name in moving_joints(model)],
+            self.document, self.spec.keep, {**own, **paths.kinds}, [name.replace("/", ".") for name in moving_joints(model)],
             reach=self.spec.reach is not None, report=self.report,
         )
         emit = targets_of(self.document, self.spec, self.report)
@@ -101,7 +103,7 @@ class _Planner:
         return Plan(
             document=self.document.path, relative=self.document.relative, sha256=self.document.sha256,
             name=self.spec.name, assembly=root.path,
-            assembly_relative=root.relative, assembly_spec=assembly, model=model, workspace=self.workspace, own=own,
+            assembly_relative=root.relative, assembly_spec=assembly, model=model, workspace=self.workspace, own=own, paths=paths,
             own_choices=dict(_written(assembly)), fixed=fixed, listed=listed,
             axes=(*drawn_axes, *axes, *choice_axes), method=method, drawn=drawn, seed=seed, rules=tuple(rules),
             modes=tuple(self.spec.modes or (mode.name for mode in model.modes)), chosen_modes=tuple(self.spec.modes),
@@ -161,25 +163,47 @@ class _Planner:
 
     def possible(self, path: str, text: str, at: Path) -> bool:
         """Whether a choice can be made, by itself or with one of the assemblies that are chosen around it; reported if not."""
-        said: Report | None = None
+        wrong = self.trial(path, text)
+        for found in wrong:
+            if found.code is Code.CHOICE_OPTION:
+                self.say_once(Code.VARIANT_CHOICE, found, path, at, f"choices.{path}", key=False)
+        return not any(found.code is Code.CHOICE_OPTION for found in wrong)
+
+    def fits(self, path: str, text: str, at: Path) -> bool:
+        """Whether a value can stand at a path of the assembly; reported if not: of a path that leads nowhere at its key."""
+        wrong = self.trial(path, text)
+        for found in wrong:
+            astray = found.code is Code.CHOICE_OPTION and "=" not in (found.path or "")
+            where = at[: at.index(path) + 1] if astray else at
+            self.say_once(Code.VARIANT_VALUE, found, path, where, dotted(where), key=astray)
+        return not wrong
+
+    def trial(self, path: str, text: str) -> list[Diagnostic]:
+        """The errors that the assembly has where a text is set or chosen at a path, by itself or with one of the assemblies that are chosen
+        around it, and has not without."""
+        first: list[Diagnostic] | None = None
         for around in self.around(path):
             trial = Report()
             choices = {**around, path: text}
             sources = self.front.sources(choices, trial)
             if sources is not None:
                 resolve(sources.documents, sources.specs, self.workspace, sources.schemas, {}, trial, choices)
-            trial = Report([found for found in trial.diagnostics if found.code is Code.CHOICE_OPTION])
-            if not trial.failed:
-                return True
-            said = said or trial
-        for found in said.diagnostics if said is not None else ():
-            if (path, found.message) in self.said:
-                continue
-            self.said.add((path, found.message))
-            self.report.add(
-                Code.VARIANT_CHOICE, found.message, self.document.span(at), help=found.help, notes=found.notes, path=f"choices.{path}",
-            )
-        return False
+            wrong = [one for one in trial.diagnostics if one.severity is Severity.ERROR and one not in self.report.diagnostics]
+            if not wrong:
+                return []
+            first = first or wrong
+        return first or []
+
+    def say_once(self, code: Code, found: Diagnostic, path: str, at: Path, shown: str, *, key: bool) -> None:
+        """Say at a place of this document what the assembly says of a setting."""
+        if (path, found.message) in self.said:
+            return
+        self.said.add((path, found.message))
+        notes = [*found.notes, *([Note(message="in the assembly it shows here", span=found.span)] if found.span is not None else [])]
+        self.report.add(
+            code, found.message, self.document.span(at, key=key), help=found.help, path=shown,
+            notes=[note for note in notes if note.span is not None],
+        )
 
     def around(self, path: str) -> Iterator[dict[str, str]]:
         """Nothing, then each assembly that is chosen for a component on the way."""

@@ -18,11 +18,11 @@ from thingc.variants.tables import Column, columns, lengths_in
 
 
 def parameter_columns(plan: Plan) -> list[Column]:
-    """The columns of the assembly's parameters, by their own names."""
+    """The columns of the assembly's parameters by their own names, and of what is set by path."""
     return [
         Column(name=name, kind="number", unit=plan.units[name]) if isinstance(own, Quantity)
         else Column(name=name, kind="flag" if isinstance(own, bool) else "text")
-        for name, own in plan.own.items()
+        for name, own in plan.kinds.items()
     ]
 
 

@@ -35,11 +35,16 @@ class Column:
     unit: str = ""
 
 
+def setting(name: str) -> str:
+    """The column of a parameter, or of what is set by its path: that is called by the path."""
+    return name if "." in name else PARAMETERS + name
+
+
 def columns(parameters: Sequence[Column], choices: Sequence[str], lengths: Sequence[str]) -> tuple[Column, ...]:
     """Every column, in order. `parameters` by their own names; `lengths` are the results `length.JOINT`."""
     return (
         *(Column(name=name, kind="integer" if name == "index" else "text") for name in HEAD),
-        *(Column(name=PARAMETERS + one.name, kind=one.kind, unit=one.unit) for one in parameters),
+        *(Column(name=setting(one.name), kind=one.kind, unit=one.unit) for one in parameters),
         *(Column(name=path, kind="text") for path in choices),
         *(Column(name=name, kind="number", unit=unit_of(dimension_of(name))) for name in (*RESULTS, *lengths)),
         *(Column(name=name, kind="text") for name in TAIL),
@@ -59,7 +64,7 @@ def flat(line: Line) -> dict[str, Any]:
     """The cells of a line of the journal by column, None where it has none. An infinite result is the text `inf`."""
     return {
         **{name: line.get(name) for name in HEAD},
-        **{PARAMETERS + name: value for name, value in line["parameters"].items()},
+        **{setting(name): value for name, value in line["parameters"].items()},
         **line["choices"],
         **line.get("results", {}),
         **{name: line.get(name) for name in TAIL},

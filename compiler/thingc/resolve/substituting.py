@@ -1,0 +1,137 @@
+"""Values that are set by their path in place of what a document says: `joints.elbow.limit.upper` and a text.
+
+The text is put into the document's tree as if it were written there, and the tree is validated anew: what may stand at a place,
+and in which unit, is said by whoever says it of documents. Its place is the option (`source.option_span`), so that whatever is wrong
+with it, here or in a later pass, is said of the option and not of the document.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+
+from thingc.diagnostics import Code, Report
+from thingc.load.scalars import core_value
+from thingc.resolve.table import Context
+from thingc.slips import did_you_mean, nearest
+from thingc.source import Document, MappingNode, Node, ScalarNode, SequenceNode, option_span
+from thingc.spec import validate_one
+from thingc.spec.assembly import AssemblySpec
+from thingc.spec.shapes import Shape, alternatives, model_keys, shape_of
+from thingc.units import shortened
+
+FIXED = {
+    "thingc": "it says what kind of document this is",
+    "name": "a robot keeps its name",
+    "parameters": "a parameter is set by its name: `-p 'NAME=VALUE'`, and in a document of variants `NAME: ...`",
+}
+"""Keys of an assembly at which nothing is set, and why."""
+
+
+def substituted(
+    context: Context, document: Document, spec: AssemblySpec, values: Mapping[str, str],
+) -> tuple[Document, AssemblySpec]:
+    """The document and its model with the texts `values` at their paths in it; both as they were where one of them cannot stand there,
+    which is reported. A document with faults of its own (reported) stays as it is."""
+    if not values or context.doubts(document):
+        return document, spec
+    tree: Node = document.tree
+    wrong = False
+    for path, text in values.items():
+        keys = tuple(path.split("."))
+        said = _astray(document, keys, context.from_top)
+        value = None
+        if said is None:
+            try:
+                value = core_value(text)
+            except OverflowError:
+                said = (f"`{path}` is a number that is not finite (`{shortened(text)}`)", "write a finite number")
+        if said is not None:
+            context.say_of_option(path, *said)
+            wrong = True
+            continue
+        tree = _with(tree, keys, ScalarNode(value=value, text=text, span=option_span(context.from_top(path), shortened(text))))
+    if wrong or not isinstance(tree, MappingNode):
+        return document, spec
+    changed = replace(document, tree=tree)
+    report = Report()
+    sound = validate_one(changed, report)
+    for fault in report.ordered():
+        if fault.code is Code.CHOICE_OPTION:
+            context.report.say(fault)
+        else:  # the document has no faults: a value makes something else wrong
+            context.say_of_option(next(iter(values)), fault.message, fault.help)
+    return (changed, sound) if isinstance(sound, AssemblySpec) else (document, spec)
+
+
+def _with(node: Node | None, keys: tuple[str, ...], leaf: ScalarNode) -> Node:
+    """A tree like `node` with `leaf` at `keys`; mappings on the way that are not there are made."""
+    if not keys:
+        return leaf
+    entries, spans = (dict(node.entries), dict(node.keys)) if isinstance(node, MappingNode) else ({}, {})
+    if len(keys) == 1 or keys[0] not in spans:
+        spans[keys[0]] = leaf.span
+    entries[keys[0]] = _with(entries.get(keys[0]), keys[1:], leaf)
+    return MappingNode(entries=entries, keys=spans, span=leaf.span if node is None else node.span)
+
+
+def _astray(document: Document, keys: tuple[str, ...], whole: Callable[[str], str]) -> tuple[str, str | None] | None:
+    """Where a path leaves what an assembly may have or, of things with names, what this one has: a message, and the nearest path that
+    does not. None where it leads to a value. `whole` gives paths as the top document has them."""
+    if keys[0] in FIXED:
+        return f"`{keys[0]}` is not set by a path", FIXED[keys[0]]
+    node: Node | None = document.tree
+    shape = shape_of(AssemblySpec)
+    for depth, key in enumerate(keys):
+        here = whole(".".join(keys[:depth]))
+        if isinstance(node, ScalarNode):
+            return f"`{here}` is `{shortened(node.text)}`: there is nothing inside it", f"set `{here}`"
+        if isinstance(node, SequenceNode):
+            return f"`{here}` is a list: nothing inside it is set by a path", f"set `{here}` as a whole, as text, where it takes text"
+        branches = alternatives(shape)
+        inner = next((branch for branch in branches if branch.model is not None and key in model_keys(branch.model)), None)
+        if inner is not None:
+            assert inner.model is not None
+            shape = model_keys(inner.model)[key][0]
+        elif (named := next((branch for branch in branches if branch.kind == "dict"), None)) is not None:
+            written = node.entries if isinstance(node, MappingNode) else {}
+            shape = shape_of(named.members[0])
+            if shape.kind in ("model", "dict") and key not in written:
+                return _no_such(document, keys, depth, written, whole)
+        elif keys[0] == "raw":  # whatever its target takes
+            return None
+        elif any(branch.model is not None for branch in branches):
+            there = [key for one in branches if one.model is not None for key in model_keys(one.model)]
+            return _no_such(document, keys, depth, there, whole)
+        else:
+            return f"`{here}` is a value: there is nothing inside it", f"set `{here}`"
+        node = node.entries.get(key) if isinstance(node, MappingNode) else None
+    return _unfinished(whole(".".join(keys)), shape, node)
+
+
+def _no_such(
+    document: Document, keys: tuple[str, ...], depth: int, known: Iterable[str], whole: Callable[[str], str],
+) -> tuple[str, str]:
+    """What to say of the key at `depth`, which is none of those that are known there."""
+    known, key = list(known), keys[depth]
+    sections = [name for name, node in document.tree.entries.items() if isinstance(node, MappingNode) and keys[0] in node.entries]
+    near = nearest(key, known)
+    if depth == 0 and sections:
+        help = f"did you mean `{whole('.'.join((sections[0], *keys)))}`?"
+    elif near is not None:
+        help = f"did you mean `{whole('.'.join((*keys[:depth], near, *keys[depth + 1:])))}`?"
+    else:
+        help = did_you_mean(key, known, what=keys[0] if depth == 1 else "keys")
+    here = f"`{whole('.'.join(keys[:depth]))}` has" if depth else "an assembly has"
+    return f"{here} no `{shortened(key)}`", help
+
+
+def _unfinished(path: str, shape: Shape, node: Node | None) -> tuple[str, str] | None:
+    """What to say where a path ends before a value: at something that is a mapping and nothing else."""
+    branches = alternatives(shape)
+    if any(branch.kind not in ("model", "dict") for branch in branches):
+        return None
+    inside = [key for branch in branches if branch.model is not None for key in model_keys(branch.model)]
+    inside += node.entries if isinstance(node, MappingNode) else ()
+    help = "name one of them: " + ", ".join(f"`{path}.{key}`" for key in dict.fromkeys(inside[:6])) if inside else None
+    return f"`{path}` is no value, but has values inside", help or ""

@@ -1,0 +1,99 @@
+"""Values that variants set by their path: what stands there in the assembly, and of which kind values are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+from thingc.expressions import Expression, ExpressionError, evaluate
+from thingc.pipeline import Sources
+from thingc.resolve.scope import Found
+from thingc.source import Document, ScalarNode, node_at
+from thingc.spec.choices import nested
+from thingc.spec.fields import any_value
+from thingc.spec.variants import AxisSpec, VariantsSpec
+from thingc.units import Quantity
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Paths:
+    """Every path at which a document of variants sets values, in the order written: `kinds` has a value of the kind that stands there,
+    `own` those that the assembly says itself, of which `expressions` are worked out."""
+
+    kinds: Mapping[str, Found]
+    own: Mapping[str, Found]
+    expressions: Mapping[str, Expression]
+
+
+def read(spec: VariantsSpec, sources: Sources, parameters: Mapping[str, Found]) -> Paths:
+    """The paths of a document; `parameters` are the values of the assembly's."""
+    given: dict[str, list[Found]] = {}
+    for name, raw in _entries(spec):
+        if "." in name:
+            given.setdefault(name, []).extend(value for one in _each(raw) if (value := as_value(one)) is not None)
+    stated = {path: _own_value(sources, path) for path in given}
+    own = {path: value for path, value in stated.items() if value is not None and not isinstance(value, Expression)}
+    expressions = {path: value for path, value in stated.items() if isinstance(value, Expression)}
+    for path, expression in expressions.items():
+        with suppress(ExpressionError):
+            own[path] = evaluate(expression, parameters)
+    kinds = {path: kind for path, values in given.items() if (kind := _kind(own.get(path), values)) is not None}
+    return Paths(kinds=kinds, own={path: of_kind(value, kinds[path]) or value for path, value in own.items()}, expressions=expressions)
+
+
+def _entries(spec: VariantsSpec) -> Iterator[tuple[str, Any]]:
+    yield from spec.parameters.items()
+    if spec.sample is not None:
+        yield from spec.sample.ranges.items()
+    for entry in spec.list_:
+        yield from entry.parameters.items()
+
+
+def _each(raw: Any) -> Iterable[Any]:
+    if isinstance(raw, AxisSpec):
+        return (raw.from_, raw.to)
+    return raw if isinstance(raw, list) else (raw,)
+
+
+def as_value(raw: Any) -> Found | None:
+    """A value as documents write it; None for an expression."""
+    if isinstance(raw, Expression):
+        return None
+    return Quantity(float(raw)) if isinstance(raw, (int, float)) and not isinstance(raw, bool) else raw
+
+
+def _own_value(sources: Sources, path: str) -> Found | Expression | None:
+    """What an assembly says at a path; None where it says nothing there, or nothing that a variant could say."""
+    document: Document | None = sources.documents.root
+    while document is not None and (through := nested(path)) is not None:
+        component, path = through
+        text = node_at(document.tree, ("components", component, "assembly"))
+        document = sources.documents.named(document, text.text) if isinstance(text, ScalarNode) else None
+    node = None if document is None else node_at(document.tree, tuple(path.split(".")))
+    if not isinstance(node, ScalarNode):
+        return None
+    try:
+        raw = any_value(node.value)
+    except ValueError:  # such as the three values of a vector
+        return node.text
+    if isinstance(raw, Expression) and document is not sources.documents.root:
+        return None
+    return raw if isinstance(raw, Expression) else as_value(raw)
+
+
+def _kind(own: Found | None, given: Iterable[Found]) -> Found | None:
+    """A value of the kind that values at a path have: the assembly's own, or the first that is given. A bare 0 says nothing of its unit."""
+    known = [one for one in (own, *given) if one is not None]
+    return next((one for one in known if one != Quantity(0.0)), known[0] if known else None)
+
+
+def of_kind(value: Found, kind: Found | None) -> Found | None:
+    """A value as one of the kind of another; None where it is none."""
+    if not isinstance(value, Quantity) or not isinstance(kind, Quantity):
+        return value if kind is None or type(value) is type(kind) else None
+    if value == Quantity(0.0):
+        return Quantity(0.0, kind.dimension)
+    return value if value.dimension == kind.dimension else None
+
