@@ -35,7 +35,8 @@ CLAIMS = (
         "README.md", r"a default weld needs (\d+) to (\d+) steps", "docs/weld_vs_root.md", r"a default weld needs (\d+) to (\d+) steps",
     ),
     Claim(
-        "README.md", r"the sole that it holds moves by ([\d.]+) mm, and the free sole at the far end by ([\d.]+) mm", "docs/weld_vs_root.md",
+        "README.md", r"the sole that it holds moves by ([\d.]+) mm, and the free sole at the far end by ([\d.]+) mm",
+        "docs/weld_vs_root.md",
         r"the sole that it holds moves by ([\d.]+) mm .* free sole at the far end of the robot by ([\d.]+) mm\. A stiff",
     ),
     Claim(
