@@ -95,7 +95,7 @@ def page(found: Sequence[Tried], best: Tried | None, seen: Rebuilt | None, drive
         f"- The longest was number {first} of {len(found)}. MuJoCo says the same of its model: {1e3 * seen.bridge:.1f} mm, and by its",
         f"  inverse dynamics a margin of {seen.margins[weakest]:.3f}, at the drive of `{weakest}`.",
         f"- Drives are one thing, magnets another. At {1e3 * RADIUS:.0f} mm, the rim of the magnet, the moment less the weight is a pull",
-        f"  of {seen.pull:.0f} N, and a magnet holds {PULL:.0f} N: {'too little' if seen.pull > PULL else 'enough'}.{verdict}", "",
+        f"  of {seen.pull:.1f} N, and a magnet holds {PULL:.0f} N: {'too little' if seen.pull > PULL else 'enough'}.{verdict}", "",
         "Build the longest one:", "", "```text", best.command, "```", "",
         "`python examples/longest_bridge.py --driver optuna` lets [Optuna](https://optuna.org) choose what is built next, eight",
         "robots at a time (`pip install 'thingc[search]'`): the loop is the same, its documents of variants are lists. With `--count N`",

@@ -172,16 +172,20 @@ def kept_bounds(found: Sequence[Case]) -> bool:
 
 
 def summary(found: Sequence[Case]) -> list[str]:
-    """How far off mass, centre and moments are: the mean, the root mean square, nine of ten, and the worst."""
+    """How far off mass, centre and moments are: the mean, the root mean square, nine of ten, the worst, and how many are within the
+    bound."""
     rows = {
-        "mass": [one.mass for one in found], "centre, of the extent": [one.centre for one in found],
-        "principal moments": [moment for one in found for moment in one.moments],
+        "mass": ([one.mass for one in found], MASS[0]), "centre, of the extent": ([one.centre for one in found], CENTRE),
+        "principal moments": ([moment for one in found for moment in one.moments], MOMENTS),
     }
-    lines = ["| | mean | RMS | nine of ten below | worst |", "|---|---|---|---|---|"]
-    for name, values in rows.items():
+    lines = ["| | mean | RMS | nine of ten below | worst | within the bound |", "|---|---|---|---|---|---|"]
+    for name, (values, bound) in rows.items():
         sizes = [abs(value) for value in values]
-        worst = max(values, key=abs)
-        lines.append(f"| {name} | {_percent(float(np.mean(values)))} | {rms(values):.1%} | {ninth(sizes):.1%} | {_percent(worst)} |")
+        worst, within = max(values, key=abs), sum(size <= bound for size in sizes)
+        lines.append(
+            f"| {name} | {_percent(float(np.mean(values)))} | {rms(values):.1%} | {ninth(sizes):.1%} | {_percent(worst)} "
+            f"| {within} of {len(sizes)} within {bound:.0%} |"
+        )
     return lines
 
 

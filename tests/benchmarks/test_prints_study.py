@@ -94,7 +94,7 @@ def test_the_page_keeps_what_is_promised() -> None:
     rows = {cells[0]: cells[1:] for line in text.splitlines() if (cells := [cell.strip() for cell in line.strip("| ").split("|")])}
     for name in (*study.ROBOTS.values(), *study.SOLIDS.values()):
         assert len(rows[name]) == 10, name
-    _, rms, ninth, worst = (abs(float(cell.rstrip("%"))) / 100 for cell in rows["mass"])
+    _, rms, ninth, worst = (abs(float(cell.rstrip("%"))) / 100 for cell in rows["mass"][:4])
     assert all(error <= bound for error, bound in zip((ninth, worst, rms), study.MASS, strict=True))
     assert float(rows["centre, of the extent"][2].rstrip("%")) / 100 <= study.CENTRE
     assert float(rows["principal moments"][2].rstrip("%")) / 100 <= study.MOMENTS

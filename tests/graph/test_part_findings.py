@@ -181,6 +181,20 @@ def test_other_parameters_are_another_part() -> None:
     )
 
 
+def test_a_length_that_went_through_a_part_is_the_same_length() -> None:
+    """Parts count in millimetres, with 15 digits: the last ones of a length in metres do not come back."""
+    board = box("p:Board", mounts={"seat": t(0, 0, 0.02)}, expectations=(
+        Expectation(mount="seat", text="p:Cap(width=0.187672239581141)", child_mount="foot"),
+    ))
+    for width, same in (("0.18767223958114063", True), ("0.1876722395", False)):
+        cap = box(f"p:Cap(width={width})", mounts={"foot": rx(np.pi)})
+        model = assembly("a", [component("board", "p:Board"), component("cap", cap.text, attach("cap.foot", "board.seat"))])
+        if same:
+            linked(model, board, cap)
+        else:
+            assert "but `cap`" in said(warnings(model, board, cap))[0][1]
+
+
 def test_expectations_that_are_not_asked_for() -> None:
     shown = assembly("a", [component("board", "p:Board")], mounts={"seat": "board.cap_seat"})
     linked(shown, BOARD)  # whoever nests this assembly puts the cap there

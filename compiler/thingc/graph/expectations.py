@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Sequence
 
 from thingc.diagnostics import Code, meant_so
 from thingc.graph.findings import Findings, noted
 from thingc.graph.types import Mate, Occurrence
 from thingc.realize.record import Expectation
+
+_NUMBER = re.compile(r"\d+\.\d+(?:e[+-]?\d+)?|\d+e[+-]?\d+")
 
 
 def check_expectations(
@@ -34,13 +37,18 @@ def check_expectations(
                 continue
             if not there and (owner.index, one.mount) in open_mounts:
                 continue
-            spoken_for = {(e.text, e.child_mount) for e in expected if e.mount == one.mount}
-            strangers = [(o, m) for o, m in there if o.record is None or (o.record.text, m) not in spoken_for]
+            spoken_for = [e for e in expected if e.mount == one.mount]
+            strangers = [(o, m) for o, m in there if not any(_is(o, e) and m == e.child_mount for e in spoken_for)]
             _warn(owner, one, strangers, findings)
 
 
 def _is(other: Occurrence, expected: Expectation) -> bool:
-    return other.record is not None and other.record.text == expected.text
+    return other.record is not None and _rounded(other.record.text) == _rounded(expected.text)
+
+
+def _rounded(definition: str) -> str:
+    """A definition with its numbers to 12 digits: parts count in millimetres, and a length that went through one has another last digit."""
+    return _NUMBER.sub(lambda number: f"{float(number[0]):.12g}", definition)
 
 
 def _warn(owner: Occurrence, one: Expectation, strangers: Sequence[tuple[Occurrence, str]], findings: Findings) -> None:
