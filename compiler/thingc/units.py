@@ -173,13 +173,17 @@ class Quantity:
 
     def __str__(self) -> str:
         """For messages: mm, deg, g and the like, to six digits."""
+        return self.shown(6)
+
+    def shown(self, digits: int) -> str:
+        """In mm, deg, g and the like, to so many digits."""
         if self.dimension == MASS and abs(self.value) >= 1.0:
-            return f"{self.value:.6g} kg"
+            return f"{self.value:.{digits}g} kg"
         for dimension, unit, scale in _SHOWN:
             if dimension == self.dimension:
-                return f"{self.value * scale:.6g} {unit}"
+                return f"{self.value * scale:.{digits}g} {unit}"
         symbol = self.dimension.symbol
-        return f"{self.value:.6g} {symbol}" if symbol else f"{self.value:.6g}"
+        return f"{self.value:.{digits}g} {symbol}" if symbol else f"{self.value:.{digits}g}"
 
 
 _SHOWN = (

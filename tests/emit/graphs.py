@@ -10,6 +10,13 @@ XM430 = "thingc_stock.dynamixel:XM430"
 SCREW = "thingc_stock.fasteners:Screw(length=0.008, size='M2.5-0.45')"
 EFFECTOR = "end_effector(pen_diameter=0.02)"
 CAP = "arm:OmegaCap(diameter=0.02, length=0.03)"
+LABELS = {
+    SCREW: "thingc_stock.fasteners:Screw(length=8 mm, size='M2.5-0.45')",
+    EFFECTOR: "end_effector(pen_diameter=20 mm)",
+    CAP: "arm:OmegaCap(diameter=20 mm, length=30 mm)",
+    "arm:Brace(length=0.12)": "arm:Brace(length=120 mm)",
+}
+"""What people see of a text, where that is something else."""
 
 
 def graph(
@@ -18,7 +25,9 @@ def graph(
     """`definitions` are (text, reference, kind), `edges` (parent, child, component, mounts, joint)."""
     return Hag(
         root=root,
-        definitions=tuple(Definition(text=text, reference=reference, kind=kind) for text, reference, kind in definitions),
+        definitions=tuple(
+            Definition(text=text, label=LABELS.get(text, text), reference=reference, kind=kind) for text, reference, kind in definitions
+        ),
         edges=tuple(
             DefinitionEdge(parent=parent, child=child, component=component, mounts=mounts, joint=joint)
             for parent, child, component, mounts, joint in edges

@@ -61,7 +61,7 @@ def part(
     parameters = {**(defaults or {}), **(values or {})}
     text = definition_text(reference, parameters, dict(defaults or {}))
     kind = "file" if "/" in reference else "code"
-    return PartDefinition(reference=reference, kind=kind, parameters=tuple(sorted(parameters.items())), text=text)
+    return PartDefinition(reference=reference, kind=kind, parameters=tuple(sorted(parameters.items())), text=text, label=text)
 
 
 def record(store: Store, text: str, size: tuple[float, float, float] | None, bom: dict[str, str] | None = None) -> PartRecord:

@@ -61,7 +61,7 @@ def test_boxes_and_labels_lie_apart_and_inside(drawn: Hag) -> None:
     assert match is not None
     left, top = float(match[1]), float(match[2])
     boxes = groups(svg, "box")
-    assert [box.findtext(f"{SVG}title") for box in boxes] == [shown(d.text) for d in drawn.definitions]
+    assert [box.findtext(f"{SVG}title") for box in boxes] == [shown(d.label) for d in drawn.definitions]
     places = []
     for group in [*boxes, *groups(svg, "label")]:
         place = next(rectangle(r) for r in group.iter(f"{SVG}rect"))
@@ -110,7 +110,7 @@ def test_everything_is_said() -> None:
     svg = ET.fromstring(hag.svg(arm()))
     texts = [text.text for text in svg.iter(f"{SVG}text")]
     for words in ("12 definitions, 23 components", "BasePlate", "thingc_stock.dynamixel", "x4", "x10", "screw_0 ... screw_7",
-                  "joint yaw: yaw_seat -> yaw_servo.rotor", "pen_diameter=0.02", "end_effector.yaml", "joint", "frame"):
+                  "joint yaw: yaw_seat -> yaw_servo.rotor", "pen_diameter=20 mm", "end_effector.yaml", "joint", "frame"):
         assert words in texts, words
 
 

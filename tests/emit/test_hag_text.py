@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import pytest
 
-from emit.graphs import NASTY, SCREW, XM430, arm, awkward, graph, walker
+from emit.graphs import LABELS, NASTY, SCREW, XM430, arm, awkward, graph, walker
 from thingc.emit import hag
 from thingc.graph.types import Hag
 from thingc.shown import shown
@@ -77,6 +77,10 @@ def strings(text: str) -> list[str]:
     return [html.unescape(string) for string in plain]
 
 
+def label_of(text: str) -> str:
+    return shown(LABELS.get(text, text))
+
+
 @pytest.mark.parametrize("drawn", [arm(), walker(), awkward()], ids=["arm", "walker", "awkward"])
 def test_dot_has_every_definition_and_every_component(drawn: Hag) -> None:
     text = hag.dot(drawn)
@@ -84,10 +88,10 @@ def test_dot_has_every_definition_and_every_component(drawn: Hag) -> None:
     assert '"' not in outside and outside.count("{") == outside.count("}") == 1, "every string ends where it should"
     found = re.findall(r'^  (n\d+) \[label=("(?:[^"\\]|\\.)*")', text, flags=re.MULTILINE)
     nodes = {name: strings(label)[0] for name, label in found}
-    assert list(nodes.values()) == [shown(d.text) for d in drawn.definitions]
+    assert list(nodes.values()) == [shown(d.label) for d in drawn.definitions]
     edges = re.findall(r'^  (n\d+) -> (n\d+) \[label=("(?:[^"\\]|\\.)*")', text, flags=re.MULTILINE)
     assert [(nodes[a], nodes[b], strings(label)[0]) for a, b, label in edges] == [
-        (shown(e.parent), shown(e.child), "\n".join(filter(None, (e.component, hag.how(e))))) for e in drawn.edges
+        (label_of(e.parent), label_of(e.child), "\n".join(filter(None, (e.component, hag.how(e))))) for e in drawn.edges
     ]
 
 
@@ -110,10 +114,10 @@ def test_mermaid_has_every_definition_and_every_pair(drawn: Hag) -> None:
         match = re.fullmatch(r'  (n\d+)[\[(/]+"([^"]*)"[\])/]+:::(\w+)', line)
         if match:
             nodes[match[1]] = read_mermaid(match[2])
-    assert list(nodes.values()) == [shown(d.text) for d in drawn.definitions]
+    assert list(nodes.values()) == [shown(d.label) for d in drawn.definitions]
     edges = [match for line in lines if (match := re.fullmatch(r'  (n\d+) -->\|"([^"]*)"\| (n\d+)', line))]
     pairs = {(nodes[match[1]], nodes[match[3]]) for match in edges}
-    assert pairs == {(shown(e.parent), shown(e.child)) for e in drawn.edges}
+    assert pairs == {(label_of(e.parent), label_of(e.child)) for e in drawn.edges}
     assert len(edges) == len({(e.parent, e.child) for e in drawn.edges})
     assert len(lines) == 1 + len(nodes) + len(edges) + 4, "every line is understood"
 

@@ -80,7 +80,7 @@ def test_two_definitions_of_one_file_name(store: Store) -> None:
     cap = next(o for o in whole.occurrences if o.path == "hand/cap")
     whole = changed(
         whole, "hand/cap", component=replace(cap.component, definition=other),
-        definition=Definition(text=other.text, reference=other.reference, kind="file"),
+        definition=Definition(text=other.text, label=other.text, reference=other.reference, kind="file"),
     )
     asked = request(whole, store)
     emit(asked)

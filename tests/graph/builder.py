@@ -194,7 +194,7 @@ def kept(store: Store, data: bytes, vertices: int, faces: int, *, closed: bool =
 
 
 def part(text: str, **parameters: Any) -> PartDefinition:
-    return PartDefinition(reference=text.split("(")[0], kind="code", parameters=tuple(sorted(parameters.items())), text=text)
+    return PartDefinition(reference=text.split("(")[0], kind="code", parameters=tuple(sorted(parameters.items())), text=text, label=text)
 
 
 def material(name: str, density: float | None = 1000.0, **said: Any) -> Material:
@@ -349,6 +349,7 @@ def assembly(
         description="",
         parameters=(),
         text=text or name,
+        label=text or name,
         materials={m.name: m for m in materials},
         components=inside,
         joints=tuple(joints),
@@ -390,10 +391,10 @@ def occurrence(
         origin=origin,
     )
     if definition is None:
-        known = Definition(text="frame", reference="frame", kind="frame")
+        known = Definition(text="frame", label="frame", reference="frame", kind="frame")
     else:
         kind = "part" if definition.kind == "code" else "file"
-        known = Definition(text=definition.text, reference=definition.reference, kind=kind)
+        known = Definition(text=definition.text, label=definition.label, reference=definition.reference, kind=kind)
     blank = {
         "color": None,
         "properties": MassProperties(mass=0.0),

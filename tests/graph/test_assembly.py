@@ -54,10 +54,10 @@ def test_the_hag_has_one_node_per_definition_and_labelled_edges() -> None:
     ).hag
     assert found.root == "body"
     assert found.definitions == (
-        Definition(text="body", reference="body.yaml", kind="assembly"),
-        Definition(text="p:Plate", reference="p:Plate", kind="part"),
-        Definition(text="leg", reference="leg.yaml", kind="assembly"),
-        Definition(text="frame", reference="frame", kind="frame"),
+        Definition(text="body", label="body", reference="body.yaml", kind="assembly"),
+        Definition(text="p:Plate", label="p:Plate", reference="p:Plate", kind="part"),
+        Definition(text="leg", label="leg", reference="leg.yaml", kind="assembly"),
+        Definition(text="frame", label="frame", reference="frame", kind="frame"),
     )
 
     def edge(parent: str, child: str, name: str, mounts: str = "", joint: str | None = None) -> DefinitionEdge:

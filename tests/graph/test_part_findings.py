@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -42,46 +44,48 @@ def hand(**exported: str) -> AssemblyDefinition:
         (
             "raised",
             "PART_RAISED",
-            "`pen` (`p:Pen(length=-0.1)`) raised an exception: length must be above 0",
+            "`pen` (`p:Pen(length=-100 mm)`) raised an exception: length must be above 0",
             "change its `params`, or mend the part file",
         ),
         (
             "hung",
             "PART_HUNG",
-            "`pen` (`p:Pen(length=-0.1)`) took too long: length must be above 0",
+            "`pen` (`p:Pen(length=-100 mm)`) took too long: length must be above 0",
             "mend the part, or allow more time with `--part-timeout`",
         ),
         (
             "crashed",
             "PART_CRASHED",
-            "`pen` (`p:Pen(length=-0.1)`) crashed the interpreter: length must be above 0",
+            "`pen` (`p:Pen(length=-100 mm)`) crashed the interpreter: length must be above 0",
             "change its `params`, or what the part asks of the CAD kernel",
         ),
         (
             "empty",
             "PART_EMPTY",
-            "`pen` (`p:Pen(length=-0.1)`) has no volume: length must be above 0",
+            "`pen` (`p:Pen(length=-100 mm)`) has no volume: length must be above 0",
             "let `result()` return a solid, or None for a part without geometry",
         ),
         (
             "refused",
             "PART_REFUSED",
-            "`pen` (`p:Pen(length=-0.1)`) is refused: length must be above 0",
+            "`pen` (`p:Pen(length=-100 mm)`) is refused: length must be above 0",
             "take a part from the workspace's `parts` folders or its `packages`",
         ),
         (
             "missing",
             "PART_MISSING",
-            "`pen` (`p:Pen(length=-0.1)`) is not there: length must be above 0",
+            "`pen` (`p:Pen(length=-100 mm)`) is not there: length must be above 0",
             "write `module:Class` with a module on the part path and a class in it",
         ),
-        ("invalid", "PART_INVALID", "`pen` (`p:Pen(length=-0.1)`) is not valid: length must be above 0", "mend the part file"),
+        ("invalid", "PART_INVALID", "`pen` (`p:Pen(length=-100 mm)`) is not valid: length must be above 0", "mend the part file"),
     ],
 )
 def test_a_part_that_failed_is_said_once(kind: str, code: str, words: str, help: str) -> None:
     from graph.builder import part
 
-    pen = part("p:Pen(length=-0.1)", length=-0.1, diameter=0.015)
+    pen = replace(
+        part("p:Pen(length=-0.1)", length=-0.1, diameter=0.015), label="p:Pen(length=-100 mm)", words=("15 mm", "-100 mm")
+    )
     inner = assembly("hand", [component("pen", pen, line=41)])
     model = assembly(
         "a",
@@ -106,7 +110,7 @@ def test_a_part_that_failed_is_said_once(kind: str, code: str, words: str, help:
     assert notes(report) == [
         ("`spare` is one, too", "/robots/robot.yaml", 6),
         ("`pen` is one, too", "/robots/robot.yaml", 41),
-        ("its parameters, in SI: diameter=0.015, length=-0.1", None, None),
+        ("its parameters: diameter=15 mm, length=-100 mm", None, None),
         ("in the part file, here", "/robots/parts/p.py", 31),
     ]
     assert report.diagnostics[0].detail == "Traceback ..."
@@ -131,7 +135,7 @@ def test_warnings_of_a_part_are_said_once() -> None:
 BOARD = box(
     "p:Board",
     mounts={"cap_seat": t(0, 0, 0.02), "foot": rx(np.pi)},
-    expectations=(Expectation(mount="cap_seat", text="p:Cap", child_mount="foot"),),
+    expectations=(Expectation(mount="cap_seat", text="p:Cap", label="p:Cap", child_mount="foot"),),
 )
 
 

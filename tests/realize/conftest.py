@@ -56,13 +56,13 @@ def part(reference: str, **parameters: Value) -> PartDefinition:
     """A definition by hand: parameters in SI."""
     return PartDefinition(
         reference=reference, kind="code", parameters=tuple(sorted(parameters.items())),
-        text=definition_text(reference, parameters, {}),
+        text=definition_text(reference, parameters, {}), label=reference,
     )
 
 
 def file_part(path: str) -> PartDefinition:
     """A `file:` part."""
-    return PartDefinition(reference=path, kind="file", parameters=(), text=path)
+    return PartDefinition(reference=path, kind="file", parameters=(), text=path, label=path)
 
 
 @pytest.fixture(scope="session")

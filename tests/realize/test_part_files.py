@@ -22,7 +22,7 @@ METRES = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.30
 def filed(name: str, unit: str | None) -> PartDefinition:
     given = {} if unit is None else {"unit": unit}
     return PartDefinition(
-        reference=name, kind="file", parameters=tuple(given.items()), text=definition_text(name, dict(given), {}),
+        reference=name, kind="file", parameters=tuple(given.items()), text=definition_text(name, dict(given), {}), label=name,
     )
 
 

@@ -53,12 +53,12 @@ workspace = Workspace(
 )
 def block(width):
     text = f"parts_:Block(width={width})"
-    return PartDefinition(reference="parts_:Block", kind="code", parameters=(("width", width),), text=text)
+    return PartDefinition(reference="parts_:Block", kind="code", parameters=(("width", width),), text=text, label=text)
 with GeometryService(workspace, Store(store), 2, 60.0) as service:
     if command == "hang":
         service.warm()
         print("started", flush=True)
-        slow = PartDefinition(reference="parts_:Slow", kind="code", parameters=(), text="parts_:Slow")
+        slow = PartDefinition(reference="parts_:Slow", kind="code", parameters=(), text="parts_:Slow", label="parts_:Slow")
         service.realize([slow, slow])
     schemas = service.describe(["parts_:Block"])
     found = service.realize([block(0.01 + k / 1000) for k in range(6)])

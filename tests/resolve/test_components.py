@@ -78,6 +78,10 @@ def test_everything_a_component_says(tmp_path: Path) -> None:
         "arm:Brace(fill=0.5, holes=6, label='12 mm', length=0.025, open=True, scale=3.0, size='M2', teeth=16, "
         "tilt=1.5707963267948966, weight=0.005)"
     )
+    assert brace.definition.label == (
+        "arm:Brace(fill=50 %, holes=6, label='12 mm', length=25 mm, open=true, scale=3, size='M2', teeth=16, tilt=90 deg, weight=5 g)"
+    )
+    assert brace.definition.words == ("50 %", "6", "12 mm", "25 mm", "true", "3", "M2", "16", "90 deg", "5 g")
     placement = brace.placement
     assert isinstance(placement, Attach)
     assert (placement.mount.text, placement.to.text) == ("brace.back", "plate.seat")
@@ -100,6 +104,19 @@ def test_everything_a_component_says(tmp_path: Path) -> None:
     assert isinstance(board.placement, At) and board.placement.to.text == "brace.shaft"
     assert board.placement.pose.translation == (0.001, 0.002, 0.003)
     assert board.placement.pose.rotation == ((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0))  # +90 deg about y
+
+
+def test_a_label_is_short_where_a_sum_is_not(tmp_path: Path) -> None:
+    document = """
+        thingc: assembly/1
+        name: arm
+        components:
+          brace: {part: arm:Brace, params: {length: =0.1 m + 0.2 m, tilt: =1 deg / 3, weight: 1.5 kg}}
+    """
+    brace = run(tmp_path, {"arm.yaml": document}).component("brace").definition
+    assert isinstance(brace, PartDefinition)
+    assert "length=0.30000000000000004, " in brace.text
+    assert brace.label == "arm:Brace(length=300 mm, tilt=0.333333 deg, weight=1.5 kg)"
 
 
 def test_materials(tmp_path: Path) -> None:
@@ -176,7 +193,9 @@ def test_file_parts(tmp_path: Path) -> None:
           b: {file: ../robots/../cad/motor.STEP, attach: {shaft: a.shaft}, mounts: {shaft: {}}}
         """})
     definitions = part_definitions(outcome.good)
-    assert definitions == (PartDefinition(reference="cad/motor.STEP", kind="file", parameters=(), text="cad/motor.STEP"),)
+    assert definitions == (
+        PartDefinition(reference="cad/motor.STEP", kind="file", parameters=(), text="cad/motor.STEP", label="cad/motor.STEP"),
+    )
 
 
 def test_a_file_part_that_load_has_refused_says_nothing_more(tmp_path: Path) -> None:

@@ -56,6 +56,7 @@ def test_the_command_line_reads_values_as_the_document_does(tmp_path: Path) -> N
     assert outcome.good.text == (
         "arm(half=0.06, label='5 apples', legs=8, open=True, reach=0.12, third=0.04, tilt=0.6981317007977318)"
     )
+    assert outcome.good.label == "arm(half=60 mm, label='5 apples', legs=8, open=true, reach=120 mm, third=40 mm, tilt=40 deg)"
 
 
 def test_an_expression_of_the_command_line_may_use_parameters(tmp_path: Path) -> None:

@@ -51,7 +51,7 @@ workspace = Workspace(
 )
 def block(width):
     text = f"blocks:{part}(width={width})"
-    return PartDefinition(reference=f"blocks:{part}", kind="code", parameters=(("width", width),), text=text)
+    return PartDefinition(reference=f"blocks:{part}", kind="code", parameters=(("width", width),), text=text, label=text)
 step = 1 if int(first) <= int(last) else -1
 with GeometryService(workspace, Store(store), 1, 60.0) as service:
     service.warm()
@@ -135,7 +135,7 @@ def _key_under_way(folder: Path) -> str:
         mesh=DEFAULT_MESH, simulation=DEFAULT_SIMULATION,
     )
     definition = PartDefinition(
-        reference="blocks:Endless", kind="code", parameters=(("width", 0.01),), text="blocks:Endless(width=0.01)",
+        reference="blocks:Endless", kind="code", parameters=(("width", 0.01),), text="blocks:Endless(width=0.01)", label="blocks:Endless",
     )
     with GeometryService(workspace, Store(str(folder / "store")), 1, 60.0) as service:
         prepared = service._prepare(definition)

@@ -107,7 +107,7 @@ def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
     ]
     rows = [("occurrence", "definition", "mass", "from", "link")]
     rows += [
-        (o.path, o.definition.text, _grams(o.properties.mass), _source(o) if o.properties.mass else "-",
+        (o.path, o.definition.label, _grams(o.properties.mass), _source(o) if o.properties.mass else "-",
          assembly.links[assembly.link_of[o.index]].name)
         for o in assembly.occurrences
     ]

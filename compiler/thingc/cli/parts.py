@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 import os
 import sys
 from collections.abc import Iterable
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from thingc.cli import common
 from thingc.diagnostics import Code, Diagnostic, Report, Severity
-from thingc.realize.record import NO_PARTS, ParameterSchema, PartFailure, PartRecord, PartSchema, Value
+from thingc.realize.record import NO_PARTS, ParameterSchema, PartFailure, PartRecord, PartSchema
 from thingc.slips import did_you_mean
 from thingc.source import Span
 
@@ -147,28 +146,15 @@ def _as_text(schema: PartSchema, record: PartRecord | None) -> list[str]:
 
 def _kind(p: ParameterSchema) -> str:
     kind = " | ".join(str(c) for c in p.choices) if p.choices else p.kind
-    return f"{kind}, required" if p.required else f"{kind} = {_shown(p.kind, p.default)}"
+    return f"{kind}, required" if p.default is None else f"{kind} = {p.shown(p.default)}"
 
 
 def _range(p: ParameterSchema) -> str:
     if p.minimum is None and p.maximum is None:
         return ""
-    low = "" if p.minimum is None else f"from {_shown(p.kind, p.minimum)}"
-    high = "" if p.maximum is None else f"to {_shown(p.kind, p.maximum)}"
+    low = "" if p.minimum is None else f"from {p.shown(p.minimum)}"
+    high = "" if p.maximum is None else f"to {p.shown(p.maximum)}"
     return f" ({' '.join(word for word in (low, high) if word)})"
-
-
-def _shown(kind: str, value: Value | None) -> str:
-    """A canonical value as a document would have it."""
-    if isinstance(value, float):
-        if kind == "length":
-            return f"{value * 1000.0:.12g} mm"
-        if kind == "angle":
-            return f"{math.degrees(value):.12g} deg"
-        if kind == "mass":
-            return f"{value:.12g} kg"
-        return f"{value:.12g}"
-    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _runs(names: Iterable[str]) -> list[str]:

@@ -65,7 +65,7 @@ def _reason(compilation: Compilation, wanted: str) -> None:
         common.say(f"{path} is a frame: there is nothing to model")
         return
     decision = compilation.decisions[text]
-    common.say(f"{path} is {text}", f"{'reused' if decision.reused else 'modelled'}: {decision.reason}")
+    common.say(f"{path} is {occurrence.definition.label}", f"{'reused' if decision.reused else 'modelled'}: {decision.reason}")
     users = [o.path for o in assembly.occurrences if o.definition.text == text]
     if len(users) > 1:
         common.say(f"shared by {', '.join(users)}")

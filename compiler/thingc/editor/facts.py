@@ -15,7 +15,7 @@ from thingc.joints import KINDS
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema
 from thingc.resolve.model import AssemblyDefinition, Component, Joint
 from thingc.source import MappingNode, Node, ScalarNode
-from thingc.units import ANGLE, Quantity
+from thingc.units import ANGLE, LENGTH, Quantity
 
 ORIGIN = "origin"
 MAX_NAMES = 2000
@@ -28,7 +28,7 @@ Records = Mapping[str, PartRecord | PartFailure]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Piece:
-    """A component as it is written (a repeated one once): `text` and `what` say what it is, shortly and in words; its mounts by
+    """A component as it is written (a repeated one once): `label` and `what` say what it is, shortly and in words; its mounts by
     name.
 
     `pattern` fits the names of all its items; `sure`: there are no other mounts; `source` is the key and the value that say
@@ -39,7 +39,7 @@ class Piece:
     items: tuple[str, ...]
     pattern: str
     source: tuple[str, str] | None
-    text: str
+    label: str
     what: str
     mounts: Names
     sure: bool
@@ -171,24 +171,24 @@ def _piece(
     for extra in _entries(node, "mounts") if isinstance(node, MappingNode) else {}:
         mounts.setdefault(extra, f"Added to `{name}` by this document.")
     schema = schemas.get(source[1]) if source is not None and source[0] == "part" else None
-    text = _definition_text(source, made)
+    label = _label(source, made)
     return Piece(
-        name=name, items=items, pattern=rf"{name}_\d+" if repeated else name, source=source, text=text,
-        what=_what(text, source, made, schema),
+        name=name, items=items, pattern=rf"{name}_\d+" if repeated else name, source=source, label=label,
+        what=_what(label, source, made, schema),
         mounts=_first(mounts), sure=sure, assembly=source is not None and source[0] == "assembly",
         actuator=isinstance(schema, PartSchema) and schema.actuator,
     )
 
 
-def _definition_text(source: tuple[str, str] | None, made: tuple[Component, ...]) -> str:
+def _label(source: tuple[str, str] | None, made: tuple[Component, ...]) -> str:
     if source is None:
         return "a frame" if made and made[0].frame else "a component"
     definition = made[0].definition if made else None
-    return definition.text if isinstance(definition, PartDefinition) else source[1]
+    return definition.label if isinstance(definition, PartDefinition) else source[1]
 
 
 def _what(
-    text: str, source: tuple[str, str] | None, made: tuple[Component, ...], schema: PartSchema | PartFailure | None,
+    label: str, source: tuple[str, str] | None, made: tuple[Component, ...], schema: PartSchema | PartFailure | None,
 ) -> str:
     if source is None:
         return "A frame: a component without geometry." if made and made[0].frame else "A component."
@@ -196,7 +196,7 @@ def _what(
     doc = schema.doc.strip().partition("\n")[0] if isinstance(schema, PartSchema) else ""
     if isinstance(definition, AssemblyDefinition):
         doc = " ".join(definition.description.split())
-    return f"`{text}`" + (f": {doc}" if doc else "")
+    return f"`{label}`" + (f": {doc}" if doc else "")
 
 
 def _exact(component: Component, records: Records) -> bool:
@@ -213,7 +213,7 @@ def _mounts_of(component: Component, records: Records) -> Names | None:
         record = records.get(definition.text)
         if not isinstance(record, PartRecord):
             return None
-        found = {name: _of_mount(definition.text, mount.interface) for name, mount in sorted(record.mounts.items())}
+        found = {name: _of_mount(definition.label, mount.interface) for name, mount in sorted(record.mounts.items())}
     elif definition is not None:
         if not definition.whole:
             return None
@@ -233,8 +233,8 @@ def usual_mounts(record: PartRecord) -> Names:
     return {name: _of_mount(record.text, mount.interface) for name, mount in sorted(record.mounts.items())}
 
 
-def _of_mount(text: str, interface: str | None) -> str:
-    return f"A mount of `{text}`" + (f", interface `{interface}`." if interface else ".")
+def _of_mount(label: str, interface: str | None) -> str:
+    return f"A mount of `{label}`" + (f", interface `{interface}`." if interface else ".")
 
 
 def _inner_components(model: AssemblyDefinition, prefix: str) -> Names:
@@ -243,8 +243,8 @@ def _inner_components(model: AssemblyDefinition, prefix: str) -> Names:
         definition = component.definition
         if isinstance(definition, AssemblyDefinition):
             for inner in definition.components:
-                text = inner.definition.text if inner.definition is not None else "a frame"
-                found[f"{prefix}{component.name}.{inner.name}"] = f"`{text}` in `{definition.document}`."
+                label = inner.definition.label if inner.definition is not None else "a frame"
+                found[f"{prefix}{component.name}.{inner.name}"] = f"`{label}` in `{definition.document}`."
             found.update(_inner_components(definition, f"{prefix}{component.name}."))
     return found
 
@@ -275,7 +275,7 @@ def _joint(joint: Joint, *, own: bool) -> JointFacts:
     coordinate = KINDS[joint.kind].coordinate if joint.kind in KINDS else None
     angle = None if coordinate is None else coordinate == ANGLE
     low, high = (
-        None if bound is None else values.shown("angle" if angle else "length", bound) for bound in (joint.limit.lower, joint.limit.upper)
+        None if bound is None else Quantity(bound, coordinate or LENGTH).shown(12) for bound in (joint.limit.lower, joint.limit.upper)
     )
     limits = values.within(low, high)
     what = f"{joint.kind.capitalize()}, from `{joint.parent.text}` to `{joint.child.text}`"

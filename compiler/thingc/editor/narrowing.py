@@ -151,7 +151,7 @@ class _Narrowing:
             names = f"({'|'.join(piece.pattern for piece in pieces)})"
             # Inside a nested assembly anything may be named, `hand.cap.pen`; a part has one level only.
             other = rf"^(?!{names}\.[^.]*$)" if assembly else rf"^(?!{names}\.)"
-            shown = f"`{pieces[0].name}` ({pieces[0].text})" if len(pieces) == 1 else f"`{pieces[0].text}`"
+            shown = f"`{pieces[0].name}` ({pieces[0].label})" if len(pieces) == 1 else f"`{pieces[0].label}`"
             yield {
                 "pattern": rf"{other}|^{names}\.({'|'.join(own)})$|{OPEN}",
                 "patternErrorMessage": f"{shown} has no such mount; it has {values.listed(own)}",
@@ -235,7 +235,7 @@ class _Narrowing:
         if piece.source is None or not piece.sure:
             return _ref("ComponentSpec")
         key, text = piece.source
-        name = f"{piece.text} here"
+        name = f"{piece.label} here"
         own = {**self._attach(piece.mounts, sure=True)}
         if self.definitions.setdefault(name, own) != own:  # other mounts are added to it
             name = f"{piece.name} here"

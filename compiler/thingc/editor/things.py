@@ -8,8 +8,8 @@ from typing import Any
 
 from thingc.editor import values
 from thingc.editor.values import Schema
-from thingc.realize.record import WHOLE, ParameterSchema, PartSchema
-from thingc.units import Quantity
+from thingc.realize.record import DIMENSIONS, WHOLE, ParameterSchema, PartSchema
+from thingc.units import NUMBER, Quantity
 
 _KINDS = {
     "length": "a length", "angle": "an angle", "mass": "a mass", "ratio": "a number or a percentage", "number": "a number",
@@ -55,7 +55,7 @@ def _parameter(one: ParameterSchema, own: Mapping[str, Quantity]) -> Schema:
     schema = _value(one)
     examples: list[Any] = [] if one.default is None else [_plain(one)]
     if one.kind not in ("flag", "text", "choice"):
-        examples += values.fitting(own, values.dimension_of(one.kind))
+        examples += values.fitting(own, DIMENSIONS.get(one.kind, NUMBER))
     schema["title"] = one.name
     schema["description"] = _description(one)
     if examples:
@@ -76,8 +76,9 @@ def _value(one: ParameterSchema) -> Schema:
         ]}
     if one.kind == "ratio":
         return values.ratio()
-    if one.kind in values.DIMENSIONS:
-        return values.quantity(values.DIMENSIONS[one.kind])
+    dimension = DIMENSIONS.get(one.kind, NUMBER)
+    if dimension != NUMBER:
+        return values.quantity(dimension)
     return values.number(one.kind, one.minimum, one.maximum)
 
 
@@ -93,7 +94,7 @@ def _plain(one: ParameterSchema) -> Any:
     default = one.default
     if isinstance(default, (bool, str)) or one.kind in ("number", *WHOLE):
         return default
-    return values.shown(one.kind, default) if default is not None else None
+    return one.shown(default) if default is not None else None
 
 
 def _description(one: ParameterSchema) -> str:
@@ -102,14 +103,15 @@ def _description(one: ParameterSchema) -> str:
     if doc:
         doc = doc[0].upper() + doc[1:] + ("" if doc.endswith((".", "!", "?")) else ".") + " "
     kind = _KINDS.get(one.kind, one.kind)
-    if one.kind in values.DIMENSIONS:
-        kind += f" such as `{values.DIMENSIONS[one.kind].example}`"
+    dimension = DIMENSIONS.get(one.kind, NUMBER)
+    if dimension != NUMBER:
+        kind += f" such as `{dimension.example}`"
     if one.kind == "choice":
-        kind = "one of " + values.listed([values.shown(one.kind, choice) for choice in one.choices], limit=20)
-    low = None if one.minimum is None else values.shown(one.kind, one.minimum)
-    high = None if one.maximum is None else values.shown(one.kind, one.maximum)
+        kind = "one of " + values.listed([one.shown(choice) for choice in one.choices], limit=20)
+    low = None if one.minimum is None else one.shown(one.minimum)
+    high = None if one.maximum is None else one.shown(one.maximum)
     limits = values.within(low, high)
     text = f"{doc}{kind[0].upper()}{kind[1:]}" + (f", {limits}" if limits else "")
     if one.required:
         return f"{text}; required."
-    return f"{text}; `{values.shown(one.kind, one.default)}` unless set." if one.default is not None else f"{text}."
+    return f"{text}; `{one.shown(one.default)}` unless set." if one.default is not None else f"{text}."

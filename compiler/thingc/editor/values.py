@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from thingc.realize.record import WHOLE, Value
-from thingc.units import ANGLE, LENGTH, MASS, NUMBER, UNITS, Dimension, Quantity, UnitError, fits, parse_quantity
+from thingc.units import UNITS, Dimension, Quantity, UnitError, fits, parse_quantity
 
 Schema = dict[str, Any]
-
-DIMENSIONS: Mapping[str, Dimension] = {"length": LENGTH, "angle": ANGLE, "mass": MASS}
-"""Of the kinds of part parameters that are written with a unit."""
 
 _NUMBER = r"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?"
 _ZERO = r"[-+]?0+(\.0*)?"
@@ -22,8 +18,6 @@ EXPRESSION = r"^\s*="
 
 MAX_BRANCHES = 300
 """Names of one place that a language server has to try one by one."""
-
-_SHOWN_IN = {"length": ("mm", 1000.0), "angle": ("deg", 180.0 / math.pi), "mass": ("g", 1000.0)}
 
 
 def quantity(dimension: Dimension) -> Schema:
@@ -78,20 +72,6 @@ def listed(names: Sequence[str], limit: int = 12) -> str:
     return shown + (f" and {len(names) - limit} more" if len(names) > limit else "")
 
 
-def shown(kind: str, value: Value) -> str:
-    """A canonical value as a document would have it: `100 mm`, `30 deg`, `82 g`, `15 %`."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return value
-    if kind == "ratio":
-        return f"{value * 100.0:.12g} %"
-    if kind in _SHOWN_IN:
-        unit, scale = _SHOWN_IN[kind]
-        return f"{value * scale:.12g} {unit}"
-    return f"{value:.12g}"
-
-
 def within(low: str | None, high: str | None) -> str:
     """A range in words: `60 mm to 200 mm`, `at least 0`; empty without bounds."""
     if low is not None and high is not None:
@@ -111,7 +91,3 @@ def fitting(parameters: Mapping[str, Quantity], dimension: Dimension) -> list[st
     """`=name` of the document's parameters that can stand where a dimension is wanted."""
     return [f"={name}" for name, value in parameters.items() if fits(value.dimension, dimension)]
 
-
-def dimension_of(kind: str) -> Dimension:
-    """Of a part parameter's kind; numbers, ratios and counts have none."""
-    return DIMENSIONS.get(kind, NUMBER)

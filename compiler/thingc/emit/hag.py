@@ -79,6 +79,7 @@ def text(hag: Hag) -> str:
     A nested assembly that is used again is not unrolled again; what a `repeat` made is one line.
     """
     below = _children(hag)
+    labels = {definition.text: shown(definition.label) for definition in hag.definitions}
     rows: list[tuple[str, str, str]] = []
     unrolled: set[str] = set()
 
@@ -89,20 +90,20 @@ def text(hag: Hag) -> str:
             last = position == len(groups) - 1
             again = child in unrolled and bool(below.get(child))
             branch = "└── " if last else "├── "
-            rows.append((stem + branch + component, shown(child) + (" (as above)" if again else ""), placed))
+            rows.append((stem + branch + component, labels[child] + (" (as above)" if again else ""), placed))
             if not again:
                 grow(child, stem + ("    " if last else "│   "))
 
     grow(hag.root, "")
     counted = quantities(hag)
     widths = [max((len(row[column]) for row in rows), default=0) for column in (0, 1)]
-    lines = [shown(hag.root)]
+    lines = [labels[hag.root]]
     lines += [f"{name:<{widths[0]}}  {definition:<{widths[1]}}  {placed}".rstrip() for name, definition, placed in rows]
     used = [definition for definition in hag.definitions if definition.text != hag.root]
     if used:
         digits = max(len(str(counted[definition.text])) for definition in used)
         lines += ["", f"{total(hag)}:"]
-        lines += [f"  {counted[d.text]:>{digits}} x {shown(d.text)}" + (f" ({d.kind})" if d.kind != "part" else "") for d in used]
+        lines += [f"  {counted[d.text]:>{digits}} x {labels[d.text]}" + (f" ({d.kind})" if d.kind != "part" else "") for d in used]
     return "\n".join(lines) + "\n"
 
 
@@ -122,13 +123,13 @@ def dot(hag: Hag) -> str:
     }
     names = _names(hag)
     lines = [
-        f"digraph {_dot_quoted(hag.root)} {{",
+        f"digraph {_dot_quoted(hag.label)} {{",
         "  rankdir=LR;",
         '  node [fontname="monospace" fontsize=11];',
         '  edge [fontname="monospace" fontsize=9 color="#6b7280"];',
     ]
     for definition in hag.definitions:
-        lines.append(f"  {names[definition.text]} [label={_dot_quoted(definition.text)} {style[definition.kind]}];")
+        lines.append(f"  {names[definition.text]} [label={_dot_quoted(definition.label)} {style[definition.kind]}];")
     for edge in hag.edges:
         label = _dot_quoted(*(line for line in (edge.component, how(edge)) if line))
         color = ' color="#c2410c"' if edge.joint is not None else ""
@@ -143,7 +144,7 @@ def mermaid(hag: Hag) -> str:
     lines = ["flowchart LR"]
     for definition in hag.definitions:
         opening, closing = shapes[definition.kind]
-        lines.append(f"  {names[definition.text]}{opening}{_mermaid_escaped(definition.text)}{closing}:::{definition.kind}")
+        lines.append(f"  {names[definition.text]}{opening}{_mermaid_escaped(definition.label)}{closing}:::{definition.kind}")
     for bundle in bundles(hag):
         label = "<br/>".join(
             ": ".join(_mermaid_escaped(part) for part in (name, placed) if part) for name, placed in entries(bundle.edges)
@@ -221,8 +222,8 @@ def _mermaid_escaped(text: str) -> str:
 
 
 def short(definition: Definition) -> tuple[str, str, str]:
-    """`(name, where, parameters)` of a definition, for a box: `("RotorBrace", "arm", "length=0.1")`."""
-    text = shown(definition.text).removesuffix(f" [{shown(definition.reference)}]")
+    """`(name, where, parameters)` of a definition, for a box: `("RotorBrace", "arm", "length=100 mm")`."""
+    text = shown(definition.label).removesuffix(f" [{shown(definition.reference)}]")
     head, opening, rest = text.partition("(") if definition.kind != "file" else (text, "", "")
     parameters = rest[:-1] if opening and rest.endswith(")") else rest
     if definition.kind == "part" and ":" in head:

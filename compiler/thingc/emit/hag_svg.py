@@ -57,7 +57,7 @@ def picture(hag: Hag) -> str:
 
 
 def _canvas(hag: Hag, drawing: Drawing) -> ET.Element:
-    width = max(drawing.width, 8.0 * LONGEST, _width(shown(hag.root), 16.0)) + 2.0 * MARGIN
+    width = max(drawing.width, 8.0 * LONGEST, _width(shown(hag.label), 16.0)) + 2.0 * MARGIN
     height = drawing.height + HEAD + MARGIN
     svg = ET.Element(
         "svg",
@@ -71,9 +71,9 @@ def _canvas(hag: Hag, drawing: Drawing) -> ET.Element:
             "fill": INK,
         },
     )
-    ET.SubElement(svg, "title").text = f"{shown(hag.root)}: hierarchical assembly graph"
+    ET.SubElement(svg, "title").text = f"{shown(hag.label)}: hierarchical assembly graph"
     ET.SubElement(svg, "rect", {"width": "100%", "height": "100%", "fill": "#ffffff"})
-    _text(svg, MARGIN, 26.0, shown(hag.root), {"font-size": "16", "font-weight": "bold"})
+    _text(svg, MARGIN, 26.0, shown(hag.label), {"font-size": "16", "font-weight": "bold"})
     _text(svg, MARGIN, 43.0, total(hag), {"fill": MUTED})
     used = [kind for kind in KINDS if any(definition.kind == kind for definition in hag.definitions)]
     x = MARGIN + _width(total(hag), 11.0) + 22.0
@@ -179,7 +179,7 @@ def _draw_label(board: ET.Element, strand: Bundle, place: Rectangle, words: Sequ
 
 def _draw_box(board: ET.Element, definition: Definition, place: Rectangle, lines: Sequence[str], count: int) -> None:
     group = ET.SubElement(board, "g", {"class": f"box {definition.kind}"})
-    ET.SubElement(group, "title").text = shown(definition.text)
+    ET.SubElement(group, "title").text = shown(definition.label)
     ET.SubElement(group, "rect", _rectangle(place) | _box_style(definition.kind) | {"rx": "7"})
     for row, line in enumerate(lines):
         style = {"font-size": "13", "font-weight": "bold"} if row == 0 else {"fill": MUTED}

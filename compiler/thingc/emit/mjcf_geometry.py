@@ -144,7 +144,7 @@ class _Collector:
             elif piece.faces > STL_FACES:
                 self.report.add(
                     Code.MESH_TOO_LARGE,
-                    f"`{occurrence.path}` ({occurrence.definition.text}) has a collision mesh of {piece.faces} faces, and MuJoCo "
+                    f"`{occurrence.path}` ({occurrence.definition.label}) has a collision mesh of {piece.faces} faces, and MuJoCo "
                     f"reads at most {STL_FACES}",
                     occurrence.origin,
                     path=occurrence.path,
@@ -163,11 +163,11 @@ class _Collector:
         if owner.definition != occurrence.definition:
             self.report.add(
                 Code.SAME_FILE,
-                f"`{occurrence.definition.text}` and `{owner.definition.text}` would both be written as `mjcf/assets/{stem}.obj`",
+                f"`{occurrence.definition.label}` and `{owner.definition.label}` would both be written as `mjcf/assets/{stem}.obj`",
                 occurrence.origin,
                 path=occurrence.path,
                 help="rename one of the two files",
-                notes=[Note(message=f"`{owner.definition.text}` is used here", span=next(iter(owner.origin), None))],
+                notes=[Note(message=f"`{owner.definition.label}` is used here", span=next(iter(owner.origin), None))],
             )
             return None
         self.meshes.setdefault(name, MeshAsset(
@@ -183,7 +183,7 @@ class _Collector:
         choice = occurrence.overrides.collision
         self.report.add(
             Code.COLLISION_MISSING,
-            f"`{occurrence.path}` ({occurrence.definition.text}) asks for `collision: {choice}`, but {why}",
+            f"`{occurrence.path}` ({occurrence.definition.label}) asks for `collision: {choice}`, but {why}",
             occurrence.origin,
             path=occurrence.path,
             help="write `collision: hull`, or `none` if it shall touch nothing",

@@ -30,7 +30,7 @@ def emit(request: EmitRequest) -> Artifacts:
                     target="step",
                     mode=None,
                     path=occurrence.path,
-                    what=f"`{occurrence.definition.text}` is a mesh without exact surfaces",
+                    what=f"`{occurrence.definition.label}` is a mesh without exact surfaces",
                     how="omitted",
                     span=occurrence.origin[0],
                 )

@@ -32,11 +32,11 @@ def emit(request: EmitRequest) -> Artifacts:
             if owner.definition != occurrence.definition:
                 request.report.add(
                     Code.SAME_FILE,
-                    f"`{occurrence.definition.text}` and `{owner.definition.text}` would both be written as `{path}`",
+                    f"`{occurrence.definition.label}` and `{owner.definition.label}` would both be written as `{path}`",
                     occurrence.origin,
                     path=occurrence.path,
                     help="rename one of the two files",
-                    notes=[Note(message=f"`{owner.definition.text}` is used here", span=owner.origin[0])],
+                    notes=[Note(message=f"`{owner.definition.label}` is used here", span=owner.origin[0])],
                 )
             continue
         files[path] = Stored(sha256=mesh.sha256, size=mesh.size)
@@ -46,7 +46,7 @@ def emit(request: EmitRequest) -> Artifacts:
                     target="stl",
                     mode=None,
                     path=occurrence.path,
-                    what=f"the surface of `{occurrence.definition.text}` is not closed, so it encloses no volume to print",
+                    what=f"the surface of `{occurrence.definition.label}` is not closed, so it encloses no volume to print",
                     how="approximated",
                     span=occurrence.origin[0],
                 )

@@ -84,7 +84,7 @@ def _written(tree: Tree, instance: Instance, drive: Drive) -> tuple[Note, ...]:
     named = tree.component(instance, drive.component) if drive.component is not None else None
     if named is None or named.leaf is None or named.leaf.record is None:
         return ()
-    return written_at(f"`{named.leaf.definition.text}`", named.leaf.record.code)
+    return written_at(f"`{named.leaf.definition.label}`", named.leaf.record.code)
 
 
 def _over(drive: Drive, actuator: Actuator) -> Drive:
@@ -111,14 +111,14 @@ def _no_actuator(
     ]
     notes: tuple[Note, ...] = ()
     if named.assembly is not None:
-        what = f" (`{named.assembly.text}`), which is an assembly"
+        what = f" (`{named.assembly.label}`), which is an assembly"
         able.extend(
             f"{text}.{name}" for name, child in named.children.items()
             if child.leaf is not None and child.leaf.record is not None and child.leaf.record.actuator is not None
         )
     elif named.leaf is not None and named.leaf.record is not None:
-        what = f" (`{named.leaf.definition.text}`), which declares no actuator"
-        notes = written_at(f"`{named.leaf.definition.text}`", named.leaf.record.code)
+        what = f" (`{named.leaf.definition.label}`), which declares no actuator"
+        notes = written_at(f"`{named.leaf.definition.label}`", named.leaf.record.code)
     else:
         what = ", which is a frame"
     findings.error(

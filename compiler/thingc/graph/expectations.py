@@ -53,8 +53,8 @@ def _rounded(definition: str) -> str:
 
 def _warn(owner: Occurrence, one: Expectation, strangers: Sequence[tuple[Occurrence, str]], findings: Findings) -> None:
     name = owner.component.name
-    cut = f"`{name}.{one.mount}` was cut for `{one.text}`"
-    help = f"put `{one.text}` there by its mount `{one.child_mount}`; {meant_so(Code.EXPECTATION)}"
+    cut = f"`{name}.{one.mount}` was cut for `{one.label}`"
+    help = f"put `{one.label}` there by its mount `{one.child_mount}`; {meant_so(Code.EXPECTATION)}"
     if not strangers:
         findings.warn(Code.EXPECTATION, f"{cut}, and nothing sits there", owner.origin, path=owner.path, help=help)
         return
@@ -62,6 +62,6 @@ def _warn(owner: Occurrence, one: Expectation, strangers: Sequence[tuple[Occurre
     if _is(other, one):
         message = f"{cut} by its mount `{one.child_mount}`, but `{other.component.name}` sits there by `{mount}`"
     else:
-        message = f"{cut}, but `{other.component.name}` (`{other.definition.text}`) sits there"
+        message = f"{cut}, but `{other.component.name}` (`{other.definition.label}`) sits there"
     notes = noted(f"`{name}` is here", owner.origin)
     findings.warn(Code.EXPECTATION, message, other.origin, path=other.path, help=help, notes=notes)

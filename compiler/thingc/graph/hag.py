@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from thingc.graph.leaves import FRAME
 from thingc.graph.types import Definition, DefinitionEdge, Hag
 from thingc.realize.record import PartDefinition
@@ -12,65 +14,51 @@ def hag_of(model: AssemblyDefinition) -> Hag:
     """The graph of `model`: equal definitions are one node, in the order first met, the top first (depth first)."""
     names = _Names()
     edges: list[DefinitionEdge] = []
-    met: dict[tuple[str, str, str], None] = {}
-    waiting: list[tuple[str, AssemblyDefinition | Definition]] = [("", model)]
+    met: dict[Definition, None] = {}
+    waiting: list[AssemblyDefinition | PartDefinition | None] = [model]
     while waiting:
-        _, node = waiting.pop()
-        if isinstance(node, Definition):
-            met[(node.kind, node.reference, node.text)] = None
+        made = waiting.pop()
+        node = names.of(made)
+        if node in met:
             continue
-        key = ("assembly", node.document, node.text)
-        if key in met:
+        met[node] = None
+        if not isinstance(made, AssemblyDefinition):
             continue
-        met[key] = None
-        parent = names.text(*key)
-        joints = {joint.child.path[0]: joint for joint in node.joints if joint.child.path and not joint.loop}
-        inner: list[tuple[str, AssemblyDefinition | Definition]] = []
-        for component in node.components:
-            child = _definition(component)
-            if child is None:
+        joints = {joint.child.path[0]: joint for joint in made.joints if joint.child.path and not joint.loop}
+        inner: list[AssemblyDefinition | PartDefinition | None] = []
+        for component in made.components:
+            if component.definition is None and not component.frame:
                 continue
             joint = joints.get(component.name)
-            text = (
-                names.text("assembly", child.document, child.text) if isinstance(child, AssemblyDefinition)
-                else names.text(child.kind, child.reference, child.text)
-            )
             edges.append(DefinitionEdge(
-                parent=parent, child=text, component=component.name, mounts=_mounts(component, joint),
+                parent=node.text, child=names.of(component.definition).text, component=component.name, mounts=_mounts(component, joint),
                 joint=joint.name if joint is not None and component.placement is None else None,
             ))
-            inner.append((component.name, child))
+            inner.append(component.definition)
         waiting.extend(reversed(inner))
-    return Hag(
-        root=names.text("assembly", model.document, model.text),
-        definitions=tuple(Definition(text=names.text(*key), reference=key[1], kind=key[0]) for key in met),
-        edges=tuple(edges),
-    )
+    return Hag(root=names.of(model).text, definitions=tuple(met), edges=tuple(edges))
 
 
 class _Names:
-    """Texts are what edges refer to: where two documents (or an assembly and a frame) print alike, the later one met
-    gets its document in brackets."""
+    """The nodes of definitions. Texts are what edges refer to: where two documents (or an assembly and a frame) print alike, the
+    later one met gets its document in brackets."""
 
     def __init__(self) -> None:
-        self._given: dict[tuple[str, str, str], str] = {}
+        self._given: dict[tuple[str, str, str], Definition] = {}
         self._taken: set[str] = set()
 
-    def text(self, kind: str, reference: str, text: str) -> str:
-        key = (kind, reference, text)
+    def of(self, made: AssemblyDefinition | PartDefinition | None) -> Definition:
+        """The node of an assembly, a part, or a frame (None)."""
+        if isinstance(made, AssemblyDefinition):
+            node = Definition(text=made.text, label=made.label, reference=made.document, kind="assembly")
+        else:
+            node = Definition.of(made) if made is not None else FRAME
+        key = (node.kind, node.reference, node.text)
         if key not in self._given:
-            self._given[key] = text if text not in self._taken else f"{text} [{reference}]"
-            self._taken.add(self._given[key])
+            where = f" [{node.reference}]" if node.text in self._taken else ""
+            self._given[key] = replace(node, text=node.text + where, label=node.label + where)
+            self._taken.add(node.text + where)
         return self._given[key]
-
-
-def _definition(component: Component) -> AssemblyDefinition | Definition | None:
-    if isinstance(component.definition, AssemblyDefinition):
-        return component.definition
-    if isinstance(component.definition, PartDefinition):
-        part = component.definition
-        return Definition(text=part.text, reference=part.reference, kind="part" if part.kind == "code" else "file")
-    return FRAME if component.frame else None
 
 
 def _mounts(component: Component, joint: Joint | None) -> str:

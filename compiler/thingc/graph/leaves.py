@@ -31,7 +31,7 @@ from thingc.resolve.plausible import density_doubt, density_words, mass_doubt, m
 from thingc.slips import did_you_mean, nearest
 from thingc.source import Origin
 
-FRAME = Definition(text="frame", reference="frame", kind="frame")
+FRAME = Definition(text="frame", label="frame", reference="frame", kind="frame")
 """The one definition of every component without geometry."""
 
 _FAILED = {
@@ -121,7 +121,7 @@ class Leaves:
             if near is None:
                 hint += "; list a document that has it under `materials:`, or write `material:` here"
             notes = list(noted(f"`{near}` is written here", scope.materials[near].origin)) if near is not None else []
-            notes += written_at(f"`{record.text}`", record.code)
+            notes += written_at(f"`{component.label}`", record.code)
             places = {place: other for other, _, _, _, place in reversed(users[1:]) if place[:1] != origin[:1]}
             others = [note for place, other in reversed(places.items()) for note in noted(f"so is `{other.name}`", place)]
             notes += others[: _SHOWN_PLACES - 1]
@@ -130,7 +130,7 @@ class Leaves:
             say = self._findings.error if needed else self._findings.warn
             say(
                 Code.UNKNOWN_MATERIAL,
-                f"`{component.name}` (`{record.text}`) is made of `{name}` by default, "
+                f"`{component.name}` (`{component.label}`) is made of `{name}` by default, "
                 f"which is not among the materials of `{scope.name}`",
                 origin, path=path, help=hint, notes=notes,
             )
@@ -147,11 +147,11 @@ class Leaves:
             if len(users) > _SHOWN_PLACES:
                 notes.append(Note(message=f"and {len(users) - _SHOWN_PLACES} more components"))
             if component.definition.parameters:
-                given = ", ".join(f"{name}={value!r}" for name, value in component.definition.parameters)
-                notes.append(Note(message=f"its parameters, in SI: {given}"))
+                given = zip(component.definition.parameters, component.definition.words)
+                notes.append(Note(message=f"its parameters: {', '.join(f'{name}={words}' for (name, _), words in given)}"))
             if failure.file is not None:
                 notes.append(Note(message="in the part file, here", span=line_of(failure.file, failure.line or 1)))
-            message = f"`{path}` (`{text}`) {what}: {failure.message}"
+            message = f"`{path}` (`{component.label}`) {what}: {failure.message}"
             if failure.candidates:
                 help = did_you_mean(failure.subject, failure.candidates, what="parts")
             elif component.definition.kind == "file" and code is Code.PART_INVALID:
@@ -173,8 +173,8 @@ class Leaves:
             if not record.exact:  # its numbers are those of a relative: nothing that follows from them is said
                 self._findings.leave_out()
                 self.unknown = True
-            self._warn(record, path, origin)
-            definition = Definition(text=part.text, reference=part.reference, kind="part" if part.kind == "code" else "file")
+            self._warn(component, record, path, origin)
+            definition = Definition.of(part)
         elif not component.frame:
             return None
         material, looked_up = self._material(component, record, scope)
@@ -194,9 +194,10 @@ class Leaves:
             sound=sound,
         )
 
-    def _warn(self, record: PartRecord, path: str, origin: Origin) -> None:
+    def _warn(self, component: Component, record: PartRecord, path: str, origin: Origin) -> None:
         """What is to be said of a part, each once: at the first component that it is and that does not allow it."""
-        findings, of, place = self._findings, f"`{record.text}`", written_at(f"`{record.text}`", record.code)
+        of = f"`{component.label}`"
+        findings, place = self._findings, written_at(of, record.code)
         for warning in record.warnings:
             said = (record.text, warning.message)
             if warning.asked is None and said not in self._warned and findings.warn(
@@ -252,7 +253,7 @@ class Leaves:
                 findings.leave_out()
         elif weighed is None and record is not None and material is None:
             findings.error(
-                Code.NO_MATERIAL, f"`{component.name}` (`{record.text}`) has neither a material nor a mass", origin, path=path,
+                Code.NO_MATERIAL, f"`{component.name}` (`{component.label}`) has neither a material nor a mass", origin, path=path,
                 help=(
                     "add `material:` (" + did_you_mean("", scope.materials, what="materials") + ") or `mass:`" if scope.materials
                     else "list a document under `materials:` and name one of its materials in `material:`, or add `mass:`"
@@ -291,7 +292,7 @@ class Leaves:
                     help=_doubted(None if doubt.meant is None else f"write `{mass_words(doubt.meant)}` if that is meant"),
                 )
         elif record.mass is not None or record.density is not None:
-            self._doubt_thing(record, path, origin)
+            self._doubt_thing(component, record, path, origin)
         elif material is not None and material.density is not None:
             doubt = density_doubt(material.density)
             if doubt is not None:
@@ -301,7 +302,7 @@ class Leaves:
                     help=_doubted(None if doubt.meant is None else f"write `{density_words(doubt.meant)}` if that is meant"),
                 )
 
-    def _doubt_thing(self, record: PartRecord, path: str, origin: Origin) -> None:
+    def _doubt_thing(self, component: Component, record: PartRecord, path: str, origin: Origin) -> None:
         """The same of what a Thing states itself: at the first component that it is."""
         said = (record.text, Code.DENSITY.code)
         method, unit, doubt = "mass", "kg", None
@@ -310,7 +311,7 @@ class Leaves:
         elif record.density is not None:
             method, unit, doubt = "density", "kg/m^3", density_doubt(cast("float", record.density.value))
         if doubt is not None and said not in self._warned and self._findings.warn(
-            Code.DENSITY, f"`{record.text}` {doubt.words}", origin, path=path, notes=written_at(f"`{record.text}`", record.code),
+            Code.DENSITY, f"`{component.label}` {doubt.words}", origin, path=path, notes=written_at(f"`{component.label}`", record.code),
             help=_doubted(f"`{method}()` returns {unit}" + ("" if doubt.meant is None else f": return {doubt.meant:.6g} if that is meant")),
         ):
             self._warned.add(said)
@@ -335,7 +336,7 @@ class Leaves:
             return
         self._told.add((record.text, found))
         self._findings.warn(
-            Code.UNSLICED, f"`{component.name}` (`{record.text}`) cannot be cut into layers: it {found.reason}; its mass is estimated "
+            Code.UNSLICED, f"`{component.name}` (`{component.label}`) cannot be cut into layers: it {found.reason}; its mass is estimated "
             "by its skin", origin, path=path, help="mend the part, or write `process: {estimate: skin}` here",
         )
 
@@ -377,9 +378,9 @@ class Leaves:
             fault = physical_fault(record.matrix.value)  # type: ignore[arg-type]
             if fault is not None:
                 self._findings.error(
-                    Code.NOT_PHYSICAL, f"the inertia that `{record.text}` states is not physical: {fault}", origin, path=path,
+                    Code.NOT_PHYSICAL, f"the inertia that `{component.label}` states is not physical: {fault}", origin, path=path,
                     help="`matrix_of_inertia()` is about the centre of mass, in Thing axes, in kg m^2",
-                    notes=written_at(f"`{record.text}`", record.code),
+                    notes=written_at(f"`{component.label}`", record.code),
                 )
             return fault is None
         return True
@@ -395,7 +396,7 @@ class Leaves:
                 self._findings.error(
                     Code.MOUNT_CLASH, f"`{component.name}` already has a mount `{name}`", place, path=path,
                     help="give the mount that is added here another name",
-                    notes=written_at(f"`{record.text}`", record.code) if record is not None and name in record.mounts else (),
+                    notes=written_at(f"`{component.label}`", record.code) if record is not None and name in record.mounts else (),
                 )
                 continue
             mounts[name] = MountFrame(pose=extra.pose, interface=extra.interface)

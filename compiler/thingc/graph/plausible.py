@@ -73,8 +73,8 @@ def _check_sizes(occurrences: Sequence[Occurrence], findings: Findings) -> bool:
         measures = " x ".join(f"{float(f'{1000.0 * side:.3g}'):g}" for side in sides)
         bound = f"under {1000.0 * SMALLEST:g} mm" if max(sides) < SMALLEST else f"over {LARGEST:g} m"
         if findings.warn(
-            Code.SIZE, f"`{one.component.name}` (`{one.definition.text}`) is {bound} long: it measures {measures} mm", one.origin,
-            path=one.path, notes=written_at(f"`{one.definition.text}`", one.record.code),
+            Code.SIZE, f"`{one.component.name}` (`{one.definition.label}`) is {bound} long: it measures {measures} mm", one.origin,
+            path=one.path, notes=written_at(f"`{one.definition.label}`", one.record.code),
             help=f"{unit_meant(one.component.definition, max(sides))}; {meant_so(Code.SIZE)}",
         ):
             found.add(one.definition.text)
@@ -176,7 +176,7 @@ def _check_actuators(
         if still:
             help = f"if it moves joint `{still[0].path}`, write `drive: {name}` there"
         findings.warn(
-            Code.IDLE_ACTUATOR, f"`{name}` (`{one.definition.text}`) has an actuator, and no joint is driven by it", one.origin,
+            Code.IDLE_ACTUATOR, f"`{name}` (`{one.definition.label}`) has an actuator, and no joint is driven by it", one.origin,
             path=one.path, help=f"{help}; {meant_so(Code.IDLE_ACTUATOR)}",
             notes=[
                 note for edge in nearby

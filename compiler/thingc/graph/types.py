@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from thingc.brief import Brief
 from thingc.inertia import MassProperties
 from thingc.pose import Pose
-from thingc.realize.record import Mesh, PartRecord, Primitive
+from thingc.realize.record import Mesh, PartDefinition, PartRecord, Primitive
 from thingc.resolve.model import (
     AssemblyDefinition,
     BomEntry,
@@ -28,17 +28,23 @@ from thingc.source import Origin
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Definition(Brief):
-    """A node of the HAG. `kind` is `assembly | part | file | frame`; `text` prints it and is its identity together
-    with `reference` (`module:Class`, a file or a document path in the workspace)."""
+    """A node of the HAG. `kind` is `assembly | part | file | frame`; `text` prints it exactly and is its identity together
+    with `reference` (`module:Class`, a file or a document path in the workspace); `label` prints it for people."""
 
     text: str
+    label: str
     reference: str
     kind: str
+
+    @classmethod
+    def of(cls, part: PartDefinition) -> Definition:
+        """The node of a part."""
+        return cls(text=part.text, label=part.label, reference=part.reference, kind="part" if part.kind == "code" else "file")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DefinitionEdge(Brief):
-    """"is a subcomponent of": `child` stands in `parent` as `component`.
+    """"is a subcomponent of": `child` stands in `parent` (texts of definitions) as `component`.
 
     `mounts` prints how (`back -> plate.servo_seat`), `joint` is the name of the joint that places it, if one does.
     """
@@ -57,6 +63,11 @@ class Hag(Brief):
     root: str
     definitions: tuple[Definition, ...]
     edges: tuple[DefinitionEdge, ...]
+
+    @property
+    def label(self) -> str:
+        """What the whole robot is called, for people."""
+        return self.definitions[0].label
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

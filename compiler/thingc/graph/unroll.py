@@ -201,7 +201,7 @@ class Tree:
             definition = instance.assembly
             if (instance.path, name) in met:
                 return _Fault(
-                    message=f"the mount `{name}` of `{definition.text}` stands for itself",
+                    message=f"the mount `{name}` of `{definition.label}` stands for itself",
                     help="let it name a component's mount",
                 )
             met.add((instance.path, name))
@@ -238,7 +238,7 @@ class Tree:
         return _Fault(
             code=Code.UNKNOWN_MOUNT, message=f"{_owner(instance, shown)} has no mount `{name}`",
             help=_mount_help(name, leaf.mounts, document),
-            notes=written_at(f"`{leaf.definition.text}`", leaf.record.code) if leaf.record is not None else (),
+            notes=written_at(f"`{leaf.definition.label}`", leaf.record.code) if leaf.record is not None else (),
         )
 
 
@@ -269,11 +269,11 @@ def _counted(reference: Reference) -> tuple[Note, ...]:
 
 def _owner(instance: Instance, shown: str) -> str:
     """`hand.cap` (`arm:Cap`): as the document that refers to it names it, and what it is."""
-    text = instance.assembly.text if instance.assembly is not None else instance.leaf.definition.text if instance.leaf else ""
-    return f"`{shown}` (`{text}`)" if shown and text else f"`{shown or text}`"
+    label = instance.assembly.label if instance.assembly is not None else instance.leaf.definition.label if instance.leaf else ""
+    return f"`{shown}` (`{label}`)" if shown and label else f"`{shown or label}`"
 
 
 def _shown_by(definition: AssemblyDefinition) -> tuple[Note, ...]:
     """Where an assembly says what it shows."""
     places = [reference.origin[0] for reference in definition.mounts.values() if reference.origin] or list(definition.origin[:1])
-    return (Note(message=f"the mounts that `{definition.text}` shows are written here", span=places[0]),) if places else ()
+    return (Note(message=f"the mounts that `{definition.label}` shows are written here", span=places[0]),) if places else ()

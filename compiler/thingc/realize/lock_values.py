@@ -86,7 +86,7 @@ def record_values(record: PartRecord) -> dict[str, Any]:
     }
     optional: dict[str, Any] = {
         "references": list(record.references),
-        "expectations": [[one.mount, one.text, one.child_mount] for one in record.expectations],
+        "expectations": [[one.mount, one.text, one.label, one.child_mount] for one in record.expectations],
         "actuator": None if record.actuator is None else _actuator_values(record.actuator),
         **{key: _stated_values(getattr(record, key)) for key in ("mass", "com", "matrix", "density")},
         "up": None if record.up is None else list(record.up),
@@ -272,9 +272,10 @@ def _mount(value: Any, path: str) -> MountRecord:
 
 def _expectation(value: Any, path: str) -> Expectation:
     texts = list(_texts(value, path))
-    if len(texts) != 3:
-        raise BadLock(path, "expected a mount, a definition and its mount")
-    return Expectation(mount=texts[0], text=texts[1], child_mount=texts[2])
+    if len(texts) != 4:
+        raise BadLock(path, "expected a mount, a definition, what people call it, and its mount")
+    mount, text, label, child_mount = texts
+    return Expectation(mount=mount, text=text, label=label, child_mount=child_mount)
 
 
 def _question(value: Any, path: str) -> PartWarning:

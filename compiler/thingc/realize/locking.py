@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from thingc.realize.lock import VERSION
@@ -50,7 +50,9 @@ def locked(
     wanted = {**{definition.text: definition for definition in defaults}, **used}
     modelled = [wanted[text] for text in sorted(wanted)]
     records = geometry.slice(modelled, geometry.realize(modelled), slicings)
-    failures += [answer for text, answer in records.items() if isinstance(answer, PartFailure) and text in used]
+    failures += [
+        replace(answer, subject=used[text].label) for text, answer in records.items() if isinstance(answer, PartFailure) and text in used
+    ]
     good = {text: record for text, record in records.items() if isinstance(record, PartRecord)}
     values = {
         "thingc": VERSION,
@@ -89,7 +91,9 @@ def default_of(schema: PartSchema) -> PartDefinition | None:
         if parameter.default is None:
             return None
         values.append((parameter.name, parameter.default))
-    return PartDefinition(reference=schema.reference, kind="code", parameters=tuple(sorted(values)), text=schema.reference)
+    return PartDefinition(
+        reference=schema.reference, kind="code", parameters=tuple(sorted(values)), text=schema.reference, label=schema.reference,
+    )
 
 
 def lock_text(values: Mapping[str, Any]) -> str:

@@ -19,6 +19,7 @@ from thingc.realize.part_files import kernel_shape, read_part
 from thingc.realize.primitives import primitive_of
 from thingc.realize.record import (
     FILE_UNIT,
+    LABEL_DIGITS,
     Actuator,
     Expectation,
     Mesh,
@@ -27,7 +28,9 @@ from thingc.realize.record import (
     PartWarning,
     Primitive,
     Stated,
+    definition_label,
     definition_text,
+    written,
 )
 from thingc.realize.record_json import failure_to_json, record_to_json
 from thingc.realize.session import NoPart, Session, Surroundings, kind_of
@@ -167,8 +170,11 @@ def _expectation(expected: Any) -> Expectation:
     schemas = {parameter.name: parameter for parameter in parameters_of(family)}
     values = {name: convert.to_si(schemas[name].kind, value) for name, value in expected.parameters.items() if name in schemas}
     defaults = {name: convert.to_si(p.kind, p.default) for name, p in schemas.items() if not p.required}
-    text = definition_text(f"{family.__module__}:{family.__qualname__}", values, defaults)
-    return Expectation(mount=expected.mount, text=text, child_mount=expected.child_mount)
+    named = (f"{family.__module__}:{family.__qualname__}", values, defaults)
+    words = {name: written(schemas[name].kind, value, LABEL_DIGITS) for name, value in values.items()}
+    return Expectation(
+        mount=expected.mount, text=definition_text(*named), label=definition_label(*named, words), child_mount=expected.child_mount,
+    )
 
 
 def _color(stated: str | None, of_shapes: list[Any]) -> tuple[str | None, tuple[PartWarning, ...]]:

@@ -8,18 +8,38 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
 from thingc.brief import Brief
 from thingc.pose import Matrix, Pose, Vector
 from thingc.realize.slices import Sliced, Slicing, Unsliced
+from thingc.units import ANGLE, LENGTH, MASS, NUMBER, Dimension, Quantity
 
 Value = float | int | bool | str
 """A canonical parameter value: SI floats for dimensioned ones, ints for whole numbers, text and flags as they are."""
 
 WHOLE = frozenset({"count", "integer"})
 """Kinds of parameters that are whole numbers: of things, or any."""
+
+DIMENSIONS: Mapping[str, Dimension] = {
+    "length": LENGTH, "angle": ANGLE, "mass": MASS, "ratio": NUMBER, "number": NUMBER, **dict.fromkeys(WHOLE, NUMBER),
+}
+"""Of the kinds of parameters that are numbers."""
+
+
+
+def written(kind: str, value: Value, digits: int = 12) -> str:
+    """A canonical value of a parameter of that kind as a document would have it, to so many digits: `100 mm`, `30 deg`, `82 g`,
+    `15 %`, `true`, `M3`."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return value
+    if kind == "ratio":
+        return f"{value * 100.0:.{digits}g} %"
+    return Quantity(value, DIMENSIONS.get(kind, NUMBER)).shown(digits)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +58,10 @@ class ParameterSchema(Brief):
     maximum: float | None = None
     choices: tuple[Value, ...] = ()
     doc: str = ""
+
+    def shown(self, value: Value) -> str:
+        """A value of this parameter as a document would have it."""
+        return written(self.kind, value)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,13 +88,17 @@ class PartDefinition(Brief):
 
     `reference` is `module:Class`, or for a part of a file its path in the workspace (`kind` says which:
     `code | file`). `parameters` holds every parameter, sorted by name (of a file its `unit`, where that is not `FILE_UNIT`); `text`
-    prints only those that differ from their default (`arm:RotorBrace(length=0.1)`). `mirror` is reserved and always None.
+    prints only those that differ from their default, exactly (`arm:RotorBrace(length=0.1)`): programs know it by that. `label` is the
+    same for people (`arm:RotorBrace(length=100 mm)`), which two definitions that hardly differ may share, and `words` the values of
+    all parameters for them. `mirror` is reserved and always None.
     """
 
     reference: str
     kind: str
     parameters: tuple[tuple[str, Value], ...]
     text: str
+    label: str
+    words: tuple[str, ...] = ()
     mirror: str | None = None
 
     @property
@@ -82,14 +110,31 @@ class PartDefinition(Brief):
         return f"{base}-{hashlib.sha256(self.text.encode()).hexdigest()[:8]}"
 
 
-def definition_text(reference: str, parameters: dict[str, Value], defaults: dict[str, Value]) -> str:
+LABEL_DIGITS = 6
+"""Digits of a number in a label."""
+
+
+def definition_text(reference: str, parameters: Mapping[str, Value], defaults: Mapping[str, Value]) -> str:
     """`arm:RotorBrace(length=0.1)`: the parameters that differ from their defaults, sorted, SI, `repr`."""
-    differing = [
-        f"{name}={parameters[name]!r}"
-        for name in sorted(parameters)
-        if name not in defaults or parameters[name] != defaults[name]
-    ]
-    return f"{reference}({', '.join(differing)})" if differing else reference
+    return _printed(reference, {name: repr(parameters[name]) for name in _differing(parameters, defaults)})
+
+
+def definition_label(
+    reference: str, parameters: Mapping[str, Value], defaults: Mapping[str, Value], words: Mapping[str, str],
+) -> str:
+    """`arm:RotorBrace(length=100 mm)`: the same for people. `words` are the values as documents have them; a text is quoted."""
+    return _printed(reference, {
+        name: repr(value) if isinstance(value := parameters[name], str) else words[name] for name in _differing(parameters, defaults)
+    })
+
+
+def _differing(parameters: Mapping[str, Value], defaults: Mapping[str, Value]) -> list[str]:
+    return [name for name in sorted(parameters) if name not in defaults or parameters[name] != defaults[name]]
+
+
+def _printed(reference: str, arguments: Mapping[str, str]) -> str:
+    """The reference, and in brackets what is given to it, if anything is."""
+    return f"{reference}({', '.join(f'{name}={value}' for name, value in arguments.items())})" if arguments else reference
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,10 +148,11 @@ class MountRecord(Brief):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Expectation(Brief):
-    """`mount` was cut for the part `text` (a definition text) sitting on it with its mount `child_mount`."""
+    """`mount` was cut for the part `text` (a definition text; `label` for people) sitting on it with its mount `child_mount`."""
 
     mount: str
     text: str
+    label: str
     child_mount: str
 
 

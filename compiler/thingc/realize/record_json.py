@@ -97,7 +97,7 @@ def record_to_json(record: PartRecord, root: str) -> Any:
         "mounts": {name: [_pose(m.pose), m.interface, m.tolerance] for name, m in record.mounts.items()},
         "mount_order": list(record.mounts),
         "references": list(record.references),
-        "expectations": [[e.mount, e.text, e.child_mount] for e in record.expectations],
+        "expectations": [[e.mount, e.text, e.label, e.child_mount] for e in record.expectations],
         "actuator": None if record.actuator is None else _actuator(record.actuator),
         "mass": _stated(record.mass), "com": _stated(record.com), "matrix": _stated(record.matrix),
         "density": _stated(record.density), "bom": dict(sorted(record.bom.items())),
@@ -125,7 +125,7 @@ def record_from_json(value: Any, root: str) -> PartRecord:
             for pose, interface, tolerance in (value["mounts"][name],)
         },
         references=tuple(value["references"]),
-        expectations=tuple(Expectation(mount=m, text=t, child_mount=c) for m, t, c in value["expectations"]),
+        expectations=tuple(Expectation(mount=m, text=t, label=n, child_mount=c) for m, t, n, c in value["expectations"]),
         actuator=None if value["actuator"] is None else Actuator(**value["actuator"]),
         mass=_read_stated(value["mass"]), com=_read_stated(value["com"]), matrix=_read_stated(value["matrix"]),
         density=_read_stated(value["density"]), bom=value["bom"],

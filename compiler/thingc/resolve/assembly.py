@@ -7,7 +7,7 @@ from itertools import chain
 
 from thingc.diagnostics import Code
 from thingc.expressions import CONSTANTS, FUNCTIONS, Expression
-from thingc.realize.record import definition_text
+from thingc.realize.record import definition_label, definition_text
 from thingc.resolve import choices as chosen
 from thingc.resolve import references
 from thingc.resolve.components import components, nodes
@@ -22,7 +22,7 @@ from thingc.resolve.placement import Places, check, own_placements
 from thingc.resolve.poses import poses
 from thingc.resolve.raw import raw
 from thingc.resolve.repeats import check_names, unrolled
-from thingc.resolve.scope import Found, Scope
+from thingc.resolve.scope import Found, Scope, words_of
 from thingc.resolve.sensors import sensors
 from thingc.resolve.substituting import substituted
 from thingc.resolve.table import Context, Table
@@ -64,9 +64,10 @@ def resolved(
     if given:
         check_bounds(scope, spec, [name for name in values if name not in given])
     doubts = scope.doubts
+    named = (spec.name, dict(parameters), dict(canonical(own.values)))
     table = Table(
-        document=document, spec=spec, scope=scope, parameters=parameters,
-        text=definition_text(spec.name, dict(parameters), dict(canonical(own.values))), choices=choices,
+        document=document, spec=spec, scope=scope, parameters=parameters, text=definition_text(*named),
+        label=definition_label(*named, {name: words_of(value) for name, value in values.items()}), choices=choices,
     )
     context.tables[key] = table
     _check_names(scope, spec)
@@ -95,6 +96,7 @@ def resolved(
     own_modes = context.sound("modes", stated, lambda: modes(table, scope)) if top else ()
     table.definition = AssemblyDefinition(
         document=relative, name=spec.name, description=spec.description, parameters=parameters, text=table.text,
+        label=table.label,
         materials={name: one for name, one in table.materials.items() if one is not None}, components=made,
         joints=context.same("joint", relative, [joint for joint in table.joints.values() if joint is not None]), links=links,
         mounts={name: one for name, one in table.exports.items() if one is not None},

@@ -164,6 +164,11 @@ class Component(Brief):
     bom: BomEntry
     origin: Origin
 
+    @property
+    def label(self) -> str:
+        """What it is, for people: the label of its definition."""
+        return self.definition.label if self.definition is not None else "frame"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limit(Brief):
@@ -346,7 +351,8 @@ class AssemblyDefinition(Brief):
     """A document with its parameters worked out: equal definitions are one node of the HAG.
 
     `document` is its path in the workspace, `parameters` the complete canonical ones; `text` prints those that differ
-    from the document's own values (`end_effector(pen_diameter=0.02)`). `materials` is its scope by name. Poses are of
+    from the document's own values (`end_effector(pen_diameter=0.02)`), `label` does for people
+    (`end_effector(pen_diameter=20 mm)`). `materials` is its scope by name. Poses are of
     this document, over paths relative to it. `modes`, `simulation` and `tests` count only at the top. `materials_known`
     is False where a document of materials could not be read: then a name that is not in `materials` is no news. `whole` is
     False where validation has left something out of the document.
@@ -357,6 +363,7 @@ class AssemblyDefinition(Brief):
     description: str
     parameters: tuple[tuple[str, Value], ...]
     text: str
+    label: str
     materials: dict[str, Material]
     components: tuple[Component, ...]
     joints: tuple[Joint, ...]

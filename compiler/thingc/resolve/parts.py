@@ -8,15 +8,26 @@ from collections.abc import Collection
 
 from thingc.diagnostics import MAX_FAULTS, Code, Note
 from thingc.load.paths import PART_SUFFIXES, named
-from thingc.realize.record import FILE_UNIT, WHOLE, ParameterSchema, PartDefinition, PartFailure, PartSchema, Value, definition_text
+from thingc.realize.record import (
+    DIMENSIONS,
+    FILE_UNIT,
+    LABEL_DIGITS,
+    WHOLE,
+    ParameterSchema,
+    PartDefinition,
+    PartFailure,
+    PartSchema,
+    Value,
+    definition_label,
+    definition_text,
+    written,
+)
 from thingc.resolve.scope import Enough, Found, Scope, dimension_message, kind_of, words_of
 from thingc.resolve.table import Context, Node
 from thingc.slips import did_you_mean, near_hint, nearest
 from thingc.source import Path, Span
-from thingc.units import ANGLE, LENGTH, MASS, NUMBER, Quantity, shortened
+from thingc.units import NUMBER, Quantity, shortened
 from thingc.workspace import DEFAULT_PARTS
-
-_DIMENSIONS = {"length": LENGTH, "angle": ANGLE, "mass": MASS, "ratio": NUMBER, "number": NUMBER, **dict.fromkeys(WHOLE, NUMBER)}
 
 _FAILURES = {
     "missing": Code.PART_MISSING, "refused": Code.PART_REFUSED, "raised": Code.PART_RAISED, "hung": Code.PART_HUNG,
@@ -49,7 +60,12 @@ def of_code(context: Context, node: Node, reference: str) -> PartDefinition | No
     # 1, 1.0 and True are equal keys; their texts are not.
     text = definition_text(reference, values, defaults)
     if known is None or known.text != text:
-        known = context.parts[key] = PartDefinition(reference=reference, kind="code", parameters=key[1], text=text)
+        kinds = {parameter.name: parameter.kind for parameter in schema.parameters}
+        words = {name: written(kinds[name], value, LABEL_DIGITS) for name, value in key[1]}
+        known = context.parts[key] = PartDefinition(
+            reference=reference, kind="code", parameters=key[1], text=text, words=tuple(words.values()),
+            label=definition_label(reference, values, defaults, words),
+        )
     return known
 
 
@@ -78,7 +94,7 @@ def _given(node: Node, schema: PartSchema) -> dict[str, Value] | None:
     missing = [parameter for parameter in schema.parameters if parameter.required and parameter.name not in node.spec.params]
     if missing and not scope.doubts.touch(path):
         named = " and ".join(f"`{parameter.name}`" for parameter in missing)
-        examples = (f"{one.name}: {_DIMENSIONS[one.kind].example if one.kind in _DIMENSIONS else '...'}" for one in missing)
+        examples = (f"{one.name}: {DIMENSIONS[one.kind].example if one.kind in DIMENSIONS else '...'}" for one in missing)
         s, them = ("s", "them") if len(missing) > 1 else ("", "it")
         scope.error(
             Code.MISSING_PARAMETER, f"`{schema.reference}` needs the parameter{s} {named}, and nothing sets {them}",
@@ -108,7 +124,7 @@ def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, found
         message = f"{what} is `true` or `false`, found {kind_of(found)} ({scope.shown(found, path)})"
         scope.error(Code.VALUE_KIND, message, path, help="write `true` or `false`", notes=_declared_at(schema))
         return None
-    dimension = _DIMENSIONS[parameter.kind]
+    dimension = DIMENSIONS[parameter.kind]
     if not isinstance(found, Quantity) or not found.fits(dimension):
         message, help = dimension_message(found, (dimension,), what, written, scope.names)
         if parameter.kind in ("number", *WHOLE) and isinstance(found, Quantity):
@@ -125,9 +141,8 @@ def _checked(scope: Scope, schema: PartSchema, parameter: ParameterSchema, found
         (parameter.maximum, parameter.maximum is not None and value > parameter.maximum, "at most"),
     ):
         if broken and bound is not None:
-            shown = f"{bound * 100.0:g} %" if parameter.kind == "ratio" else str(Quantity(bound, dimension))
             scope.error(
-                Code.OUT_OF_RANGE, f"{what} must be {rule} {shown}, found {scope.shown(found, path)}",
+                Code.OUT_OF_RANGE, f"{what} must be {rule} {parameter.shown(bound)}, found {scope.shown(found, path)}",
                 path,
                 notes=_declared_at(schema),
             )
@@ -246,6 +261,8 @@ def of_file(context: Context, node: Node, text: str) -> PartDefinition | None:
     given: tuple[tuple[str, Value], ...] = () if unit == FILE_UNIT else (("unit", unit),)
     known = context.parts.get((reference, given))
     if known is None and os.path.isfile(absolute):
-        written = definition_text(reference, dict(given), {})
-        known = context.parts[reference, given] = PartDefinition(reference=reference, kind="file", parameters=given, text=written)
+        known = context.parts[reference, given] = PartDefinition(
+            reference=reference, kind="file", parameters=given, text=definition_text(reference, dict(given), {}),
+            label=f"{reference} in {unit}" if given else reference, words=tuple(unit for _ in given),
+        )
     return known

@@ -66,6 +66,7 @@ class Table:
     scope: Scope
     parameters: tuple[tuple[str, Value], ...]
     text: str
+    label: str
     choices: tuple[tuple[str, str], ...] = ()
     materials_unreadable: bool = False
     materials: dict[str, Material | None] = field(default_factory=dict)
