@@ -26,6 +26,7 @@ STRIPS: dict[str, tuple[str, list[list[str]]]] = {
         ["--mode", "front_foot_wall", "--pose", "step_rear", "--azimuth", "55", "--elevation", "-8"],
         ["--mode", "rear_foot_ceiling", "--pose", "arched", "--azimuth", "125"],
     ]),
+    "arm_frames.png": ("assemblies/arm.yaml", [["--mode", "drawing", "--joints", "--root", "--mounts-of", "hand.fixture"]]),
 }
 """Pictures side by side: the document, and how each is taken."""
 

@@ -32,7 +32,7 @@ ROOMS: dict[str, set[str]] = {
     "statics": BASE | {"graph", "robot"},
     "emit": BASE | {"resolve", "realize", "joints", "graph", "robot"},
     "modes": {"brief", "diagnostics", "slips"},  # read at run time, next to a simulation
-    "render": set(),
+    "render": {"pose"},
     "reporting": {"shown", "source", "diagnostics"},
     "layout": BASE | {"load", "spec"},
     "editor": BASE | {"load", "spec", "realize", "resolve", "joints", "pipeline"},

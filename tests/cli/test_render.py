@@ -12,14 +12,21 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 from PIL import Image
 
 import thingc
 from conformance.harness import thingc as command
+from thingc.cli import marks
 from thingc.cli.main import main
+from thingc.pose import NO_POSE
+from thingc.render import Shot
 from thingc.render.camera import directions, fitted, upright
+from thingc.render.frames import BLUE, GREEN, JOINT, RED, Axis, Frame, placed
+from thingc.render.frames import drawn as painted
+from thingc.render.picture import camera_of, points_of, posed
 
 HERE = Path(__file__).resolve().parent
 ARM = "assemblies/arm.yaml"
@@ -144,12 +151,15 @@ def test_there_is_a_shadow(drawn: dict[str, tuple[np.ndarray, np.ndarray]]) -> N
 # --- the command -----------------------------------------------------------------------------------------------------
 
 
+MARKS = ("--mounts", "--mounts-of", "hand.cap", "--joints", "--root")
+
+
 def test_the_command(root: Path, shared_store: str, tmp_path: Path) -> None:
     """Its default name, its own pose, only that file; twice the same."""
     more = {"DISPLAY": "", "WAYLAND_DISPLAY": "", "MUJOCO_GL": os.environ.get("MUJOCO_GL", "egl")}
     made = set()
     for _ in range(2):
-        ran = command("render", root / ARM, "--mode", "drawing", "--size", "96x64", store=shared_store, cwd=tmp_path, more=more)
+        ran = command("render", root / ARM, "--mode", "drawing", "--size", "96x64", *MARKS, store=shared_store, cwd=tmp_path, more=more)
         assert ran.code == 0 and ran.out == "", ran.err
         assert ran.err.endswith("arm_drawing_writing.png: mode drawing, pose writing\n")
         assert [path.name for path in tmp_path.iterdir()] == ["arm_drawing_writing.png"]
@@ -194,6 +204,7 @@ WRONG = {
     "--pose hom": "mode `bench` of `assemblies/arm.yaml` has no pose `hom`\n  help: did you mean `home`?",
     "--mode adrift --pose x": "mode `adrift` of `assemblies/arm.yaml` has no pose `x`\n"
     "  help: known poses: `folded`, `home`, `stretched`, `writing`",
+    "--mounts-of hnd.cap": "there is no component `hnd.cap`\n  help: did you mean `hand/cap`?",
     "--size 640": "--size: expected WIDTHxHEIGHT from 16x16 to 8192x8192, found `640`\n  help: `thingc render --help` shows what it takes",
     "--size 8x8": "--size: expected WIDTHxHEIGHT from 16x16 to 8192x8192, found `8x8`\n  help: `thingc render --help` shows what it takes",
     "--azimuth north": "--azimuth: expected degrees from -360 to 360, found `north`\n  help: `thingc render --help` shows what it takes",
@@ -274,3 +285,72 @@ def test_gravity_points_down_in_the_picture(gravity: tuple[float, ...], down: tu
     assert axes[0] @ down == pytest.approx(0.0, abs=1e-12) and axes[1] @ down == pytest.approx(-math.cos(0.3))
     if down[2] == 0:
         assert frame[0] @ [0, 0, -1] > 0.99, "azimuth 0 looks at the wall z = 0, from above it"
+
+
+# --- frames and axes -------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def posed_arm(root: Path, shared_store: str) -> Any:
+    """The arm held by its pen, writing: the robot, the MuJoCo model and its data."""
+    arm = thingc.compile(str(root / ARM), store=shared_store)
+    mode = arm.modes["drawing"]
+    model = mujoco.MjModel.from_xml_string(mode.mjcf(), mode.assets())
+    return mode.robot, model, posed(model, "writing")
+
+
+def test_a_mount_is_where_mujoco_has_its_site(posed_arm: Any) -> None:
+    """The arm shows its mounts as sites, which MuJoCo puts into the world by itself."""
+    robot, model, data = posed_arm
+    drawn = {mark.label: placed(mark, data, 0.1) for mark in marks.mounts(robot)}
+    assert {"plate.servo_seat", "hand.cap.pen", "hand.pen.tip", "bracket.board"} <= set(drawn)
+    assert "elbow_servo.rotor" in drawn and "forearm.rotor_seat" not in drawn, "one frame for the two mounts of a mate"
+    site = data.site("hand/tip")
+    for k, line in enumerate(drawn["hand.pen.tip"]):
+        np.testing.assert_allclose(line[0], site.xpos, atol=1e-9)
+        np.testing.assert_allclose(line[-1] - line[0], 0.1 * site.xmat.reshape(3, 3)[:, k], atol=1e-9)
+    (root_mark,) = marks.root(robot)
+    assert root_mark.label == "root hand.tip (held)"
+    np.testing.assert_allclose(placed(root_mark, data, 0.1)[0][0], site.xpos, atol=1e-9)
+
+
+def test_an_axis_is_that_of_mujoco(posed_arm: Any) -> None:
+    """`drawing` crosses every joint backwards, so MuJoCo's axes, which the child turns about in the tree, are the document's turned
+    round: the same lines the other way."""
+    robot, model, data = posed_arm
+    drawn = {mark.label: placed(mark, data, 0.1)[0] for mark in marks.joints(robot)}
+    assert list(drawn) == ["yaw", "shoulder", "elbow", "wrist"] and model.njnt == 4
+    for name, line in drawn.items():
+        joint = data.joint(name)
+        along = (line[-1] - line[0]) / np.linalg.norm(line[-1] - line[0])
+        np.testing.assert_allclose(along, -joint.xaxis, atol=1e-9)
+        np.testing.assert_allclose(np.cross(line[0] - joint.xanchor, along), 0.0, atol=1e-9)
+
+
+def test_all_mounts_of_a_component(posed_arm: Any) -> None:
+    robot, _, _ = posed_arm
+    cap = [mark.label for mark in marks.mounts_of(robot, ["hand.cap"])]
+    assert cap == [f"hand.cap.{name}" for name in next(o for o in robot.assembly.occurrences if o.path == "hand/cap").mounts]
+    whole = {mark.label for mark in marks.mounts_of(robot, ["hand"])}
+    assert set(cap) < whole and all(label.startswith("hand.") for label in whole)
+
+
+def test_arrows_end_where_the_camera_sees_their_ends(posed_arm: Any) -> None:
+    """On white paper: red, green and blue at the projected tips of a frame, and its name on a free place near it, in ink."""
+    _, model, data = posed_arm
+    camera = camera_of(points_of(model, data), FLOOR, Shot(size=(640, 480)))
+    frame = Frame(label="a name", body="world", pose=NO_POSE)
+    axis = Axis(label="turns", body="base_link", pose=NO_POSE, slides=False)
+    lines = [*placed(frame, data, 0.05), *placed(axis, data, 0.05)]
+    image = painted(np.full((480, 640, 3), 255, np.uint8), [frame, axis], data, camera, 0.05)
+    assert image.shape == (480, 640, 3) and image.dtype == np.uint8
+    for line, colour in zip(lines, (RED, GREEN, BLUE, JOINT)):
+        for share in (0.9, 0.97):
+            x, y = camera.project((line[0] + share * (line[-1] - line[0]))[None])[0]
+            column, row = round((x + 1.0) * 320.0), round((1.0 - y) * 240.0)
+            near = image[row - 2 : row + 3, column - 2 : column + 3].reshape(-1, 3).astype(int)
+            assert np.abs(near - colour).max(axis=1).min() < 12, (colour, near)
+    dark = np.argwhere(image.max(axis=2) < 60)
+    assert len(dark) > 20, "the name is there"
+    blank = painted(np.full((480, 640, 3), 255, np.uint8), [], data, camera, 0.05)
+    assert (blank == 255).all()

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
 
 from thingc.cli import common
+from thingc.cli.tables import axes, millimetres, table
 from thingc.graph.types import Assembly, Occurrence
 from thingc.pipeline import Compilation
 from thingc.robot.types import Robot
-from thingc.shown import shown
 
 EPILOG = """\
 Masses are exact integrals over the geometry times density, or what the document or the part states; every one says which
@@ -111,11 +110,11 @@ def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
          assembly.links[assembly.link_of[o.index]].name)
         for o in assembly.occurrences
     ]
-    lines += _table(rows, right=(2,))
+    lines += table(rows, right=(2,))
     for robot in robots:
         data = mode_data(robot)
         lines.append("")
-        stands = f", on the floor with its root at {_millimetres(robot.mode.at.translation)}" if robot.mode.on_floor else ""
+        stands = f", on the floor with its root at {millimetres(robot.mode.at.translation)} mm" if robot.mode.on_floor else ""
         lines.append(f"mode {robot.mode.name}: root {data['root']}, base {robot.base}{stands}")
         for body in robot.bodies:
             name = assembly.links[body.link].name
@@ -165,31 +164,10 @@ def mates_text(assembly: Assembly) -> list[str]:
     for mate in assembly.mates:
         parent, child = assembly.occurrences[mate.parent], assembly.occurrences[mate.child]
         rotation = (assembly.rest[mate.parent].inverse() @ assembly.rest[mate.child]).rotation
-        along = ", ".join(_axis((rotation[0][k], rotation[1][k], rotation[2][k])) for k in range(3))
         by = mate.joint.path if mate.joint is not None else "rigid"
-        rows.append((child.path, mate.child_mount, parent.path, mate.parent_mount, by, along))
-    return _table(rows)
-
-
-def _axis(v: tuple[float, float, float]) -> str:
-    for k, name in enumerate("xyz"):
-        if abs(abs(v[k]) - 1.0) < 1e-9:
-            return f"{'+' if v[k] > 0 else '-'}{name}"
-    return "(" + " ".join(f"{x:.3f}" for x in v) + ")"
-
-
-def _millimetres(place: tuple[float, float, float]) -> str:
-    return " ".join(f"{round(1000.0 * x, 4) + 0.0:g}" for x in place) + " mm"
+        rows.append((child.path, mate.child_mount, parent.path, mate.parent_mount, by, axes(rotation)))
+    return table(rows)
 
 
 def _grams(mass: float) -> str:
     return f"{1000.0 * mass:.2f} g" if mass < 1.0 else f"{mass:.4f} kg"
-
-
-def _table(rows: Sequence[tuple[str, ...]], right: tuple[int, ...] = ()) -> list[str]:
-    rows = [tuple(map(shown, row)) for row in rows]
-    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    return [
-        "  ".join(cell.rjust(w) if k in right else cell.ljust(w) for k, (cell, w) in enumerate(zip(row, widths))).rstrip()
-        for row in rows
-    ]

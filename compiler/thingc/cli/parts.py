@@ -5,12 +5,13 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 from thingc.cli import common
+from thingc.cli.tables import axes, millimetres, table
 from thingc.diagnostics import Code, Diagnostic, Report, Severity
-from thingc.realize.record import NO_PARTS, ParameterSchema, PartFailure, PartRecord, PartSchema
+from thingc.realize.record import NO_PARTS, MountRecord, ParameterSchema, PartFailure, PartRecord, PartSchema
 from thingc.slips import did_you_mean
 from thingc.source import Span
 
@@ -18,8 +19,8 @@ if TYPE_CHECKING:
     from thingc.realize.service import GeometryService
 
 EPILOG = """\
-The Things of the workspace of this folder: of its part folders, and of the packages that it allows. Lengths are in
-millimetres and angles in degrees, as a part's author writes them; a document gives them their unit.
+The Things of the workspace of this folder: of its part folders, and of the packages that it allows. Of those that are named, the
+frames of their mounts, too, for the default parameters: x, y and z of a mount lie along these axes of the part.
 
   thingc parts
   thingc parts arm:RotorBrace
@@ -59,7 +60,8 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         common.print_text(found, stream=sys.stderr, debug=arguments.debug)
         if listed:
-            common.say(*[line for schema, record in listed for line in ("", *_as_text(schema, record))][1:])
+            whole = bool(arguments.part)
+            common.say(*[line for schema, record in listed for line in ("", *_as_text(schema, record, whole=whole))][1:])
         elif not found:
             common.say("no parts in reach; they are looked for in the `parts` folders of the workspace", stream=sys.stderr)
     return common.exit_code(found)
@@ -126,7 +128,8 @@ def _as_data(schema: PartSchema, record: PartRecord | None) -> dict[str, object]
     }
 
 
-def _as_text(schema: PartSchema, record: PartRecord | None) -> list[str]:
+def _as_text(schema: PartSchema, record: PartRecord | None, *, whole: bool) -> list[str]:
+    """A part for people, its mounts by name alone or, with `whole`, each with its frame."""
     lines = [schema.reference]
     first = schema.doc.strip().partition("\n")[0]
     if first:
@@ -139,9 +142,27 @@ def _as_text(schema: PartSchema, record: PartRecord | None) -> list[str]:
         lines.append("  has an actuator: a joint's `drive` may name it")
     if record is None:
         lines.append("  mounts: not known for its default parameters")
+    elif record.mounts and whole:
+        lines += [f"  {line}" for line in _mounts(record.mounts)]
     elif record.mounts:
         lines.append(f"  mounts: {', '.join(_runs(record.mounts))}")
     return lines
+
+
+def _mounts(mounts: Mapping[str, MountRecord]) -> list[str]:
+    """A table of mounts by name: where they are, which way they look, and their interfaces, if any has one."""
+    rows = [("mount", "at [mm]", "x, y, z along", "interface")]
+    rows += [
+        (name, millimetres(mount.pose.translation), axes(mount.pose.rotation), mount.interface or "")
+        for name, mount in sorted(mounts.items(), key=lambda entry: _in_order(entry[0]))
+    ]
+    return table(rows if any(row[3] for row in rows[1:]) else [row[:3] for row in rows])
+
+
+def _in_order(name: str) -> tuple[str, int]:
+    """`hole_10` comes after `hole_9`."""
+    stem, _, index = name.rpartition("_")
+    return (stem, int(index)) if stem and index.isdecimal() else (name, -1)
 
 
 def _kind(p: ParameterSchema) -> str:

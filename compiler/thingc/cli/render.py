@@ -8,6 +8,7 @@ import os
 import re
 import sys
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from thingc.cli import common
 from thingc.diagnostics import Code, Diagnostic, Severity, shown_path
@@ -16,12 +17,17 @@ from thingc.render import NoGraphics, Shot, picture, ready
 from thingc.robot.types import Robot
 from thingc.slips import did_you_mean
 
+if TYPE_CHECKING:
+    from thingc.render.frames import Mark
+
 EPILOG = """\
 The robot stands on a bright floor (z = 0 of its world; upright on the wall where its mode has gravity along the floor) and fills the
 picture. It is drawn by MuJoCo with EGL, which needs neither a screen nor a graphics card.
 
   thingc render assemblies/arm.yaml                                   the first mode in its own pose: arm_bench_home.png
   thingc render assemblies/arm.yaml --mode drawing --pose writing -o writing.png
+  thingc render assemblies/arm.yaml --joints --root                   with the axes of its joints, and the frame of its root
+  thingc render assemblies/arm.yaml --mounts-of hand                  where the mounts of its hand are: x red, y green, z blue
   thingc render assemblies/arm.yaml --azimuth 90 --elevation -10 --size 1920x1080
 """
 
@@ -44,6 +50,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--elevation", metavar="DEG", type=_degrees(90.0), help="look up by this, down if negative (default: -22; at a ceiling 16)"
     )
+    parser.add_argument("--mounts", action="store_true", help="draw the mounts that something sits on, or that the document shows or adds")
+    parser.add_argument(
+        "--mounts-of", metavar="COMPONENT", action="append", default=[], help="draw all mounts of this component, such as hand.cap",
+    )
+    parser.add_argument("--joints", action="store_true", help="draw the axes of the joints, with arrows the way that coordinates grow")
+    parser.add_argument("--root", action="store_true", help="draw the frame of the mode's root")
     common.add_compiling(parser)
 
 
@@ -95,6 +107,7 @@ def _render(arguments: argparse.Namespace, compilation: Compilation) -> list[Dia
         return found
     robot = compilation.robots[0]
     pose = _pose(robot, arguments.pose, compilation.document)
+    marks = _marks(robot, arguments)
     ready()
     compilation.robots = (robot,)
     artifacts = compilation.emit(["mjcf"])["mjcf"]
@@ -112,6 +125,7 @@ def _render(arguments: argparse.Namespace, compilation: Compilation) -> list[Dia
         pose=pose,
         gravity=robot.gravity,
         shot=Shot(size=arguments.size, azimuth=arguments.azimuth, elevation=arguments.elevation),
+        marks=marks,
     )
     named = "_".join(word for word in (robot.name, robot.mode.name, pose) if word is not None)
     path = arguments.output if arguments.output is not None else f"{named}.png"
@@ -119,6 +133,19 @@ def _render(arguments: argparse.Namespace, compilation: Compilation) -> list[Dia
     posed = f", pose {pose}" if pose is not None else ""
     common.say(f"{shown_path(os.path.abspath(path))}: mode {robot.mode.name}{posed}", stream=sys.stderr)
     return found
+
+
+def _marks(robot: Robot, arguments: argparse.Namespace) -> list[Mark]:
+    """What is to be drawn over the picture, each thing once. Raises `UnknownChoice`."""
+    if not (arguments.mounts or arguments.mounts_of or arguments.joints or arguments.root):
+        return []
+    from thingc.cli import marks
+
+    found = [
+        *(marks.root(robot) if arguments.root else ()), *(marks.joints(robot) if arguments.joints else ()),
+        *(marks.mounts(robot) if arguments.mounts else ()), *marks.mounts_of(robot, arguments.mounts_of),
+    ]
+    return list(dict.fromkeys(found))
 
 
 def _pose(robot: Robot, wanted: str | None, document: str) -> str | None:

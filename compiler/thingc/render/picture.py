@@ -8,7 +8,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from thingc.render.camera import Array
+    from thingc.render.frames import Mark
 
 ANGLE = 18.0
 """Of view, vertically [deg]: a long lens, so that parallel edges look parallel."""
@@ -69,13 +72,15 @@ def _hint(backend: str) -> str:
     return "set MUJOCO_GL=egl, which needs neither a screen nor a graphics card"
 
 
-def picture(xml: str, assets: dict[str, bytes], *, pose: str | None, gravity: tuple[float, float, float], shot: Shot) -> bytes:
-    """A PNG of the MuJoCo model `xml` with its meshes, in the keyframe `pose` (None: every coordinate 0). `gravity` [m/s^2] says
-    which way is up. The same input gives the same picture on the same machine. Call `ready` first."""
+def picture(
+    xml: str, assets: dict[str, bytes], *, pose: str | None, gravity: tuple[float, float, float], shot: Shot, marks: Sequence[Mark] = (),
+) -> bytes:
+    """A PNG of the MuJoCo model `xml` with its meshes, in the keyframe `pose` (None: every coordinate 0), and the `marks` over it.
+    `gravity` [m/s^2] says which way is up. The same input gives the same picture on the same machine. Call `ready` first."""
     import mujoco
     import numpy as np
 
-    from thingc.render import studio
+    from thingc.render import frames, studio
 
     bare = mujoco.MjModel.from_xml_string(xml, assets)
     points = points_of(bare, posed(bare, pose))
@@ -87,7 +92,14 @@ def picture(xml: str, assets: dict[str, bytes], *, pose: str | None, gravity: tu
         points = np.array([[-0.1, -0.1, 0.0], [0.1, 0.1, 0.1]])
     centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
     extent = 1.5 * float(np.linalg.norm(points - centre, axis=1).max())
-    return encoded(studio.photographed(model, data, camera_of(points, gravity, shot), shot.size, centre, extent))
+    camera = camera_of(points, gravity, shot)
+    if not marks:
+        return encoded(studio.photographed(model, data, camera, shot.size, centre, extent))
+    length = frames.length_of(points, camera)
+    strokes = [stroke for mark in marks for stroke in frames.placed(mark, data, length)]
+    camera = camera_of(np.concatenate([points, *strokes]), gravity, shot)
+    image = studio.photographed(model, data, camera, shot.size, centre, extent)
+    return encoded(frames.drawn(image, marks, data, camera, length))
 
 
 def camera_of(points: Array, gravity: tuple[float, float, float], shot: Shot) -> Any:

@@ -1,0 +1,79 @@
+"""What `thingc render` draws over a picture: mounts, joints and the root of a robot in one mode."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from thingc.graph.types import Assembly
+from thingc.pipeline import UnknownChoice
+from thingc.pose import Pose
+from thingc.render.frames import Axis, Frame, Mark
+from thingc.robot.types import Robot
+from thingc.slips import did_you_mean
+
+ROOT_SIZE = 1.6
+"""How much longer the axes of the root are than those of a mount."""
+
+
+def mounts(robot: Robot) -> Iterator[Mark]:
+    """The mounts that another component sits on, that the document shows, or that it adds, each once. What sits there has its own
+    mount in the same place."""
+    assembly = robot.assembly
+    named = [(mate.parent, mate.parent_mount) for mate in assembly.mates]
+    named += [(one.occurrence, one.mount) for one in assembly.exported]
+    named += [(one.index, name) for one in assembly.occurrences for name in one.component.mounts]
+    return (_mount(assembly, *place) for place in dict.fromkeys(named) if place[1] != "origin")
+
+
+def mounts_of(robot: Robot, wanted: Sequence[str]) -> Iterator[Mark]:
+    """All mounts of these components (`hand/cap`, `hand.cap`, or `hand` for all that is in it), and their own frames. Raises
+    `UnknownChoice`."""
+    assembly = robot.assembly
+    for name in wanted:
+        path = name.replace(".", "/")
+        found = [one for one in assembly.occurrences if one.path == path or one.path.startswith(f"{path}/")]
+        if not found:
+            known = {one.path[:end] for one in assembly.occurrences for end in _ends(one.path)}
+            raise UnknownChoice(f"there is no component `{name}`", did_you_mean(path, known, what="components"))
+        for one in found:
+            yield from (_mount(assembly, one.index, mount) for mount in one.mounts)
+
+
+def joints(robot: Robot) -> Iterator[Mark]:
+    """The axis of every joint, as its documents mean it: z of the parent's mount."""
+    slides = {body.joint.path for body in robot.bodies if body.joint is not None and body.joint.kind == "slide"}
+    slides |= {closure.path for closure in robot.closures if closure.kind == "slide"}
+    for mate in robot.assembly.mates:
+        if mate.joint is not None:
+            body, pose = _on_link(robot.assembly, mate.parent, mate.X_PJ)
+            yield Axis(label=_dotted(mate.joint.path), body=body, pose=pose, slides=mate.joint.path in slides)
+
+
+def root(robot: Robot) -> Iterator[Mark]:
+    """The frame of the root, which the mode puts somewhere."""
+    choice = robot.mode.root
+    body, pose = _on_link(
+        robot.assembly, choice.occurrence, robot.assembly.occurrences[choice.occurrence].mounts[choice.mount or "origin"].pose
+    )
+    yield Frame(label=f"root {_dotted(choice.path)} ({robot.base})", body=body, pose=pose, size=ROOT_SIZE)
+
+
+def _mount(assembly: Assembly, occurrence: int, name: str) -> Frame:
+    one = assembly.occurrences[occurrence]
+    body, pose = _on_link(assembly, occurrence, one.mounts[name].pose)
+    return Frame(label=f"{_dotted(one.path)}.{name}", body=body, pose=pose)
+
+
+def _on_link(assembly: Assembly, occurrence: int, pose: Pose) -> tuple[str, Pose]:
+    """The link of an occurrence, and a pose of the occurrence's frame in that of the link."""
+    link = assembly.links[assembly.link_of[occurrence]]
+    return link.name, link.poses[link.members.index(occurrence)] @ pose
+
+
+def _dotted(path: str) -> str:
+    return path.replace("/", ".")
+
+
+def _ends(path: str) -> list[int]:
+    """Where the names of a path end."""
+    return [*(at for at, letter in enumerate(path) if letter == "/"), len(path)]
