@@ -17,7 +17,7 @@ from thingc.diagnostics import Code
 from thingc.pipeline import Options
 from thingc.variants import BatchFault, Summary, run
 from thingc.variants.journal import Journal, in_order, lines
-from variants.robots import environment, thingc, tree, workspace
+from variants.robots import PENDULUM, environment, thingc, tree, workspace
 
 RUN_COLUMNS = ("parts_modelled", "parts_reused", "seconds")
 
@@ -363,6 +363,47 @@ def test_a_dry_run_counts_and_writes_nothing(tmp_path: Path, shared_store: str) 
     assert (told["modelled"], told["reused"]) == (0, 3)
     told = json.loads(thingc("batch", "rules.yaml", "--dry-run", "--format", "json", cwd=here, env=environment(store)).stdout)
     assert told["failing"] == {"bob > 10 g": 4}
+
+
+STOPS = """
+    thingc: variants/1
+    assembly: {of}.yaml
+    name: stops
+    parameters:
+      joints.swing.limit.upper: [90 deg, 10 deg, -5 deg]
+      joints.twist.limit.lower: [-90 deg, 1 deg]
+      steps: [3, 4, 5]
+    keep: [steps < 5]
+"""
+
+
+def test_a_dry_run_counts_what_limits_and_poses_will_refuse(tmp_path: Path, shared_store: str) -> None:
+    """Of a robot of frames, as many as the batch refuses; and as many where its frames are parts that nobody has modelled."""
+    parts = PENDULUM.replace("weight:\n        frame: true", "weight:\n        part: plates:Square")
+    assert parts.count("plates:Square") == 1
+    here = workspace(tmp_path, plated=parts, stops=STOPS.format(of="pendulum"), plates=STOPS.format(of="plated"))
+    env = environment(str(tmp_path / "store"))
+    for document in ("stops", "plates"):
+        told = json.loads(thingc("batch", f"{document}.yaml", "--dry-run", "--format", "json", cwd=here, env=env).stdout)
+        # the pose puts `swing` at 20 deg and leaves `twist` at 0: one of three and one of two of the values let it
+        assert (told["count"], told["failing"], told["looked_at"], told["unsound"]) == (18, {"steps < 5": 6}, 12, {"TC601": 10})
+    assert batch(here, shared_store, "stops", pictures=0).statuses == {"built": 2, "kept_out": 6, "refused": 10}
+    said = thingc("batch", "plates.yaml", "--dry-run", cwd=here, env=env).stdout
+    assert "\n10 would be refused: TC601 (pose outside joint limits), first `stops_03`: pose `tilted` does not set `twist`" in said
+    assert "models 1 parts" in said and "drawn from" not in said
+
+
+def test_a_dry_run_of_very_many_looks_at_some(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    from thingc.variants import forecast, plan
+
+    monkeypatch.setattr(forecast, "MOST", 5)
+    here = workspace(tmp_path, stops=STOPS.format(of="pendulum"))
+    options = Options(store=shared_store)
+    found = forecast.forecast(plan(str(here / "stops.yaml"), options=options), options)
+    assert found.count == 18 and found.failing == {"steps < 5": 6} and found.left == 12  # those are counted of all
+    assert 0 < found.looked_at <= 5 and 0 < found.unsound["TC601"] <= found.looked_at
+    again = forecast.forecast(plan(str(here / "stops.yaml"), options=options), options)
+    assert (again.looked_at, again.unsound) == (found.looked_at, found.unsound)
 
 
 def test_the_command_says_what_it_did(tmp_path: Path, shared_store: str) -> None:

@@ -255,7 +255,7 @@ def _forecast(arguments: argparse.Namespace, options: Options, targets: tuple[st
         common.print_json(
             planned.notes, count=found.count, of=planned.count, duplicates=planned.written - planned.count,
             axes=[{"name": axis.key, "values": len(axis.values) or None} for axis in planned.axes], failing=found.failing,
-            unsound=found.unsound, parts=found.parts, modelled=found.parts - found.known, reused=found.known,
+            looked_at=found.looked_at, unsound=found.unsound, parts=found.parts, modelled=found.parts - found.known, reused=found.known,
             first=[{"index": one.index, "id": one.id, "name": one.name, "parameters": one.parameters, "choices": one.choices}
                    for one in found.first],
         )
@@ -280,7 +280,11 @@ def _told(planned: Plan, found: Forecast) -> list[str]:
     if duplicates:
         lines.append(f"{duplicates} more are equal to one of these")
     lines.extend(f"{count} fail the rule `{rule}`" for rule, count in found.failing.items())
-    lines.extend(f"{count} would be refused: {code}" for code, count in sorted(found.unsound.items()))
+    if found.looked_at < found.left:
+        lines.append(f"of {found.looked_at}, drawn from the {found.left} that are left:")
+    for code, count in sorted(found.unsound.items()):
+        name, wrong = found.examples[code]
+        lines.append(f"{count} would be refused: {code} ({wrong.code.title}), first `{name}`: {wrong.message}")
     lines.append(f"models {found.parts - found.known} parts, reuses {found.known}")
     for one in found.first:
         settings = {**one.parameters, **one.choices}

@@ -18,6 +18,15 @@ _INLINE = {"hinge": "`drive: {kind: position, kp: 20 N*m/rad}`", "slide": "`driv
 """By the joint of the core an example of a drive written in the document."""
 
 
+def stated_edge(instance: Instance, joint: Joint) -> JointEdge:
+    """The joint at its path as its document states it, without what its drive adds."""
+    mimic = replace(joint.mimic, joint=instance.within(joint.mimic.joint)) if joint.mimic is not None else None
+    return JointEdge(
+        path=instance.within(joint.name), kind=joint.kind, limit=joint.limit, dynamics=joint.dynamics, offset=joint.offset, mimic=mimic,
+        actuator=None, origin=joint.origin + instance.origin,
+    )
+
+
 def joint_edge(tree: Tree, instance: Instance, joint: Joint, kind: JointKind, findings: Findings) -> JointEdge:
     """The joint at its path. Effort, velocity and armature come from the drive unless the joint states them."""
     origin = joint.origin + instance.origin
@@ -55,11 +64,7 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, kind: JointKind, fi
         actuator = ActuatorModel(
             kind=drive.kind or "position", kp=drive.kp, kv=drive.kv, effort=limit.effort, velocity=limit.velocity, origin=place,
         )
-    mimic = replace(joint.mimic, joint=instance.within(joint.mimic.joint)) if joint.mimic is not None else None
-    return JointEdge(
-        path=path, kind=joint.kind, limit=limit, dynamics=dynamics, offset=joint.offset, mimic=mimic, actuator=actuator,
-        origin=origin,
-    )
+    return replace(stated_edge(instance, joint), limit=limit, dynamics=dynamics, actuator=actuator)
 
 
 def _filled(tree: Tree, instance: Instance, joint: Joint, kind: JointKind, drive: Drive, findings: Findings) -> Drive | None:

@@ -10,7 +10,7 @@ from thingc.graph.findings import Findings
 from thingc.graph.kinematics import neighbourhood, on_loops, spread
 from thingc.graph.leaves import Leaves
 from thingc.graph.links import fused, links_of
-from thingc.graph.mates import check_loops, mates_of
+from thingc.graph.mates import check_loops, loops_in, mates_of, stated_joints
 from thingc.graph.modes import adhesions_of, check_poses, exported_of, modes_of, raw_of, sensors_of
 from thingc.graph.physics import check_links
 from thingc.graph.plausible import check_plausible
@@ -25,10 +25,12 @@ from thingc.resolve.model import AssemblyDefinition
 
 def link(
     model: AssemblyDefinition, records: Mapping[str, PartRecord | PartFailure], report: Report, memo: Memo | None = None,
+    *, unmodelled: bool = False,
 ) -> Assembly | None:
     """The linked assembly, or None where something is wrong (it is in `report`).
 
-    `records` answers every part definition of `model` by its text. What depends on something that is wrong is left out
+    `records` answers every part definition of `model` by its text; of one that is `unmodelled` nothing is there, and nothing comes of
+    it but what is wrong with documents alone. What depends on something that is wrong is left out
     without a word of its own. The work is linear in the occurrences. What `memo` has of it is taken from there.
     """
     memo = memo or Memo()
@@ -58,12 +60,13 @@ def link(
         shown = {(mount.occurrence, mount.mount) for mount in exported if "/" not in mount.path}
         check_expectations(occurrences, mates, laid, shown, findings)
         check_plausible(tree, occurrences, mates, links, modes, exported, findings)
-    check_poses(model.poses, model.modes, joints, findings, on_loops(len(occurrences), mates))
+    known = not findings.incomplete or not (findings.earlier or findings.failed or any(loops_in(tree)))
+    check_poses(model.poses, model.modes, stated_joints(tree, joints), findings, on_loops(len(occurrences), mates), unset=known)
     lie = tuple((m.parent, m.child, m.X_PJ, m.X_JC, m.loop, m.joint and (m.joint.kind, m.joint.offset)) for m in mates)
     at = memo("rest", lambda *_: _rest(mates, base, len(occurrences)), lie, base, len(occurrences))
     placing = sum(1 for mate in mates if mate.loop is None)
     if base is None or findings.incomplete or len(at) != len(occurrences) or placing != len(occurrences) - 1:
-        if not findings.failed and not findings.earlier and not leaves.unknown:
+        if not findings.failed and not findings.earlier and not leaves.unknown and not unmodelled:
             alone = next((tree.leaves[k] for k in range(len(occurrences)) if k not in at), tree.top)
             findings.error(
                 Code.INCOMPLETE, f"`{alone.path or model.name}` does not hang together with the base of `{model.name}`",

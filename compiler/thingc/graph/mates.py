@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from thingc.diagnostics import Code
-from thingc.graph.drives import joint_edge
+from thingc.graph.drives import joint_edge, stated_edge
 from thingc.graph.findings import Findings, noted
 from thingc.graph.types import JointEdge, Link, Mate
 from thingc.graph.unroll import Found, Instance, Tree, unplaced
@@ -84,6 +84,22 @@ def _jointed(tree: Tree, instance: Instance, joint: Joint, findings: Findings, m
     path = instance.within(joint.name)
     origin = joint.origin + instance.origin
     yield memo(("joint", path), _mated, parent, child, joint.turn, joint.gap, edge, origin, path if joint.loop else None)
+
+
+def stated_joints(tree: Tree, joints: Sequence[JointEdge]) -> tuple[JointEdge, ...]:
+    """The `joints`, and those whose mounts are not known, because nobody knows the parts: their limits stand in documents."""
+    known = {joint.path: joint for joint in joints}
+    for instance, definition in tree.assemblies:
+        for joint in definition.joints:
+            kind, path = KINDS.get(joint.kind), instance.within(joint.name)
+            if kind is not None and kind.moves and path not in known:
+                known[path] = stated_edge(instance, joint)
+    return tuple(known.values())
+
+
+def loops_in(tree: Tree) -> Iterator[Joint]:
+    """The joints that close loops."""
+    return (joint for _, definition in tree.assemblies for joint in definition.joints if joint.loop)
 
 
 def check_loops(mates: Sequence[Mate], link_of: Sequence[int], links: Sequence[Link], findings: Findings) -> None:

@@ -180,10 +180,10 @@ def raw_of(tree: Tree) -> tuple[RawAttribute, ...]:
 
 def check_poses(
     poses: Sequence[NamedPose], modes: Sequence[Mode], joints: Sequence[JointEdge], findings: Findings,
-    loops: Collection[str] = (),
+    loops: Collection[str] = (), *, unset: bool,
 ) -> None:
     """Every pose within the limits of every joint: values as written, and in poses that a mode uses also the joints
-    that are at 0 because the pose does not name them, and those that mimic (not where joints were left out: what is
+    that are at 0 because the pose does not name them, and those that mimic (where not `unset` joints were left out: what is
     there may follow one of those). A joint on a loop, one of `loops`, goes where the loop takes it."""
     used = {name for mode in modes for name in mode.poses}
     known = {pose.name for pose in poses}
@@ -203,7 +203,7 @@ def check_poses(
                     pose.origins.get(path, pose.origin), path=pose.name, help=did_you_mean(path, by_path, what="joints"),
                 )
         for path, q in coordinates(joints, pose.values).items():
-            if path in pose.values or (pose.name in used and not findings.incomplete and path not in loops):
+            if path in pose.values or (pose.name in used and unset and path not in loops):
                 _check_limit(pose, by_path[path], q, findings)
 
 

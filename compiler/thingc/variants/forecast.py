@@ -1,11 +1,17 @@
-"""What a batch would do: counted and said, with nothing modelled and nothing written."""
+"""What a batch would do: counted and said, with nothing modelled and nothing written.
+
+Rules on parameters are decided of every variant. What the documents alone say of one (its values, its limits and its poses, the parts
+that it takes) is worked out as a build does it, with parts of which nothing is known: of very many variants, of some that are drawn.
+"""
 
 from __future__ import annotations
 
+import random
 from dataclasses import dataclass, field
 from itertools import islice
 
-from thingc.diagnostics import Report
+from thingc.diagnostics import Diagnostic, Report, Severity
+from thingc.graph import link
 from thingc.pipeline import Front, Options
 from thingc.realize.record import PartDefinition
 from thingc.resolve import part_definitions, resolve
@@ -13,46 +19,68 @@ from thingc.variants.planning import Plan, Variant
 
 SHOWN = 5
 """Variants that a forecast shows."""
+MOST = 1000
+"""Variants that are worked out: some seconds."""
 
 
 @dataclass(slots=True, kw_only=True)
 class Forecast:
-    """`count` variants, of which `failing` do not keep a rule on parameters, by rule, and `unsound` have errors before any part is
-    modelled, by code; `parts` distinct parts, of which `known` need not be modelled. `first` are the first variants."""
+    """`count` variants, of which `failing` do not keep a rule on parameters, by rule. Of the others `looked_at` were worked out: `unsound`
+    of them have errors before any part is modelled, by code, and all take `parts` distinct parts, of which `known` need not be
+    modelled. `first` are the first variants, `examples` the first that has an error of a code, with that."""
 
     count: int = 0
     failing: dict[str, int] = field(default_factory=dict)
+    looked_at: int = 0
     unsound: dict[str, int] = field(default_factory=dict)
+    examples: dict[str, tuple[str, Diagnostic]] = field(default_factory=dict)
     parts: int = 0
     known: int = 0
     first: list[Variant] = field(default_factory=list)
 
 
+    @property
+    def left(self) -> int:
+        """Variants that rules on parameters leave."""
+        return self.count - sum(self.failing.values())
+
+
 def forecast(plan: Plan, options: Options, limit: int | None = None) -> Forecast:
-    """Look at every variant (at the first `limit`) as far as it is known without geometry."""
+    """Look at every variant (at the first `limit`) as far as it is known without geometry; of more than `MOST`, at so many of them."""
     found = Forecast()
     parts: dict[str, PartDefinition] = {}
+    count = plan.count if limit is None else min(limit, plan.count)
+    drawn = None if count <= MOST else frozenset(random.Random(0).sample(range(count), MOST))
     with Front(plan.assembly, options) as front:
         front.read()
-        for variant in islice(plan, limit):
+        for number, variant in enumerate(islice(plan, count)):
             found.count += 1
             if len(found.first) < SHOWN:
                 found.first.append(variant)
             if variant.failed is not None:
                 found.failing[variant.failed] = found.failing.get(variant.failed, 0) + 1
-                continue
-            report = Report()
-            sources = front.sources(variant.choices, report)
-            if sources is None or front.workspace is None:
-                break
-            model = resolve(
-                sources.documents, sources.specs, front.workspace, sources.schemas, variant.parameters, report, variant.choices,
-            )
-            if model is None or report.failed:
-                code = next((one.code.code for one in report.ordered()), "")
-                found.unsound[code] = found.unsound.get(code, 0) + 1
-                continue
-            parts.update({part.text: part for part in part_definitions(model)})
+            elif drawn is None or number in drawn:
+                found.looked_at += 1
+                _look(front, variant, found, parts)
         found.parts = len(parts)
         found.known = sum(front.geometry.in_store(part) for part in parts.values())
     return found
+
+
+def _look(front: Front, variant: Variant, found: Forecast, parts: dict[str, PartDefinition]) -> None:
+    """Work out what the documents say of a variant: its parts, or the first error."""
+    report = Report()
+    sources = front.sources(variant.choices, report)
+    if sources is None or front.workspace is None:
+        return
+    model = resolve(
+        sources.documents, sources.specs, front.workspace, sources.schemas, variant.parameters, report, variant.choices, front.memo,
+    )
+    if model is not None:
+        link(model, {}, report, unmodelled=True)
+    wrong = next((one for one in report.ordered() if one.severity is Severity.ERROR), None)
+    if wrong is not None:
+        found.unsound[wrong.code.code] = found.unsound.get(wrong.code.code, 0) + 1
+        found.examples.setdefault(wrong.code.code, (variant.name, wrong))
+    elif model is not None:
+        parts.update({part.text: part for part in part_definitions(model)})
