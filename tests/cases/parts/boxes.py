@@ -48,7 +48,7 @@ class Lever(Thing):
 class Servo(Thing):
     """A bought servo with a gain."""
 
-    actuator = Actuator(kind="position", stall_torque=2.0, no_load_speed=5.0, kp=20.0)
+    actuator = Actuator(kind="position", stall_torque=2.0, no_load_speed=5.0, kp=2.0)
     bom = {"make": "buy"}
 
     def __init__(self) -> None:
