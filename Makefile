@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 JOBS ?= 2
 
-.PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-weld print-masses walk bridge-search mutants fuzz schemas docs pictures freeze frozen clean
+.PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-weld print-masses walk bridge-search mutants slips fuzz schemas docs pictures freeze frozen clean
 
 demo: $(VENV)/.thingc
 	$(BIN)/thingc build assemblies/arm.yaml
@@ -48,6 +48,9 @@ bench-variants: $(VENV)/.thingc-dev
 
 mutants: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/mutants/study.py
+
+slips: $(VENV)/.thingc-dev
+	$(BIN)/python benchmarks/mutants/slipping.py
 
 bench-naming: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/naming/study.py

@@ -159,6 +159,7 @@ class Code(Enum):
     FAR = ("TC517", "far away from the robot", "Mend the number or its unit.", Stage.CHECK)
     MAGNET = ("TC518", "magnet far too weak or too strong", "Mend the number or its unit.", Stage.CHECK)
     IDLE_ACTUATOR = ("TC519", "actuator that drives nothing", "Name the component as the `drive` of the joint that it moves.", Stage.CHECK)
+    OVERLAP = ("TC520", "two parts in one place", "Take one of them away, or put it onto another mount.", Stage.BUILD)
     # --- TC6xx: modes (root) ---------------------------------------------------------------------------------------
     POSE_LIMITS = ("TC601", "pose outside joint limits", "Write a value within the joint's limits, or widen them.")
     UNREACHED = ("TC602", "links beyond the root's reach", "Mend the placements: every link hangs together with the root.")
@@ -169,6 +170,8 @@ class Code(Enum):
     STANDING = ("TC608", "a mode that cannot stand so", "Let a mode with a free base stand on mounts that nothing else holds, each once.")
     NOTHING_TOUCHES = ("TC607", "nothing that could touch the floor", "Give a part a `collision` shape, or write where the root is.")
     START_BELOW = ("TC610", "mode that starts under the floor", "Raise the root: `at: {xyz: ...}`, or `at: {on: floor}`.", Stage.BUILD)
+    START_CONTACT = ("TC611", "links that start in each other", "Change the pose or a `collision`, or exclude the pair.", Stage.BUILD)
+    CHATTER = ("TC612", "gain that chatters", "Lower the gain, state the rotor's `armature`, or take shorter steps.", Stage.BUILD)
     # --- TC65x: tests of the document (thingc test) ----------------------------------------------------------------
     TEST_MASS = ("TC651", "mass outside its bounds", "Change what weighs too much or too little, or the bound.")
     TEST_CENTRE = ("TC652", "centre of mass outside its box", "Move what is heavy, or widen the box.")
@@ -274,12 +277,9 @@ class Allowance:
     path: str
     nodes: tuple[tuple[Span, Node], ...]
 
-    def covers(self, found: Diagnostic) -> bool:
+    def covers(self, code: Code, places: Collection[Span]) -> bool:
         """Whether a warning is allowed: one of the places that it shows lies in the mapping."""
-        if found.code is not self.code:
-            return False
-        places = [place for place in (found.span, *(note.span for note in found.notes)) if place is not None]
-        return any(key.holds(place) or stands_in(node, place) for key, node in self.nodes for place in places)
+        return code is self.code and any(key.holds(place) or stands_in(node, place) for key, node in self.nodes for place in places)
 
 
 def meant_so(code: Code) -> str:
@@ -332,15 +332,19 @@ class Report:
     def say(self, found: Diagnostic) -> bool:
         """Say what was put together elsewhere; what has been said already is not said again. False where it is allowed."""
         found = _of_option(found)
-        if found.severity is Severity.WARNING:
-            covering = [allowance for allowance in self.allowances if allowance.covers(found)]
-            if covering:
-                self.needed.update(covering)
-                return False
+        places = [place for place in (found.span, *(note.span for note in found.notes)) if place is not None]
+        if found.severity is Severity.WARNING and self.allows(found.code, places):
+            return False
         if found not in self._known:
             self._known.add(found)
             self.diagnostics.append(found)
         return True
+
+    def allows(self, code: Code, places: Collection[Span]) -> bool:
+        """Whether a warning that shows these places is allowed; then what allows it is needed."""
+        covering = [allowance for allowance in self.allowances if allowance.covers(code, places)]
+        self.needed.update(covering)
+        return bool(covering)
 
     def warn(
         self,

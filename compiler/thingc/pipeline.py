@@ -379,6 +379,10 @@ class Compilation:
 
         if self.assembly is None or self.workspace is None:
             raise RuntimeError("there is nothing to emit: the compilation failed")
+        if verify and not self._lent:
+            from thingc.solids import check_overlaps
+
+            check_overlaps(self.assembly, self.store, self.report)
         request = EmitRequest(
             assembly=self.assembly, robots=self.robots, store=self.store, geometry=self.geometry, workspace=self.workspace,
             report=self.report, verify=verify, repeated=self._lent,

@@ -28,7 +28,7 @@ components:
   coupler: {{frame: true, mass: 0.2 kg, {BALL}, com: [90 mm, 0, 0], mounts: {{low: {{{FACING}}}, high: {{xyz: 180 0 0 mm}}}}}}
   rocker: {{frame: true, mass: 0.15 kg, {BALL}, mounts: {{low: {{{FACING}}}, high: {{xyz: 120 0 0 mm, {FACING}}}}}}}
 joints:
-  drive: {{type: continuous, parent: ground.a, child: crank.low, drive: {{kind: position, kp: 5 N*m/rad, kv: 0.2 N*m*s/rad}}}}
+  drive: {{type: continuous, parent: ground.a, child: crank.low, drive: {{kind: position, kp: 5 N*m/rad, kv: 0.05 N*m*s/rad}}}}
   elbow: {{type: continuous, parent: crank.high, child: coupler.low, dynamics: {{damping: 0.001 N*m*s/rad}}}}
   pivot: {{type: revolute, parent: ground.d, child: rocker.low, limit: {{lower: 5 deg, upper: 175 deg}}}}
   wrist: {{type: continuous, parent: coupler.high, child: rocker.high, loop: true, dynamics: {{damping: 0.001 N*m*s/rad}}}}

@@ -86,7 +86,7 @@ def arm(store: Store) -> Made:
                 axis=np.array((1, -2, 0.5)) / np.sqrt(5.25),
                 anchor=(0.01, -0.02, 0.03),
                 limit=Limit(lower=-1.0, upper=2.0),
-                actuator=drive("velocity", kv=3.0, effort=2.0, velocity=6.0),
+                actuator=drive("velocity", kv=1.0, effort=2.0, velocity=6.0),
             ),
             Segment(
                 "tip",

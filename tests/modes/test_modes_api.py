@@ -24,7 +24,7 @@ from thingc.resolve.model import Drive
 
 def crawler() -> Assembly:
     """Three boxes in a row with a magnet under each end, `knee` and `ankle` driven."""
-    drive = Drive(component=None, kind="position", kp=20.0, kv=0.5, effort=5.0)
+    drive = Drive(component=None, kind="position", kp=20.0, kv=0.1, effort=5.0)
     ends = {"a": t(0.1, 0, 0) @ rx(np.pi / 2), "b": t(-0.1, 0, 0) @ rx(np.pi / 2), "sole": rx(np.pi)}
     found = linked(
         assembly(

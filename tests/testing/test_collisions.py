@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from testing.rig import GROUND, HEAD, SLIDERS, Workspace
 from thingc.pose import Pose
-from thingc.testing.shapes import at, box, overlap
+from thingc.solids.shapes import at, box, overlap
 
 
 @pytest.mark.parametrize(("pose", "gap", "passes"), [

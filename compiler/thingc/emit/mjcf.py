@@ -52,13 +52,13 @@ def models(request: EmitRequest) -> Models:
         model = write(root, heading)
         candidates.append(mjcf_check.Candidate(
             mode=robot.mode.name, file=file, root=root, heading=heading, model=model,
-            scene=mjcf_scene.scene(robot, file, heading, model, request.memo), origin=robot.mode.origin,
+            scene=mjcf_scene.scene(robot, file, heading, model, request.memo), origin=robot.mode.origin, robot=robot,
         ))
     every = tuple(candidates)
     if request.verify:
         if request.repeated:
             candidates = [one for one in candidates if not mjcf_check.passes(one, geometry.meshes, request.store, request.memo)]
-        mjcf_check.check(candidates, geometry.meshes, request.store, report)
+        mjcf_check.check(candidates, geometry.meshes, request.store, report, starts=not request.repeated)
         if not report.diagnostics:
             for one in candidates:
                 request.memo.keep(("mujoco scene", one.mode), (one.scene.text,), True)

@@ -12,14 +12,15 @@ import json
 import os
 import re
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from thingc.emit.mjcf_geometry import MeshAsset
 from thingc.emit.mjcf_xml import Element
 from thingc.realize.store import Store
 
-MODEL, MESH = "mujoco-model", "mujoco-mesh"
-"""Kinds of documents in the store: a model, a mesh that a version of MuJoCo compiled without a word."""
+MODEL, MESH, START = "mujoco-model", "mujoco-mesh", "mujoco-start"
+"""Kinds of documents in the store: a model, a mesh that a version of MuJoCo compiled without a word, a first instant (`mjcf_start`) in
+which everything was in order."""
 
 HARMLESS = frozenset({"condim", "friction", "gap", "group", "margin", "priority", "rgba", "solimp", "solmix", "solref"})
 """Attributes of a geom that change nothing of what MuJoCo makes of its mesh."""
@@ -35,28 +36,37 @@ class Known:
         self.store = store
         self.version = version
 
-    def model(self, texts: Iterable[str], meshes: Iterable[MeshAsset]) -> bool:
-        """Whether exactly these files were accepted together."""
-        return self.store.get_json(MODEL, self._model_key(texts, meshes)) is not None
+    def model(self, texts: Sequence[str], meshes: Sequence[MeshAsset], *, started: bool) -> bool:
+        """Whether exactly these files were accepted together; with `started` only if their first instant was in order, too."""
+        answers = (True,) if started else (True, False)
+        return any(self.store.get_json(MODEL, self._model_key((*texts, str(one)), meshes)) is not None for one in answers)
 
-    def accept(self, texts: Iterable[str], meshes: Iterable[MeshAsset]) -> None:
-        """Remember a model, and the meshes in it."""
+    def accept(self, texts: Sequence[str], meshes: Sequence[MeshAsset], *, started: bool) -> None:
+        """Remember a model, and the meshes in it; with `started` also that its first instant was in order."""
         kept = list(meshes)
-        self.store.put_json(MODEL, self._model_key(texts, kept), True)
+        self.store.put_json(MODEL, self._model_key((*texts, str(started)), kept), True)
         for mesh in kept:
             if not self.mesh(mesh):
                 self.store.put_json(MESH, self._mesh_key(mesh), True)
+
+    def start(self, key: str, meshes: Sequence[MeshAsset]) -> bool:
+        """Whether a first instant with these meshes was in order."""
+        return self.store.get_json(START, self._model_key((key,), meshes)) is not None
+
+    def accept_start(self, key: str, meshes: Sequence[MeshAsset]) -> None:
+        """Remember that it was."""
+        self.store.put_json(START, self._model_key((key,), meshes), True)
 
     def mesh(self, mesh: MeshAsset) -> bool:
         """Whether a mesh was in a model that was accepted."""
         return self.store.get_json(MESH, self._mesh_key(mesh)) is not None
 
-    def data(self, models: Iterable[Element], meshes: Iterable[MeshAsset]) -> dict[str, bytes]:
+    def data(self, models: Iterable[Element], meshes: Iterable[MeshAsset], *, whole: bool = False) -> dict[str, bytes]:
         """What MuJoCo shall read as each file: its bytes where it is not known, else a tetrahedron.
 
-        All bytes are the files' own when raw attributes may change what MuJoCo makes of meshes.
+        All bytes are the files' own if they have to be (`whole`), or when raw attributes may change what MuJoCo makes of meshes.
         """
-        whole = any(about_meshes(model) for model in models)
+        whole = whole or any(about_meshes(model) for model in models)
         return {
             mesh.file: (
                 self.store.read(mesh.stored.sha256)

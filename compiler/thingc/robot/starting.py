@@ -35,7 +35,7 @@ def check_starts(robots: Sequence[Robot], outline: Outline | None, report: Repor
     for robot in robots:
         if robot.mode.stated and not robot.mode.on_floor:
             deepest = min(_lowest(robot, spheres, outline, memo), default=None)
-            if deepest is not None and deepest[0] < -DEEP:
+            if deepest is not None and deepest[0] < -DEEP and not report.allows(Code.START_BELOW, robot.mode.origin):
                 alike.setdefault((deepest[1], round(-deepest[0], 6)), []).append(robot)
     for (number, depth), found in alike.items():
         others = [robot.mode.name for robot in found[1:]]

@@ -14,8 +14,8 @@ from thingc.pose import Pose
 from thingc.resolve.tests_model import CollisionCheck
 from thingc.robot import occurrence_poses
 from thingc.robot.types import Keyframe
+from thingc.solids.shapes import Shapes, at, box, overlap
 from thingc.testing.results import Case, Failure, Measure, Outcome, shown
-from thingc.testing.shapes import Shapes, at, box, overlap
 from thingc.testing.stances import joints_text
 from thingc.units import LENGTH, Quantity
 

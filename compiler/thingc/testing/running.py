@@ -187,8 +187,8 @@ class _Runner:
     def collisions(self) -> Any:
         """The pairs and shapes of the assembly, made once."""
         if self._collisions is None:
+            from thingc.solids.shapes import Shapes
             from thingc.testing.collisions import Collisions
-            from thingc.testing.shapes import Shapes
 
             self._collisions = Collisions(self.assembly, Shapes(self.request.store), self.request.workspace.mesh.linear)
         return self._collisions

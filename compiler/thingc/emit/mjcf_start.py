@@ -1,0 +1,291 @@
+"""What MuJoCo finds in the first instant of a mode: links that start in each other, and drives that chatter.
+
+A simulation of either goes wrong at once, and the model compiles without a word. Both are looked for where a model is compiled anyway,
+with its true meshes, and what was found to be in order is remembered by what it depends on (see `key`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from thingc.diagnostics import Code, Note, Report, meant_so
+from thingc.robot.types import CoreJoint, Robot
+from thingc.units import LENGTH, Quantity
+
+DEEP = 0.5e-3
+"""[m] How far two links may start in each other: what fits tightly touches, and meshes are a little off."""
+SHOWN = 3
+"""Further pairs that a message names."""
+
+_INDIFFERENT = re.compile(r' (?:range|ctrlrange|rgba)="[^"]*"')
+
+
+def key(text: str) -> str:
+    """What the first instant of a model depends on, as a digest of its text: everything but colours and the limits of joints."""
+    return hashlib.sha256(_INDIFFERENT.sub("", text).encode()).hexdigest()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Inside:
+    """Two parts, by path, that start in each other by `depth` [m]."""
+
+    one: str
+    other: str
+    depth: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gains:
+    """A drive as the step of a simulation sees it: `stiffness` (kp and a spring) [N m/rad or N/m], `kv` and `damping` [N m s/rad or
+    N s/m], the `inertia` [kg m^2 or kg] that it moves with everything else free, whether its force has a limit, and the time step `dt`
+    [s] and integrator."""
+
+    stiffness: float
+    kv: float
+    damping: float
+    inertia: float
+    saturates: bool
+    dt: float
+    integrator: str
+
+    @property
+    def stiffest(self) -> float:
+        """The stiffness k beyond which a step makes an error larger.
+
+        With the velocity after a step used for the position, v' = a v - b q and q' = q + dt v', a step has the determinant a and the
+        trace 1 + a - dt b; it is stable (Jury) while 2 + 2 a > dt b. An implicit integrator divides by I + dt d, d = kv + damping:
+        a = I / (I + dt d), b = dt k / (I + dt d), which gives dt^2 k < 4 I + 2 dt d. Euler is implicit in the damping c of joints, and
+        explicit in kv: dt^2 k < 4 I + 2 dt c - 2 dt kv. Runge-Kutta of order 4 is stable for dt^2 k < 8 I (its region cuts the
+        imaginary axis at 2 sqrt(2)).
+        """
+        if self.integrator == "RK4":
+            return 8.0 * self.inertia / self.dt**2
+        if self.integrator == "Euler":
+            return (4.0 * self.inertia + 2.0 * self.dt * (self.damping - self.kv)) / self.dt**2
+        return (4.0 * self.inertia + 2.0 * self.dt * (self.damping + self.kv)) / self.dt**2
+
+    @property
+    def too_stiff(self) -> bool:
+        """Whether the position swings up from step to step."""
+        return self.stiffness > 0.0 and self.stiffness > self.stiffest
+
+    @property
+    def explicit(self) -> bool:
+        """Whether the integrator takes kv times the velocity before the step."""
+        return self.integrator in ("Euler", "RK4")
+
+    @property
+    def too_quick(self) -> bool:
+        """Whether an explicit kv turns a velocity round within one step: v' = (1 - dt kv / I) v changes its sign for dt kv > I."""
+        return self.explicit and self.dt * self.kv > self.inertia
+
+    @property
+    def jumps(self) -> bool:
+        """Whether the force can go on jumping from one limit F to the other, though the integrator is implicit in kv.
+
+        At its limit a force does not depend on the velocity, and MuJoCo leaves it out of the derivative. From rest at an error of J / 2,
+        J = dt^2 F / I, a step at the limit leads to -J / 2, where dt kv > I makes the force stop it in one step, at rest again: and so
+        on for ever, if the force is at its limit there, kp J / 2 > F, which is dt^2 kp > 2 I.
+        """
+        return self.saturates and self.dt * self.kv > self.inertia and self.dt**2 * self.stiffness > 2.0 * self.inertia
+
+    @property
+    def calm(self) -> bool:
+        """Whether nothing of this is so."""
+        return not (self.too_stiff or self.too_quick or self.jumps)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Start:
+    """What was found of one mode: parts in each other, deepest first, and by joint the gains that chatter."""
+
+    robot: Robot
+    inside: tuple[Inside, ...]
+    gains: dict[str, Gains]
+
+    @property
+    def in_order(self) -> bool:
+        """Whether nothing is to be said."""
+        return not self.inside and not self.gains
+
+
+def look(model: Any, robot: Robot) -> Start:
+    """The first instant of a compiled scene (an `mujoco.MjModel`): contacts where the mode starts, gains over all of its keyframes.
+
+    A model that is too large for the memory that MuJoCo takes for a step is not looked at further.
+    """
+    import mujoco
+
+    data = mujoco.MjData(model)
+    frames = {frame.name: model.key(frame.name).id for frame in robot.keyframes}
+    start = frames.get(robot.mode.pose or "")
+    inside: tuple[Inside, ...] = ()
+    worst: dict[str, Gains] = {}
+    try:
+        _pose(model, data, start)
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_collision(model, data)
+        inside = tuple(_inside(model, data))
+        model.opt.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+        for flag in ("CONTACT", "LIMIT", "FRICTIONLOSS"):
+            model.opt.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}"))
+        for number in dict.fromkeys((start, *frames.values())):
+            _pose(model, data, number)
+            mujoco.mj_fwdPosition(model, data)
+            for path, gains in gains_of(model, data):
+                if not gains.calm and (path not in worst or gains.inertia < worst[path].inertia):
+                    worst[path] = gains
+    except mujoco.FatalError:
+        pass
+    return Start(robot=robot, inside=inside, gains=worst)
+
+
+def _pose(model: Any, data: Any, number: int | None) -> None:
+    """A keyframe by its number, or every joint at 0."""
+    import mujoco
+
+    if number is None:
+        mujoco.mj_resetData(model, data)
+    else:
+        mujoco.mj_resetDataKeyframe(model, data, number)
+
+
+def _inside(model: Any, data: Any) -> Iterator[Inside]:
+    """The pairs of parts of two links that are in each other, deepest first."""
+    deepest: dict[tuple[str, str], float] = {}
+    for contact in data.contact:
+        bodies = [int(model.geom_bodyid[geom]) for geom in (contact.geom1, contact.geom2)]
+        if contact.dist > -DEEP or 0 in bodies:
+            continue
+        one, other = sorted(model.geom(int(geom)).name.partition(":")[0] for geom in (contact.geom1, contact.geom2))
+        deepest[one, other] = max(deepest.get((one, other), 0.0), -float(contact.dist))
+    for (one, other), depth in sorted(deepest.items(), key=lambda entry: (-entry[1], entry[0])):
+        yield Inside(one=one, other=other, depth=depth)
+
+
+def gains_of(model: Any, data: Any) -> Iterator[tuple[str, Gains]]:
+    """Every driven joint by its path, at positions that `mj_fwdPosition` has seen, with dense constraints of equality alone.
+
+    The inertia is 1 / (M^-1)_jj, with what constraints of equality (loops, joints that mimic) tie together moving together: with the
+    rows T of the constraints, W = T M^-1, it is 1 / (M^-1 - W' (T W')^+ W)_jj.
+    """
+    import mujoco
+    import numpy as np
+
+    driven = [k for k in range(model.nu) if model.actuator_trntype[k] == mujoco.mjtTrn.mjTRN_JOINT]
+    if not driven:
+        return
+    rows = np.asarray(data.efc_J, dtype=float).reshape(-1, model.nv) if data.nefc else np.zeros((0, model.nv))
+    tied = np.ascontiguousarray(rows[np.asarray(data.efc_type[: len(rows)]) == mujoco.mjtConstraint.mjCNSTR_EQUALITY])
+    across = np.zeros_like(tied)
+    if len(tied):
+        mujoco.mj_solveM(model, data, across, tied)
+        holding = np.linalg.pinv(tied @ across.T, rcond=1e-9)
+    integrator = {mujoco.mjtIntegrator.mjINT_EULER: "Euler", mujoco.mjtIntegrator.mjINT_RK4: "RK4"}.get(model.opt.integrator, "implicit")
+    for actuator in driven:
+        joint = int(model.actuator_trnid[actuator][0])
+        dof = int(model.jnt_dofadr[joint])
+        unit, answer = np.zeros((1, model.nv)), np.zeros((1, model.nv))
+        unit[0, dof] = 1.0
+        mujoco.mj_solveM(model, data, answer, unit)
+        inverse = alone = float(answer[0, dof])
+        if len(tied):
+            inverse -= float(across[:, dof] @ holding @ across[:, dof])
+        if inverse <= 1e-9 * alone:  # what it is tied to cannot move
+            continue
+        bias = model.actuator_biasprm[actuator]
+        yield model.joint(joint).name, Gains(
+            stiffness=-float(bias[1]) + float(np.ravel(model.jnt_stiffness[joint])[0]), kv=-float(bias[2]),
+            damping=float(np.ravel(model.dof_damping[dof])[0]), inertia=1.0 / inverse,
+            saturates=bool(model.actuator_forcelimited[actuator]), dt=float(model.opt.timestep), integrator=integrator,
+        )
+
+
+# --- words -------------------------------------------------------------------------------------------------------------
+
+
+def say(starts: Sequence[Start], report: Report) -> None:
+    """A warning for each mode that starts in itself (modes that start alike share one), and for each drive that chatters, where it is
+    worst."""
+    alike: dict[tuple[tuple[str, str, float], ...], list[Start]] = {}
+    for start in starts:
+        if start.inside and not report.allows(Code.START_CONTACT, start.robot.mode.origin):
+            alike.setdefault(tuple((one.one, one.other, round(one.depth, 5)) for one in start.inside), []).append(start)
+    for found in alike.values():
+        _say_inside(found[0], [start.robot.mode.name for start in found[1:]], report)
+    worst: dict[str, tuple[Gains, Robot]] = {}
+    for start in starts:
+        for path, gains in start.gains.items():
+            if path not in worst or gains.inertia < worst[path][0].inertia:
+                worst[path] = gains, start.robot
+    for path, (gains, robot) in worst.items():
+        joint = next(body.joint for body in robot.bodies if body.joint is not None and body.joint.path == path)
+        _say_gains(joint, gains, robot, report)
+
+
+def _say_inside(start: Start, others: Sequence[str], report: Report) -> None:
+    robot, first = start.robot, start.inside[0]
+    origins = {part.path: part.origin for part in robot.assembly.occurrences}
+    notes = [Note(message=f"`{path}` is here", span=origins[path][0]) for path in (first.one, first.other) if origins.get(path)]
+    notes += [
+        Note(message=f"also `{one.one}` in `{one.other}`, {Quantity(float(f'{one.depth:.3g}'), LENGTH)} deep")
+        for one in start.inside[1 : SHOWN + 1]
+    ]
+    if len(start.inside) > SHOWN + 1:
+        notes.append(Note(message=f"and {len(start.inside) - SHOWN - 1} more pairs"))
+    if others:
+        notes.append(Note(message=f"so {'does' if len(others) == 1 else 'do'} mode{'' if len(others) == 1 else 's'} "
+                          + ", ".join(f"`{name}`" for name in others)))
+    pose = f" (pose `{robot.mode.pose}`)" if robot.mode.pose is not None else ""
+    pair = ", ".join(path.replace("/", ".") for path in (first.one, first.other))
+    depth = Quantity(float(f"{first.depth:.3g}"), LENGTH)
+    report.warn(
+        Code.START_CONTACT,
+        f"mode `{robot.mode.name}` starts{pose} with `{first.one}` {depth} deep in `{first.other}`, as their collision shapes are",
+        robot.mode.origin, path=robot.mode.name, notes=notes,
+        help=f"change the pose, choose another `collision` for one of them, or write `contacts: {{exclude: [[{pair}]]}}`; "
+        + meant_so(Code.START_CONTACT),
+    )
+
+
+def _say_gains(joint: CoreJoint, gains: Gains, robot: Robot, report: Report) -> None:
+    turn, rate, weight = ("N*m/rad", "N*m*s/rad", "kg*m^2") if joint.kind == "hinge" else ("N/m", "N*s/m", "kg")
+    name = joint.path.rpartition("/")[2]
+    moves = f"what it moves has {gains.inertia:.2g} {weight} (mode `{robot.mode.name}`) and a step takes {1e3 * gains.dt:g} ms"
+    spring, dt = joint.dynamics.stiffness or 0.0, gains.dt
+    if gains.too_stiff or gains.jumps:
+        does = "swings it up from step to step" if gains.too_stiff else "lets its force jump from limit to limit"
+        what = f"`kp` of joint `{name}`, {gains.stiffness - spring:.6g} {turn}, {does}: {moves}"
+        fine = min(gains.stiffest / 2.0, gains.inertia / dt**2 if gains.jumps else gains.stiffest) - spring
+        cure = f"up to {_down(fine)} {turn} is calm"
+        if fine <= 0.0:
+            cure = "with this `kv` none is calm, unless with `integrator: implicitfast`"
+        needed = dt**2 * gains.stiffness / 2.0 - gains.stiffest * dt**2 / 4.0
+        if gains.jumps:
+            needed = max(needed, dt**2 * gains.stiffness - gains.inertia)
+    else:
+        what = f"`kv` of joint `{name}`, {gains.kv:.6g} {rate}, turns its velocity round in one step: {moves}"
+        cure = f"up to {_down(gains.inertia / dt / 2.0)} {rate} is calm, and any with `integrator: implicitfast`"
+        needed = 2.0 * dt * gains.kv - gains.inertia
+    where = joint.actuator.origin if joint.actuator is not None else joint.origin
+    apart = joint.origin[:1] if where and joint.origin and joint.origin[0].line != where[0].line else ()
+    report.warn(
+        Code.CHATTER, what, where, path=joint.path, notes=[Note(message=f"joint `{name}` is here", span=span) for span in apart],
+        help=f"{cure}; so is a rotor with `armature: {_up(needed)} {weight}`, or a shorter `timestep`; {meant_so(Code.CHATTER)}",
+    )
+
+
+def _down(value: float) -> str:
+    """A number with two digits, not above it."""
+    shown = float(f"{value:.1e}")
+    return f"{shown if shown <= value else float(f'{value * 0.95:.1e}'):g}"
+
+
+def _up(value: float) -> str:
+    shown = float(f"{value:.1e}")
+    return f"{shown if shown >= value else float(f'{value * 1.06:.1e}'):g}"

@@ -1,0 +1,126 @@
+"""Parts of one link that are in one place: a part given twice, or put onto the wrong mount."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from thingc.diagnostics import Code, Note, Report, meant_so
+from thingc.graph.types import Assembly, Link, Occurrence
+from thingc.pose import Pose, Vector
+from thingc.realize.store import Store
+
+SHARE = 0.2
+"""How much of the smaller of two parts the other may take: screws in their holes and cells in their holders take a twentieth."""
+LEAST = 1e-8
+"""[m^3] What two parts may share however small they are."""
+
+KIND = "overlaps"
+"""Documents in the store: pairs of parts, with their poses to each other, none of which lies in the other."""
+
+Box = tuple[Vector, Vector]
+
+
+@dataclass(frozen=True, slots=True)
+class _Pair:
+    """Two parts of a link that may share too much, each with its pose in the link's frame."""
+
+    one: Occurrence
+    other: Occurrence
+    at_one: Pose
+    at_other: Pose
+
+    @property
+    def smaller(self) -> Occurrence:
+        """The part with less volume."""
+        return min((self.one, self.other), key=_volume)
+
+
+def check_overlaps(assembly: Assembly, store: Store, report: Report) -> None:
+    """A warning for each two parts of a link that share more than `SHARE` of the smaller one, and more than `LEAST`.
+
+    Boxes say which can; those are looked at exactly, unless all of them have been before.
+    """
+    pairs = [pair for link in assembly.links for pair in _candidates(assembly, link)]
+    if not pairs:
+        return
+    content = [[_mesh(part) for part in (pair.one, pair.other)] + [repr(pair.at_one), repr(pair.at_other)] for pair in pairs]
+    key = hashlib.sha256(json.dumps([SHARE, LEAST, content]).encode()).hexdigest()
+    if store.get_json(KIND, key) is None and not _look(pairs, store, report):
+        store.put_json(KIND, key, True)
+
+
+def _look(pairs: Sequence[_Pair], store: Store, report: Report) -> bool:
+    """Whether any of the pairs is one too many; each such place of the documents is said once, however often it is used."""
+    from thingc.solids.shapes import Shapes, at, overlap
+
+    shapes = Shapes(store)
+    found = False
+    said: set[tuple[object, object]] = set()
+    for pair in pairs:
+        solids = [shapes.solid(part.record) for part in (pair.one, pair.other) if part.record is not None]
+        if any(solid is None for solid in solids):
+            continue
+        shared = overlap(at(solids[0], pair.at_one), at(solids[1], pair.at_other))[0]
+        if shared <= max(LEAST, SHARE * _volume(pair.smaller)):
+            continue
+        found = True
+        place = (pair.one.origin[:1], pair.other.origin[:1])
+        if place not in said and _warn(pair, shared, report):
+            said.add(place)
+    return found
+
+
+def _warn(pair: _Pair, shared: float, report: Report) -> bool:
+    smaller = pair.smaller
+    larger = pair.other if smaller is pair.one else pair.one
+    share = f"{min(100.0 * shared / _volume(smaller), 100.0):.0f} %"
+    twice = pair.one.definition == pair.other.definition
+    help = "take one of them away" if twice else "put one of them onto another mount"
+    return report.warn(
+        Code.OVERLAP,
+        f"`{pair.other.path}` and `{pair.one.path}` are in one place: {share} of `{smaller.path}` is inside `{larger.path}` "
+        f"({_cubic(shared)})" + (f", which is a `{larger.definition.label}`, too" if twice else ""),
+        pair.other.origin, path=pair.other.path, help=f"{help}; {meant_so(Code.OVERLAP)}",
+        notes=[Note(message=f"`{pair.one.path}` is here", span=span) for span in pair.one.origin[:1]],
+    )
+
+
+def _cubic(volume: float) -> str:
+    """A volume [m^3] for people."""
+    return f"{1e6 * volume:.3g} cm^3" if volume >= 1e-6 else f"{1e9 * volume:.3g} mm^3"
+
+
+def _candidates(assembly: Assembly, link: Link) -> Iterator[_Pair]:
+    """The pairs of parts of which the boxes share as much as would be too much. Parts whose surface has gaps have no inside."""
+    parts: list[tuple[Occurrence, Pose, Box]] = []
+    for member, pose in zip(link.members, link.poses, strict=True):
+        part = assembly.occurrences[member]
+        mesh = part.record.meshes.get("mesh") if part.record is not None and part.record.exact else None
+        if part.record is not None and part.record.box is not None and mesh is not None and mesh.closed:
+            parts.append((part, pose, _around(part.record.box, pose)))
+    for number, (one, at_one, box) in enumerate(parts):
+        for other, at_other, beside in parts[number + 1 :]:
+            common = 1.0
+            for axis in range(3):
+                common *= max(0.0, min(box[1][axis], beside[1][axis]) - max(box[0][axis], beside[0][axis]))
+            if common > max(LEAST, SHARE * min(_volume(one), _volume(other))):
+                yield _Pair(one, other, at_one, at_other)
+
+
+def _around(box: Box, pose: Pose) -> Box:
+    """The box along the axes of the link around a part's box."""
+    middle = pose.apply(((box[0][0] + box[1][0]) / 2.0, (box[0][1] + box[1][1]) / 2.0, (box[0][2] + box[1][2]) / 2.0))
+    half = [sum(abs(row[k]) * (box[1][k] - box[0][k]) / 2.0 for k in range(3)) for row in pose.rotation]
+    low, high = (tuple(m + sign * h for m, h in zip(middle, half, strict=True)) for sign in (-1.0, 1.0))
+    return (low[0], low[1], low[2]), (high[0], high[1], high[2])
+
+
+def _volume(part: Occurrence) -> float:
+    return part.record.volume if part.record is not None else 0.0
+
+
+def _mesh(part: Occurrence) -> str:
+    return part.record.meshes["mesh"].sha256 if part.record is not None else ""
