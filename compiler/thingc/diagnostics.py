@@ -192,6 +192,7 @@ class Code(Enum):
     MESH_TOO_LARGE = ("TC705", "mesh too large for MuJoCo", "Choose `collision: hull`, or a coarser `mesh` for the workspace.")
     LOSS_DENIED = ("TC706", "a target cannot say this", "Leave it out of the document, or build without --deny-loss.")
     RAW_FIXED = ("TC707", "raw attribute that identifies", "Say it in the words of the document, as the hint shows.")
+    TOO_LIGHT = ("TC708", "link too light for MuJoCo", "Check the units of its files, sizes and masses, or attach it to another link.")
     STEP_FAILED = ("TC752", "the STEP file could not be written", "Leave `step` out with --emit, or change the part that is named.")
     SAME_FILE = ("TC751", "two definitions make one file name", "Rename one of the two part files.")
     # --- TC8xx: folders and files (driver, command line) -----------------------------------------------------------

@@ -104,12 +104,22 @@ def principal_moments(a: Matrix) -> Vector:
     return (x, y, z)
 
 
+LEAST_MOMENT = 1e-14
+"""Principal moments [kg m^2] below it MuJoCo does not take for those of a body (mjEPS, in the reader of `fullinertia`)."""
+LEAST_MASS = 1e-15
+"""Masses [kg] up to it MuJoCo does not take for those of a body that moves (mjMINVAL)."""
+
+
 def physical_fault(a: Matrix) -> str | None:
     """Why no rigid body can have this inertia, in words, or None when one can.
 
     Positive definite, and no principal moment above the sum of the other two (with 1e-9 of room for rounding).
     """
-    low, middle, high = principal_moments(a)
+    return moments_fault(*principal_moments(a))
+
+
+def moments_fault(low: float, middle: float, high: float) -> str | None:
+    """The same of principal moments [kg m^2], the smallest first."""
     if low <= 0.0:
         return f"its principal moments are {low:.6g}, {middle:.6g}, {high:.6g} kg m^2, and all must be above 0"
     if high > (low + middle) * (1.0 + 1e-9):

@@ -22,6 +22,7 @@ from graph.builder import (
     laid,
     linked,
     notes,
+    part,
     rx,
     said,
     t,
@@ -81,8 +82,6 @@ def hand(**exported: str) -> AssemblyDefinition:
     ],
 )
 def test_a_part_that_failed_is_said_once(kind: str, code: str, words: str, help: str) -> None:
-    from graph.builder import part
-
     pen = replace(
         part("p:Pen(length=-0.1)", length=-0.1, diameter=0.015), label="p:Pen(length=-100 mm)", words=("15 mm", "-100 mm")
     )
@@ -188,15 +187,18 @@ def test_other_parameters_are_another_part() -> None:
 def test_a_length_that_went_through_a_part_is_the_same_length() -> None:
     """Parts count in millimetres, with 15 digits: the last ones of a length in metres do not come back."""
     board = box("p:Board", mounts={"seat": t(0, 0, 0.02)}, expectations=(
-        Expectation(mount="seat", text="p:Cap(width=0.187672239581141)", child_mount="foot"),
+        Expectation(mount="seat", text="p:Cap(width=0.187672239581141)", label="p:Cap(width=187.672 mm)", child_mount="foot"),
     ))
     for width, same in (("0.18767223958114063", True), ("0.1876722395", False)):
         cap = box(f"p:Cap(width={width})", mounts={"foot": rx(np.pi)})
-        model = assembly("a", [component("board", "p:Board"), component("cap", cap.text, attach("cap.foot", "board.seat"))])
+        made = replace(part(cap.text), label="p:Cap(width=187.672 mm)")
+        model = assembly("a", [component("board", "p:Board"), component("cap", made, attach("cap.foot", "board.seat"))])
         if same:
             linked(model, board, cap)
         else:
-            assert "but `cap`" in said(warnings(model, board, cap))[0][1]
+            assert said(warnings(model, board, cap))[0][1] == (
+                "`board.seat` was cut for `p:Cap(width=0.187672239581141)`, but `cap` (`p:Cap(width=0.1876722395)`) sits there"
+            ), "where labels are the same, the texts tell them apart"
 
 
 def test_expectations_that_are_not_asked_for() -> None:

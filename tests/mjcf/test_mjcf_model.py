@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import itertools
+import math
 import os
+from collections.abc import Mapping
 
 import mujoco
 import numpy as np
@@ -25,7 +27,9 @@ from mjcf.handmade import (
     total,
 )
 from thingc.emit.mjcf import emit
+from thingc.emit.mjcf_inertial import inertial
 from thingc.emit.request import EmitRequest
+from thingc.inertia import LEAST_MASS, LEAST_MOMENT, MassProperties
 from thingc.pose import NO_POSE, Pose
 from thingc.printing import as_json
 from thingc.realize.record import Primitive
@@ -588,6 +592,46 @@ def test_a_point_mass_that_never_moves(store: Store) -> None:
     link = request.assembly.links[0]
     object.__setattr__(link, "properties", type(link.properties)(mass=0.25, centre=(0.0, 0.0, 0.1)))
     assert load(request).body("plate").mass == 0.25
+
+
+def taken(attributes: Mapping[str, str], *, moves: bool) -> bool:
+    """Whether MuJoCo takes a body with such an `<inertial>`."""
+    words = " ".join(f'{key}="{value}"' for key, value in attributes.items())
+    hinge = "<joint/>" if moves else ""
+    try:
+        mujoco.MjModel.from_xml_string(f"<mujoco><worldbody><body>{hinge}<inertial {words}/></body></worldbody></mujoco>")
+    except ValueError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.7])
+def test_the_least_that_may_move_is_what_mujoco_takes(turn: float) -> None:
+    """Our bounds are MuJoCo's; what stands still may have any inertia."""
+    c, s = math.cos(turn), math.sin(turn)
+    about = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+    def heavy(factor: float) -> MassProperties:
+        inertia = about @ np.diag([1.0, 1.5, 2.0]) @ about.T * factor * LEAST_MOMENT
+        return MassProperties(mass=1e-6, inertia=tuple(map(tuple, inertia.tolist())))
+
+    assert taken(inertial(heavy(1.001)), moves=True) and "fullinertia" in inertial(heavy(1.001))
+    for factor in (0.999, 0.1, 1e-6, 1e-20):
+        small = heavy(factor)
+        i = small.inertia
+        full = " ".join(map(repr, (i[0][0], i[1][1], i[2][2], i[0][1], i[0][2], i[1][2])))
+        assert not taken({"pos": "0 0 0", "mass": "1e-6", "fullinertia": full}, moves=False), "MuJoCo's own bound"
+        assert taken(inertial(small), moves=False)
+    for mass, fine in ((LEAST_MASS * 1.001, True), (LEAST_MASS * 0.999, False)):
+        assert taken({"pos": "0 0 0", "mass": repr(mass), "diaginertia": "1 1 1"}, moves=True) == fine
+
+
+@pytest.mark.parametrize("side", [3e-5, 1e-5, 2e-6])
+def test_a_mesh_that_holds_almost_nothing(store: Store, side: float) -> None:
+    """A crumb that stands still is drawn: MuJoCo refuses solids under 1e-15 m^3."""
+    stand, crumb = (box_part(store, (0, 0, 0), (side,) * 3) for side in (0.1, side))
+    made = Made(segments=[Segment("stand", [Piece("stand", stand), Piece("crumb", crumb)])])
+    assert load(made.request(store)).geom("crumb").dataid[0] >= 0
 
 
 @pytest.mark.parametrize("name", ["main", "visual", "collision", "arm"])

@@ -29,10 +29,14 @@ PIECES = {"decompose": "convex"}
 """What the files of pieces are called where that is not what `collision` chose."""
 
 
+LEAST_VOLUME = 1e-14
+"""Of a part [m^3]: MuJoCo refuses solid meshes of up to 1e-15 (mjMINVAL), and a mesh holds somewhat less than its part."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeshAsset:
     """A mesh asset: its name, its file in `assets/`, where its bytes lie, and whether MuJoCo must take it as a surface
-    (`inertia="shell"`), which it must where the mesh encloses no volume."""
+    (`inertia="shell"`), which it must where the mesh encloses no volume, or almost none."""
 
     name: str
     file: str
@@ -174,7 +178,7 @@ class _Collector:
             name=name,
             file=f"{name}.{extension}",
             stored=Stored(sha256=mesh.sha256, size=mesh.size),
-            shell=mesh.flat or not mesh.closed,
+            shell=mesh.flat or not mesh.closed or (occurrence.record is not None and occurrence.record.volume < LEAST_VOLUME),
             origin=occurrence.origin,
         ))
         return Shape(kind="mesh", mesh=name)

@@ -52,16 +52,19 @@ def _rounded(definition: str) -> str:
 
 
 def _warn(owner: Occurrence, one: Expectation, strangers: Sequence[tuple[Occurrence, str]], findings: Findings) -> None:
-    name = owner.component.name
-    cut = f"`{name}.{one.mount}` was cut for `{one.label}`"
-    help = f"put `{one.label}` there by its mount `{one.child_mount}`; {meant_so(Code.EXPECTATION)}"
-    if not strangers:
+    name, wanted = owner.component.name, one.label
+    other, mount = next(((o, m) for o, m in strangers if _is(o, one)), strangers[0] if strangers else (None, ""))
+    found = other.definition.label if other is not None else ""
+    if other is not None and found == wanted:  # they differ in digits that labels do not show
+        wanted, found = one.text, other.definition.text
+    cut = f"`{name}.{one.mount}` was cut for `{wanted}`"
+    help = f"put `{wanted}` there by its mount `{one.child_mount}`; {meant_so(Code.EXPECTATION)}"
+    if other is None:
         findings.warn(Code.EXPECTATION, f"{cut}, and nothing sits there", owner.origin, path=owner.path, help=help)
         return
-    other, mount = next(((o, m) for o, m in strangers if _is(o, one)), strangers[0])
     if _is(other, one):
         message = f"{cut} by its mount `{one.child_mount}`, but `{other.component.name}` sits there by `{mount}`"
     else:
-        message = f"{cut}, but `{other.component.name}` (`{other.definition.label}`) sits there"
+        message = f"{cut}, but `{other.component.name}` (`{found}`) sits there"
     notes = noted(f"`{name}` is here", owner.origin)
     findings.warn(Code.EXPECTATION, message, other.origin, path=other.path, help=help, notes=notes)

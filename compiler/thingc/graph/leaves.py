@@ -27,7 +27,7 @@ from thingc.pose import NO_POSE
 from thingc.realize.record import Outside, PartDefinition, PartFailure, PartRecord, PartWarning
 from thingc.realize.slices import Unsliced
 from thingc.resolve.model import AssemblyDefinition, BomEntry, Component, Material, Process
-from thingc.resolve.plausible import density_doubt, density_words, mass_doubt, mass_words
+from thingc.resolve.plausible import density_doubt, density_words, mass_doubt, mass_words, said_by_file
 from thingc.slips import did_you_mean, nearest
 from thingc.source import Origin
 
@@ -156,6 +156,9 @@ class Leaves:
                 help = did_you_mean(failure.subject, failure.candidates, what="parts")
             elif component.definition.kind == "file" and code is Code.PART_INVALID:
                 help = "open the file in a CAD program and export it anew as a solid"
+            elif component.definition.kind == "file" and code is Code.PART_EMPTY:
+                unit = "" if said_by_file(component.definition) else "say what its numbers are in (`unit: m`; mm unless given), or "
+                help = f"{unit}export it anew as a solid"
             self._findings.error(code, message, origin, path=path, notes=notes, detail=failure.detail, help=help)
 
     def _work_out(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> Leaf | None:

@@ -1,4 +1,4 @@
-"""Whether every link that moves can: mass above 0, and an inertia that some solid has."""
+"""Whether every link that moves can: mass above 0, an inertia that some solid has, and both of a size that MuJoCo reckons with."""
 
 from __future__ import annotations
 
@@ -7,8 +7,12 @@ from collections.abc import Collection, Sequence
 from thingc.diagnostics import Code
 from thingc.graph.findings import Findings
 from thingc.graph.types import Link, LinkedMode, Occurrence
-from thingc.inertia import physical_fault
+from thingc.inertia import LEAST_MASS, LEAST_MOMENT, moments_fault, principal_moments
+from thingc.resolve.plausible import SMALLEST, density_doubt, mass_words, measures, unit_meant
 from thingc.source import Span
+
+_ROOM = 1e-9
+"""For rounding, as a part of a moment."""
 
 
 def check_links(
@@ -29,12 +33,21 @@ def check_links(
         if link.index in skip or common == {link.index} or not modes or not said.isdisjoint(link.origin[:1]):
             continue
         mode = next(mode.name for mode, held in zip(modes, still) if held != link.index)
-        fault = physical_fault(link.properties.inertia) if link.properties.mass > 0.0 else None
-        if link.properties.mass > 0.0 and fault is None:
+        mass, moments = link.properties.mass, principal_moments(link.properties.inertia)
+        fault = moments_fault(*moments) if mass > 0.0 else None
+        light = _light(mass, moments[0])
+        if light is None and fault is None:
             continue
         said.update(link.origin[:1])
-        named = _named([occurrences[k] for k in link.members])
-        if fault is None:
+        members = [occurrences[k] for k in link.members]
+        named = _named(members)
+        if mass > 0.0 and light is not None and fault is None:
+            heaviest = max(members, key=lambda one: one.properties.mass)
+            findings.error(
+                Code.TOO_LIGHT, f"link `{link.name}` moves in mode `{mode}` and is too light for MuJoCo: {light} ({_measured(heaviest)})",
+                link.origin, path=link.name, help=_cause(heaviest),
+            )
+        elif fault is None:
             findings.error(
                 Code.MASSLESS, f"link `{link.name}` moves in mode `{mode}` and has no mass ({named})", link.origin,
                 path=link.name,
@@ -46,6 +59,34 @@ def check_links(
                 f"link `{link.name}` moves in mode `{mode}` and its inertia is not physical: {fault} ({named})",
                 link.origin, path=link.name, help="give a component with geometry a mass, or state `inertia:` on one of them",
             )
+
+
+def _light(mass: float, least: float) -> str | None:
+    """What of a link that moves is too small for MuJoCo, its mass or its smallest moment, in words; None where neither is."""
+    if mass <= LEAST_MASS:
+        return f"it weighs {mass_words(mass)}, and must weigh more than {mass_words(LEAST_MASS)}"
+    if least < LEAST_MOMENT * (1.0 + _ROOM):
+        return f"its smallest moment of inertia is {least:.3g} kg m^2, and must be {LEAST_MOMENT:g} at least"
+    return None
+
+
+def _measured(one: Occurrence) -> str:
+    """`arm` (`foot.stl`) measures 0.06 x 0.06 x 0.06 mm and weighs 2.7e-07 g."""
+    size = f" measures {measures(one.record.box)} and" if one.record is not None and one.record.box is not None else ""
+    return f"`{one.path}`, `{one.definition.label}`,{size} weighs {mass_words(one.properties.mass)}"
+
+
+def _cause(one: Occurrence) -> str:
+    """What is probably wrong with the heaviest component of a link that is too light: its unit, its density, or nothing."""
+    record = one.record
+    if record is not None and record.box is not None:
+        longest = max(above - below for below, above in zip(*record.box))
+        if longest < SMALLEST:
+            return unit_meant(one.component.definition, longest)
+        doubt = density_doubt(one.properties.mass / record.volume)
+        if doubt is not None:
+            return f"check its density or mass: it {doubt.words}"
+    return "check the units of its sizes, `mass` and `inertia`, or attach it to another link"
 
 
 def _named(members: Sequence[Occurrence]) -> str:

@@ -16,7 +16,7 @@ from thingc.graph.unroll import Instance, Tree
 from thingc.joints import KINDS
 from thingc.pose import Pose, Vector
 from thingc.resolve.model import AssemblyDefinition, At, Attach, Joint
-from thingc.resolve.plausible import LARGEST, SMALLEST, mass_words, unit_meant
+from thingc.resolve.plausible import LARGEST, SMALLEST, mass_words, measures, unit_meant
 from thingc.source import Origin
 from thingc.units import FORCE, LENGTH, Quantity
 
@@ -70,11 +70,10 @@ def _check_sizes(occurrences: Sequence[Occurrence], findings: Findings) -> bool:
         sides = [above - below for below, above in zip(low, high)]
         if SMALLEST <= max(sides) <= LARGEST:
             continue
-        measures = " x ".join(f"{float(f'{1000.0 * side:.3g}'):g}" for side in sides)
         bound = f"under {1000.0 * SMALLEST:g} mm" if max(sides) < SMALLEST else f"over {LARGEST:g} m"
         if findings.warn(
-            Code.SIZE, f"`{one.component.name}` (`{one.definition.label}`) is {bound} long: it measures {measures} mm", one.origin,
-            path=one.path, notes=written_at(f"`{one.definition.label}`", one.record.code),
+            Code.SIZE, f"`{one.component.name}` (`{one.definition.label}`) is {bound} long: it measures {measures(one.record.box)}",
+            one.origin, path=one.path, notes=written_at(f"`{one.definition.label}`", one.record.code),
             help=f"{unit_meant(one.component.definition, max(sides))}; {meant_so(Code.SIZE)}",
         ):
             found.add(one.definition.text)

@@ -221,7 +221,7 @@ def _record(
         solid = solid_part(shapes)
         measures = measure(solid)
         if not measures.volume > NOTHING:
-            raise NoPart("empty", f"result() has a volume of {measures.volume:.3g} mm^3")
+            raise NoPart("empty", f"it holds {measures.volume:.3g} mm^3")
         brep = store.put(written_brep(solid))  # before meshing, which would leave its triangles in it
         mesh = _tessellated(solid, tessellations.fine)
         metres = mesh.scaled(1.0 / convert.MM)

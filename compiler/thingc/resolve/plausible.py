@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from thingc.load.paths import SUFFIXES_WITH_UNIT
+from thingc.pose import Vector
 from thingc.realize.record import FILE_UNIT, PartDefinition
 from thingc.units import parse_quantity
 
@@ -51,18 +52,31 @@ def mass_doubt(mass: float, volume: float) -> Doubt | None:
     )
 
 
+def said_by_file(definition: PartDefinition) -> bool:
+    """Whether a part is a file that says itself which unit its numbers are in."""
+    return definition.reference.lower().endswith(SUFFIXES_WITH_UNIT)
+
+
 def unit_meant(definition: object, size: float) -> str:
     """What to do about a part (its definition) whose size [m] is odd: of a file without a unit, the unit in which it is none."""
     if not isinstance(definition, PartDefinition) or definition.kind != "file":
         return "part code is in millimetres, and documents write units: check those of its `params`"
-    if definition.reference.lower().endswith(SUFFIXES_WITH_UNIT):
+    if said_by_file(definition):
         return "the file says its unit itself: export it anew in the right one"
     unit = str(dict(definition.parameters).get("unit", FILE_UNIT))
     number = size / parse_quantity(f"1 {unit}").value
-    for other in LIKELY_UNITS:
-        if 5.0 * SMALLEST <= number * parse_quantity(f"1 {other}").value <= LARGEST / 3.0:
-            return f"write `unit: {other}` if its numbers are in {other}"
+    sizes = {other: number * parse_quantity(f"1 {other}").value for other in LIKELY_UNITS}
+    for least in (5.0 * SMALLEST, SMALLEST):
+        for other, meant in sizes.items():
+            if least <= meant <= LARGEST / 3.0:
+                return f"write `unit: {other}` if its numbers are in {other}"
     return f"its numbers are taken as {unit}: check the file"
+
+
+def measures(box: tuple[Vector, Vector]) -> str:
+    """The sides of a box (two corners [m]) as people write them: `60 x 20 x 6 mm`."""
+    sides = (float(f"{1000.0 * (above - below):.3g}") for below, above in zip(*box))
+    return " x ".join(f"{side:g}" for side in sides) + " mm"
 
 
 def mass_words(mass: float) -> str:
