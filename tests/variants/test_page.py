@@ -17,6 +17,7 @@ from PIL import Image
 
 from thingc.variants import places
 from thingc.variants.page import write_page
+from thingc.variants.pictures import along_the_axes, usual
 from thingc.variants.tables import Column, columns
 from variants.robots import environment, thingc, workspace
 
@@ -45,7 +46,7 @@ def seen(page: Path, program: str) -> dict[str, object]:
           e.value = value;
           e.dispatchEvent(new Event(e.tagName === "SELECT" ? "change" : "input"));
         }};
-        const names = () => all("#grid .card .name span:last-child").map((e) => e.textContent);
+        const names = () => all("#grid .card .name span:last-child, #bare .line .name").map((e) => e.textContent);
         let found;
         try {{ found = (() => {{ {program} }})(); }} catch (fault) {{ found = {{}}; window.faults.push(String(fault.stack)); }}
         const out = document.createElement("pre");
@@ -133,7 +134,7 @@ def test_sorting_filtering_and_choosing(stands: Path) -> None:
         const light = names();
         $("#direction").click();
         const heavy = names();
-        type("#filter", "side>0.045 components.plate.material=heavy");
+        type("#filter", "side>45 components.plate.material=heavy");
         const filtered = names(), said = $("#said").textContent;
         type("#filter", "colour>3");
         const wrong = $("#said").textContent;
@@ -150,19 +151,65 @@ def test_sorting_filtering_and_choosing(stands: Path) -> None:
     """)
     assert found["faults"] == []
     rows = table(stands)
+    with_pictures = {path.stem for path in (stands / "pictures").iterdir()}
+    rows.sort(key=lambda row: row["id"] not in with_pictures)  # those without one come after, as lines
     assert found["first"] == [row["name"] for row in rows]
     massed = sorted((row for row in rows if row["mass"]), key=lambda row: float(row["mass"]))
+    drawn, others = ([row["name"] for row in massed if (row["id"] in with_pictures) == wanted] for wanted in (True, False))
     without = [row["name"] for row in rows if not row["mass"]]
-    assert found["light"] == [row["name"] for row in massed] + without
-    assert found["heavy"] == [row["name"] for row in reversed(massed)] + without
+    assert found["light"] == [*drawn, *others, *without]
+    assert found["heavy"] == [*reversed(drawn), *reversed(others), *without]
     wanted = {row["name"] for row in rows if float(row["parameters.side"]) > 0.045 and row["components.plate.material"] == "heavy"}
     assert set(found["filtered"]) == wanted and found["said"] == f"{len(wanted)} of 12 variants"  # type: ignore[call-overload]
     assert found["wrong"] == "there is no column colour"
     built = [row["name"] for row in reversed(massed) if row["status"] == "built"]
-    assert found["built"] == found["cells"] == built and found["byName"] == sorted(built)
+    assert found["cells"] == built and set(found["built"]) == set(built) and found["byName"] == sorted(built)
     assert {"name", "parameters.side", "components.plate.material", "mass"} <= set(found["heads"])  # type: ignore[call-overload]
     assert found["one"] == sorted(built)[0]
     assert found["command"] == next(row["command"] for row in rows if row["name"] == found["one"])
+
+
+@browser
+def test_values_are_in_the_units_of_documents_and_what_has_no_picture_is_a_closed_list(stands: Path) -> None:
+    found = seen(stands / "index.html", """
+        const bare = $("#bare"), cards = all(".card").map((e) => e.textContent), lines = all("#bare .line").map((e) => e.textContent);
+        const said = $("#bare summary").textContent, open = bare.open;
+        type("#plot-x", "parameters.side");
+        const title = all("#chart .title").map((e) => e.textContent);
+        $("#view-table").click();
+        return { cards, lines, said, open, title, units: all("#rows th small").map((e) => e.textContent), hidden: bare.hidden,
+          sides: all("#rows tbody tr").map((e) => e.textContent.match(/(\\d+)(light|heavy)/)?.[1]) };
+    """)
+    assert found["faults"] == [] and found["open"] is False and found["hidden"] is True
+    assert len(found["cards"]) == 6 and all(re.search("side[3-7]0 mm", card) for card in found["cards"])  # type: ignore[arg-type, attr-defined]
+    assert found["said"] == "6 without a picture: 3 built, 3 kept out" and len(found["lines"]) == 6  # type: ignore[arg-type]
+    assert sum("kept out: " in line for line in found["lines"]) == 3  # type: ignore[attr-defined]
+    assert "side [mm]" in found["title"] and found["units"][0] == "mm"  # type: ignore[operator, index]
+    assert set(found["sides"]) == {"30", "40", "50", "60", "70", "80"}  # type: ignore[call-overload]
+
+
+def test_pictures_are_of_variants_along_the_axes() -> None:
+    """Of a grid of 9 x 5 x 2: a line along each axis through the middle, with both ends; a setting that repeats another is no axis."""
+    grid = [(x, x * 2.0, y, z) for x in range(9) for y in (0.1, 0.2, 0.3, 0.4, 0.5) for z in ("a", "b")]
+    found = [grid[k] for k in along_the_axes(grid, 14)]
+    assert len(set(found)) == 14 and found == sorted(found)
+    first = [x for x, _, y, _ in found if y == 0.3]
+    assert {0, 2, 4, 6, 8} <= set(first)
+    assert {0.1, 0.2, 0.3, 0.4, 0.5} == {y for x, _, y, _ in found if x == 4}
+    assert {z for *_, z in found} == {"a", "b"}
+    assert along_the_axes([(1,), (1,), (1,), (1,)], 2) == [0, 2]
+
+
+def test_of_very_many_variants_there_are_no_pictures_unless_asked(tmp_path: Path, shared_store: str) -> None:
+    assert [usual(count) for count in (1, 48, 200, 201, 50_000)] == [48, 48, 48, 0, 0]
+    many = "thingc: variants/1\nassembly: pendulum.yaml\nname: many\nparameters: {length: {from: 200 mm, to: 400 mm, count: 201}}\n"
+    here = workspace(tmp_path, many=many + "keep: [length < 202 mm]\n")
+    env = environment(shared_store)
+    done = thingc("batch", "many.yaml", "--no-verify", cwd=here, env=env)
+    words = "the page of more than 200 variants has no pictures unless they are asked for: "
+    words += "thingc batch many.yaml --page-only --pictures 48\n"
+    assert done.returncode == 0 and done.stderr.endswith(words), done.stderr
+    assert words not in thingc("batch", "many.yaml", "--no-verify", "--pictures", "none", cwd=here, env=env).stderr
 
 
 @browser
@@ -239,18 +286,18 @@ def test_nothing_in_a_document_gets_out_of_its_place(tmp_path: Path, text: str) 
 def test_ten_thousand_rows_stay_usable(tmp_path: Path) -> None:
     page, _ = made(tmp_path / "batch", 10_000)
     found = seen(page, """
-        $("#view-pictures").click();
         const begun = performance.now();
         type("#sort", "mass");
         type("#filter", "mass>500 status=built");
-        const spent = performance.now() - begun, cards = all(".card").length, said = $("#said").textContent;
+        const spent = performance.now() - begun, shown = all("#rows tbody tr").length, said = $("#said").textContent;
         $("#next").click();
-        return { spent, cards, said, pages: $("#pages span").textContent, points: all("#chart circle").length };
+        return { spent, shown, said, none: $("#view-pictures").disabled, pages: $("#pages span").textContent,
+          points: all("#chart circle").length };
     """)
     masses = [(index * 7919) % 1009 + 0.5 for index in range(10_000) if index % 3 != 2]
     count = sum(mass > 500 for mass in masses)
-    assert found["faults"] == [] and found["cards"] == 60
-    assert found["said"] == f"{count} of 10000 variants" and found["pages"] == f"61 to 120 of {count}"
+    assert found["faults"] == [] and found["shown"] == 200 and found["none"] is True
+    assert found["said"] == f"{count} of 10000 variants" and found["pages"] == f"201 to 400 of {count}"
     assert found["points"] == count and float(found["spent"]) < 5000.0  # type: ignore[arg-type]
 
 

@@ -14,6 +14,7 @@ from thingc.cli import common
 from thingc.diagnostics import Diagnostic, shown_path
 from thingc.pipeline import Options
 from thingc.slips import did_you_mean
+from thingc.variants.pictures import ALL, MANY, MOST
 
 if TYPE_CHECKING:
     from thingc.variants.forecast import Forecast
@@ -29,8 +30,6 @@ results.parquet, and the page index.html. Stopped at any moment, it goes on with
   thingc batch leg_sweep.yaml --limit 100 --emit mjcf -o /data/robots
   thingc batch leg_sweep.yaml --resume
 """
-PICTURES = 48
-"""On the page, unless the command line says otherwise."""
 INTERRUPTED = 130
 """The exit code of who was interrupted (128 and the number of SIGINT)."""
 PAUSE = 30.0
@@ -58,8 +57,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--ship", action="store_true", help="with --cluster: its machines share no folder with this one; files go there and back",
     )
-    parser.add_argument("--pictures", metavar="N", type=_pictures, default=PICTURES,
-                        help="pictures on the batch's page: so many, `none` or `all` (default: 48)")
+    parser.add_argument("--pictures", metavar="N", type=_pictures,
+                        help="pictures on the batch's page: so many, `none` or `all` (default: 48, and none of more than 200 variants)")
     parser.add_argument("--page-only", action="store_true", help="write the page of a batch anew, and build nothing")
     parser.add_argument("--no-verify", action="store_true", help="do not ask MuJoCo whether it takes each model")
     common.add_format(parser)
@@ -101,7 +100,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _again(arguments: argparse.Namespace) -> str:
     """The command that goes on with a batch: with everything that was said of it."""
-    pictures = {PICTURES: None, None: "all", 0: "none"}.get(arguments.pictures, arguments.pictures)
+    pictures = {ALL: "all", 0: "none"}.get(arguments.pictures, arguments.pictures)
     said = {
         "-o": arguments.output, "--limit": arguments.limit, "--timeout": arguments.timeout, "--cluster": arguments.cluster,
         "--pictures": pictures, "--store": arguments.store, "--jobs": arguments.jobs or None, "--part-timeout": arguments.part_timeout,
@@ -189,10 +188,10 @@ def _page(arguments: argparse.Namespace, options: Options) -> int:
     return 0
 
 
-def _pictures(text: str) -> int | None:
-    """How many pictures `--pictures` asks for; None: all."""
+def _pictures(text: str) -> int:
+    """How many pictures `--pictures` asks for."""
     if text in ("none", "all"):
-        return 0 if text == "none" else None
+        return 0 if text == "none" else ALL
     try:
         return common.positive(text)
     except argparse.ArgumentTypeError:
@@ -222,9 +221,19 @@ def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
     earlier = f" ({summary.before} of them before)" if summary.before else ""
     lines = [f"{shown_path(summary.folder)}: {_variants(summary.count)}{earlier}: {counts}; {summary.modelled} parts modelled"]
     lines += [f"{summary.duplicates} more are equal to one of these"] if summary.duplicates else []
+    lines += _unpictured(arguments, summary.count)
     lines += _complaints(summary.folder) if code else []
     common.say(*lines, stream=sys.stderr)
     return code
+
+
+def _unpictured(arguments: argparse.Namespace, count: int) -> list[str]:
+    """What to type for pictures where there are none because of how many variants there are."""
+    if arguments.pictures is not None or count <= MANY:
+        return []
+    where = f" -o {shlex.quote(arguments.output)}" if arguments.output is not None else ""
+    command = f"thingc batch {shlex.quote(arguments.document)}{where} --page-only --pictures {MOST}"
+    return [f"the page of more than {MANY} variants has no pictures unless they are asked for: {command}"]
 
 
 def _complaints(folder: str) -> list[str]:

@@ -27,7 +27,7 @@ from thingc.variants.job import STOPPED, Row, Task
 from thingc.variants.journal import Journal, Line, lines
 from thingc.variants.page import write_page
 from thingc.variants.parcel import Parcel, pack
-from thingc.variants.pictures import OnPicture
+from thingc.variants.pictures import OnPicture, usual
 from thingc.variants.planning import Plan, PlanError, Variant, read_plan
 from thingc.variants.progress import Interrupted, OnProgress, Progress, Summary
 from thingc.variants.shipping import Shipping
@@ -63,7 +63,8 @@ def run(
     files (one of dask), the workspace goes to each of its workers, and built variants come back. None: runners on this machine, `jobs`
     of them (0: one per core; of another's executor: how many chunks are under way at once). `emit` replaces the document's targets,
     `limit` leaves out all variants but the first ones, `timeout` [s] is for one variant, `options` name the store. The batch's page
-    shows pictures of at most so many variants as `pictures` says (None: of all).
+    shows pictures of at most so many variants as `pictures` says (`pictures.ALL`: of all; None: of 48, and of none where there are more
+    than 200).
 
     Raises `PlanError` for a document with errors, `BatchFault` where the batch cannot begin or go on, and `Interrupted` when SIGINT
     or SIGTERM has come: then `resume` goes on where it was. With `retry` it builds variants again that failed, or that a part refused
@@ -238,7 +239,8 @@ class _Batch:
     def show(self, pictures: int | None, on_picture: OnPicture | None) -> Diagnostic | None:
         """Pictures and the page of the finished batch; a warning where nothing can be drawn."""
         return show(
-            self.folder, describe(self.plan, finished=True), self._columns(), most=pictures, jobs=os.cpu_count() or 1,
+            self.folder, describe(self.plan, finished=True), self._columns(), most=usual(self.count) if pictures is None else pictures,
+            jobs=os.cpu_count() or 1,
             on_picture=on_picture,
         )
 

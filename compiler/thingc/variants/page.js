@@ -31,13 +31,18 @@
     if (Number.isInteger(value) || value === 0) return String(value);
     return String(Number(value.toPrecision(4)));
   }
-  const label = (column) => column.name.replace(/^parameters\./, "").replace(/^components\./, "");
+  function inUnit(row, column) {
+    const value = row[at[column.name]];
+    return value === null ? "–" : shown(value) + (column.unit ? ` ${column.unit}` : "");
+  }
+  const label = (column) => column.name.replace(/^parameters\./, "").replace(/(^|\.)components\./g, "$1");
   const withUnit = (column) => label(column) + (column.unit ? ` [${column.unit}]` : "");
 
   // A column is worth showing when the variants differ in it.
   const varies = columns.map((column, index) => rows.some((row) => row[index] !== rows[0][index]));
   const HEAD = ["index", "id", "name", "status", "rule", "code", "message", "path", "command"];
-  const isSetting = (column) => column.name.startsWith("parameters.") || (column.kind === "text" && !HEAD.includes(column.name));
+  const SECTIONS = /^(parameters|components|joints|defaults|links|materials|modes|poses|raw|sensors|simulation|tests)\./;
+  const isSetting = (column) => SECTIONS.test(column.name) && !HEAD.includes(column.name);
   // ... and when no column before it says the same: a parameter may be set to be equal to another one.
   const settings = columns.filter((column, index) => varies[index] && isSetting(column) && !columns.some((other, before) =>
     before < index && varies[before] && isSetting(other) && rows.every((row) => row[before] === row[index])));
@@ -128,19 +133,31 @@
       else told.push([column, true]);
     }
     for (const [column, sorted] of told) {
-      const value = row[at[column.name]];
       pairs.append(
         make("dt", { class: sorted ? "sorted" : "", title: column.name }, label(column)),
-        make("dd", { class: sorted ? "sorted" : "" }, value === null ? "–" : shown(value) + (column.unit ? ` ${column.unit}` : "")),
+        make("dd", { class: sorted ? "sorted" : "" }, inUnit(row, column)),
       );
     }
-    const source = picture(row);
-    const words = status(row) === "built" ? "no picture" : `${SPOKEN[status(row)]}: ${why(row)}`;
-    const image = source ? make("img", { src: source, loading: "lazy", alt: cell(row, "name"), width: 240, height: 180 })
-      : make("div", { class: "none" }, words);
+    const image = make("img", { src: picture(row), loading: "lazy", alt: cell(row, "name"), width: 240, height: 180 });
     return make("button", { class: `card${row === state.chosen ? " chosen" : ""}`, type: "button", "data-id": cell(row, "id"), onclick: () => select(row) },
       image, make("div", { class: "text" },
         make("div", { class: "name" }, make("span", { class: "dot", own: status(row), title: SPOKEN[status(row)] }), make("span", {}, cell(row, "name"))), pairs));
+  }
+  /** A variant without a picture, as a line: what it is set to, or why it was not built. */
+  function line(row) {
+    const words = status(row) === "built"
+      ? settings.slice(0, 4).map((column) => `${label(column)} ${inUnit(row, column)}`).join(" · ") : `${SPOKEN[status(row)]}: ${why(row)}`;
+    return make("button", { class: `line${row === state.chosen ? " chosen" : ""}`, type: "button", "data-id": cell(row, "id"), onclick: () => select(row) },
+      make("span", { class: "dot", own: status(row), title: SPOKEN[status(row)] }), make("span", { class: "name" }, cell(row, "name")),
+      make("span", { class: "why", title: words }, words));
+  }
+  function bare(found) {
+    const counts = Object.entries(SPOKEN).map(([one, spoken]) => [found.filter((row) => status(row) === one).length, spoken]).filter(([count]) => count);
+    $("bare").hidden = !found.length;
+    $("bare").querySelector("summary").textContent = `${found.length} without a picture: ${counts.map((pair) => pair.join(" ")).join(", ")}`;
+    const lines = found.slice(0, PAGE.table).map(line);
+    if (found.length > lines.length) lines.push(make("span", { class: "why" }, `and ${found.length - lines.length} more, in the table`));
+    $("bare").querySelector(".lines").replaceChildren(...lines);
   }
   function visibleColumns() {
     if (state.every) return columns.filter((column) => column.name !== "command");
@@ -163,9 +180,11 @@
   }
   function list() {
     const size = PAGE[state.view];
-    const last = Math.max(0, Math.ceil(wanted.length / size) - 1);
+    const found = state.view === "pictures" ? wanted.filter(picture) : wanted;
+    const last = Math.max(0, Math.ceil(found.length / size) - 1);
     state.page = Math.min(state.page, last);
-    const part = wanted.slice(state.page * size, (state.page + 1) * size);
+    const part = found.slice(state.page * size, (state.page + 1) * size);
+    bare(state.view === "pictures" ? wanted.filter((row) => !picture(row)) : []);
     $("grid").hidden = state.view !== "pictures";
     $("grid").style.display = state.view === "pictures" ? "" : "none";
     $("rows").hidden = $("every-label").hidden = state.view !== "table";
@@ -177,7 +196,7 @@
       const turn = (by) => () => { state.page += by; list(); $("list").scrollIntoView(); };
       $("pages").append(
         make("button", { type: "button", disabled: state.page === 0, onclick: turn(-1) }, "‹ back"),
-        make("span", {}, `${state.page * size + 1} to ${state.page * size + part.length} of ${wanted.length}`),
+        make("span", {}, `${state.page * size + 1} to ${state.page * size + part.length} of ${found.length}`),
         make("button", { type: "button", id: "next", disabled: state.page === last, onclick: turn(1) }, "more ›"),
       );
     }
@@ -346,7 +365,11 @@
   $("view-pictures").addEventListener("click", () => { state.view = "pictures"; state.page = 0; list(); });
   $("view-table").addEventListener("click", () => { state.view = "table"; state.page = 0; list(); });
   $("every").addEventListener("change", () => { state.every = $("every").checked; list(); });
-  if (!rows.some((row) => row[row.length - 1])) state.view = "table";
+  if (!rows.some(picture)) {
+    state.view = "table";
+    $("view-pictures").disabled = true;
+    $("view-pictures").title = "there are none: thingc batch --page-only --pictures N draws some";
+  }
   refresh();
   const named = rows.find((row) => `#${cell(row, "id")}` === location.hash);
   if (named) { select(named); plot(); }

@@ -19,6 +19,7 @@ from thingc.shown import json_text, shown
 from thingc.variants import places
 from thingc.variants.journal import in_order
 from thingc.variants.tables import RUN, Column, cells
+from thingc.variants.values import size_of
 
 MOST = 50_000
 """Rows of a page: about 20 MB. A browser takes no more; the tables have all."""
@@ -34,16 +35,20 @@ def write_page(folder: str, described: Mapping[str, Any], wanted: Sequence[Colum
     """
     path = os.path.join(folder, places.PAGE)
     wanted = [column for column in wanted if column.name not in RUN]
+    units = _units(wanted)
     before, after = _frame(described)
     pictures = places.pictured(folder)
     fresh = f"{path}.new"
     with open(fresh, "w", encoding="utf-8", newline="\n") as stream:
         stream.write(before)
-        stream.write(_head(described, wanted))
+        stream.write(_head(described, wanted, [unit for unit, _ in units]))
         for number, line in enumerate(in_order(os.path.join(folder, places.JOURNAL))):
             if number == MOST:
                 break
-            row = [_plain(value) for value in cells(line, wanted)]
+            row = [
+                _plain(value if size is None else _in_unit(value, size))
+                for value, (_, size) in zip(cells(line, wanted), units, strict=True)
+            ]
             stream.write((",\n" if number else "\n") + _encoded([*row, int(line["id"] in pictures)]))
         stream.write("\n]}" + after)
     os.replace(fresh, path)
@@ -61,11 +66,28 @@ def _frame(described: Mapping[str, Any]) -> tuple[str, str]:
     return "".join(texts.get(piece, piece) for piece in before), "".join(texts.get(piece, piece) for piece in after)
 
 
-def _head(described: Mapping[str, Any], wanted: Sequence[Column]) -> str:
+def _units(wanted: Sequence[Column]) -> list[tuple[str, float | None]]:
+    """The unit in which each column is shown and its size in SI (None: it is that of SI): as documents write it, and a result as they
+    write the first parameter of its dimension."""
+    alike: dict[str, str] = {}
+    for column in wanted:
+        if column.written and size_of(column.written) is not None:
+            alike.setdefault(column.unit, column.written)
+    chosen = [column.written or alike.get(column.unit, "") if column.unit else "" for column in wanted]
+    sizes = [size_of(unit) if unit else None for unit in chosen]
+    return [(column.unit if size is None else unit, size) for column, unit, size in zip(wanted, chosen, sizes, strict=True)]
+
+
+def _in_unit(value: Any, size: float) -> Any:
+    """A number in a unit of this size, to 12 digits: 0.07 m are 70 mm."""
+    return float(f"{value / size:.12g}") if isinstance(value, (int, float)) and math.isfinite(value) else value
+
+
+def _head(described: Mapping[str, Any], wanted: Sequence[Column], units: Sequence[str]) -> str:
     """The object that the page's program reads, up to its rows."""
     told: dict[str, Any] = {name: _plain(described[name]) for name in ("name", "document", "assembly", "count", "pose", "finished")}
     told["modes"] = [shown(name) for name in described["modes"]]
-    told["columns"] = [{"name": column.name, "kind": column.kind, "unit": column.unit} for column in wanted]
+    told["columns"] = [{"name": column.name, "kind": column.kind, "unit": unit} for column, unit in zip(wanted, units, strict=True)]
     return _encoded(told)[:-1] + ',"rows":['
 
 

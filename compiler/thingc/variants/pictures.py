@@ -16,20 +16,62 @@ from thingc.variants.journal import in_order
 
 MOST = 48
 """Pictures of a batch, unless the caller says otherwise: one takes some tenths of a second without a graphics card."""
+MANY = 200
+"""Variants of a batch; of more of them no pictures are drawn, unless the caller says so."""
+ALL = sys.maxsize
+"""As many pictures as there are variants."""
 
 OnPicture = Callable[[int, int], None]
 """`on_picture(done, count)`."""
 
 
-def chosen(folder: str, mode: str, most: int | None) -> list[tuple[str, str]]:
-    """`(id, path of the model)` of at most so many built variants (None: of all), evenly spread over the batch, in plan order."""
+def usual(count: int) -> int:
+    """How many pictures a batch of so many variants has, unless the caller says otherwise."""
+    return MOST if count <= MANY else 0
+
+
+def chosen(folder: str, mode: str, most: int) -> list[tuple[str, str]]:
+    """`(id, path of the model)` of at most so many built variants, in plan order; where there are more, those `along_the_axes`."""
     found: list[tuple[str, str]] = []
+    settings: list[Sequence[Any]] = []
     for line in in_order(os.path.join(folder, places.JOURNAL)):
         if line["status"] == "built" and (path := _model(folder, line["id"], mode)) is not None:
             found.append((line["id"], path))
-    if most is None or len(found) <= most:
-        return found
-    return [found[k * len(found) // most] for k in range(most)]
+            settings.append((*line["parameters"].values(), *line["choices"].values()))
+    return found if len(found) <= most else [found[k] for k in along_the_axes(settings, most)]
+
+
+def along_the_axes(settings: Sequence[Sequence[Any]], most: int) -> list[int]:
+    """`most` of the variants with these settings, ascending: for each setting in turn those nearest to a line along which it alone
+    goes from its first to its last value, and the others stay in the middle. Where all values have been seen so, the rest is evenly spread.
+
+    Settings are measured by the rank of their values, from 0 to 1 (numbers by size, others as they come). One that says the same as another
+    is no axis.
+    """
+    ranked = [_ranks(column) for column in zip(*settings, strict=True)]
+    axes = [list(ranks) for ranks in dict.fromkeys(tuple(ranks) for ranks in ranked if max(ranks) > 0.0)]
+    if not axes:
+        return [k * len(settings) // most for k in range(most)]
+    shares = [min(most // len(axes) + (number < most % len(axes)), len(set(axis))) for number, axis in enumerate(axes)]
+    left = dict.fromkeys(range(len(settings)))
+    for axis, share in zip(axes, shares, strict=True):
+        aside = [sum((other[k] - 0.5) ** 2 for other in axes if other is not axis) for k in range(len(settings))]
+        for step in range(share):
+            target = step / (share - 1) if share > 1 else 0.5
+            del left[min(left, key=lambda k: (aside[k] + (axis[k] - target) ** 2, k))]
+    rest, wanting = list(left), most - sum(shares)
+    for k in range(wanting):
+        del left[rest[k * len(rest) // wanting]]
+    return [k for k in range(len(settings)) if k not in left]
+
+
+def _ranks(values: Sequence[Any]) -> tuple[float, ...]:
+    """Each value's place among all different ones, from 0 to 1."""
+    known = list(dict.fromkeys(values))
+    if all(isinstance(value, (int, float)) for value in known):
+        known.sort()
+    place = {value: k / max(1, len(known) - 1) for k, value in enumerate(known)}
+    return tuple(place[value] for value in values)
 
 
 def _model(folder: str, id: str, mode: str) -> str | None:
@@ -42,7 +84,7 @@ def _model(folder: str, id: str, mode: str) -> str | None:
 
 
 def draw(
-    folder: str, mode: str, pose: str | None, *, most: int | None = MOST, jobs: int = 1, on_picture: OnPicture | None = None,
+    folder: str, mode: str, pose: str | None, *, most: int = MOST, jobs: int = 1, on_picture: OnPicture | None = None,
 ) -> Diagnostic | None:
     """Draw the pictures anew, in up to `jobs` processes; a warning where this machine cannot draw.
 

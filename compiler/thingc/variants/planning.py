@@ -75,7 +75,8 @@ class Plan(Brief):
     `document` and `assembly` are absolute paths, `relative` and `assembly_relative` those in the workspace, `sha256` is of
     the document. `fixed` holds for all
     variants; `listed` are written out; `axes` make the grid, or with `method` are drawn `drawn` times. `own` are the values of
-    the assembly's parameters, `paths` what is set by path, `own_choices` what its document says at the paths of choices. `modes`
+    the assembly's parameters, `paths` what is set by path, `written_in` the units in which documents write either,
+    `own_choices` what its document says at the paths of choices. `modes`
     are those built (never
     empty), `chosen_modes` those that the document names. `emit` are the targets, in the order in which a build writes them;
     `inputs` the digests (`stamp.state_of`) of what the plan was made of, by path in the workspace.
@@ -92,6 +93,7 @@ class Plan(Brief):
     workspace: Workspace
     own: Mapping[str, Found]
     paths: Paths
+    written_in: Mapping[str, str]
     own_choices: Mapping[str, str]
     fixed: Setting
     listed: tuple[Setting, ...]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from thingc.diagnostics import Code, Diagnostic, Note, Report, Severity
 from thingc.load import load
@@ -14,7 +14,7 @@ from thingc.resolve import resolve
 from thingc.resolve.parameters import declared
 from thingc.resolve.scope import Found, dotted
 from thingc.resolve.table import Context
-from thingc.source import Document, Path
+from thingc.source import Document, Path, ScalarNode, node_at
 from thingc.spec import validate_one
 from thingc.spec.assembly import AssemblySpec
 from thingc.spec.choices import DEFAULT_MATERIAL, parse
@@ -23,6 +23,7 @@ from thingc.variants import by_path
 from thingc.variants.axes import MOST_VALUES, Axis, Reader
 from thingc.variants.planning import OUTSIDE, Plan, Setting, moved
 from thingc.variants.rules import read_rules
+from thingc.variants.values import unit_in
 from thingc.variants.wanted import check_margin, check_names, moving_joints, targets_of
 from thingc.workspace import Workspace
 
@@ -104,6 +105,7 @@ class _Planner:
             document=self.document.path, relative=self.document.relative, sha256=self.document.sha256,
             name=self.spec.name, assembly=root.path,
             assembly_relative=root.relative, assembly_spec=assembly, model=model, workspace=self.workspace, own=own, paths=paths,
+            written_in=dict(self.units((*own, *paths.kinds))),
             own_choices=dict(_written(assembly)), fixed=fixed, listed=listed,
             axes=(*drawn_axes, *axes, *choice_axes), method=method, drawn=drawn, seed=seed, rules=tuple(rules),
             modes=tuple(self.spec.modes or (mode.name for mode in model.modes)), chosen_modes=tuple(self.spec.modes),
@@ -124,6 +126,21 @@ class _Planner:
             elif axis is not None:
                 axes.append(axis)
         return axes, fixed
+
+    def units(self, names: Iterable[str]) -> Iterator[tuple[str, str]]:
+        """The unit in which a parameter, or what stands at a path, is written: in this document, else in the assembly."""
+        root = self.sources.documents.root
+        for name in names:
+            own = ("parameters", name) if "." not in name else tuple(name.split("."))
+            axis = ("parameters", name)
+            places: tuple[tuple[Document, Path], ...] = (
+                (self.document, axis), (self.document, (*axis, 0)), (self.document, (*axis, "from")),
+                (self.document, ("sample", "ranges", name, 0)), (root, own), (root, (*own, "value")),
+            )
+            texts = (node.text for document, path in places if isinstance(node := node_at(document.tree, path), ScalarNode))
+            unit = next((unit for text in texts if (unit := unit_in(text))), "")
+            if unit:
+                yield name, unit
 
     def choices(self, root: str) -> tuple[list[Axis], dict[str, str]]:
         """The axes of choices, and what is chosen for all variants."""

@@ -12,7 +12,7 @@ from thingc.units import Quantity
 from thingc.variants import places
 from thingc.variants.folder import BatchFault, in_words, locked, read_batch
 from thingc.variants.page import write_page
-from thingc.variants.pictures import MOST, OnPicture, draw
+from thingc.variants.pictures import OnPicture, draw, usual
 from thingc.variants.planning import Plan, PlanError, read_plan
 from thingc.variants.tables import Column, columns, lengths_in
 
@@ -20,17 +20,17 @@ from thingc.variants.tables import Column, columns, lengths_in
 def parameter_columns(plan: Plan) -> list[Column]:
     """The columns of the assembly's parameters by their own names, and of what is set by path."""
     return [
-        Column(name=name, kind="number", unit=plan.units[name]) if isinstance(own, Quantity)
+        Column(name=name, kind="number", unit=plan.units[name], written=plan.written_in.get(name, "")) if isinstance(own, Quantity)
         else Column(name=name, kind="flag" if isinstance(own, bool) else "text")
         for name, own in plan.kinds.items()
     ]
 
 
 def show(
-    folder: str, described: Mapping[str, Any], wanted: Sequence[Column], *, most: int | None, jobs: int,
+    folder: str, described: Mapping[str, Any], wanted: Sequence[Column], *, most: int, jobs: int,
     on_picture: OnPicture | None = None,
 ) -> Diagnostic | None:
-    """Draw pictures of at most so many variants (None: of all) and write the page. A warning where nothing can be drawn here.
+    """Draw pictures of at most so many variants and write the page. A warning where nothing can be drawn here.
 
     Ctrl-C ends the drawing alone: the page shows what was drawn until then. Raises `OSError` when the system refuses.
     """
@@ -44,10 +44,11 @@ def show(
 
 
 def show_again(
-    document: str, *, output: str | None = None, pictures: int | None = MOST, jobs: int = 0, options: Options | None = None,
+    document: str, *, output: str | None = None, pictures: int | None = None, jobs: int = 0, options: Options | None = None,
     on_picture: OnPicture | None = None,
 ) -> tuple[str, Diagnostic | None]:
     """The page of a batch that is there, written anew; nothing is built. The page's path, and a warning where nothing can be drawn.
+    `pictures` as of `run`.
 
     Raises `PlanError` for a document with errors, and `BatchFault` where there is no batch of it, or another one is under way.
     """
@@ -64,7 +65,8 @@ def show_again(
     try:
         with locked(folder):
             wanted = columns(parameter_columns(plan), plan.choice_paths, lengths_in(os.path.join(folder, places.JOURNAL)))
-            found = show(folder, described, wanted, most=pictures, jobs=jobs or os.cpu_count() or 1, on_picture=on_picture)
+            most = usual(described["count"]) if pictures is None else pictures
+            found = show(folder, described, wanted, most=most, jobs=jobs or os.cpu_count() or 1, on_picture=on_picture)
     except OSError as fault:
         raise in_words(folder, fault) from fault
     return os.path.join(folder, places.PAGE), found

@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from thingc.emit.csvcell import cell
@@ -28,11 +28,13 @@ RUN = ("parts_modelled", "parts_reused", "seconds")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Column:
-    """`name`, `kind` (`integer | number | text | flag`) and SI `unit` (empty for what has none)."""
+    """`name`, `kind` (`integer | number | text | flag`) and SI `unit` (empty for what has none). `written` is the unit in which documents
+    write it (empty: that of SI): the page shows it so."""
 
     name: str
     kind: str
     unit: str = ""
+    written: str = ""
 
 
 def setting(name: str) -> str:
@@ -44,7 +46,7 @@ def columns(parameters: Sequence[Column], choices: Sequence[str], lengths: Seque
     """Every column, in order. `parameters` by their own names; `lengths` are the results `length.JOINT`."""
     return (
         *(Column(name=name, kind="integer" if name == "index" else "text") for name in HEAD),
-        *(Column(name=setting(one.name), kind=one.kind, unit=one.unit) for one in parameters),
+        *(replace(one, name=setting(one.name)) for one in parameters),
         *(Column(name=path, kind="text") for path in choices),
         *(Column(name=name, kind="number", unit=unit_of(dimension_of(name))) for name in (*RESULTS, *lengths)),
         *(Column(name=name, kind="text") for name in TAIL),

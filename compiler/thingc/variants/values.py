@@ -12,7 +12,7 @@ from fractions import Fraction
 
 from thingc.resolve.parameters import plain
 from thingc.resolve.scope import Found
-from thingc.units import FREQUENCY, NUMBER, Dimension, Quantity, UnitError, exact, scan_number, scan_unit
+from thingc.units import FREQUENCY, NUMBER, Dimension, Quantity, UnitError, exact, parse_quantity, scan_number, scan_unit
 
 ID_DIGITS = 12
 """Hexadecimal digits of a variant's id."""
@@ -21,6 +21,20 @@ ID_DIGITS = 12
 def unit_of(dimension: Dimension) -> str:
     """The SI unit of a column: `m`, `kg*m^2`; empty for a number."""
     return dimension.symbol
+
+
+def unit_in(text: str) -> str:
+    """The unit of a quantity as it is written; empty where it has none, or is no quantity."""
+    number = scan_number(text.strip())
+    return "" if number is None else text.strip()[number[1]:].strip()
+
+
+def size_of(unit: str) -> float | None:
+    """One of a unit, in SI: 0.001 of `mm`; None of what is no unit."""
+    try:
+        return parse_quantity(f"1 {unit}").value
+    except UnitError:
+        return None
 
 
 def text_of(found: Found) -> str:
