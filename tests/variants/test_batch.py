@@ -365,6 +365,21 @@ def test_a_dry_run_counts_and_writes_nothing(tmp_path: Path, shared_store: str) 
     assert told["failing"] == {"bob > 10 g": 4}
 
 
+@pytest.mark.parametrize("name", ["results.csv", "results.parquet", "index.html"])
+def test_a_table_or_page_that_somebody_edited_is_not_overwritten(tmp_path: Path, shared_store: str, name: str) -> None:
+    here = workspace(tmp_path, few="thingc: variants/1\nassembly: pendulum.yaml\nname: few\nparameters: {length: [200 mm, 300 mm]}\n")
+    folder = Path(batch(here, shared_store, "few", pictures=0).folder)
+    before = (folder / name).read_bytes()
+    (folder / name).write_bytes(before + b"mine")
+    with pytest.raises(BatchFault) as fault:
+        batch(here, shared_store, "few", pictures=0)
+    said = fault.value.diagnostic
+    assert said.code is Code.STRANGERS and said.message.endswith(f"or that were changed since, and is left as it is: `{name}`")
+    assert (folder / name).read_bytes() == before + b"mine"
+    (folder / name).write_bytes(before)
+    assert batch(here, shared_store, "few", pictures=0).statuses == {"built": 2}
+
+
 STOPS = """
     thingc: variants/1
     assembly: {of}.yaml

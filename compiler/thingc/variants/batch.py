@@ -22,7 +22,7 @@ from thingc.variants import places
 from thingc.variants.cluster import Carrier, Cluster
 from thingc.variants.description import describe, job_of, seen
 from thingc.variants.engine import RUNNERS, Cancelled, LocalExecutor, RunnersBroken, evaluate
-from thingc.variants.folder import BatchFault, begin, cleared, differences, in_words, locked, read_batch, write_batch
+from thingc.variants.folder import BatchFault, begin, cleared, differences, in_words, locked, read_batch, remember, write_batch
 from thingc.variants.job import STOPPED, Row, Task
 from thingc.variants.journal import Journal, Line, lines
 from thingc.variants.page import write_page
@@ -223,6 +223,7 @@ class _Batch:
             journal.sync()
             wanted = write_tables(self.folder, self.parameters, self.plan.choice_paths)
             write_batch(self.folder, describe(self.plan, finished=True, wanted=wanted))
+            remember(self.folder, places.TABLE_CSV, places.TABLE_PARQUET)
         statuses = self.earlier + self.counts
         return Summary(
             folder=self.folder, name=self.plan.name, count=self.count, statuses=dict(sorted(statuses.items())),

@@ -14,8 +14,9 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from thingc.diagnostics import Code, Diagnostic, Severity, shown_path
-from thingc.output import Signature, same_file
+from thingc.output import NOTHING, Signature, same_file
 from thingc.output import strangers as strangers_of_build
+from thingc.stamp import state_of
 from thingc.variants import places
 
 KIND = "batch/1"
@@ -77,6 +78,31 @@ def write_batch(folder: str, found: Mapping[str, Any]) -> None:
     os.replace(f"{path}.new", path)
 
 
+def remember(folder: str, *names: str) -> None:
+    """Note in `batch.json` what files hold that people open, and may save again: so the next batch sees whether one was edited."""
+    _note(folder, {name: state_of(os.path.join(folder, name)) for name in names})
+
+
+def forget(folder: str, name: str) -> None:
+    """Note that such a file is being written."""
+    _note(folder, {name: None})
+
+
+def _note(folder: str, states: Mapping[str, str | None]) -> None:
+    found = read_batch(folder)
+    if found is not None:
+        found["shown"] = {name: state for name, state in {**found.get("shown", {}), **states}.items() if state is not None}
+        write_batch(folder, {key: value for key, value in found.items() if key != "thingc"})
+
+
+def _edited(folder: str, before: Mapping[str, Any]) -> list[str]:
+    """The files that people open which are others than those that were written; one that is gone, or empty, is nothing to lose."""
+    written = before.get("shown")
+    known = {str(name): state for name, state in written.items()} if isinstance(written, dict) else {}
+    mine = (places.TABLE_CSV, places.TABLE_PARQUET, places.PAGE)
+    return [name for name in mine if name in known and state_of(os.path.join(folder, name)) not in (known[name], None, NOTHING)]
+
+
 def begin(folder: str, document: str, assembly: str) -> None:
     """Make the folder ready for a new batch of `document`; a finished batch of the same document is set aside for `cleared`.
 
@@ -96,7 +122,7 @@ def begin(folder: str, document: str, assembly: str) -> None:
                 Code.STRANGERS, f"`{shown_path(folder)}` holds the batch of another document, `{before.get('document')}`, and is left "
                 "as it is", "move it away, or write into another folder with -o",
             )
-        found = strangers(folder, assembly)
+        found = sorted([*strangers(folder, assembly), *(_edited(folder, before) if before is not None else ())])
         if before is None or found:
             shown = ", ".join(f"`{name}`" for name in found[:8]) + (f" and {len(found) - 8} more" if len(found) > 8 else "")
             raise BatchFault(

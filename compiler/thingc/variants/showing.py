@@ -10,7 +10,7 @@ from thingc.diagnostics import Code, Diagnostic, Report, shown_path
 from thingc.pipeline import Options
 from thingc.units import Quantity
 from thingc.variants import places
-from thingc.variants.folder import BatchFault, in_words, locked, read_batch
+from thingc.variants.folder import BatchFault, forget, in_words, locked, read_batch, remember
 from thingc.variants.page import write_page
 from thingc.variants.pictures import OnPicture, draw, usual
 from thingc.variants.planning import Plan, PlanError, read_plan
@@ -35,11 +35,13 @@ def show(
     Ctrl-C ends the drawing alone: the page shows what was drawn until then. Raises `OSError` when the system refuses.
     """
     found = None
+    forget(folder, places.PAGE)
     try:
         found = draw(folder, described["modes"][0], described["pose"], most=most, jobs=jobs, on_picture=on_picture)
     except KeyboardInterrupt:
         pass
     write_page(folder, described, wanted)
+    remember(folder, places.PAGE)
     return found
 
 
