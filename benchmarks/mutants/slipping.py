@@ -1,7 +1,9 @@
-"""What thingc says of the slips: `thingc build` of the robot with each, and `thingc test` of those that pass without a word.
+"""`make slips`: two lists of slips that keep a document well-formed; what thingc says. Writes `docs/slips.md`.
 
-    python benchmarks/mutants/slipping.py                   # both lists; writes docs/slips.md
-    python benchmarks/mutants/slipping.py --counts          # only the counts, as JSON: of another version, with that on PYTHONPATH
+Each is `thingc build` of the robot with the slip in its documents, and `thingc test` of those that the build has no word for.
+
+    python benchmarks/mutants/slipping.py                   # some ten minutes on two cores
+    python benchmarks/mutants/slipping.py --before          # the same with the version that the studies were first made with
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +28,7 @@ from typing import Any
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
 
+from reasons import REASONS  # noqa: E402
 from slips import ARM, MEANING, MINCHW, SIZES, WALKER, Slip  # noqa: E402
 
 from thingc.cli.main import main as thingc  # noqa: E402
@@ -37,12 +40,12 @@ from thingc.workspace import Workspace  # noqa: E402
 ROOT = HERE.parents[1]
 PAGE = ROOT / "docs" / "slips.md"
 HEAD = HERE / "slips_page.md"
-BEFORE = "c3d9b01"
-"""The commit that the study was first made for: the version before thingc had a word for any of this."""
+COMMIT = "c3d9b01"
+"""The version before thingc had a word for any of this, which the lists were written for."""
+BEFORE = HERE / "before.json"
+"""Its verdicts, by `--before`."""
 PATIENCE = 120.0
 """How long [s] the tests of a document may take; none of those here takes a tenth of it as it stands."""
-SILENT = 0.30
-"""The share of each list that may pass without a word."""
 
 DOCUMENTS = {
     ARM: {name: f"assemblies/{name}.yaml" for name in ("arm", "end_effector", "materials")},
@@ -54,8 +57,9 @@ DOCUMENTS = {
 
 @dataclass(frozen=True)
 class Verdict:
-    """`outcome`: `refused` (an error), `warned`, `tests` (nothing but the document's own tests found it) or `silent`; `near`: one of
-    the places shown is a touched line or beside one; `said`: the first diagnostic's code and words."""
+    """`outcome`: `refused` (an error), `warned`, `tests` (nothing but the document's own tests found it), `silent`, or `gone` (the document
+    has no such place any more); `near`: one of the places shown is a touched line or beside one; `said`: the first diagnostic's code
+    and words."""
 
     outcome: str
     near: bool = False
@@ -77,7 +81,7 @@ def workspace(root: Path, folder: Path) -> None:
 
 
 def edited(path: Path, edit: str) -> range:
-    """Make one edit in a file; the lines of the file that were touched."""
+    """Make one edit in a file; the lines of the file that were touched. `LookupError` where the document has no such place."""
     report = Report()
     home = Workspace.find(str(path), report)
     documents = load(str(path), home, report, kinds=("assembly", "materials")) if home is not None else None
@@ -96,7 +100,8 @@ def _put(document: Document, text: str, where: str, value: str) -> tuple[int, in
         begin, end = _indices(text, node.span)
         return begin, end, value
     mapping = node_at(document.tree, tuple(around))
-    assert isinstance(mapping, MappingNode), where
+    if not isinstance(mapping, MappingNode):
+        raise LookupError(where)
     begin = _indices(text, mapping.span)[0]
     if text[begin] == "{":
         return begin + 1, begin + 1, f"{last}: {value}, "
@@ -108,7 +113,8 @@ def _put(document: Document, text: str, where: str, value: str) -> tuple[int, in
 def _cut(document: Document, text: str, where: str) -> tuple[int, int, str]:
     steps = _steps(where)
     node = node_at(document.tree, steps)
-    assert node is not None, where
+    if node is None:
+        raise LookupError(where)
     begin, end = _indices(text, document.span(steps, key=True))[0], _indices(text, node.span)[1]
     rest = re.compile(r"[ \t]*(?:,[ \t]*|(?:#.*)?\n)?").match(text, end)
     assert rest is not None
@@ -150,6 +156,8 @@ def judge(slip: Slip, folder: Path, rewrite: Callable[[str], str]) -> Verdict:
             return Verdict("refused" if errors else "warned", near, f"{first['code']}: {first['message']}")
         failed = [one for one in _tested(robot) if one["severity"] == "error"]
         return Verdict("tests", False, f"{failed[0]['code']}: {failed[0]['message']}") if failed else Verdict("silent")
+    except LookupError:
+        return Verdict("gone")
     finally:
         for name, text in before.items():
             (folder / names[name]).write_text(text)
@@ -201,23 +209,89 @@ def verdicts(root: Path, jobs: int, store: str | None, *, bare_gains: bool = Fal
     return [verdict for _, verdict in sorted((pair for part in parts for pair in part), key=lambda pair: pair[0])]
 
 
+def before(jobs: int, store: str | None) -> None:
+    """Judge both lists with the version of `COMMIT`, on its own documents, and keep the verdicts."""
+    with tempfile.TemporaryDirectory() as scratch:
+        old = Path(scratch) / "old"
+        subprocess.run(["git", "-C", ROOT, "worktree", "add", "--detach", old, COMMIT], check=True)
+        try:
+            command = [sys.executable, __file__, "--root", old, "--bare-gains", "--verdicts", "--jobs", str(jobs)]
+            command += ["--store", store] if store else []
+            environment = {**os.environ, "PYTHONPATH": str(old / "compiler")}
+            done = subprocess.run(command, env=environment, check=True, capture_output=True, text=True)
+        finally:
+            subprocess.run(["git", "-C", ROOT, "worktree", "remove", "--force", old], check=True)
+    BEFORE.write_text("[\n" + ",\n".join(f" {json.dumps(verdict)}" for verdict in json.loads(done.stdout)) + "\n]\n")
+
+
 def main() -> int:
-    """Judge, print, write; 1 where too many pass without a word."""
+    """Judge, print, write; 1 where one passes without a word for which no reason is given."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--store", help="where modelled parts are kept (default: an empty one)")
+    parser.add_argument("--before", action="store_true", help=f"judge with the version of {COMMIT} instead, and keep that")
     parser.add_argument("--root", type=Path, default=ROOT, help="the checkout whose robots are taken")
     parser.add_argument("--bare-gains", action="store_true", help="`kp` is written without a unit there")
     parser.add_argument("--verdicts", action="store_true", help="only print the verdicts, as JSON")
     arguments = parser.parse_args()
+    if arguments.before:
+        before(arguments.jobs, arguments.store)
+        return 0
     found = verdicts(arguments.root, arguments.jobs, arguments.store, bare_gains=arguments.bare_gains)
     if arguments.verdicts:
         print(json.dumps([[one.outcome, one.near, one.said] for one in found]))
         return 0
-    for slip, one in zip([*MEANING, *SIZES], found, strict=True):
-        print(f"{one.outcome:8s} {one.near!s:5s} {slip.robot}: {slip.kind}: {' && '.join(slip.edits)}  => {one.said}")
-    print(Counter(one.outcome for one in found[: len(MEANING)]), Counter(one.outcome for one in found[len(MEANING) :]))
-    return 0
+    page = written(found, [Verdict(*verdict) for verdict in json.loads(BEFORE.read_text())])
+    print(page)
+    PAGE.write_text(HEAD.read_text() + page)
+    return 0 if good(found) else 1
+
+
+def good(found: Sequence[Verdict]) -> bool:
+    """Whether a reason is given for each slip that passes the build without a word."""
+    slips = [*MEANING, *SIZES]
+    return all(slips[number].edits[0] in REASONS for number in _silent(found))
+
+
+def _silent(found: Sequence[Verdict]) -> list[int]:
+    return [number for number, one in enumerate(found) if one.outcome in ("silent", "tests")]
+
+
+def written(found: Sequence[Verdict], earlier: Sequence[Verdict]) -> str:
+    """The tables."""
+    lines = ["```sh", "make slips", "```", ""]
+    lines += ["| | slips | refused | warned of | of these at the line | no word | of these found by the document's tests |"]
+    lines += ["|---|---:|---:|---:|---:|---:|---:|"]
+    size = len(MEANING)
+    for name, part in (("what is meant", slice(0, size)), ("sizes, units, places", slice(size, None))):
+        lines += [_row(f"{name}, before", earlier[part]), _row(f"{name}, now", found[part])]
+    slips = [*MEANING, *SIZES]
+    lines += ["", "| what was done | slips | before without a word | now |", "|---|---:|---:|---:|"]
+    for kind in dict.fromkeys(slip.kind for slip in slips):
+        mine = [number for number, slip in enumerate(slips) if slip.kind == kind]
+        lines.append(
+            f"| {kind} | {len(mine)} | {len(_silent([earlier[k] for k in mine]))} | {len(_silent([found[k] for k in mine]))} |"
+        )
+    codes = Counter(one.said[:5] for one in found if one.outcome in ("refused", "warned"))
+    lines += ["", "## What was said", "", ", ".join(f"{code} ({times})" for code, times in codes.most_common()) + ".", ""]
+    lines += ["## Without a word, and why", "", "| robot | slip | why there is no word |", "|---|---|---|"]
+    for number in _silent(found):
+        by_tests = f" Its own tests find it: {_cell(found[number].said[:100])}" if found[number].outcome == "tests" else ""
+        edits = "; ".join(slips[number].edits)
+        lines.append(f"| {slips[number].robot} | {_cell(edits[:150])} | {REASONS.get(slips[number].edits[0], '')}{by_tests} |")
+    return "\n".join([*lines, ""])
+
+
+def _row(name: str, found: Sequence[Verdict]) -> str:
+    """Shares are of those slips that the documents still have a place for."""
+    tally = Counter(one.outcome for one in found)
+    size, near, silent = len(found) - tally["gone"], sum(one.near for one in found), tally["silent"] + tally["tests"]
+    share = f"{silent} ({silent / size:.0%})"
+    return f"| {name} | {size} | {tally['refused']} | {tally['warned']} | {near} | {share} | {tally['tests']} |"
+
+
+def _cell(text: str) -> str:
+    return "`" + text.replace("|", "\\|").replace("`", "'").replace("\n", " ") + "`"
 
 
 if __name__ == "__main__":

@@ -288,8 +288,8 @@ SIZES: list[Slip] = [
         "walker components/body/params: {length: 1500 mm, width: 40 mm}",
         "walker components/board/mass/value: 25 kg",
         "walker modes/walking/contacts/adhesion/leg_0.sole: 0.3 N",
-        "walker joints/hip/drive: {kind: position, kp: 10000, effort: 2 N*m}",
-        "leg joints/knee/drive: {kind: position, kp: 10, effort: 2000 N*m, velocity: 50 rpm}",
+        "walker joints/hip/drive: {kind: position, kp: 10000 N*m/rad, effort: 2 N*m}",
+        "leg joints/knee/drive: {kind: position, kp: 10 N*m/rad, effort: 2000 N*m, velocity: 50 rpm}",
     ),
     *_of(
         WALKER, "unit",
@@ -297,7 +297,7 @@ SIZES: list[Slip] = [
         "walker components/board/at/xyz: 0 0 24 m",
         "walker components/body/params: {length: 150 cm, width: 40 cm}",
         "leg parameters/length: {value: 80 cm, min: 40 mm}",
-        "leg joints/knee/drive: {kind: position, kp: 10, effort: 2 N*m, velocity: 50 rad/s}",
+        "leg joints/knee/drive: {kind: position, kp: 10 N*m/rad, effort: 2 N*m, velocity: 50 rad/s}",
         "materials materials/pla/density: 1240 g/m^3",
     ),
     *_of(
