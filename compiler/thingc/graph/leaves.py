@@ -34,10 +34,13 @@ from thingc.source import Origin
 FRAME = Definition(text="frame", label="frame", reference="frame", kind="frame")
 """The one definition of every component without geometry."""
 
+_WRITE_WHERE = "let it write nothing, or into `tempfile.gettempdir()`, which is its own and goes with it"
 _FAILED = {
     "raised": (Code.PART_RAISED, "raised an exception", "change its `params`, or mend the part file"),
     "hung": (Code.PART_HUNG, "took too long", "mend the part, or allow more time with `--part-timeout`"),
     "crashed": (Code.PART_CRASHED, "crashed the interpreter", "change its `params`, or what the part asks of the CAD kernel"),
+    "trespassed": (Code.PART_WRITES, "writes outside of its own folder", _WRITE_WHERE),
+    "swarmed": (Code.PART_SWARMED, "starts too many processes", "let it start fewer, and wait for each"),
     "empty": (Code.PART_EMPTY, "has no volume", "let `result()` return a solid, or None for a part without geometry"),
     "refused": (Code.PART_REFUSED, "is refused", "take a part from the workspace's `parts` folders or its `packages`"),
     "missing": (Code.PART_MISSING, "is not there", "write `module:Class` with a module on the part path and a class in it"),
@@ -52,6 +55,7 @@ _INSTEAD = {
     Outside.CHANCE: "seed the generator: `random.Random(7)`, `numpy.random.default_rng(7)`",
     Outside.PROCESS: "let it write a file beforehand, and read that with `asset(...)`",
     Outside.NETWORK: "fetch it into a file beforehand, and read that with `asset(...)`",
+    Outside.LEFT: "let it wait for what it starts: `subprocess.run(...)`, or `with` a pool",
 }
 """By what a part asks: what to do instead."""
 _SHOWN_PLACES = 8
@@ -213,7 +217,8 @@ class Leaves:
             if warning.asked is not None and (_line(warning) or record.text, warning.message) not in self._warned:
                 asked.setdefault((warning.asked, warning.message), []).append(warning)
         for (what, message), where in asked.items():
-            if findings.warn(Code.PART_ASKS, f"{of} {message}", origin, path=path, notes=_places(where), help=_INSTEAD[what]):
+            code = Code.PART_LEFT if what is Outside.LEFT else Code.PART_ASKS
+            if findings.warn(code, f"{of} {message}", origin, path=path, notes=_places(where), help=_INSTEAD[what]):
                 self._warned.update((_line(warning) or record.text, message) for warning in where)
         if record.apart:
             said = (record.text, Code.APART.code)

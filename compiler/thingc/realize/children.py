@@ -1,4 +1,5 @@
-"""One forked child per request, on systems that can fork: whatever part code does, it ends its own process only."""
+"""One forked child per request, on systems that can fork: whatever part code does, it ends its own process only, changes files in
+its own folder only, and nothing that it has started outlives it."""
 
 from __future__ import annotations
 
@@ -10,27 +11,35 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from thingc.realize.scratch import remove, settle
+from thingc.realize import process_tree
+from thingc.realize.confining import PROCESSES, confine
+from thingc.realize.scratch import settle
 
 KEPT = 8192
 """How many bytes of the end of a child's standard error are looked at."""
+FAREWELL = 0.5
+"""How long [s] after a child its helpers may take to notice and to end, as those of `multiprocessing` do."""
+WATCH = 0.05
+"""How often [s] to look whether children run and how many processes they have."""
 
 
 @dataclass(slots=True, kw_only=True)
 class Child:
-    """A running child: its process (leader of its own group), the pipe its answer comes on, its standard error, and its folder."""
+    """A running child: what was asked of it, its process (leader of its own group), the pipe its answer comes on, its standard error,
+    and its folder. `status` is how it has ended, as far as that is known."""
 
-    number: int
+    request: Mapping[str, Any]
     process: int
     pipe: int
     errors: Any
     scratch: str
     deadline: float
     received: bytearray
+    status: int | None = None
 
     def read(self) -> bool:
         """Take what has come; False at the end."""
@@ -46,36 +55,72 @@ class Child:
         """Whether a whole answer has come."""
         return self.received.endswith(b"\n")
 
-    def end(self, *, hung: bool = False) -> dict[str, Any]:
-        """End the child and everything it started, and say how it went: the answer for the client."""
-        status = None if self.answered or hung else self._exit_status()
-        kill_group(self.process)
-        with contextlib.suppress(ChildProcessError):
-            os.waitpid(self.process, 0)
+    def over(self, now: float) -> str | None:
+        """Whether it is time to end the child, which has not answered: `hung`, `swarmed` (too many processes), or `crashed`."""
+        if self.deadline <= now:
+            return "hung"
+        if len(process_tree.descendants(self.process)) > PROCESSES:
+            return "swarmed"
+        return "crashed" if self._ended() else None
+
+    def end(self, over: str | None, others: Collection[int]) -> dict[str, Any]:
+        """End the child and everything that it has started, but nothing of the `others` that run beside it, and say how it went: the
+        answer for the client. `over`: why it is ended without an answer."""
+        number = {"id": self.request["id"]}
+        if not self.answered and over in (None, "crashed"):
+            self._wait()
+        elif over == "swarmed":
+            process_tree.stop(self.process)
+            process_tree.end_descendants(self.process)
+            self._kill(signal.SIGABRT)  # it says where it is
+            self._kill(signal.SIGCONT)
+            self._wait()
+        left = self._end_processes(others)
         os.close(self.pipe)
-        remove(self.scratch)
         try:
             if self.answered:
-                return {"id": self.number, **json.loads(self.received)}
+                return {**number, **json.loads(self.received), **({"left": left} if left else {})}
             self.errors.seek(0, os.SEEK_END)
             self.errors.seek(max(0, self.errors.tell() - KEPT))
             tail = self.errors.read().decode("utf-8", "replace")
         finally:
             self.errors.close()
-        if hung:
-            return {"id": self.number, "failed": "hung", "words": "", "detail": tail}
-        return {"id": self.number, "failed": "crashed", "words": in_words(status), "detail": tail}
+        if over == "swarmed":
+            return {**number, "failed": over, "words": f"more than {PROCESSES} of its processes were alive at once", "detail": tail}
+        if over == "hung":
+            return {**number, "failed": over, "words": "", "detail": tail}
+        return {**number, "failed": "crashed", "words": in_words(self.status), "detail": tail}
 
-    def _exit_status(self) -> int | None:
-        for _ in range(200):
-            try:
+    def _end_processes(self, others: Collection[int]) -> list[str]:
+        """Kill the child and all that it has started. The command lines of what was still at work after an answer."""
+        started = process_tree.alive(process_tree.descendants(self.process)) if self.answered else []
+        own, words = process_tree.command(self.process), {one: process_tree.command(one) for one in started}
+        self._kill(signal.SIGKILL)
+        left = process_tree.outliving(started, FAREWELL)
+        kill_group(self.process)
+        if self.status is None:
+            with contextlib.suppress(ChildProcessError):
+                os.waitpid(self.process, 0)
+        process_tree.end_all_but(others)
+        return ["" if words[one] == own else words[one] for one in left]
+
+    def _kill(self, number: signal.Signals) -> None:
+        if self.status is None:  # else the number may be somebody else's by now
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(self.process, number)
+
+    def _ended(self) -> bool:
+        if self.status is None:
+            with contextlib.suppress(ChildProcessError):
                 process, status = os.waitpid(self.process, os.WNOHANG)
-            except ChildProcessError:
-                return None
-            if process:
-                return status
-            time.sleep(0.005)
-        return None
+                self.status = status if process else None
+        return self.status is not None
+
+    def _wait(self) -> None:
+        """Let it end, for a second."""
+        last = time.monotonic() + 1.0
+        while not self._ended() and time.monotonic() < last:
+            time.sleep(process_tree.PAUSE)
 
 
 def in_words(status: int | None) -> str:
@@ -92,11 +137,9 @@ def in_words(status: int | None) -> str:
 
 
 def kill_group(process: int) -> None:
-    """Kill a child and whatever it started (children lead a process group)."""
+    """Kill the process group that a child leads or has led."""
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(process, signal.SIGKILL)
-    with contextlib.suppress(ProcessLookupError):
-        os.kill(process, signal.SIGKILL)
 
 
 def die_with_parent(parent: int) -> None:
@@ -120,8 +163,8 @@ def live_without_parent() -> None:
 def start(
     request: Mapping[str, Any], run: Callable[[Mapping[str, Any]], dict[str, Any]], scratch: str, close: list[int]
 ) -> Child:
-    """Fork a child that runs `run(request)` with the folder `scratch` for itself, and writes the answer as one line. `close`:
-    descriptors it must not hold."""
+    """Fork a child that runs `run(request)` with the folder `scratch` for itself, the only one that it may change, and writes the
+    answer as one line. Then it waits for its end. `close`: descriptors it must not hold."""
     reader, writer = os.pipe()
     errors = tempfile.TemporaryFile()  # noqa: SIM115 (it lives as long as the child)
     server = os.getpid()
@@ -137,16 +180,21 @@ def start(
             for descriptor in (reader, *close):
                 os.close(descriptor)
             settle(scratch)
+            process_tree.adopt_orphans()
+            confine(scratch)
             os.dup2(errors.fileno(), 1)
             os.dup2(errors.fileno(), 2)
             signal.signal(signal.SIGINT, signal.SIG_DFL)
             faulthandler.enable(file=errors.fileno(), all_threads=False)
             faulthandler.dump_traceback_later(timeout - min(0.5, timeout / 4), file=errors.fileno())
             _without_core_dump()
-            answer = json.dumps({"answer": run({**request, "scratch": scratch})}).encode() + b"\n"
+            answer = json.dumps(run({**request, "scratch": scratch})).encode() + b"\n"
+            faulthandler.cancel_dump_traceback_later()
             while answer:
                 answer = answer[os.write(writer, answer) :]
             status = 0
+            while os.getppid() == server:  # as long as it lives, everybody can see what it has started
+                signal.pause()
         except BaseException:
             import traceback
 
@@ -157,7 +205,7 @@ def start(
     with contextlib.suppress(OSError):
         os.setpgid(process, process)
     return Child(
-        number=request["id"], process=process, pipe=reader, errors=errors, scratch=scratch, deadline=time.monotonic() + timeout,
+        request=request, process=process, pipe=reader, errors=errors, scratch=scratch, deadline=time.monotonic() + timeout,
         received=bytearray(),
     )
 

@@ -34,7 +34,7 @@ from thingc.realize.record import (
 )
 from thingc.realize.record_json import failure_to_json, record_to_json
 from thingc.realize.session import NoPart, Session, Surroundings, kind_of
-from thingc.realize.store import Store
+from thingc.realize.store import Store, StoreUnusable
 from thingc.units import parse_quantity
 
 if TYPE_CHECKING:
@@ -57,13 +57,12 @@ class Tessellations:
     simulation: Tessellation
 
 
-def model(definition: dict[str, Any], tessellations: Tessellations, around: Surroundings) -> dict[str, Any]:
+def model(definition: dict[str, Any], tessellations: Tessellations, around: Surroundings, store: Store) -> dict[str, Any]:
     """The record (or failure) of one part definition and what it read: `{"record" | "failure": ..., "reads": [...]}`.
 
     `definition` has `kind`, `reference`, `text` and the canonical `parameters` (SI), and whether it is known where its class is
-    written (`placed`): to find that out takes long. Blobs go to the store.
+    written (`placed`): to find that out takes long. Blobs go to the store. Raises `StoreUnusable`.
     """
-    store = Store(around.store)
     text = definition["text"]
     with Session(around) as session, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -76,6 +75,8 @@ def model(definition: dict[str, Any], tessellations: Tessellations, around: Surr
             found = (*record.warnings, *_warnings(caught, session.is_own), *session.asking.found)
             answer = {"record": record_to_json(replace(record, warnings=found), around.root)}
             return {**answer, "reads": session.reads(*(warning.file for warning in found))}
+        except StoreUnusable:
+            raise
         except BaseException as fault:
             session.stop()
             failure = session.failure(text, fault)

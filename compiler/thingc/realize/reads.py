@@ -252,6 +252,7 @@ def _loads() -> bool:
 _IMPORTERS = (
     "import_brep", "import_step", "import_stl", "import_svg", "import_svg_as_buildline_code", "import_dxf",
 )
+_EXPORTERS = ("export_brep", "export_gltf", "export_obj", "export_step", "export_stl")
 _KERNEL_READERS = (
     ("OCP.STEPControl", "STEPControl_Reader", "ReadFile"),
     ("OCP.STEPCAFControl", "STEPCAFControl_Reader", "ReadFile"),
@@ -266,8 +267,9 @@ _KERNEL_READERS = (
 
 
 def wrap_importers() -> None:
-    """Make every way from a file into the kernel tell the recorder that is on. Before part modules load, since they may
-    say `from build123d import *`; once per process, and inherited by its children."""
+    """Make every way from a file into the kernel tell the recorder that is on, and those from build123d into a file raise the audit
+    event of opening one. Before part modules load, since they may say `from build123d import *`; once per process, and inherited by its
+    children."""
     import importlib
 
     import build123d
@@ -276,11 +278,11 @@ def wrap_importers() -> None:
         module for name, module in list(sys.modules.items())
         if (name == "build123d" or name.startswith("build123d.")) and module is not None
     ]
-    for name in _IMPORTERS:
+    for name in (*_IMPORTERS, *_EXPORTERS):
         original = getattr(build123d, name, None)
         if original is None:
             continue
-        telling = _telling(original, 0)
+        telling = _telling(original, 0) if name in _IMPORTERS else _announcing(original)
         for module in modules:
             if vars(module).get(name) is original:
                 setattr(module, name, telling)
@@ -310,3 +312,16 @@ def _telling(function: Callable[..., Any], position: int | None) -> Callable[...
         return function(*arguments, **options)
 
     return telling
+
+
+def _announcing(function: Callable[..., Any]) -> Callable[..., Any]:
+    """`function`, whose second argument is a file that it writes, or a stream."""
+
+    @functools.wraps(function)
+    def announcing(*arguments: Any, **options: Any) -> Any:
+        for value in (*arguments[1:2], options.get("file_path")):
+            if isinstance(value, (str, bytes, os.PathLike)):
+                sys.audit("open", os.fspath(value), "wb", 0)
+        return function(*arguments, **options)
+
+    return announcing

@@ -225,13 +225,15 @@ class Mesh(Brief):
 
 
 class Outside(str, Enum):
-    """What a part may ask besides its inputs. Such an answer is not in its key, so it stays as it was when the part was made."""
+    """What a part may ask besides its inputs. Such an answer is not in its key, so it stays as it was when the part was made. `left` are
+    processes that it has started and not waited for."""
 
     ENVIRONMENT = "environment"
     CLOCK = "clock"
     CHANCE = "chance"
     PROCESS = "process"
     NETWORK = "network"
+    LEFT = "left"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -295,9 +297,9 @@ class PartRecord(Brief):
 class PartFailure(Brief):
     """Why a part could not be described or modelled.
 
-    `kind` is `refused | missing | raised | hung | crashed | empty | invalid | resultless | stale | unlocked`; `message` the
-    exception's words; `file`, `line` the place in the part file; `candidates` near names for `missing`; `detail` the traceback, for
-    `--debug` only.
+    `kind` is `refused | missing | raised | trespassed | hung | crashed | swarmed | empty | invalid | resultless | stale | unlocked`;
+    `message` the exception's words; `file`, `line` the place in the part file; `candidates` near names for `missing`; `detail` the
+    traceback, for `--debug` only.
     """
 
     subject: str

@@ -6,6 +6,7 @@ Files in the workspace are written relative to it (`root`), so that records can 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from typing import Any
 
 from thingc.pose import Matrix, Pose, Vector
@@ -84,6 +85,16 @@ def failure_from_json(value: Any, root: str) -> PartFailure:
         subject=value["subject"], kind=value["kind"], message=value["message"], file=full(value["file"], root),
         line=value["line"], candidates=tuple(value["candidates"]), detail=value["detail"],
     )
+
+
+def with_left(answer: dict[str, Any], commands: Iterable[str]) -> dict[str, Any]:
+    """What a worker has made of a part, with a word on each of the processes that the part has left behind: their command lines, empty
+    for a copy of itself."""
+    if "record" not in answer:
+        return answer
+    names = sorted({"a copy of itself" if not line else f"`{line if len(line) <= 60 else line[:57] + '...'}`" for line in commands})
+    left = [[f"leaves {name} running, which was ended", None, None, Outside.LEFT.value] for name in names]
+    return {**answer, "record": {**answer["record"], "warnings": [*answer["record"]["warnings"], *left]}}
 
 
 # --- records ----------------------------------------------------------------------------------------------------------

@@ -25,11 +25,12 @@ from thingc.realize.record_json import (
     mesh_from_json,
     record_from_json,
     schema_from_json,
+    with_left,
 )
 from thingc.realize.results import Kept, Results
 from thingc.realize.slice_answers import SliceAnswers, lacking
 from thingc.realize.slices import Slicing
-from thingc.realize.store import Store
+from thingc.realize.store import Store, StoreUnusable
 from thingc.realize.versions import versions_of
 
 if TYPE_CHECKING:
@@ -298,7 +299,7 @@ class GeometryService:
                 if "failed" in answer:
                     found[task.subject] = self._broken(task.subject, answer)
                 else:
-                    given = answer["answer"]
+                    given = with_left(answer["answer"], answer.get("left", ()))
                     reads = given.pop("reads")
                     self._results.keep("record", task.recipe, given, reads, task.reason)
                     self.reads[task.subject] = dict(reads)
@@ -465,6 +466,8 @@ class GeometryService:
                 done += 1
                 answered.add(id(request))
                 self._progress(what, done, len(requests))
+                if answer.get("failed") == "unusable":
+                    raise StoreUnusable(self.store.root, answer["words"])
                 yield request, answer
         except WorkerBroken as fault:
             failed = {"failed": "crashed", "words": f"the CAD kernel does not load: {fault}", "detail": fault.detail}

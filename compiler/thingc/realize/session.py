@@ -13,6 +13,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
+from thingc.realize import confining
 from thingc.realize.asking import Asking
 from thingc.realize.loading import PartImporter
 from thingc.realize.part_files import BadPartFile
@@ -68,6 +69,7 @@ class Session:
         self.importer.install()
         self.recorder.start()
         self.asking.start()
+        confining.begin(self.around.scratch)
         assets.install(self.recorder.note, (self.around.root,))
         return self
 
@@ -80,7 +82,8 @@ class Session:
         os.chdir(self._before)
 
     def stop(self) -> None:
-        """The part is done: what is read and asked from here on is not its doing."""
+        """The part is done: what is read, asked and changed from here on is not its doing."""
+        confining.end()
         self.recorder.stop()
         self.asking.stop()
 
@@ -135,6 +138,8 @@ class Session:
         if isinstance(fault, NoPart):
             kind, message, candidates, detail = fault.kind, str(fault), fault.candidates, None
             file, line = fault.place or (file, line)
+        elif isinstance(fault, confining.Trespass):
+            kind, message = "trespassed", f"`{self.recorder.relative(fault.filename)}`"
         elif isinstance(fault, (SignatureError, BadPartFile)) or isinstance(fault, ParameterError) and not places:
             kind, message = "invalid", str(fault)
         return PartFailure(

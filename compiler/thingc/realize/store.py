@@ -7,7 +7,7 @@ ever pickled.
     <root>/blobs/ab/cdef...     the bytes whose SHA-256 is abcdef...
     <root>/<kind>/ab/cdef...    the JSON document whose key has that SHA-256, behind a line with its checksum
 
-The checksum of a document is taken over its kind and key as well: a sound document in the place of another is none.
+The checksum of a document is taken over its kind and name as well: a sound document in the place of another is none.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ class Store:
                 checksum, _, payload = stream.read().partition(b"\n")
         except OSError:
             return None
-        if _checksum(kind, key, payload) != checksum:
+        if _checksum(kind, _name(key), payload) != checksum:
             return None
         try:
             return json.loads(payload)
@@ -147,7 +147,7 @@ class Store:
     def put_json(self, kind: str, key: str, value: Any) -> None:
         """Keep a JSON value under `kind` and `key`, in place of what was there."""
         payload = json.dumps(value, separators=(",", ":"), sort_keys=True, ensure_ascii=False).encode()
-        self._write(self._document(kind, key), _checksum(kind, key, payload) + b"\n" + payload)
+        self._write(self._document(kind, key), _checksum(kind, _name(key), payload) + b"\n" + payload)
 
     # --- files ---------------------------------------------------------------------------------------------------
 
@@ -162,7 +162,7 @@ class Store:
             raise StoreUnusable(self.root, os.strerror(errno.EACCES))
 
     def _document(self, kind: str, key: str) -> str:
-        name = hashlib.sha256(key.encode()).hexdigest()
+        name = _name(key)
         return os.path.join(self.root, kind, name[:2], name[2:])
 
     def _write(self, path: str, data: bytes, *, seal: bool = False) -> None:
@@ -191,6 +191,49 @@ class Store:
             os.unlink(path)
 
 
-def _checksum(kind: str, key: str, payload: bytes) -> bytes:
-    """Of a JSON document, bound to where it belongs: in JSON, neither kind nor key holds the line break that ends them."""
-    return hashlib.sha256(json.dumps([kind, key]).encode() + b"\n" + payload).hexdigest().encode()
+def _name(key: str) -> str:
+    return hashlib.sha256(key.encode()).hexdigest()
+
+
+def _checksum(kind: str, name: str, payload: bytes) -> bytes:
+    """Of a JSON document, bound to the place where it belongs."""
+    return hashlib.sha256(f"{kind}/{name}\n".encode() + payload).hexdigest().encode()
+
+
+class Outbox(Store):
+    """A store as a process sees it that must not write there: it reads from `root`, and what it puts lies in `folder` until somebody
+    who may takes it over with `deliver`. JSON documents are none of its business."""
+
+    __slots__ = ("folder",)
+
+    def __init__(self, root: str, folder: str) -> None:
+        super().__init__(root)
+        self.folder = os.path.join(folder, "outbox")
+
+    def put(self, data: bytes) -> str:
+        """Lay `data` down unless the store has it; its SHA-256 in hex."""
+        sha256 = hashlib.sha256(data).hexdigest()
+        if not self.has(sha256, len(data)):
+            try:
+                os.makedirs(self.folder, exist_ok=True)
+                with open(os.path.join(self.folder, sha256), "wb") as stream:
+                    stream.write(data)
+            except OSError as fault:
+                raise StoreUnusable(self.folder, fault.strerror or str(fault)) from None
+        return sha256
+
+    def deliver(self) -> None:
+        """Put everything that lies in the folder into the store, by its content: whatever its name says, nothing can come into the
+        place of something else. Nobody may be at work there any more. Raises `StoreUnusable`."""
+        try:
+            with os.scandir(self.folder) as found:
+                files = [entry.path for entry in found if entry.is_file(follow_symlinks=False)]
+        except OSError:  # nothing was laid down
+            return
+        for path in files:
+            try:
+                with open(path, "rb") as stream:
+                    data = stream.read()
+            except OSError as fault:
+                raise StoreUnusable(path, fault.strerror or str(fault)) from None
+            super().put(data)

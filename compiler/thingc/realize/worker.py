@@ -43,7 +43,7 @@ def main(arguments: list[str]) -> None:
         from thingc.realize.children import die_with_parent
 
         die_with_parent(parent)  # nobody watches standard input while the kernel is loaded
-    from thingc.realize.scratch import Scratch, remove, settle
+    from thingc.realize.scratch import Scratch, settle
 
     scratch = Scratch()
     settle(scratch.folder)
@@ -63,8 +63,8 @@ def main(arguments: list[str]) -> None:
             for line in sys.stdin.buffer:
                 folder = scratch.make()
                 settle(folder)
-                _answer(answers, _safely({**json.loads(line), "scratch": folder}))
-                remove(folder)
+                request = json.loads(line)
+                _answer(answers, _settled(_safely({**request, "scratch": folder}), request["store"], folder))
     finally:
         scratch.close()
         os._exit(0)
@@ -104,7 +104,7 @@ def _answer(descriptor: int, value: Mapping[str, Any]) -> None:
 
 def _safely(request: Mapping[str, Any]) -> dict[str, Any]:
     try:
-        return {"id": request["id"], "answer": perform(request)}
+        return {"id": request["id"], **answered(request)}
     except BaseException as fault:
         import traceback
 
@@ -112,26 +112,53 @@ def _safely(request: Mapping[str, Any]) -> dict[str, Any]:
         return {"id": request["id"], "failed": "crashed", "words": words, "detail": traceback.format_exc()}
 
 
-def perform(request: Mapping[str, Any]) -> dict[str, Any]:
-    """Do what one request asks: `describe`, `model`, `decompose`, `slice` or `assemble`."""
-    from thingc.realize.store import Store
+def answered(request: Mapping[str, Any]) -> dict[str, Any]:
+    """What is said to a request: its `answer`, or that there is no room for it."""
+    from thingc.realize.store import StoreUnusable
 
+    try:
+        return {"answer": perform(request)}
+    except StoreUnusable as fault:
+        return {"failed": "unusable", "words": fault.reason}
+
+
+def _settled(answer: dict[str, Any], store: str, folder: str) -> dict[str, Any]:
+    """Put what a request has left in its `folder` into the store, and remove the folder: the answer after that."""
+    from thingc.realize.scratch import remove
+    from thingc.realize.store import Outbox, StoreUnusable
+
+    try:
+        if "answer" in answer:
+            Outbox(store, folder).deliver()
+        return answer
+    except StoreUnusable as fault:
+        return {"id": answer["id"], "failed": "unusable", "words": fault.reason}
+    finally:
+        remove(folder)
+
+
+def perform(request: Mapping[str, Any]) -> dict[str, Any]:
+    """Do what one request asks: `describe`, `model`, `decompose`, `slice` or `assemble`. With a folder for itself (`scratch`), it
+    leaves there what is for the store. Raises `StoreUnusable`."""
+    from thingc.realize.store import Outbox, Store
+
+    store = Outbox(request["store"], request["scratch"]) if "scratch" in request else Store(request["store"])
     operation = request["op"]
     if operation == "assemble":
         from thingc.realize.assembling import assemble
 
-        return assemble(request["name"], request["instances"], Store(request["store"]))
+        return assemble(request["name"], request["instances"], store)
     from thingc.realize.session import Surroundings
 
     if operation == "decompose":
         from thingc.realize.decomposing import decompose
 
-        return {"pieces": decompose(request["mesh"], Store(request["store"]))}
+        return {"pieces": decompose(request["mesh"], store)}
     if operation == "slice":
         from thingc.realize.slices import Slicing
         from thingc.realize.slicing import slice_stored
 
-        return slice_stored(request["mesh"], Slicing(**request["slicing"]), Store(request["store"]))
+        return slice_stored(request["mesh"], Slicing(**request["slicing"]), store)
     around = Surroundings(
         root=request["root"], parts=tuple(request["parts"]), packages=tuple(request["packages"]), hashes=dict(request["hashes"]),
         plain=tuple(request["plain"]), store=request["store"], scratch=request["scratch"],
@@ -144,37 +171,37 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
     from thingc.workspace import Tessellation
 
     asked = {name: Tessellation(**values) for name, values in request["tessellations"].items()}
-    return model(request["definition"], Tessellations(**asked), around)
+    return model(request["definition"], Tessellations(**asked), around, store)
 
 
 def _serve(answers: int, jobs: int, scratch: Scratch) -> None:
-    """The server: at most `jobs` children at once, each with its deadline and its folder."""
-    from thingc.realize.children import Child, kill_group, start
+    """The server: at most `jobs` children at once, each with its deadline and its folder. Nothing that they start outlives them."""
+    from thingc.realize.children import WATCH, Child, start
+    from thingc.realize.process_tree import adopt_orphans, come_first
 
+    adopt_orphans()
+    come_first()
     waiting: deque[dict[str, Any]] = deque()
     running: dict[int, Child] = {}
     selector = selectors.DefaultSelector()
     selector.register(0, selectors.EVENT_READ)
     received = bytearray()
 
-    def finish(child: Child, *, hung: bool = False) -> None:
+    def finish(child: Child, over: str | None = None) -> None:
         selector.unregister(child.pipe)
         del running[child.pipe]
-        _answer(answers, child.end(hung=hung))
+        answer = child.end(over, {other.process for other in running.values()})
+        _answer(answers, _settled(answer, child.request["store"], child.scratch))
 
     try:
         while True:
             while waiting and len(running) < jobs:
                 request = waiting.popleft()
                 _prepare(request)
-                child = start(request, perform, scratch.make(), [0, answers, *scratch.descriptors, *running])
+                child = start(request, answered, scratch.make(), [0, answers, *scratch.descriptors, *running])
                 running[child.pipe] = child
                 selector.register(child.pipe, selectors.EVENT_READ)
-            now = time.monotonic()
-            for child in [child for child in running.values() if child.deadline <= now]:
-                finish(child, hung=True)
-            rest = min((child.deadline for child in running.values()), default=None)
-            for key, _ in selector.select(None if rest is None else max(0.0, rest - time.monotonic())):
+            for key, _ in selector.select(WATCH if running else None):
                 if key.fd == 0:
                     data = os.read(0, 1 << 20)
                     if not data:
@@ -187,11 +214,15 @@ def _serve(answers: int, jobs: int, scratch: Scratch) -> None:
                     child = running[key.fd]
                     if not child.read() or child.answered:
                         finish(child)
+            for child in list(running.values()):
+                over = child.over(time.monotonic())
+                if over is not None:
+                    finish(child, over)
     except BrokenPipeError:
         return
     finally:
         for child in running.values():
-            kill_group(child.process)
+            child.end("hung", ())
 
 
 def _prepare(request: Mapping[str, Any]) -> None:

@@ -31,8 +31,8 @@ from thingc.workspace import DEFAULT_PARTS
 
 _FAILURES = {
     "missing": Code.PART_MISSING, "refused": Code.PART_REFUSED, "raised": Code.PART_RAISED, "hung": Code.PART_HUNG,
-    "crashed": Code.PART_CRASHED, "empty": Code.PART_EMPTY, "invalid": Code.PART_INVALID, "resultless": Code.NO_RESULT,
-    "stale": Code.LOCK_STALE, "unlocked": Code.NOT_LOCKED,
+    "crashed": Code.PART_CRASHED, "trespassed": Code.PART_WRITES, "swarmed": Code.PART_SWARMED, "empty": Code.PART_EMPTY,
+    "invalid": Code.PART_INVALID, "resultless": Code.NO_RESULT, "stale": Code.LOCK_STALE, "unlocked": Code.NOT_LOCKED,
 }
 
 
@@ -196,6 +196,8 @@ def _report_failure(context: Context, node: Node, reference: str, failure: PartF
     message = f"part `{reference}`: {failure.message}"
     if failure.kind == "raised":
         message = f"part `{reference}` cannot be loaded: {failure.message}"
+    elif failure.kind == "trespassed":
+        message = f"part `{reference}` writes outside of its own folder: {failure.message}"
     elif failure.message.startswith(f"`{reference}`"):
         message, help = failure.message, _reference_hint(context, reference)
     if failure.kind == "resultless":

@@ -1,0 +1,121 @@
+"""The processes that this one has started, and those that these have started: told apart by their parents, whatever group or session
+they have gone to.
+
+Linux says who is whose child, and gives the orphans among the descendants of a process to it where it asks for them. Elsewhere nobody
+is found here.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import sys
+import time
+from collections.abc import Collection, Iterable
+
+PAUSE = 0.005
+"""How long [s] to wait before looking again for processes that are about to end."""
+PATIENCE = 20.0
+"""How long [s] killed or stopped processes may take to be so."""
+
+_SUBREAPER = 36
+
+
+def adopt_orphans() -> None:
+    """From here on a descendant whose parent ends becomes a child of this process, and not of the system's first process."""
+    if sys.platform == "linux":
+        import ctypes
+
+        ctypes.CDLL(None, use_errno=True).prctl(_SUBREAPER, 1, 0, 0, 0)
+
+
+def come_first() -> None:
+    """Be scheduled before any number of other processes, where that may be asked for (by root, whom no limit on processes holds). What
+    is started from here on is scheduled as ever."""
+    if sys.platform == "linux":
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(1))
+
+
+def children(process: int) -> list[int]:
+    """The children of a process, dead ones that nobody has asked after among them."""
+    found: list[int] = []
+    with contextlib.suppress(OSError):
+        for thread in os.listdir(f"/proc/{process}/task"):
+            with contextlib.suppress(OSError), open(f"/proc/{process}/task/{thread}/children", "rb") as stream:
+                found.extend(map(int, stream.read().split()))
+    return found
+
+
+def descendants(process: int) -> list[int]:
+    """Everything that a process has started, and what that has."""
+    found = children(process)
+    for one in found:
+        found.extend(children(one))
+    return found
+
+
+def alive(processes: Iterable[int]) -> list[int]:
+    """Those of the processes that have not ended."""
+    return [process for process in processes if _runs(process)]
+
+
+def outliving(processes: Iterable[int], seconds: float) -> list[int]:
+    """Those of the processes that have not ended after `seconds`; at once where all have."""
+    last = time.monotonic() + seconds
+    while (left := alive(processes)) and time.monotonic() < last:
+        time.sleep(PAUSE)
+    return left
+
+
+def command(process: int) -> str:
+    """The command line of a process; empty where it is gone."""
+    with contextlib.suppress(OSError), open(f"/proc/{process}/cmdline", "rb") as stream:
+        return stream.read().replace(b"\0", b" ").decode("utf-8", "replace").strip()
+    return ""
+
+
+def stop(process: int) -> None:
+    """Stop a process, its group and all that it has started, so that none of them starts another: stopped processes count against
+    limits, dead ones do not."""
+    last = time.monotonic() + PATIENCE
+    stopped: set[int] = set()
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        os.killpg(process, signal.SIGSTOP)
+    while (running := [one for one in (process, *descendants(process)) if one not in stopped]) and time.monotonic() < last:
+        for one in running:
+            _signal(one, signal.SIGSTOP)
+        stopped.update(running)
+
+
+def end_descendants(process: int) -> None:
+    """Kill all that a process has started."""
+    for one in descendants(process):
+        _signal(one, signal.SIGKILL)
+
+
+def end_all_but(kept: Collection[int]) -> None:
+    """Kill the children of this process that are not `kept`, with all that they have started, and wait until they are gone."""
+    last = time.monotonic() + PATIENCE
+    while (strays := [process for process in children(os.getpid()) if process not in kept]) and time.monotonic() < last:
+        for stray in strays:
+            end_descendants(stray)
+            _signal(stray, signal.SIGKILL)
+        for stray in strays:
+            with contextlib.suppress(ChildProcessError):
+                os.waitpid(stray, os.WNOHANG)
+        time.sleep(PAUSE / 5)
+
+
+def _signal(process: int, number: signal.Signals) -> None:
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        os.kill(process, number)
+
+
+def _runs(process: int) -> bool:
+    try:
+        with open(f"/proc/{process}/stat", "rb") as stream:
+            return stream.read().rpartition(b")")[2].split()[0] not in (b"Z", b"X")
+    except (OSError, IndexError):
+        return False
