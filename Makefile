@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 JOBS ?= 2
 
-.PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-weld print-masses walk bridge-search mutants slips fuzz schemas docs pictures freeze frozen clean
+.PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-weld print-masses walk bridge-search mutants slips fuzz kills schemas docs pictures freeze frozen clean
 
 demo: $(VENV)/.thingc
 	$(BIN)/thingc build assemblies/arm.yaml
@@ -69,6 +69,12 @@ MINUTES ?= 30
 fuzz: $(VENV)/.thingc-dev
 	$(BIN)/thingc lock
 	$(BIN)/python tests/fuzz/fuzz.py --minutes $(MINUTES) --lock parts.lock.json --keep build/fuzz
+
+KILLS ?= 60
+SEED ?= 1
+
+kills: $(VENV)/.thingc-dev
+	$(BIN)/python tests/conformance/kills.py --number $(KILLS) --seed $(SEED)
 
 schemas: $(VENV)/.thingc-dev
 	$(BIN)/python -m thingc.spec.schema

@@ -1,122 +1,26 @@
-"""Builds that are killed, interrupted, or run at the same time: what stands is whole, and the next build makes it right."""
+"""Builds that are killed, interrupted, or run at the same time: what stands is whole, and the next build makes it right.
+
+`make kills` does the same with many more, and with batches (`kills.py`).
+"""
 
 from __future__ import annotations
 
-import hashlib
-import json
 import select
 import signal
-import subprocess
-import time
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from conformance import rig
-from conformance.harness import COMMAND, TIMEOUT, build, environment, processes, tree, write
+from conformance.harness import TIMEOUT, build, processes
+from conformance.killing import SPANS, Killer, Scene, ended, made_scene, sound, whole
 
 pytestmark = pytest.mark.slow
-
-SPANS = (60, 95)
-FAREWELL = 10.0
-"""How long the system may take to end processes whose parent was killed [s]."""
-
-Tree = dict[str, bytes]
-
-
-@dataclass(frozen=True)
-class Scene:
-    """The workspace of the rig, what builds of it must be, and how long a cold and a warm one take [s]."""
-
-    root: Path
-    expected: dict[int, Tree]
-    cold: float
-    warm: float
-
-    def start(self, span: int, output: Path, store: Path, *words: str) -> subprocess.Popen[bytes]:
-        """A build in a process of its own. The folder for temporary files marks all of its processes."""
-        marked = self.mark(output)
-        return subprocess.Popen(
-            [*COMMAND, "build", "rig.yaml", "-p", f"span={span} mm", "-o", str(output), *words], cwd=self.root,
-            env=environment(store, TMPDIR=marked), stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
-        )
-
-    def mark(self, output: Path) -> str:
-        folder = output.parent / f"tmp-{output.name}"
-        folder.mkdir(parents=True, exist_ok=True)
-        return str(folder)
 
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
-    base = tmp_path_factory.mktemp("killed")
-    root = write(base / "ws", rig.DOCUMENTS)
-    expected, seconds = {}, []
-    for span in (*SPANS, SPANS[0]):
-        began = time.monotonic()
-        build("rig.yaml", "-p", f"span={span} mm", "-o", base / "out", store=base / "store", cwd=root)
-        seconds.append(time.monotonic() - began)
-        expected[span] = tree(base / "out" / "rig")
-    assert expected[60] != expected[95]
-    return Scene(root=root, expected=expected, cold=seconds[0], warm=seconds[2])
-
-
-def ended(process: subprocess.Popen[bytes], mark: str) -> None:
-    """Waits until nothing of a build is alive; fails when something stays."""
-    process.wait(timeout=FAREWELL)
-    last = time.monotonic() + FAREWELL
-    while (alive := processes(mark)) and time.monotonic() < last:
-        select.select([], [], [], 0.02)
-    assert alive == []
-
-
-def whole(folder: Path) -> Tree | None:
-    """The files of a build folder, None where there is none. What the manifest lists is there to the byte, and nothing else."""
-    if not folder.exists():
-        return None
-    files = tree(folder)
-    listed = json.loads(files["manifest.json"])["files"]
-    assert {path: hashlib.sha256(data).hexdigest() for path, data in files.items() if path != "manifest.json"} == listed
-    return files
-
-
-def sound(store: Path) -> Iterator[str]:
-    """Every finished file of a store, each checked against its name or its first line."""
-    for path in store.rglob("*"):
-        if not path.is_file() or "." in path.name or path.name == "claims":
-            continue  # being written when it was killed: a name nobody looks for; or the file whose bytes are locked, which is empty
-        data = path.read_bytes()
-        kind, start = path.relative_to(store).parts[0], path.parent.name
-        if kind == "blobs":
-            assert hashlib.sha256(data).hexdigest() == start + path.name
-        else:
-            checksum, _, payload = data.partition(b"\n")
-            assert len(checksum) == 64 and json.loads(payload) is not None, path  # the checksum covers a key that the name hides
-        yield str(path)
-
-
-@dataclass
-class Killer:
-    """Kills builds at a given part of their time. How long they take is what the last one that was quicker took: the machine
-    may have other things to do."""
-
-    seconds: float
-
-    def kill(self, moment: float, process: subprocess.Popen[bytes]) -> bool:
-        """Kill with SIGKILL; whether the build was still running."""
-        began = time.monotonic()
-        try:
-            process.wait(timeout=moment * self.seconds)
-        except subprocess.TimeoutExpired:
-            process.kill()
-        if process.wait() == -signal.SIGKILL:
-            return True
-        assert process.returncode == 0
-        self.seconds = min(self.seconds, time.monotonic() - began)
-        return False
+    return made_scene(tmp_path_factory.mktemp("killed"))
 
 
 def moments(count: int, seed: int) -> list[float]:

@@ -59,7 +59,10 @@ class Child:
         """Whether it is time to end the child, which has not answered: `hung`, `swarmed` (too many processes), or `crashed`."""
         if self.deadline <= now:
             return "hung"
-        if len(process_tree.descendants(self.process)) > PROCESSES:
+        count = len(process_tree.descendants(self.process))
+        if count > PROCESSES // 8:
+            process_tree.come_first()
+        if count > PROCESSES:
             return "swarmed"
         return "crashed" if self._ended() else None
 

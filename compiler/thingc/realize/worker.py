@@ -177,10 +177,9 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
 def _serve(answers: int, jobs: int, scratch: Scratch) -> None:
     """The server: at most `jobs` children at once, each with its deadline and its folder. Nothing that they start outlives them."""
     from thingc.realize.children import WATCH, Child, start
-    from thingc.realize.process_tree import adopt_orphans, come_first
+    from thingc.realize.process_tree import adopt_orphans
 
     adopt_orphans()
-    come_first()
     waiting: deque[dict[str, Any]] = deque()
     running: dict[int, Child] = {}
     selector = selectors.DefaultSelector()

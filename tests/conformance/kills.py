@@ -1,0 +1,160 @@
+"""`make kills KILLS=60 SEED=1`: builds and batches killed at random instants, and what they left.
+
+Each kill is of one of four kinds, in turn: a build from an empty store; one over a standing build of another size; a batch from an empty
+store; two builds at once, one of which is killed. The victim is the command itself, or (one time in three) one of the processes under
+it. Afterwards nothing of it is alive, every finished file of the store is what its name says, the build folder is absent, the old
+one or the new one, whole; and the next build, or the batch that is gone on with, writes what an undisturbed one did, byte for byte.
+
+The first that is not so ends the campaign with exit code 1, and its folder stays. The same seed gives the same instants, as
+far as the machine is as fast.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import psutil
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from conformance.harness import TIMEOUT, build, thingc, tree, write
+from conformance.killing import SPANS, Scene, Tree, ended, made_scene, sound, whole
+
+VARIANTS = """
+    thingc: variants/1
+    assembly: rig.yaml
+    name: spans
+    parameters: {span: {from: 60 mm, to: 95 mm, count: 6}}
+"""
+KINDS = ("cold build", "warm build", "batch", "two builds")
+
+
+@dataclass
+class Campaign:
+    """The scene, what an undisturbed batch writes and takes [s], and what has been counted."""
+
+    scene: Scene
+    base: Path
+    source: random.Random
+    variants: Tree = field(default_factory=dict)
+    batch_seconds: float = 0.0
+    counted: Counter[str] = field(default_factory=Counter)
+
+    def prepare(self) -> None:
+        """Run the batch once to its end."""
+        write(self.scene.root, {"spans.yaml": VARIANTS})
+        began = time.monotonic()
+        self._batch(self.base / "reference", self.base / "reference-store")
+        self.batch_seconds = time.monotonic() - began
+        self.variants = self._of_batch(self.base / "reference")
+
+    def once(self, number: int) -> None:
+        """One kill and what follows. Raises `AssertionError` where something is left that must not be."""
+        kind = KINDS[number % len(KINDS)]
+        folder = self.base / str(number)
+        folder.mkdir()
+        output, store = folder / "out", folder / "store"
+        if kind == "batch":
+            self._kill_batch(output, store)
+        else:
+            self._kill_build(kind, output, store)
+        assert len(list(sound(store))) > 20
+        self.counted[kind] += 1
+        shutil.rmtree(folder)
+
+    def _kill_build(self, kind: str, output: Path, store: Path) -> None:
+        standing: Tree | None = None
+        seconds = self.scene.cold
+        if kind == "warm build":
+            for span in SPANS:
+                build("rig.yaml", "-p", f"span={span} mm", "-o", output, store=store, cwd=self.scene.root)
+            standing, seconds = self.scene.expected[SPANS[1]], self.scene.warm
+        beside = output.parent / "beside"
+        other = self.scene.start(SPANS[1], beside, store) if kind == "two builds" else None
+        process = self.scene.start(SPANS[0], output, store)
+        self._kill(process, seconds)
+        ended(process, self.scene.mark(output))
+        assert whole(output / "rig") in (standing, self.scene.expected[SPANS[0]])
+        if other is not None:
+            _, said = other.communicate(timeout=TIMEOUT)
+            assert other.returncode == 0, said.decode()
+            assert whole(beside / "rig") == self.scene.expected[SPANS[1]]
+        list(sound(store))
+        build("rig.yaml", "-p", f"span={SPANS[0]} mm", "-o", output, store=store, cwd=self.scene.root)
+        assert whole(output / "rig") == self.scene.expected[SPANS[0]]
+        assert sorted(path.name for path in output.iterdir()) == ["rig"]
+
+    def _kill_batch(self, output: Path, store: Path) -> None:
+        process = self.scene.run(["batch", "spans.yaml", "-o", str(output), "--jobs", "2"], output, store)
+        self._kill(process, self.batch_seconds)
+        ended(process, self.scene.mark(output))
+        for place in (output / "spans" / "variants").glob("*/manifest.json"):
+            found = {f"variants/{place.parent.name}/{path}": data for path, data in tree(place.parent).items()}
+            assert found.items() <= self.variants.items(), place
+        list(sound(store))
+        self._batch(output, store)
+        assert self._of_batch(output) == self.variants
+
+    def _batch(self, output: Path, store: Path) -> None:
+        words = ["--resume"] if (output / "spans" / "batch.json").exists() else []
+        ran = thingc("batch", "spans.yaml", "-o", output, "--jobs", "2", *words, store=store, cwd=self.scene.root)
+        assert ran.code == 0, ran.err
+
+    def _of_batch(self, output: Path) -> Tree:
+        """What a batch has built: its variants and what they share. (Its table and its journal say how long each took.)"""
+        return {path: data for path, data in tree(output / "spans").items() if path.startswith(("variants/", "assets/"))}
+
+    def _kill(self, process: subprocess.Popen[bytes], seconds: float) -> None:
+        """Kill it, or something under it, with SIGKILL at a random part of the time that it takes."""
+        inner = self.source.random() < 1 / 3
+        moment = self.source.random() * seconds
+        try:
+            process.wait(timeout=moment)
+        except subprocess.TimeoutExpired:
+            under = psutil.Process(process.pid).children(recursive=True)
+            victim = self.source.choice(under).pid if inner and under else process.pid
+            try:
+                os.kill(victim, signal.SIGKILL)
+                self.counted["killed while at work"] += 1
+            except ProcessLookupError:
+                pass
+        process.communicate(timeout=TIMEOUT)
+        assert process.returncode in (0, 1, -signal.SIGKILL), process.returncode
+
+
+def main() -> int:
+    """See above; the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--number", type=int, default=60, help="kills")
+    parser.add_argument("--seed", type=int, default=1)
+    chosen = parser.parse_args()
+    base = Path(tempfile.mkdtemp(prefix="kills-"))
+    began = time.monotonic()
+    campaign = Campaign(made_scene(base), base, random.Random(chosen.seed))
+    campaign.prepare()
+    for number in range(chosen.number):
+        try:
+            campaign.once(number)
+        except AssertionError as fault:
+            print(f"kill {number} ({KINDS[number % len(KINDS)]}): {fault}\nits folder is {base / str(number)}", file=sys.stderr)
+            raise
+        print(f"\r{number + 1} of {chosen.number}", end="", file=sys.stderr, flush=True)
+    shutil.rmtree(base)
+    seconds = time.monotonic() - began
+    told = ", ".join(f"{count} {what}" for what, count in campaign.counted.items())
+    print(f"\n{chosen.number} kills with seed {chosen.seed} in {seconds:.0f} s: {told}; nothing but whole entries was left")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
