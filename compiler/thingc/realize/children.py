@@ -23,6 +23,8 @@ KEPT = 8192
 """How many bytes of the end of a child's standard error are looked at."""
 FAREWELL = 0.5
 """How long [s] after a child its helpers may take to notice and to end, as those of `multiprocessing` do."""
+LAST_WORDS = 3.0
+"""How long [s] a child that is about to end may take to do so, and to say where it was."""
 WATCH = 0.05
 """How often [s] to look whether children run and how many processes they have."""
 
@@ -59,10 +61,7 @@ class Child:
         """Whether it is time to end the child, which has not answered: `hung`, `swarmed` (too many processes), or `crashed`."""
         if self.deadline <= now:
             return "hung"
-        count = len(process_tree.descendants(self.process))
-        if count > PROCESSES // 8:
-            process_tree.come_first()
-        if count > PROCESSES:
+        if len(process_tree.descendants(self.process)) > PROCESSES:
             return "swarmed"
         return "crashed" if self._ended() else None
 
@@ -120,8 +119,8 @@ class Child:
         return self.status is not None
 
     def _wait(self) -> None:
-        """Let it end, for a second."""
-        last = time.monotonic() + 1.0
+        """Let it end by itself, for a while."""
+        last = time.monotonic() + LAST_WORDS
         while not self._ended() and time.monotonic() < last:
             time.sleep(process_tree.PAUSE)
 
@@ -164,10 +163,10 @@ def live_without_parent() -> None:
 
 
 def start(
-    request: Mapping[str, Any], run: Callable[[Mapping[str, Any]], dict[str, Any]], scratch: str, close: list[int]
+    request: Mapping[str, Any], run: Callable[[Mapping[str, Any]], dict[str, Any]], nice: int, scratch: str, close: list[int]
 ) -> Child:
     """Fork a child that runs `run(request)` with the folder `scratch` for itself, the only one that it may change, and writes the
-    answer as one line. Then it waits for its end. `close`: descriptors it must not hold."""
+    answer as one line. Then it waits for its end. `nice`: how it is scheduled; `close`: descriptors it must not hold."""
     reader, writer = os.pipe()
     errors = tempfile.TemporaryFile()  # noqa: SIM115 (it lives as long as the child)
     server = os.getpid()
@@ -183,6 +182,7 @@ def start(
             for descriptor in (reader, *close):
                 os.close(descriptor)
             settle(scratch)
+            process_tree.give_priority(nice)
             process_tree.adopt_orphans()
             confine(scratch)
             os.dup2(errors.fileno(), 1)

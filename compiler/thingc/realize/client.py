@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any
 
+from thingc.realize import process_tree
 from thingc.realize.environment import environment
 
 GRACE = 15.0
@@ -150,6 +151,8 @@ class Workers:
 
     def _end(self, worker: _Process) -> None:
         self._processes.remove(worker)
+        process_tree.stop(worker.process.pid)  # it may have lost its children out of sight
+        process_tree.end_descendants(worker.process.pid)
         worker.process.kill()
         worker.process.wait()
 

@@ -19,6 +19,9 @@ PAUSE = 0.005
 PATIENCE = 20.0
 """How long [s] killed or stopped processes may take to be so."""
 
+FIRST = -20
+"""The nice value of who watches, to be heard among any number of processes."""
+
 _SUBREAPER = 36
 
 
@@ -30,12 +33,13 @@ def adopt_orphans() -> None:
         ctypes.CDLL(None, use_errno=True).prctl(_SUBREAPER, 1, 0, 0, 0)
 
 
-def come_first() -> None:
-    """Be scheduled before any number of other processes, where that may be asked for (by root, whom no limit on processes holds). What
-    is started from here on is scheduled as ever."""
-    if sys.platform == "linux":
-        with contextlib.suppress(OSError):
-            os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, os.sched_param(1))
+def give_priority(nice: int) -> int:
+    """Let this process be scheduled with a `nice` value, where that may be asked for (below the usual one by root, whom no limit on
+    processes holds); the one it had."""
+    usual = os.getpriority(os.PRIO_PROCESS, 0)
+    with contextlib.suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, 0, nice)
+    return usual
 
 
 def children(process: int) -> list[int]:

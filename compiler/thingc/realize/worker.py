@@ -177,9 +177,10 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
 def _serve(answers: int, jobs: int, scratch: Scratch) -> None:
     """The server: at most `jobs` children at once, each with its deadline and its folder. Nothing that they start outlives them."""
     from thingc.realize.children import WATCH, Child, start
-    from thingc.realize.process_tree import adopt_orphans
+    from thingc.realize.process_tree import FIRST, adopt_orphans, give_priority
 
     adopt_orphans()
+    usual = give_priority(FIRST)
     waiting: deque[dict[str, Any]] = deque()
     running: dict[int, Child] = {}
     selector = selectors.DefaultSelector()
@@ -197,7 +198,7 @@ def _serve(answers: int, jobs: int, scratch: Scratch) -> None:
             while waiting and len(running) < jobs:
                 request = waiting.popleft()
                 _prepare(request)
-                child = start(request, answered, scratch.make(), [0, answers, *scratch.descriptors, *running])
+                child = start(request, answered, usual, scratch.make(), [0, answers, *scratch.descriptors, *running])
                 running[child.pipe] = child
                 selector.register(child.pipe, selectors.EVENT_READ)
             for key, _ in selector.select(WATCH if running else None):
