@@ -21,8 +21,10 @@ from thingc.realize.scratch import settle
 
 KEPT = 8192
 """How many bytes of the end of a child's standard error are looked at."""
-FAREWELL = 0.5
-"""How long [s] after a child its helpers may take to notice and to end, as those of `multiprocessing` do."""
+FAREWELL = 1.0
+"""How long [s] after a child what it has started may take to notice and to end."""
+HELPERS = ("from multiprocessing.resource_tracker import", "from multiprocessing.forkserver import")
+"""What the command lines of processes hold that Python starts for itself, and that end with the one that they help."""
 LAST_WORDS = 3.0
 """How long [s] a child that is about to end may take to do so, and to say where it was."""
 WATCH = 0.05
@@ -104,7 +106,7 @@ class Child:
             with contextlib.suppress(ChildProcessError):
                 os.waitpid(self.process, 0)
         process_tree.end_all_but(others)
-        return ["" if words[one] == own else words[one] for one in left]
+        return ["" if words[one] == own else words[one] for one in left if not any(text in words[one] for text in HELPERS)]
 
     def _kill(self, number: signal.Signals) -> None:
         if self.status is None:  # else the number may be somebody else's by now
