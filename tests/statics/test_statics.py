@@ -188,7 +188,7 @@ def test_drives_without_a_limit_have_no_margin_and_those_without_load_an_infinit
 TIPPED = "at: {rpy: 70 15 0 deg}"  # the axes of the linkage are level, nearly
 LOOPED = FOURBAR.replace("bench: {root: ground}", f"bench: {{root: ground, {TIPPED}}}").replace(
     "other: {root: ground, ", f"other: {{root: ground, {TIPPED}, ").replace(
-    "kv: 0.2 N*m*s/rad}", "kv: 0.2 N*m*s/rad, effort: 2 N*m}").replace(
+    "kv: 0.05 N*m*s/rad}", "kv: 0.05 N*m*s/rad, effort: 2 N*m}").replace(
     "upper: 175 deg}}", "upper: 175 deg}, dynamics: {stiffness: 0.3 N*m/rad}, drive: {kind: motor, effort: 0.6 N*m}}")
 LOOPED = LOOPED.replace("base: held, cut", f"base: held, {TIPPED}, cut")
 
