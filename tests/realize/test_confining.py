@@ -184,10 +184,12 @@ def test_what_a_part_leaves_behind_is_ended_and_named(place: Any, define: Callab
 
 BOMBS = HEAD + """
 def shell():
-    subprocess.run(["sh", "-c", "f() {{ f | f & }}; f; sleep 600"])
+    # ten generations: 2 047 processes at most, should nobody stop it
+    subprocess.run(["sh", "-c", "f() {{ [ $1 -eq 0 ] && sleep 30 || {{ f $(($1 - 1)) | f $(($1 - 1)) & }}; }}; f 10; sleep 600"])
 def sessions():
-    while True:  # none of them in a group with another
+    for _ in range(2000):  # none of them in a group with another
         subprocess.Popen(["sleep", "600"], start_new_session=True)
+    time.sleep(600)
 """
 
 
