@@ -135,6 +135,7 @@ class Code(Enum):
     PART_WRITES = ("TC409", "part writes outside of its folder", "Let it write into `tempfile.gettempdir()`, or not at all.")
     PART_LEFT = ("TC410", "part leaves processes behind", "Let the part wait for what it starts.", Stage.CHECK)
     PART_SWARMED = ("TC411", "part starts too many processes", "Let it start fewer, and wait for each.")
+    NOT_TWICE = ("TC412", "part that is not the same twice", "Sort what comes from a set; seed generators; take the rest as parameters.")
     NO_RESULT = ("TC413", "Thing without a result", "Write `def result(self)` that returns the geometry, or None for a part without.")
     APART = ("TC414", "solids that do not touch", "Let them overlap, or return a list where several are meant.", Stage.CHECK)
     DENSITY = ("TC415", "density of no solid", "Check the unit: solids have 10 to 25 000 kg/m^3.", Stage.CHECK)

@@ -363,6 +363,24 @@ class Compilation:
         if self.assembly is not None and not self.report.failed and not self.options.parameters and not self.options.choices:
             self.report.say_unneeded(self.document, stages)
 
+    def model_again(self) -> int:
+        """Model every part once more, in other processes, under another hash seed and with an empty store: those that become something
+        else are errors in `report`. How many parts that were. Only for a compilation whose report has no errors."""
+        import tempfile
+
+        from thingc.graph.twice import OTHER_SEED, compare, definitions_of
+        from thingc.realize.store import Store
+
+        if self.assembly is None or self.workspace is None:
+            raise RuntimeError("there is nothing to model again: the compilation failed")
+        definitions = definitions_of(self.assembly)
+        with (
+            tempfile.TemporaryDirectory(prefix="thingc-twice-") as folder,
+            geometry_of(self.workspace, self.options, Store(folder), seed=OTHER_SEED) as geometry,
+        ):
+            compare(self.assembly, geometry.realize(definitions), self.report)
+        return len(definitions)
+
     def _check_modes(self, wanted: Sequence[str], known: Sequence[str], *, failed: bool) -> None:
         for name in wanted:
             if name not in known and not failed:
@@ -433,9 +451,10 @@ def store_of(options: Options) -> Store:
 
 
 def geometry_of(
-    workspace: Workspace, options: Options, store: Store | None = None, lock: Callable[[], Lock | None] | None = None,
+    workspace: Workspace, options: Options, store: Store | None = None, lock: Callable[[], Lock | None] | None = None, *, seed: int = 0,
 ) -> GeometryService:
-    """The geometry service of a workspace; close it. `lock` reads the lock that may answer beside the store."""
+    """The geometry service of a workspace; close it. `lock` reads the lock that may answer beside the store; `seed` is that of the
+    workers' hashes."""
     from thingc.realize.service import GeometryService
 
     return GeometryService(
@@ -445,6 +464,7 @@ def geometry_of(
         timeout=options.part_timeout or workspace.part_timeout,
         on_progress=options.progress,
         lock=lock,
+        seed=seed,
     )
 
 

@@ -71,7 +71,7 @@ def test_the_right_example_is_right(code: Code) -> None:
 
 FILES_DIFFER = {
     "WORKSPACE_FOLDER", "PART_EMPTY", "PART_UNREADABLE", "NO_LOCK", "LOCK_STALE", "LOCK_BROKEN", "NOT_LOCKED", "NOT_LOOKED_AT",
-    "NO_RESULT", "APART", "PART_WRITES", "PART_LEFT", "PART_SWARMED",
+    "NO_RESULT", "APART", "PART_WRITES", "PART_LEFT", "PART_SWARMED", "NOT_TWICE",
 }
 """Codes whose two examples differ in another file than the document."""
 
@@ -90,14 +90,14 @@ def test_the_right_example_builds_where_the_wrong_one_does_not(
     monkeypatch.setenv("THINGC_STORE", shared_store)
     wrong, _ = of(code, "wrong")
     right, _ = of(code, "right")
-    monkeypatch.chdir(wrong.parent)
     words = shlex.split(wrong.read_text().partition("\n")[0].removeprefix("# $ thingc "))
     assert "_out" in words and wrong.name in words
     exits = []
-    for name in (wrong.name, right.name):
-        again = [{"_out": str(tmp_path), wrong.name: name}.get(word, word) for word in words]
+    for document in (wrong, right):
+        monkeypatch.chdir(document.parent)
+        again = [{"_out": str(tmp_path), wrong.name: document.name}.get(word, word) for word in words]
         exits.append(main(again))
-        assert (code.code in capsys.readouterr().err) == (name == wrong.name)
+        assert (code.code in capsys.readouterr().err) == (document == wrong)
     assert exits == [1, 0]
 
 

@@ -39,6 +39,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--force", action="store_true", help="give up files in the build folder that no build wrote, or that were changed since"
     )
     parser.add_argument("--deny-loss", action="store_true", help="what a target cannot say is an error")
+    parser.add_argument(
+        "--twice", action="store_true", help="to debug parts: model each two times, whatever the store has; one that differs is an error"
+    )
     common.add_format(parser, common.FINDINGS)
     common.add_compiling(parser)
 
@@ -99,7 +102,7 @@ def _build(
         "strict": arguments.strict,
         "output": os.path.abspath(arguments.output) if arguments.output else None, "deny_loss": arguments.deny_loss,
     })
-    earlier = stamp.load(compilation.store, key)
+    earlier = stamp.load(compilation.store, key) if not arguments.twice else None
     if earlier is not None:
         said, answer = earlier
         if _stands(answer):
@@ -109,6 +112,9 @@ def _build(
     found = common.final(compilation.report, strict=arguments.strict)
     if common.exit_code(found):
         return found, None
+    twice = compilation.model_again() if arguments.twice else 0
+    if compilation.report.failed:
+        return common.final(compilation.report, strict=arguments.strict), None
     artifacts = compilation.emit(targets)
     losses = [loss for target in targets for loss in artifacts[target].losses]
     if arguments.deny_loss:
@@ -120,7 +126,7 @@ def _build(
         return found, None
     answer = _write(arguments, compilation, artifacts, losses)
     stamp.save(compilation.store, key, compilation.inputs(), found, answer)
-    return found, answer
+    return found, {**answer, "twice": twice}
 
 
 def _stands(answer: Mapping[str, Any]) -> bool:
@@ -170,6 +176,8 @@ def _write(
 
 def _tell(answer: Mapping[str, Any], document: str) -> None:
     """What happened, for people, on standard error."""
+    if answer.get("twice"):
+        common.say(f"{common.counted(answer['twice'], 'part')} modelled twice: equal", stream=sys.stderr)
     folder = shown_path(answer["folder"])
     count = len(answer["artifacts"])
     if answer.get("unchanged"):

@@ -49,12 +49,14 @@ class _Process:
 class Workers:
     """Worker processes for requests of one service: one that forks, where the system can, else one per job.
 
-    Nothing is started before it is needed. `close` ends them all, and so does the end of this process.
+    Nothing is started before it is needed. `close` ends them all, and so does the end of this process. `seed` is that of Python's
+    hashes in them, which the order of sets of texts follows.
     """
 
-    def __init__(self, jobs: int, *, forking: bool = CAN_FORK) -> None:
+    def __init__(self, jobs: int, *, forking: bool = CAN_FORK, seed: int = 0) -> None:
         self.jobs = max(1, jobs)
         self.forking = forking
+        self.seed = seed
         self._processes: list[_Process] = []
         self._answers: queue.SimpleQueue[tuple[_Process, bytes]] = queue.SimpleQueue()
         self._number = 0
@@ -177,8 +179,8 @@ class Workers:
     def _start(self, flags: Sequence[str], capacity: int) -> _Process:
         process = subprocess.Popen(
             [sys.executable, "-P", "-m", "thingc.realize.worker", "--parent", str(os.getpid()), *flags],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment(), close_fds=True,
-            start_new_session=True,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment(self.seed),
+            close_fds=True, start_new_session=True,
         )
         worker = _Process(process=process, capacity=capacity, deadline=time.monotonic() + LOADING)
         threading.Thread(target=_gather, args=(worker, self._answers.put), daemon=True).start()

@@ -61,19 +61,21 @@ class GeometryService:
     `inputs` are the absolute paths of all files and folders that decided about answers, there or not.
     `workers` are those of somebody else, who also ends them (many services in one long-lived process). `lock` reads the
     workspace's lock when first needed: it answers what the store cannot, for callers who need no meshes. `broken` are its faults.
+    `seed` is that of Python's hashes in workers of its own: another one belongs with a store of its own, for no key has it.
     `reads` are the files that decided about answers that were not taken from a lock, by what was asked: states by path.
     Raises `StoreUnusable` where the store cannot be written and something has to be.
     """
 
     def __init__(
         self, workspace: Workspace, store: Store, jobs: int, timeout: float, on_progress: Progress | None = None,
-        workers: Workers | None = None, lock: Callable[[], Lock | None] | None = None,
+        workers: Workers | None = None, lock: Callable[[], Lock | None] | None = None, seed: int = 0,
     ) -> None:
         self.workspace = workspace
         self.store = store
         self.timeout = timeout
         self.decisions: dict[str, Decision] = {}
         self._jobs = jobs
+        self._seed = seed
         self._on_progress = on_progress
         self._workers = workers
         self._lent = workers is not None
@@ -446,7 +448,7 @@ class GeometryService:
             from thingc.realize.client import Workers
 
             self.store.check()
-            self._workers = Workers(self._jobs)
+            self._workers = Workers(self._jobs, seed=self._seed)
         return self._workers
 
     def _run(self, requests: Sequence[dict[str, Any]], what: str = "", wanted: Iterator[dict[str, Any]] | None = None) -> Any:

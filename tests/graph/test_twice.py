@@ -1,0 +1,165 @@
+"""`thingc build --twice`: parts that come out differently are named, with what differs, and nothing is written for them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from graph.builder import record
+from thingc.cli.main import main
+from thingc.graph.twice import FIELDS, LEFT_OUT, differences
+from thingc.pose import NO_POSE
+from thingc.realize.record import Actuator, Expectation, Mesh, MountRecord, PartRecord, Primitive, Stated
+
+PARTS = """\
+import os
+import subprocess
+
+from build123d import Box, Pos
+
+from thingc import MountPoint, Thing
+
+SIZES = {"1", "22", "333", "4444", "55555", "666666", "7777777", "88888888"}
+
+
+class Plain(Thing):
+    def result(self):
+        return Box(10, 10, len(sorted(SIZES)[2]))
+
+
+class Hashed(Thing):
+    def result(self):
+        return Box(10, 10, [len(size) for size in SIZES].index(4) + 1)
+
+
+class Holes(Thing):
+    def __init__(self):
+        super().__init__()
+        for size in SIZES:
+            setattr(self, "hole_" + size, MountPoint(Pos(len(size), 0, 0)))
+
+    def result(self):
+        return Box(10, 10, 10)
+
+
+class Fails(Thing):
+    def result(self):
+        if os.environ["PYTHONHASHSEED"] != "0":
+            raise ValueError("not this time")
+        return Box(10, 10, 10)
+
+
+class Asks(Thing):
+    def result(self):
+        return Box(10, 10, int(subprocess.run(["cat", "height.txt"], capture_output=True, check=True).stdout))
+"""
+
+
+@pytest.fixture
+def build(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> Callable[..., tuple[int, str]]:
+    """Builds a robot of some of the parts above: the exit code, and standard error."""
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\nparts = ["."]\n')
+    (tmp_path / "odd.py").write_text(PARTS)
+    monkeypatch.setenv("THINGC_STORE", str(tmp_path / "store"))
+    monkeypatch.chdir(tmp_path)
+
+    def build(*names: str, options: tuple[str, ...] = ()) -> tuple[int, str]:
+        rows = "".join(
+            f"  {name.lower()}: {{part: 'odd:{name}', material: petg, at: {{in: base.origin, xyz: {20 * number} 0 0 mm}}}}\n"
+            for number, name in enumerate(names)
+        )
+        materials = "materials: {petg: {density: 1270 kg/m^3}}\n"
+        (tmp_path / "robot.yaml").write_text(f"thingc: assembly/1\nname: odd\n{materials}components:\n  base: {{frame: true}}\n{rows}")
+        code = main(["build", "robot.yaml", "--emit", "stl", *options])
+        return code, capsys.readouterr().err
+
+    return build
+
+
+def heads(said: str) -> list[str]:
+    return [line.removeprefix("error[TC412]: ") for line in said.splitlines() if line.startswith("error")]
+
+
+def test_parts_that_follow_a_set_are_named_and_nothing_is_written(build: Callable[..., tuple[int, str]], tmp_path: Path) -> None:
+    code, said = build("Plain", "Hashed", "Holes", "Fails", options=("--twice",))
+    hashed, holes, fails = heads(said)
+    volumes = re.fullmatch(r"`odd:Hashed` is not the same twice: its volume is 0\.(\d) cm\^3 and 0\.(\d) cm\^3", hashed)
+    assert volumes is not None and volumes[1] != volumes[2]
+    assert holes.startswith("`odd:Holes` is not the same twice: its mounts come in another order: `hole_")
+    assert fails == "`odd:Fails` is not the same twice: the second time it fails: ValueError: not this time"
+    assert (code, (tmp_path / "build").exists()) == (1, False)
+    assert re.search(r"--> robot\.yaml:7:3\n.*\n.*\n  note: `odd:Hashed` is written here\n    --> odd\.py:16:1\n", said)
+    assert "what differs, too: surface, inertia, bounding box, meshes" in said
+    assert re.search(r"in the part file, here\n    --> odd\.py:34:1\n", said)
+
+
+def test_a_part_that_the_store_has_from_something_else_is_named(build: Callable[..., tuple[int, str]], tmp_path: Path) -> None:
+    (tmp_path / "height.txt").write_text("3")
+    assert build("Plain", "Asks")[0] == 0
+    (tmp_path / "height.txt").write_text("4")
+    code, said = build("Plain", "Asks")
+    assert (code, "nothing changed" in said) == (0, True)
+    before = {path: path.read_bytes() for path in (tmp_path / "build").rglob("*") if path.is_file()}
+    code, said = build("Plain", "Asks", options=("--twice",))
+    assert (code, heads(said)) == (1, ["`odd:Asks` is not the same twice: its volume is 0.3 cm^3 and 0.4 cm^3"])
+    assert before == {path: path.read_bytes() for path in (tmp_path / "build").rglob("*") if path.is_file()}
+    (tmp_path / "height.txt").write_text("3")
+    code, said = build("Plain", "Asks", options=("--twice",))
+    assert (code, "2 parts modelled twice: equal\n" in said) == (0, True)
+    assert "0 parts modelled, 2 reused" in said
+
+
+A_MESH = Mesh(sha256="0" * 64, size=84, vertices=4, faces=4, closed=True, flat=False)
+TURNED = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+OTHERS: dict[str, tuple[Any, str]] = {
+    "material": ("steel", "its material is nothing and `steel`"),
+    "color": ("#ff0000", "its colour is nothing and `#ff0000`"),
+    "volume": (1.5e-6 * (1.0 + 1e-9), "its volume is 1.5 cm^3 and 1.5000000015 cm^3"),
+    "area": (2e-4, "its surface is 1 cm^2 and 2 cm^2"),
+    "centre": ((0.0, 0.0, 0.002), "its centre is [0, 0, 0] mm and [0, 0, 2] mm"),
+    "inertia": (TURNED, "its inertia differs"),
+    "box": (((0.0, 0.0, 0.0), (0.01, 0.01, 0.03)), "its bounding box is nothing and [0, 0, 0] mm to [10, 10, 30] mm"),
+    "mass": (Stated(value=0.09), "its stated mass is 0.08 kg and 0.09 kg"),
+    "com": (Stated(value=(0.0, 0.0, 0.0)), "its stated centre of mass differs"),
+    "matrix": (Stated(value=TURNED), "its stated inertia differs"),
+    "density": (Stated(value=7850.0), "its stated density differs"),
+    "mounts": (dict.fromkeys("ba", MountRecord(pose=NO_POSE)), "its mounts come in another order: `a`, `b`, and `b`, `a`"),
+    "expectations": ((Expectation(mount="a", text="t", label="t", child_mount="b"),), "its list of what its mounts were cut for differs"),
+    "references": (("t",), "its list of parts that it was cut for differs"),
+    "actuator": (Actuator(kind="servo"), "its actuator differs"),
+    "bom": ({"supplier": "A"}, "its entries in the bill of materials differ: `supplier`"),
+    "up": ((0.0, 0.0, 1.0), "its way to lie on a printer differs"),
+    "apart": ((1e-6, 5e-7), "its number of bodies, or their volume differs"),
+    "meshes": ({"hull": A_MESH}, "its meshes differ: `hull`"),
+    "pieces": ((A_MESH,), "its collision geometry differs"),
+    "fits": ({"box": Primitive(shape="box", size=(1.0, 1.0, 1.0), pose=NO_POSE)}, "its smallest enclosing shapes differ: `box`"),
+    "brep": ("1" * 64, "its B-rep differs"),
+}
+"""By field of a record: another value, and what is said."""
+
+
+@pytest.fixture(scope="module")
+def one() -> PartRecord:
+    return replace(
+        record("t"), material=None, color=None, volume=1.5e-6, area=1e-4, centre=(0.0, 0.0, 0.0), box=None, mass=Stated(value=0.08),
+        mounts={name: MountRecord(pose=NO_POSE) for name in ("a", "b")}, meshes={}, fits={}, pieces=(), brep=None,
+    )
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_each_difference_is_said_by_itself(name: str, one: PartRecord) -> None:
+    value, words = OTHERS[name]
+    assert [found.words for found in differences(one, replace(one, **{name: value}))] == [words]
+    assert differences(one, replace(one)) == []
+
+
+def test_every_field_of_a_record_is_compared_or_left_out_on_purpose() -> None:
+    assert set(OTHERS) == set(FIELDS)
+    assert {field.name for field in fields(PartRecord)} == set(FIELDS) | LEFT_OUT and not LEFT_OUT & set(FIELDS)
