@@ -9,6 +9,7 @@ import pytest
 
 from thingc.diagnostics import Code, Report
 from thingc.load import Documents, load
+from thingc.load.finding import documents_in
 from thingc.workspace import Workspace
 
 HEAD = "thingc: assembly/1\nname: x\n"
@@ -224,3 +225,13 @@ def test_all_faults_of_all_documents_in_one_run(tmp_path: Path) -> None:
         (Code.HEADER, ("m.yaml", 1, 9)), (Code.MISSING_FILE, ("a.yaml", 3, 21)), (Code.DUPLICATE_KEY, ("b.yaml", 3, 1)),
         (Code.SYNTAX, ("c.yaml", 2, 1)),
     ]
+
+
+def test_which_files_are_documents(tmp_path: Path) -> None:
+    """By the key `thingc` of the whole file: a script of that name in a table of pyproject.toml is none."""
+    write(tmp_path, {
+        "a.toml": '# first\nthingc = "assembly/1"\n[components]\n', "b.yaml": "# first\n\nthingc: assembly/one\n",
+        "pyproject.toml": '[project]\nname = "robots"\n[project.scripts]\nthingc = "thingc.cli.main:entry"\n',
+        "thingc.toml": 'thingc = "workspace/1"\n',
+    })
+    assert [Path(path).name for path in documents_in(str(tmp_path))] == ["a.toml", "b.yaml"]

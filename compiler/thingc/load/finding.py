@@ -15,6 +15,8 @@ HEAD = 65536
 """Bytes in which a document's `thingc:` key is looked for."""
 
 _HEADER = re.compile(rb"""^(?:\xef\xbb\xbf)?["']?thingc["']?[ \t]*[:=](?![ \t]*["']?workspace/)""", re.MULTILINE)
+_TABLE = re.compile(rb"^[ \t]*\[", re.MULTILINE)
+"""Where the first table of a TOML file begins: a key below is one of the table (`[project.scripts]`)."""
 _OTHERS = frozenset({"node_modules", "__pycache__"})
 
 
@@ -46,9 +48,11 @@ def is_document(path: str) -> bool:
         return False
     try:
         with open(path, "rb") as stream:
-            return _HEADER.search(stream.read(HEAD)) is not None
+            head = stream.read(HEAD)
     except OSError:
         return False
+    table = _TABLE.search(head) if path.lower().endswith(".toml") else None
+    return _HEADER.search(head, 0, table.start() if table is not None else len(head)) is not None
 
 
 def _belongs(path: str, build: str | None) -> bool:
