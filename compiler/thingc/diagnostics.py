@@ -164,6 +164,8 @@ class Code(Enum):
     MAGNET = ("TC518", "magnet far too weak or too strong", "Mend the number or its unit.", Stage.CHECK)
     IDLE_ACTUATOR = ("TC519", "actuator that drives nothing", "Name the component as the `drive` of the joint that it moves.", Stage.CHECK)
     OVERLAP = ("TC520", "two parts in one place", "Take one of them away, or put it onto another mount.", Stage.BUILD)
+    STUCK = ("TC521", "joint that its drive cannot move", "Mend the number or its unit, or choose a stronger drive.", Stage.CHECK)
+    LONG_STEP = ("TC523", "long time step", "Write 1 to 5 ms, as is usual.", Stage.CHECK)
     # --- TC6xx: modes (root) ---------------------------------------------------------------------------------------
     POSE_LIMITS = ("TC601", "pose outside joint limits", "Write a value within the joint's limits, or widen them.")
     UNREACHED = ("TC602", "links beyond the root's reach", "Mend the placements: every link hangs together with the root.")

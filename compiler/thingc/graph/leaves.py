@@ -27,7 +27,7 @@ from thingc.pose import NO_POSE
 from thingc.realize.record import Outside, PartDefinition, PartFailure, PartRecord, PartWarning
 from thingc.realize.slices import Unsliced
 from thingc.resolve.model import AssemblyDefinition, BomEntry, Component, Material, Process
-from thingc.resolve.plausible import density_doubt, density_words, mass_doubt, mass_words, said_by_file
+from thingc.resolve.plausible import density_cure, density_doubt, mass_doubt, mass_words, said_by_file
 from thingc.slips import did_you_mean, nearest
 from thingc.source import Origin
 
@@ -297,7 +297,7 @@ class Leaves:
             if doubt is not None:
                 warn(
                     Code.DENSITY, f"`{component.name}` {doubt.words}", stated.origin + origin[len(component.origin):], path=path,
-                    help=_doubted(None if doubt.meant is None else f"write `{mass_words(doubt.meant)}` if that is meant"),
+                    help=doubted(None if doubt.meant is None else f"write `{mass_words(doubt.meant)}` if that is meant"),
                 )
         elif record.mass is not None or record.density is not None:
             self._doubt_thing(component, record, path, origin)
@@ -307,7 +307,7 @@ class Leaves:
                 warn(
                     Code.DENSITY, f"`{material.name}` {doubt.words}", material.density_origin, path=path,
                     notes=noted(f"`{component.name}` is made of it", origin),
-                    help=_doubted(None if doubt.meant is None else f"write `{density_words(doubt.meant)}` if that is meant"),
+                    help=doubted(density_cure(doubt)),
                 )
 
     def _doubt_thing(self, component: Component, record: PartRecord, path: str, origin: Origin) -> None:
@@ -320,7 +320,7 @@ class Leaves:
             method, unit, doubt = "density", "kg/m^3", density_doubt(cast("float", record.density.value))
         if doubt is not None and said not in self._warned and self._findings.warn(
             Code.DENSITY, f"`{component.label}` {doubt.words}", origin, path=path, notes=written_at(f"`{component.label}`", record.code),
-            help=_doubted(f"`{method}()` returns {unit}" + ("" if doubt.meant is None else f": return {doubt.meant:.6g} if that is meant")),
+            help=doubted(f"`{method}()` returns {unit}" + ("" if doubt.meant is None else f": return {doubt.meant:.6g} if that is meant")),
         ):
             self._warned.add(said)
 
@@ -411,7 +411,7 @@ class Leaves:
         return mounts
 
 
-def _doubted(help: str | None) -> str:
+def doubted(help: str | None) -> str:
     """What to do about a density that no solid has."""
     return f"{help}; {meant_so(Code.DENSITY)}" if help is not None else meant_so(Code.DENSITY)
 

@@ -11,12 +11,13 @@ from collections.abc import Collection, Iterator, Sequence
 
 from thingc.diagnostics import Code, Note, meant_so
 from thingc.graph.findings import Findings, noted, written_at
-from thingc.graph.types import ExportedMount, Link, LinkedMode, Mate, Occurrence
+from thingc.graph.leaves import doubted
+from thingc.graph.types import ExportedMount, JointEdge, Link, LinkedMode, Mate, Occurrence
 from thingc.graph.unroll import Instance, Tree
 from thingc.joints import KINDS
 from thingc.pose import Pose, Vector
-from thingc.resolve.model import AssemblyDefinition, At, Attach, Joint
-from thingc.resolve.plausible import LARGEST, SMALLEST, mass_words, measures, unit_meant
+from thingc.resolve.model import AssemblyDefinition, At, Attach, Joint, Mode
+from thingc.resolve.plausible import LARGEST, SMALLEST, density_cure, density_doubt, mass_words, measures, unit_meant
 from thingc.source import Origin
 from thingc.units import FORCE, LENGTH, Quantity
 
@@ -28,6 +29,12 @@ WEAK, STRONG = 0.1, 1000.0
 """A magnet that pulls less, or more, than so many times what the robot weighs."""
 FEATHER, ELEPHANT = 1e-3, 1e4
 """Of robots: what they weigh [kg]."""
+DRAG = 0.5
+"""Dry friction of a joint that takes so much of what its drive gives is rarely meant; that of gears takes a tenth."""
+SLOW = 0.05
+"""A joint that its damping keeps below so much of the speed that its drive has without a load."""
+LONG_STEP = 10e-3
+"""[s] Time steps from here on: contacts of MuJoCo want a fifth of it."""
 GRAVITY = 9.81
 """[m/s^2], for weights, whatever a mode's own gravity is."""
 
@@ -41,9 +48,13 @@ def check_plausible(
     """Every such warning about a whole assembly, of documents without errors."""
     if findings.earlier or findings.failed:
         return
+    edges = {mate.joint.path: mate.joint for mate in mates if mate.joint is not None}
     for instance, definition in tree.assemblies:
         for joint in definition.joints:
             _check_limits(instance, joint, findings)
+            _check_drive(instance, joint, edges.get(instance.within(joint.name)), findings)
+    _check_steps(tree.top.assembly, findings)
+    _check_materials(tree, occurrences, findings)
     odd = _check_sizes(occurrences, findings)
     if not odd and not findings.has_said(Code.DENSITY) and any(mate.joint is not None for mate in mates):
         _check_mass(tree.top, sum(link.properties.mass for link in links), findings)
@@ -78,6 +89,24 @@ def _check_sizes(occurrences: Sequence[Occurrence], findings: Findings) -> bool:
         ):
             found.add(one.definition.text)
     return bool(found)
+
+
+def _check_materials(tree: Tree, occurrences: Sequence[Occurrence], findings: Findings) -> None:
+    """Densities that no solid has, of materials that no part weighs by: those of others are looked at with the parts."""
+    weighing = {
+        one.material.density_origin for one in occurrences
+        if one.material is not None and one.overrides.mass is None
+        and one.record is not None and one.record.mass is None and one.record.density is None
+    }
+    for instance, definition in tree.assemblies:
+        for material in definition.materials.values():
+            doubt = density_doubt(material.density) if material.density is not None else None
+            if doubt is not None and material.density_origin not in weighing:
+                findings.warn(
+                    Code.DENSITY, f"`{material.name}` {doubt.words}", material.density_origin + instance.origin,
+                    path=instance.within(material.name), notes=noted(f"no part of `{definition.name}` weighs by it", definition.origin),
+                    help=doubted(density_cure(doubt)),
+                )
 
 
 def _check_mass(top: Instance, mass: float, findings: Findings) -> None:
@@ -141,6 +170,49 @@ def _elsewhere(joint: Joint, key: str) -> tuple[Note, ...]:
     """The note on the joint whose value is written on another line (it may be that of the defaults)."""
     span = joint.spans.get(key)
     return noted(f"joint `{joint.name}` is here", joint.origin) if span is not None and span.line != joint.origin[0].line else ()
+
+
+def _check_drive(instance: Instance, joint: Joint, edge: JointEdge | None, findings: Findings) -> None:
+    """Friction or damping of a joint against which its drive can do little or nothing."""
+    if edge is None or edge.actuator is None or not edge.actuator.effort:
+        return
+    effort, fastest = edge.actuator.effort, edge.actuator.velocity
+    force, speed = ("N*m", "rad/s") if KINDS[joint.kind].core == "hinge" else ("N", "m/s")
+    friction, damping = edge.dynamics.friction or 0.0, edge.dynamics.damping or 0.0
+    if friction >= DRAG * effort:
+        key = "dynamics.friction"
+        words = "more than" if friction > effort else f"{100.0 * friction / effort:.0f} % of"
+        said = f"dry friction of {friction:.4g} {force}, {words} what its drive gives ({effort:.4g} {force})"
+    elif fastest and damping and (effort - friction) / damping < SLOW * fastest:
+        key = "dynamics.damping"
+        slowest = (effort - friction) / damping
+        said = (
+            f"so much damping that its drive ({effort:.4g} {force}) moves it by {slowest:.3g} {speed} at most, "
+            f"{100.0 * slowest / fastest:.2g} % of its speed without a load ({fastest:.3g} {speed})"
+        )
+    else:
+        return
+    findings.warn(
+        Code.STUCK, f"joint `{joint.name}` has {said}", _place(joint, key, joint.origin + instance.origin), path=edge.path,
+        notes=_elsewhere(joint, key), help=f"mind the unit (`m{force}`, `{force}`); {meant_so(Code.STUCK)}",
+    )
+
+
+# --- simulation --------------------------------------------------------------------------------------------------------
+
+
+def _check_steps(top: AssemblyDefinition | None, findings: Findings) -> None:
+    """Time steps that are too long for contacts, where they are written."""
+    if top is None:
+        return
+    owners: list[tuple[AssemblyDefinition | Mode, str]] = [(top, "simulation"), *((mode, mode.name) for mode in top.modes)]
+    for owner, path in owners:
+        step = owner.simulation.get("timestep")
+        if isinstance(step, float) and step >= LONG_STEP:
+            findings.warn(
+                Code.LONG_STEP, f"a time step of {1e3 * step:g} ms is too long for contacts: parts sink into each other, or bounce",
+                owner.step_origin, path=path, help=f"1 to 5 ms are usual, 2 ms is MuJoCo's own; {meant_so(Code.LONG_STEP)}",
+            )
 
 
 # --- actuators and magnets ---------------------------------------------------------------------------------------------

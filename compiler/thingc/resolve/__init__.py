@@ -64,7 +64,7 @@ def resolve_materials(
 ) -> None:
     """Report what is wrong with a `materials/1` document that is checked by itself, and what is odd."""
     from thingc.resolve.materials import of_document
-    from thingc.resolve.plausible import density_doubt, density_words
+    from thingc.resolve.plausible import density_cure, density_doubt
     from thingc.resolve.table import Context
 
     context = Context(documents=documents, specs=specs, workspace=workspace, schemas={}, report=report)
@@ -73,7 +73,7 @@ def resolve_materials(
         if found is not None and doubt is not None:
             report.warn(
                 Code.DENSITY, f"`{found.name}` {doubt.words}", found.density_origin, path=f"materials.{found.name}.density",
-                help=None if doubt.meant is None else f"write `{density_words(doubt.meant)}` if that is meant",
+                help=density_cure(doubt),
             )
 
 

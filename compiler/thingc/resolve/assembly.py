@@ -16,7 +16,7 @@ from thingc.resolve.layers import Layers
 from thingc.resolve.materials import in_scope, unreadable
 from thingc.resolve.mimics import mimics
 from thingc.resolve.model import AssemblyDefinition, LinkName
-from thingc.resolve.modes import modes, simulation
+from thingc.resolve.modes import modes, simulation, step_origin
 from thingc.resolve.parameters import canonical, check_bounds, declared, worked_out
 from thingc.resolve.placement import Places, check, own_placements
 from thingc.resolve.poses import poses
@@ -94,6 +94,7 @@ def resolved(
     made = components(context, table, placements, unreadable=lacking)
     stated = (spec.modes, context.values(scope, "modes", spec.modes), *context.around(table))
     own_modes = context.sound("modes", stated, lambda: modes(table, scope)) if top else ()
+    stepped = Layers(((spec.simulation, ("simulation",)),)) if top and spec.simulation else Layers(())
     table.definition = AssemblyDefinition(
         document=relative, name=spec.name, description=spec.description, parameters=parameters, text=table.text,
         label=table.label,
@@ -101,7 +102,7 @@ def resolved(
         joints=context.same("joint", relative, [joint for joint in table.joints.values() if joint is not None]), links=links,
         mounts={name: one for name, one in table.exports.items() if one is not None},
         poses=tuple(pose for pose in table.poses.values() if pose is not None), modes=own_modes,
-        simulation=simulation(scope, Layers(((spec.simulation, ("simulation",)),))) if top and spec.simulation else {},
+        simulation=simulation(scope, stepped), step_origin=step_origin(scope, stepped),
         raw=raw(scope, spec.raw), sensors=tuple(sensors(table, scope)),
         tests=tuple(tests(context, table, scope, own_modes)) if top and spec.tests else (),
         origin=scope.origin(("name",)), materials_known=not lacking, whole=not doubts,

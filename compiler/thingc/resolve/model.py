@@ -309,7 +309,8 @@ class Mode(Brief):
 
     `at` is the world side's pose, of a mode that is `on_floor` but for its height, which is 0 here; `gravity` [m/s^2] in the world
     frame; `poses` in keyframe order, the mode's own `pose` first; `actuators` joint paths, None for all; `exclude` pairs of component
-    references; `adhesion` [N] per mount. The mode of a document that states none is not `stated`.
+    references; `adhesion` [N] per mount. The mode of a document that states none is not `stated`. `step_origin` is where its own
+    `timestep` is written, empty where it has none.
     """
 
     name: str
@@ -329,6 +330,7 @@ class Mode(Brief):
     on_floor: bool = False
     standing: Standing | None = None
     stated: bool = True
+    step_origin: Origin = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -355,7 +357,7 @@ class AssemblyDefinition(Brief):
     (`end_effector(pen_diameter=20 mm)`). `materials` is its scope by name. Poses are of
     this document, over paths relative to it. `modes`, `simulation` and `tests` count only at the top. `materials_known`
     is False where a document of materials could not be read: then a name that is not in `materials` is no news. `whole` is
-    False where validation has left something out of the document.
+    False where validation has left something out of the document. `step_origin` is where its `timestep` is written.
     """
 
     document: str
@@ -378,3 +380,4 @@ class AssemblyDefinition(Brief):
     whole: bool = True
     sensors: tuple[Sensor, ...] = ()
     tests: tuple[Test, ...] = ()
+    step_origin: Origin = ()

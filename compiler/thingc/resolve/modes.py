@@ -18,7 +18,7 @@ from thingc.resolve.scope import Scope
 from thingc.resolve.standing import standing
 from thingc.resolve.table import Table
 from thingc.slips import MAX_CIRCLE, circle_words
-from thingc.source import Path
+from thingc.source import Origin, Path
 from thingc.spec.modes import ModeSpec
 from thingc.units import ACCELERATION, FORCE, LENGTH, NUMBER, TIME, Quantity
 
@@ -125,7 +125,7 @@ def _mode(table: Table, scope: Scope, name: str, layers: Layers | None) -> Mode 
     contacts = layers.sub("contacts")
     exclude = _exclude(table, scope, contacts)
     adhesion = _adhesion(table, scope, contacts)
-    stepped = simulation(scope, layers.sub("simulation"))
+    stepped = layers.sub("simulation")
     held, cut = holds(table, scope, layers), cuts(table, scope, layers)
     stands = standing(table, scope, name, layers, kind)
     if on_floor:
@@ -145,8 +145,8 @@ def _mode(table: Table, scope: Scope, name: str, layers: Layers | None) -> Mode 
     return Mode(
         name=name, root=reference, base=kind, at=at, gravity=gravity, pose=pose,
         poses=((pose,) if pose else ()) + tuple(one for one in poses if one != pose), actuators=actuators, exclude=exclude,
-        adhesion=adhesion, simulation=stepped, origin=scope.origin(("modes", name), key=True), holds=held, cut=cut,
-        on_floor=on_floor, standing=stands,
+        adhesion=adhesion, simulation=simulation(scope, stepped), origin=scope.origin(("modes", name), key=True), holds=held, cut=cut,
+        on_floor=on_floor, standing=stands, step_origin=step_origin(scope, stepped),
     )
 
 
@@ -338,3 +338,9 @@ def simulation(scope: Scope, layers: Layers) -> dict[str, float | str]:
         if value is not None:
             settings["impratio"] = value
     return settings
+
+
+def step_origin(scope: Scope, layers: Layers) -> Origin:
+    """Where `timestep` is written; empty where it is not."""
+    said = layers.pick("timestep")
+    return scope.origin(said[1]) if said is not None else ()

@@ -52,6 +52,11 @@ def mass_doubt(mass: float, volume: float) -> Doubt | None:
     )
 
 
+def density_cure(doubt: Doubt) -> str | None:
+    """What to write for a density that no solid has; None where nobody can tell."""
+    return None if doubt.meant is None else f"write `{density_words(doubt.meant)}` if that is meant"
+
+
 def said_by_file(definition: PartDefinition) -> bool:
     """Whether a part is a file that says itself which unit its numbers are in."""
     return definition.reference.lower().endswith(SUFFIXES_WITH_UNIT)
