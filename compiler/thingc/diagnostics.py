@@ -165,6 +165,7 @@ class Code(Enum):
     IDLE_ACTUATOR = ("TC519", "actuator that drives nothing", "Name the component as the `drive` of the joint that it moves.", Stage.CHECK)
     OVERLAP = ("TC520", "two parts in one place", "Take one of them away, or put it onto another mount.", Stage.BUILD)
     STUCK = ("TC521", "joint that its drive cannot move", "Mend the number or its unit, or choose a stronger drive.", Stage.CHECK)
+    BARE_MASS = ("TC522", "mass without a shape, of an unlikely weight or place", "Mend the number or its unit.", Stage.CHECK)
     LONG_STEP = ("TC523", "long time step", "Write 1 to 5 ms, as is usual.", Stage.CHECK)
     # --- TC6xx: modes (root) ---------------------------------------------------------------------------------------
     POSE_LIMITS = ("TC601", "pose outside joint limits", "Write a value within the joint's limits, or widen them.")

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Iterator, Sequence
+from itertools import product
 
 from thingc.diagnostics import Code, Note, meant_so
 from thingc.graph.findings import Findings, noted, written_at
@@ -33,6 +34,8 @@ DRAG = 0.5
 """Dry friction of a joint that takes so much of what its drive gives is rarely meant; that of gears takes a tenth."""
 SLOW = 0.05
 """A joint that its damping keeps below so much of the speed that its drive has without a load."""
+BURDEN = 10.0
+"""A mass without a shape that weighs so many times all the rest of the robot."""
 LONG_STEP = 10e-3
 """[s] Time steps from here on: contacts of MuJoCo want a fifth of it."""
 GRAVITY = 9.81
@@ -66,6 +69,7 @@ def check_plausible(
         _check_offsets(tree, occurrences[largest], sizes[largest], findings)
         reach = sum(max((sizes.get(member, 0.0) for member in link.members), default=0.0) for link in links)
         _check_roots(modes, reach, findings)
+        _check_bare_masses(occurrences, links, findings)
 
 
 # --- parts -------------------------------------------------------------------------------------------------------------
@@ -317,6 +321,43 @@ def _check_roots(modes: Sequence[LinkedMode], reach: float, findings: Findings) 
                 f"{_times(offset / reach)} times the robot's reach ({_shown(reach, 3)})", mode.origin,
                 path=mode.name, help=f"mind the unit (`mm`, `m`); {meant_so(Code.FAR)}",
             )
+
+
+def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link], findings: Findings) -> None:
+    """Masses without a shape, of which only the rest of the robot can tell whether they are right: by how heavy it is, and by where the
+    parts of their link are. Where an offset is said to lead away from the robot, where they are is no news."""
+    whole = sum(link.properties.mass for link in links)
+    for link in links:
+        placed = [(occurrences[member], pose) for member, pose in zip(link.members, link.poses, strict=True)]
+        boxes = [(one.record.box, pose) for one, pose in placed if one.record is not None and one.record.box is not None]
+        for one, pose in placed:
+            stated, mass = one.overrides.mass, one.properties.mass
+            if one.record is not None or stated is None:
+                continue
+            rest = whole - mass
+            if mass > BURDEN * rest > 0.0:
+                findings.warn(
+                    Code.BARE_MASS, f"`{one.component.name}` weighs {mass_words(mass)}, {_times(mass / rest)} times all the rest of the "
+                    f"robot ({mass_words(rest)})", stated.origin + one.origin[len(one.component.origin):],
+                    path=one.path, help=f"mind the unit (`g`, `kg`); {meant_so(Code.BARE_MASS)}",
+                )
+            elif boxes and not findings.has_said(Code.FAR):
+                _check_place(one, pose.apply(one.properties.centre), boxes, findings)
+
+
+def _check_place(one: Occurrence, at: Vector, boxes: Sequence[tuple[tuple[Vector, Vector], Pose]], findings: Findings) -> None:
+    """A mass without a shape, `at` a point of its link, that is far from the boxes around the parts of the link."""
+    corners = [pose.apply((x, y, z)) for box, pose in boxes for x, y, z in product(*zip(*box, strict=True))]
+    sides = [(min(side), max(side)) for side in zip(*corners, strict=True)]
+    away = math.hypot(*(max(low - x, x - high, 0.0) for x, (low, high) in zip(at, sides, strict=True)))
+    size = max(high - low for low, high in sides)
+    if away > size:
+        placement = one.component.placement
+        place = placement.origin + one.origin[len(one.component.origin):] if isinstance(placement, At) else one.origin
+        findings.warn(
+            Code.BARE_MASS, f"the mass of `{one.component.name}` is {_shown(away, 3)} away from the parts of its link, "
+            f"which measure {_shown(size, 3)}", place, path=one.path, help=f"mind the unit (`mm`, `m`); {meant_so(Code.BARE_MASS)}",
+        )
 
 
 def _length(pose: Pose) -> float:
