@@ -142,6 +142,8 @@ EMITTER = '''
 
     from thingc.emit.artifact import Artifacts
 
+    WRITES = ("fault.txt",)
+
 
     def emit(request):
         fault = dict(request.assembly.definition.parameters)["fault"]
