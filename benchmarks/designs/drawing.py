@@ -137,7 +137,7 @@ def _material(source: random.Random) -> Drawn:
 
 def _mass(source: random.Random) -> Drawn:
     value = -5 if source.random() < 0.2 else round(source.uniform(1, 200), 1)
-    edit = Edit(name="mass", file=MINCHW, old="mass: {value: 46 g,", new=f"mass: {{value: {value} g,")
+    edit = Edit(name="mass", file=MINCHW, old="mass: {value: 58 g,", new=f"mass: {{value: {value} g,")
     return edit, None if value > 0 else ("TC315", "mass")
 
 

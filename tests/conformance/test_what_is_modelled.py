@@ -118,7 +118,7 @@ def test_a_build_without_a_change_touches_nothing(base: Path, tmp_path: Path) ->
         assert answer["modelled"] == [] and set(answer["reused"]) == shelf.EVERYTHING
         assert stats() == left
     (tmp_path / "out" / "shelf" / "bom.csv").write_text("spoilt")
-    build(*words[1:], store=tmp_path / "store", cwd=tmp_path / "ws")
+    build(*words[1:], "--force", store=tmp_path / "store", cwd=tmp_path / "ws")
     assert (tmp_path / "out" / "shelf" / "bom.csv").read_text().startswith("number,"), "what was changed by hand is mended"
 
 

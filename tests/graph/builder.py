@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from thingc.diagnostics import Report, Severity
+from thingc.diagnostics import Code, Report, Severity
 from thingc.graph import link
 from thingc.graph.types import Assembly, Definition, MountFrame, Occurrence
 from thingc.inertia import MassProperties
@@ -422,7 +422,7 @@ def linked(model: AssemblyDefinition, *records: PartRecord) -> Assembly:
     """The assembly of a model that nothing is wrong with."""
     report = Report()
     found = link(model, {record.text: record for record in records}, report)
-    assert [d.message for d in report.diagnostics] == []
+    assert [d.message for d in report.diagnostics if d.code is not Code.FAR] == []  # random offsets and sizes may be unlikely
     assert found is not None
     return found
 

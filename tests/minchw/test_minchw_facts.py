@@ -155,7 +155,7 @@ def test_legs_that_differ_are_two_definitions_that_share_their_parts(shared_stor
         assert list(nodes.values()).count(part) == 1
         assert {parent for parent, child, _ in edges if child == part} == legs
     braces = [label for label in nodes.values() if label.startswith("minchw.leg:ThighBrace")]
-    assert sorted(braces) == ["minchw.leg:ThighBrace", "minchw.leg:ThighBrace(length=0.08)"]
+    assert sorted(braces) == ["minchw.leg:ThighBrace", "minchw.leg:ThighBrace(length=80 mm)"]
 
 
 def test_the_bill_of_materials_has_what_is_bought(minchw: Path) -> None:

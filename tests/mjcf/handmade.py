@@ -191,7 +191,7 @@ def _part(
         },
     }
     return Part(
-        definition=PartDefinition(reference=reference, kind="code", parameters=(), text=text, label=text),
+        definition=PartDefinition(reference=reference, kind="code", parameters=(), text=text, label=text.partition("(")[0]),
         record=builder.record(text, **{**said, **changes}),
         properties=MassProperties(mass=mass, centre=tuple(centre.tolist()), inertia=_rows(inertia)),
     )

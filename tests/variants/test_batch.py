@@ -50,7 +50,7 @@ def test_a_batch_writes_a_folder_for_each_variant_and_a_row(tmp_path: Path, shar
     out = here / "build" / "sweep"
     assert summary.statuses == {"built": 12} and summary.modelled == 0 and Path(summary.folder) == out
     assert sorted(p.name for p in out.iterdir()) == [
-        "assets", "batch.json", "index.html", "journal.jsonl", "results.csv", "results.parquet", "variants",
+        "assets", "batch.json", "index.html", "journal.jsonl", "results.csv", "results.parquet", "shown.json", "variants",
     ]
     table = rows(out)
     assert [row["index"] for row in table] == [str(k) for k in range(12)]
@@ -276,7 +276,7 @@ def test_a_finished_batch_is_replaced(tmp_path: Path, shared_store: str) -> None
     assert batch(here, shared_store).statuses == {"built": 4}
     assert len(list((out / "variants").iterdir())) == 4
     assert sorted(p.name for p in out.iterdir()) == [
-        "assets", "batch.json", "index.html", "journal.jsonl", "results.csv", "results.parquet", "variants",
+        "assets", "batch.json", "index.html", "journal.jsonl", "results.csv", "results.parquet", "shown.json", "variants",
     ]
 
 

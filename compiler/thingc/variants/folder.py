@@ -79,7 +79,7 @@ def write_batch(folder: str, found: Mapping[str, Any]) -> None:
 
 
 def remember(folder: str, *names: str) -> None:
-    """Note in `batch.json` what files hold that people open, and may save again: so the next batch sees whether one was edited."""
+    """Note in `shown.json` what files hold that people open, and may save again: so the next batch sees whether one was edited."""
     _note(folder, {name: state_of(os.path.join(folder, name)) for name in names})
 
 
@@ -89,16 +89,26 @@ def forget(folder: str, name: str) -> None:
 
 
 def _note(folder: str, states: Mapping[str, str | None]) -> None:
-    found = read_batch(folder)
-    if found is not None:
-        found["shown"] = {name: state for name, state in {**found.get("shown", {}), **states}.items() if state is not None}
-        write_batch(folder, {key: value for key, value in found.items() if key != "thingc"})
+    noted = {name: state for name, state in {**_noted(folder), **states}.items() if state is not None}
+    path = os.path.join(folder, places.SHOWN)
+    with open(f"{path}.new", "w", encoding="utf-8", newline="\n") as stream:
+        stream.write(json.dumps(noted, indent=2, sort_keys=True) + "\n")
+    os.replace(f"{path}.new", path)
 
 
-def _edited(folder: str, before: Mapping[str, Any]) -> list[str]:
+def _noted(folder: str) -> dict[str, str]:
+    """What has been noted of files; nothing where the note is gone or damaged."""
+    try:
+        with open(os.path.join(folder, places.SHOWN), encoding="utf-8") as stream:
+            found = json.load(stream)
+    except (OSError, ValueError):
+        return {}
+    return {name: state for name, state in found.items() if isinstance(state, str)} if isinstance(found, dict) else {}
+
+
+def _edited(folder: str) -> list[str]:
     """The files that people open which are others than those that were written; one that is gone, or empty, is nothing to lose."""
-    written = before.get("shown")
-    known = {str(name): state for name, state in written.items()} if isinstance(written, dict) else {}
+    known = _noted(folder)
     mine = (places.TABLE_CSV, places.TABLE_PARQUET, places.PAGE)
     return [name for name in mine if name in known and state_of(os.path.join(folder, name)) not in (known[name], None, NOTHING)]
 
@@ -122,7 +132,7 @@ def begin(folder: str, document: str, assembly: str) -> None:
                 Code.STRANGERS, f"`{shown_path(folder)}` holds the batch of another document, `{before.get('document')}`, and is left "
                 "as it is", "move it away, or write into another folder with -o",
             )
-        found = sorted([*strangers(folder, assembly), *(_edited(folder, before) if before is not None else ())])
+        found = sorted([*strangers(folder, assembly), *_edited(folder)])
         if before is None or found:
             shown = ", ".join(f"`{name}`" for name in found[:8]) + (f" and {len(found) - 8} more" if len(found) > 8 else "")
             raise BatchFault(

@@ -6,6 +6,7 @@
     <name>/variants/<id>/        what `thingc build` writes of the variant
     <name>/assets/<sha256>       every mesh once; variants have hard links to it
     <name>/index.html            the page, with pictures/<id>.png
+    <name>/shown.json            what table and page held when they were written
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ VARIANTS = "variants"
 ASSETS = "assets"
 PAGE = "index.html"
 PICTURES = "pictures"
-OWN = frozenset((BATCH, JOURNAL, TABLE_CSV, TABLE_PARQUET, VARIANTS, ASSETS, PAGE, PICTURES))
+SHOWN = "shown.json"
+OWN = frozenset((BATCH, JOURNAL, TABLE_CSV, TABLE_PARQUET, VARIANTS, ASSETS, PAGE, PICTURES, SHOWN))
 """Everything that lies in a batch's folder."""
 
 NEW = ".new-"
