@@ -283,8 +283,8 @@ def test_a_collision_mesh_that_is_too_large(store: Store) -> None:
 
 def test_two_definitions_of_one_file_name(store: Store) -> None:
     one, other = plain(store), plain(store)
-    one = replace(one, definition=replace(one.definition, reference="a/b.step", text="a/b.step"))  # type: ignore
-    other = replace(other, definition=replace(other.definition, reference="a.b.step", text="a.b.step"))  # type: ignore
+    one = replace(one, definition=replace(one.definition, reference="a/b.step", text="a/b.step", label="a/b.step"))  # type: ignore
+    other = replace(other, definition=replace(other.definition, reference="a.b.step", text="a.b.step", label="a.b.step"))  # type: ignore
     made = Made(segments=[Segment("a", [Piece("a", one), Piece("b", other)])])  # type: ignore[arg-type]
     assert said(made, store) == [
         ("TC751", "error", 21, "`a.b.step` and `a/b.step` would both be written as `mjcf/assets/a.b.step.obj`"),
