@@ -230,7 +230,7 @@ def test_a_kernel_that_does_not_load(
     (tmp_path / "build123d.py").write_text("raise ImportError('no kernel on this machine')")
     usual = client.environment()
     shadowed = {**usual, "PYTHONPATH": f"{tmp_path}:{usual.get('PYTHONPATH', '')}"}
-    monkeypatch.setattr(client, "environment", lambda: shadowed)
+    monkeypatch.setattr(client, "environment", lambda seed=0: shadowed)
     place.write("parts/arm.py", "from thingc import Thing\nclass A(Thing): pass\n")
     with place.service(workers=None) as service:
         failure = service.realize([define("arm:A")])["arm:A"]
