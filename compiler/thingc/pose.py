@@ -68,6 +68,15 @@ class Pose:
         t = self.translation
         return (x + t[0], y + t[1], z + t[2])
 
+    def around(self, box: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
+        """The smallest box along the axes of A around a box along those of B: each its lowest and highest corner [m]."""
+        (ax, ay, az), (bx, by, bz) = box
+        x, y, z = self.apply(((ax + bx) / 2.0, (ay + by) / 2.0, (az + bz) / 2.0))
+        u, v, w = (
+            abs(row[0]) * ((bx - ax) / 2.0) + abs(row[1]) * ((by - ay) / 2.0) + abs(row[2]) * ((bz - az) / 2.0) for row in self.rotation
+        )
+        return (x - u, y - v, z - w), (x + u, y + v, z + w)
+
     def rows(self) -> tuple[tuple[float, float, float, float], ...]:
         """The homogeneous 4 x 4 matrix, row by row."""
         r, t = self.rotation, self.translation

@@ -37,7 +37,7 @@ from graph.builder import (
     t,
     whole,
 )
-from thingc.diagnostics import Report
+from thingc.diagnostics import Code, Report
 from thingc.graph import poses
 from thingc.graph.types import Assembly
 from thingc.pose import NO_POSE
@@ -135,7 +135,8 @@ def build(seed: int, count: int) -> Tree:
         modes.append(mode(f"part_{k}", whole(f"c{k}"), "free", at=frame(rng)))
         modes.append(mode(f"mount_{k}", ref(f"c{k}.{'ab'[k % 2]}"), "fixed", at=frame(rng)))
     q = {f"j{twig.child}": float(rng.uniform(-2, 2)) for twig in twigs if twig.kind in MOVING}
-    return Tree(count, twigs, mounts, order, linked(assembly("tree", components, joints, modes=modes), *records), q)
+    tree = linked(assembly("tree", components, joints, modes=modes), *records, but={Code.FAR})  # whatever sizes and offsets are drawn
+    return Tree(count, twigs, mounts, order, tree, q)
 
 
 def robots(found: Assembly) -> dict[str, Robot]:

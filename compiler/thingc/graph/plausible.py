@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Iterator, Sequence
-from itertools import product
 
 from thingc.diagnostics import Code, Note, meant_so
 from thingc.graph.findings import Findings, noted, written_at
@@ -347,7 +346,7 @@ def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link],
 
 def _check_place(one: Occurrence, at: Vector, boxes: Sequence[tuple[tuple[Vector, Vector], Pose]], findings: Findings) -> None:
     """A mass without a shape, `at` a point of its link, that is far from the boxes around the parts of the link."""
-    corners = [pose.apply((x, y, z)) for box, pose in boxes for x, y, z in product(*zip(*box, strict=True))]
+    corners = [corner for box, pose in boxes for corner in pose.around(box)]
     sides = [(min(side), max(side)) for side in zip(*corners, strict=True)]
     away = math.hypot(*(max(low - x, x - high, 0.0) for x, (low, high) in zip(at, sides, strict=True)))
     size = max(high - low for low, high in sides)

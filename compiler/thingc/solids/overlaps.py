@@ -100,7 +100,7 @@ def _candidates(assembly: Assembly, link: Link) -> Iterator[_Pair]:
         part = assembly.occurrences[member]
         mesh = part.record.meshes.get("mesh") if part.record is not None and part.record.exact else None
         if part.record is not None and part.record.box is not None and mesh is not None and mesh.closed:
-            parts.append((part, pose, _around(part.record.box, pose)))
+            parts.append((part, pose, pose.around(part.record.box)))
     for number, (one, at_one, box) in enumerate(parts):
         for other, at_other, beside in parts[number + 1 :]:
             common = 1.0
@@ -108,14 +108,6 @@ def _candidates(assembly: Assembly, link: Link) -> Iterator[_Pair]:
                 common *= max(0.0, min(box[1][axis], beside[1][axis]) - max(box[0][axis], beside[0][axis]))
             if common > max(LEAST, SHARE * min(_volume(one), _volume(other))):
                 yield _Pair(one, other, at_one, at_other)
-
-
-def _around(box: Box, pose: Pose) -> Box:
-    """The box along the axes of the link around a part's box."""
-    middle = pose.apply(((box[0][0] + box[1][0]) / 2.0, (box[0][1] + box[1][1]) / 2.0, (box[0][2] + box[1][2]) / 2.0))
-    half = [sum(abs(row[k]) * (box[1][k] - box[0][k]) / 2.0 for k in range(3)) for row in pose.rotation]
-    low, high = (tuple(m + sign * h for m, h in zip(middle, half, strict=True)) for sign in (-1.0, 1.0))
-    return (low[0], low[1], low[2]), (high[0], high[1], high[2])
 
 
 def _volume(part: Occurrence) -> float:

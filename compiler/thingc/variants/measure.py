@@ -112,13 +112,8 @@ def bounding_box(assembly: Assembly, poses: Sequence[Pose]) -> tuple[Vector, Vec
         box = occurrence.record.box if occurrence.record is not None else None
         if box is None:
             continue
-        (ax, ay, az), (bx, by, bz) = box
-        centre = pose.apply(((ax + bx) / 2.0, (ay + by) / 2.0, (az + bz) / 2.0))
-        half = ((bx - ax) / 2.0, (by - ay) / 2.0, (bz - az) / 2.0)
-        for k, row in enumerate(pose.rotation):
-            size = abs(row[0]) * half[0] + abs(row[1]) * half[1] + abs(row[2]) * half[2]
-            low[k] = min(low[k], centre[k] - size)
-            high[k] = max(high[k], centre[k] + size)
+        lowest, highest = pose.around(box)
+        low, high = list(map(min, low, lowest)), list(map(max, high, highest))
     if low[0] > high[0]:
         return None
     return (low[0], low[1], low[2]), (high[0], high[1], high[2])
