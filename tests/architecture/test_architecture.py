@@ -31,7 +31,8 @@ ROOMS: dict[str, set[str]] = {
     "robot": BASE | {"resolve", "realize", "joints", "graph"},
     "solids": BASE | {"realize", "graph"},
     "statics": BASE | {"graph", "robot"},
-    "emit": BASE | {"resolve", "realize", "joints", "graph", "robot"},
+    "drawing": set(),
+    "emit": BASE | {"resolve", "realize", "joints", "graph", "robot", "drawing"},
     "modes": {"brief", "diagnostics", "slips"},  # read at run time, next to a simulation
     "render": {"pose"},
     "reporting": {"shown", "source", "diagnostics"},

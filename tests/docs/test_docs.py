@@ -211,7 +211,7 @@ def test_kinds_of_joints() -> None:
 
 def test_gravity_and_raw_kinds_and_bounds() -> None:
     from thingc import workspace
-    from thingc.emit import mjcf_raw
+    from thingc.emit.mjcf import raw
     from thingc.expressions.terms import MAX_DEPTH
     from thingc.load.documents import MAX_CHAIN
     from thingc.load.text import MAX_ALIAS_NODES, MAX_ALL_BYTES, MAX_BYTES, MAX_LEVELS, MAX_NODES
@@ -224,8 +224,8 @@ def test_gravity_and_raw_kinds_and_bounds() -> None:
     said = {row[0].strip("`"): tuple(map(float, row[1].strip("`").split())) for row in table(LANGUAGE, "gravity")}
     assert said == GRAVITY
     named, single, *_ = table(LANGUAGE, "raw")
-    assert set(re.findall(r"`(\w+)`", named[1])) == set(mjcf_raw.NAMED)
-    assert set(re.findall(r"`(\w+)`", single[1])) == set(mjcf_raw.SINGLE)
+    assert set(re.findall(r"`(\w+)`", named[1])) == set(raw.NAMED)
+    assert set(re.findall(r"`(\w+)`", single[1])) == set(raw.SINGLE)
     said_of = [set(re.findall(r"`(\w+)`", row[0])) for row in table(LANGUAGE, "raw-fixed")]
     assert said_of == [{"name", *raw_fixed.CLASSES}, set(raw_fixed.REFERRING), {"type"}, set(raw_fixed.SECTIONS["compiler"])]
     cells = [row[1] for row in table(LANGUAGE, "bounds")]

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from emit.graphs import NASTY, arm, awkward, graph, walker
-from thingc.emit import hag
-from thingc.emit.layered import Drawing, Line, Rectangle, Size, draw
+from thingc.drawing.layered import Drawing, Line, Rectangle, Size, draw
+from thingc.emit.hag import target as hag
 from thingc.graph.types import Hag
 from thingc.shown import shown
 

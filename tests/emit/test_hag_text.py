@@ -9,7 +9,7 @@ from itertools import pairwise
 import pytest
 
 from emit.graphs import LABELS, NASTY, SCREW, XM430, arm, awkward, graph, walker
-from thingc.emit import hag
+from thingc.emit.hag import target as hag
 from thingc.graph.types import Hag
 from thingc.shown import shown
 

@@ -16,7 +16,7 @@ from graph.builder import kept
 from mjcf.handmade import Made, Piece, Segment, box_part, drive, raw
 from mjcf.test_mjcf_model import arm, load
 from thingc.diagnostics import Diagnostic
-from thingc.emit.mjcf import emit
+from thingc.emit.mjcf.target import emit
 from thingc.realize.store import Store
 from thingc.resolve.model import Overrides
 
@@ -296,16 +296,16 @@ def test_two_definitions_of_one_file_name(store: Store) -> None:
 
 def compiled(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """The sizes of the asset files of every compilation from now on."""
-    from thingc.emit import mjcf_check
+    from thingc.emit.mjcf import check
 
     counted: list[int] = []
-    true = mjcf_check.attempt
+    true = check.attempt
 
-    def counting(text: str, files: dict[str, bytes]) -> mjcf_check.Verdict:
+    def counting(text: str, files: dict[str, bytes]) -> check.Verdict:
         counted.append(sum(len(data) for name, data in files.items() if not name.endswith(".xml")))
         return true(text, files)
 
-    monkeypatch.setattr(mjcf_check, "attempt", counting)
+    monkeypatch.setattr(check, "attempt", counting)
     return counted
 
 
@@ -350,7 +350,7 @@ def test_an_unchanged_model_needs_no_mujoco(store: Store, tmp_path: Path) -> Non
         "import sys; sys.path[:0] = sys.argv[2:]\n"
         "import pickle\n"
         "request = pickle.load(open(sys.argv[1], 'rb'))\n"
-        "from thingc.emit.mjcf import emit\n"
+        "from thingc.emit.mjcf.target import emit\n"
         "emit(request); assert not request.report.diagnostics, request.report.diagnostics\n"
         "print([name for name in ('mujoco', 'numpy') if name in sys.modules])\n"
     )

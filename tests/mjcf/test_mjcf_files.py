@@ -20,9 +20,9 @@ from mjcf.handmade import Made, Piece, Segment, box_part, material, matrix, raw,
 from mjcf.test_mjcf_model import arm
 from thingc.emit import EMITTERS, emitter, targets
 from thingc.emit.artifact import Content, Stored
-from thingc.emit.mjcf import emit
-from thingc.emit.mjcf_xml import Element, number, write
+from thingc.emit.mjcf.target import emit
 from thingc.emit.request import EmitRequest
+from thingc.emit.xml import Element, number, write
 from thingc.realize.store import BlobMissing, Store
 
 
@@ -128,10 +128,10 @@ def test_same_input_same_bytes(store: Store, tmp_path: Path) -> None:
     assert everything(arm(other).request(other, *MODES)) == first
     program = (
         "import sys, pickle, hashlib; sys.path[:0] = sys.argv[2:]\n"
-        "from thingc.emit.mjcf import emit\n"
-        "from thingc.emit import mjcf_archive\n"
+        "from thingc.emit.mjcf.target import emit\n"
+        "from thingc.emit.mjcf import archive\n"
         "request = pickle.load(open(sys.argv[1], 'rb'))\n"
-        "files = {**emit(request).files, **mjcf_archive.emit(request).files}\n"
+        "files = {**emit(request).files, **archive.emit(request).files}\n"
         "print(hashlib.sha256(repr(list(files.items())).encode()).hexdigest())\n"
     )
     third = Store(str(tmp_path / "third"))

@@ -26,8 +26,8 @@ from mjcf.handmade import (
     spin,
     total,
 )
-from thingc.emit.mjcf import emit
-from thingc.emit.mjcf_inertial import inertial
+from thingc.emit.mjcf.inertial import inertial
+from thingc.emit.mjcf.target import emit
 from thingc.emit.request import EmitRequest
 from thingc.inertia import LEAST_MASS, LEAST_MOMENT, MassProperties
 from thingc.pose import NO_POSE, Pose

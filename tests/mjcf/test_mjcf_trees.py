@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from graph.builder import as_matrix
 from robot.test_rooting_properties import Tree, build, robots, world_of
 from thingc.diagnostics import Report
-from thingc.emit.mjcf import emit
+from thingc.emit.mjcf.target import emit
 from thingc.emit.request import EmitRequest
 from thingc.realize.store import Store
 from thingc.robot import in_link, mass_properties

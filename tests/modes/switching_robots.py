@@ -26,8 +26,8 @@ from graph.builder import (
     whole,
 )
 from thingc.diagnostics import Report
-from thingc.emit import mjcf
 from thingc.emit import modes as modes_json
+from thingc.emit.mjcf import target as mjcf
 from thingc.emit.request import EmitRequest
 from thingc.graph.types import Assembly
 from thingc.modes import Modes

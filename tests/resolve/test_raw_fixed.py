@@ -7,7 +7,7 @@ import re
 import mujoco
 import pytest
 
-from thingc.emit.mjcf_raw import NAMED
+from thingc.emit.mjcf.raw import NAMED
 from thingc.resolve.raw_fixed import CLASSES, REFERRING, fixed
 
 PLACES = {

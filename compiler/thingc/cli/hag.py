@@ -40,7 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
     common.print_text(found, stream=sys.stderr, debug=arguments.debug)
     code = common.exit_code(found)
     if code == 0 and compilation.assembly is not None:
-        from thingc.emit import hag
+        from thingc.emit.hag import target as hag
 
         common.say(*getattr(hag, arguments.format)(compilation.assembly.hag).rstrip("\n").split("\n"))
     return code

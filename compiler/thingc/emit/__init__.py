@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 GROUP = "thingc.emitters"
 
 EMITTERS: dict[str, str] = {
-    "mjcf": "thingc.emit.mjcf:emit",
-    "mjz": "thingc.emit.mjcf_archive:emit",
+    "mjcf": "thingc.emit.mjcf.target:emit",
+    "mjz": "thingc.emit.mjcf.archive:emit",
     "stl": "thingc.emit.stl:emit",
     "step": "thingc.emit.step:emit",
     "bom": "thingc.emit.bom:emit",
-    "hag": "thingc.emit.hag:emit",
+    "hag": "thingc.emit.hag.target:emit",
 }
 """Our own targets: `module:function`, in the order in which a build writes them."""
 

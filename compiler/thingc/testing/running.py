@@ -9,7 +9,7 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from thingc.diagnostics import Code, Note, Report
-from thingc.emit import mjcf
+from thingc.emit.mjcf import target as mjcf
 from thingc.emit.request import EmitRequest
 from thingc.graph.types import Assembly, LinkedMode, LinkedTest
 from thingc.resolve.model import NamedPose

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thingc.diagnostics import Code
-from thingc.emit.mjcf_check import heard
-from thingc.emit.mjcf_scene import FLOOR
+from thingc.emit.mjcf.check import heard
+from thingc.emit.mjcf.scene import FLOOR
 from thingc.pose import Pose, Vector
 from thingc.resolve.tests_model import SettleCheck
 from thingc.robot.types import Keyframe, Robot

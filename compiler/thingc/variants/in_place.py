@@ -144,7 +144,7 @@ def write(source: str | os.PathLike[str] | Family, path: str | os.PathLike[str],
     """
     import numpy as np
 
-    from thingc.emit.mjcf_archive import MODEL, deflate, zipped
+    from thingc.emit.mjcf.archive import MODEL, deflate, zipped
 
     target = os.fspath(path)
     if not target.endswith(".npz"):

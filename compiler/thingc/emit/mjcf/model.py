@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from thingc.emit import mjcf_closures, mjcf_sensors
-from thingc.emit import mjcf_elements as elements
 from thingc.emit.artifact import Loss
-from thingc.emit.mjcf_drives import NOTHING
-from thingc.emit.mjcf_geometry import Geometry
-from thingc.emit.mjcf_xml import Element, number, numbers, pose_attributes
+from thingc.emit.geometry import Geometry
+from thingc.emit.mjcf import closures, elements, sensors
+from thingc.emit.mjcf.drives import NOTHING
+from thingc.emit.xml import Element, number, numbers, pose_attributes
 from thingc.graph.types import Link
 from thingc.memo import Memo
 from thingc.pose import Pose
@@ -42,7 +41,7 @@ def losses(robot: Robot) -> tuple[Loss, ...]:
             found.append(
                 Loss(target="mjcf", mode=None, path=joint.path, what=what, how="carried as custom data", span=span)
             )
-    return (*found, *mjcf_closures.losses(robot), *mjcf_sensors.losses(robot))
+    return (*found, *closures.losses(robot), *sensors.losses(robot))
 
 
 def class_name(robot: Robot) -> str:
@@ -96,7 +95,7 @@ class _Builder:
         self.contact()
         self.equality()
         self.actuator()
-        mjcf_sensors.sensors(self.robot, self.root.add("sensor"))
+        sensors.sensors(self.robot, self.root.add("sensor"))
         self.keyframe()
         self.root.children = [
             section for section in self.root.children if section.children or section.tag in ("compiler", "option", "worldbody")
@@ -158,8 +157,8 @@ class _Builder:
             self.grow(element, ("geoms", link.name), elements.geoms, link.poses, shapes)
         for site in self.robot.sites:
             self.grow(made[site.body], ("site", site.path), elements.site, site.path, site.pose, site.origin)
-        mjcf_closures.sites(self.robot, world, made)
-        mjcf_sensors.cameras(self.robot, made)
+        closures.sites(self.robot, world, made)
+        sensors.cameras(self.robot, made)
         # The sites of a link belong to it, not to what hangs on it: children come last.
         for element in made:
             element.children.sort(key=lambda child: child.tag == "body")
@@ -184,7 +183,7 @@ class _Builder:
                 polynomial = numbers((joint.mimic.offset, joint.mimic.multiplier, 0.0, 0.0, 0.0))
                 names = {"name": f"{joint.path}:mimic", "joint1": joint.path, "joint2": joint.mimic.joint}
                 section.add("joint", {**names, "polycoef": polynomial, "solimp": STIFF}, joint.mimic.origin)
-        mjcf_closures.equalities(self.robot, section, [link.name for link in self.links])
+        closures.equalities(self.robot, section, [link.name for link in self.links])
 
     def actuator(self) -> None:
         """Drives in joint order, then magnets."""
@@ -223,7 +222,7 @@ class _Builder:
 
 
 def _suffixes(words: tuple[str, ...]) -> Iterator[str]:
-    """What the name in the path of a raw attribute may mean: see `mjcf_raw`."""
+    """What the name in the path of a raw attribute may mean: see `raw.py`."""
     for word in words:
         parts = word.replace(".", "/").split("/")
         yield from ("/".join(parts[first:]) for first in range(len(parts)))

@@ -7,8 +7,8 @@ import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from thingc.emit.hag import KINDS, Bundle, bundles, entries, how, quantities, short, total
-from thingc.emit.layered import Drawing, Line, Rectangle, Route, Size, draw
+from thingc.drawing.layered import Drawing, Line, Rectangle, Route, Size, draw
+from thingc.emit.hag.target import KINDS, Bundle, bundles, entries, how, quantities, short, total
 from thingc.graph.types import Definition, Hag
 from thingc.shown import shown
 

@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from thingc.diagnostics import Code, Report
-from thingc.emit.mjcf_model import FREE_JOINT, class_name
-from thingc.emit.mjcf_xml import Element
+from thingc.emit.mjcf.model import FREE_JOINT, class_name
+from thingc.emit.xml import Element
 from thingc.graph.types import Assembly
 from thingc.resolve.model import RawAttribute
 from thingc.robot.types import Robot

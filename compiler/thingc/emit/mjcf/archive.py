@@ -11,8 +11,8 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from thingc.emit import mjcf
 from thingc.emit.artifact import Artifacts, Stored
+from thingc.emit.mjcf.target import models
 from thingc.emit.request import EmitRequest
 from thingc.realize.store import BlobMissing, Store
 
@@ -37,7 +37,7 @@ class Deflated:
 
 def emit(request: EmitRequest) -> Artifacts:
     """`mjcf/<name>_<mode>.mjz` of each chosen mode. What it cannot say is what the model in it cannot say."""
-    made = mjcf.models(request)
+    made = models(request)
     if request.report.failed:
         return Artifacts(files={}, losses=made.losses)
     return Artifacts(

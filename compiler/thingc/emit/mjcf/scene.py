@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from thingc.emit.mjcf_xml import Element, Written, number, numbers, write
+from thingc.emit.xml import Element, Written, number, numbers, write
 from thingc.memo import Memo
 from thingc.pose import NO_POSE, Pose, Vector
 from thingc.robot.types import Robot

@@ -1,4 +1,4 @@
-"""A layered drawing of an acyclic graph: where boxes, labels and lines go. Numbers only; `hag_svg` draws them.
+"""A layered drawing of an acyclic graph: where boxes, labels and lines go. Numbers only.
 
 After Sugiyama, Tagawa and Toda, "Methods for visual understanding of hierarchical system structures", 1981: layers by
 longest path, dummy items where a line crosses a layer, crossings reduced by barycentres. Labels are items of layers of their

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from thingc.emit.mjcf_drives import both_ways, drive_attributes, joint_range
-from thingc.emit.mjcf_geometry import MeshAsset, Shape, Shapes
-from thingc.emit.mjcf_inertial import inertial
-from thingc.emit.mjcf_xml import Element, number, numbers, pose_attributes
+from thingc.emit.geometry import MeshAsset, Shape, Shapes
+from thingc.emit.mjcf.drives import both_ways, drive_attributes, joint_range
+from thingc.emit.mjcf.inertial import inertial
+from thingc.emit.xml import Element, number, numbers, pose_attributes
 from thingc.graph.types import ActuatorModel
 from thingc.inertia import MassProperties
 from thingc.pose import Pose

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from thingc.diagnostics import Code, Note, Report, Severity
-from thingc.emit import mjcf_start
-from thingc.emit.mjcf_geometry import MeshAsset
-from thingc.emit.mjcf_known import Known, about_meshes, mujoco_version, tetrahedron
-from thingc.emit.mjcf_xml import Element, RawValue, Written, write
+from thingc.emit.geometry import MeshAsset
+from thingc.emit.mjcf import start
+from thingc.emit.mjcf.known import Known, about_meshes, mujoco_version, tetrahedron
+from thingc.emit.xml import Element, RawValue, Written, write
 from thingc.memo import Memo
 from thingc.realize.store import Store
 from thingc.robot.types import Robot
@@ -53,18 +53,18 @@ class Verdict:
 
 def check(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store: Store, report: Report, *, starts: bool = True) -> None:
     """Compile every candidate's scene, and with it the model in it; errors and warnings go to `report` at their origin. With `starts`
-    the first instant of each is looked at, too (`mjcf_start`).
+    the first instant of each is looked at, too (`start.py`).
 
-    What MuJoCo has accepted before, it is not asked again (`mjcf_known`). One file after the other: MuJoCo keeps the
+    What MuJoCo has accepted before, it is not asked again (`known.py`). One file after the other: MuJoCo keeps the
     meshes it has read, so that the second mode costs a tenth of the first, and threads only make each of them read all.
     """
     known = Known(store, mujoco_version())
     waiting = [candidate for candidate in candidates if not known.model(candidate.texts, meshes, started=starts)]
     if not waiting:
         return
-    fresh = {one.mode for one in waiting if starts and not known.start(mjcf_start.key(one.model.text), meshes)}
+    fresh = {one.mode for one in waiting if starts and not known.start(start.key(one.model.text), meshes)}
     data = known.data([candidate.root for candidate in waiting], meshes, whole=bool(fresh))
-    found: list[mjcf_start.Start] = []
+    found: list[start.Start] = []
     for candidate in waiting:
         # The scene holds all that the model holds, so one compilation serves both files.
         verdict = attempt(candidate.scene.text, {**data, candidate.file: candidate.model.text.encode()})
@@ -72,14 +72,14 @@ def check(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store: S
             _explain(candidate, data, report, scene_error=verdict.error)
             continue
         if candidate.mode in fresh:
-            found.append(mjcf_start.look(verdict.model, candidate.robot))
+            found.append(start.look(verdict.model, candidate.robot))
             if found[-1].in_order:
-                known.accept_start(mjcf_start.key(candidate.model.text), meshes)
+                known.accept_start(start.key(candidate.model.text), meshes)
         if not verdict.warnings and (candidate.mode not in fresh or found[-1].in_order):
             known.accept(candidate.texts, meshes, started=starts)
         for warning in verdict.warnings:
             _say(Code.MJCF_WARNING, "warns of", warning, candidate, candidate.model, report, severity=Severity.WARNING)
-    mjcf_start.say(found, report)
+    start.say(found, report)
 
 
 def passes(candidate: Candidate, meshes: Sequence[MeshAsset], store: Store, memo: Memo) -> bool:

@@ -14,12 +14,12 @@ import re
 import struct
 from collections.abc import Iterable, Mapping, Sequence
 
-from thingc.emit.mjcf_geometry import MeshAsset
-from thingc.emit.mjcf_xml import Element
+from thingc.emit.geometry import MeshAsset
+from thingc.emit.xml import Element
 from thingc.realize.store import Store
 
 MODEL, MESH, START = "mujoco-model", "mujoco-mesh", "mujoco-start"
-"""Kinds of documents in the store: a model, a mesh that a version of MuJoCo compiled without a word, a first instant (`mjcf_start`) in
+"""Kinds of documents in the store: a model, a mesh that a version of MuJoCo compiled without a word, a first instant (`start.py`) in
 which everything was in order."""
 
 HARMLESS = frozenset({"condim", "friction", "gap", "group", "margin", "priority", "rgba", "solimp", "solmix", "solref"})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from thingc.emit.mjcf_xml import number, numbers
+from thingc.emit.xml import number, numbers
 from thingc.inertia import LEAST_MOMENT, ZERO, MassProperties, physical_fault, principal_moments
 from thingc.pose import Matrix
 

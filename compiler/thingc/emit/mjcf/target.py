@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from thingc.emit import mjcf_check, mjcf_geometry, mjcf_model, mjcf_raw, mjcf_scene
 from thingc.emit.artifact import Artifacts, Content, Loss, Stored
-from thingc.emit.mjcf_xml import write
+from thingc.emit.geometry import geometry as geometry_of
+from thingc.emit.mjcf import check, raw, scene
+from thingc.emit.mjcf import model as tree
 from thingc.emit.request import EmitRequest
+from thingc.emit.xml import write
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Models:
     """What is written of every mode, before it is laid out as files: `assets` are the meshes, by their name in `assets/`."""
 
-    candidates: tuple[mjcf_check.Candidate, ...]
+    candidates: tuple[check.Candidate, ...]
     assets: dict[str, Stored]
     losses: tuple[Loss, ...]
 
@@ -39,26 +41,26 @@ def models(request: EmitRequest) -> Models:
     if isinstance(known, Models):
         return known
     assembly, robots, report = request.assembly, request.robots, request.report
-    geometry = mjcf_geometry.geometry(assembly, report, request.memo)
-    roots = [mjcf_model.model(robot, geometry, request.memo) for robot in robots]
-    mjcf_raw.lay(assembly, robots, roots, report)
+    geometry = geometry_of(assembly, report, request.memo)
+    roots = [tree.model(robot, geometry, request.memo) for robot in robots]
+    raw.lay(assembly, robots, roots, report)
 
     losses: dict[Loss, None] = dict.fromkeys(geometry.losses)
-    candidates: list[mjcf_check.Candidate] = []
+    candidates: list[check.Candidate] = []
     for robot, root in zip(robots, roots, strict=True):
         file = f"{assembly.name}_{robot.mode.name}.xml"
         heading = f"Written by thingc from {assembly.definition.document}, mode {robot.mode.name}."
-        losses |= dict.fromkeys(mjcf_model.losses(robot))
+        losses |= dict.fromkeys(tree.losses(robot))
         model = write(root, heading)
-        candidates.append(mjcf_check.Candidate(
+        candidates.append(check.Candidate(
             mode=robot.mode.name, file=file, root=root, heading=heading, model=model,
-            scene=mjcf_scene.scene(robot, file, heading, model, request.memo), origin=robot.mode.origin, robot=robot,
+            scene=scene.scene(robot, file, heading, model, request.memo), origin=robot.mode.origin, robot=robot,
         ))
     every = tuple(candidates)
     if request.verify:
         if request.repeated:
-            candidates = [one for one in candidates if not mjcf_check.passes(one, geometry.meshes, request.store, request.memo)]
-        mjcf_check.check(candidates, geometry.meshes, request.store, report, starts=not request.repeated)
+            candidates = [one for one in candidates if not check.passes(one, geometry.meshes, request.store, request.memo)]
+        check.check(candidates, geometry.meshes, request.store, report, starts=not request.repeated)
         if not report.diagnostics:
             for one in candidates:
                 request.memo.keep(("mujoco scene", one.mode), (one.scene.text,), True)

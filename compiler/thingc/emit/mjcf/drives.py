@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from thingc.emit.mjcf_xml import number, numbers
+from thingc.emit.xml import number, numbers
 from thingc.graph.types import ActuatorModel
 from thingc.resolve.model import Limit
 from thingc.robot.types import CoreJoint

@@ -1,4 +1,4 @@
-"""The hierarchical assembly graph as text: an indented tree for the terminal, DOT, Mermaid; `hag_svg` draws it."""
+"""The hierarchical assembly graph as text: an indented tree for the terminal, DOT, Mermaid; `svg.py` draws it."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def emit(request: EmitRequest) -> Artifacts:
 
 
 def svg(hag: Hag) -> str:
-    """A self-contained SVG document, see `hag_svg`."""
-    from thingc.emit.hag_svg import picture
+    """A self-contained SVG document, see `svg.py`."""
+    from thingc.emit.hag.svg import picture
 
     return picture(hag)
 

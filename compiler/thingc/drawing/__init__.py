@@ -1,0 +1,1 @@
+"""Drawings of graphs: where boxes, labels and lines go, in numbers."""
