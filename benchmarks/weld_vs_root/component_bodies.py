@@ -9,8 +9,8 @@ from xml.etree import ElementTree
 
 from thingc.graph.types import Assembly, Mate
 from thingc.inertia import ZERO, physical_fault
-from thingc.joints import KINDS
-from thingc.pose import NO_POSE, Pose, rotate
+from thingc.joints import moved
+from thingc.pose import Pose, rotate
 from thingc.robot.types import Robot
 
 SECTIONS = ("keyframe", "worldbody")
@@ -55,7 +55,7 @@ def _walk(robot: Robot, world: ElementTree.Element) -> dict[int, ElementTree.Ele
     assembly = robot.assembly
     root = robot.mode.root.occurrence
     link = assembly.links[assembly.link_of[root]]
-    dynamic = {body.joint.path: body.joint for body in robot.bodies if body.joint is not None}
+    dynamic = {joint.path: joint for body in robot.bodies for joint in body.joints}
     made: dict[int, ElementTree.Element] = {}
 
     def add(parent: ElementTree.Element, index: int, pose: Pose) -> ElementTree.Element:
@@ -91,9 +91,8 @@ def _walk(robot: Robot, world: ElementTree.Element) -> dict[int, ElementTree.Ele
                 continue
             pose, axis, anchor = _crossed(mate, forward)
             body = add(made[here], there, pose)
-            if mate.joint is not None:
-                joint = mate.joint
-                attributes = {"name": joint.path, "type": KINDS[joint.kind].core or "", "axis": _text(axis), "pos": _text(anchor)}
+            for joint in mate.joints:
+                attributes = {"name": joint.path, "type": joint.twist.core, "axis": _text(axis), "pos": _text(anchor)}
                 limit, values = joint.limit, dynamic[joint.path].dynamics
                 if limit.lower is not None and limit.upper is not None:
                     attributes["range"] = _text((limit.lower, limit.upper))
@@ -110,8 +109,7 @@ def _walk(robot: Robot, world: ElementTree.Element) -> dict[int, ElementTree.Ele
 
 def _crossed(mate: Mate, forward: bool) -> tuple[Pose, tuple[float, ...], tuple[float, ...]]:
     """The pose of the far occurrence at q = 0, and axis and anchor of the joint in its frame."""
-    moved = KINDS[mate.joint.kind].motion(mate.joint.offset) if mate.joint is not None else NO_POSE
-    pose = mate.X_PJ @ moved @ mate.X_JC
+    pose = mate.X_PJ @ moved(tuple(joint.twist for joint in mate.joints), tuple(joint.offset for joint in mate.joints)) @ mate.X_JC
     joint = mate.X_JC.inverse() if forward else mate.X_PJ
     axis = rotate(joint.rotation, (0.0, 0.0, 1.0))
     return (pose, axis, joint.translation) if forward else (pose.inverse(), tuple(-x for x in axis), joint.translation)

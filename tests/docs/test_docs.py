@@ -406,11 +406,11 @@ def _recipe(heading: str) -> dict[str, object]:
 
 
 def test_the_recipe_of_a_joint_kind_makes_one() -> None:
-    from thingc.joints import JointKind
+    from thingc.joints import JointKind, moved
     from thingc.pose import shifted
 
     kind = _recipe("A new joint kind")["KIND"]
-    assert isinstance(kind, JointKind) and kind.motion(0.5) == shifted(0.0, 0.0, 0.5) and kind.moves
+    assert isinstance(kind, JointKind) and moved(kind.twists, (0.5,)) == shifted(0.0, 0.0, 0.5) and kind.moves
 
 
 def test_the_recipe_of_a_target_writes_a_file(tmp_path: Path) -> None:

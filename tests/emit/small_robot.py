@@ -23,6 +23,7 @@ from thingc.graph.types import (
     RootChoice,
 )
 from thingc.inertia import MassProperties
+from thingc.joints import KINDS
 from thingc.pose import NO_POSE, Pose, placed
 from thingc.realize.record import PartDefinition, PartRecord, Value, definition_text
 from thingc.realize.store import Store
@@ -112,10 +113,12 @@ def occurrences(store: Store) -> tuple[Occurrence, ...]:
 
 
 YAW = JointEdge(
-    path="yaw", kind="revolute", limit=Limit(lower=-2.0, upper=2.0), dynamics=Dynamics(), offset=0.3, mimic=None, actuator=None,
-    origin=(span(40),),
+    path="yaw", kind="revolute", twist=KINDS["revolute"].twists[0], limit=Limit(lower=-2.0, upper=2.0), dynamics=Dynamics(), offset=0.3,
+    mimic=None, actuator=None, origin=(span(40),),
 )
-LIFT = replace(YAW, path="hand/lift", kind="prismatic", offset=0.01, limit=Limit(lower=0.0, upper=0.05))
+LIFT = replace(
+    YAW, path="hand/lift", kind="prismatic", twist=KINDS["prismatic"].twists[0], offset=0.01, limit=Limit(lower=0.0, upper=0.05),
+)
 
 X_PLATE_J = placed((0.01, 0.02, 0.03), (0.2, -0.4, 1.1))
 X_J_BRACKET = placed((-0.02, 0.0, 0.05), (1.4, 0.3, -0.2))
@@ -132,7 +135,8 @@ def mates() -> tuple[Mate, ...]:
     """yaw: plate to servo_a; servo_a = brace_a; lift: brace_a to hand/palm; the others rigid, on the palm."""
     def mate(parent: int, child: int, X_PJ: Pose, X_JC: Pose, joint: JointEdge | None = None) -> Mate:
         return Mate(
-            parent=parent, child=child, parent_mount="a", child_mount="b", X_PJ=X_PJ, X_JC=X_JC, joint=joint, origin=(span(50),),
+            parent=parent, child=child, parent_mount="a", child_mount="b", X_PJ=X_PJ, X_JC=X_JC, joints=() if joint is None else (joint,),
+            name=None if joint is None else joint.path, origin=(span(50),),
         )
 
     return (

@@ -56,10 +56,10 @@ def from_mates(whole: Assembly, q: dict[str, float]) -> dict[int, Matrix]:
     poses = {0: np.eye(4)}
     for mate in whole.mates:
         X = np.array(mate.X_PJ.rows())
-        if mate.joint is not None:
-            value = q[mate.joint.path] + mate.joint.offset
+        for joint in mate.joints:
+            value = q[joint.path] + joint.offset
             z = np.array([0.0, 0.0, 1.0])
-            X = X @ (turn(z, value) if mate.joint.kind == "revolute" else shift(value * z))
+            X = X @ (turn(z, value) if joint.kind == "revolute" else shift(value * z))
         poses[mate.child] = poses[mate.parent] @ X @ np.array(mate.X_JC.rows())
     return poses
 

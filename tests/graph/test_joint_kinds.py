@@ -4,10 +4,13 @@ import math
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
-from graph.builder import as_matrix, rz, t
-from thingc.joints import KINDS, LATER
+from graph.builder import Array, as_matrix, as_pose, inv, rx, ry, rz, t
+from thingc.joints import KINDS, LATER, Twist, moved
 from thingc.units import ANGLE, LENGTH
+
+X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 def test_what_can_be_built_and_what_comes_later() -> None:
@@ -17,23 +20,73 @@ def test_what_can_be_built_and_what_comes_later() -> None:
 
 
 def test_coordinates_and_limits() -> None:
-    assert {name: (kind.coordinate, kind.limits, kind.core) for name, kind in KINDS.items()} == {
-        "fixed": (None, "none", None),
-        "revolute": (ANGLE, "required", "hinge"),
-        "continuous": (ANGLE, "none", "hinge"),
-        "prismatic": (LENGTH, "required", "slide"),
+    assert {name: (tuple(twist.coordinate for twist in kind.twists), kind.limits) for name, kind in KINDS.items()} == {
+        "fixed": ((), "none"),
+        "revolute": ((ANGLE,), "required"),
+        "continuous": ((ANGLE,), "none"),
+        "prismatic": ((LENGTH,), "required"),
     }
     assert [kind.moves for kind in KINDS.values()] == [False, True, True, True]
 
 
 @pytest.mark.parametrize("q", [-2.5, 0.0, 0.3, math.pi / 2])
 def test_motions(q: float) -> None:
-    assert as_matrix(KINDS["fixed"].motion(q)) == pytest.approx(np.eye(4))
-    assert as_matrix(KINDS["revolute"].motion(q)) == pytest.approx(rz(q))
-    assert as_matrix(KINDS["continuous"].motion(q)) == pytest.approx(rz(q))
-    assert as_matrix(KINDS["prismatic"].motion(q)) == pytest.approx(t(0, 0, q))
+    assert as_matrix(moved(KINDS["fixed"].twists, ())) == pytest.approx(np.eye(4))
+    assert as_matrix(moved(KINDS["revolute"].twists, (q,))) == pytest.approx(rz(q))
+    assert as_matrix(moved(KINDS["continuous"].twists, (q,))) == pytest.approx(rz(q))
+    assert as_matrix(moved(KINDS["prismatic"].twists, (q,))) == pytest.approx(t(0, 0, q))
 
 
 def test_coordinates_are_shown_as_a_person_writes_them() -> None:
-    assert KINDS["revolute"].shown(math.radians(-150)) == "-150 deg"
-    assert KINDS["prismatic"].shown(0.0205) == "20.5 mm"
+    assert KINDS["revolute"].twists[0].shown(math.radians(-150)) == "-150 deg"
+    assert KINDS["prismatic"].twists[0].shown(0.0205) == "20.5 mm"
+
+
+def twists() -> list[Twist]:
+    """Turns, slides and screws: about the axes, and about any line."""
+    rng = np.random.default_rng(5)
+    unit = rng.normal(size=3)
+    unit /= np.linalg.norm(unit)
+    wx, wy, wz = map(float, unit)
+    px, py, pz = map(float, rng.uniform(-1, 1, 3))
+    axis, point = (wx, wy, wz), (px, py, pz)
+    return [
+        Twist(angular=X), Twist(angular=Y), Twist(angular=Z), Twist(linear=Z), Twist(linear=axis), Twist(angular=axis),
+        Twist(angular=axis, anchor=point), Twist(angular=axis, anchor=point, linear=(0.3 * wx, 0.3 * wy, 0.3 * wz)),
+        Twist(angular=Z, linear=(0.0, 0.0, -0.0013)),
+    ]
+
+
+def hat(twist: Twist) -> Array:
+    """The 4 x 4 matrix of a twist, its linear part that of the frame's origin."""
+    w, v, p = (np.array(part) for part in (twist.angular, twist.linear, twist.anchor))
+    found = np.zeros((4, 4))
+    found[:3, :3] = [[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]]
+    found[:3, 3] = v - np.cross(w, p)
+    return found
+
+
+@pytest.mark.parametrize("q", [-2.5, 1e-9, 0.3, math.pi / 2, 3.1])
+def test_the_exponential_is_that_of_the_matrix(q: float) -> None:
+    for twist in twists():
+        assert np.abs(as_matrix(twist.exponential(q)) - expm(hat(twist) * q)).max() < 4e-15
+
+
+def test_a_turn_about_an_axis_is_the_plain_matrix_to_the_last_bit() -> None:
+    for q in np.random.default_rng(1).uniform(-7, 7, 200):
+        c, s = math.cos(q), math.sin(q)
+        assert Twist(angular=Z).exponential(q).rotation == ((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0))
+        assert Twist(angular=X).exponential(q).rotation == ((1.0, 0.0, 0.0), (0.0, c, -s), (0.0, s, c))
+        assert Twist(angular=Y).exponential(q).rotation == ((c, 0.0, s), (0.0, 1.0, 0.0), (-s, 0.0, c))
+
+
+def test_velocity_reversal_and_change_of_frame() -> None:
+    X_AB = t(0.2, -0.7, 0.4) @ rz(0.3) @ ry(-1.2) @ rx(2.0)
+    point = np.array([0.4, 0.1, -0.3, 1.0])
+    for twist in twists():
+        linear, angular = twist.velocity((0.4, 0.1, -0.3))
+        assert np.array(linear) == pytest.approx((hat(twist) @ point)[:3], abs=1e-15)
+        assert angular == twist.angular
+        assert hat(twist.seen_from(as_pose(X_AB))) == pytest.approx(X_AB @ hat(twist) @ inv(X_AB), abs=1e-15)
+        back = twist.exponential(0.8) @ twist.reversed().exponential(0.8)
+        assert as_matrix(back) == pytest.approx(np.eye(4), abs=1e-15)

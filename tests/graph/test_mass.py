@@ -409,13 +409,13 @@ def driven(drive: Drive, servo: Actuator | None = SERVO, **over: object) -> tupl
 
 
 def test_a_drive_fills_in_what_the_joint_leaves_open() -> None:
-    edge = linked(*driven(Drive(component=whole("servo", 21)))).mates[0].joint  # type: ignore[arg-type]
+    edge = linked(*driven(Drive(component=whole("servo", 21)))).mates[0].joints[0]  # type: ignore[arg-type]
     assert edge is not None
     assert edge.actuator is not None
     assert (edge.limit.effort, edge.limit.velocity) == (4.1, 4.8)
     assert edge.dynamics.armature == pytest.approx(1e-7 * 353.5**2)
     assert (edge.actuator.kind, edge.actuator.kp, edge.actuator.kv, edge.actuator.effort) == ("position", 20.0, 1.0, 4.1)
-    written = linked(*driven(Drive(component=whole("servo")), effort=3.0, velocity=2.0, armature=0.5)).mates[0].joint  # type: ignore[arg-type]
+    written = linked(*driven(Drive(component=whole("servo")), effort=3.0, velocity=2.0, armature=0.5)).mates[0].joints[0]  # type: ignore[arg-type]
     assert written is not None
     assert written.actuator is not None
     assert (written.limit.effort, written.limit.velocity, written.dynamics.armature, written.actuator.effort) == (
@@ -427,7 +427,7 @@ def test_a_drive_fills_in_what_the_joint_leaves_open() -> None:
 
 
 def test_an_inline_drive() -> None:
-    edge = linked(*driven(Drive(component=None, kind="motor", effort=2.0, armature=0.01))).mates[0].joint  # type: ignore[arg-type]
+    edge = linked(*driven(Drive(component=None, kind="motor", effort=2.0, armature=0.01))).mates[0].joints[0]  # type: ignore[arg-type]
     assert edge is not None
     assert edge.actuator is not None
     assert (edge.actuator.kind, edge.limit.effort, edge.dynamics.armature, edge.actuator.kp) == ("motor", 2.0, 0.01, None)

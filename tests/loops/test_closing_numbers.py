@@ -77,7 +77,7 @@ def test_rotation_vectors_near_nothing_and_near_half_a_turn(angle: float) -> Non
 
 def held(robot: Robot, body: int, X_WM: np.ndarray, X_LM: np.ndarray) -> Loops:
     closure = Closure(
-        path="mount", kind="weld", hold=True, parent=None, child=body, X_PA=as_pose(X_WM), X_CB=as_pose(X_LM), joint=None,
+        path="mount", hold=True, parent=None, child=body, X_PA=as_pose(X_WM), X_CB=as_pose(X_LM), joints=(), twists=(),
         origin=(),
     )
     return Loops(robot.bodies, (closure,), joints_of(robot.assembly), robot.bodies[0].X_PL)

@@ -26,6 +26,7 @@ from thingc.graph.types import (
     RootChoice,
 )
 from thingc.inertia import MassProperties
+from thingc.joints import KINDS, Twist
 from thingc.pose import NO_POSE
 from thingc.realize.record import PartDefinition, PartRecord, Primitive
 from thingc.realize.store import Store
@@ -312,16 +313,18 @@ class Made:
                 X_PJ=NO_POSE,
                 X_JC=NO_POSE,
                 origin=at(30),
-                joint=JointEdge(
+                name=s.joint,
+                joints=(JointEdge(
                     path=s.joint,
                     kind="revolute",
+                    twist=KINDS["revolute"].twists[0],
                     limit=s.limit,
                     dynamics=s.dynamics,
                     offset=0.0,
                     mimic=s.mimic,
                     actuator=s.actuator,
                     origin=at(30),
-                ),
+                ),),
             )
             for s in self.segments
             if s.joint is not None
@@ -379,13 +382,12 @@ class Made:
         )
         bodies = []
         for index, s in enumerate(self.segments):
-            joint = None
+            joints: tuple[CoreJoint, ...] = ()
             if s.joint is not None:
-                joint = CoreJoint(
+                axis, anchor = tuple(map(float, s.axis)), tuple(map(float, s.anchor))
+                joints = (CoreJoint(
                     path=s.joint,
-                    kind=s.kind,
-                    axis=tuple(map(float, s.axis)),
-                    anchor=tuple(map(float, s.anchor)),
+                    twist=Twist(angular=axis, anchor=anchor) if s.kind == "hinge" else Twist(linear=axis),
                     reversed=False,
                     offset=0.0,
                     limit=s.limit,
@@ -394,8 +396,8 @@ class Made:
                     actuator=s.actuator,
                     mate=0,
                     origin=at(30 + index),
-                )
-            bodies.append(Body(link=index, parent=s.parent, X_PL=as_pose(s.pose), joint=joint))
+                ),)
+            bodies.append(Body(link=index, parent=s.parent, X_PL=as_pose(s.pose), joints=joints))
         present = tuple(s.joint for s in self.segments if s.joint is not None and s.actuator is not None)
         return Robot(
             name=self.name,

@@ -101,33 +101,30 @@ def test_the_joint_as_the_tree_crosses_it(kind: str) -> None:
 
     for name, robot in robots(hinge(kind)).items():
         body = robot.bodies[1]
-        core = body.joint
-        assert core is not None
+        (core,) = body.joints
         backwards = name in ("by_tip", "adrift")
         assert core.reversed is backwards
-        assert core.kind == ("hinge" if kind == "revolute" else "slide")
+        assert core.twist.core == ("hinge" if kind == "revolute" else "slide")
         assert (core.path, core.offset, core.dynamics.damping) == ("j", 0.25, 0.1)
-        assert np.linalg.norm(core.axis) == pytest.approx(1.0, abs=1e-15)
+        assert np.linalg.norm(core.twist.axis) == pytest.approx(1.0, abs=1e-15)
         for q in (0.8, -0.4):
             own = np.eye(4)
             if kind == "revolute":
-                own[:3, :3] = Rotation.from_rotvec(np.array(core.axis) * q).as_matrix()
-                own[:3, 3] = np.array(core.anchor) - own[:3, :3] @ np.array(core.anchor)
+                own[:3, :3] = Rotation.from_rotvec(np.array(core.twist.axis) * q).as_matrix()
+                own[:3, 3] = np.array(core.twist.anchor) - own[:3, :3] @ np.array(core.twist.anchor)
             else:
-                own[:3, 3] = np.array(core.axis) * q
+                own[:3, 3] = np.array(core.twist.axis) * q
             expected = inv(relative(kind, q)) if backwards else relative(kind, q)
             assert as_matrix(body.X_PL) @ own == pytest.approx(expected, abs=1e-13)
 
 
 def test_the_axis_lies_on_the_mount_in_the_child_and_is_negated_backwards() -> None:
     found = robots(hinge())
-    forward, backward = found["bench"].bodies[1].joint, found["adrift"].bodies[1].joint
-    assert forward is not None
-    assert backward is not None
-    assert np.array(forward.axis) == pytest.approx(-HOLE[:3, 2])  # the mate opposes the z axes
-    assert np.array(forward.anchor) == pytest.approx(HOLE[:3, 3])
-    assert np.array(backward.axis) == pytest.approx(-SEAT[:3, 2])
-    assert np.array(backward.anchor) == pytest.approx((SEAT @ [0, 0, 0.003, 1])[:3])
+    (forward,), (backward,) = (found[name].bodies[1].joints for name in ("bench", "adrift"))
+    assert np.array(forward.twist.axis) == pytest.approx(-HOLE[:3, 2])  # the mate opposes the z axes
+    assert np.array(forward.twist.anchor) == pytest.approx(HOLE[:3, 3])
+    assert np.array(backward.twist.axis) == pytest.approx(-SEAT[:3, 2])
+    assert np.array(backward.twist.anchor) == pytest.approx((SEAT @ [0, 0, 0.003, 1])[:3])
 
 
 def test_no_negative_zeros_are_written() -> None:
@@ -137,9 +134,8 @@ def test_no_negative_zeros_are_written() -> None:
         [joint("j", "base.origin", "arm.origin")],
         modes=[mode("m", whole("arm"))],
     )
-    core = robots(linked(model, BASE, ARM))["m"].bodies[1].joint
-    assert core is not None
-    assert [math.copysign(1, x) for x in core.axis] == [1, 1, -1]
+    (core,) = robots(linked(model, BASE, ARM))["m"].bodies[1].joints
+    assert [math.copysign(1, x) for x in core.twist.axis] == [1, 1, -1]
 
 
 def test_world_poses_start_from_another_base_pose_when_asked() -> None:
@@ -228,8 +224,8 @@ def test_bodies_are_depth_first_in_document_order() -> None:
     assert link_names(made["foot"]) == ("leg_a/shin", "leg_a/thigh", "hub", "leg_b/thigh", "leg_b/shin")
     assert [b.parent for b in made["foot"].bodies] == [None, 0, 1, 2, 3]
     assert joint_names(made["foot"]) == ("leg_a/knee", "swing_a", "swing_b", "leg_b/knee")
-    assert [b.joint.reversed for b in made["foot"].bodies[1:] if b.joint] == [True, True, False, False]
-    assert [b.joint.mimic.joint for b in made["foot"].bodies if b.joint and b.joint.mimic] == ["swing_a"]
+    assert [joint.reversed for b in made["foot"].bodies[1:] for joint in b.joints] == [True, True, False, False]
+    assert [joint.mimic.joint for b in made["foot"].bodies for joint in b.joints if joint.mimic] == ["swing_a"]
 
 
 def test_sites_are_the_same_in_every_mode_but_for_the_body() -> None:

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.linalg import expm
 
 from graph.builder import (
     Array,
@@ -228,28 +229,21 @@ def held(robot: Robot, q: dict[str, float], held_link: int, down: Array) -> tupl
     From each body's twist Jacobian J_b (angular and linear at the root's origin, one column per joint), relative to that
     of the held link: M = sum (J_b - J_L)^T I_b (J_b - J_L), and the torque is - sum m_b g . d c_b / d q.
     """
-    names = sorted(body.joint.path for body in robot.bodies if body.joint is not None)
+    names = sorted(joint.path for body in robot.bodies for joint in body.joints)
     column = {name: k for k, name in enumerate(names)}
     frames: list[Array] = []
     jacobians: list[Array] = []
     for body in robot.bodies:
-        if body.parent is None or body.joint is None:
-            frames.append(np.eye(4))
-            jacobians.append(np.zeros((6, len(names))))
-            continue
-        core, value = body.joint, q[body.joint.path]
-        axis, anchor = np.array(core.axis), np.array(core.anchor)
-        moved = np.eye(4)
-        if core.kind == "hinge":
-            moved[:3, :3] = turned(axis, value)
-            moved[:3, 3] = anchor - moved[:3, :3] @ anchor
-        else:
-            moved[:3, 3] = axis * value
-        frames.append(frames[body.parent] @ as_matrix(body.X_PL) @ moved)
-        jacobian = jacobians[body.parent].copy()
-        direction, point = frames[-1][:3, :3] @ axis, (frames[-1] @ [*anchor, 1])[:3]
-        twist = [*direction, *np.cross(point, direction)] if core.kind == "hinge" else [0, 0, 0, *direction]
-        jacobian[:, column[core.path]] = twist
+        X = np.eye(4) if body.parent is None else frames[body.parent] @ as_matrix(body.X_PL)
+        jacobian = np.zeros((6, len(names))) if body.parent is None else jacobians[body.parent].copy()
+        for core in body.joints:
+            angular, linear, anchor = (np.array(part) for part in (core.twist.angular, core.twist.linear, core.twist.anchor))
+            hat = np.zeros((4, 4))
+            hat[:3, :3], hat[:3, 3] = skew(angular), linear - np.cross(angular, anchor)
+            spatial = X @ hat @ inv(X)
+            jacobian[:, column[core.path]] = [spatial[2, 1], spatial[0, 2], spatial[1, 0], *spatial[:3, 3]]
+            X = X @ expm(hat * q[core.path])
+        frames.append(X)
         jacobians.append(jacobian)
     reference = next(k for k, body in enumerate(robot.bodies) if body.link == held_link)
     g = frames[reference][:3, :3] @ down

@@ -316,7 +316,7 @@ def test_feet_in_the_air_carry_nothing(hexapod: Hexapod, tmp_path: Path, shared_
     """On six feet in the pose that lifts three of them."""
     robot = hexapod.robot("six")
     frame = next(frame for frame in robot.keyframes if frame.name == "tripod")
-    high = lifted(stance(robot, body_poses(robot, frame.q, frame.base)).feet)
+    high = lifted(stance(robot, frame.q, body_poses(robot, frame.q, frame.base)).feet)
     data = Balance(hexapod.scene("six"), "tripod", [f"leg_{k}/sole" for k in range(6)])
     assert high == pytest.approx({f"leg_{k}/sole": data.soles[k, 2] - data.soles[0, 2] for k in (1, 3, 5)}, abs=1e-12)
     with changed(tmp_path / "w", shared_store, ("mode: all, min: 2", "mode: six, pose: tripod, min: 2")) as document:

@@ -83,7 +83,7 @@ def mode_data(robot: Robot) -> dict[str, object]:
         "base": robot.base,
         "X_world_root": [list(row) for row in robot.bodies[0].X_PL.rows()],
         "links": [robot.assembly.links[body.link].name for body in robot.bodies],
-        "joints": [body.joint.path for body in robot.bodies if body.joint is not None],
+        "joints": [joint.path for body in robot.bodies for joint in body.joints],
     }
 
 
@@ -92,7 +92,7 @@ def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
     whole = assembly.properties
     lines = [
         f"{assembly.name}: {_grams(whole.mass)} in {len(assembly.occurrences)} occurrences, {len(assembly.links)} links, "
-        f"{sum(1 for mate in assembly.mates if mate.joint is not None)} joints",
+        f"{sum(1 for mate in assembly.mates if mate.joints)} joints",
         "centre of mass  " + "  ".join(f"{1000.0 * x:.3f}" for x in whole.centre) + "  mm, in the frame of "
         f"`{assembly.occurrences[assembly.base].path}` at q = 0",
         "inertia         "
@@ -118,12 +118,14 @@ def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
         lines.append(f"mode {robot.mode.name}: root {data['root']}, base {robot.base}{stands}")
         for body in robot.bodies:
             name = assembly.links[body.link].name
-            if body.joint is None or body.parent is None:
+            if not body.joints or body.parent is None:
                 lines.append(f"  {name}")
                 continue
             parent = assembly.links[robot.bodies[body.parent].link].name
-            crossed = ", crossed from child to parent" if body.joint.reversed else ""
-            lines.append(f"  {name}  <- {body.joint.path} ({body.joint.kind}{crossed}) on {parent}")
+            crossed = ", crossed from child to parent" if body.joints[0].reversed else ""
+            by = " ".join(joint.path for joint in body.joints)
+            how = ", ".join(joint.twist.core for joint in body.joints)
+            lines.append(f"  {name}  <- {by} ({how}{crossed}) on {parent}")
         lines += _loops(robot)
     return lines
 
@@ -164,7 +166,7 @@ def mates_text(assembly: Assembly) -> list[str]:
     for mate in assembly.mates:
         parent, child = assembly.occurrences[mate.parent], assembly.occurrences[mate.child]
         rotation = (assembly.rest[mate.parent].inverse() @ assembly.rest[mate.child]).rotation
-        by = mate.joint.path if mate.joint is not None else "rigid"
+        by = mate.name or "rigid"
         rows.append((child.path, mate.child_mount, parent.path, mate.parent_mount, by, axes(rotation)))
     return table(rows)
 

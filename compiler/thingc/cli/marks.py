@@ -41,12 +41,10 @@ def mounts_of(robot: Robot, wanted: Sequence[str]) -> Iterator[Mark]:
 
 def joints(robot: Robot) -> Iterator[Mark]:
     """The axis of every joint, as its documents mean it: z of the parent's mount."""
-    slides = {body.joint.path for body in robot.bodies if body.joint is not None and body.joint.kind == "slide"}
-    slides |= {closure.path for closure in robot.closures if closure.kind == "slide"}
     for mate in robot.assembly.mates:
-        if mate.joint is not None:
+        for joint in mate.joints:
             body, pose = _on_link(robot.assembly, mate.parent, mate.X_PJ)
-            yield Axis(label=_dotted(mate.joint.path), body=body, pose=pose, slides=mate.joint.path in slides)
+            yield Axis(label=_dotted(joint.path), body=body, pose=pose, slides=not joint.twist.turns)
 
 
 def root(robot: Robot) -> Iterator[Mark]:

@@ -16,13 +16,11 @@ from thingc.emit.artifact import Artifacts
 from thingc.emit.jsontext import Fragment, fragment
 from thingc.emit.request import EmitRequest
 from thingc.inertia import MassProperties
+from thingc.joints import Twist
 from thingc.memo import Memo
-from thingc.pose import NO_POSE, Pose, Vector, shifted
+from thingc.pose import NO_POSE, Pose, shifted
 from thingc.resolve.model import Mimic
 from thingc.robot.types import Robot
-
-WIDTHS = {"hinge": (1, 1), "slide": (1, 1)}
-"""How many entries of MuJoCo's qpos and qvel a joint of each kind of the core has."""
 
 LISTED = 3
 """How deep a link or a joint stands in the file: in a list of a mode of the whole."""
@@ -67,17 +65,14 @@ def describe(robot: Robot, memo: Memo | None = None) -> dict[str, object]:
         at_zero.append(pose)
         own = robot.assembly.links[body.link].properties
         links.append(memo(("modes.json", mode, "link", name), _link, name, pose, own))
-        joint = body.joint
-        if joint is None or body.parent is None:
-            continue
-        joints.append(memo(
-            ("modes.json", mode, "joint", joint.path), _joint, joint.path, joint.kind, names[body.parent], name, body.X_PL,
-            joint.anchor, joint.axis, joint.offset, joint.reversed, joint.dynamics.armature, joint.mimic, qpos, dof,
-        ))
-        order.append(joint.path)
-        positions, velocities = WIDTHS[joint.kind]
-        qpos, dof = qpos + positions, dof + velocities
-    order += [closure.path for closure in robot.closures if closure.joint is not None]
+        for joint in body.joints:
+            joints.append(memo(
+                ("modes.json", mode, "joint", joint.path), _joint, joint.path, joint.twist, names[body.parent or 0], name, body.X_PL,
+                joint.offset, joint.reversed, joint.dynamics.armature, joint.mimic, qpos, dof,
+            ))
+            order.append(joint.path)
+            qpos, dof = qpos + 1, dof + 1
+    order += [joint.path for closure in robot.closures for joint in closure.joints]
     placed = ((frame.name, frame.base) for frame in robot.keyframes)
     bases = {name: base.rows() for name, base in placed if base is not None and base != robot.bodies[0].X_PL}
     return {
@@ -109,16 +104,16 @@ def _link(name: str, pose: Pose, own: MassProperties) -> Fragment:
 
 
 def _joint(
-    path: str, kind: str, parent: str, child: str, X_PL: Pose, anchor: Vector, axis: Vector, offset: float, reversed_: bool,
-    armature: float | None, mimic: Mimic | None, qpos: int, dof: int,
+    path: str, twist: Twist, parent: str, child: str, X_PL: Pose, offset: float, reversed_: bool, armature: float | None,
+    mimic: Mimic | None, qpos: int, dof: int,
 ) -> Fragment:
     return fragment({
         "name": path,
-        "kind": kind,
+        "kind": twist.core,
         "parent": parent,
         "child": child,
-        "X_PJ": (X_PL @ shifted(*anchor)).rows(),
-        "axis": axis,
+        "X_PJ": (X_PL @ shifted(*twist.anchor)).rows(),
+        "axis": twist.axis,
         "offset": offset,
         "reversed": reversed_,
         "armature": armature or 0.0,

@@ -8,37 +8,37 @@ from thingc.diagnostics import Code, Note
 from thingc.graph.findings import Findings, noted, written_at
 from thingc.graph.types import ActuatorModel, JointEdge
 from thingc.graph.unroll import Instance, Tree
-from thingc.joints import JointKind
+from thingc.joints import Twist
 from thingc.realize.record import Actuator
 from thingc.resolve.model import Drive, Joint
 from thingc.slips import did_you_mean
 from thingc.source import Origin
 
-_INLINE = {"hinge": "`drive: {kind: position, kp: 20 N*m/rad}`", "slide": "`drive: {kind: position, kp: 200 N/m}`", None: ""}
+_INLINE = {"hinge": "`drive: {kind: position, kp: 20 N*m/rad}`", "slide": "`drive: {kind: position, kp: 200 N/m}`"}
 """By the joint of the core an example of a drive written in the document."""
 
 
-def stated_edge(instance: Instance, joint: Joint) -> JointEdge:
+def stated_edge(instance: Instance, joint: Joint, twist: Twist) -> JointEdge:
     """The joint at its path as its document states it, without what its drive adds."""
     mimic = replace(joint.mimic, joint=instance.within(joint.mimic.joint)) if joint.mimic is not None else None
     return JointEdge(
-        path=instance.within(joint.name), kind=joint.kind, limit=joint.limit, dynamics=joint.dynamics, offset=joint.offset, mimic=mimic,
-        actuator=None, origin=joint.origin + instance.origin,
+        path=instance.within(joint.name), kind=joint.kind, twist=twist, limit=joint.limit, dynamics=joint.dynamics, offset=joint.offset,
+        mimic=mimic, actuator=None, origin=joint.origin + instance.origin,
     )
 
 
-def joint_edge(tree: Tree, instance: Instance, joint: Joint, kind: JointKind, findings: Findings) -> JointEdge:
+def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findings: Findings) -> JointEdge:
     """The joint at its path. Effort, velocity and armature come from the drive unless the joint states them."""
     origin = joint.origin + instance.origin
     path = instance.within(joint.name)
     limit, dynamics = joint.limit, joint.dynamics
     actuator: ActuatorModel | None = None
-    drive = _filled(tree, instance, joint, kind, joint.drive, findings) if joint.drive is not None else None
+    drive = _filled(tree, instance, joint, twist, joint.drive, findings) if joint.drive is not None else None
     if drive is not None:
         place = (drive.origin or joint.origin) + instance.origin
         if limit.effort is not None and drive.effort is not None and limit.effort > drive.effort:
             span = joint.spans.get("limit.effort")
-            unit = "N*m" if kind.core == "hinge" else "N"
+            unit = "N*m" if twist.turns else "N"
             findings.warn(
                 Code.EFFORT,
                 f"joint `{joint.name}` asks for {limit.effort:.6g} {unit}, "
@@ -58,16 +58,16 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, kind: JointKind, fi
             findings.error(
                 Code.NO_GAIN, f"joint `{joint.name}` is driven to a position, and its actuator states no gain `kp`",
                 place, path=path,
-                help=f"state `kp` in the Thing's `Actuator`, or drive inline: {_INLINE[kind.core]}",
+                help=f"state `kp` in the Thing's `Actuator`, or drive inline: {_INLINE[twist.core]}",
                 notes=_written(tree, instance, drive),
             )
         actuator = ActuatorModel(
             kind=drive.kind or "position", kp=drive.kp, kv=drive.kv, effort=limit.effort, velocity=limit.velocity, origin=place,
         )
-    return replace(stated_edge(instance, joint), limit=limit, dynamics=dynamics, actuator=actuator)
+    return replace(stated_edge(instance, joint, twist), limit=limit, dynamics=dynamics, actuator=actuator)
 
 
-def _filled(tree: Tree, instance: Instance, joint: Joint, kind: JointKind, drive: Drive, findings: Findings) -> Drive | None:
+def _filled(tree: Tree, instance: Instance, joint: Joint, twist: Twist, drive: Drive, findings: Findings) -> Drive | None:
     """The drive with the numbers of the Thing's actuator, what is written inline first. None where it is wrong."""
     if drive.component is None:
         return drive
@@ -77,7 +77,7 @@ def _filled(tree: Tree, instance: Instance, joint: Joint, kind: JointKind, drive
     leaf = named.leaf
     actuator = leaf.record.actuator if leaf is not None and leaf.record is not None else None
     if actuator is None:
-        _no_actuator(instance, joint, kind, drive.component.text, named, drive.component.origin + instance.origin, findings)
+        _no_actuator(instance, joint, twist, drive.component.text, named, drive.component.origin + instance.origin, findings)
         return None
     if leaf is not None and leaf.record is not None and not leaf.record.exact:
         return None
@@ -108,7 +108,7 @@ def _over(drive: Drive, actuator: Actuator) -> Drive:
 
 
 def _no_actuator(
-    instance: Instance, joint: Joint, kind: JointKind, text: str, named: Instance, origin: Origin, findings: Findings,
+    instance: Instance, joint: Joint, twist: Twist, text: str, named: Instance, origin: Origin, findings: Findings,
 ) -> None:
     able = [
         name for name, child in instance.children.items()
@@ -130,7 +130,7 @@ def _no_actuator(
         Code.NO_ACTUATOR, f"joint `{joint.name}` is driven by `{text}`{what}", origin, path=instance.within(joint.name),
         help=(
             did_you_mean(text, able, what="components with an actuator") if able
-            else f"declare `actuator = Actuator(...)` in its class, or drive inline: {_INLINE[kind.core]}"
+            else f"declare `actuator = Actuator(...)` in its class, or drive inline: {_INLINE[twist.core]}"
         ),
         notes=notes,
     )

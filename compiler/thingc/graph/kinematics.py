@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 
 from thingc.graph.types import Assembly, JointEdge, Mate
-from thingc.joints import KINDS
+from thingc.joints import moved
 from thingc.pose import NO_POSE, Pose
 
 
 def joints_of(assembly: Assembly) -> tuple[JointEdge, ...]:
-    """The joints that move, in joint order: a document's own as written, then those of the documents nested in it."""
-    return tuple(mate.joint for mate in assembly.mates if mate.joint is not None)
+    """The coordinates of the joints, in joint order: a document's own as written, then those of the documents nested in it."""
+    return tuple(joint for mate in assembly.mates for joint in mate.joints)
 
 
 def coordinates(joints: Iterable[JointEdge], values: Mapping[str, float]) -> dict[str, float]:
@@ -56,11 +56,12 @@ def leaders(joints: Iterable[JointEdge]) -> dict[str, tuple[str, float, float]]:
     return found
 
 
-def across(mate: Mate, q: float) -> Pose:
-    """`X_PC(q)`: the child occurrence in the parent occurrence, q in rad or m (unused by a rigid mate)."""
-    if mate.joint is None:
+def across(mate: Mate, q: Mapping[str, float]) -> Pose:
+    """`X_PC(q)`: the child occurrence in the parent occurrence, q [rad or m] by joint path (0 where it says nothing)."""
+    if not mate.joints:
         return mate.X_PJ @ mate.X_JC
-    return mate.X_PJ @ KINDS[mate.joint.kind].motion(q + mate.joint.offset) @ mate.X_JC
+    values = tuple(q.get(joint.path, 0.0) + joint.offset for joint in mate.joints)
+    return mate.X_PJ @ moved(tuple(joint.twist for joint in mate.joints), values) @ mate.X_JC
 
 
 def neighbourhood(count: int, mates: Sequence[Mate]) -> list[list[int]]:
@@ -97,7 +98,7 @@ def on_loops(count: int, mates: Sequence[Mate]) -> frozenset[str]:
                     waiting.append(there)
     found: set[str] = set()
     for mate in closing:
-        found.update((mate.joint.path,) if mate.joint is not None else ())
+        found.update(joint.path for joint in mate.joints)
         one, other = mate.parent, mate.child
         while one != other:
             if above[one][2] < above[other][2]:
@@ -105,8 +106,7 @@ def on_loops(count: int, mates: Sequence[Mate]) -> frozenset[str]:
             one, number, _ = above[one]
             if number < 0:
                 break
-            joint = mates[number].joint
-            found.update((joint.path,) if joint is not None else ())
+            found.update(joint.path for joint in mates[number].joints)
     return frozenset(found)
 
 
@@ -126,9 +126,9 @@ def spread(
         for number in neighbours[here]:
             mate = mates[number]
             there = mate.child if mate.parent == here else mate.parent
-            if there in at or (rigid and mate.joint is not None):
+            if there in at or (rigid and mate.joints):
                 continue
-            step = across(mate, q.get(mate.joint.path, 0.0) if mate.joint is not None else 0.0)
+            step = across(mate, q)
             at[there] = at[here] @ (step if mate.parent == here else step.inverse())
             waiting.append(there)
     return at

@@ -50,7 +50,7 @@ def link(
     modes = modes_of(tree, model, link_of, findings)
     sensors = sensors_of(tree)
     adhesions = adhesions_of(tree, model)
-    joints = tuple(mate.joint for mate in mates if mate.joint is not None)
+    joints = tuple(joint for mate in mates for joint in mate.joints)
     tests = tests_of(tree, model.tests, joints, findings)
     base = tree.top.index
     if not findings.incomplete:
@@ -62,7 +62,7 @@ def link(
         check_plausible(tree, occurrences, mates, links, modes, exported, findings)
     known = not findings.incomplete or not (findings.earlier or findings.failed or any(loops_in(tree)))
     check_poses(model.poses, model.modes, stated_joints(tree, joints), findings, on_loops(len(occurrences), mates), unset=known)
-    lie = tuple((m.parent, m.child, m.X_PJ, m.X_JC, m.loop, m.joint and (m.joint.kind, m.joint.offset)) for m in mates)
+    lie = tuple((m.parent, m.child, m.X_PJ, m.X_JC, m.loop, tuple((j.twist, j.offset) for j in m.joints)) for m in mates)
     at = memo("rest", lambda *_: _rest(mates, base, len(occurrences)), lie, base, len(occurrences))
     placing = sum(1 for mate in mates if mate.loop is None)
     if base is None or findings.incomplete or len(at) != len(occurrences) or placing != len(occurrences) - 1:

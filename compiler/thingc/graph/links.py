@@ -30,7 +30,7 @@ def fused(count: int, mates: Sequence[Mate]) -> tuple[int, ...]:
         return k
 
     for mate in mates:
-        if mate.joint is None and mate.loop is None:
+        if not mate.joints and mate.loop is None:
             a, b = find(mate.parent), find(mate.child)
             parent[max(a, b)] = min(a, b)  # the smallest member stays the representative
     numbers: dict[int, int] = {}
@@ -58,7 +58,7 @@ def links_of(
         members[number].append(occurrence)
     namings = _namings(tree, link_of, findings)
     neighbours = neighbourhood(len(occurrences), mates)
-    rigid = tuple((m.parent, m.child, m.X_PJ, m.X_JC) for m in mates if m.joint is None and m.loop is None)
+    rigid = tuple((m.parent, m.child, m.X_PJ, m.X_JC) for m in mates if not m.joints and m.loop is None)
     links: list[Link] = []
     taken: dict[str, Link] = {}
     for index, inside in enumerate(members):

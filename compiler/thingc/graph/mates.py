@@ -52,7 +52,7 @@ def _attached(tree: Tree, instance: Instance, attach: Attach, memo: Memo) -> Ite
     child, parent = tree.find(instance, attach.mount), tree.find(instance, attach.to)
     if child is not None and parent is not None:
         place = ("mate", instance.within(attach.mount.text))
-        yield memo(place, _mated, parent, child, attach.turn, attach.gap, None, attach.origin + instance.origin, None)
+        yield memo(place, _mated, parent, child, attach.turn, attach.gap, (), attach.origin + instance.origin, "", False)
 
 
 def _laid(tree: Tree, instance: Instance, component: Component, at: At, memo: Memo) -> Iterator[Mate]:
@@ -80,10 +80,10 @@ def _jointed(tree: Tree, instance: Instance, joint: Joint, findings: Findings, m
             notes=noted("the child", joint.child.origin),
         )
         return
-    edge = joint_edge(tree, instance, joint, kind, findings) if kind.moves else None
+    edges = tuple(joint_edge(tree, instance, joint, twist, findings) for twist in kind.twists)
     path = instance.within(joint.name)
     origin = joint.origin + instance.origin
-    yield memo(("joint", path), _mated, parent, child, joint.turn, joint.gap, edge, origin, path if joint.loop else None)
+    yield memo(("joint", path), _mated, parent, child, joint.turn, joint.gap, edges, origin, path, joint.loop)
 
 
 def stated_joints(tree: Tree, joints: Sequence[JointEdge]) -> tuple[JointEdge, ...]:
@@ -93,7 +93,7 @@ def stated_joints(tree: Tree, joints: Sequence[JointEdge]) -> tuple[JointEdge, .
         for joint in definition.joints:
             kind, path = KINDS.get(joint.kind), instance.within(joint.name)
             if kind is not None and kind.moves and path not in known:
-                known[path] = stated_edge(instance, joint)
+                known[path] = stated_edge(instance, joint, kind.twists[0])
     return tuple(known.values())
 
 
@@ -115,7 +115,7 @@ def check_loops(mates: Sequence[Mate], link_of: Sequence[int], links: Sequence[L
 
 
 def _mated(
-    parent: Found, child: Found, turn: float, gap: float, joint: JointEdge | None, origin: Origin, loop: str | None,
+    parent: Found, child: Found, turn: float, gap: float, joints: tuple[JointEdge, ...], origin: Origin, path: str, loop: bool,
 ) -> Mate:
     at: Pose = parent.pose
     if turn != 0.0:
@@ -124,14 +124,15 @@ def _mated(
         at = at @ shifted(0.0, 0.0, gap)
     return Mate(
         parent=parent.occurrence, child=child.occurrence, parent_mount=parent.mount, child_mount=child.mount,
-        X_PJ=at, X_JC=MATE @ child.pose.inverse(), joint=joint, origin=origin, loop=loop,
+        X_PJ=at, X_JC=MATE @ child.pose.inverse(), joints=joints, origin=origin, name=path if joints else None,
+        loop=path if loop else None,
     )
 
 
 def _laid_on(parent: Found, child: Found, pose: Pose, origin: Origin) -> Mate:
     return Mate(
         parent=parent.occurrence, child=child.occurrence, parent_mount=parent.mount, child_mount="origin",
-        X_PJ=parent.pose @ pose, X_JC=child.pose.inverse(), joint=None, origin=origin,
+        X_PJ=parent.pose @ pose, X_JC=child.pose.inverse(), joints=(), origin=origin,
     )
 
 

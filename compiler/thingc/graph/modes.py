@@ -10,7 +10,6 @@ from thingc.graph.findings import Findings, noted
 from thingc.graph.kinematics import coordinates
 from thingc.graph.types import Adhesion, ExportedMount, Foot, JointEdge, LinkedHold, LinkedMode, LinkedSensor, RootChoice
 from thingc.graph.unroll import Tree
-from thingc.joints import KINDS
 from thingc.resolve.model import AssemblyDefinition, Mode, NamedPose, RawAttribute, Reference
 from thingc.slips import did_you_mean
 
@@ -208,26 +207,26 @@ def check_poses(
 
 
 def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: Findings) -> None:
-    kind, lower, upper = KINDS[joint.kind], joint.limit.lower, joint.limit.upper
+    twist, lower, upper = joint.twist, joint.limit.lower, joint.limit.upper
     below = lower is not None and q < lower - _ROUNDING * max(1.0, abs(lower))
     above = upper is not None and q > upper + _ROUNDING * max(1.0, abs(upper))
     if not below and not above:
         return
     if lower is not None and upper is not None:
-        limits = f"its limits {kind.shown(lower)} to {kind.shown(upper)}"
+        limits = f"its limits {twist.shown(lower)} to {twist.shown(upper)}"
     else:
-        limits = f"its lower limit {kind.shown(lower)}" if lower is not None else f"its upper limit {kind.shown(upper or 0.0)}"
+        limits = f"its lower limit {twist.shown(lower)}" if lower is not None else f"its upper limit {twist.shown(upper or 0.0)}"
     notes = noted(f"`{joint.path}` is here", joint.origin)
     if joint.path in pose.values:
         findings.error(
-            Code.POSE_LIMITS, f"pose `{pose.name}` puts `{joint.path}` at {kind.shown(q)}, outside {limits}",
+            Code.POSE_LIMITS, f"pose `{pose.name}` puts `{joint.path}` at {twist.shown(q)}, outside {limits}",
             pose.origins.get(joint.path, pose.origin), path=pose.name, help="write a value within the limits, or widen them",
             notes=notes,
         )
     elif joint.mimic is not None:
         findings.error(
             Code.POSE_LIMITS,
-            f"pose `{pose.name}` puts `{joint.path}`, which mimics `{joint.mimic.joint}`, at {kind.shown(q)}, outside {limits}",
+            f"pose `{pose.name}` puts `{joint.path}`, which mimics `{joint.mimic.joint}`, at {twist.shown(q)}, outside {limits}",
             pose.origins.get(joint.mimic.joint, pose.origin), path=pose.name,
             help=f"set `{joint.mimic.joint}` so that both stay within their limits, or widen them", notes=notes,
         )

@@ -19,7 +19,7 @@ from thingc.pose import Pose, Vector
 from thingc.resolve.model import AssemblyDefinition, At, Attach, Joint, Mode
 from thingc.resolve.plausible import LARGEST, SMALLEST, density_cure, density_doubt, mass_words, measures, unit_meant
 from thingc.source import Origin
-from thingc.units import FORCE, LENGTH, Quantity
+from thingc.units import ANGLE, FORCE, LENGTH, Quantity
 
 TURNS = 2.0
 """A hinge that stops beyond so many turns is rarely one: what turns without end is `continuous`."""
@@ -50,7 +50,7 @@ def check_plausible(
     """Every such warning about a whole assembly, of documents without errors."""
     if findings.earlier or findings.failed:
         return
-    edges = {mate.joint.path: mate.joint for mate in mates if mate.joint is not None}
+    edges = {joint.path: joint for mate in mates for joint in mate.joints}
     for instance, definition in tree.assemblies:
         for joint in definition.joints:
             _check_limits(instance, joint, findings)
@@ -58,7 +58,7 @@ def check_plausible(
     _check_steps(tree.top.assembly, findings)
     _check_materials(tree, occurrences, findings)
     odd = _check_sizes(occurrences, findings)
-    if not odd and not findings.has_said(Code.DENSITY) and any(mate.joint is not None for mate in mates):
+    if not odd and not findings.has_said(Code.DENSITY) and any(mate.joints for mate in mates):
         _check_mass(tree.top, sum(link.properties.mass for link in links), findings)
     _check_actuators(tree, occurrences, mates, {mount.occurrence for mount in exported if "/" not in mount.path}, findings)
     _check_magnets(tree.top.assembly, modes, sum(link.properties.mass for link in links), findings)
@@ -129,7 +129,7 @@ def _check_mass(top: Instance, mass: float, findings: Findings) -> None:
 def _check_limits(instance: Instance, joint: Joint, findings: Findings) -> None:
     """Limits of a hinge beyond some turns; else limits of which one is in rad and the other in deg."""
     kind = KINDS.get(joint.kind)
-    if kind is None or kind.core != "hinge":
+    if kind is None or kind.coordinate != ANGLE:
         return
     ends = {key: value for key, value in (("lower", joint.limit.lower), ("upper", joint.limit.upper)) if value is not None}
     path, here = instance.within(joint.name), joint.origin + instance.origin
@@ -152,7 +152,7 @@ def _check_limits(instance: Instance, joint: Joint, findings: Findings) -> None:
             Code.LIMIT_UNITS,
             f"of joint `{joint.name}` the lower limit is in {low_unit} (`{lower}`), the upper one in {high_unit} (`{upper}`)",
             _place(joint, f"limit.{key}", here), path=path, notes=_elsewhere(joint, f"limit.{key}"),
-            help=f"write both in one unit: `{value}` is `{kind.shown(ends[key])}`; {meant_so(Code.LIMIT_UNITS)}",
+            help=f"write both in one unit: `{value}` is `{kind.twists[0].shown(ends[key])}`; {meant_so(Code.LIMIT_UNITS)}",
         )
 
 
@@ -180,7 +180,7 @@ def _check_drive(instance: Instance, joint: Joint, edge: JointEdge | None, findi
     if edge is None or edge.actuator is None or not edge.actuator.effort:
         return
     effort, fastest = edge.actuator.effort, edge.actuator.velocity
-    force, speed = ("N*m", "rad/s") if KINDS[joint.kind].core == "hinge" else ("N", "m/s")
+    force, speed = ("N*m", "rad/s") if edge.twist.turns else ("N", "m/s")
     friction, damping = edge.dynamics.friction or 0.0, edge.dynamics.damping or 0.0
     if friction >= DRAG * effort:
         key = "dynamics.friction"
@@ -241,7 +241,7 @@ def _check_actuators(
         if one.record is None or one.record.actuator is None or one.index in driving or one.index in shown:
             continue
         name = one.component.name
-        turning = [mate.joint for mate in mates if mate.joint is not None and one.index in (mate.parent, mate.child)]
+        turning = [joint for mate in mates if one.index in (mate.parent, mate.child) for joint in mate.joints]
         if any(edge.path in inline for edge in turning):
             continue
         still = [edge for edge in turning if edge.actuator is None]
@@ -306,7 +306,7 @@ def _offsets(definition: AssemblyDefinition) -> Iterator[tuple[str, float, str, 
             yield f"the mount `{name}.{mount}` is moved", _length(extra.pose), name, extra.origin
     for joint in definition.joints:
         kind = KINDS.get(joint.kind)
-        along = joint.offset if kind is not None and kind.core == "slide" else 0.0
+        along = joint.offset if kind is not None and kind.coordinate == LENGTH else 0.0
         yield f"joint `{joint.name}` is moved", max(abs(joint.gap), abs(along)), joint.name, joint.origin
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from thingc.brief import Brief
 from thingc.inertia import MassProperties
+from thingc.joints import Twist
 from thingc.pose import Pose
 from thingc.realize.record import Mesh, PartDefinition, PartRecord, Primitive
 from thingc.resolve.model import (
@@ -131,13 +132,15 @@ class ActuatorModel(Brief):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointEdge(Brief):
-    """The moving part of a mate: a joint at its path (`hand/finger`), all defaults worked out.
+    """A coordinate of a mate: a joint at its path (`hand/finger`), all defaults worked out.
 
-    `mimic.joint` is a joint path here. `limit.effort` and `.velocity` and `dynamics.armature` carry the drive's defaults.
+    `twist` is what it does, seen in the frame that the coordinates before it in the mate have moved. `mimic.joint`
+    is a joint path here. `limit.effort` and `.velocity` and `dynamics.armature` carry the drive's defaults.
     """
 
     path: str
     kind: str
+    twist: Twist
     limit: Limit
     dynamics: Dynamics
     offset: float
@@ -150,7 +153,8 @@ class JointEdge(Brief):
 class Mate(Brief):
     """An edge of the mate graph between occurrences `parent` and `child` (indices).
 
-    `X_PC(q) = X_PJ @ motion(q + offset) @ X_JC`; rigid without `joint` (motion is the identity).
+    `X_PC(q) = X_PJ @ exp(twist_0 (q_0 + offset_0)) @ exp(twist_1 (q_1 + offset_1)) ... @ X_JC` over its `joints`; rigid without any.
+    `name` is the path of the joint, as its document calls it (None: rigid).
     `parent_mount` and `child_mount` are the names of the mounts mated (`origin` for `at`). `loop` is the path of a joint that
     closes a loop: it places nothing, and is no edge of the tree that the documents' placements make.
     """
@@ -161,8 +165,9 @@ class Mate(Brief):
     child_mount: str
     X_PJ: Pose
     X_JC: Pose
-    joint: JointEdge | None
+    joints: tuple[JointEdge, ...]
     origin: Origin
+    name: str | None = None
     loop: str | None = None
 
 

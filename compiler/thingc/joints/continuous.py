@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from thingc.joints.kind import JointKind
-from thingc.pose import turned_z
-from thingc.units import ANGLE
+from thingc.joints.twist import Twist, Z
 
-KIND = JointKind(name="continuous", coordinate=ANGLE, limits="none", core="hinge", motion=turned_z)
+KIND = JointKind(name="continuous", twists=(Twist(angular=Z),), limits="none")

@@ -3,13 +3,6 @@
 from __future__ import annotations
 
 from thingc.joints.kind import JointKind
-from thingc.pose import Pose, shifted
-from thingc.units import LENGTH
+from thingc.joints.twist import Twist, Z
 
-
-def motion(q: float) -> Pose:
-    """A shift by `q` [m] along z."""
-    return shifted(0.0, 0.0, q)
-
-
-KIND = JointKind(name="prismatic", coordinate=LENGTH, limits="required", core="slide", motion=motion)
+KIND = JointKind(name="prismatic", twists=(Twist(linear=Z),), limits="required")

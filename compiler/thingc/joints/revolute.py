@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from thingc.joints.kind import JointKind
-from thingc.pose import turned_z
-from thingc.units import ANGLE
+from thingc.joints.twist import Twist, Z
 
-KIND = JointKind(name="revolute", coordinate=ANGLE, limits="required", core="hinge", motion=turned_z)
+KIND = JointKind(name="revolute", twists=(Twist(angular=Z),), limits="required")

@@ -344,9 +344,10 @@ class _Reader:
         high = joint.limit.upper if joint.limit.upper is not None else math.pi
         if said != ALL and kind.coordinate is not None:
             first, last = self.interval(said, path, kind.coordinate, f"the range of joint `{name}`")
+            shown = kind.twists[0].shown
             if kind.limits != "none" and (first < low - 1e-9 or last > high + 1e-9):
                 self.error(
-                    Code.OUT_OF_RANGE, f"the range of joint `{name}` leaves its limits {kind.shown(low)} to {kind.shown(high)}", path,
+                    Code.OUT_OF_RANGE, f"the range of joint `{name}` leaves its limits {shown(low)} to {shown(high)}", path,
                     help="write `all` for the whole range",
                 )
             low, high = first, last

@@ -57,14 +57,14 @@ def closures_of(
         if hold.pose is None and where is None:
             where = _at_own_pose(assembly, mode, bodies)
         held.append(Closure(
-            path=choice.path, kind="ball" if hold.turns else "weld", hold=True, parent=None, child=body_of[link],
-            X_PA=_target(hold, where, body_of[link], X_LM), X_CB=X_LM, joint=None, origin=hold.origin,
+            path=choice.path, hold=True, turns=hold.turns, parent=None, child=body_of[link],
+            X_PA=_target(hold, where, body_of[link], X_LM), X_CB=X_LM, joints=(), twists=(), origin=hold.origin,
         ))
     return (*held, *cut) if sound else None
 
 
 def _check_cuts(assembly: Assembly, mode: LinkedMode, taken: Taken, report: Report) -> bool:
-    open_ = {m.joint.path if m.joint is not None else m.loop for n, m in enumerate(assembly.mates) if n not in taken}
+    open_ = {m.name or m.loop for n, m in enumerate(assembly.mates) if n not in taken}
     sound = True
     for one in mode.cut:
         if one.joint not in open_:

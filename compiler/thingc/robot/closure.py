@@ -19,9 +19,10 @@ from dataclasses import dataclass
 
 from thingc.graph import leaders
 from thingc.graph.types import JointEdge
-from thingc.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, cross, multiply, rotate, transpose, turned_about
+from thingc.joints import Twist
+from thingc.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, multiply, rotate, transpose, turned_about
 from thingc.robot.dense import solve
-from thingc.robot.kinematics import motion
+from thingc.robot.kinematics import carried, in_world
 from thingc.robot.types import Body, Closure
 
 CLOSED = 1e-10
@@ -87,9 +88,7 @@ class Loops:
         self._ends = [(self._above(c.parent), self._above(c.child)) for c in closures]
         self._needed = sorted({body for pair in self._ends for chain in pair for body in chain})
         self.length = self._extent()
-        slides = {b.joint.path for b in bodies if b.joint is not None and b.joint.kind == "slide"}
-        slides |= {c.path for c in closures if c.kind == "slide"}
-        self.coordinates = _coordinates(self.joints, slides, self.length)
+        self.coordinates = _coordinates(self.joints, self.length)
 
     def _above(self, body: int | None) -> tuple[int, ...]:
         """A body and those it hangs on, the root last; nothing for the world."""
@@ -115,17 +114,14 @@ class Loops:
         at: dict[int, Pose] = {}
         for index in self._needed:
             body = self.bodies[index]
-            if body.parent is None or body.joint is None:
-                at[index] = state.base
-            else:
-                at[index] = at[body.parent] @ body.X_PL @ motion(body.joint, state.q[body.joint.path])
+            at[index] = state.base if body.parent is None else carried(body, at[body.parent], state.q)
         return at
 
     def _frames(self, closure: Closure, at: Mapping[int, Pose], q: Mapping[str, float]) -> tuple[Pose, Pose]:
-        """A (moved by its joint) and B in the world."""
+        """A (moved by its joints) and B in the world."""
         A = closure.X_PA if closure.parent is None else at[closure.parent] @ closure.X_PA
-        if closure.joint is not None:
-            A = A @ _moved_along_z(closure.kind, q[closure.joint.path])
+        for joint, twist in zip(closure.joints, closure.twists, strict=True):
+            A = A @ twist.exponential(q[joint.path])
         return A, at[closure.child] @ closure.X_CB
 
     def residuals(self, state: State) -> tuple[tuple[float, float], ...]:
@@ -136,7 +132,7 @@ class Loops:
         """p [m] and w [rad] of every closure, in world axes; a ball has no w."""
         at = self._placed(state)
         found = [_error(*self._frames(closure, at, state.q)) for closure in self.closures]
-        return [(p, (0.0, 0.0, 0.0) if closure.kind == "ball" else w) for closure, (p, w) in zip(self.closures, found, strict=True)]
+        return [(p, (0.0, 0.0, 0.0) if closure.turns else w) for closure, (p, w) in zip(self.closures, found, strict=True)]
 
     def linearized(self, state: State, *, base_moves: bool = False) -> tuple[list[float], list[list[float]]]:
         """The residuals of all closures in one list, p [m] then w [rad] of each, and their derivative by each of `coordinates`
@@ -207,17 +203,16 @@ class Loops:
             for chain, end, sign in ((children, B, 1.0), (parents, A, -1.0)):
                 others = parents if sign > 0.0 else children
                 for index in chain:
-                    joint = self.bodies[index].joint
-                    if joint is None or index in others:  # what carries both ends moves neither against the other
+                    if index in others:  # what carries both ends moves neither against the other
                         continue
-                    axis = rotate(at[index].rotation, joint.axis)
-                    into = by_path.setdefault(joint.path, list(zero))
-                    self._add(into, row, _velocity(joint.kind, axis, at[index].apply(joint.anchor), end.translation), sign)
-            if closure.joint is not None:
-                r = A.rotation
-                axis = (r[0][2], r[1][2], r[2][2])
-                into = by_path.setdefault(closure.joint.path, list(zero))
-                self._add(into, row, _velocity(closure.kind, axis, A.translation, A.translation), -1.0)
+                    for joint, twist in in_world(self.bodies[index], at[index], state.q):
+                        into = by_path.setdefault(joint.path, list(zero))
+                        self._add(into, row, twist.velocity(end.translation), sign)
+            frame = A
+            for cut, twist in zip(reversed(closure.joints), reversed(closure.twists), strict=True):
+                into = by_path.setdefault(cut.path, list(zero))
+                self._add(into, row, twist.seen_from(frame).velocity(A.translation), -1.0)
+                frame = frame @ twist.exponential(-state.q[cut.path])
         columns: list[list[float]] = []
         for coordinate in chosen:
             column = list(zero)
@@ -226,20 +221,19 @@ class Loops:
                     column[k] += share * coordinate.unit * value
             columns.append(column)
         if base_moves:
-            for kind in ("slide", "hinge"):
-                for axis in IDENTITY:
-                    column = list(zero)
-                    for row, closure in enumerate(self.closures):
-                        if closure.parent is None:
-                            point = self._frames(closure, at, state.q)[1].translation
-                            velocity = _velocity(kind, axis, state.base.translation, point)
-                            self._add(column, row, velocity, self.length if kind == "slide" else 1.0)
-                    columns.append(column)
+            origin = state.base.translation
+            for twist in (*(Twist(linear=axis) for axis in IDENTITY), *(Twist(angular=axis, anchor=origin) for axis in IDENTITY)):
+                column = list(zero)
+                for row, closure in enumerate(self.closures):
+                    if closure.parent is None:
+                        point = self._frames(closure, at, state.q)[1].translation
+                        self._add(column, row, twist.velocity(point), 1.0 if twist.turns else self.length)
+                columns.append(column)
         return columns
 
     def _add(self, column: list[float], closure: int, velocity: tuple[Vector, Vector], factor: float) -> None:
         linear, angular = velocity
-        turned = 0.0 if self.closures[closure].kind == "ball" else factor * self.length
+        turned = 0.0 if self.closures[closure].turns else factor * self.length
         for k in range(3):
             column[6 * closure + k] += factor * linear[k]
             column[6 * closure + 3 + k] += turned * angular[k]
@@ -299,7 +293,7 @@ class Loops:
         return self._moved(state, chosen, at_limits, False)
 
 
-def _coordinates(joints: Mapping[str, JointEdge], slides: Collection[str], length: float) -> tuple[Coordinate, ...]:
+def _coordinates(joints: Mapping[str, JointEdge], length: float) -> tuple[Coordinate, ...]:
     """One for every joint that mimics none, in joint order, with the limits of those that follow it brought back to it."""
     followers: dict[str, list[tuple[str, float, float]]] = {}
     for path, (leader, multiplier, offset) in leaders(joints.values()).items():
@@ -318,25 +312,9 @@ def _coordinates(joints: Mapping[str, JointEdge], slides: Collection[str], lengt
             ends = sorted(((low - offset) / multiplier, (high - offset) / multiplier))
             lower, upper = max(lower, ends[0]), min(upper, ends[1])
         moves = tuple((follower, multiplier) for follower, multiplier, _ in followers[path])
-        unit = length if path in slides else 1.0
+        unit = 1.0 if joints[path].twist.turns else length
         found.append(Coordinate(path=path, moves=moves, lower=lower, upper=max(lower, upper), unit=unit))
     return tuple(found)
-
-
-def _moved_along_z(kind: str, q: float) -> Pose:
-    """The motion of a cut joint in its frame A: a turn about z [rad] or a shift along it [m]."""
-    if kind == "slide":
-        return Pose(translation=(0.0, 0.0, q))
-    c, s = math.cos(q), math.sin(q)
-    return Pose(rotation=((c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)))
-
-
-def _velocity(kind: str, axis: Vector, anchor: Vector, point: Vector) -> tuple[Vector, Vector]:
-    """Linear and angular velocity, at `point`, of what moves at unit speed about or along an axis through `anchor`."""
-    if kind == "slide":
-        return axis, (0.0, 0.0, 0.0)
-    arm = (point[0] - anchor[0], point[1] - anchor[1], point[2] - anchor[2])
-    return cross(axis, arm), axis
 
 
 def _error(A: Pose, B: Pose) -> tuple[Vector, Vector]:

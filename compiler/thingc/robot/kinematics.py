@@ -2,23 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from thingc.graph import coordinates, joints_of
 from thingc.inertia import MassProperties, total
-from thingc.pose import NO_POSE, Pose, rotate, turned_about
+from thingc.joints import Twist
+from thingc.pose import NO_POSE, Pose
 from thingc.robot.tree import in_link
 from thingc.robot.types import Body, CoreJoint, Robot
 
 
-def motion(joint: CoreJoint, q: float) -> Pose:
-    """The child link's pose at `q` [rad or m] in its own frame at q = 0: a turn about, or a shift along, the axis."""
-    if joint.kind == "slide":
-        x, y, z = joint.axis
-        return Pose(translation=(x * q, y * q, z * q))
-    rotation, a = turned_about(joint.axis, q), joint.anchor
-    moved = rotate(rotation, a)
-    return Pose(rotation=rotation, translation=(a[0] - moved[0], a[1] - moved[1], a[2] - moved[2]))
+def carried(body: Body, parent: Pose, q: Mapping[str, float]) -> Pose:
+    """Where a body is when its tree parent is at `parent`; `q` [rad or m] of every joint by path."""
+    pose = parent @ body.X_PL
+    for joint in body.joints:
+        pose = pose @ joint.twist.exponential(q[joint.path])
+    return pose
+
+
+def in_world(body: Body, pose: Pose, q: Mapping[str, float]) -> Iterator[tuple[CoreJoint, Twist]]:
+    """The coordinates by which a body moves in its tree parent, the last first, each with what it does as seen in the world (or whatever
+    frame the body is at `pose` in); `q` [rad or m] of every joint by path."""
+    for number in range(len(body.joints) - 1, -1, -1):
+        joint = body.joints[number]
+        yield joint, joint.twist.seen_from(pose)
+        if number:
+            pose = pose @ joint.twist.exponential(-q[joint.path])
 
 
 def body_poses(robot: Robot, q: Mapping[str, float], root: Pose | None = None) -> tuple[Pose, ...]:
@@ -34,10 +43,7 @@ def placed_bodies(bodies: Sequence[Body], q: Mapping[str, float], root: Pose) ->
     """The pose of every body of a tree in the world, its root at `root`; `q` [rad or m] of every joint by path."""
     found: list[Pose] = []
     for body in bodies:
-        if body.parent is None or body.joint is None:
-            found.append(root)
-        else:
-            found.append(found[body.parent] @ body.X_PL @ motion(body.joint, q[body.joint.path]))
+        found.append(root if body.parent is None else carried(body, found[body.parent], q))
     return tuple(found)
 
 
@@ -62,4 +68,4 @@ def link_names(robot: Robot) -> tuple[str, ...]:
 
 def joint_names(robot: Robot) -> tuple[str, ...]:
     """The paths of the joints, in body order."""
-    return tuple(body.joint.path for body in robot.bodies if body.joint is not None)
+    return tuple(joint.path for body in robot.bodies for joint in body.joints)

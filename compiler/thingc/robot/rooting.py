@@ -82,7 +82,7 @@ def _excluded(assembly: Assembly, mode: LinkedMode, body_of: dict[int, int]) -> 
     and among pairs, the order is that of the links, so it is the same in every mode."""
     pairs: dict[tuple[int, int], None] = {}
     for mate in assembly.mates:
-        if mate.joint is not None or mate.loop is not None:
+        if mate.joints or mate.loop is not None:
             one, other = assembly.link_of[mate.parent], assembly.link_of[mate.child]
             pairs[(min(one, other), max(one, other))] = None
     for one, other in mode.exclude:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from thingc.graph.types import Assembly, JointEdge, LinkedMode, Mate
-from thingc.joints import KINDS
+from thingc.joints import Twist, moved
 from thingc.memo import Memo
-from thingc.pose import MATE, Pose, Vector
+from thingc.pose import MATE, NO_POSE, Pose
 from thingc.robot.types import Body, Closure, CoreJoint
 
 
@@ -25,15 +25,15 @@ def spanning(assembly: Assembly, mode: LinkedMode) -> frozenset[int]:
     `loop: true` before another, the last of equals.
     """
     cut = {one.joint for one in mode.cut}
-    joints = [(number, mate, mate.joint) for number, mate in enumerate(assembly.mates) if mate.joint is not None]
-    coupled = {joint.mimic.joint for _, _, joint in joints if joint.mimic is not None}
+    mates = [(number, mate) for number, mate in enumerate(assembly.mates) if mate.joints]
+    coupled = {joint.mimic.joint for _, mate in mates for joint in mate.joints if joint.mimic is not None}
 
-    def worth(entry: tuple[int, Mate, JointEdge]) -> tuple[bool, bool, bool, bool, bool, int]:
-        number, mate, joint = entry
-        driven = joint.actuator is not None and (mode.actuators is None or joint.path in mode.actuators)
-        coupling = joint.mimic is not None or joint.path in coupled
-        slide = KINDS[joint.kind].core == "slide"
-        return (joint.path in cut, not driven, not coupling, not slide, mate.loop is not None, number)
+    def worth(entry: tuple[int, Mate]) -> tuple[bool, bool, bool, bool, bool, int]:
+        number, mate = entry
+        driven = any(j.actuator is not None and (mode.actuators is None or j.path in mode.actuators) for j in mate.joints)
+        coupling = any(joint.mimic is not None or joint.path in coupled for joint in mate.joints)
+        slides = any(not joint.twist.turns for joint in mate.joints)
+        return (mate.name in cut, not driven, not coupling, not slides, mate.loop is not None, number)
 
     group = list(range(len(assembly.links)))
 
@@ -44,7 +44,7 @@ def spanning(assembly: Assembly, mode: LinkedMode) -> frozenset[int]:
         return k
 
     taken: set[int] = set()
-    for number, mate, _ in sorted(joints, key=worth):
+    for number, mate in sorted(mates, key=worth):
         one, other = find(assembly.link_of[mate.parent]), find(assembly.link_of[mate.child])
         if one != other:
             group[max(one, other)] = min(one, other)
@@ -54,7 +54,7 @@ def spanning(assembly: Assembly, mode: LinkedMode) -> frozenset[int]:
 
 def placing(assembly: Assembly) -> frozenset[int]:
     """The numbers of the joints by which the documents place things: a tree that no mode has a say in."""
-    return frozenset(n for n, mate in enumerate(assembly.mates) if mate.joint is not None and mate.loop is None)
+    return frozenset(n for n, mate in enumerate(assembly.mates) if mate.joints and mate.loop is None)
 
 
 def bodies_from(
@@ -77,7 +77,7 @@ def bodies_from(
             continue
         met.add(link)
         if parent is None:
-            bodies.append(Body(link=link, parent=None, X_PL=at, joint=None))
+            bodies.append(Body(link=link, parent=None, X_PL=at, joints=()))
         else:
             mate = assembly.mates[number]
             bodies.append(_across(mate, number, parent, link, assembly.link_of[mate.parent] == link, placed, memo))
@@ -101,17 +101,15 @@ def cut_closures(assembly: Assembly, bodies: tuple[Body, ...], taken: Collection
     body_of = {body.link: index for index, body in enumerate(bodies)}
     found: list[Closure] = []
     for number, mate in enumerate(assembly.mates):
-        if number in taken or (mate.joint is None and mate.loop is None):
+        if number in taken or not (mate.joints or mate.loop is not None):
             continue
-        kind = KINDS[mate.joint.kind] if mate.joint is not None else None
+        twists, offsets = tuple(joint.twist for joint in mate.joints), tuple(joint.offset for joint in mate.joints)
         A = placed[mate.parent] @ mate.X_PJ
-        if kind is not None and mate.joint is not None:
-            A = A @ kind.motion(mate.joint.offset)
-        path = mate.joint.path if mate.joint is not None else mate.loop or ""
         found.append(Closure(
-            path=path, kind=(kind.core if kind is not None else None) or "weld", hold=False,
+            path=mate.name or mate.loop or "", hold=False,
             parent=body_of[assembly.link_of[mate.parent]], child=body_of[assembly.link_of[mate.child]],
-            X_PA=A, X_CB=placed[mate.child] @ mate.X_JC.inverse(), joint=mate.joint, origin=mate.origin,
+            X_PA=A @ moved(twists, offsets) if twists else A, X_CB=placed[mate.child] @ mate.X_JC.inverse(),
+            joints=mate.joints, twists=seen_at_zero(twists, offsets, NO_POSE), origin=mate.origin,
         ))
     return tuple(found)
 
@@ -120,46 +118,48 @@ def _across(
     mate: Mate, number: int, parent: int, link: int, reversed_: bool, placed: tuple[Pose, ...], memo: Memo,
 ) -> Body:
     """The body beyond a joint."""
-    joint = mate.joint
-    if joint is None:
-        raise ValueError("only a mate with a joint separates two links")
-    kind = KINDS[joint.kind]
-    at_zero, axis, frame = memo(
-        ("across", joint.path, reversed_), _moved, placed[mate.parent], mate.X_PJ, mate.X_JC, placed[mate.child], joint.kind,
-        joint.offset, reversed_,
+    twists, offsets = tuple(joint.twist for joint in mate.joints), tuple(joint.offset for joint in mate.joints)
+    at_zero, seen = memo(
+        ("across", mate.name, reversed_), _lowered, placed[mate.parent], mate.X_PJ, mate.X_JC, placed[mate.child], twists, offsets,
+        reversed_,
     )
-    return Body(link=link, parent=parent, X_PL=at_zero, joint=_core(joint, kind.core or "hinge", axis, frame, number, reversed_))
+    pairs = zip(mate.joints[::-1] if reversed_ else mate.joints, seen, strict=True)
+    return Body(link=link, parent=parent, X_PL=at_zero, joints=tuple(_core(joint, twist, number, reversed_) for joint, twist in pairs))
 
 
-def _moved(
-    parent: Pose, X_PJ: Pose, X_JC: Pose, child: Pose, kind: str, offset: float, reversed_: bool
-) -> tuple[Pose, Vector, Pose]:
-    """A joint's child link in its parent link at q = 0, its axis, and the frame whose origin the axis goes through; `parent` and
-    `child` are the mated occurrences in their links. With F the joint's frame in the document's parent link and G the child link in the
-    joint's moving frame, `X_parent_child(q) = F @ motion(q + offset) @ G`; reversed, the inverse of that.
+def seen_at_zero(twists: tuple[Twist, ...], offsets: tuple[float, ...], frame: Pose) -> tuple[Twist, ...]:
+    """The twists of a sequence as they are seen in a frame that goes with all of them and is at `frame` in their last one, when every
+    coordinate is at 0 (each then has moved by its offset): `exp(t_0 (q_0 + o_0)) exp(t_1 (q_1 + o_1)) ... @ inv(frame)` is its value at
+    q = 0 times `exp(s_0 q_0) exp(s_1 q_1) ...`."""
+    seen: list[Twist] = []
+    for twist, offset in zip(reversed(twists), reversed(offsets), strict=True):
+        seen.append(twist.seen_from(frame))
+        frame = frame @ twist.exponential(-offset)
+    return tuple(reversed(seen))
 
-    Forward the child turns about z of the moving frame, which `inv(G)` lays in the child's link. Backward the tree's
-    child is the document's parent: it turns by -q about z of F, that is by q about -z, which F lays in that link.
+
+def _lowered(
+    parent: Pose, X_PJ: Pose, X_JC: Pose, child: Pose, twists: tuple[Twist, ...], offsets: tuple[float, ...], reversed_: bool,
+) -> tuple[Pose, tuple[Twist, ...]]:
+    """A joint's child link in its parent link at q = 0, and its twists in the child's frame, in the order in which the tree goes
+    through them; `parent` and `child` are the mated occurrences in their links. With F the joint's frame in the document's parent link
+    and G the child link in the joint's moving frame, `X_parent_child(q) = F @ exp(t_0 (q_0 + o_0)) ... @ G`; reversed, the inverse of
+    that: the inverse sequence, each twist negated and seen from the document's parent, which is the tree's child.
     """
     F, G = parent @ X_PJ, X_JC @ child.inverse()
-    at_zero = F @ KINDS[kind].motion(offset) @ G
-    if reversed_:
-        return at_zero.inverse(), _negated(_z(F)), F
-    frame = G.inverse()
-    return at_zero, _z(frame), frame
+    at_zero = F @ moved(twists, offsets) @ G
+    if not reversed_:
+        return at_zero, seen_at_zero(twists, offsets, G.inverse())
+    undone: list[Twist] = []
+    frame = F
+    for twist, offset in zip(twists, offsets, strict=True):
+        undone.append(twist.seen_from(frame).reversed())
+        frame = frame @ twist.exponential(offset)
+    return at_zero.inverse(), tuple(reversed(undone))
 
 
-def _core(joint: JointEdge, core: str, axis: Vector, frame: Pose, number: int, reversed_: bool) -> CoreJoint:
+def _core(joint: JointEdge, twist: Twist, number: int, reversed_: bool) -> CoreJoint:
     return CoreJoint(
-        path=joint.path, kind=core, axis=axis, anchor=frame.translation, reversed=reversed_, offset=joint.offset,
-        limit=joint.limit, dynamics=joint.dynamics, mimic=joint.mimic, actuator=joint.actuator, mate=number, origin=joint.origin,
+        path=joint.path, twist=twist, reversed=reversed_, offset=joint.offset, limit=joint.limit, dynamics=joint.dynamics,
+        mimic=joint.mimic, actuator=joint.actuator, mate=number, origin=joint.origin,
     )
-
-
-def _z(frame: Pose) -> Vector:
-    r = frame.rotation
-    return (r[0][2], r[1][2], r[2][2])
-
-
-def _negated(v: Vector) -> Vector:
-    return (0.0 - v[0], 0.0 - v[1], 0.0 - v[2])  # 0 - 0 is 0, where -0.0 would be written as such

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Literal
 
 from thingc.brief import Brief
 from thingc.graph.types import ActuatorModel, Assembly, JointEdge, LinkedMode
+from thingc.joints import Twist
 from thingc.pose import Pose, Vector
 from thingc.resolve.model import Dynamics, Limit, Mimic
 from thingc.source import Origin
@@ -14,17 +16,15 @@ from thingc.source import Origin
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CoreJoint(Brief):
-    """A joint lowered to the core, as the tree crosses it: child link relative to its tree parent.
+    """A coordinate of a joint as the tree crosses it: child link relative to its tree parent.
 
-    `kind` is `hinge | slide`. `axis` (unit) and `anchor` [m] are in the child link's frame, the same at every q of the
-    joint itself; positive q is what the document means by it, whichever way the tree crosses (`reversed`: the
-    document's child is the tree's parent, and the axis has been negated for it). Motion is measured from q = 0.
+    `twist` is in the child link's frame with the coordinates after it in the body at 0, the same at every q of its own and of those
+    before it; positive q is what the document means by it, whichever way the tree crosses (`reversed`: the document's child is the
+    tree's parent, and the twist has been negated for it). Motion is measured from q = 0.
     """
 
     path: str
-    kind: str
-    axis: Vector
-    anchor: Vector
+    twist: Twist
     reversed: bool
     offset: float
     limit: Limit
@@ -38,12 +38,13 @@ class CoreJoint(Brief):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Body(Brief):
     """A link in the tree. `parent` is an index into `Robot.bodies` (None: the world); `X_PL` the pose of its frame in the
-    parent link's frame at q = 0 (of the root: in the world, as the mode's `at` puts it). `joint` is None for the root."""
+    parent link's frame at q = 0 (of the root: in the world, as the mode's `at` puts it). It moves in it by its `joints`, one after
+    the other, `X_PL @ exp(twist_0 q_0) @ exp(twist_1 q_1) ...`; the root has none."""
 
     link: int
     parent: int | None
     X_PL: Pose
-    joint: CoreJoint | None
+    joints: tuple[CoreJoint, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,22 +62,32 @@ class Closure(Brief):
     """A loop that the tree leaves open: body `parent` (None: the world) and body `child` meet. With A a frame on the parent and
     B one on the child, it is closed where
 
-        X_W,parent @ X_PA @ motion(q) == X_W,child @ X_CB
+        X_W,parent @ X_PA @ exp(twist_0 q_0) @ exp(twist_1 q_1) ... == X_W,child @ X_CB
 
-    `kind` is `weld` (no motion), `ball` (only the origins of A and B meet), `hinge` or `slide`: q of the joint that was cut turns
-    about, or slides along, z of A; its `offset` is in `X_PA`. A weld or ball on the world holds a mount: `hold` is true, `path` the
-    mount's, B its frame; else `path` is the joint's. `joint` is what the cut joint would be in the tree (None for a weld or ball).
+    over the `joints` that were cut, their `twists` in A with the coordinates after them at 0 and their offsets in `X_PA`. Without any
+    it is a weld, or where it `turns` only the origins of A and B meet. One on the world holds a mount: `hold` is true, `path` the mount's,
+    B its frame; else `path` is the joint's.
     """
 
     path: str
-    kind: str
     hold: bool
     parent: int | None
     child: int
     X_PA: Pose
     X_CB: Pose
-    joint: JointEdge | None
+    joints: tuple[JointEdge, ...]
+    twists: tuple[Twist, ...]
     origin: Origin
+    turns: bool = False
+
+    @property
+    def kind(self) -> Literal["weld", "ball", "hinge", "slide", "several"]:
+        """What it leaves open: nothing, turns about a point, one turn, one slide, or several coordinates."""
+        if self.turns:
+            return "ball"
+        if not self.twists:
+            return "weld"
+        return self.twists[0].core if len(self.twists) == 1 else "several"
 
 
 def residual_words(residual: tuple[float, float]) -> str:

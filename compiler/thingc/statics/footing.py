@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from thingc.pose import Pose, Vector, cross, rotate
+from thingc.pose import Pose, Vector, cross
+from thingc.robot.kinematics import in_world
 from thingc.robot.tree import in_link
 from thingc.robot.types import Robot
 
@@ -40,19 +41,19 @@ class Stance(NamedTuple):
         return cross(_less(self.centre, self.origin), self.weight)
 
 
-def stance(robot: Robot, bodies: Sequence[Pose]) -> Stance:
-    """The feet of a mode, its bodies at these poses in the world."""
+def stance(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> Stance:
+    """The feet of a mode at `q` (all joints by path, rad or m), its bodies at these poses in the world."""
     masses = [robot.assembly.links[body.link].properties for body in robot.bodies]
     mass = sum(own.mass for own in masses)
     centres = [pose.apply(own.centre) for own, pose in zip(masses, bodies, strict=True)]
     x, y, z = (sum(own.mass * centre[k] for own, centre in zip(masses, centres, strict=True)) / mass for k in range(3))
     gx, gy, gz = robot.gravity
     return Stance(
-        feet=tuple(_footings(robot, bodies)), origin=bodies[0].translation, centre=(x, y, z), weight=(mass * gx, mass * gy, mass * gz),
+        feet=tuple(_footings(robot, q, bodies)), origin=bodies[0].translation, centre=(x, y, z), weight=(mass * gx, mass * gy, mass * gz),
     )
 
 
-def _footings(robot: Robot, bodies: Sequence[Pose]) -> list[Footing]:
+def _footings(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> list[Footing]:
     assembly, placed = robot.assembly, in_link(robot.assembly)
     body_of = {body.link: index for index, body in enumerate(robot.bodies)}
     pulls = {(one.occurrence, one.mount): robot.adhesion.get(one.path, 0.0) for one in assembly.adhesions}
@@ -64,10 +65,8 @@ def _footings(robot: Robot, bodies: Sequence[Pose]) -> list[Footing]:
         point = bodies[body or 0].apply((placed[choice.occurrence] @ mount.pose).translation)
         moves: dict[str, Vector] = {}
         while body is not None:
-            joint, pose = robot.bodies[body].joint, bodies[body]
-            if joint is not None:
-                axis = rotate(pose.rotation, joint.axis)
-                moves[joint.path] = axis if joint.kind == "slide" else cross(axis, _less(point, pose.apply(joint.anchor)))
+            for joint, twist in in_world(robot.bodies[body], bodies[body], q):
+                moves[joint.path] = twist.velocity(point)[0]
             body = robot.bodies[body].parent
         pull = pulls.get((choice.occurrence, choice.mount or "origin"), 0.0)
         found.append(Footing(choice.path, point, moves, foot.friction, pull))

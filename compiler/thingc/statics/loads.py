@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from thingc.pose import Pose, Vector, cross, dot, rotate
+from thingc.pose import Pose, Vector, cross, dot
+from thingc.robot.kinematics import in_world
 from thingc.robot.types import Robot
 
 
@@ -33,19 +34,13 @@ def loads(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> dict[
             moments[body.parent] = (px + moment[0], py + moment[1], pz + moment[2])
     found: dict[str, float] = {}
     for index, body in enumerate(robot.bodies):
-        joint = body.joint
-        if joint is None:
-            continue
-        axis = rotate(bodies[index].rotation, joint.axis)
-        if joint.kind == "slide":
-            weight = masses[index] * dot(axis, robot.gravity)
-        else:
-            p, s, m = bodies[index].apply(joint.anchor), moments[index], masses[index]
+        for joint, twist in in_world(body, bodies[index], q):
+            p, s, m = twist.anchor, moments[index], masses[index]
             arm = (s[0] - m * p[0], s[1] - m * p[1], s[2] - m * p[2])
-            weight = dot(axis, cross(arm, robot.gravity))
-        stiffness = joint.dynamics.stiffness
-        found[joint.path] = weight if stiffness is None else weight - stiffness * q[joint.path]
+            weight = dot(twist.angular, cross(arm, robot.gravity)) + m * dot(twist.linear, robot.gravity)
+            stiffness = joint.dynamics.stiffness
+            found[joint.path] = weight if stiffness is None else weight - stiffness * q[joint.path]
     for closure in robot.closures:
-        if closure.joint is not None:
-            found[closure.path] = -(closure.joint.dynamics.stiffness or 0.0) * q[closure.path]
+        for cut in closure.joints:
+            found[cut.path] = -(cut.dynamics.stiffness or 0.0) * q[cut.path]
     return found

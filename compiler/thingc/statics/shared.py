@@ -52,7 +52,7 @@ def balance_shared(
     loops = Loops(robot.bodies, robot.closures, joints_of(robot.assembly), bodies[0])
     paths = [coordinate.path for coordinate in loops.coordinates]
     column = {path: k for k, path in enumerate(paths)}
-    stands = stance(robot, bodies) if robot.carried else None
+    stands = stance(robot, q, bodies) if robot.carried else None
     count = len(paths) + (0 if stands is None else 6)
     closing = np.array(loops.linearized(State(q=dict(q), base=bodies[0]), base_moves=robot.carried)[1], dtype=np.float64)
     free = _null_space(closing.reshape(count, -1).T)

@@ -12,7 +12,7 @@ from thingc.graph.types import MountAt
 from thingc.pose import Pose
 from thingc.robot import in_link
 from thingc.robot.closure import Loops, State
-from thingc.robot.kinematics import placed_bodies
+from thingc.robot.kinematics import in_world, placed_bodies
 from thingc.robot.types import Robot
 
 Array = NDArray[np.float64]
@@ -56,21 +56,16 @@ class Chain:
         pose = self._in_link[mount.occurrence] @ assembly.occurrences[mount.occurrence].mounts[mount.mount].pose
         return self._body_of[assembly.link_of[mount.occurrence]], pose
 
-    def jacobian(self, body: int | None, point: Array, at: tuple[Pose, ...]) -> Array:
-        """Velocity of a point (3, in the world) of a body by coordinates: 6 x n, linear over angular; 0 of the world (None)."""
+    def jacobian(self, body: int | None, point: Array, q: Mapping[str, float], at: tuple[Pose, ...]) -> Array:
+        """At `q`, where the bodies are `at`, the velocity of a point (3, in the world) of a body by coordinates: 6 x n, linear over
+        angular; 0 of the world (None)."""
+        x, y, z = (float(one) for one in point)
         found = np.zeros((6, len(self.paths)))
         while body is not None:
             link = self.robot.bodies[body]
-            if link.joint is not None:
-                axis = np.array(at[body].rotation) @ np.array(link.joint.axis)
-                path, factor = self._follows[link.joint.path]
-                column = self._column[path]
-                if link.joint.kind == "slide":
-                    found[:3, column] += factor * axis
-                else:
-                    arm = point - np.array(at[body].apply(link.joint.anchor))
-                    found[:3, column] += factor * np.cross(axis, arm)
-                    found[3:, column] += factor * axis
+            for joint, twist in in_world(link, at[body], q):
+                path, factor = self._follows[joint.path]
+                found[:, self._column[path]] += factor * np.concatenate(twist.velocity((x, y, z)))
             body = link.parent
         return found
 

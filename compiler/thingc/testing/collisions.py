@@ -110,7 +110,7 @@ def _ordered(a: int, b: int) -> tuple[int, int]:
 def _neighbours(assembly: Assembly) -> Iterator[tuple[int, int]]:
     """Pairs of links that a joint connects, also one that closes a loop."""
     for mate in assembly.mates:
-        if mate.joint is not None or mate.loop is not None:
+        if mate.joints or mate.loop is not None:
             yield _ordered(assembly.link_of[mate.parent], assembly.link_of[mate.child])
 
 

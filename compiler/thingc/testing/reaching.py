@@ -84,12 +84,13 @@ Ends = tuple[tuple[int, Pose], tuple[int, Pose]]
 
 def _distance(chain: Chain, ends: Ends, x: Array) -> tuple[float, Array]:
     """The distance [m] of two mounts and its derivative (n)."""
-    at = chain.bodies(chain.q(x))
+    q = chain.q(x)
+    at = chain.bodies(q)
     one, other = (np.array((at[body] @ pose).translation) for body, pose in ends)
     distance = float(np.linalg.norm(one - other))
     if distance == 0.0:
         return 0.0, np.zeros(len(x))
-    row = chain.jacobian(ends[0][0], one, at)[:3] - chain.jacobian(ends[1][0], other, at)[:3]
+    row = chain.jacobian(ends[0][0], one, q, at)[:3] - chain.jacobian(ends[1][0], other, q, at)[:3]
     return distance, (one - other) / distance @ row
 
 
@@ -196,7 +197,7 @@ def _approach(chain: Chain, mount: tuple[int, Pose], frame: tuple[int, Pose] | N
         there = at[mount[0]] @ mount[1]
         goal, direction = _target(check, frame, at)
         place, axis = np.array(there.translation), np.array(there.rotation)[:, 2]
-        own, other = chain.jacobian(mount[0], place, at), chain.jacobian(None if frame is None else frame[0], goal, at)
+        own, other = chain.jacobian(mount[0], place, q, at), chain.jacobian(None if frame is None else frame[0], goal, q, at)
         parts = [(own[:3] - other[:3]) / check.within]
         if check.direction is not None:
             parts.append((np.cross(own[3:].T, axis).T - np.cross(other[3:].T, direction).T) / check.angle)

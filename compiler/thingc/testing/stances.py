@@ -8,7 +8,6 @@ from dataclasses import replace
 from thingc.diagnostics import Report
 from thingc.graph import joints_of
 from thingc.graph.types import Assembly, LinkedMode
-from thingc.joints import KINDS
 from thingc.resolve.model import NamedPose
 from thingc.resolve.tests_model import JointRange
 from thingc.robot import root
@@ -54,5 +53,5 @@ def keyframe(robot: Robot, pose: NamedPose) -> Keyframe | None:
 
 def joints_text(assembly: Assembly, q: Mapping[str, float]) -> str:
     """Coordinates [rad or m] for people: `shoulder -60 deg, elbow 120 deg`."""
-    kinds = {joint.path: KINDS[joint.kind] for joint in joints_of(assembly)}
-    return ", ".join(f"{path} {kinds[path].shown(round(value, 6) + 0.0)}" for path, value in q.items())
+    twists = {joint.path: joint.twist for joint in joints_of(assembly)}
+    return ", ".join(f"{path} {twists[path].shown(round(value, 6) + 0.0)}" for path, value in q.items())

@@ -9,7 +9,6 @@ from dataclasses import replace
 from thingc.diagnostics import Code, Note
 from thingc.graph import joints_of
 from thingc.graph.types import JointEdge
-from thingc.joints import KINDS
 from thingc.pose import Pose
 from thingc.resolve.tests_model import TorqueCheck
 from thingc.robot import body_poses
@@ -36,7 +35,7 @@ def torque_margin(case: Case, check: TorqueCheck, frame: Keyframe) -> Outcome:
         "efforts": {path: efforts[path] for path in check.joints},
     }
     expected: dict[str, Measure] = {"min": check.minimum}
-    unsteady = _unsteady(robot, bodies, held)
+    unsteady = _unsteady(robot, frame.q, bodies, held)
     if unsteady is not None:
         return Outcome(measured=measured, expected=expected, said=unsteady[0], failure=unsteady[1])
     notes: list[Note] = []
@@ -72,10 +71,10 @@ def _weakest(check: TorqueCheck, margins: Mapping[str, float]) -> str:
     return min(check.joints, key=lambda path: float(f"{margins[path]:.12g}"))
 
 
-def _unsteady(robot: Robot, bodies: Sequence[Pose], held: Efforts) -> tuple[str, Failure] | None:
+def _unsteady(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], held: Efforts) -> tuple[str, Failure] | None:
     """What is said, and the failure, where nothing holds the pose: feet in the air, a robot that falls over, a joint that gives way."""
     if robot.mode.feet:
-        feet = stance(robot, bodies).feet
+        feet = stance(robot, q, bodies).feet
         high = lifted(feet)
         if high:
             listed = ", ".join(f"`{path}` by {shown(height, LENGTH)}" for path, height in high.items())
@@ -118,4 +117,4 @@ def _without_friction(robot: Robot, frame: Keyframe, bodies: Sequence[Pose], che
 
 
 def _effort(joint: JointEdge, value: float) -> str:
-    return shown(abs(value), FORCE if KINDS[joint.kind].core == "slide" else TORQUE)
+    return shown(abs(value), TORQUE if joint.twist.turns else FORCE)

@@ -68,7 +68,7 @@ def measure(robot: Robot, pose: str | None, reach: tuple[str, str] | None) -> Re
         (a, b), (c, d) = ends
         points = [(occurrences[a] @ _frame(assembly, a, b)).translation, (occurrences[c] @ _frame(assembly, c, d)).translation]
         results["reach"] = math.dist(*points)
-    if not robot.closures and not lifted(stance(robot, bodies).feet):
+    if not robot.closures and not lifted(stance(robot, q, bodies).feet):
         held = static_efforts(robot, q, bodies)
         results["torque_margin"] = held.least_margin if held.fall is None else None
     return results
@@ -92,15 +92,15 @@ def lengths(assembly: Assembly, within: Sequence[Pose]) -> Results:
     """`length.JOINT` [m] of every joint that has one before it: the distance of its parent mount from the mount by which the joint
     before placed that link. Parents and children are those of the documents, so it does not depend on a root. `within` are the
     poses of the occurrences in their links (`in_link`)."""
-    placed = {assembly.link_of[mate.child]: mate for mate in assembly.mates if mate.joint is not None and mate.loop is None}
+    placed = {assembly.link_of[mate.child]: mate for mate in assembly.mates if mate.joints and mate.loop is None}
     found: Results = {}
     for mate in assembly.mates:
         before = placed.get(assembly.link_of[mate.parent])
-        if mate.joint is None or before is None or before is mate:
+        if mate.name is None or before is None or before is mate:
             continue
         here = within[mate.parent].apply(mate.X_PJ.translation)
         there = within[before.child].apply(before.X_JC.inverse().translation)
-        found[f"length.{mate.joint.path.replace('/', '.')}"] = math.dist(here, there)
+        found[f"length.{mate.name.replace('/', '.')}"] = math.dist(here, there)
     return found
 
 

@@ -89,7 +89,7 @@ def losses(robot: Robot) -> list[Loss]:
     """Poses that do not close or had to be moved, and what a joint that was cut cannot have."""
     found: list[Loss] = []
     mode = robot.mode.name
-    turns = {m.joint.path for m in robot.assembly.mates if m.joint is not None and m.joint.kind != "prismatic"}
+    turns = {joint.path for mate in robot.assembly.mates for joint in mate.joints if joint.twist.turns}
     for frame in robot.keyframes:
         if frame.moved:
             what = f"its values as written: the loops close with {_moved(frame.moved, turns)}"
@@ -102,9 +102,9 @@ def losses(robot: Robot) -> list[Loss]:
             what = f"its keyframe: `{one.path}` does not close, at best it is {residual_words(one.residual)} off"
         found.append(Loss(target="mjcf", mode=mode, path=one.name, what=what, how="omitted", span=_first(one.origin)))
     for closure in robot.closures:
-        joint = closure.joint
-        if joint is None:
+        if not closure.joints:
             continue
+        joint = closure.joints[0]
         lost = [
             word for word, there in (
                 ("its limits", joint.limit.lower is not None or joint.limit.upper is not None),

@@ -57,10 +57,10 @@ def site(path: str, pose: Pose, origin: Origin) -> tuple[Element, ...]:
 
 def joint(joint: CoreJoint, driven: bool) -> tuple[Element, ...]:
     """A hinge or slide. An effort limit stands on its actuator; on the joint itself only where it is not `driven`."""
-    attributes = {"name": joint.path, "type": joint.kind}
-    if any(joint.anchor):
-        attributes["pos"] = numbers(joint.anchor)
-    attributes["axis"] = numbers(joint.axis)
+    attributes = {"name": joint.path, "type": joint.twist.core}
+    if any(joint.twist.anchor):
+        attributes["pos"] = numbers(joint.twist.anchor)
+    attributes["axis"] = numbers(joint.twist.axis)
     bounds = joint_range(joint.limit)
     if bounds is not None:
         attributes["range"] = numbers(bounds)

@@ -36,7 +36,7 @@ def losses(robot: Robot) -> tuple[Loss, ...]:
     found: list[Loss] = []
     for joint in _joints(robot):
         if joint.limit.velocity is not None:
-            what = f"its velocity limit of {joint.limit.velocity:.6g} {'rad/s' if joint.kind == 'hinge' else 'm/s'}"
+            what = f"its velocity limit of {joint.limit.velocity:.6g} {'rad/s' if joint.twist.turns else 'm/s'}"
             span = next(iter(joint.origin), None)
             found.append(
                 Loss(target="mjcf", mode=None, path=joint.path, what=what, how="carried as custom data", span=span)
@@ -52,12 +52,12 @@ def class_name(robot: Robot) -> str:
 
 def adhesion_name(robot: Robot, path: str) -> str:
     """The actuator of a magnet: its mount's path, marked where a joint of that path has the name."""
-    taken = any(mate.joint is not None and mate.joint.path == path for mate in robot.assembly.mates)
+    taken = any(joint.path == path for mate in robot.assembly.mates for joint in mate.joints)
     return f"{path}:adhesion" if taken else path
 
 
 def _joints(robot: Robot) -> list[CoreJoint]:
-    return [body.joint for body in robot.bodies if body.joint is not None]
+    return [joint for body in robot.bodies for joint in body.joints]
 
 
 class _Builder:
@@ -150,9 +150,9 @@ class _Builder:
                 self.grow(element, ("inertial", link.name), elements.inertial_of, link.properties, link.origin)
             if body.parent is None and self.robot.base == "free":
                 element.add("freejoint", {"name": FREE_JOINT}, self.robot.mode.origin)
-            if body.joint is not None:
-                driven = body.joint.path in self.driven
-                self.grow(element, ("joint", self.robot.mode.name, body.joint.path), elements.joint, body.joint, driven)
+            for joint in body.joints:
+                driven = joint.path in self.driven
+                self.grow(element, ("joint", self.robot.mode.name, joint.path), elements.joint, joint, driven)
             shapes = tuple(self.geometry.shapes[member] for member in link.members)
             self.grow(element, ("geoms", link.name), elements.geoms, link.poses, shapes)
         for site in self.robot.sites:
@@ -167,10 +167,10 @@ class _Builder:
         """Pairs of links that never touch; a held link no more touches the world that holds it than the root does."""
         section = self.root.add("contact")
         for first, second in self.robot.excluded:
-            origin = self.robot.bodies[max(first, second)].joint
+            crossed = self.robot.bodies[max(first, second)].joints
             section.add(
                 "exclude", {"body1": self.links[first].name, "body2": self.links[second].name},
-                origin.origin if origin is not None else self.robot.mode.origin,
+                crossed[0].origin if crossed else self.robot.mode.origin,
             )
         for body, origins in {c.child: c.origin for c in reversed(self.robot.closures) if c.hold}.items():
             section.add("exclude", {"body1": "world", "body2": self.links[body].name}, origins)

@@ -158,7 +158,7 @@ def _elsewhere(attribute: RawAttribute, assembly: Assembly) -> bool:
     if kind == "joint":
         return name == FREE_JOINT
     if kind == "actuator":
-        driven = {mate.joint.path for mate in assembly.mates if mate.joint is not None and mate.joint.actuator is not None}
+        driven = {joint.path for mate in assembly.mates for joint in mate.joints if joint.actuator is not None}
         return _slashed(name) in driven
     if kind == "key":
         return any(pose.name in _names(attribute) for pose in assembly.poses)

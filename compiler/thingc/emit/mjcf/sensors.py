@@ -31,7 +31,7 @@ def cameras(robot: Robot, bodies: list[Element]) -> None:
 
 def sensors(robot: Robot, section: Element) -> None:
     """The section `sensor`, in the order of the documents."""
-    movable = {body.joint.path for body in robot.bodies if body.joint is not None}
+    movable = {joint.path for body in robot.bodies for joint in body.joints}
     for sensor in robot.assembly.sensors:
         site = sensor.site or ""
         if sensor.kind == "imu":
@@ -51,7 +51,7 @@ def losses(robot: Robot) -> list[Loss]:
     """Sensors that this mode cannot have, forces that it measures elsewhere than at the mount, and accelerations of what stands
     still (there MuJoCo's accelerometer reads 0, not the 9.81 m/s^2 of any that rests)."""
     found: list[Loss] = []
-    cut = {closure.joint.path for closure in robot.closures if closure.joint is not None}
+    cut = {joint.path for closure in robot.closures for joint in closure.joints}
     for sensor in robot.assembly.sensors:
         what, how = "", "omitted"
         if sensor.kind == "imu" and robot.base != "free" and _body_of(robot, sensor) == 0:
@@ -88,14 +88,14 @@ def _elsewhere(robot: Robot, sensor: LinkedSensor) -> str | None:
     """
     index = _body_of(robot, sensor)
     body = robot.bodies[index]
-    if body.joint is None:
+    if not body.joints:
         root = robot.mode.root
         if (root.occurrence, root.mount or "origin") == (sensor.occurrence, sensor.mount):
             return None
         return f"between its link and the world at `{root.path}`"
-    mate = robot.assembly.mates[body.joint.mate]
+    mate = robot.assembly.mates[body.joints[0].mate]
     if (sensor.occurrence, sensor.mount) in ((mate.parent, mate.parent_mount), (mate.child, mate.child_mount)):
         return None
     if not any(other.parent == index for other in robot.bodies):
         return None
-    return f"through joint `{body.joint.path}`"
+    return f"through joint `{mate.name}`"

@@ -224,7 +224,7 @@ def say(starts: Sequence[Start], report: Report) -> None:
             if path not in worst or gains.inertia < worst[path][0].inertia:
                 worst[path] = gains, start.robot
     for path, (gains, robot) in worst.items():
-        joint = next(body.joint for body in robot.bodies if body.joint is not None and body.joint.path == path)
+        joint = next(joint for body in robot.bodies for joint in body.joints if joint.path == path)
         _say_gains(joint, gains, robot, report)
 
 
@@ -254,7 +254,7 @@ def _say_inside(start: Start, others: Sequence[str], report: Report) -> None:
 
 
 def _say_gains(joint: CoreJoint, gains: Gains, robot: Robot, report: Report) -> None:
-    turn, rate, weight = ("N*m/rad", "N*m*s/rad", "kg*m^2") if joint.kind == "hinge" else ("N/m", "N*s/m", "kg")
+    turn, rate, weight = ("N*m/rad", "N*m*s/rad", "kg*m^2") if joint.twist.turns else ("N/m", "N*s/m", "kg")
     name = joint.path.rpartition("/")[2]
     moves = f"what it moves has {gains.inertia:.2g} {weight} (mode `{robot.mode.name}`) and a step takes {1e3 * gains.dt:g} ms"
     spring, dt = joint.dynamics.stiffness or 0.0, gains.dt

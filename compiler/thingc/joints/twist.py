@@ -1,0 +1,103 @@
+"""Twists: what one coordinate of a joint does. Every joint moves by a sequence of these.
+
+By Chasles' theorem any rigid motion of one coordinate at a constant rate is a turn about a line together with a slide along it, so
+one form serves turns, slides and screws alike. For the exponential, and for how a twist is seen from another frame, see Lynch and
+Park, Modern Robotics, 2017, sections 3.3.2 and 3.3.3.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from thingc.joints.dimensions import dimensions_of
+from thingc.pose import IDENTITY, NO_POSE, Pose, Vector, cross, rotate, turned_about, turned_x, turned_y, turned_z
+from thingc.units import ANGLE, LENGTH, Dimension
+
+NONE: Vector = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Twist:
+    """What moves per unit of q, seen in some frame: it turns by `angular` (a unit vector, or 0 where it only slides), and its point
+    `anchor` [m], which lies on the axis, moves by `linear` (along the axis where there is one, else a unit vector: m per unit of q)."""
+
+    angular: Vector = NONE
+    linear: Vector = NONE
+    anchor: Vector = NONE
+
+    @property
+    def core(self) -> Literal["hinge", "slide"]:
+        """The joint that every target has for it: one about an axis, or one along it."""
+        return "hinge" if self.angular != NONE else "slide"
+
+    @property
+    def turns(self) -> bool:
+        """Whether q is an angle [rad]; else it is a length [m]."""
+        return self.angular != NONE
+
+    @property
+    def axis(self) -> Vector:
+        """The unit vector about which, or along which, it goes."""
+        return self.angular if self.turns else self.linear
+
+    @property
+    def coordinate(self) -> Dimension:
+        """The dimension of q."""
+        return ANGLE if self.turns else LENGTH
+
+    @property
+    def dimensions(self) -> Mapping[str, Dimension]:
+        """The dimension of every value that is written of this coordinate, by key (`kp`, `damping`, ...)."""
+        return dimensions_of(self.coordinate)
+
+    def shown(self, q: float) -> str:
+        """A coordinate [rad or m] as a person would write it: `30 deg`, `20 mm`."""
+        return f"{math.degrees(q):.6g} deg" if self.turns else f"{q * 1000.0:.6g} mm"
+
+    def exponential(self, q: float) -> Pose:
+        """The pose at `q` [rad or m] of what was at the frame at q = 0. Turns about x, y and z through the origin are exact at
+        quarter turns; others are by Rodrigues' formula."""
+        lx, ly, lz = self.linear
+        if not self.turns:
+            return Pose(translation=(lx * q, ly * q, lz * q))
+        if self.anchor == NONE and self.linear == NONE and self.angular in _PLAIN:
+            return _PLAIN[self.angular](q)
+        rotation, a = turned_about(self.angular, q), self.anchor
+        moved = rotate(rotation, a)
+        return Pose(rotation=rotation, translation=(a[0] - moved[0] + lx * q, a[1] - moved[1] + ly * q, a[2] - moved[2] + lz * q))
+
+    def velocity(self, point: Vector) -> tuple[Vector, Vector]:
+        """(linear, angular): how fast a point [m] moves, and how fast whatever it is on turns, per unit of q."""
+        if not self.turns:
+            return self.linear, NONE
+        a, w, v = self.anchor, self.angular, self.linear
+        x, y, z = cross(w, (point[0] - a[0], point[1] - a[1], point[2] - a[2]))
+        return (x + v[0], y + v[1], z + v[2]), w
+
+    def seen_from(self, X_AB: Pose) -> Twist:
+        """In frame A, of a twist that is given in B."""
+        turn = X_AB.rotation
+        return Twist(rotate(turn, self.angular), rotate(turn, self.linear), X_AB.apply(self.anchor))
+
+    def reversed(self) -> Twist:
+        """The twist that undoes it: `reversed().exponential(q)` is the inverse of `exponential(q)`."""
+        return Twist(_negated(self.angular), _negated(self.linear), self.anchor)
+
+
+X, Y, Z = IDENTITY
+_PLAIN = {X: turned_x, Y: turned_y, Z: turned_z}
+
+
+def moved(twists: tuple[Twist, ...], q: tuple[float, ...]) -> Pose:
+    """Where a sequence of twists, each seen in the frame that those before it have moved, takes a frame at coordinates `q` (as many)."""
+    pose = NO_POSE
+    for number, (twist, value) in enumerate(zip(twists, q, strict=True)):
+        pose = pose @ twist.exponential(value) if number else twist.exponential(value)
+    return pose
+
+
+def _negated(v: Vector) -> Vector:
+    return (0.0 - v[0], 0.0 - v[1], 0.0 - v[2])  # 0 - 0 is 0, where -0.0 would be written as such
