@@ -38,6 +38,10 @@ TRUST = 0.25
 """A step that gains less than this share of what the linear model promises is too long: without the rule a method like this one
 may go to and fro across a valley, a little lower each time."""
 
+ROUNDING = 1e-13
+"""A gain below this share of what is left is none. A step that gains no more is tried again with more damping, which turns it towards
+the steepest descent: of two joints that a step takes to their limits, only one may belong there."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class State:
@@ -172,16 +176,13 @@ class Loops:
                 if step is not None and there is not None:
                     new_error = self._stacked(there)
                     gained, promised = cost - _square(new_error), cost - _square(_linear(error, columns, step))
-                    if gained > 0.0 and gained >= TRUST * promised:
+                    if gained > ROUNDING * cost and gained >= TRUST * promised:
                         better = there, new_error
                 damping = max(damping * 0.1, 1e-14) if better is not None else damping * 10.0
             if better is None:
                 break
-            gain = cost - _square(better[1])
             state, error = better
-            cost -= gain
-            if gain < 1e-13 * cost:
-                break
+            cost = _square(error)
         return Solution(state=state, residuals=self.residuals(state))
 
     def _stacked(self, state: State) -> list[float]:
