@@ -20,7 +20,7 @@ demo: $(VENV)/.thingc
 test: $(VENV)/.thingc-dev
 	$(BIN)/ruff check .
 	$(BIN)/mypy
-	$(BIN)/pytest -n $(JOBS) --dist loadfile
+	$(BIN)/pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder
 
 lint: $(VENV)/.thingc-dev
 	$(BIN)/ruff check .

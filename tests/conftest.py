@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 import re
 import subprocess
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,12 @@ def shared_store(tmp_path_factory: pytest.TempPathFactory) -> str:
 DEFECTS: list[str] = []
 """What was called a defect since the last test: in this process, or in the output of one that was run."""
 _SAID = re.compile(rb'error\[TC899\]|title=TC899|\\*"(?:code|id|ruleId)\\*": ?\\*"TC899')
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files with slow tests first, so that no worker is left alone with one at the end (`make test` tells xdist to keep this order)."""
+    slow = Counter(item.path for item in items if item.get_closest_marker("slow") is not None)
+    items.sort(key=lambda item: -slow[item.path])
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -11,6 +11,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -51,7 +52,7 @@ def main() -> int:
     return 1 if any(v.outcome == "crashed" or v.faults for v in verdicts) else 0
 
 
-def run(numbers: range, seed: int, folder: Path, store: Path) -> list[Verdict]:
+def run(numbers: Sequence[int], seed: int, folder: Path, store: Path) -> list[Verdict]:
     """Every design after the other, in this process; a line for each on standard error."""
     workspace(folder)
     verdicts: list[Verdict] = []

@@ -30,7 +30,9 @@ from thingc.source import Document, MappingNode, Node, ScalarNode, Span, walk
 from thingc.spec import part_references, validate
 from thingc.workspace import Workspace
 
-MUTANTS = 400
+pytestmark = pytest.mark.slow
+
+MUTANTS = 160
 NEAR = 0.85
 """Share of the mutants that are refused whose first error must be on the touched line or a neighbour. The others are
 legitimate: a component that is gone is missed where it is used."""

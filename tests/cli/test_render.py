@@ -28,6 +28,8 @@ from thingc.render.frames import BLUE, GREEN, JOINT, RED, Axis, Frame, placed
 from thingc.render.frames import drawn as painted
 from thingc.render.picture import camera_of, points_of, posed
 
+pytestmark = pytest.mark.slow
+
 HERE = Path(__file__).resolve().parent
 ARM = "assemblies/arm.yaml"
 

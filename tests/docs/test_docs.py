@@ -29,6 +29,8 @@ from thingc.diagnostics import Report
 from thingc.printing import as_text
 from thingc.workspace import Workspace
 
+pytestmark = pytest.mark.slow
+
 LANGUAGE = ROOT / "docs" / "language.md"
 OUTPUTS = ROOT / "docs" / "outputs.md"
 IDS = [page.name for page in PAGES]

@@ -8,7 +8,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-SECONDS = 20
+import pytest
+
+pytestmark = pytest.mark.slow
+
+SECONDS = 10
 
 
 def test_a_short_run_finds_nothing(tmp_path: Path, root: Path, shared_store: str) -> None:

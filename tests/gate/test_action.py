@@ -16,6 +16,8 @@ import yaml
 
 from gate.repository import commit, fork, git
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).resolve().parents[2]
 BIN = Path(sys.executable).parent
 

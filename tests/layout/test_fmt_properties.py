@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from typing import Any
 
+import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from ruamel.yaml import YAML
 
@@ -13,6 +14,8 @@ from layout.written import documents
 from thingc.diagnostics import Report
 from thingc.layout import format_document
 from thingc.printing import as_text
+
+pytestmark = pytest.mark.slow
 
 COMMENT = re.compile(r"# ?c\d+\.")
 
@@ -62,7 +65,7 @@ def owners(data: bytes) -> dict[str, str]:
     return found
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=120, deadline=None, suppress_health_check=list(HealthCheck))
 @given(documents())
 def test_the_same_document_with_every_comment_and_nothing_left_to_do(text: str) -> None:
     data = text.encode()
@@ -77,7 +80,7 @@ def test_the_same_document_with_every_comment_and_nothing_left_to_do(text: str) 
     assert not moved, once.decode()
 
 
-@settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=40, deadline=None, suppress_health_check=list(HealthCheck))
 @given(documents())
 def test_the_spaces_are_canonical(text: str) -> None:
     once = formatted(text.encode())

@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 from modes.switching_robots import Made, bodies, jacobian, joints_of, mass_matrix, random_robot, same_motion, stir
 from thingc.modes import BaseElsewhere, BaseMoves
 
+pytestmark = pytest.mark.slow
+
 seeds = st.integers(0, 2**32 - 1)
 few = settings(max_examples=25, deadline=None)
 

@@ -12,6 +12,8 @@ from conformance.harness import ROOT
 from thingc.pipeline import Options
 from thingc.session import Session, Settings
 
+pytestmark = pytest.mark.slow
+
 SCRIPT = ROOT / "benchmarks" / "variants" / "throughput.py"
 
 

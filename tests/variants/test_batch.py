@@ -19,6 +19,8 @@ from thingc.variants import BatchFault, Summary, run
 from thingc.variants.journal import Journal, in_order, lines
 from variants.robots import PENDULUM, environment, thingc, tree, workspace
 
+pytestmark = pytest.mark.slow
+
 RUN_COLUMNS = ("parts_modelled", "parts_reused", "seconds")
 
 

@@ -57,11 +57,11 @@ def test_the_page_names_a_robot_that_stands(root: Path, tmp_path: Path, shared_s
 
 @pytest.mark.slow
 def test_the_table_of_the_search_is_what_mujoco_says(root: Path, tmp_path: Path, shared_store: str) -> None:
-    page = search(root, tmp_path, shared_store, "--count", "5", "--docs", str(tmp_path / "docs"))
+    page = search(root, tmp_path, shared_store, "--count", "4", "--docs", str(tmp_path / "docs"))
     batch = tmp_path / "bridge_search_random"
     with (batch / "results.csv").open() as stream:
         rows = list(csv.DictReader(stream))
-    assert [row["status"] for row in rows].count("built") in range(1, 5)  # some do, some do not
+    assert [row["status"] for row in rows].count("built") in range(1, 4)  # some do, some do not
     for row in rows:
         assert (row["status"] == "built") == (float(row["torque_margin"]) >= MARGIN)
         if row["path"]:
@@ -70,7 +70,7 @@ def test_the_table_of_the_search_is_what_mujoco_says(root: Path, tmp_path: Path,
     assert f"| `{best['name']}` |" in page and best["command"] in page
     assert (tmp_path / "docs" / "variants_search.md").read_text() == page
     picture = (tmp_path / "docs" / "pictures" / "bridge_search.png").read_bytes()
-    assert search(root, tmp_path, shared_store, "--count", "5", "--docs", str(tmp_path / "docs")) == page
+    assert search(root, tmp_path, shared_store, "--count", "4", "--docs", str(tmp_path / "docs")) == page
     assert (tmp_path / "docs" / "pictures" / "bridge_search.png").read_bytes() == picture
 
 

@@ -27,6 +27,8 @@ from thingc.pipeline import Options
 from thingc.variants import run
 from variants.robots import environment, thingc, tree, with_emitter, workspace
 
+pytestmark = pytest.mark.slow
+
 FAULTS = """
     thingc: variants/1
     assembly: pendulum.yaml
@@ -238,7 +240,7 @@ def test_a_killed_driver_takes_its_runners_along_and_can_be_resumed(tmp_path: Pa
     here = workspace(tmp_path, faults=FAULTS)
     env = environment(shared_store, with_emitter(tmp_path))
     more: list[str] = []
-    for lines in (1, 4, 9, 13, 20):
+    for lines in (1, 9, 18):
         process = started(here, env, "--jobs", "2", *more)
         wait_for_lines(here, lines, process)
         running = descendants(process.pid)

@@ -21,6 +21,8 @@ from thingc.variants.pictures import along_the_axes, usual
 from thingc.variants.tables import Column, columns
 from variants.robots import environment, thingc, workspace
 
+pytestmark = pytest.mark.slow
+
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed (Debian, Ubuntu: apt install chromium)")
 
