@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -258,3 +259,15 @@ def test_without_fork(place: Any, define: Callable[..., Any]) -> None:
         assert again.volume == pytest.approx(8e-9, rel=1e-12)
     finally:
         inline.close()
+
+
+def test_where_no_process_can_be_started_it_is_said(
+    place: Any, define: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, tmp_path: Any
+) -> None:
+    """As where the system has none left: here the interpreter is gone."""
+    place.write("parts/arm.py", "from thingc import Thing\nclass A(Thing): pass\n")
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "gone"))
+    with place.service(workers=None) as service:
+        failure = service.realize([define("arm:A")])["arm:A"]
+    assert isinstance(failure, PartFailure)
+    assert (failure.kind, failure.message) == ("crashed", "no worker process can be started: No such file or directory")

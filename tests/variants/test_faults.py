@@ -24,7 +24,7 @@ import pytest
 
 from thingc.diagnostics import Code
 from thingc.pipeline import Options
-from thingc.variants import run
+from thingc.variants import BatchFault, run
 from variants.robots import environment, thingc, tree, with_emitter, workspace
 
 pytestmark = pytest.mark.slow
@@ -351,6 +351,15 @@ def test_a_store_that_cannot_be_used_is_said_in_words(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     done = thingc("batch", "faults.yaml", cwd=here, env=environment(str(tmp_path / "file" / "store")))
     assert done.returncode == 2 and f"error[{Code.OUTPUT.code}]" in done.stderr and "Traceback" not in done.stderr, done.stderr
+
+
+def test_where_no_runner_can_be_started_it_is_said(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As where the system has no process left: here the interpreter is gone."""
+    here = workspace(tmp_path, faults=FAULTS.replace("[mjcf, faulty]", "[mjcf]"))
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "gone"))
+    with pytest.raises(BatchFault, match="a runner does not start: no process can be started: No such file or directory") as caught:
+        run(str(here / "faults.yaml"), jobs=1, options=Options(store=shared_store), pictures=0)
+    assert caught.value.diagnostic.code is Code.RUNNERS
 
 
 def test_runners_that_do_not_start_end_the_batch_in_words(tmp_path: Path, shared_store: str) -> None:

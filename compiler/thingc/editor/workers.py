@@ -31,11 +31,11 @@ class EndingWorkers(Workers):
 
     ended = False
 
-    def warm(self) -> None:
-        """Start them. Raises `WorkerBroken` after the end."""
+    def ensure(self) -> None:
+        """Start those that are missing. Raises `WorkerBroken` after the end."""
         if self.ended:
             raise WorkerBroken("the watch has ended")
-        super().warm()
+        super().ensure()
 
     def end(self) -> None:
         """End them for good."""

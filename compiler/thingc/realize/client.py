@@ -28,7 +28,7 @@ CAN_FORK = hasattr(os, "fork")
 
 
 class WorkerBroken(Exception):
-    """The worker cannot start: the kernel does not load. `detail` has the traceback."""
+    """No worker starts: the kernel does not load (`detail` has the traceback), or the system has no process for it."""
 
     def __init__(self, message: str, detail: str = "") -> None:
         super().__init__(message)
@@ -67,7 +67,13 @@ class Workers:
         return bool(self._processes)
 
     def warm(self) -> None:
-        """Start the workers without waiting for them: they load the kernel while the caller does something else."""
+        """Start the workers without waiting for them: they load the kernel while the caller does something else. Where none starts, `run`
+        says so."""
+        with contextlib.suppress(WorkerBroken):
+            self.ensure()
+
+    def ensure(self) -> None:
+        """Start the workers that are missing. Raises `WorkerBroken`."""
         wanted = 1 if self.forking else self.jobs
         while len(self._processes) < wanted:
             flags = ["--jobs", str(self.jobs)] if self.forking else ["--inline"]
@@ -89,7 +95,7 @@ class Workers:
                 waiting.extend(islice(source, 1))
                 if not waiting:
                     return
-            self.warm()
+            self.ensure()
             for worker in self._processes:
                 limit = (2 if self.forking else 1) * worker.capacity - len(worker.asked)
                 waiting.extend(islice(source, max(0, limit - len(waiting))))
@@ -123,7 +129,7 @@ class Workers:
             answer = _answer(line)
             if "broken" in answer:
                 self.close()
-                raise WorkerBroken(answer["broken"], answer.get("detail", ""))
+                raise WorkerBroken(f"the CAD kernel does not load: {answer['broken']}", answer.get("detail", ""))
             if "ready" in answer:
                 worker.ready = True
                 self._put_off(worker)
@@ -177,11 +183,14 @@ class Workers:
         worker.deadline = time.monotonic() + longest + (GRACE if self.forking else 0.0) + (0.0 if worker.ready else LOADING)
 
     def _start(self, flags: Sequence[str], capacity: int) -> _Process:
-        process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "thingc.realize.worker", "--parent", str(os.getpid()), *flags],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment(self.seed),
-            close_fds=True, start_new_session=True,
-        )
+        try:
+            process = subprocess.Popen(
+                [sys.executable, "-P", "-m", "thingc.realize.worker", "--parent", str(os.getpid()), *flags],
+                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment(self.seed),
+                close_fds=True, start_new_session=True,
+            )
+        except OSError as fault:
+            raise WorkerBroken(_no_process(fault)) from fault
         worker = _Process(process=process, capacity=capacity, deadline=time.monotonic() + LOADING)
         threading.Thread(target=_gather, args=(worker, self._answers.put), daemon=True).start()
         return worker
@@ -208,9 +217,15 @@ def once(flags: Sequence[str], request: Mapping[str, Any]) -> dict[str, Any]:
         )
     except subprocess.TimeoutExpired:
         return {"failed": "hung", "words": "", "detail": ""}
+    except OSError as fault:
+        return {"failed": "crashed", "words": _no_process(fault), "detail": ""}
     if not done.stdout.endswith(b"\n"):
         return {"failed": "crashed", "words": f"the worker process ended with {done.returncode}", "detail": ""}
     return _answer(done.stdout)
+
+
+def _no_process(fault: OSError) -> str:
+    return f"no worker process can be started: {fault.strerror or fault}"
 
 
 def _answer(line: bytes) -> dict[str, Any]:

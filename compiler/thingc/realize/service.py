@@ -452,7 +452,7 @@ class GeometryService:
         return self._workers
 
     def _run(self, requests: Sequence[dict[str, Any]], what: str = "", wanted: Iterator[dict[str, Any]] | None = None) -> Any:
-        """Answers of the workers as they come; a kernel that does not load fails every request. `wanted` are those of the requests
+        """Answers of the workers as they come; where no worker starts, every request fails. `wanted` are those of the requests
         that are still wanted when it is their turn."""
         chosen = iter(requests) if wanted is None else wanted
         first = next(chosen, None)
@@ -472,7 +472,7 @@ class GeometryService:
                     raise StoreUnusable(self.store.root, answer["words"])
                 yield request, answer
         except WorkerBroken as fault:
-            failed = {"failed": "crashed", "words": f"the CAD kernel does not load: {fault}", "detail": fault.detail}
+            failed = {"failed": "crashed", "words": str(fault), "detail": fault.detail}
             for request in requests:
                 if id(request) not in answered:
                     yield request, failed

@@ -61,7 +61,8 @@ class _Lost(Exception):
 
 
 class RunnerProcess:
-    """A runner and the pipe to it. Raises `_Lost` where it dies or is silent too long; then `close` it."""
+    """A runner and the pipe to it. Raises `OSError` where the system has no process for it, `_Lost` where it dies or is silent too
+    long; then `close` it."""
 
     def __init__(self, job: str) -> None:
         self.job = job
@@ -165,7 +166,11 @@ class Runners:
             runner.close()
         said = ""
         for _ in range(STARTS):
-            runner = RunnerProcess(job)
+            try:
+                runner = RunnerProcess(job)
+            except OSError as fault:
+                said = f"no process can be started: {fault.strerror or fault}"
+                continue
             with self._lock:
                 self._busy.add(runner)
                 if self._closed:
