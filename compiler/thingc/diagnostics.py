@@ -167,6 +167,8 @@ class Code(Enum):
     STUCK = ("TC521", "joint that its drive cannot move", "Mend the number or its unit, or choose a stronger drive.", Stage.CHECK)
     BARE_MASS = ("TC522", "mass without a shape, of an unlikely weight or place", "Mend the number or its unit.", Stage.CHECK)
     LONG_STEP = ("TC523", "long time step", "Write 1 to 5 ms, as is usual.", Stage.CHECK)
+    MIRRORED_BOUGHT = ("TC580", "mirror image of a bought part", "Take `mirror` out, or write its order number.", Stage.CHECK)
+    OWN_IMAGE = ("TC581", "part that is its own mirror image", "Take `mirror` out: the part is the same without it.", Stage.CHECK)
     # --- TC6xx: modes (root) ---------------------------------------------------------------------------------------
     POSE_LIMITS = ("TC601", "pose outside joint limits", "Write a value within the joint's limits, or widen them.")
     UNREACHED = ("TC602", "links beyond the root's reach", "Mend the placements: every link hangs together with the root.")

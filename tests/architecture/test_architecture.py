@@ -56,7 +56,9 @@ KERNEL = {"build123d", "OCP", "bd_warehouse", "lib3mf"}
 KERNEL_ROOMS = {"things"}
 KERNEL_MODULES = {
     f"realize/{name}.py"
-    for name in ("worker", "modelling", "meshing", "primitives", "measure", "convert", "colors", "part_files", "reads", "assembling")
+    for name in (
+        "worker", "modelling", "mirroring", "meshing", "primitives", "measure", "convert", "colors", "part_files", "reads", "assembling",
+    )
 }
 HEAVY = {"numpy", "networkx", "trimesh", "mujoco", "scipy", "rich", "typer", "manifold3d", "coacd"}
 CHECK_ROOMS = BASE | {"load", "spec", "resolve", "graph", "joints", "robot", "pipeline", "stamp"}

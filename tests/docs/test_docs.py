@@ -250,7 +250,6 @@ def test_what_is_not_built_yet_is_refused_as_such(page: Path, here: Path) -> Non
     joint = "  j: {type: %s, parent: a.head, child: b.tail, limit: {lower: -1 rad, upper: 1 rad}%s}\n"
     plain = head % "" + joint % ("revolute", "")
     cases = [head % "" + joint % (kind, "") for kind in ("cylindrical", "universal", "ball", "planar", "screw")]
-    cases += [head % ", mirror: x" + joint % ("revolute", "")]
     cases += [plain + f"modes: {{m: {{root: a, base: {base}}}}}\n" for base in ("planar", "ball")]
     cases += [plain + "raw: {urdf: {joint: {j: {x: 1}}}}\n"]
     for text in cases:

@@ -13,7 +13,8 @@ import pytest
 from emit.small_robot import assembly, petg, request
 from thingc.emit.bom import COLUMNS, emit, items, make_of
 from thingc.emit.csvcell import cell
-from thingc.graph.types import Assembly
+from thingc.graph.types import Assembly, Definition
+from thingc.realize.record import PartDefinition
 from thingc.realize.store import Store
 from thingc.resolve.model import BomEntry, Overrides, Process
 
@@ -117,6 +118,16 @@ def test_a_name_that_the_thing_states(whole: Assembly) -> None:
     assert servo.record is not None
     stated = replace(servo.record, bom={**servo.record.bom, "name": "XM430-W350-R"})
     assert "XM430-W350-R" in [row.name for row in items(changed(whole, "servo_a", record=stated))]
+
+
+def test_a_mirror_image_is_a_row_of_its_own(whole: Assembly) -> None:
+    brace = next(o for o in whole.occurrences if o.path == "brace_b")
+    assert isinstance(brace.component.definition, PartDefinition)
+    image = Definition.of(brace.component.definition.mirrored("y"))
+    rows = [row for row in items(changed(whole, "brace_b", definition=image)) if row.name.startswith("Brace")]
+    assert [(row.name, row.definition, row.quantity) for row in rows] == [
+        ("Brace", "arm:Brace(length=0.12)", 1), ("Brace (mirror=y)", "arm:Brace(length=0.12, mirror=y)", 1),
+    ]
 
 
 def test_awkward_words_survive_the_csv(whole: Assembly, tmp_path: Path) -> None:

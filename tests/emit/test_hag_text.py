@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import html
 import re
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
 
 from emit.graphs import LABELS, NASTY, SCREW, XM430, arm, awkward, graph, walker
 from thingc.emit.hag import target as hag
-from thingc.graph.types import Hag
+from thingc.graph.types import DefinitionEdge, Hag
 from thingc.shown import shown
 
 NASTY_SHOWN = NASTY.replace("\x07", "\\x07").replace("\ud800", "\\ud800")
@@ -138,6 +139,24 @@ def test_what_a_repeat_made_is_one_entry() -> None:
         ("screw_0", "head -> plate.hole_0"), ("screw_2 ... screw_7", "head -> plate.hole_*"),
     ]
     assert all(a.component < b.component for a, b in pairwise(screws))
+
+
+def test_a_mirror_image_says_what_it_mirrors() -> None:
+    plain = replace(arm().definitions[1], text="p:Leg(length=0.1)", label="p:Leg(length=100 mm)", reference="p:Leg", kind="part")
+    image = replace(plain, text="p:Leg(length=0.1, mirror=y)", label="p:Leg(length=100 mm, mirror=y)", mirror="y", plain=plain)
+    top = replace(plain, text="bot", label="bot", reference="bot.yaml", kind="assembly")
+    edges = tuple(
+        DefinitionEdge(parent="bot", child=one.text, component=name, mounts="", joint=None)
+        for one, name in ((image, "left"), (plain, "right"))
+    )
+    both = Hag(root="bot", definitions=(top, image, plain), edges=edges)
+    assert "1 x p:Leg(length=100 mm, mirror=y) mirrors p:Leg(length=100 mm)\n" in hag.text(both)
+    assert '  n1 -> n2 [label="mirror y" style=dashed constraint=false];\n' in hag.dot(both)
+    assert '  n1 -.->|"mirror y"| n2\n' in hag.mermaid(both)
+    assert "length=100 mm, mirror=y" in hag.svg(both)
+    alone = Hag(root="bot", definitions=(top, image), edges=edges[:1])
+    assert " mirrors p:Leg(length=100 mm)\n" in hag.text(alone)
+    assert "dashed" not in hag.dot(alone) and "-.->" not in hag.mermaid(alone)
 
 
 def test_the_same_text_every_time() -> None:

@@ -29,7 +29,7 @@ from graph.builder import (
     warnings,
 )
 from thingc.realize.record import PartRecord
-from thingc.resolve.model import AssemblyDefinition, Component
+from thingc.resolve.model import AssemblyDefinition, BomEntry, Component, Process
 
 
 def hand(**exported: str) -> AssemblyDefinition:
@@ -182,6 +182,43 @@ def test_other_parameters_are_another_part() -> None:
         said(warnings(model, BOARD, wide))[0][1]
         == "`board.cap_seat` was cut for `p:Cap`, but `cap` (`p:Cap(width=0.2)`) sits there"
     )
+
+
+def test_a_mirror_image_was_cut_for_a_mirror_image_or_for_the_part_itself() -> None:
+    image = replace(BOARD, text="p:Board(mirror=y)")
+    wide = box("p:Cap(width=0.2)", mounts={"foot": rx(np.pi)})
+    for cap, fits in ((part("p:Cap"), True), (part("p:Cap").mirrored("x"), True), (part(wide.text), False)):
+        placed = component("cap", cap, attach("cap.foot", "board.cap_seat"))
+        model = assembly("a", [component("board", part("p:Board").mirrored("y")), placed])
+        records = (image, CAP, wide, replace(CAP, text="p:Cap(mirror=x)"))
+        if fits:
+            linked(model, *records)
+        else:
+            assert [code for code, *_ in said(warnings(model, *records))] == ["EXPECTATION"]
+    cap_x = component("cap", part("p:Cap").mirrored("x"), attach("cap.foot", "board.cap_seat"))
+    model = assembly("a", [component("board", "p:Board"), cap_x])
+    assert said(warnings(model, BOARD, replace(CAP, text="p:Cap(mirror=x)")))[0][1] == (
+        "`board.cap_seat` was cut for `p:Cap`, but `cap` (`p:Cap(mirror=x)`) sits there"
+    )
+
+
+def test_mirror_images_that_nobody_sells_or_that_are_the_part_itself() -> None:
+    left = part("p:Plate").mirrored("y")
+    bought, own = box(left.text, bom={"make": "buy"}), box(left.text, bom={"make": "buy"}, own_image=True)
+    twice = [component("one", left, line=3), component("two", left, laid("one.origin", np.eye(4)))]
+
+    def words(*components: Component, record: PartRecord = bought) -> list[tuple[str, str]]:
+        found = said(warnings(assembly("a", list(components)), record))
+        return [(code, message) for code, message, *_ in found]
+
+    assert words(*twice) == [("MIRRORED_BOUGHT", "`one` is the mirror image of `p:Plate`, which is bought: is there one to buy?")]
+    assert words(twice[0], record=own) == [
+        ("OWN_IMAGE", "`one` is the mirror image of `p:Plate`, which is the same part, and counts as another")
+    ]
+    by_process = component("one", left, process=Process(kind="bought"))
+    assert [code for code, _ in words(by_process, record=box(left.text))] == ["MIRRORED_BOUGHT"]
+    for sold in (component("one", left, bom=BomEntry(number="P-2")), component("one", left, bom=BomEntry(make="print"))):
+        linked(assembly("a", [sold]), bought)
 
 
 def test_a_length_that_went_through_a_part_is_the_same_length() -> None:

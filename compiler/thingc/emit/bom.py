@@ -151,7 +151,13 @@ def _material(occurrence: Occurrence) -> str | None:
 
 
 def _name(occurrence: Occurrence) -> str:
-    """What a person calls the piece: as the Thing says, else the class, the file without its ending, or the component."""
+    """What a person calls the piece: as the Thing says, else the class, the file without its ending, or the component; and how it is
+    mirrored, if it is."""
+    mirror = occurrence.definition.mirror
+    return _plain_name(occurrence) + (f" (mirror={mirror})" if mirror is not None else "")
+
+
+def _plain_name(occurrence: Occurrence) -> str:
     if occurrence.record is not None and occurrence.record.bom.get("name"):
         return occurrence.record.bom["name"]
     definition = occurrence.definition

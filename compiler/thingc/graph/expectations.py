@@ -33,17 +33,20 @@ def check_expectations(
         expected = owner.record.expectations
         for one in expected:
             there = [(occurrences[other], mount) for other, mount in on.get((owner.index, one.mount), ())]
-            if any(_is(other, one) and mount == one.child_mount for other, mount in there):
+            if any(_is(other, one, owner) and mount == one.child_mount for other, mount in there):
                 continue
             if not there and (owner.index, one.mount) in open_mounts:
                 continue
             spoken_for = [e for e in expected if e.mount == one.mount]
-            strangers = [(o, m) for o, m in there if not any(_is(o, e) and m == e.child_mount for e in spoken_for)]
+            strangers = [(o, m) for o, m in there if not any(_is(o, e, owner) and m == e.child_mount for e in spoken_for)]
             _warn(owner, one, strangers, findings)
 
 
-def _is(other: Occurrence, expected: Expectation) -> bool:
-    return other.record is not None and _rounded(other.record.text) == _rounded(expected.text)
+def _is(other: Occurrence, expected: Expectation, owner: Occurrence) -> bool:
+    """Whether `other` is what was expected. In a mirror image its mirror image fits, and it itself if that is no other part."""
+    plain = other.definition.plain if owner.definition.mirror is not None else None
+    there = (other.definition.text,) if plain is None else (other.definition.text, plain.text)
+    return other.record is not None and _rounded(expected.text) in map(_rounded, there)
 
 
 def _rounded(definition: str) -> str:
@@ -53,7 +56,7 @@ def _rounded(definition: str) -> str:
 
 def _warn(owner: Occurrence, one: Expectation, strangers: Sequence[tuple[Occurrence, str]], findings: Findings) -> None:
     name, wanted = owner.component.name, one.label
-    other, mount = next(((o, m) for o, m in strangers if _is(o, one)), strangers[0] if strangers else (None, ""))
+    other, mount = next(((o, m) for o, m in strangers if _is(o, one, owner)), strangers[0] if strangers else (None, ""))
     found = other.definition.label if other is not None else ""
     if other is not None and found == wanted:  # they differ in digits that labels do not show
         wanted, found = one.text, other.definition.text
@@ -62,7 +65,7 @@ def _warn(owner: Occurrence, one: Expectation, strangers: Sequence[tuple[Occurre
     if other is None:
         findings.warn(Code.EXPECTATION, f"{cut}, and nothing sits there", owner.origin, path=owner.path, help=help)
         return
-    if _is(other, one):
+    if _is(other, one, owner):
         message = f"{cut} by its mount `{one.child_mount}`, but `{other.component.name}` sits there by `{mount}`"
     else:
         message = f"{cut}, but `{other.component.name}` (`{found}`) sits there"

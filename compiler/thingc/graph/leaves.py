@@ -185,6 +185,8 @@ class Leaves:
         elif not component.frame:
             return None
         material, looked_up = self._material(component, record, scope)
+        if record is not None:
+            self._warn_mirrored(component, record, material, path, origin)
         weighed = self._weigh(component, record, material, looked_up, scope, path, origin)
         sound = weighed is not None and self._physical(component, record, path, origin)
         return Leaf(
@@ -229,6 +231,26 @@ class Leaves:
                 notes=place, help=f"let them overlap; several on purpose are a list: `return [a, b]`; {meant_so(Code.APART)}",
             ):
                 self._warned.add(said)
+
+    def _warn_mirrored(self, component: Component, record: PartRecord, material: Material | None, path: str, origin: Origin) -> None:
+        """What is to be said of a mirror image that is no other part, or one that nobody may sell: once of each."""
+        plain = component.definition.plain if isinstance(component.definition, PartDefinition) else None
+        if plain is None or not record.exact:
+            return
+        bom, process = _bom(component, record), process_of(component, material)
+        bought = bom.make == "buy" or bom.make is None and process is not None and (process.kind or "").lower() == "bought"
+        if record.own_image:
+            code = Code.OWN_IMAGE
+            message = f"`{component.name}` is the mirror image of `{plain.label}`, which is the same part, and counts as another"
+            help = f"take `mirror` out; {meant_so(code)}"
+        elif bought and bom.number is None:
+            code = Code.MIRRORED_BOUGHT
+            message = f"`{component.name}` is the mirror image of `{plain.label}`, which is bought: is there one to buy?"
+            help = f"take `mirror` out, or write the order number of the mirror image: `bom: {{number: ...}}`; {meant_so(code)}"
+        else:
+            return
+        if (record.text, code.code) not in self._warned and self._findings.warn(code, message, origin, path=path, help=help):
+            self._warned.add((record.text, code.code))
 
     def _material(
         self, component: Component, record: PartRecord | None, scope: AssemblyDefinition,

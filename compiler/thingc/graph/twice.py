@@ -99,7 +99,7 @@ FIELDS: Mapping[str, _Field] = {
 }
 """By field of a record, the most telling first."""
 
-LEFT_OUT = frozenset({"text", "code", "warnings", "convex", "slices", "exact"})
+LEFT_OUT = frozenset({"text", "code", "own_image", "warnings", "convex", "slices", "exact"})
 """Fields that say nothing of what a part has become, or follow from its meshes."""
 
 

@@ -30,17 +30,23 @@ from thingc.source import Origin
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Definition(Brief):
     """A node of the HAG. `kind` is `assembly | part | file | frame`; `text` prints it exactly and is its identity together
-    with `reference` (`module:Class`, a file or a document path in the workspace); `label` prints it for people."""
+    with `reference` (`module:Class`, a file or a document path in the workspace); `label` prints it for people. Of a mirror image
+    `mirror` is the axis, `plain` what it mirrors."""
 
     text: str
     label: str
     reference: str
     kind: str
+    mirror: str | None = None
+    plain: Definition | None = None
 
     @classmethod
     def of(cls, part: PartDefinition) -> Definition:
         """The node of a part."""
-        return cls(text=part.text, label=part.label, reference=part.reference, kind="part" if part.kind == "code" else "file")
+        return cls(
+            text=part.text, label=part.label, reference=part.reference, kind="part" if part.kind == "code" else "file",
+            mirror=part.mirror, plain=None if part.plain is None else cls.of(part.plain),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -93,7 +93,7 @@ def record_values(record: PartRecord) -> dict[str, Any]:
         "slices": [_sliced_values(*one) for one in sorted(record.slices.items(), key=repr)],
         "bom": dict(sorted(record.bom.items())), "warnings": [warning.message for warning in record.warnings if warning.asked is None],
         "asks": [[warning.asked.value, warning.message] for warning in record.warnings if warning.asked is not None],
-        "apart": [_rounded(volume) for volume in record.apart],
+        "apart": [_rounded(volume) for volume in record.apart], "own_image": record.own_image,
     }
     return {**found, **{key: value for key, value in optional.items() if value}}
 
@@ -212,6 +212,7 @@ def read_record(text: str, value: Any, path: str, code: tuple[str, int] | None) 
         ),
         fits={}, meshes={}, pieces=(), convex=(), brep=None, code=code,
         apart=tuple(number(one, f"{path}.apart") for one in sequence(table.get("apart", []), f"{path}.apart")),
+        own_image="own_image" in table and _flag(table, "own_image", path),
         up=None if table.get("up") is None else _direction(table["up"], f"{path}.up"),
         slices=dict(_sliced(one, f"{path}.slices") for one in sequence(table.get("slices", []), f"{path}.slices")),
     )

@@ -8,13 +8,14 @@ import math
 import os
 import warnings
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from thingc.realize import convert, meshing
 from thingc.realize.colors import hexadecimal, named
 from thingc.realize.fits import fit_all
 from thingc.realize.measure import Measures, bodies_of, explored, measure, solids_of
+from thingc.realize.mirroring import Mirror
 from thingc.realize.part_files import kernel_shape, read_part
 from thingc.realize.primitives import primitive_of
 from thingc.realize.record import (
@@ -57,20 +58,46 @@ class Tessellations:
     simulation: Tessellation
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Made:
+    """What part code or a file gives, before it is measured: shapes of the kernel [mm] (none: a part without geometry), the rest as
+    in `PartRecord`. `one`: the solids are meant to hang together."""
+
+    shapes: Sequence[TopoDS_Shape]
+    visual: Sequence[TopoDS_Shape] = ()
+    collision: Sequence[TopoDS_Shape] = ()
+    material: str | None = None
+    color: str | None = None
+    mounts: dict[str, MountRecord] = field(default_factory=dict)
+    references: tuple[str, ...] = ()
+    expectations: tuple[Expectation, ...] = ()
+    actuator: Actuator | None = None
+    mass: Stated | None = None
+    com: Stated | None = None
+    matrix: Stated | None = None
+    density: Stated | None = None
+    bom: dict[str, str] = field(default_factory=dict)
+    up: Vector | None = None
+    warnings: tuple[PartWarning, ...] = ()
+    code: tuple[str, int] | None = None
+    one: bool = False
+    own_image: bool = False
+
+
 def model(definition: dict[str, Any], tessellations: Tessellations, around: Surroundings, store: Store) -> dict[str, Any]:
     """The record (or failure) of one part definition and what it read: `{"record" | "failure": ..., "reads": [...]}`.
 
-    `definition` has `kind`, `reference`, `text` and the canonical `parameters` (SI), and whether it is known where its class is
+    `definition` has `kind`, `reference`, `text`, the canonical `parameters` (SI) and `mirror`, and whether it is known where its class is
     written (`placed`): to find that out takes long. Blobs go to the store. Raises `StoreUnusable`.
     """
     text = definition["text"]
     with Session(around) as session, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
-            if definition["kind"] == "file":
-                record = _model_file(definition, tessellations, around, store)
-            else:
-                record = _model_code(definition, tessellations, session, store)
+            made = _made_of_file(definition, around) if definition["kind"] == "file" else _made_of_code(definition, session)
+            if definition["mirror"] is not None:
+                made = _mirrored(made, Mirror(definition["mirror"]))
+            record = _record(definition["text"], made, tessellations, store)
             session.stop()
             found = (*record.warnings, *_warnings(caught, session.is_own), *session.asking.found)
             answer = {"record": record_to_json(replace(record, warnings=found), around.root)}
@@ -91,7 +118,7 @@ def _warnings(caught: list[warnings.WarningMessage], is_own: Callable[[str], boo
     return list(dict.fromkeys(found))
 
 
-def _model_code(definition: dict[str, Any], tessellations: Tessellations, session: Session, store: Store) -> PartRecord:
+def _made_of_code(definition: dict[str, Any], session: Session) -> Made:
     import inspect
 
     from thingc.things import inspection
@@ -111,11 +138,8 @@ def _model_code(definition: dict[str, Any], tessellations: Tessellations, sessio
     if not definition["placed"]:
         with contextlib.suppress(OSError, TypeError):
             code = (inspect.getsourcefile(part) or "", inspect.getsourcelines(part)[1])
-    return _record(
-        definition["text"],
-        [shape.wrapped for shape in shapes],
-        tessellations,
-        store,
+    return Made(
+        shapes=[shape.wrapped for shape in shapes],
         visual=[shape.wrapped for shape in _shapes(thing.visual(), "visual")],
         collision=[shape.wrapped for shape in _shapes(thing.collision(), "collision")],
         material=inspection.material_of(thing),
@@ -136,15 +160,31 @@ def _model_code(definition: dict[str, Any], tessellations: Tessellations, sessio
         ),
         mass=_stated(statements.mass), com=_stated(statements.centre, convert.vector),
         matrix=_stated(statements.matrix, convert.matrix), density=_stated(statements.density),
-        bom=inspection.bom_of(thing), up=inspection.up_of(thing), extra=extra, code=code,
+        bom=inspection.bom_of(thing), up=inspection.up_of(thing), warnings=extra, code=code,
         one=kind != "shape" and inspection.is_one_solid(geometry),  # a shape class of a library is not its user's
     )
 
 
-def _model_file(definition: dict[str, Any], tessellations: Tessellations, around: Surroundings, store: Store) -> PartRecord:
+def _made_of_file(definition: dict[str, Any], around: Surroundings) -> Made:
     unit = parse_quantity(f"1 {definition['parameters'].get('unit', FILE_UNIT)}").value * convert.MM
     shapes, color = read_part(os.path.join(around.root, definition["reference"]), unit)
-    return _record(definition["text"], shapes, tessellations, store, color=color)
+    return Made(shapes=shapes, color=color)
+
+
+def _mirrored(made: Made, mirror: Mirror) -> Made:
+    """The mirror image. It has no order number: that of the Thing is the number of what is mirrored."""
+    mounts = {name: replace(mount, pose=mirror.mount(mount.pose)) for name, mount in made.mounts.items()}
+    stays = all(mirror.keeps(mount.pose) for mount in made.mounts.values())
+    return replace(
+        made,
+        shapes=[mirror.shape(shape) for shape in made.shapes], visual=[mirror.shape(shape) for shape in made.visual],
+        collision=[mirror.shape(shape) for shape in made.collision], mounts=mounts,
+        com=None if made.com is None else replace(made.com, value=mirror.vector(made.com.value)),
+        matrix=None if made.matrix is None else replace(made.matrix, value=mirror.matrix(made.matrix.value)),
+        up=None if made.up is None else mirror.vector(made.up),
+        bom={key: value for key, value in made.bom.items() if key != "number"},
+        own_image=bool(made.shapes) and stays and mirror.is_image_of_itself(solid_part(made.shapes)),
+    )
 
 
 def _shapes(geometry: Any, name: str) -> tuple[Any, ...]:
@@ -188,38 +228,15 @@ def _color(stated: str | None, of_shapes: list[Any]) -> tuple[str | None, tuple[
     return (colors.pop() if len(colors) == 1 else None), ()
 
 
-def _record(
-    text: str,
-    shapes: Sequence[TopoDS_Shape],
-    tessellations: Tessellations,
-    store: Store,
-    *,
-    visual: Sequence[TopoDS_Shape] = (),
-    collision: Sequence[TopoDS_Shape] = (),
-    material: str | None = None,
-    color: str | None = None,
-    mounts: dict[str, MountRecord] | None = None,
-    references: tuple[str, ...] = (),
-    expectations: tuple[Expectation, ...] = (),
-    actuator: Actuator | None = None,
-    mass: Stated | None = None,
-    com: Stated | None = None,
-    matrix: Stated | None = None,
-    density: Stated | None = None,
-    bom: dict[str, str] | None = None,
-    up: Vector | None = None,
-    extra: tuple[PartWarning, ...] = (),
-    code: tuple[str, int] | None = None,
-    one: bool = False,
-) -> PartRecord:
-    """Measure and mesh the solids of `shapes` (none: a part without geometry) and put the files into the store. `one`: they are
-    meant to hang together."""
+def _record(text: str, made: Made, tessellations: Tessellations, store: Store) -> PartRecord:
+    """Measure and mesh the solids of a part and put the files into the store."""
     measures: Measures | None = None
     meshes: dict[str, Mesh] = {}
     fits = {}
     brep = None
-    if shapes:
-        solid = solid_part(shapes)
+    extra = made.warnings
+    if made.shapes:
+        solid = solid_part(made.shapes)
         measures = measure(solid)
         if not measures.volume > NOTHING:
             raise NoPart("empty", f"it holds {measures.volume:.3g} mm^3")
@@ -231,7 +248,7 @@ def _record(
         if tessellations.simulation != tessellations.fine:
             coarse = _tessellated(solid, tessellations.simulation).scaled(1.0 / convert.MM)
             hull = meshing.hull(coarse.vertices) or coarse
-        shown = _visual(visual, tessellations.simulation).scaled(1.0 / convert.MM) if visual else coarse
+        shown = _visual(made.visual, tessellations.simulation).scaled(1.0 / convert.MM) if made.visual else coarse
         meshes["visual"] = _stored(shown, meshing.obj(shown), store)
         meshes["mesh"] = stored_stl(metres, store)
         meshes["hull"] = stored_stl(hull, store)
@@ -240,16 +257,16 @@ def _record(
             extra = (*extra, PartWarning(message="its mesh is not closed: the kernel left gaps between faces"))
         fits = fit_all(round_about.vertices, convert.unit_inertia(measures.inertia))
     return PartRecord(
-        text=text, material=material, color=color,
+        text=text, material=made.material, color=made.color,
         volume=convert.volume(measures.volume) if measures else 0.0,
         area=convert.area(measures.area) if measures else 0.0,
         centre=convert.vector(measures.centre) if measures else (0.0, 0.0, 0.0),
         inertia=convert.unit_inertia(measures.inertia) if measures else _ZERO,
         box=(convert.vector(measures.box[0]), convert.vector(measures.box[1])) if measures else None,
-        mounts=mounts or {}, references=references, expectations=expectations, actuator=actuator,
-        mass=mass, com=com, matrix=matrix, density=density, bom=bom or {}, warnings=extra, fits=fits, meshes=meshes,
-        apart=_apart(solid) if one and shapes else (),
-        pieces=tuple(_pieces(collision, tessellations.simulation, store)), convex=(), brep=brep, code=code, up=up,
+        mounts=made.mounts, references=made.references, expectations=made.expectations, actuator=made.actuator,
+        mass=made.mass, com=made.com, matrix=made.matrix, density=made.density, bom=made.bom, warnings=extra, fits=fits, meshes=meshes,
+        apart=_apart(solid) if made.one and made.shapes else (), own_image=made.own_image,
+        pieces=tuple(_pieces(made.collision, tessellations.simulation, store)), convex=(), brep=brep, code=made.code, up=made.up,
     )
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from thingc.brief import Brief
@@ -90,7 +90,8 @@ class PartDefinition(Brief):
     `code | file`). `parameters` holds every parameter, sorted by name (of a file its `unit`, where that is not `FILE_UNIT`); `text`
     prints only those that differ from their default, exactly (`arm:RotorBrace(length=0.1)`): programs know it by that. `label` is the
     same for people (`arm:RotorBrace(length=100 mm)`), which two definitions that hardly differ may share, and `words` the values of
-    all parameters for them. `mirror` is reserved and always None.
+    all parameters for them. A mirror image is a definition of its own (`arm:RotorBrace(length=0.1, mirror=y)`): `mirror` is the axis of
+    the part's frame that it is mirrored along, `plain` the definition that it mirrors.
     """
 
     reference: str
@@ -100,10 +101,19 @@ class PartDefinition(Brief):
     label: str
     words: tuple[str, ...] = ()
     mirror: str | None = None
+    plain: PartDefinition | None = None
+
+    def mirrored(self, axis: str) -> PartDefinition:
+        """The definition of the mirror image at the plane normal to `axis` (`x | y | z`) of the part's frame."""
+        label = f"{self.label}, mirror={axis}" if self.kind == "file" else _mirrored(self.label, axis)
+        return replace(self, text=_mirrored(self.text, axis), label=label, mirror=axis, plain=self)
 
     @property
     def stem(self) -> str:
-        """The file stem: `arm.RotorBrace`, and 8 hex of the SHA-256 of `text` when any parameter differs."""
+        """The file stem: `arm.RotorBrace`, and 8 hex of the SHA-256 of `text` when any parameter differs; `-mirror_y` follows that of
+        the definition which is mirrored."""
+        if self.plain is not None:
+            return f"{self.plain.stem}-mirror_{self.mirror}"
         base = self.reference.replace(":", ".").replace("/", ".")
         if self.text == self.reference:
             return base
@@ -130,6 +140,12 @@ def definition_label(
 
 def _differing(parameters: Mapping[str, Value], defaults: Mapping[str, Value]) -> list[str]:
     return [name for name in sorted(parameters) if name not in defaults or parameters[name] != defaults[name]]
+
+
+def _mirrored(printed: str, axis: str) -> str:
+    """The text or label of a definition with its mirror among what is given to it. Values that are texts are quoted, so that this is
+    no parameter's."""
+    return f"{printed[:-1]}, mirror={axis})" if printed.endswith(")") else f"{printed}(mirror={axis})"
 
 
 def _printed(reference: str, arguments: Mapping[str, str]) -> str:
@@ -258,7 +274,8 @@ class PartRecord(Brief):
     they are exactly that, else STL files; `convex` the STL files of the convex decomposition where it was asked for.
     `up` is how the Thing wants to lie on a printer (a unit vector); `slices` what it holds when printed, as far as that was asked for.
     `apart` are the volumes [m^3] of the bodies of a part that should be one solid, the largest first; empty where they hang
-    together, or are meant to be several. `brep` is the B-rep in the store. `code` is `(file, line)` of the class. A record that is
+    together, or are meant to be several. `own_image` is True of a mirror image that is the same as what it mirrors: solid, and place
+    and z of each mount. `brep` is the B-rep in the store. `code` is `(file, line)` of the class. A record that is
     not `exact` stands in for one that nobody may model now: only the names of its mounts, its material and that it has an actuator
     hold, no number does.
     """
@@ -288,6 +305,7 @@ class PartRecord(Brief):
     brep: str | None
     code: tuple[str, int] | None
     apart: tuple[float, ...] = ()
+    own_image: bool = False
     up: Vector | None = None
     slices: dict[Slicing, Sliced | Unsliced] = field(default_factory=dict)
     exact: bool = True

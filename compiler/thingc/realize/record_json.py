@@ -117,7 +117,7 @@ def record_to_json(record: PartRecord, root: str) -> Any:
         "meshes": {name: mesh_to_json(mesh) for name, mesh in sorted(record.meshes.items())},
         "pieces": [_piece(piece) for piece in record.pieces],
         "brep": record.brep, "apart": list(record.apart),
-        "up": record.up,
+        "up": record.up, "own_image": record.own_image,
         "code": None if record.code is None else [shortened(record.code[0], root), record.code[1]],
     }
 
@@ -148,7 +148,7 @@ def record_from_json(value: Any, root: str) -> PartRecord:
         meshes={name: mesh_from_json(mesh) for name, mesh in value["meshes"].items()},
         pieces=tuple(_read_piece(piece) for piece in value["pieces"]),
         convex=(),
-        brep=value["brep"], apart=tuple(value["apart"]),
+        brep=value["brep"], apart=tuple(value["apart"]), own_image=value["own_image"],
         up=None if value["up"] is None else _vector(value["up"]),
         code=None if code is None else (full(code[0], root) or "", code[1]),
     )

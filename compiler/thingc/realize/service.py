@@ -339,7 +339,7 @@ class GeometryService:
         request = {
             "op": "model",
             "definition": {
-                "kind": definition.kind, "reference": definition.reference, "text": definition.text,
+                "kind": definition.kind, "reference": definition.reference, "text": definition.text, "mirror": definition.mirror,
                 "parameters": dict(definition.parameters), "placed": code is not None and code.place is not None,
             },
             "tessellations": {"fine": asdict(self.workspace.mesh), "simulation": asdict(self.workspace.simulation)},

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 
 from thingc.diagnostics import Code, Note
+from thingc.realize.record import PartDefinition
 from thingc.resolve import choices as choose
 from thingc.resolve import overrides as said
 from thingc.resolve.layers import Layers
@@ -39,11 +40,6 @@ def nodes(context: Context, table: Table, items: Iterable[Item[ComponentSpec]], 
         node.doubtful = node.unsound = _in_doubt(table, node)
         _define(context, table, node, nest)
         node.mounts = said.extra_mounts(node) if item.spec.mounts else {}
-        if item.spec.mirror is not None:
-            node.scope.error(
-                Code.NOT_YET, "`mirror` is not built yet", (*node.path, "mirror"), key=True,
-                help="model the mirrored part for now",
-            )
         if not node.frame and node.definition is None:
             node.unsound = True
         leaves = node.table.occurrences if node.table is not None else 1
@@ -79,6 +75,8 @@ def _define(context: Context, table: Table, node: Node, nest: Nest) -> None:
         said.refuse_on_assembly(node)
         node.table = _nested(context, table, node, spec.assembly, nest)
         node.definition = node.table.definition if node.table is not None else None
+    if spec.mirror is not None and isinstance(node.definition, PartDefinition):
+        node.definition = node.definition.mirrored(spec.mirror)
 
 
 def _nested(context: Context, table: Table, node: Node, text: str, nest: Nest) -> Table | None:

@@ -198,7 +198,7 @@ def _component_rules(schema: dict[str, Any]) -> None:
     schema["dependentSchemas"] = {
         key: {"anyOf": [{"required": [of]}, {"properties": {key: {"maxProperties": 0}}}]}
         for key, of in (("params", "part"), ("parameters", "assembly"))
-    } | {"unit": {"required": ["file"]}}
+    } | {"unit": {"required": ["file"]}, "mirror": {"anyOf": [{"required": ["part"]}, {"required": ["file"]}]}}
     for branch in schema["properties"]["attach"]["anyOf"]:
         if "additionalProperties" in branch:
             branch |= {"minProperties": 1, "maxProperties": 1}
@@ -232,7 +232,7 @@ class ComponentSpec(ComponentDefaults):
     mounts: dict[Name, MountSpec] = Field(default={}, examples=[{"shaft": {"xyz": "0 0 20 mm", "rpy": "180 0 0 deg"}}])
     """Mounts to add."""
     mirror: Literal["x", "y", "z"] | None = None
-    """Reserved."""
+    """Makes it the mirror image of the part, at the plane normal to that axis of the part's frame."""
     repeat: RepeatSpec | None = Field(default=None, examples=[{"count": 6}, {"count": "=legs", "as": "k"}])
     """Makes `name_0`, `name_1` and so on of it."""
     allow: Allow = allow()
@@ -257,6 +257,13 @@ class ComponentSpec(ComponentDefaults):
             raise rule("`unit` belongs to a `file`", "take it out: only files of numbers without a unit need it", "unit")
         if self.unit is not None and self.file is not None and self.file.lower().endswith(SUFFIXES_WITH_UNIT):
             raise rule(f"`{self.file}` says its unit itself: {UNIT_OF_ITS_OWN}", "take `unit` out", "unit")
+        if self.mirror is not None and self.assembly is not None:
+            raise rule(
+                "a nested `assembly` cannot be mirrored as a whole: a joint about a mirrored axis turns the other way, and nobody says "
+                "whether its limits, poses and drives do, too", "write `mirror` on the parts of a document of its own", "mirror",
+            )
+        if self.mirror is not None and self.frame is not None:
+            raise rule("`mirror` belongs to a `part` or a `file`: a frame is its own mirror image", "take it out", "mirror")
         if self.parameters and self.assembly is None:
             raise rule("`parameters` belongs to a nested `assembly`", "a part takes `params`" if self.part else "take it out")
         if self.attach is not None and self.at is not None:

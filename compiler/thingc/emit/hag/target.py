@@ -103,8 +103,20 @@ def text(hag: Hag) -> str:
     if used:
         digits = max(len(str(counted[definition.text])) for definition in used)
         lines += ["", f"{total(hag)}:"]
-        lines += [f"  {counted[d.text]:>{digits}} x {labels[d.text]}" + (f" ({d.kind})" if d.kind != "part" else "") for d in used]
+        lines += [f"  {counted[d.text]:>{digits}} x {labels[d.text]}{_remark(d)}" for d in used]
     return "\n".join(lines) + "\n"
+
+
+def _remark(definition: Definition) -> str:
+    """What kind of definition it is, unless it is a part, and what it mirrors."""
+    kind = f" ({definition.kind})" if definition.kind != "part" else ""
+    return kind if definition.plain is None else f"{kind} mirrors {shown(definition.plain.label)}"
+
+
+def mirrors(hag: Hag) -> list[tuple[Definition, str]]:
+    """Every mirror image of a definition that stands in the graph as well, with the text of that."""
+    there = {definition.text for definition in hag.definitions}
+    return [(one, one.plain.text) for one in hag.definitions if one.plain is not None and one.plain.text in there]
 
 
 def total(hag: Hag) -> str:
@@ -134,6 +146,10 @@ def dot(hag: Hag) -> str:
         label = _dot_quoted(*(line for line in (edge.component, how(edge)) if line))
         color = ' color="#c2410c"' if edge.joint is not None else ""
         lines.append(f"  {names[edge.parent]} -> {names[edge.child]} [label={label}{color}];")
+    lines += [
+        f'  {names[image.text]} -> {names[plain]} [label="mirror {image.mirror}" style=dashed constraint=false];'
+        for image, plain in mirrors(hag)
+    ]
     return "\n".join([*lines, "}"]) + "\n"
 
 
@@ -150,6 +166,7 @@ def mermaid(hag: Hag) -> str:
             ": ".join(_mermaid_escaped(part) for part in (name, placed) if part) for name, placed in entries(bundle.edges)
         )
         lines.append(f'  {names[bundle.parent]} -->|"{label}"| {names[bundle.child]}')
+    lines += [f'  {names[image.text]} -.->|"mirror {image.mirror}"| {names[plain]}' for image, plain in mirrors(hag)]
     lines += [
         "  classDef assembly fill:#dbe7f6,stroke:#3d6fae,color:#1f2937",
         "  classDef part fill:#f7f4ec,stroke:#8f8466,color:#1f2937",

@@ -1,0 +1,74 @@
+"""A pair of legs, the left one of mirrored parts: in MuJoCo's compiled model it is the mirror image of the right one."""
+
+from __future__ import annotations
+
+import textwrap
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+import thingc
+
+PART = """
+    from build123d import *
+    from thingc import MountPoint, Thing
+
+    class Bone(Thing):
+        '''Unlike its mirror image, and its mounts stand askew.'''
+
+        def __init__(self):
+            super().__init__(material="petg")
+            self.body = Box(60, 12, 8) + Pos(20, 8, 3) * Box(10, 8, 4) - Pos(-10, 2, 4) * Box(14, 3, 4)
+            self.top = MountPoint(Location((-30, 1, 2), (10, -90, 20)))
+            self.end = MountPoint(Location((30, -2, 1), (-15, 80, 30)))
+
+        def result(self):
+            return self.body
+"""
+
+DOCUMENT = """
+    thingc: assembly/1
+    name: pair
+    materials: {petg: {density: 1270 kg/m^3}}
+    components:
+      torso: {frame: true, mounts: {right: {xyz: 10 -40 5 mm, rpy: 90 0 0 deg}, left: {xyz: 10 40 5 mm, rpy: -90 0 0 deg}}}
+      thigh_r: {part: bones:Bone, attach: {mount: top, to: torso.right, turn: 25 deg, gap: 3 mm}}
+      thigh_l: {part: bones:Bone, mirror: y, attach: {mount: top, to: torso.left, turn: 155 deg, gap: 3 mm}}
+      shin_r: {part: bones:Bone}
+      shin_l: {part: bones:Bone, mirror: z}
+      toe_r: {part: bones:Bone}
+      toe_l: {part: bones:Bone, mirror: y}
+    joints:
+      knee_r: {type: revolute, parent: thigh_r.end, child: shin_r.top, turn: 10 deg, limit: {lower: -1 rad, upper: 2 rad}}
+      knee_l: {type: revolute, parent: thigh_l.end, child: shin_l.top, turn: 170 deg, limit: {lower: -2 rad, upper: 1 rad}}
+      toes_r: {type: prismatic, parent: shin_r.end, child: toe_r.top, limit: {lower: 0 mm, upper: 9 mm}}
+      toes_l: {type: prismatic, parent: shin_l.end, child: toe_l.top, turn: 180 deg, limit: {lower: 0 mm, upper: 9 mm}}
+    poses: {bent: {knee_r: 40 deg, knee_l: -40 deg, toes_r: 5 mm, toes_l: 5 mm}}
+    modes: {stand: {root: torso, base: fixed, at: {xyz: 0 0 300 mm}, pose: bent}}
+"""
+
+
+def test_the_left_leg_is_the_mirror_image_of_the_right_one(tmp_path: Path, shared_store: str) -> None:
+    """`turn` is 180 deg less that of the right leg, and a turn about a mirrored axis goes the other way; along which axis of its own
+    frame a part is mirrored makes no difference to where it comes to lie."""
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts/bones.py").write_text(textwrap.dedent(PART))
+    (tmp_path / "pair.yaml").write_text(textwrap.dedent(DOCUMENT))
+    compiled = thingc.compile(str(tmp_path / "pair.yaml"), store=shared_store)
+    assert [str(one) for one in compiled.diagnostics] == []
+    model = compiled.modes["stand"].model()
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    across = np.diag([1.0, -1.0, 1.0])
+    for name in ("shin", "toe"):
+        right, left = (model.body(f"{name}_{side}").id for side in "rl")
+        assert model.body_mass[left] == pytest.approx(model.body_mass[right], rel=1e-9)
+        np.testing.assert_allclose(data.xipos[left], across @ data.xipos[right], atol=1e-9)
+        turned = [axes @ np.diag(model.body_inertia[body]) @ axes.T for body in (right, left) for axes in (data.ximat[body].reshape(3, 3),)]
+        np.testing.assert_allclose(turned[1], across @ turned[0] @ across, atol=1e-9 * model.body_inertia[right].max())
+    assert [(one.text, one.plain and one.plain.text) for one in compiled.assembly.hag.definitions if one.mirror is not None] == [
+        ("bones:Bone(mirror=y)", "bones:Bone"), ("bones:Bone(mirror=z)", "bones:Bone"),
+    ]
