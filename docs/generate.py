@@ -1,10 +1,13 @@
-"""Writes the pages of the diagnostics, and what `thingc explain` shows of them: `python docs/generate.py`.
+"""Writes the pages of the diagnostics, what `thingc explain` shows of them, and what `language.md` says of kinds of tests:
+`python docs/generate.py`.
 
 From the closed set of codes, the sentences of `docs/codes/meanings.toml` and the examples of `tests/cases/codes` it makes
 `docs/diagnostics.md`, a page `docs/codes/TC302.md` for every code, and `compiler/thingc/reporting/examples.json`.
 
 The wrong example of a code is a case: `TC302.yaml` with what is said of it in `TC302.txt`. The right one is `TC302.right.yaml`.
 Where an example needs a workspace of its own they are `TC120/wrong/robot.yaml` and `TC120/right/robot.yaml`.
+
+What stands between `<!-- generated: ... -->` and `<!-- /generated -->` in `docs/language.md` comes from the files of `checks`.
 """
 
 from __future__ import annotations
@@ -17,11 +20,13 @@ import tomllib
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from thingc.checks import kinds
 from thingc.diagnostics import Code
 
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
 PAGE = DOCS / "diagnostics.md"
+LANGUAGE = DOCS / "language.md"
 MEANINGS = DOCS / "codes" / "meanings.toml"
 CASES = ROOT / "tests" / "cases" / "codes"
 EXAMPLES = ROOT / "compiler" / "thingc" / "reporting" / "examples.json"
@@ -166,7 +171,20 @@ def generated() -> dict[Path, str]:
     """Every file that is made here, with its text."""
     told = meanings()
     pages = {DOCS / "codes" / f"{code.code}.md": code_page(code, told.get(code.code)) for code in Code}
-    return {PAGE: page(), EXAMPLES: examples(), **pages}
+    return {PAGE: page(), EXAMPLES: examples(), LANGUAGE: language(), **pages}
+
+
+def language() -> str:
+    """The page of the language, with what the kinds of tests say of themselves."""
+    rows = ["<!-- keys: TestSpec -->", "| key | value | without it | |", "|---|---|---|---|"]
+    for kind in kinds().values():
+        rows.append(f"| `{kind.name}` | mapping | | {_cell(kind.summary[0].lower() + kind.summary[1:].removesuffix('.'))} |")
+    parts = {"kinds of tests": "\n".join(rows), "pages of tests": "\n\n".join(kind.page.strip("\n") for kind in kinds().values())}
+    text = _read(LANGUAGE)
+    for name, part in parts.items():
+        marked = re.compile(rf"(?s)(<!-- generated: {name} -->\n).*?(<!-- /generated -->)")
+        text = marked.sub(lambda found, part=part: f"{found[1]}{part}\n{found[2]}", text)
+    return text
 
 
 def page() -> str:

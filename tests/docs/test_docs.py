@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 import textwrap
 from pathlib import Path
 
@@ -98,11 +99,14 @@ def test_the_comparison_of_output_means_something() -> None:
 def test_tables_of_keys_have_every_field_and_no_other() -> None:
     from pydantic import BaseModel
 
+    from thingc.checks import kinds
     from thingc.spec import assembly, materials, modes, sensors, tests, variants, workspace
 
+    checks = [sys.modules[kind.model.__module__] for kind in kinds().values()]
     models = {
-        name: value for module in (assembly, materials, modes, sensors, tests, variants, workspace) for name, value in vars(module).items()
-        if isinstance(value, type) and issubclass(value, BaseModel) and value.__module__ == module.__name__
+        name: value for module in (assembly, materials, modes, sensors, tests, *checks, variants, workspace)
+        for name, value in vars(module).items()
+        if isinstance(value, type) and issubclass(value, BaseModel) and value.__module__ == module.__name__ and not name.startswith("_")
     }
     text = LANGUAGE.read_text()
     said: set[str] = set()

@@ -17,6 +17,7 @@ from thingc.editor.facts import Facts, JointFacts, Names, Piece
 from thingc.editor.outline import Outline, parameters_schema
 from thingc.editor.values import Schema, one_of
 from thingc.realize.record import PartSchema
+from thingc.spec.fields import REFERENCE_PATTERN
 from thingc.units import ANGLE, LENGTH
 
 OPEN = r"[*?\[$]"
@@ -295,21 +296,23 @@ class _Narrowing:
         self._offer("SensorSpec", "joint", [(name, joint.what) for name, joint in self.facts.joints.items()])
 
     def _tests(self) -> None:
-        """The `tests:` block: every kind of test names mounts, poses, modes, joints and components under the same keys."""
+        """The `tests:` block: what takes a reference is offered mounts and components, or, in a list, components; every kind of test
+        names poses, modes and joints under the same keys."""
         joints = [(name, joint.what) for name, joint in self.facts.joints.items()]
         choices = {"pose": self.facts.poses.items(), "mode": self.facts.modes.items(), "drive": joints}
-        for name in [name for name in self.definitions if name.endswith("Test")]:
+        for name in [name for name in self.definitions if name.endswith("Test") or name == "AllowSpec"]:
             fields = self.definitions[name]["properties"]
-            for key in [key for key in ("of", "in", "from", "mount") if key in fields]:
-                self._put(name, key, _ref("frame"))
+            for key, written in list(fields.items()):
+                if written.get("pattern") == REFERENCE_PATTERN:
+                    self._put(name, key, _ref("frame"))
+                elif written.get("items", {}).get("pattern") == REFERENCE_PATTERN:
+                    written["items"] = _ref("component")
             for key in [key for key in choices if key in fields]:
                 choice = one_of(choices[key])
                 self._put(name, key, {"anyOf": [choice, {"type": "array", "items": choice, "minItems": 1}]})
             if "joints" in fields:
                 swept = _each(fields["joints"])
                 fields["joints"]["properties"] = {joint: {**swept, "description": text} for joint, text in joints}
-        if "AllowSpec" in self.definitions:
-            self._field("AllowSpec", "pair")["items"] = _ref("component")
 
 
 def _texts(schema: Schema) -> Schema:

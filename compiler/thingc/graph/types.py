@@ -22,8 +22,8 @@ from thingc.resolve.model import (
     Overrides,
     RawAttribute,
     Reference,
+    Test,
 )
-from thingc.resolve.tests_model import Test
 from thingc.source import Origin
 
 

@@ -7,16 +7,12 @@ Everything is SI.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import Any
 
 from thingc.brief import Brief
 from thingc.pose import Pose, Vector
 from thingc.realize.record import PartDefinition, Value
 from thingc.source import Origin, Span
-
-if TYPE_CHECKING:
-    from thingc.resolve.tests_model import Test
-
 
 COUNTED = "the reference is repeated this often"
 """The note on the count of a `repeat` whose index leads nowhere."""
@@ -346,6 +342,35 @@ class RawAttribute(Brief):
     value: str
     origin: Origin
     keys: tuple[Span, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointRange(Brief):
+    """A joint (its path) to move from `lower` to `upper` [rad or m]."""
+
+    joint: str
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Test(Brief):
+    """A test of a document, to be run in each of its `modes` (none: it does not depend on the mode) and `poses`.
+
+    `kind` is the key in the document. In `poses` None is where the mode starts; `every_pose` asks for all keyframes of the mode,
+    and `poses` is empty then, as where the test does not depend on the pose. `check` is what its kind has read of it, a frozen
+    dataclass in SI; references in it are found by their type. `spans` are the places of values in the test by
+    dotted key (`within.x`), for diagnostics.
+    """
+
+    name: str
+    kind: str
+    check: Any
+    modes: tuple[str, ...]
+    poses: tuple[str | None, ...]
+    every_pose: bool
+    origin: Origin
+    spans: dict[str, Span]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

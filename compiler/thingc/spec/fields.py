@@ -429,8 +429,10 @@ _ANY_SCHEMA = {
     "type": ["string", "number", "boolean"], "pattern": ANY_VALUE,
 }
 _NAME_SCHEMA = {"type": "string", "pattern": "^[A-Za-z][A-Za-z0-9_]*$", "examples": ["shoulder"]}
+REFERENCE_PATTERN = rf"^{_REFERENCE_WORD.pattern}(\.{_REFERENCE_WORD.pattern})*$"
+"""What the schema says of a text that is a reference."""
 _REFERENCE_SCHEMA = {
-    "type": "string", "pattern": rf"^{_REFERENCE_WORD.pattern}(\.{_REFERENCE_WORD.pattern})*$",
+    "type": "string", "pattern": REFERENCE_PATTERN,
     "description": "Dotted names; the last may be a mount; `$i` inside a repeat.",
     "examples": ["plate.servo_seat", "hand.cap.pen", "body.hip_$i"],
 }

@@ -15,7 +15,8 @@ from typing import Any
 
 from pydantic.json_schema import GenerateJsonSchema
 
-from thingc.spec import assembly, materials, modes, sensors, tests, variants, workspace
+from thingc.checks import kinds
+from thingc.spec import assembly, materials, modes, sensors, variants, workspace
 from thingc.spec.validation import MODELS
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -24,7 +25,9 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 def json_schema(kind: str) -> dict[str, Any]:
     """The JSON Schema of a kind of document (`assembly`, `materials`, `variants`, `workspace`)."""
     schema = MODELS[kind].model_json_schema(schema_generator=_Generator)
-    documented = _documentation(assembly, materials, modes, sensors, tests, variants, workspace)
+    checks = [sys.modules[check.model.__module__] for check in kinds().values()]
+    documented = _documentation(assembly, materials, modes, sensors, *checks, variants, workspace)
+    documented["TestSpec"] = {check.name: check.summary for check in kinds().values()}
     for name, definition in {**schema.get("$defs", {}), MODELS[kind].__name__: schema}.items():
         _describe(definition, documented.get(name, {}))
     cleaned: dict[str, Any] = _without_null(schema)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from thingc.testing.results import Outcome, Result
+from thingc.checks.outcome import Outcome
+from thingc.testing.results import Result
 from thingc.testing.running import Selection, run
 
 __all__ = ["Outcome", "Result", "Selection", "run"]

@@ -1,4 +1,4 @@
-"""Tests of collision: the true shapes of parts, in poses and over ranges of joints."""
+"""The true shapes of the parts of a robot, and which pairs of them are near each other in a pose."""
 
 from __future__ import annotations
 
@@ -8,24 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from thingc.diagnostics import Code, Note
-from thingc.graph.types import Assembly, LinkedTest
+from thingc.emit.request import EmitRequest
+from thingc.graph.types import Assembly
 from thingc.pose import Pose
-from thingc.resolve.tests_model import CollisionCheck
-from thingc.robot import occurrence_poses
 from thingc.robot.types import Keyframe
 from thingc.solids.shapes import Shapes, at, box, overlap
-from thingc.testing.results import Case, Failure, Measure, Outcome, shown
-from thingc.testing.stances import joints_text
-from thingc.units import LENGTH, Quantity
 
 LOOK = 0.01
 """How far [m] the smallest gap is looked for: beyond it nobody wants to know."""
-SHOWN = 5
-"""Further pairs that a message names."""
 TOUCH = 1e-9
 """A gap [m] that is none."""
-
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,6 +95,16 @@ class Collisions:
             yield Near(one=pair[0], other=pair[1], gap=gap, depth=depth, volume=volume, allowance=allowance, where=frame)
 
 
+def collisions_of(request: EmitRequest) -> Collisions:
+    """The pairs and shapes of the assembly, made once for all tests of a request."""
+    known = request.made.get("collisions")
+    if isinstance(known, Collisions):
+        return known
+    made = Collisions(request.assembly, Shapes(request.store), request.workspace.mesh.linear)
+    request.made["collisions"] = made
+    return made
+
+
 def _ordered(a: int, b: int) -> tuple[int, int]:
     return (a, b) if a < b else (b, a)
 
@@ -112,97 +114,3 @@ def _neighbours(assembly: Assembly) -> Iterator[tuple[int, int]]:
     for mate in assembly.mates:
         if mate.joints or mate.loop is not None:
             yield _ordered(assembly.link_of[mate.parent], assembly.link_of[mate.child])
-
-
-def _allowed(linked: LinkedTest, check: CollisionCheck) -> dict[tuple[int, int], int]:
-    """By pair of occurrences the number of the first allowance that it falls under."""
-    found: dict[tuple[int, int], int] = {}
-    for number, allowance in enumerate(check.allow):
-        ones, others = (
-            [index for reference in side for index in linked.components[reference]] for side in (allowance.one, allowance.other)
-        )
-        for a in ones:
-            for b in others:
-                found.setdefault(_ordered(a, b), number)
-    return found
-
-
-def no_collision(case: Case, check: CollisionCheck, frames: Sequence[Keyframe], collisions: Collisions, missing: int) -> Outcome:
-    """The keyframes looked at: one of a pose, or those of a sweep, of which `missing` could not be closed."""
-    allowed = _allowed(case.linked, check)
-    nearest: Near | None = None
-    worst: dict[tuple[int, int], Near] = {}
-    needed: set[int] = set()
-    for frame in frames:
-        poses = occurrence_poses(case.robot, frame.q, frame.base)
-        look = LOOK if nearest is None else nearest.gap
-        for near in collisions.near(poses, frame, check.clearance, look, allowed, needed):
-            wrong = collisions.wrong(near, check.clearance)
-            if near.allowance is not None:
-                needed.update((near.allowance,) if wrong else ())
-                continue
-            if nearest is None or near.gap < nearest.gap:
-                nearest = near
-            pair = near.one, near.other
-            if wrong and (pair not in worst or near.badness > worst[pair].badness):
-                worst[pair] = near
-    measured: dict[str, Measure] = {"gap": nearest.gap if nearest is not None else None, "positions": len(frames)}
-    if missing:
-        measured["not_closing"] = missing
-    if nearest is not None:
-        measured["pair"] = _pair_text(collisions.assembly, nearest, "")
-    counted = f", {len(frames)} position{'' if len(frames) == 1 else 's'}" if check.ranges else ""
-    counted += f", {missing} more that do not close" if missing else ""
-    expected: dict[str, Measure] = {"clearance": check.clearance}
-    if worst:
-        failure = _failure(case, check, sorted(worst.values(), key=lambda near: near.badness, reverse=True), collisions)
-        measured["overlap"] = max(near.depth for near in worst.values())
-        words = "1 pair collides" if len(worst) == 1 else f"{len(worst)} pairs collide"
-        return Outcome(
-            measured=measured, expected=expected, said=f"{words}{counted}", failure=failure, needed=frozenset(needed),
-        )
-    said = f"no gap below {Quantity(LOOK, LENGTH)}" if nearest is None else (
-        f"least gap {shown(nearest.gap, LENGTH)}, {_pair_text(collisions.assembly, nearest, '')}"
-    )
-    return Outcome(measured=measured, expected=expected, said=f"{said}{counted}", needed=frozenset(needed))
-
-
-def _failure(case: Case, check: CollisionCheck, worst: Sequence[Near], collisions: Collisions) -> Failure:
-    """The worst pair in the message, the others in notes."""
-    assembly, first = collisions.assembly, worst[0]
-    notes = [
-        Note(message=f"also {_how(assembly, near, check.clearance)}{_at(case, check, near)}") for near in worst[1 : SHOWN + 1]
-    ]
-    if len(worst) > SHOWN + 1:
-        notes.append(Note(message=f"and {len(worst) - SHOWN - 1} more pairs"))
-    notes += [
-        Note(message=f"the surface of `{path}` is not closed: its convex hull stands for it")
-        for path in collisions.hulls if path in (assembly.occurrences[first.one].path, assembly.occurrences[first.other].path)
-    ]
-    names = ", ".join(assembly.occurrences[index].path.replace("/", ".") for index in (first.one, first.other))
-    return Failure(
-        code=Code.TEST_COLLISION, key="clearance" if first.gap > 0.0 else "", notes=tuple(notes),
-        message=f"{_how(assembly, first, check.clearance)}{_at(case, check, first)}",
-        help=f'if that is right, write `allow: [{{pair: [{names}], reason: "..."}}]`',
-    )
-
-
-def _pair_text(assembly: Assembly, near: Near, tick: str) -> str:
-    one, other = (assembly.occurrences[index].path for index in (near.one, near.other))
-    return f"{tick}{one}{tick} and {tick}{other}{tick}"
-
-
-def _how(assembly: Assembly, near: Near, clearance: float) -> str:
-    text = _pair_text(assembly, near, "`")
-    if near.gap > 0.0:
-        return f"{text} are {shown(near.gap, LENGTH)} apart, and {Quantity(clearance, LENGTH)} were asked for"
-    if near.depth == 0.0:
-        return f"{text} touch, and {Quantity(clearance, LENGTH)} were asked for"
-    return f"{text} overlap by {shown(near.depth, LENGTH)} on average ({float(f'{1e9 * near.volume:.3g}'):g} mm^3)"
-
-
-def _at(case: Case, check: CollisionCheck, near: Near) -> str:
-    """Where in a sweep."""
-    if not check.ranges:
-        return ""
-    return f" at {joints_text(case.robot.assembly, {r.joint: near.where.q[r.joint] for r in check.ranges})}"

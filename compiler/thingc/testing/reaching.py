@@ -1,23 +1,19 @@
-"""Tests of reach: the greatest distance of two mounts, and whether a mount gets to a point."""
+"""How far two mounts of a robot can be apart, and how near a mount gets to a point."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from thingc.diagnostics import Code, Note
 from thingc.graph import joints_of, on_loops
-from thingc.graph.types import Assembly
-from thingc.pose import NO_POSE, Pose, rotate
-from thingc.resolve.model import NamedPose
-from thingc.resolve.tests_model import JointRange, PointCheck, ReachCheck
-from thingc.robot.types import Keyframe
+from thingc.graph.types import MountAt
+from thingc.pose import NO_POSE, Pose, Vector, rotate
+from thingc.resolve.model import JointRange, NamedPose
+from thingc.robot.types import Keyframe, Robot
+from thingc.source import Origin
 from thingc.testing.chain import Array, Chain, spread
-from thingc.testing.masses import bounded
-from thingc.testing.results import Case, Failure, Measure, Outcome, shown
-from thingc.testing.stances import joints_text, posed, swept
-from thingc.units import ANGLE, LENGTH, Quantity
+from thingc.testing.stances import posed, swept
 
 SAMPLES = 1000
 """Positions from which the farthest are taken."""
@@ -31,19 +27,18 @@ CLOSED = 1e-6
 """How far a loop may be open [m or rad] in a position that counts."""
 
 
+def farthest(robot: Robot, of: MountAt, base: MountAt, origin: Origin) -> tuple[float, dict[str, float]]:
+    """The greatest distance [m] found of two mounts, and the joints there: positions spread over the joint ranges, the best of them
+    followed uphill within the limits (SLSQP, the loops of the document as constraints). A lower bound of the true one.
 
-def reach(case: Case, check: ReachCheck) -> Outcome:
-    """The greatest distance found: positions spread over the joint ranges, the best of them followed uphill within the limits
-    (SLSQP, the loops of the document as constraints). What is found can be taken: a lower bound of the true reach.
-
-    Which mode it is does not matter: it has neither a hold nor a base that moves the mounts against each other.
+    Which mode it is does not matter: `robot` has neither a hold nor a base that moves the mounts against each other. `origin` is
+    whose the poses are that are tried.
     """
-    robot = case.robot
     chain = Chain(robot)
-    ends = chain.mount(case.linked.mounts[check.of]), chain.mount(case.linked.mounts[check.base])
+    ends = chain.mount(of), chain.mount(base)
     best, at = -1.0, np.zeros(len(chain.paths))
     found: list[tuple[float, Array]] = []
-    for x in _starts(robot.assembly, chain, case):
+    for x in _starts(chain, origin):
         distance, _ = _distance(chain, ends, x)
         found.append((distance, x))
     found.sort(key=lambda pair: -pair[0])
@@ -53,17 +48,12 @@ def reach(case: Case, check: ReachCheck) -> Outcome:
         climbed = _climb(chain, ends, x)
         if climbed is not None and climbed[0] > best:
             best, at = climbed
-    outcome = bounded("reach", "the reach", best, check.minimum, check.maximum, LENGTH, Code.TEST_REACH)
-    where = joints_text(robot.assembly, _joints(chain, at))
-    if outcome.failure is not None:
-        message = f"{outcome.failure.message}, over the ranges of all joints"
-        note = Note(message=f"farthest at {where}") if where else None
-        outcome = replace(outcome, failure=replace(outcome.failure, message=message, notes=(note,) if note else ()))
-    return replace(outcome, measured={**outcome.measured, "joints": _joints(chain, at)})
+    return best, _joints(chain, at)
 
 
-def _starts(assembly: Assembly, chain: Chain, case: Case) -> list[Array]:
+def _starts(chain: Chain, origin: Origin) -> list[Array]:
     """Positions within the limits; of a robot with loops the poses of its document and others, closed."""
+    assembly = chain.robot.assembly
     if not chain.robot.closures:
         return [chain.lower + part * (chain.upper - chain.lower) for part in spread(SAMPLES, len(chain.paths))]
     # A loop follows the joints that are driven; told where all of its joints should be, it would close almost nowhere.
@@ -74,8 +64,8 @@ def _starts(assembly: Assembly, chain: Chain, case: Case) -> list[Array]:
         JointRange(joint=path, lower=low, upper=high)
         for path, low, high in zip(chain.paths, chain.lower.tolist(), chain.upper.tolist(), strict=True) if path in led
     )
-    start = NamedPose(name="reach", values={}, origins={}, origin=case.linked.test.origin)
-    robot = posed(assembly, case.robot.mode, [*assembly.poses, *swept(start, ranges, LOOPED)])
+    start = NamedPose(name="reach", values={}, origins={}, origin=origin)
+    robot = posed(assembly, chain.robot.mode, [*assembly.poses, *swept(start, ranges, LOOPED)])
     return [] if robot is None else [chain.x(frame.q) for frame in robot.keyframes]
 
 
@@ -117,50 +107,40 @@ def _climb(chain: Chain, ends: Ends, start: Array) -> tuple[float, Array] | None
     return _distance(chain, ends, x)[0], x
 
 
-def point(case: Case, check: PointCheck, frame: Keyframe) -> Outcome:
-    """The nearest that a mount gets to a point, and how far off a direction it is there: inverse kinematics within the joints'
-    limits, by a trust-region least-squares method (scipy's `trf`) from the mode's own pose and from positions spread over
-    the joint ranges, until one is near enough."""
-    chain = Chain(case.robot, frame.base)
-    mount = chain.mount(case.linked.mounts[check.mount])
-    seen_from = None if check.frame is None else chain.mount(case.linked.mounts[check.frame])
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Target:
+    """Where a mount is to go: to a point [m] of a frame (None: the world), `within` [m] of it; with a direction (a unit vector in the
+    same frame) its z at most `angle` [rad] off that."""
+
+    mount: MountAt
+    frame: MountAt | None
+    point: Vector
+    direction: Vector | None
+    within: float
+    angle: float
+
+
+def nearest(robot: Robot, frame: Keyframe, target: Target) -> tuple[float, float, dict[str, float]] | None:
+    """The nearest that a mount gets to a point [m], how far off the direction it is there [rad], and the joints; None where the loops
+    close in no position that was tried.
+
+    Inverse kinematics within the joints' limits, by a trust-region least-squares method (scipy's `trf`) from the keyframe and from
+    positions spread over the joint ranges, until one is near enough.
+    """
+    chain = Chain(robot, frame.base)
+    mount = chain.mount(target.mount)
+    seen_from = None if target.frame is None else chain.mount(target.frame)
     best: tuple[float, float, Array] | None = None
     for start in _tries(chain, frame):
-        x = _approach(chain, mount, seen_from, check, start)
-        distance, off, open_ = _missed(chain, mount, seen_from, check, x)
+        x = _approach(chain, mount, seen_from, target, start)
+        distance, off, open_ = _missed(chain, mount, seen_from, target, x)
         if open_ > 1e-5:
             continue
-        if best is None or max(distance / check.within, off / check.angle) < max(best[0] / check.within, best[1] / check.angle):
+        if best is None or max(distance / target.within, off / target.angle) < max(best[0] / target.within, best[1] / target.angle):
             best = distance, off, x
-        if distance <= check.within and off <= check.angle:
+        if distance <= target.within and off <= target.angle:
             break
-    target = f"within {Quantity(check.within, LENGTH)}"
-    expected = {"distance": check.within} | ({"angle": check.angle} if check.direction is not None else {})
-    failure: Failure | None = None
-    if best is None:
-        failure = Failure(code=Code.TEST_POINT, key="at", message="the loops of the robot close in no position that was tried")
-        return Outcome(measured={}, expected=expected, said="no position", failure=failure)
-    distance, off, x = best
-    said = f"{shown(distance, LENGTH)} from the point ({target}"
-    measured: dict[str, Measure] = {"distance": distance}
-    if check.direction is not None:
-        measured["angle"] = off
-        said += f"; {shown(off, ANGLE)} off the direction, at most {Quantity(check.angle, ANGLE)}"
-    where = joints_text(case.robot.assembly, _joints(chain, x))
-    notes = (Note(message=f"nearest at {where}"),) if where else ()
-    if distance > check.within:
-        failure = Failure(
-            code=Code.TEST_POINT, key="at", notes=notes,
-            message=f"`{check.mount.text}` comes no nearer to the point than {shown(distance, LENGTH)}, and "
-            f"{Quantity(check.within, LENGTH)} were asked for",
-        )
-    elif check.direction is not None and off > check.angle:
-        failure = Failure(
-            code=Code.TEST_POINT, key="direction", notes=notes,
-            message=f"`{check.mount.text}` reaches the point, but at best {shown(off, ANGLE)} off the direction, and "
-            f"{Quantity(check.angle, ANGLE)} were asked for",
-        )
-    return Outcome(measured={**measured, "joints": _joints(chain, x)}, expected=expected, said=f"{said})", failure=failure)
+    return None if best is None else (best[0], best[1], _joints(chain, best[2]))
 
 
 def _tries(chain: Chain, frame: Keyframe) -> list[Array]:
@@ -169,40 +149,40 @@ def _tries(chain: Chain, frame: Keyframe) -> list[Array]:
     return [chain.x(frame.q), middle, *spread_out]
 
 
-def _target(check: PointCheck, frame: tuple[int, Pose] | None, at: tuple[Pose, ...]) -> tuple[Array, Array]:
+def _goal(target: Target, frame: tuple[int, Pose] | None, at: tuple[Pose, ...]) -> tuple[Array, Array]:
     """The point and the direction in the world."""
     X_WF = NO_POSE if frame is None else at[frame[0]] @ frame[1]
-    direction = check.direction or (0.0, 0.0, 1.0)
-    return np.array(X_WF.apply(check.point)), np.array(rotate(X_WF.rotation, direction))
+    direction = target.direction or (0.0, 0.0, 1.0)
+    return np.array(X_WF.apply(target.point)), np.array(rotate(X_WF.rotation, direction))
 
 
-def _approach(chain: Chain, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, check: PointCheck, start: Array) -> Array:
+def _approach(chain: Chain, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: Target, start: Array) -> Array:
     from scipy.optimize import least_squares
 
     def residual(x: Array) -> Array:
         q = chain.q(x)
         at = chain.bodies(q)
         there = at[mount[0]] @ mount[1]
-        goal, direction = _target(check, frame, at)
-        parts = [(np.array(there.translation) - goal) / check.within]
-        if check.direction is not None:
-            parts.append((np.array(there.rotation)[:, 2] - direction) / check.angle)
+        goal, direction = _goal(target, frame, at)
+        parts = [(np.array(there.translation) - goal) / target.within]
+        if target.direction is not None:
+            parts.append((np.array(there.rotation)[:, 2] - direction) / target.angle)
         if chain.robot.closures:
-            parts.append(chain.closing(q)[0] / (0.01 * min(check.within, check.angle)))
+            parts.append(chain.closing(q)[0] / (0.01 * min(target.within, target.angle)))
         return np.concatenate(parts)
 
     def slope(x: Array) -> Array:
         q = chain.q(x)
         at = chain.bodies(q)
         there = at[mount[0]] @ mount[1]
-        goal, direction = _target(check, frame, at)
+        goal, direction = _goal(target, frame, at)
         place, axis = np.array(there.translation), np.array(there.rotation)[:, 2]
         own, other = chain.jacobian(mount[0], place, q, at), chain.jacobian(None if frame is None else frame[0], goal, q, at)
-        parts = [(own[:3] - other[:3]) / check.within]
-        if check.direction is not None:
-            parts.append((np.cross(own[3:].T, axis).T - np.cross(other[3:].T, direction).T) / check.angle)
+        parts = [(own[:3] - other[:3]) / target.within]
+        if target.direction is not None:
+            parts.append((np.cross(own[3:].T, axis).T - np.cross(other[3:].T, direction).T) / target.angle)
         if chain.robot.closures:
-            parts.append(chain.closing(q)[1] / (0.01 * min(check.within, check.angle)))
+            parts.append(chain.closing(q)[1] / (0.01 * min(target.within, target.angle)))
         return np.concatenate(parts)
 
     if not len(start):
@@ -216,15 +196,15 @@ def _approach(chain: Chain, mount: tuple[int, Pose], frame: tuple[int, Pose] | N
 
 
 def _missed(
-    chain: Chain, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, check: PointCheck, x: Array,
+    chain: Chain, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: Target, x: Array,
 ) -> tuple[float, float, float]:
     """How far the mount is from the point [m] and off the direction [rad], and how far the loops are open."""
     q = chain.q(x)
     at = chain.bodies(q)
     there = at[mount[0]] @ mount[1]
-    goal, direction = _target(check, frame, at)
+    goal, direction = _goal(target, frame, at)
     off = 0.0
-    if check.direction is not None:
+    if target.direction is not None:
         axis = np.array(there.rotation)[:, 2]
         off = float(np.arctan2(np.linalg.norm(np.cross(axis, direction)), axis @ direction))
     error, _ = chain.closing(q)

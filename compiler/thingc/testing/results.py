@@ -1,50 +1,34 @@
-"""What running a test comes to."""
+"""Cases of tests, and what running them comes to."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection
 from dataclasses import dataclass
 
-from thingc.diagnostics import Code, Diagnostic, Note
+from thingc.checks.outcome import Outcome
+from thingc.diagnostics import Diagnostic
+from thingc.emit.request import EmitRequest
 from thingc.graph.types import LinkedTest
-from thingc.robot.types import Robot
-from thingc.units import Dimension, Quantity
-
-Measure = float | int | str | list[float] | dict[str, float] | None
-"""What a measured or expected value is in the JSON answer: SI."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Failure:
-    """What a failed test says: its code and words, and which of the test's values (`max`, `within.x`) it contradicts."""
-
-    code: Code
-    message: str
-    key: str
-    help: str | None = None
-    notes: tuple[Note, ...] = ()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
-    """What was measured (SI, by name), what was expected, both in words, and why it failed, if it did.
-
-    `needed` are the numbers of the allowances of a collision test that were needed.
-    """
-
-    measured: Mapping[str, Measure]
-    expected: Mapping[str, Measure]
-    said: str
-    failure: Failure | None = None
-    needed: frozenset[int] = frozenset()
+from thingc.resolve.model import Reference
+from thingc.robot.types import Keyframe, Robot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """A test in one mode: `robot` is that mode, with keyframes for the poses that the test asks for."""
+    """A test to be run once: `robot` in a mode, with keyframes for the poses that the test looks at in this case (`frames`), of which
+    `missing` could not be closed. A test that is of no mode has the first mode's robot and no frames."""
 
     linked: LinkedTest
     robot: Robot
+    request: EmitRequest
+    frames: tuple[Keyframe, ...] = ()
+    missing: int = 0
+
+    def components(self, references: Collection[Reference]) -> list[int]:
+        """The occurrences that components named hold, in order; all where none is named."""
+        if not references:
+            return list(range(len(self.robot.assembly.occurrences)))
+        return sorted({index for reference in references for index in self.linked.components[reference]})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,10 +52,3 @@ class Result:
     def where(self) -> str:
         """`bench, home`: the mode and the pose, as far as there are any."""
         return ", ".join(word for word in (self.mode, self.pose) if word is not None)
-
-
-def shown(value: float, dimension: Dimension) -> str:
-    """A measured value [SI] for people, to four digits: `533.2 g`. What is below a nanometre, or so, is nothing."""
-    value = value if abs(value) >= 1e-9 else 0.0
-    number, space, unit = str(Quantity(value, dimension)).partition(" ")
-    return f"{float(f'{float(number):.4g}'):g}{space}{unit}"

@@ -6,26 +6,15 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
-from typing import Any
 
-from thingc.diagnostics import Code, Note, Report
-from thingc.emit.mjcf import target as mjcf
+from thingc.checks import kinds
+from thingc.checks.outcome import Failure, Outcome, unclosed
+from thingc.diagnostics import Report
 from thingc.emit.request import EmitRequest
 from thingc.graph.types import Assembly, LinkedMode, LinkedTest
 from thingc.resolve.model import NamedPose
-from thingc.resolve.tests_model import (
-    CentreCheck,
-    CollisionCheck,
-    MassCheck,
-    PointCheck,
-    ReachCheck,
-    SettleCheck,
-    TorqueCheck,
-)
-from thingc.robot.types import Keyframe, Robot
-from thingc.testing import masses
-from thingc.testing.results import Case, Failure, Outcome, Result
-from thingc.testing.stances import keyframe, posed, starting_pose, swept
+from thingc.testing.results import Case, Result
+from thingc.testing.stances import keyframe, posed, starting_pose
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,29 +34,29 @@ def run(request: EmitRequest, selection: Selection, on_result: Callable[[Result]
 
     What fails is said in `request.report`, at the value that it contradicts. `request.robots` are the robots of its modes.
     """
-    runner = _Runner(request)
     results: list[Result] = []
     for linked in request.assembly.tests:
         if not selection.takes(linked):
             continue
-        needed: set[int] = set()
+        outcomes: list[Outcome] = []
         modes = [mode for mode in request.assembly.modes if mode.name in linked.test.modes]
         chosen = [mode for mode in modes if not selection.modes or mode.name in selection.modes]
-        for attempt in runner.attempts(linked, chosen):
+        for attempt in _attempts(request, linked, chosen):
             started = time.perf_counter()
             outcome = attempt.run()
             result = Result(
                 name=linked.test.name, kind=linked.test.kind, mode=attempt.mode, pose=attempt.pose, outcome=outcome,
                 seconds=time.perf_counter() - started,
             )
-            needed |= outcome.needed
+            outcomes.append(outcome)
             if outcome.failure is not None:
                 _say(linked, result, outcome.failure, request.report)
                 result = replace(result, diagnostic=request.report.diagnostics[-1])
             results.append(result)
             on_result(result)
-        if isinstance(linked.test.check, CollisionCheck) and len(chosen) == len(modes):
-            _unneeded(linked, linked.test.check, needed, request.report)
+        finish = kinds()[linked.test.kind].finish
+        if finish is not None and len(chosen) == len(modes):
+            finish(linked, outcomes, request.report)
     return results
 
 
@@ -84,16 +73,6 @@ def _say(linked: LinkedTest, result: Result, failure: Failure, report: Report) -
     )
 
 
-def _unneeded(linked: LinkedTest, check: CollisionCheck, needed: set[int], report: Report) -> None:
-    for number, allowance in enumerate(check.allow):
-        if number not in needed:
-            report.warn(
-                Code.TEST_ALLOWANCE, f"test `{linked.test.name}` allows {allowance.text} to meet, which they never do",
-                allowance.origin, path=f"tests.{linked.test.name}", help="take the pair out of `allow`",
-                notes=[Note(message=f"the reason given is: {allowance.reason}")],
-            )
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Attempt:
     """One case, not yet run."""
@@ -103,118 +82,38 @@ class _Attempt:
     run: Callable[[], Outcome]
 
 
-class _Runner:
-    """Knows how each kind is run, and keeps what several tests need."""
-
-    def __init__(self, request: EmitRequest) -> None:
-        self.request = request
-        self.assembly: Assembly = request.assembly
-        self._collisions: Any = None
-
-    def attempts(self, linked: LinkedTest, modes: Sequence[LinkedMode]) -> Iterator[_Attempt]:
-        """The cases of a test, in the order of modes and poses."""
-        check = linked.test.check
-        if isinstance(check, MassCheck):
-            yield _Attempt(mode=None, pose=None, run=lambda: masses.mass(self.case(linked, self.request.robots[0]), check))
-        elif isinstance(check, ReachCheck):
-            yield _Attempt(mode=None, pose=None, run=lambda: self.reach(linked, check))
-        elif isinstance(check, PointCheck):
-            for mode in modes:
-                yield _Attempt(mode=mode.name, pose=None, run=self.in_pose(linked, mode, starting_pose(self.assembly, mode)))
-        else:
-            for mode in modes:
-                for pose in self.poses(linked, mode):
-                    named = pose.name if any(known.name == pose.name for known in self.assembly.poses) else None
-                    yield _Attempt(mode=mode.name, pose=named, run=self.in_pose(linked, mode, pose))
-
-    def case(self, linked: LinkedTest, robot: Robot) -> Case:
-        """The test on a robot."""
-        return Case(linked=linked, robot=robot)
-
-    def poses(self, linked: LinkedTest, mode: LinkedMode) -> list[NamedPose]:
-        """The poses of a test in a mode: those named, where the mode starts, or all of its keyframes."""
-        known = {pose.name: pose for pose in self.assembly.poses}
-        if linked.test.every_pose:
-            robot = next(robot for robot in self.request.robots if robot.mode.name == mode.name)
-            return [known[frame.name] for frame in robot.keyframes] or [starting_pose(self.assembly, mode)]
-        return [starting_pose(self.assembly, mode) if name is None else known[name] for name in linked.test.poses]
-
-    def reach(self, linked: LinkedTest, check: ReachCheck) -> Outcome:
-        """In no mode: without holds, from the base component."""
-        from thingc.testing.reaching import reach
-
-        mode = replace(self.assembly.modes[0], holds=(), cut=(), pose=None, base="fixed")
-        start = starting_pose(self.assembly, mode)
-        robot = posed(self.assembly, mode, [start])
-        if robot is None:
-            return _unclosed(linked, start)
-        return reach(self.case(linked, robot), check)
-
-    def in_pose(self, linked: LinkedTest, mode: LinkedMode, pose: NamedPose) -> Callable[[], Outcome]:
-        """The case in a mode and a pose, ready to be run."""
-        def run() -> Outcome:
-            check = linked.test.check
-            sweep = swept(pose, check.ranges, check.samples) if isinstance(check, CollisionCheck) and check.ranges else [pose]
-            robot = posed(self.assembly, mode, sweep)
-            frames = [] if robot is None else [frame for one in sweep if (frame := keyframe(robot, one)) is not None]
-            if robot is None or not frames:
-                return _unclosed(linked, pose)
-            return self.checked(self.case(linked, robot), frames, len(sweep) - len(frames))
-
-        return run
-
-    def checked(self, case: Case, frames: list[Keyframe], missing: int) -> Outcome:
-        """One kind of test in its keyframes: one, or those of a sweep."""
-        check = case.linked.test.check
-        if isinstance(check, CentreCheck):
-            return masses.centre(case, check, frames[0])
-        if isinstance(check, PointCheck):
-            from thingc.testing.reaching import point
-
-            return point(case, check, frames[0])
-        if isinstance(check, TorqueCheck):
-            from thingc.testing.torques import torque_margin
-
-            return torque_margin(case, check, frames[0])
-        if isinstance(check, CollisionCheck):
-            from thingc.testing.collisions import no_collision
-
-            return no_collision(case, check, frames, self.collisions(), missing)
-        if isinstance(check, SettleCheck):
-            return self.settles(case, check, frames[0])
-        raise TypeError(f"no test in a pose: {check!r}")
-
-    def collisions(self) -> Any:
-        """The pairs and shapes of the assembly, made once."""
-        if self._collisions is None:
-            from thingc.solids.shapes import Shapes
-            from thingc.testing.collisions import Collisions
-
-            self._collisions = Collisions(self.assembly, Shapes(self.request.store), self.request.workspace.mesh.linear)
-        return self._collisions
-
-    def settles(self, case: Case, check: SettleCheck, frame: Keyframe) -> Outcome:
-        """The mode's model emitted with the pose as a keyframe, and simulated."""
-        from thingc.testing.settling import settles
-
-        report = Report()
-        request = replace(self.request, robots=(case.robot,), report=report, made={}, verify=True)
-        artifacts = mjcf.emit(request)
-        if report.failed:
-            for diagnostic in report.diagnostics:
-                self.request.report.say(diagnostic)
-            failure = Failure(code=Code.TEST_SETTLES, key="", message="MuJoCo does not take the model")
-            return Outcome(measured={}, expected={}, said="no model", failure=failure)
-        store = self.request.store
-        files = {
-            path: content if isinstance(content, bytes) else store.read(content.sha256) for path, content in artifacts.files.items()
-        }
-        return settles(case, check, frame, f"mjcf/scene_{case.robot.mode.name}.xml", files)
+def _attempts(request: EmitRequest, linked: LinkedTest, modes: Sequence[LinkedMode]) -> Iterator[_Attempt]:
+    """The cases of a test, in the order of modes and poses: once, once in each mode (where it starts), or in poses of each."""
+    kind, assembly, check = kinds()[linked.test.kind], request.assembly, linked.test.check
+    if not kind.takes("mode"):
+        yield _Attempt(mode=None, pose=None, run=lambda: kind.run(Case(linked=linked, robot=request.robots[0], request=request), check))
+        return
+    named = {pose.name for pose in assembly.poses}
+    for mode in modes:
+        for pose in _poses(request, linked, mode) if kind.takes("pose") else [starting_pose(assembly, mode)]:
+            shown = pose.name if kind.takes("pose") and pose.name in named else None
+            yield _Attempt(mode=mode.name, pose=shown, run=_in_pose(request, linked, mode, pose))
 
 
-def _unclosed(linked: LinkedTest, pose: NamedPose) -> Outcome:
-    failure = Failure(
-        code=Code.TEST_POSE, key="pose", message="the loops of the mode do not close in this pose",
-        help="`thingc info` says in which poses they do",
-    )
-    return Outcome(measured={}, expected={}, said="the loops do not close", failure=failure)
+def _poses(request: EmitRequest, linked: LinkedTest, mode: LinkedMode) -> list[NamedPose]:
+    """The poses of a test in a mode: those named, where the mode starts, or all of its keyframes."""
+    assembly: Assembly = request.assembly
+    known = {pose.name: pose for pose in assembly.poses}
+    if linked.test.every_pose:
+        robot = next(robot for robot in request.robots if robot.mode.name == mode.name)
+        return [known[frame.name] for frame in robot.keyframes] or [starting_pose(assembly, mode)]
+    return [starting_pose(assembly, mode) if name is None else known[name] for name in linked.test.poses]
+
+
+def _in_pose(request: EmitRequest, linked: LinkedTest, mode: LinkedMode, pose: NamedPose) -> Callable[[], Outcome]:
+    """The case in a mode and a pose, ready to be run."""
+    def run() -> Outcome:
+        kind, check = kinds()[linked.test.kind], linked.test.check
+        wanted = kind.poses(check, pose)
+        robot = posed(request.assembly, mode, wanted)
+        frames = () if robot is None else tuple(frame for one in wanted if (frame := keyframe(robot, one)) is not None)
+        if robot is None or not frames:
+            return unclosed()
+        return kind.run(Case(linked=linked, robot=robot, request=request, frames=frames, missing=len(wanted) - len(frames)), check)
+
+    return run

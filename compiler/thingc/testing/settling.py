@@ -1,22 +1,19 @@
-"""Tests of rest: the emitted MuJoCo model, let go in a pose with its drives set to it."""
+"""The emitted MuJoCo model, let go in a pose with its drives set to it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import product
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from thingc.diagnostics import Code
 from thingc.emit.mjcf.check import heard
 from thingc.emit.mjcf.scene import FLOOR
 from thingc.pose import Pose, Vector
-from thingc.resolve.tests_model import SettleCheck
 from thingc.robot.types import Keyframe, Robot
-from thingc.testing.results import Case, Failure, Measure, Outcome, shown
-from thingc.units import LENGTH, TIME, Quantity
 
 Array = NDArray[np.float64]
 
@@ -24,80 +21,60 @@ BAD = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoc
 """What MuJoCo warns of when numbers grow beyond all bounds."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Motion:
+    """Where points of the robot went: `path` (times x points x 3) [m], a time every `step` [s]; and how `deep` [m] contacts were, at most,
+    from when the robot should have been at rest."""
 
-def settles(case: Case, check: SettleCheck, frame: Keyframe, scene: str, files: Mapping[str, bytes]) -> Outcome:
-    """Simulate `within` and `for` together and look at the box corners of every link's parts. `scene` is the scene of the mode
-    among the MJCF `files`, with a keyframe of the pose."""
+    path: Array
+    step: float
+    deepest: float
+
+    def rest(self, drift: float) -> float:
+        """From when on [s] no point is further than `drift` [m] from where it ends."""
+        late = np.flatnonzero(self._off() > drift)
+        return 0.0 if not len(late) else (int(late[-1]) + 1) * self.step
+
+    def drift(self, start: float) -> float:
+        """How far [m] from where it ends a point was from `start` [s] on, at most."""
+        off = self._off()
+        return float(off[min(len(off) - 1, round(start / self.step)) :].max())
+
+    @property
+    def moved(self) -> float:
+        """How far [m] from where it began a point ends, at most."""
+        return float(np.linalg.norm(self.path[-1] - self.path[0], axis=1).max())
+
+    def _off(self) -> Array:
+        found: Array = np.linalg.norm(self.path - self.path[-1], axis=2).max(axis=1)
+        return found
+
+
+def simulated(
+    robot: Robot, frame: Keyframe, scene: str, files: Mapping[str, bytes], *, seconds: float, resting: float, floor: bool,
+) -> Motion | float:
+    """Simulate the scene of the robot's mode, which is among the MJCF `files`, from its keyframe `frame` for some `seconds`, and look at
+    the box corners of every link's parts; contacts are looked at from `resting` [s] on. The time [s] at which it diverges, if it does."""
     with heard():
-        return _simulated(case, check, frame, _model(scene, files, floor=check.floor))
-
-
-def _simulated(case: Case, check: SettleCheck, frame: Keyframe, model: mujoco.MjModel) -> Outcome:
-    data = mujoco.MjData(model)
-    mujoco.mj_resetDataKeyframe(model, data, model.key(frame.name).id)
-    points = _points(case.robot, model)
-    count = max(1, round((check.within + check.hold) / model.opt.timestep))
-    path = np.empty((count + 1, sum(len(own) for _, own in points), 3))
-    deepest, resting = 0.0, check.within - 0.5 * model.opt.timestep
-    mujoco.mj_forward(model, data)
-    path[0] = _placed(points, data)
-    for step in range(1, count + 1):
-        mujoco.mj_step(model, data)
-        # After mj_step the state is new and what depends on it is not: one more kinematics, so that frames belong to the time.
-        mujoco.mj_kinematics(model, data)
-        path[step] = _placed(points, data)
-        if any(data.warning[kind].number for kind in BAD):
-            return _diverged(step * model.opt.timestep)
-        if data.time >= resting and data.ncon:
-            deepest = max(deepest, -float(data.contact.dist[: data.ncon].min()))
-    return _judged(check, path, model.opt.timestep, deepest)
-
-
-def _judged(check: SettleCheck, path: Array, step: float, deepest: float) -> Outcome:
-    """The verdict over the path (times x points x 3) of all points."""
-    off = np.linalg.norm(path - path[-1], axis=2).max(axis=1)
-    late = np.flatnonzero(off > check.drift)
-    rest = 0.0 if not len(late) else (int(late[-1]) + 1) * step
-    # In the last instant everything is where it ends: rest is only what lasts.
-    settled = rest <= check.within + 1e-9
-    drift = float(off[min(len(off) - 1, round(check.within / step)) :].max())
-    moved = float(np.linalg.norm(path[-1] - path[0], axis=1).max())
-    measured: dict[str, Measure] = {
-        "rest": rest if settled else None, "drift": drift, "moved": moved, "penetration": max(deepest, 0.0),
-    }
-    expected: dict[str, Measure] = {"within": check.within, "drift": check.drift, "for": check.hold}
-    for key, bound in (("moved", check.moved), ("penetration", check.penetration)):
-        if bound is not None:
-            expected[key] = bound
-    far, deep = shown(moved, LENGTH), shown(max(deepest, 0.0), LENGTH)
-    said = f"at rest after {rest:.3g} s, {far} from the pose, contacts {deep} deep"
-    failure = None
-    if not settled:
-        said = f"not at rest after {check.within:g} s"
-        failure = Failure(
-            code=Code.TEST_SETTLES, key="within",
-            message=f"after {Quantity(check.within, TIME)} it still moves by {shown(drift, LENGTH)} in "
-            f"{Quantity(check.hold, TIME)}, and {Quantity(check.drift, LENGTH)} were allowed",
-        )
-    elif check.moved is not None and moved > check.moved:
-        failure = Failure(
-            code=Code.TEST_SETTLES, key="moved",
-            message=f"it comes to rest {far} from the pose, and {Quantity(check.moved, LENGTH)} were allowed",
-        )
-    elif check.penetration is not None and deepest > check.penetration:
-        failure = Failure(
-            code=Code.TEST_SETTLES, key="penetration",
-            message=f"its contacts give way by {deep} at rest, and {Quantity(check.penetration, LENGTH)} were allowed",
-        )
-    return Outcome(measured=measured, expected=expected, said=said, failure=failure)
-
-
-def _diverged(time: float) -> Outcome:
-    failure = Failure(
-        code=Code.TEST_SETTLES, key="", message=f"the simulation diverges after {time:.3g} s",
-        help="take a smaller `simulation: {timestep: ...}`, or look for parts that overlap in the pose",
-    )
-    return Outcome(measured={"diverged": time}, expected={}, said=f"diverges after {time:.3g} s", failure=failure)
+        model = _model(scene, files, floor=floor)
+        data = mujoco.MjData(model)
+        mujoco.mj_resetDataKeyframe(model, data, model.key(frame.name).id)
+        points = _points(robot, model)
+        count = max(1, round(seconds / model.opt.timestep))
+        path = np.empty((count + 1, sum(len(own) for _, own in points), 3))
+        deepest, start = 0.0, resting - 0.5 * model.opt.timestep
+        mujoco.mj_forward(model, data)
+        path[0] = _placed(points, data)
+        for step in range(1, count + 1):
+            mujoco.mj_step(model, data)
+            # After mj_step the state is new and what depends on it is not: one more kinematics, so that frames belong to the time.
+            mujoco.mj_kinematics(model, data)
+            path[step] = _placed(points, data)
+            if any(data.warning[kind].number for kind in BAD):
+                return float(step * model.opt.timestep)
+            if data.time >= start and data.ncon:
+                deepest = max(deepest, -float(data.contact.dist[: data.ncon].min()))
+        return Motion(path=path, step=model.opt.timestep, deepest=deepest)
 
 
 def _model(scene: str, files: Mapping[str, bytes], *, floor: bool) -> mujoco.MjModel:

@@ -8,8 +8,7 @@ from dataclasses import replace
 from thingc.diagnostics import Report
 from thingc.graph import joints_of
 from thingc.graph.types import Assembly, LinkedMode
-from thingc.resolve.model import NamedPose
-from thingc.resolve.tests_model import JointRange
+from thingc.resolve.model import JointRange, NamedPose
 from thingc.robot import root
 from thingc.robot.types import Keyframe, Robot
 from thingc.testing.chain import spread

@@ -1,0 +1,78 @@
+"""`mass`: the mass of the robot, or of some of its components, is within bounds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from pydantic import model_validator
+
+from thingc.brief import Brief
+from thingc.checks.kind import BOUNDED, CheckKind, require_bounds
+from thingc.checks.outcome import Outcome, bounded
+from thingc.diagnostics import Code
+from thingc.spec.base import Model
+from thingc.spec.fields import MassField, ReferenceField
+from thingc.units import MASS
+
+if TYPE_CHECKING:
+    from thingc.resolve.model import Reference
+    from thingc.resolve.tests import Reader
+    from thingc.testing.results import Case
+
+
+class MassTest(Model):
+    """The mass is within bounds."""
+
+    model_config = BOUNDED
+
+    of: ReferenceField | None = None
+    """A component, or several by a pattern; a nested assembly counts as a whole. The whole robot unless written."""
+    min: MassField | None = None
+    """The smallest mass allowed."""
+    max: MassField | None = None
+    """The largest mass allowed."""
+
+    @model_validator(mode="after")
+    def _bounds(self) -> MassTest:
+        require_bounds(self.min, self.max, "mass", "max: 2.2 kg")
+        return self
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MassCheck(Brief):
+    """The mass [kg] of components (none named: of the robot) within bounds."""
+
+    of: tuple[Reference, ...]
+    minimum: float | None
+    maximum: float | None
+
+
+def read(written: MassTest, reader: Reader) -> MassCheck:
+    """Bounds of a mass."""
+    low, high = reader.bounds(written.min, written.max, MASS, "the mass")
+    return MassCheck(of=reader.components(written.of, "of"), minimum=low, maximum=high)
+
+
+def run(case: Case, check: MassCheck) -> Outcome:
+    """The sum of the masses [kg]."""
+    occurrences = case.robot.assembly.occurrences
+    value = sum(occurrences[index].properties.mass for index in case.components(check.of))
+    return bounded("mass", "the mass", value, check.minimum, check.maximum, MASS, Code.TEST_MASS)
+
+
+PAGE = """\
+**Mass and centre** are sums over components, as `thingc info` shows them.
+
+<!-- keys: MassTest -->
+| key | value | without it | |
+|---|---|---|---|
+| `of` | a component, or a pattern | the whole robot | |
+| `min` | a mass | no bound | `min`, `max` or both |
+| `max` | a mass | no bound | |
+"""
+
+KIND = CheckKind(
+    name="mass", position=1, summary="The mass is within bounds.", examples=[{"max": "2.2 kg"}], page=PAGE,
+    model=MassTest, read=read, run=run,
+)
