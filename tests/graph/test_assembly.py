@@ -115,7 +115,7 @@ BODY = assembly(
         ),
         mode("stand", ref("front.sole"), "held", adhesion=((ref("front.sole"), 300.0),), actuators=("front/knee",)),
         mode("hang", whole("rear")),
-        mode("hang2", ref("rear.origin")),
+        mode("hang2", ref("rear.origin"), "held"),
     ],
 )
 

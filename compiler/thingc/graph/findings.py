@@ -64,6 +64,8 @@ class Findings:
         notes: Iterable[Note], detail: str | None,
     ) -> bool:
         key = (code, message, origin[0] if origin else None)
+        if key in self._said and severity is Severity.WARNING:
+            self.report.allows(code, origin)  # what allows it at this place is needed, too
         if key in self._said or len(self._said) > MAX_FAULTS:
             return True
         if len(self._said) == MAX_FAULTS:

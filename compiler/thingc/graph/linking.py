@@ -59,7 +59,7 @@ def link(
         check_links(links, link_of, occurrences, modes, faulty, findings)
         shown = {(mount.occurrence, mount.mount) for mount in exported if "/" not in mount.path}
         check_expectations(occurrences, mates, laid, shown, findings)
-        check_plausible(tree, occurrences, mates, links, modes, exported, findings)
+        check_plausible(tree, occurrences, mates, links, modes, adhesions, exported, findings)
     known = not findings.incomplete or not (findings.earlier or findings.failed or any(loops_in(tree)))
     check_poses(model.poses, model.modes, stated_joints(tree, joints), findings, on_loops(len(occurrences), mates), unset=known)
     lie = tuple((m.parent, m.child, m.X_PJ, m.X_JC, m.loop, tuple((j.twist, j.offset) for j in m.joints)) for m in mates)

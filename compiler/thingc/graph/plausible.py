@@ -12,21 +12,20 @@ from collections.abc import Collection, Iterator, Sequence
 from thingc.diagnostics import Code, Note, meant_so
 from thingc.graph.findings import Findings, noted, written_at
 from thingc.graph.leaves import doubted
-from thingc.graph.types import ExportedMount, JointEdge, Link, LinkedMode, Mate, Occurrence
+from thingc.graph.plausible_modes import check_modes
+from thingc.graph.types import Adhesion, ExportedMount, JointEdge, Link, LinkedMode, Mate, Occurrence
 from thingc.graph.unroll import Instance, Tree
 from thingc.joints import KINDS
 from thingc.pose import Pose, Vector
-from thingc.resolve.model import AssemblyDefinition, At, Attach, Joint, Mode
-from thingc.resolve.plausible import LARGEST, SMALLEST, density_cure, density_doubt, mass_words, measures, unit_meant
+from thingc.resolve.model import AssemblyDefinition, At, Attach, Joint
+from thingc.resolve.plausible import LARGEST, SMALLEST, density_cure, density_doubt, mass_words, measures, times_words, unit_meant
 from thingc.source import Origin
-from thingc.units import ANGLE, FORCE, LENGTH, Quantity
+from thingc.units import ANGLE, LENGTH, Quantity
 
 TURNS = 2.0
 """A hinge that stops beyond so many turns is rarely one: what turns without end is `continuous`."""
 FAR = 10.0
 """An offset of so many times the largest part's diagonal leads away from the robot; of so many times the robot's reach, a root."""
-WEAK, STRONG = 0.1, 1000.0
-"""A magnet that pulls less, or more, than so many times what the robot weighs."""
 FEATHER, ELEPHANT = 1e-3, 1e4
 """Of robots: what they weigh [kg]."""
 DRAG = 0.5
@@ -35,17 +34,13 @@ SLOW = 0.05
 """A joint that its damping keeps below so much of the speed that its drive has without a load."""
 BURDEN = 10.0
 """A mass without a shape that weighs so many times all the rest of the robot."""
-LONG_STEP = 10e-3
-"""[s] Time steps from here on: contacts of MuJoCo want a fifth of it."""
-GRAVITY = 9.81
-"""[m/s^2], for weights, whatever a mode's own gravity is."""
 
 _PLAIN = re.compile(r"([-+]?[\d.]+(?:e[-+]?\d+)?) *([A-Za-z]+)", re.IGNORECASE)
 
 
 def check_plausible(
     tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], links: Sequence[Link], modes: Sequence[LinkedMode],
-    exported: Sequence[ExportedMount], findings: Findings,
+    magnets: Sequence[Adhesion], exported: Sequence[ExportedMount], findings: Findings,
 ) -> None:
     """Every such warning about a whole assembly, of documents without errors."""
     if findings.earlier or findings.failed:
@@ -55,13 +50,14 @@ def check_plausible(
         for joint in definition.joints:
             _check_limits(instance, joint, findings)
             _check_drive(instance, joint, edges.get(instance.within(joint.name)), findings)
-    _check_steps(tree.top.assembly, findings)
     _check_materials(tree, occurrences, findings)
     odd = _check_sizes(occurrences, findings)
     if not odd and not findings.has_said(Code.DENSITY) and any(mate.joints for mate in mates):
         _check_mass(tree.top, sum(link.properties.mass for link in links), findings)
     _check_actuators(tree, occurrences, mates, {mount.occurrence for mount in exported if "/" not in mount.path}, findings)
-    _check_magnets(tree.top.assembly, modes, sum(link.properties.mass for link in links), findings)
+    _check_mounts(tree, mates, findings)
+    if tree.top.assembly is not None:
+        check_modes(tree.top.assembly, modes, magnets, sum(link.properties.mass for link in links), findings)
     sizes = {one.index: math.dist(*one.record.box) for one in occurrences if one.record is not None and one.record.box is not None}
     if sizes and all(one.record is None or one.record.exact for one in occurrences):
         largest = max(sizes, key=lambda index: sizes[index])
@@ -201,24 +197,7 @@ def _check_drive(instance: Instance, joint: Joint, edge: JointEdge | None, findi
     )
 
 
-# --- simulation --------------------------------------------------------------------------------------------------------
-
-
-def _check_steps(top: AssemblyDefinition | None, findings: Findings) -> None:
-    """Time steps that are too long for contacts, where they are written."""
-    if top is None:
-        return
-    owners: list[tuple[AssemblyDefinition | Mode, str]] = [(top, "simulation"), *((mode, mode.name) for mode in top.modes)]
-    for owner, path in owners:
-        step = owner.simulation.get("timestep")
-        if isinstance(step, float) and step >= LONG_STEP:
-            findings.warn(
-                Code.LONG_STEP, f"a time step of {1e3 * step:g} ms is too long for contacts: parts sink into each other, or bounce",
-                owner.step_origin, path=path, help=f"1 to 5 ms are usual, 2 ms is MuJoCo's own; {meant_so(Code.LONG_STEP)}",
-            )
-
-
-# --- actuators and magnets ---------------------------------------------------------------------------------------------
+# --- actuators and mounts ----------------------------------------------------------------------------------------------
 
 
 def _check_actuators(
@@ -259,23 +238,24 @@ def _check_actuators(
         )
 
 
-def _check_magnets(top: AssemblyDefinition | None, modes: Sequence[LinkedMode], mass: float, findings: Findings) -> None:
-    """Pulls of magnets that are far from what the robot weighs."""
-    weight = mass * GRAVITY
-    places = {mode.name: mode for mode in top.modes} if top is not None else {}
-    said: set[tuple[str, float]] = set()
-    for mode in modes:
-        for reference, force in places[mode.name].adhesion if mode.name in places else ():
-            if WEAK * weight <= force <= STRONG * weight or weight <= 0.0 or (reference.text, force) in said:
+def _check_mounts(tree: Tree, mates: Sequence[Mate], findings: Findings) -> None:
+    """Mounts that a document shows by the name of another mount of the component that they are on. Of one with that name that
+    something sits on nothing is said: it has its use inside."""
+    used = {(end, mount) for mate in mates for end, mount in ((mate.parent, mate.parent_mount), (mate.child, mate.child_mount))}
+    for instance, definition in tree.assemblies:
+        for name, reference in definition.mounts.items():
+            on = tree.component(instance, reference)
+            namesake = tree.shown(on, name) if on is not None else None
+            found = tree.find(instance, reference)
+            if namesake is None or found is None or (namesake.occurrence, namesake.mount) in used:
                 continue
-            ratio = force / weight
-            times = f"{_times(ratio)} times" if ratio > 1.0 else f"{ratio:.2g} of"
-            said.add((reference.text, force))
+            if (namesake.occurrence, namesake.pose) == (found.occurrence, found.pose):
+                continue
+            meant = ".".join((*reference.path, name))
             findings.warn(
-                Code.MAGNET, f"the magnet `{reference.text}` pulls with {Quantity(force, FORCE)}, {times} what the robot weighs "
-                f"({Quantity(float(f'{weight:.3g}'), FORCE)})", reference.origin, path=mode.name,
-                notes=noted(f"mode `{mode.name}` is here", mode.origin),
-                help=f"mind the unit (`mN`, `N`, `kN`); {meant_so(Code.MAGNET)}",
+                Code.OTHER_MOUNT, f"the mount `{name}` of `{definition.name}` is `{reference.text}`, and there is a `{meant}`, too",
+                reference.origin + instance.origin, path=instance.within(name),
+                help=f"write `{name}: {meant}`, or give it another name; {meant_so(Code.OTHER_MOUNT)}",
             )
 
 
@@ -288,7 +268,7 @@ def _check_offsets(tree: Tree, largest: Occurrence, size: float, findings: Findi
         for what, offset, path, origin in _offsets(definition):
             if offset > FAR * size:
                 findings.warn(
-                    Code.FAR, f"{what} by {_shown(offset)}, {_times(offset / size)} times the size of the largest part "
+                    Code.FAR, f"{what} by {_shown(offset)}, {times_words(offset / size)} times the size of the largest part "
                     f"(`{largest.path}`, {_shown(size, 3)} across)", origin + instance.origin,
                     path=instance.within(path), help=f"mind the unit (`mm`, `m`); {meant_so(Code.FAR)}",
                 )
@@ -317,7 +297,7 @@ def _check_roots(modes: Sequence[LinkedMode], reach: float, findings: Findings) 
         if offset > FAR * reach:
             findings.warn(
                 Code.FAR, f"mode `{mode.name}` puts its root {_shown(offset)} from the origin of the world, "
-                f"{_times(offset / reach)} times the robot's reach ({_shown(reach, 3)})", mode.origin,
+                f"{times_words(offset / reach)} times the robot's reach ({_shown(reach, 3)})", mode.origin,
                 path=mode.name, help=f"mind the unit (`mm`, `m`); {meant_so(Code.FAR)}",
             )
 
@@ -336,8 +316,8 @@ def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link],
             rest = whole - mass
             if mass > BURDEN * rest > 0.0:
                 findings.warn(
-                    Code.BARE_MASS, f"`{one.component.name}` weighs {mass_words(mass)}, {_times(mass / rest)} times all the rest of the "
-                    f"robot ({mass_words(rest)})", stated.origin + one.origin[len(one.component.origin):],
+                    Code.BARE_MASS, f"`{one.component.name}` weighs {mass_words(mass)}, {times_words(mass / rest)} times all the rest "
+                    f"of the robot ({mass_words(rest)})", stated.origin + one.origin[len(one.component.origin):],
                     path=one.path, help=f"mind the unit (`g`, `kg`); {meant_so(Code.BARE_MASS)}",
                 )
             elif boxes and not findings.has_said(Code.FAR):
@@ -367,7 +347,3 @@ def _length(pose: Pose) -> float:
 def _shown(length: float, digits: int = 6) -> str:
     """A length [m] as a person writes it: `40 mm`, `12 m`."""
     return f"{float(f'{length:.{digits}g}'):g} m" if length >= 1.0 else str(Quantity(float(f"{length:.{digits}g}"), LENGTH))
-
-
-def _times(ratio: float) -> str:
-    return f"{ratio:.3g}" if ratio < 1000.0 else f"{ratio:.0f}"

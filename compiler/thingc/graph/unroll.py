@@ -157,6 +157,11 @@ class Tree:
         self._say(found, reference, instance)
         return None
 
+    def shown(self, instance: Instance, name: str) -> Found | None:
+        """The mount called `name` that a component shows; None where it has none of that name."""
+        found = self._mount(instance, name, "", self.top)
+        return found if isinstance(found, Found) else None
+
     def component(self, instance: Instance, reference: Reference) -> Instance | None:
         """The component that `reference` names (its mount, if it has one, is not looked at)."""
         found = self._walk(instance, reference.path)

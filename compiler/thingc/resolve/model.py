@@ -306,7 +306,8 @@ class Mode(Brief):
     `at` is the world side's pose, of a mode that is `on_floor` but for its height, which is 0 here; `gravity` [m/s^2] in the world
     frame; `poses` in keyframe order, the mode's own `pose` first; `actuators` joint paths, None for all; `exclude` pairs of component
     references; `adhesion` [N] per mount. The mode of a document that states none is not `stated`. `step_origin` is where its own
-    `timestep` is written, empty where it has none.
+    `timestep` is written, `gravity_origin` where its gravity is written in numbers, empty where they are not. One that has an
+    expression is `worked_out`: what it comes to may be another thing with other parameters.
     """
 
     name: str
@@ -327,6 +328,8 @@ class Mode(Brief):
     standing: Standing | None = None
     stated: bool = True
     step_origin: Origin = ()
+    gravity_origin: Origin = ()
+    worked_out: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

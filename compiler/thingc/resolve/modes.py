@@ -118,7 +118,7 @@ def _mode(table: Table, scope: Scope, name: str, layers: Layers | None) -> Mode 
             scope.error(Code.NOT_YET, f"a `{kind}` base is not built yet", base[1], help="use `fixed`, `held` or `free` for now")
         kind = "free"
     at, on_floor = _at(scope, name, layers)
-    gravity = _gravity(scope, layers)
+    gravity, gravity_origin = _gravity(scope, layers)
     pose = _pose(table, scope, layers)
     poses = _poses(table, scope, layers)
     actuators = _actuators(table, scope, layers)
@@ -146,7 +146,8 @@ def _mode(table: Table, scope: Scope, name: str, layers: Layers | None) -> Mode 
         name=name, root=reference, base=kind, at=at, gravity=gravity, pose=pose,
         poses=((pose,) if pose else ()) + tuple(one for one in poses if one != pose), actuators=actuators, exclude=exclude,
         adhesion=adhesion, simulation=simulation(scope, stepped), origin=scope.origin(("modes", name), key=True), holds=held, cut=cut,
-        on_floor=on_floor, standing=stands, step_origin=step_origin(scope, stepped),
+        on_floor=on_floor, standing=stands, step_origin=step_origin(scope, stepped), gravity_origin=gravity_origin,
+        worked_out=any(scope.works_out(path) for _, path in layers.items),
     )
 
 
@@ -186,13 +187,15 @@ def _check_holds_on_floor(scope: Scope, name: str, layers: Layers, held: Sequenc
             )
 
 
-def _gravity(scope: Scope, layers: Layers) -> Vector:
+def _gravity(scope: Scope, layers: Layers) -> tuple[Vector, Origin]:
+    """Gravity, and where it is written in numbers (empty where it is not)."""
     said = layers.pick("gravity")
     if said is None:
-        return GRAVITY["floor"]
+        return GRAVITY["floor"], ()
     if isinstance(said[0], str):
-        return GRAVITY[said[0]]
-    return scope.vector(*said, ACCELERATION, "`gravity`") or GRAVITY["floor"]
+        return GRAVITY[said[0]], ()
+    found = scope.vector(*said, ACCELERATION, "`gravity`")
+    return (GRAVITY["floor"], ()) if found is None else (found, scope.origin(said[1]))
 
 
 def _pose(table: Table, scope: Scope, layers: Layers) -> str | None:

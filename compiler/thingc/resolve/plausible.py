@@ -94,6 +94,11 @@ def density_words(density: float) -> str:
     return f"{density:.6g} kg/m^3"
 
 
+def times_words(ratio: float) -> str:
+    """How many times something is another, to three digits."""
+    return f"{ratio:.3g}" if ratio < 1000.0 else f"{ratio:.0f}"
+
+
 def _plain(value: float) -> str:
     """A number without an exponent, its thousands apart."""
     return f"{value:,.0f}".replace(",", " ") if value >= 1000.0 else f"{value:.3g}"

@@ -9,7 +9,7 @@ from typing import Any
 from thingc.diagnostics import MAX_FAULTS, Code, Note, Report
 from thingc.expressions import Expression, ExpressionError, evaluate, expression_hint
 from thingc.pose import Pose, Vector, placed
-from thingc.source import Document, Origin, Path, ScalarNode, Span, node_at
+from thingc.source import Document, Origin, Path, ScalarNode, Span, node_at, walk
 from thingc.spec.doubts import NO_DOUBTS, Doubts
 from thingc.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity, shortened
 
@@ -71,6 +71,13 @@ class Scope:
         """The scalar at `path` as written, or None where there is none."""
         node = node_at(self.document.tree, path)
         return node.text if isinstance(node, ScalarNode) else None
+
+    def works_out(self, path: Path) -> bool:
+        """Whether an expression is written anywhere in what stands at `path`."""
+        node = node_at(self.document.tree, path)
+        return node is not None and any(
+            isinstance(inner, ScalarNode) and str(inner.value).startswith("=") for _, inner in walk(node)
+        )
 
     def error(
         self, code: Code, message: str, path: Path, *, help: str | None = None, notes: Iterable[Note] = (), key: bool = False,
