@@ -123,6 +123,8 @@ class Code(Enum):
     NOT_LOOKED_AT = ("TC345", "geometry that was not looked at", "Run `thingc lock` again to have these parameters in the lock.")
     TOO_COSTLY = ("TC346", "a check beyond its bounds", "Make the documents smaller, or allow more with `--time-limit`.")
     TEST = ("TC348", "test that cannot be run", "Mend the key that the message names.")
+    LEAD = ("TC360", "lead of a screw", "Write `lead: 8 mm`, the advance in one turn; a left-hand thread has a negative one.")
+
     # --- TC4xx: parts (realize) ------------------------------------------------------------------------------------
     PART_RAISED = ("TC401", "part raised an exception", "Give the part parameters that it can be made with, or mend the part file.")
     PART_HUNG = ("TC402", "part took too long", "Mend the part, or allow more time with `part_timeout`.")

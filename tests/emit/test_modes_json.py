@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.linalg import expm
 
 from emit.small_robot import LIFT, YAW, assembly, request
 from thingc.emit.modes import emit
@@ -66,14 +67,22 @@ def from_mates(whole: Assembly, q: dict[str, float]) -> dict[int, Matrix]:
 
 def from_json(mode: dict[str, Any], q: dict[str, float]) -> dict[str, Matrix]:
     """Poses of links in the root link as a reader of the file works them out."""
-    at_zero = {link["name"]: np.array(link["X_root_link"]) for link in mode["links"]}
     poses = {mode["links"][0]["name"]: np.eye(4)}
     for joint in mode["joints"]:
-        axis, X_PJ = np.array(joint["axis"]), np.array(joint["X_PJ"])
-        moved = turn(axis, q[joint["name"]]) if joint["kind"] == "hinge" else shift(axis * q[joint["name"]])
-        X_PL = np.linalg.inv(at_zero[joint["parent"]]) @ at_zero[joint["child"]]
-        poses[joint["child"]] = poses[joint["parent"]] @ X_PJ @ moved @ np.linalg.inv(X_PJ) @ X_PL
+        X = across(joint, q)
+        poses[joint["child"]] = poses[joint["parent"]] @ (np.linalg.inv(X) if joint["reversed"] else X)
     return poses
+
+
+def across(joint: dict[str, Any], q: dict[str, float]) -> Matrix:
+    """The document's child in its parent."""
+    X = np.array(joint["X_PJ"])
+    for one in joint["coordinates"]:
+        hat = np.zeros((4, 4))
+        x, y, z = one["angular"]
+        hat[:3] = [[0, -z, y, one["linear"][0]], [z, 0, -x, one["linear"][1]], [-y, x, 0, one["linear"][2]]]
+        X = X @ expm(hat * (q[one["name"]] + one["offset"]))
+    return X @ np.linalg.inv(np.array(joint["X_CJ"]))
 
 
 @pytest.mark.parametrize("name", MODES)
@@ -90,7 +99,7 @@ def test_kinematics_agree_with_the_mate_graph(whole: Assembly, modes: dict[str, 
 
 
 def mjcf_of(mode: dict[str, Any]) -> mujoco.MjModel:
-    """A model from nothing but the file: bodies at q = 0, joints where `X_PJ` and `axis` put them."""
+    """A model from nothing but the file: bodies at q = 0, joints where the frames put them."""
     at_zero = {link["name"]: np.array(link["X_root_link"]) for link in mode["links"]}
     by_child = {joint["child"]: joint for joint in mode["joints"]}
     spec = mujoco.MjSpec()
@@ -108,10 +117,11 @@ def mjcf_of(mode: dict[str, Any]) -> mujoco.MjModel:
             if mode["base"] == "free":
                 body.add_freejoint(name="root")
             continue
-        kind = {"hinge": mujoco.mjtJoint.mjJNT_HINGE, "slide": mujoco.mjtJoint.mjJNT_SLIDE}[joint["kind"]]
-        anchor = np.linalg.inv(X) @ np.array(joint["X_PJ"])
-        np.testing.assert_allclose(anchor[:3, :3], np.eye(3), atol=1e-12)
-        body.add_joint(name=joint["name"], type=kind, axis=joint["axis"], pos=anchor[:3, 3])
+        (one,) = joint["coordinates"]
+        kind = {"revolute": mujoco.mjtJoint.mjJNT_HINGE, "prismatic": mujoco.mjtJoint.mjJNT_SLIDE}[joint["kind"]]
+        frame = np.array(joint["X_PJ" if joint["reversed"] else "X_CJ"])  # in the tree's child
+        axis = frame[:3, :3] @ (np.array(one["angular"]) + one["linear"]) * (-1.0 if joint["reversed"] else 1.0)
+        body.add_joint(name=one["name"], type=kind, axis=axis, pos=frame[:3, 3])
     return spec.compile()
 
 
@@ -122,9 +132,11 @@ def test_mujoco_has_the_same_addresses_and_poses(whole: Assembly, modes: dict[st
     data = mujoco.MjData(model)
     q = {"yaw": 0.7, "hand/lift": -0.03}
     for joint in mode["joints"]:
-        assert joint["qpos"] == model.joint(joint["name"]).qposadr[0]
-        assert joint["dof"] == model.joint(joint["name"]).dofadr[0]
-        data.qpos[joint["qpos"]] = q[joint["name"]]
+        for one in joint["coordinates"]:
+            assert one["in_model"] == {one["name"]: 1.0}
+            assert one["qpos"] == [model.joint(one["name"]).qposadr[0]]
+            assert one["dof"] == [model.joint(one["name"]).dofadr[0]]
+            data.qpos[one["qpos"]] = q[one["name"]]
     assert [model.body(k + 1).name for k in range(model.nbody - 1)] == [link["name"] for link in mode["links"]]
     mujoco.mj_kinematics(model, data)
     mates = from_mates(whole, q)
@@ -143,17 +155,17 @@ def test_what_is_said_of_each_mode(modes: dict[str, Any]) -> None:
         "adrift": ("servo_a/origin", "free", "servo_a"),
     }
     for mode in modes.values():
-        assert list(mode) == ["root", "base", "gravity", "X_world_root", "links", "joints", "holds", "poses"]
+        assert list(mode) == ["version", "root", "base", "gravity", "X_world_root", "links", "joints", "holds", "poses"]
         assert mode["gravity"] == [0.0, 0.0, -9.81]
         assert mode["holds"] == {}
         assert list(mode["poses"].items()) == [
             ("start", {"yaw": -0.5, "hand/lift": 0.02}), ("home", {"yaw": 1.0, "hand/lift": 0.0}),
         ]
         for joint in mode["joints"]:
-            assert list(joint) == [
-                "name", "kind", "parent", "child", "X_PJ", "axis", "offset", "reversed", "armature", "mimic", "qpos", "dof",
-            ]
-            assert joint["offset"] == {"yaw": YAW.offset, "hand/lift": LIFT.offset}[joint["name"]]
+            assert list(joint) == ["name", "kind", "parent", "child", "reversed", "X_PJ", "X_CJ", "coordinates"]
+            (one,) = joint["coordinates"]
+            assert list(one) == ["name", "angular", "linear", "offset", "armature", "mimic", "in_model", "qpos", "dof"]
+            assert one["offset"] == {"yaw": YAW.offset, "hand/lift": LIFT.offset}[one["name"]]
     reversed_ = {name: {joint["name"]: joint["reversed"] for joint in mode["joints"]} for name, mode in modes.items()}
     assert reversed_ == {
         "bench": {"yaw": False, "hand/lift": False}, "drawing": {"yaw": True, "hand/lift": True},

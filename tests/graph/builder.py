@@ -15,6 +15,7 @@ from thingc.diagnostics import Code, Report, Severity
 from thingc.graph import link
 from thingc.graph.types import Assembly, Definition, MountFrame, Occurrence
 from thingc.inertia import MassProperties
+from thingc.joints import KINDS
 from thingc.pose import NO_POSE, Pose
 from thingc.realize.record import (
     Actuator,
@@ -278,6 +279,7 @@ def joint(
     return Joint(
         name=name,
         kind=kind,
+        twist=next(iter(KINDS[kind].twists), None),
         parent=ref(parent, line),
         child=ref(child, line),
         limit=Limit(lower=lower if moves else None, upper=upper if moves else None, effort=effort, velocity=velocity),

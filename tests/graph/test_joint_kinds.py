@@ -14,8 +14,8 @@ X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 def test_what_can_be_built_and_what_comes_later() -> None:
-    assert list(KINDS) == ["fixed", "revolute", "continuous", "prismatic"]
-    assert frozenset({"cylindrical", "universal", "ball", "planar", "screw"}) == LATER
+    assert list(KINDS) == ["fixed", "revolute", "continuous", "prismatic", "screw"]
+    assert frozenset({"cylindrical", "universal", "ball", "planar"}) == LATER
     assert not LATER & set(KINDS)
 
 
@@ -25,8 +25,9 @@ def test_coordinates_and_limits() -> None:
         "revolute": ((ANGLE,), "required"),
         "continuous": ((ANGLE,), "none"),
         "prismatic": ((LENGTH,), "required"),
+        "screw": ((ANGLE,), "optional"),
     }
-    assert [kind.moves for kind in KINDS.values()] == [False, True, True, True]
+    assert [kind.moves for kind in KINDS.values()] == [False, True, True, True, True]
 
 
 @pytest.mark.parametrize("q", [-2.5, 0.0, 0.3, math.pi / 2])
@@ -35,6 +36,7 @@ def test_motions(q: float) -> None:
     assert as_matrix(moved(KINDS["revolute"].twists, (q,))) == pytest.approx(rz(q))
     assert as_matrix(moved(KINDS["continuous"].twists, (q,))) == pytest.approx(rz(q))
     assert as_matrix(moved(KINDS["prismatic"].twists, (q,))) == pytest.approx(t(0, 0, q))
+    assert as_matrix(moved(KINDS["screw"].with_lead(-0.02), (q,))) == pytest.approx(rz(q) @ t(0, 0, -0.02 * q / (2 * math.pi)))
 
 
 def test_coordinates_are_shown_as_a_person_writes_them() -> None:

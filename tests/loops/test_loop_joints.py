@@ -153,7 +153,7 @@ def test_modes_json_says_where_the_loop_was_cut(fourbar: Built) -> None:
     described = fourbar.modes["bench"]
     (cut,) = described["cuts"]
     assert [joint["name"] for joint in described["joints"]] == ["drive", "elbow", "pivot"]
-    assert (cut["name"], cut["kind"], cut["parent"], cut["child"]) == ("wrist", "hinge", "coupler", "rocker")
+    assert (cut["name"], cut["kind"], cut["parent"], cut["child"]) == ("wrist", "continuous", "coupler", "rocker")
     data = at_key(fourbar.model("bench"), "at_75")
     q = described["poses"]["at_75"]["wrist"]
     turned = np.eye(4)

@@ -230,7 +230,7 @@ def test_a_slide_that_closes_a_loop_has_the_way_between_its_ends() -> None:
     robot = made.modes
     has, cut = robot["crank_free"], robot["ground_free"]
     start = has.state("start", base_pose=frame(np.random.default_rng(1)))
-    assert "j4" in start.q and [c.kind for c in cut.cuts] == ["slide"]
+    assert "j4" in start.q and [c.kind for c in cut.cuts] == ["prismatic"]
     other = robot.switch(start, "ground_free").state
     assert "j4" not in other.q
     back = robot.switch(other, "crank_free").state

@@ -1,12 +1,12 @@
 """`modes.json`: what switching between modes at run time needs to know of every mode's tree.
 
-Enough for the forward kinematics of any mode at any q, without MuJoCo. With L the child link of a joint, P its parent in
-that mode's tree, `X_PL(0) = inv(X_root_link[P]) @ X_root_link[L]` and J the joint's frame,
+Enough for the forward kinematics of any mode at any q, without MuJoCo. With P the document's parent link of a joint and C its child,
+J the parent mount's frame and the joint's coordinates in order,
 
-    X_PL(q) = X_PJ @ motion(q) @ inv(X_PJ) @ X_PL(0)
+    X_PC(q) = X_PJ @ exp(twist_0 (q_0 + offset_0)) @ exp(twist_1 (q_1 + offset_1)) ... @ inv(X_CJ)
 
-where `motion(q)` turns by q about `axis` (`hinge`) or slides by q along it (`slide`); both are given in J, whose axes are
-those of the child link at q = 0. q is the document's coordinate, without `offset`.
+where a twist (`angular`, `linear`) turns about `angular` and shifts along `linear`, through the origin of J, per unit of q. Where the mode
+has C for the parent in its tree (`reversed`) it is the inverse of that. None of it depends on the root.
 """
 
 from __future__ import annotations
@@ -14,13 +14,19 @@ from __future__ import annotations
 from thingc.emit import jsontext
 from thingc.emit.artifact import Artifacts
 from thingc.emit.jsontext import Fragment, fragment
+from thingc.emit.mjcf.lowering import lowered
 from thingc.emit.request import EmitRequest
+from thingc.graph.types import Mate
 from thingc.inertia import MassProperties
 from thingc.joints import Twist
 from thingc.memo import Memo
-from thingc.pose import NO_POSE, Pose, shifted
+from thingc.pose import NO_POSE, Pose
 from thingc.resolve.model import Mimic
-from thingc.robot.types import Robot
+from thingc.robot import in_link
+from thingc.robot.types import CoreJoint, Robot
+
+VERSION = 2
+"""Of the form of every mode: a reader refuses another."""
 
 LISTED = 3
 """How deep a link or a joint stands in the file: in a list of a mode of the whole."""
@@ -43,19 +49,20 @@ def describe(robot: Robot, memo: Memo | None = None) -> dict[str, object]:
     - `links` in the order of the bodies of the model, the root link first; `X_root_link` the pose of the link's frame in
       the root link's frame at q = 0; `mass` [kg], `centre` [m] and `inertia` [kg m^2, about the centre] in the link's frame;
     - `joints` in the order of the model: `parent` and `child` are links as this mode's tree has them; `reversed` says that
-      the document has them the other way round (the axis has been turned for it, so q means the same); `qpos` and `dof` are
-      the addresses in `MjData.qpos` and `.qvel`, behind a free base's 7 and 6;
+      the document has them the other way round. `coordinates` are in the document's order; `in_model` names the joints of MuJoCo that
+      a coordinate is there, with how much each moves per unit of q, `qpos` and `dof` are their addresses in `MjData.qpos` and `.qvel`,
+      behind a free base's 7 and 6;
     - `holds` further mounts held to the world, by their paths: `link` that carries the mount, what the hold `carries` (`force`: the
       mount's origin stays, and it may turn; else `force and torque`), `X_LM` the mount in the link, `X_WM` where it is held;
     - `poses` q by joint path, the mode's own pose first; only where there are such, `bases`, `X_world_root` of the poses in which
       a free base stands elsewhere, and `standing_on`, the mounts that the mode says it stands on;
     - only where there are loops `cuts`, the joints that close them (no joints of this model): `X_PA` and `X_CB` are the frames
-      that meet, A on the parent moving by q about or along its z; and `residuals`, how far [m, rad] the worst loop is from
-      closed in each pose.
+      that meet, A on the parent moving by `coordinates` as above, the offsets in `X_PA`; and `residuals`, how far [m, rad] the worst
+      loop is from closed in each pose.
     """
     names = [robot.assembly.links[body.link].name for body in robot.bodies]
     at_zero: list[Pose] = []
-    memo, mode = memo or Memo(), robot.mode.name
+    memo, mode, placed = memo or Memo(), robot.mode.name, in_link(robot.assembly)
     links: list[Fragment] = []
     joints: list[Fragment] = []
     order: list[str] = []
@@ -65,17 +72,21 @@ def describe(robot: Robot, memo: Memo | None = None) -> dict[str, object]:
         at_zero.append(pose)
         own = robot.assembly.links[body.link].properties
         links.append(memo(("modes.json", mode, "link", name), _link, name, pose, own))
-        for joint in body.joints:
-            joints.append(memo(
-                ("modes.json", mode, "joint", joint.path), _joint, joint.path, joint.twist, names[body.parent or 0], name, body.X_PL,
-                joint.offset, joint.reversed, joint.dynamics.armature, joint.mimic, qpos, dof,
-            ))
-            order.append(joint.path)
-            qpos, dof = qpos + 1, dof + 1
+        if not body.joints or body.parent is None:
+            continue
+        mate = robot.assembly.mates[body.joints[0].mate]
+        joints.append(memo(
+            ("modes.json", mode, "joint", mate.name), _joint, mate, placed[mate.parent], placed[mate.child], names[body.parent], name,
+            body.joints, qpos, dof,
+        ))
+        order += [joint.path for joint in body.joints]
+        size = sum(len(lowered(joint.path, joint.twist)) for joint in body.joints)
+        qpos, dof = qpos + size, dof + size
     order += [joint.path for closure in robot.closures for joint in closure.joints]
-    placed = ((frame.name, frame.base) for frame in robot.keyframes)
-    bases = {name: base.rows() for name, base in placed if base is not None and base != robot.bodies[0].X_PL}
+    stands = ((frame.name, frame.base) for frame in robot.keyframes)
+    bases = {name: base.rows() for name, base in stands if base is not None and base != robot.bodies[0].X_PL}
     return {
+        "version": VERSION,
         "root": robot.mode.root.path,
         "base": robot.base,
         "gravity": robot.gravity,
@@ -104,23 +115,40 @@ def _link(name: str, pose: Pose, own: MassProperties) -> Fragment:
 
 
 def _joint(
-    path: str, twist: Twist, parent: str, child: str, X_PL: Pose, offset: float, reversed_: bool, armature: float | None,
-    mimic: Mimic | None, qpos: int, dof: int,
+    mate: Mate, parent_part: Pose, child_part: Pose, parent: str, child: str, crossed: tuple[CoreJoint, ...], qpos: int, dof: int,
 ) -> Fragment:
+    addresses: dict[str, tuple[list[int], list[int]]] = {}
+    for joint in crossed:
+        count = len(lowered(joint.path, joint.twist))
+        addresses[joint.path] = list(range(qpos, qpos + count)), list(range(dof, dof + count))
+        qpos, dof = qpos + count, dof + count
     return fragment({
-        "name": path,
-        "kind": twist.core,
+        "name": mate.name,
+        "kind": mate.joints[0].kind,
         "parent": parent,
         "child": child,
-        "X_PJ": (X_PL @ shifted(*twist.anchor)).rows(),
-        "axis": twist.axis,
-        "offset": offset,
-        "reversed": reversed_,
-        "armature": armature or 0.0,
-        "mimic": _mimic(mimic),
-        "qpos": qpos,
-        "dof": dof,
+        "reversed": crossed[0].reversed,
+        "X_PJ": (parent_part @ mate.X_PJ).rows(),
+        "X_CJ": (child_part @ mate.X_JC.inverse()).rows(),
+        "coordinates": [
+            {
+                **_coordinate(joint.path, joint.twist),
+                "offset": joint.offset,
+                "armature": joint.dynamics.armature or 0.0,
+                "mimic": _mimic(joint.mimic),
+                "in_model": {one.name: one.ratio for one in lowered(joint.path, joint.twist)},
+                "qpos": addresses[joint.path][0],
+                "dof": addresses[joint.path][1],
+            }
+            for joint in mate.joints
+        ],
     }, LISTED)
+
+
+def _coordinate(path: str, twist: Twist) -> dict[str, object]:
+    """A coordinate and its twist; what a joint kind says goes through the origin."""
+    linear, angular = twist.velocity((0.0, 0.0, 0.0))
+    return {"name": path, "angular": angular, "linear": linear}
 
 
 def _loops(robot: Robot, names: list[str]) -> dict[str, object]:
@@ -128,11 +156,12 @@ def _loops(robot: Robot, names: list[str]) -> dict[str, object]:
         "cuts": [
             {
                 "name": closure.path,
-                "kind": closure.kind,
+                "kind": closure.joints[0].kind if closure.joints else "fixed",
                 "parent": names[closure.parent],
                 "child": names[closure.child],
                 "X_PA": closure.X_PA.rows(),
                 "X_CB": closure.X_CB.rows(),
+                "coordinates": [_coordinate(joint.path, twist) for joint, twist in zip(closure.joints, closure.twists, strict=True)],
             }
             for closure in robot.closures
             if closure.parent is not None

@@ -80,7 +80,7 @@ def _jointed(tree: Tree, instance: Instance, joint: Joint, findings: Findings, m
             notes=noted("the child", joint.child.origin),
         )
         return
-    edges = tuple(joint_edge(tree, instance, joint, twist, findings) for twist in kind.twists)
+    edges = () if joint.twist is None else (joint_edge(tree, instance, joint, joint.twist, findings),)
     path = instance.within(joint.name)
     origin = joint.origin + instance.origin
     yield memo(("joint", path), _mated, parent, child, joint.turn, joint.gap, edges, origin, path, joint.loop)
@@ -91,9 +91,9 @@ def stated_joints(tree: Tree, joints: Sequence[JointEdge]) -> tuple[JointEdge, .
     known = {joint.path: joint for joint in joints}
     for instance, definition in tree.assemblies:
         for joint in definition.joints:
-            kind, path = KINDS.get(joint.kind), instance.within(joint.name)
-            if kind is not None and kind.moves and path not in known:
-                known[path] = stated_edge(instance, joint, kind.twists[0])
+            path = instance.within(joint.name)
+            if joint.twist is not None and path not in known:
+                known[path] = stated_edge(instance, joint, joint.twist)
     return tuple(known.values())
 
 

@@ -129,7 +129,7 @@ def _check_limits(instance: Instance, joint: Joint, findings: Findings) -> None:
         return
     ends = {key: value for key, value in (("lower", joint.limit.lower), ("upper", joint.limit.upper)) if value is not None}
     path, here = instance.within(joint.name), joint.origin + instance.origin
-    wide = [key for key, value in ends.items() if abs(value) > TURNS * 2.0 * math.pi]
+    wide = [key for key, value in ends.items() if abs(value) > TURNS * 2.0 * math.pi and not kind.leads]  # a screw takes many turns
     for key in wide:
         text, number, unit = _written(joint, key)
         cause = f"`{number} deg` was meant" if unit == "rad" and abs(float(number)) <= 360.0 * TURNS else "there is a digit too many"

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from thingc.joints.twist import Twist
@@ -18,12 +19,18 @@ class JointKind:
 
     `twists` are what its coordinates do, in order, each seen in the parent mount's frame as those before it have moved it: the
     child's side is at `exp(twist_0 q_0) exp(twist_1 q_1) ...` in the parent's. None: it does not move. `limits` is what is expected
-    of `limit.lower` and `limit.upper` of each.
+    of `limit.lower` and `limit.upper` of each; where it `leads`, a document says by how much it slides in a turn.
     """
 
     name: str
     twists: tuple[Twist, ...]
     limits: Limits
+    leads: bool = False
+
+    def with_lead(self, lead: float) -> tuple[Twist, ...]:
+        """The twists of a joint of this kind that also slides by `lead` [m] along its axis in every turn."""
+        turn = lead / (2.0 * math.pi)
+        return tuple(replace(one, linear=(turn * one.angular[0], turn * one.angular[1], turn * one.angular[2])) for one in self.twists)
 
     @property
     def moves(self) -> bool:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from thingc.joints.dimensions import dimensions_of
-from thingc.pose import IDENTITY, NO_POSE, Pose, Vector, cross, rotate, turned_about, turned_x, turned_y, turned_z
+from thingc.pose import IDENTITY, NO_POSE, Pose, Vector, cross, dot, rotate, turned_about, turned_x, turned_y, turned_z
 from thingc.units import ANGLE, LENGTH, Dimension
 
 NONE: Vector = (0.0, 0.0, 0.0)
@@ -42,6 +42,11 @@ class Twist:
     def axis(self) -> Vector:
         """The unit vector about which, or along which, it goes."""
         return self.angular if self.turns else self.linear
+
+    @property
+    def pitch(self) -> float:
+        """How far [m/rad] it slides along its axis as it turns about it; 0 of a plain turn or slide."""
+        return dot(self.angular, self.linear)
 
     @property
     def coordinate(self) -> Dimension:

@@ -8,13 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thingc.brief import Brief
-from thingc.modes.frames import Array, cross_matrix
+from thingc.modes.cuts import coordinates, freedoms, usual
+from thingc.modes.frames import Array, cross_matrix, inverse
 from thingc.modes.inertias import Inertias
 from thingc.modes.state import State
 from thingc.modes.tree import Cut, Hold, Mode
-
-OPEN = {"weld": (), "hinge": (5,), "slide": (2,)}
-"""Along which of (x, y, z, about x, about y, about z) of its frame a joint lets its ends move."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -107,9 +105,11 @@ def _ends_meet(mode: Mode, state: State, cut: Cut, jacobians: tuple[Array, ...])
         J = jacobians[link].copy()
         J[:3] -= cross_matrix(X_WB[:3, 3] - placed[link][:3, 3]) @ J[3:]
         ends.append(J)
-    back, relative = X_WA[:3, :3].T, ends[1] - ends[0]
-    rows: Array = np.vstack([back @ relative[:3], back @ relative[3:]])
-    return rows[[k for k in range(6) if k not in OPEN[cut.kind]]]
+    relative: Array = ends[1] - ends[0]
+    if not cut.coordinates:
+        return relative
+    q = coordinates(cut, inverse(X_WA) @ X_WB, usual(mode, cut))
+    return _null_space(freedoms(cut, q, X_WB)).T @ relative
 
 
 def _null_space(A: Array) -> Array:

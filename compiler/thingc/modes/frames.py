@@ -56,6 +56,31 @@ def turned(axis: Array, angle: float) -> Array:
     return rotation
 
 
+def exponential(twist: Array, q: float) -> Array:
+    """The pose (4, 4) at q of what moves by `twist` (6,) per unit of q, angular (a unit vector or 0) over linear, from q = 0. The linear
+    part of a joint is along its angular one, or alone."""
+    if not twist[:3].any():
+        return pose(np.eye(3), twist[3:] * q)
+    return pose(turned(twist[:3], q), twist[3:] * q)
+
+
+def logarithm(X: Array) -> Array:
+    """(6,): the turn [rad] (a rotation vector) and the shift [m] of a pose that is near the identity."""
+    w = quaternion_of(X[:3, :3])
+    size = float(np.linalg.norm(w[1:]))
+    turn = np.zeros(3) if size == 0.0 else w[1:] * (2.0 * np.arctan2(size, w[0]) / size)
+    return np.concatenate([turn, X[:3, 3]])
+
+
+def adjoint(X: Array) -> Array:
+    """(6, 6): twists (angular over linear) given in B to those seen from A, of X_AB (4, 4)."""
+    R = X[:3, :3]
+    found = np.zeros((6, 6))
+    found[:3, :3] = found[3:, 3:] = R
+    found[3:, :3] = cross_matrix(X[:3, 3]) @ R
+    return found
+
+
 def cross_matrix(v: Array) -> Array:
     """`[v]x` (3, 3): the matrix whose product with w is v x w."""
     x, y, z = v

@@ -74,8 +74,9 @@ def write(mode: Mode, state: State, data: Any) -> None:
         number = data.model.body(mode.root_link).mocapid[0]
         data.mocap_pos[number], data.mocap_quat[number] = position, quaternion
     for joint in mode.joints:
-        here = data.joint(joint.name)
-        here.qpos, here.qvel = state.q[joint.name], state.v[joint.name]
+        for name, ratio in joint.in_model.items():
+            here = data.joint(name)
+            here.qpos, here.qvel = ratio * state.q[joint.name], ratio * state.v[joint.name]
 
 
 def carry(modes: tuple[Mode, Mode], source: Any, target: Any) -> tuple[str, ...]:
@@ -98,8 +99,9 @@ def _warm_start(modes: tuple[Mode, Mode], source: Any, target: Any) -> None:
         target.joint(FREE_JOINT).qacc_warmstart = np.zeros(6)
     known = {joint.name for joint in old.joints}
     for joint in new.joints:
-        here = source.joint(joint.name).qacc_warmstart if joint.name in known else 0.0
-        target.joint(joint.name).qacc_warmstart = here
+        for name in joint.in_model:
+            here = source.joint(name).qacc_warmstart if joint.name in known else 0.0
+            target.joint(name).qacc_warmstart = here
 
 
 def hold_here(mode: Mode, state: State, data: Any) -> None:

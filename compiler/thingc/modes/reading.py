@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from thingc.modes.faults import ModesError
-from thingc.modes.frames import inverse
+from thingc.modes.frames import Array, inverse
 from thingc.modes.tree import Cut, Hold, Joint, Link, Mimic, Mode
 
 FILE = "modes.json"
-KINDS = frozenset({"hinge", "slide"})
+VERSION = 2
 
 
 def read(path: str | os.PathLike[str]) -> dict[str, Mode]:
@@ -43,6 +43,8 @@ def parse(text: str | bytes, name: str = FILE) -> dict[str, Mode]:
 
 
 def _mode(name: str, described: Mapping[str, Any]) -> Mode:
+    if described.get("version") != VERSION:
+        raise ModesError(f"mode `{name}` was written by another version of thingc: build the robot again")
     links = tuple(
         Link(
             name=str(link["name"]), X_root_link=_array(link["X_root_link"], 4, 4), mass=float(link["mass"]),
@@ -58,7 +60,7 @@ def _mode(name: str, described: Mapping[str, Any]) -> Mode:
         gravity=_array(described["gravity"], 3),
         X_world_root=_array(described["X_world_root"], 4, 4),
         links=links,
-        joints=tuple(_joint(joint, links, index) for joint in described["joints"]),
+        joints=tuple(joint for one in described["joints"] for joint in _joints(one, index)),
         named=MappingProxyType({pose: MappingProxyType(dict(q)) for pose, q in described["poses"].items()}),
         holds=tuple(
             Hold(
@@ -71,6 +73,8 @@ def _mode(name: str, described: Mapping[str, Any]) -> Mode:
             Cut(
                 name=str(cut["name"]), kind=str(cut["kind"]), parent=index[cut["parent"]], child=index[cut["child"]],
                 X_PA=_array(cut["X_PA"], 4, 4), X_CB=_array(cut["X_CB"], 4, 4),
+                coordinates=tuple(str(one["name"]) for one in cut["coordinates"]),
+                twists=_array([[*one["angular"], *one["linear"]] for one in cut["coordinates"]], len(cut["coordinates"]), 6),
             )
             for cut in described.get("cuts", ())
         ),
@@ -79,30 +83,35 @@ def _mode(name: str, described: Mapping[str, Any]) -> Mode:
     )
 
 
-def _joint(described: Mapping[str, Any], links: tuple[Link, ...], index: Mapping[str, int]) -> Joint:
-    name, kind = str(described["name"]), str(described["kind"])
-    if kind not in KINDS:
-        raise ModesError(f"joint `{name}` is a `{kind}`, which this version of thingc does not know")
-    parent, child = index[described["parent"]], index[described["child"]]
-    X_PJ = _array(described["X_PJ"], 4, 4)
-    mimic = described["mimic"]
-    return Joint(
-        name=name,
-        kind=kind,
-        parent=parent,
-        child=child,
-        X_PJ=X_PJ,
-        axis=_array(described["axis"], 3),
-        X_JL=_kept(inverse(X_PJ) @ inverse(links[parent].X_root_link) @ links[child].X_root_link),
-        offset=float(described["offset"]),
-        reversed=bool(described["reversed"]),
-        armature=float(described["armature"]),
-        mimic=None if mimic is None else Mimic(
-            joint=str(mimic["joint"]), multiplier=float(mimic["multiplier"]), offset=float(mimic["offset"]),
-        ),
-        qpos=int(described["qpos"]),
-        dof=int(described["dof"]),
-    )
+def _joints(described: Mapping[str, Any], index: Mapping[str, int]) -> Iterator[Joint]:
+    """The coordinates of a joint in the order in which the mode's tree goes through them: reversed the last one first, each undone."""
+    back = bool(described["reversed"])
+    before, after = _array(described["X_PJ"], 4, 4), inverse(_array(described["X_CJ"], 4, 4))
+    if back:
+        before, after = inverse(after), inverse(before)
+    coordinates = described["coordinates"][::-1] if back else described["coordinates"]
+    last = len(coordinates) - 1
+    for number, one in enumerate(coordinates):
+        mimic, twist = one["mimic"], _array([*one["angular"], *one["linear"]], 6)
+        yield Joint(
+            name=str(one["name"]),
+            kind=str(described["kind"]),
+            parent=index[described["parent"]],
+            child=index[described["child"]],
+            first=number == 0,
+            X_PJ=_kept(before) if number == 0 else NOWHERE,
+            twist=_kept(-twist) if back else twist,
+            X_JL=_kept(after) if number == last else NOWHERE,
+            offset=float(one["offset"]),
+            reversed=back,
+            armature=float(one["armature"]),
+            mimic=None if mimic is None else Mimic(
+                joint=str(mimic["joint"]), multiplier=float(mimic["multiplier"]), offset=float(mimic["offset"]),
+            ),
+            in_model=MappingProxyType({str(name): float(ratio) for name, ratio in one["in_model"].items()}),
+            qpos=tuple(int(address) for address in one["qpos"]),
+            dof=tuple(int(address) for address in one["dof"]),
+        )
 
 
 def _array(values: object, *shape: int) -> Any:
@@ -112,3 +121,7 @@ def _array(values: object, *shape: int) -> Any:
 def _kept(array: Any) -> Any:
     array.setflags(write=False)
     return array
+
+
+NOWHERE: Array = _kept(np.eye(4))
+"""The pose of a frame in itself."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -13,6 +12,7 @@ import numpy as np
 from thingc.brief import Brief
 from thingc.modes import mjdata, reading
 from thingc.modes.catching import Caught, at_point, caught
+from thingc.modes.cuts import coordinates, freedoms, usual
 from thingc.modes.faults import BaseElsewhere, BaseMoves, ModesError, UnknownMode
 from thingc.modes.frames import Array, angle_between, inverse, pose
 from thingc.modes.inertias import Inertias
@@ -161,30 +161,27 @@ def _seen_from(state: State, old: Mode, new: Mode) -> State:
     poses, twists = old.poses(state), old.twists(state)
     q, v = dict(state.q), dict(state.v)
     for cut in old.cuts:
-        if cut.kind != "weld":
-            q[cut.name], v[cut.name] = _across(old, cut, poses, twists)
+        for name, *found in zip(cut.coordinates, *_across(old, cut, poses, twists), strict=True):
+            q[name], v[name] = map(float, found)
     return State(
         mode=new.name, base_pose=poses[new.root_link], base_twist=twists[new.root_link],
         q={joint.name: q[joint.name] for joint in new.joints}, v={joint.name: v[joint.name] for joint in new.joints},
     )
 
 
-def _across(mode: Mode, cut: Cut, poses: Mapping[str, Array], twists: Mapping[str, Array]) -> tuple[float, float]:
-    """(q, v) of a joint from its ends' motions: about or along z of A. A hinge's q is that within half a turn of
-    its value in the mode's first pose."""
+def _across(mode: Mode, cut: Cut, poses: Mapping[str, Array], twists: Mapping[str, Array]) -> tuple[Array, Array]:
+    """(q, v) of the coordinates of a joint from its ends' motions; turns are within half a turn of their values in the mode's first
+    pose."""
     parent, child = mode.links[cut.parent].name, mode.links[cut.child].name
     X_WA, X_WB = poses[parent] @ cut.X_PA, poses[child] @ cut.X_CB
-    X_AB, z = inverse(X_WA) @ X_WB, X_WA[:3, 2]
+    q = coordinates(cut, inverse(X_WA) @ X_WB, usual(mode, cut))
     spins = [poses[link][:3, :3] @ twists[link][3:] for link in (parent, child)]
-    if cut.kind == "hinge":
-        angle = float(np.arctan2(X_AB[1, 0] - X_AB[0, 1], X_AB[0, 0] + X_AB[1, 1]))
-        usual = next(iter(mode.named.values()), {}).get(cut.name, 0.0)
-        return angle + math.tau * round((usual - angle) / math.tau), float(z @ (spins[1] - spins[0]))
     ends = [
         twists[link][:3] + np.cross(spin, X_WB[:3, 3] - poses[link][:3, 3])
         for link, spin in zip((parent, child), spins, strict=True)
     ]
-    return float(X_AB[2, 3]), float(z @ (ends[1] - ends[0]))
+    relative = np.concatenate([ends[1] - ends[0], spins[1] - spins[0]])
+    return q, np.linalg.lstsq(freedoms(cut, q, X_WB).T, relative, rcond=None)[0]
 
 
 def _removed(state: State, mode: Mode) -> dict[str, tuple[str, Array]]:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from thingc.brief import Brief
 from thingc.modes.faults import ModesError
-from thingc.modes.frames import Array, cross_matrix, pose, quaternion_of, turned
+from thingc.modes.frames import Array, cross_matrix, exponential, quaternion_of
 from thingc.modes.inertias import Inertias
 from thingc.modes.state import State
 from thingc.slips import did_you_mean
@@ -39,26 +39,29 @@ class Mimic(Brief):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Joint(Brief):
-    """A `hinge` or `slide` from link `parent` to link `child` (indices into `Mode.links`).
+    """A coordinate of a joint from link `parent` to link `child` (indices into `Mode.links`), the `first` of them or one behind others.
 
-    `X_PJ` (4, 4) is its frame in the parent; `axis` (3,) is in that frame; `X_JL` (4, 4) the child in the joint's frame at
-    q = 0, moved along by it. `qpos` and `dof` are its addresses in the mode's own model; `reversed` whether the document has
-    parent and child the other way round.
+    `X_PJ` (4, 4) is its frame in the parent, or in what the coordinate before it moves; `twist` (6,) what it does there per unit of q,
+    angular over linear; `X_JL` (4, 4) what it moves, the child or the next coordinate's frame, when q is -`offset`. `qpos` and `dof` are
+    its addresses in the mode's own model, of the joints that `in_model` names with what they move per unit of q; `reversed` whether the
+    document has parent and child the other way round; `kind` is the document's.
     """
 
     name: str
     kind: str
     parent: int
     child: int
+    first: bool
     X_PJ: Array
-    axis: Array
+    twist: Array
     X_JL: Array
     offset: float
     reversed: bool
     armature: float
     mimic: Mimic | None
-    qpos: int
-    dof: int
+    in_model: Mapping[str, float]
+    qpos: tuple[int, ...]
+    dof: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -77,7 +80,8 @@ class Hold(Brief):
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Cut(Brief):
     """A joint that closes a loop and is none of this mode's tree: frames A on link `parent` (index, `X_PA`) and B on link `child`
-    (`X_CB`) meet, where A has been turned about its z by q (`hinge`), slid along it (`slide`), or neither (`weld`)."""
+    (`X_CB`) meet, where A has been moved by its `coordinates` (names) one after the other, as their `twists` (n, 6) say, angular over
+    linear."""
 
     name: str
     kind: str
@@ -85,6 +89,8 @@ class Cut(Brief):
     child: int
     X_PA: Array
     X_CB: Array
+    coordinates: tuple[str, ...]
+    twists: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -193,11 +199,13 @@ class Mode(Brief):
         self._check(state)
         X = state.base_pose
         base = [*X[:3, 3], *quaternion_of(X[:3, :3])] if self.base == "free" else []
-        return np.array([*base, *(state.q[joint.name] for joint in self.joints)])
+        return np.array([*base, *(ratio * state.q[joint.name] for joint in self.joints for ratio in joint.in_model.values())])
 
     def qvel(self, state: State) -> Array:
         """`MjData.qvel` of the mode's own model at this state: the base's twist where it is free, then v."""
-        return self.velocity(state)[0 if self.base == "free" else 6 :]
+        self._check(state)
+        base = [*state.base_twist] if self.base == "free" else []
+        return np.array([*base, *(ratio * state.v[joint.name] for joint in self.joints for ratio in joint.in_model.values())])
 
     def coupling(self) -> Array:
         """(m, k): v of all m joints from v of the k that follow none of this tree, both in the order of the model."""
@@ -227,29 +235,29 @@ class Mode(Brief):
                 raise ModesError(f"the state has no `{what}` of joint `{missing}`")
 
     def _placed(self, state: State) -> list[Array]:
-        """Poses in the world, by link: `X_WL = X_WP X_PJ motion(q) X_JL`."""
+        """Poses in the world, by link: `X_WL = X_WP X_PJ exp(twist (q + offset)) X_JL`, for one coordinate after the other."""
         self._check(state)
         found = [state.base_pose] * len(self.links)
         for joint in self.joints:
-            q = state.q[joint.name]
-            moved = pose(turned(joint.axis, q), np.zeros(3)) if joint.kind == "hinge" else pose(np.eye(3), joint.axis * q)
-            found[joint.child] = found[joint.parent] @ joint.X_PJ @ moved @ joint.X_JL
+            start = found[joint.parent if joint.first else joint.child]
+            found[joint.child] = start @ joint.X_PJ @ exponential(joint.twist, state.q[joint.name] + joint.offset) @ joint.X_JL
         return found
 
     def _jacobians(self, state: State, placed: list[Array]) -> list[Array]:
         """As of `jacobians`, at poses that are known."""
         count = 6 + len(self.joints)
-        root = np.zeros((6, count))
+        root, here = np.zeros((6, count)), np.zeros(3)
         root[:3, :3], root[3:, 3:6] = np.eye(3), state.base_pose[:3, :3]
-        found = [root] * len(self.links)
+        found, J = [root] * len(self.links), root
+        frame = state.base_pose
         for column, joint in enumerate(self.joints, start=6):
-            X_WJ = placed[joint.parent] @ joint.X_PJ
-            axis, here = X_WJ[:3, :3] @ joint.axis, placed[joint.child][:3, 3]
-            J = found[joint.parent].copy()
-            J[:3] -= cross_matrix(here - placed[joint.parent][:3, 3]) @ J[3:]
-            if joint.kind == "hinge":
-                J[:3, column], J[3:, column] = np.cross(axis, here - X_WJ[:3, 3]), axis
-            else:
-                J[:3, column] = axis
-            found[joint.child] = J
+            if joint.first:
+                frame, J = placed[joint.parent], found[joint.parent].copy()
+                here = placed[joint.child][:3, 3]
+                J[:3] -= cross_matrix(here - frame[:3, 3]) @ J[3:]
+                found[joint.child] = J
+            X_WJ = frame @ joint.X_PJ
+            angular, linear = X_WJ[:3, :3] @ joint.twist[:3], X_WJ[:3, :3] @ joint.twist[3:]
+            J[:3, column], J[3:, column] = linear + np.cross(angular, here - X_WJ[:3, 3]), angular
+            frame = X_WJ @ exponential(joint.twist, state.q[joint.name] + joint.offset) @ joint.X_JL
         return found

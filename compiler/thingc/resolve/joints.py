@@ -129,14 +129,41 @@ def _joint(table: Table, item: Item[JointSpec], kind: JointKind, parent: Referen
         drive = _drive(table, scope, name, kind.coordinate, layers)
         if spec.offset is not None:
             offset = scope.number(spec.offset, (*path, "offset"), kind.coordinate, f"`offset` of joint `{name}`") or 0.0
+    lead = _lead(scope, spec, kind, name, path)
+    twists = kind.twists if lead is None else kind.with_lead(lead)
     return Joint(
-        name=name, kind=kind.name, parent=parent, child=child, limit=limit, dynamics=dynamics,
+        name=name, kind=kind.name, twist=twists[0] if twists else None, parent=parent, child=child, limit=limit, dynamics=dynamics,
         turn=(scope.number(*turn, ANGLE, f"`turn` of joint `{name}`") or 0.0) if turn else 0.0,
         gap=(scope.number(*gap, LENGTH, f"`gap` of joint `{name}`") or 0.0) if gap else 0.0,
         offset=offset, drive=drive, mimic=None, origin=scope.origin(path, key=True), loop=spec.loop,
         spans={key: node.span for key, node in nodes.items()},
         written={key: node.text for key, node in nodes.items() if isinstance(node, ScalarNode)},
     )
+
+
+def _lead(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path) -> float | None:
+    """How far [m] the joint slides in a turn; None where it does not, or that is wrong (reported)."""
+    if spec.lead is None:
+        if kind.leads and not scope.doubts.touch(path):
+            scope.error(
+                Code.LEAD, f"joint `{name}` is a {kind.name} and needs its `lead`, the advance in one turn", path, key=True,
+                help="write for example `lead: 8 mm`; a left-hand thread has a negative one",
+            )
+        return None
+    if not kind.leads:
+        scope.error(
+            Code.JOINT_FIELD, f"joint `{name}` is {kind.name}: it has no `lead`", (*path, "lead"), key=True,
+            help="take it out, or make it `type: screw`", notes=scope.beside(f"it is {kind.name} here", (*path, "type"), (*path, "lead")),
+        )
+        return None
+    lead = scope.number(spec.lead, (*path, "lead"), LENGTH, f"`lead` of joint `{name}`")
+    if lead == 0.0:
+        scope.error(
+            Code.LEAD, f"the `lead` of joint `{name}` is 0: nothing would advance", (*path, "lead"),
+            help="write the advance in one turn, or make it `type: revolute` or `continuous`",
+        )
+        return None
+    return lead
 
 
 def _nodes(table: Table, layers: Layers) -> dict[str, Node]:

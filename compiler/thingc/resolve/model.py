@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from thingc.brief import Brief
+from thingc.joints import Twist
 from thingc.pose import Pose, Vector
 from thingc.realize.record import PartDefinition, Value
 from thingc.source import Origin, Span
@@ -214,11 +215,13 @@ class Mimic(Brief):
 class Joint(Brief):
     """An edge that moves (or a `fixed` one): it places the component that `child` belongs to, unless it closes a `loop`.
 
+    `twist` is what its coordinate does in the parent mount's frame (None: it has none).
     `spans` gives places within the joint by dotted key (`limit.lower`), `written` the values that stand there, for diagnostics.
     """
 
     name: str
     kind: str
+    twist: Twist | None
     parent: Reference
     child: Reference
     limit: Limit

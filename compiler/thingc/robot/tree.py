@@ -21,7 +21,7 @@ def spanning(assembly: Assembly, mode: LinkedMode) -> frozenset[int]:
     """The numbers of the mates that a mode's tree crosses: all joints of a robot without loops, else Kruskal's maximal tree.
 
     Of a loop the joint is left out that is worth least in the tree: one that the mode's `cut` names, else one without a drive
-    in this mode, that nothing mimics or follows, a turn before a slide (which few targets can close), one written as
+    in this mode, that nothing mimics or follows, a turn before any other (which few targets can close), one written as
     `loop: true` before another, the last of equals.
     """
     cut = {one.joint for one in mode.cut}
@@ -32,8 +32,8 @@ def spanning(assembly: Assembly, mode: LinkedMode) -> frozenset[int]:
         number, mate = entry
         driven = any(j.actuator is not None and (mode.actuators is None or j.path in mode.actuators) for j in mate.joints)
         coupling = any(joint.mimic is not None or joint.path in coupled for joint in mate.joints)
-        slides = any(not joint.twist.turns for joint in mate.joints)
-        return (mate.name in cut, not driven, not coupling, not slides, mate.loop is not None, number)
+        open_ = len(mate.joints) == 1 and mate.joints[0].twist.turns and not mate.joints[0].twist.pitch
+        return (mate.name in cut, not driven, not coupling, open_, mate.loop is not None, number)
 
     group = list(range(len(assembly.links)))
 

@@ -57,6 +57,10 @@ class Site(Brief):
     origin: Origin
 
 
+ClosureKind = Literal["weld", "ball", "hinge", "slide", "screw", "several"]
+"""What a loop leaves open where it is cut: nothing, turns about a point, one turn, one slide, a screw, or several coordinates."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Closure(Brief):
     """A loop that the tree leaves open: body `parent` (None: the world) and body `child` meet. With A a frame on the parent and
@@ -81,13 +85,15 @@ class Closure(Brief):
     turns: bool = False
 
     @property
-    def kind(self) -> Literal["weld", "ball", "hinge", "slide", "several"]:
-        """What it leaves open: nothing, turns about a point, one turn, one slide, or several coordinates."""
+    def kind(self) -> ClosureKind:
+        """What it leaves open."""
         if self.turns:
             return "ball"
         if not self.twists:
             return "weld"
-        return self.twists[0].core if len(self.twists) == 1 else "several"
+        if len(self.twists) == 1:
+            return "screw" if self.twists[0].pitch else self.twists[0].core
+        return "several"
 
 
 def residual_words(residual: tuple[float, float]) -> str:

@@ -361,13 +361,15 @@ class JointSpec(JointDefaults):
     """An edge that moves: the child's mount on the parent's mount."""
 
     type: JointType
-    """How the child may move on the parent: `revolute` turns within limits, `continuous` without, `prismatic` slides."""
+    """How the child may move on the parent: `revolute` turns within limits, `continuous` without, `prismatic` slides, `screw` does both."""
     parent: ReferenceField
     """The mount that stays: `component.mount`."""
     child: ReferenceField
     """The mount that moves; its component is placed by this joint."""
     offset: JointValueField | None = None
     """Pose of the geometry at q = 0."""
+    lead: LengthField | None = Field(default=None, examples=["8 mm", "-2 mm"])
+    """Of a `screw` the advance in one turn; negative of a left-hand thread."""
     mimic: MimicSpec | None = Field(default=None, examples=[{"joint": "left_jaw", "multiplier": -1}])
     loop: bool = False
     """Closes a loop instead of placing the child."""

@@ -23,6 +23,10 @@ TIMESTEP = 0.002
 """MuJoCo's own [s]; twice the timestep is the shortest time in which it lets an equality close (`solref`)."""
 
 
+_OPENED = {"slide": "slides", "screw": "screws", "several": "moves in several coordinates"}
+"""What MuJoCo's equalities cannot leave open: a loop that is cut there stays open in its model."""
+
+
 def equalities(robot: Robot, section: Element, links: list[str]) -> None:
     """One `weld` per clamp or rigid loop, one `connect` per point and two per hinge, as stiff as the timestep allows."""
     stepped = {**robot.assembly.definition.simulation, **robot.mode.simulation}.get("timestep", TIMESTEP)
@@ -115,10 +119,11 @@ def losses(robot: Robot) -> list[Loss]:
                 ("what it mimics", joint.mimic is not None),
             ) if there
         ]
-        if closure.kind == "slide":
-            lost = ["the loop through it: MuJoCo has no equality that slides"]
+        opened = _OPENED.get(closure.kind)
+        if opened is not None:
+            lost = [f"the loop through it: MuJoCo has no equality that {opened}"]
         if lost:
-            what = ", ".join(lost) + ("" if closure.kind == "slide" else ": a loop is cut here")
+            what = ", ".join(lost) + (": a loop is cut here" if opened is None else "")
             found.append(Loss(target="mjcf", mode=mode, path=closure.path, what=what, how="omitted", span=_first(closure.origin)))
     return found
 

@@ -8,9 +8,11 @@ from typing import Any
 from thingc.emit.geometry import MeshAsset, Shape, Shapes
 from thingc.emit.mjcf.drives import both_ways, drive_attributes, joint_range
 from thingc.emit.mjcf.inertial import inertial
+from thingc.emit.mjcf.lowering import ModelJoint, lowered
 from thingc.emit.xml import Element, number, numbers, pose_attributes
 from thingc.graph.types import ActuatorModel
 from thingc.inertia import MassProperties
+from thingc.joints import Twist
 from thingc.pose import Pose
 from thingc.resolve.model import Material
 from thingc.robot.types import CoreJoint
@@ -56,11 +58,9 @@ def site(path: str, pose: Pose, origin: Origin) -> tuple[Element, ...]:
 
 
 def joint(joint: CoreJoint, driven: bool) -> tuple[Element, ...]:
-    """A hinge or slide. An effort limit stands on its actuator; on the joint itself only where it is not `driven`."""
-    attributes = {"name": joint.path, "type": joint.twist.core}
-    if any(joint.twist.anchor):
-        attributes["pos"] = numbers(joint.twist.anchor)
-    attributes["axis"] = numbers(joint.twist.axis)
+    """A hinge or slide; of a screw both. An effort limit stands on its actuator; on the joint itself only where it is not `driven`."""
+    own, *others = (_axis(one, joint.twist) for one in lowered(joint.path, joint.twist))
+    attributes = {**own}
     bounds = joint_range(joint.limit)
     if bounds is not None:
         attributes["range"] = numbers(bounds)
@@ -73,7 +73,13 @@ def joint(joint: CoreJoint, driven: bool) -> tuple[Element, ...]:
     ):
         if value is not None:
             attributes[name] = number(value)
-    return (Element(tag="joint", attributes=attributes, origin=joint.origin),)
+    return tuple(Element(tag="joint", attributes=one, origin=joint.origin) for one in (attributes, *others))
+
+
+def _axis(one: ModelJoint, twist: Twist) -> dict[str, str]:
+    """What every joint says of itself."""
+    pos = {"pos": numbers(twist.anchor)} if any(twist.anchor) else {}
+    return {"name": one.name, "type": one.type, **pos, "axis": numbers(one.axis)}
 
 
 def geoms(poses: tuple[Pose, ...], shapes: tuple[Shapes, ...]) -> tuple[Element, ...]:

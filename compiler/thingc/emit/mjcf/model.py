@@ -9,6 +9,7 @@ from thingc.emit.artifact import Loss
 from thingc.emit.geometry import Geometry
 from thingc.emit.mjcf import closures, elements, sensors
 from thingc.emit.mjcf.drives import NOTHING
+from thingc.emit.mjcf.lowering import lowered
 from thingc.emit.xml import Element, number, numbers, pose_attributes
 from thingc.graph.types import Link
 from thingc.memo import Memo
@@ -35,6 +36,10 @@ def losses(robot: Robot) -> tuple[Loss, ...]:
     """What MJCF cannot say of this mode beyond its geometry. Velocity limits are of no mode: every one has them."""
     found: list[Loss] = []
     for joint in _joints(robot):
+        if joint.twist.pitch:
+            what = "its thread: MuJoCo turns and slides it, and ties the two by an equality, which gives way by a little"
+            span = next(iter(joint.origin), None)
+            found.append(Loss(target="mjcf", mode=robot.mode.name, path=joint.path, what=what, how="approximated", span=span))
         if joint.limit.velocity is not None:
             what = f"its velocity limit of {joint.limit.velocity:.6g} {'rad/s' if joint.twist.turns else 'm/s'}"
             span = next(iter(joint.origin), None)
@@ -179,6 +184,11 @@ class _Builder:
         """Joints that mimic: q = offset + multiplier q(other); then loops."""
         section = self.root.add("equality")
         for joint in self.joints.values():
+            for slide in lowered(joint.path, joint.twist)[1:]:
+                # The turn depends on the slide: the other way round the slide's share of the constraint is so small that loads slip.
+                polynomial = numbers((0.0, 1.0 / slide.ratio, 0.0, 0.0, 0.0))
+                names = {"name": f"{joint.path}:screw", "joint1": joint.path, "joint2": slide.name}
+                section.add("joint", {**names, "polycoef": polynomial, "solimp": STIFF}, joint.origin)
             if joint.mimic is not None and joint.mimic.joint in self.joints:
                 polynomial = numbers((joint.mimic.offset, joint.mimic.multiplier, 0.0, 0.0, 0.0))
                 names = {"name": f"{joint.path}:mimic", "joint1": joint.path, "joint2": joint.mimic.joint}
@@ -206,7 +216,7 @@ class _Builder:
             base = frame.base or self.robot.bodies[0].X_PL
             turned = self.memo(("base", self.robot.mode.name, frame.name), Pose.quaternion, base)
             qpos = [*base.translation, *turned] if self.robot.base == "free" else []
-            qpos += [frame.q[path] for path in self.joints]
+            qpos += [one.ratio * frame.q[path] for path, joint in self.joints.items() for one in lowered(path, joint.twist)]
             ctrl = [frame.q[path] if self.is_position(path) else 0.0 for path in self.driven]
             ctrl += [self.robot.adhesion.get(magnet.path, 0.0) for magnet in self.assembly.adhesions]
             values: list[tuple[str, str | tuple[float, ...]]] = [("name", frame.name)]
