@@ -62,7 +62,7 @@ KERNEL_MODULES = {
         "worker", "modelling", "mirroring", "meshing", "primitives", "measure", "convert", "colors", "part_files", "reads", "assembling",
     )
 }
-HEAVY = {"numpy", "networkx", "trimesh", "mujoco", "scipy", "rich", "typer", "manifold3d", "coacd"}
+HEAVY = {"numpy", "networkx", "trimesh", "mujoco", "scipy", "rich", "typer", "manifold3d", "coacd", "ruamel", "tomlkit"}
 CHECK_ROOMS = BASE | {"load", "spec", "checks", "resolve", "graph", "joints", "robot", "pipeline", "stamp"}
 
 

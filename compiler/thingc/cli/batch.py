@@ -49,6 +49,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--limit", metavar="N", type=common.positive, help="only the first N variants")
     parser.add_argument("--resume", action="store_true", help="go on with a batch that was stopped")
     parser.add_argument("--retry", action="store_true", help="with --resume: build variants again that failed")
+    parser.add_argument("--adopt", metavar="ID", help="write what one variant says into the assembly document, and build nothing")
     parser.add_argument("--dry-run", action="store_true", help="say what would be built, and write nothing")
     parser.add_argument("--timeout", metavar="TIME", help="longest time for one variant (default: '10 min')")
     parser.add_argument(
@@ -74,11 +75,14 @@ def run(arguments: argparse.Namespace) -> int:
         options = replace(common.options_of(arguments), progress=None)
         if arguments.ship and arguments.cluster is None:
             raise common.WrongCommandLine("--ship says how files get to other machines, and there are none", "add --cluster tcp://HOST:8786")
-        said = [option for option in ("--dry-run", "--page-only", "--resume") if getattr(arguments, option[2:].replace("-", "_"))]
+        exclusive = ("--adopt", "--dry-run", "--page-only", "--resume")
+        said = [option for option in exclusive if getattr(arguments, option[2:].replace("-", "_"))]
         if len(said) > 1:
             raise common.WrongCommandLine(f"{said[0]} builds nothing, and {said[1]} asks for something else", "leave one of them out")
         timeout = None if arguments.timeout is None else common.time_of("--timeout", arguments.timeout)
         targets = _targets(arguments.emit)
+        if arguments.adopt is not None:
+            return _adopt(arguments, options)
         if arguments.dry_run:
             return _forecast(arguments, options, targets)
         if arguments.page_only:
@@ -272,6 +276,28 @@ def _forecast(arguments: argparse.Namespace, options: Options, targets: tuple[st
     common.print_text(list(planned.notes), stream=sys.stderr, debug=False)
     common.say(*_told(planned, found))
     return 0
+
+
+def _adopt(arguments: argparse.Namespace, options: Options) -> int:
+    """Write the settings of a variant into the document of the assembly, as `thingc set` does."""
+    from thingc.cli.set import write
+    from thingc.variants.planning import plan
+    from thingc.variants.values import in_unit
+
+    planned = plan(arguments.document, options=options)
+    variant = next((one for one in planned if arguments.adopt in (one.id, one.name)), None)
+    if variant is None:
+        raise common.WrongCommandLine(
+            f"`{planned.name}` has no variant `{arguments.adopt}`",
+            "the identifiers stand in results.csv, and `--dry-run` says the first of them",
+        )
+    settings = {
+        name: in_unit(text, planned.written_in.get(name, "")) for name, text in {**variant.parameters, **variant.choices}.items()
+    }
+    if not settings:
+        common.say(f"{variant.id} is what {planned.assembly_relative} says")
+        return 0
+    return write(shown_path(planned.assembly), settings, options, arguments)
 
 
 def _told(planned: Plan, found: Forecast) -> list[str]:

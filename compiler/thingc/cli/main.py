@@ -15,6 +15,7 @@ COMMANDS = {
     "build": "write simulation models and manufacturing files of a robot",
     "batch": "build every variant of a document of variants",
     "check": "say everything that is wrong with documents, and write nothing",
+    "set": "write values into a document, at their paths; comments and layout stay",
     "fmt": "write documents in canonical layout; comments stay",
     "test": "run the tests that a document states of its robot",
     "info": "masses, links and joints of a robot, and where each number comes from",

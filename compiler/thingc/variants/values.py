@@ -53,6 +53,19 @@ def text_of(found: Found) -> str:
     return f"={value!r} / (1 {below})" if above == "1" else f"{value!r} {symbol}"
 
 
+def in_unit(text: str, unit: str) -> str:
+    """What `text_of` says in another unit, in as few digits as say the same value to the last bit (`0.09 m` in `mm` is `90 mm`); the
+    text as it is where there is no such unit."""
+    try:
+        value, size = parse_quantity(text), parse_quantity(f"1 {unit}")
+    except UnitError:
+        return text
+    if value.dimension != size.dimension or not unit:
+        return text
+    written = (f"{value.value / size.value:.{digits}g} {unit}" for digits in (6, 9, 12, 15, 16, 17))
+    return next((one for one in written if parse_quantity(one) == value), text)
+
+
 def spaced(first: str, last: str, count: int) -> list[Quantity] | None:
     """`count` values at equal distances from one quantity to another of the same unit, each rounded once; None where the units
     are not the same word.

@@ -1,0 +1,210 @@
+"""`thingc set` and `batch --adopt`: what is written, that all else of a text stays, and that nothing is written that would be wrong."""
+
+from __future__ import annotations
+
+import difflib
+import io
+import json
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ruamel.yaml import YAML
+
+from thingc.cli.main import main
+from thingc.diagnostics import Report
+from thingc.layout.setting import Unsettable, with_values
+from thingc.load import read_tree
+from thingc.source import Document, MappingNode
+
+YAML_TEXT = """\
+# top
+name: x   # name
+parameters:
+  reach: 100 mm      # the reach
+  wide: {value: 3 mm, min: 1 mm}
+
+components:
+  # first
+  plate: {part: arm:Plate,
+          params: {a: 1 mm}}   # on two lines
+  motor:
+    part: "m:M"
+    params:
+      l: 3 mm
+      # the end of params
+
+# joints
+joints:
+  a: {type: revolute, limit: {lower: 0 deg, upper: 1 deg}}  # c
+  b:
+    type: revolute
+    limit:
+    pins: [{at: 1 mm}]
+modes: {}
+note: |
+  two
+  lines
+"""
+
+TOML_TEXT = """\
+# top
+name = "x"   # name
+
+[parameters]
+reach = "100 mm"      # the reach
+wide = {value = "3 mm", min = "1 mm"}
+
+[components.motor]  # m
+part = "m:M"
+params.l = "3 mm"
+
+[joints]
+a = {type = "revolute", limit = {lower = "0 deg"}}
+"""
+
+
+def document(text: str, name: str) -> Document:
+    path = f"/somewhere/{name}"
+    tree = read_tree(path, text.encode(), Report())
+    assert isinstance(tree, MappingNode)
+    return Document(path=path, relative=name, kind="assembly", tree=tree, sha256="", text=text)
+
+
+def read(text: str, name: str) -> Any:
+    return tomllib.loads(text) if name.endswith("toml") else json.loads(json.dumps(YAML(typ="safe", pure=True).load(io.StringIO(text))))
+
+
+def changed(before: str, after: str) -> list[str]:
+    lines = difflib.unified_diff(before.splitlines(), after.splitlines(), n=0, lineterm="")
+    return [line for line in lines if not line.startswith(("---", "+++", "@@"))]
+
+
+@pytest.mark.parametrize(("name", "values", "lines"), [
+    ("a.yaml", {"parameters.reach": "120 mm"}, ["-  reach: 100 mm      # the reach", "+  reach: 120 mm      # the reach"]),
+    ("a.yaml", {"parameters.wide.value": "=min(reach, 2 mm)"}, [
+        "-  wide: {value: 3 mm, min: 1 mm}", "+  wide: {value: '=min(reach, 2 mm)', min: 1 mm}"]),
+    ("a.yaml", {"components.plate.params.b": "yes"}, [
+        "-          params: {a: 1 mm}}   # on two lines", "+          params: {a: 1 mm, b: yes}}   # on two lines"]),
+    ("a.yaml", {"components.motor.params.k": "a: #b"}, ["+      k: 'a: #b'"]),
+    ("a.yaml", {"components.motor.part": "m:N"}, ['-    part: "m:M"', "+    part: m:N"]),
+    ("a.yaml", {"joints.a.limit.effort": "3 N*m", "joints.a.dynamics.damping": "0.5"}, [
+        "-  a: {type: revolute, limit: {lower: 0 deg, upper: 1 deg}}  # c",
+        "+  a: {type: revolute, limit: {lower: 0 deg, upper: 1 deg, effort: 3 N*m}, dynamics: {damping: 0.5}}  # c"]),
+    ("a.yaml", {"joints.b.limit.upper": "3 deg", "joints.b.gap": "1.50"}, ["-    limit:", "+    limit: {upper: 3 deg}", "+    gap: 1.50"]),
+    ("a.yaml", {"modes.m.root": "plate", "poses.p.a": "0"}, ["-modes: {}", "+modes: {m: {root: plate}}", "+poses: {p: {a: 0}}"]),
+    ("a.toml", {"parameters.reach": "120 mm"}, ['-reach = "100 mm"      # the reach', '+reach = "120 mm"      # the reach']),
+    ("a.toml", {"parameters.wide.max": "1.50"}, [
+        '-wide = {value = "3 mm", min = "1 mm"}', '+wide = {value = "3 mm", min = "1 mm", max = 1.50}']),
+    ("a.toml", {"components.motor.params.k": "true", "components.motor.mirror": "y"}, ["+params.k = true", '+mirror = "y"']),
+])
+def test_only_the_values_change(name: str, values: Mapping[str, str], lines: list[str]) -> None:
+    text = TOML_TEXT if name.endswith("toml") else YAML_TEXT
+    for line_end in ("\n", "\r\n"):
+        before = text.replace("\n", line_end)
+        after = with_values(document(before, name), {tuple(path.split(".")): value for path, value in values.items()})
+        assert changed(before, after) == lines
+        assert after.count("\n") == after.count(line_end)
+        said = read(after, name)
+        for path, value in values.items():
+            found: Any = said
+            for key in path.split("."):
+                found = found[key]
+            assert found in (value, {"true": True, "0": 0, "0.5": 0.5, "1.50": 1.5}.get(value))
+
+
+@pytest.mark.parametrize(("text", "path"), [
+    ("a: &it {x: 1}\nb: *it\n", "a.x"), ("a: &it {x: 1}\nb: *it\n", "b.x"), ("a: &it {x: 1}\nb: *it\n", "b.y"),
+    ("a:\n  x: 1\n", "a"), ("a: [1, 2]\nb: &q 3\nc: *q\n", "b"),
+])
+def test_what_cannot_be_set_alone(text: str, path: str) -> None:
+    with pytest.raises(Unsettable):
+        with_values(document(text, "a.yaml"), {tuple(path.split(".")): "7"})
+
+
+DOCUMENT = """\
+thingc: assembly/1
+name: arm
+parameters:
+  reach: {value: 100 mm, min: 60 mm, max: 200 mm}    # axis to axis
+  load: 1 kg
+components:
+  base: {frame: true, mounts: {top: {xyz: [0, 0, =reach]}}}
+  beam: {frame: true, mass: =load, inertia: {ixx: 1e-3 kg*m^2, iyy: 1e-3 kg*m^2, izz: 1e-3 kg*m^2}}   # heavy
+  tool: {assembly: tool.yaml, at: {in: beam.origin}}
+joints:
+  lift: {type: revolute, parent: base.top, child: beam.origin, limit: {lower: -90 deg, upper: 90 deg}}
+"""
+TOOL = "thingc: assembly/1\nname: tool\ncomponents:\n  tip: {frame: true, mass: 10 g, mounts: {end: {xyz: 0 0 10 mm}}}\n"
+
+
+@pytest.fixture
+def here(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("THINGC_STORE", shared_store)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "arm.yaml").write_text(DOCUMENT)
+    (tmp_path / "tool.yaml").write_text(TOOL)
+    return tmp_path
+
+
+def test_values_are_written_and_said(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["set", "arm.yaml", "reach=120 mm", "load=2 kg", "joints.lift.limit.upper=80 deg"]
+    words += ["joints.lift.dynamics.damping=0.1 N*m*s/rad"]
+    assert main([*words, "--diff"]) == 0
+    shown = capsys.readouterr().out
+    assert "+  load: 2 kg\n" in shown and (here / "arm.yaml").read_text() == DOCUMENT
+    assert main(words) == 0
+    assert capsys.readouterr().out == (
+        "parameters.reach.value: 100 mm -> 120 mm\nparameters.load: 1 kg -> 2 kg\njoints.lift.limit.upper: 90 deg -> 80 deg\n"
+        "joints.lift.dynamics.damping: 0.1 N*m*s/rad\n"
+    )
+    lines = [line for line in shown.splitlines() if line.startswith(("+", "-")) and not line.startswith(("+++", "---"))]
+    assert changed(DOCUMENT, (here / "arm.yaml").read_text()) == lines
+    assert main(["set", "arm.yaml", "load=3 kg", "--format", "json"]) == 0
+    assert json.loads(capsys.readouterr().out)["set"] == [{"path": "parameters.load", "before": "2 kg", "after": "3 kg"}]
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    (["rech=1 mm", "load=3 mm", "joints.lift.limits.upper=1 deg"], [
+        "has no parameter `rech`", "found a length (`3 mm`)", "has no `limits`"]),
+    (["reach=300 mm"], ["at most 200 mm"]),
+    (["joints.lift.limit.upper=-2 rad"], ["found `-90 deg` and `-2 rad`", "{lower: -90 deg, upper: -2 rad}"]),
+    (["components.tool.components.tip.mass=1 kg"], ["`thingc set tool.yaml 'components.tip.mass=...'`"]),
+    (["load"], ["expected PATH=VALUE, found `load`"]), (["load=1 kg", "load=2 kg"], ["`load` is set twice"]),
+])
+def test_nothing_is_written_that_would_be_wrong(here: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: list[str]) -> None:
+    assert main(["set", "arm.yaml", *words]) != 0
+    printed = capsys.readouterr().out
+    assert [text for text in said if text not in printed] == [], printed
+    assert (here / "arm.yaml").read_text() == DOCUMENT
+
+
+def test_a_document_that_is_wrong_is_mended_by_the_right_value(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "arm.yaml").write_text(DOCUMENT.replace("load: 1 kg", "load: 1 kgg"))
+    assert main(["set", "arm.yaml", "joints.lift.limit.upper=1 rad"]) == 1
+    assert "kgg" in capsys.readouterr().out
+    assert main(["set", "arm.yaml", "load=1 kg"]) == 0
+    assert (here / "arm.yaml").read_text() == DOCUMENT
+
+
+def test_a_variant_is_adopted(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "sweep.yaml").write_text(
+        "thingc: variants/1\nassembly: arm.yaml\nname: sweep\nparameters:\n"
+        "  reach: [100 mm, 120 mm]\n  joints.lift.limit.upper: [45 deg, 90 deg]\n  joints.lift.offset: 3 deg\n"
+    )
+    assert main(["batch", "sweep.yaml", "--dry-run", "--format", "json"]) == 0
+    variants = json.loads(capsys.readouterr().out)["first"]
+    assert main(["batch", "sweep.yaml", "--adopt", variants[2]["id"]]) == 0
+    assert capsys.readouterr().out == (
+        "parameters.reach.value: 100 mm -> 120 mm\njoints.lift.limit.upper: 90 deg -> 45 deg\njoints.lift.offset: 3 deg\n"
+    )
+    assert main(["batch", "sweep.yaml", "--dry-run", "--format", "json"]) == 0
+    now = json.loads(capsys.readouterr().out)["first"]
+    assert (now[2]["parameters"], now[2]["choices"]) == ({}, {})
+    assert main(["batch", "sweep.yaml", "--adopt", now[2]["id"]]) == 0
+    assert capsys.readouterr().out == f"{now[2]['id']} is what arm.yaml says\n"
+    assert main(["batch", "sweep.yaml", "--adopt", "nothing"]) == 2
+    assert "has no variant `nothing`" in capsys.readouterr().err
+    assert main(["batch", "sweep.yaml", "--adopt", now[1]["id"], "--resume"]) == 2
