@@ -227,7 +227,7 @@ def test_a_wrong_command_line(
     assert main(["render", ARM, *words.split()]) == 2
     said = capsys.readouterr()
     assert said.out == ""
-    assert re.sub(r"^modelling parts.*\n", "", said.err, flags=re.MULTILINE) == f"error[{code}]: {WRONG[words]}\n\n1 error\n"
+    assert re.sub(r"^\w+ parts: .*\n", "", said.err, flags=re.MULTILINE) == f"error[{code}]: {WRONG[words]}\n\n1 error\n"
 
 
 def test_what_is_no_place_for_a_picture_stays_as_it_is(root: Path, shared_store: str, tmp_path: Path) -> None:
