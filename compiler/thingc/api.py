@@ -66,6 +66,29 @@ class Compiled(Brief):
     reused: tuple[str, ...]
 
     @property
+    def hag(self) -> Any:
+        """The assembly graph as a `networkx.MultiDiGraph`: definitions, and what is a subcomponent of what."""
+        from thingc.emit.graphs import hag_graph
+        from thingc.emit.hag.target import quantities
+
+        hag = self.assembly.hag
+        return hag_graph(hag, quantities(hag))
+
+    @property
+    def links(self) -> Any:
+        """The links and the joints between them as a `networkx.MultiDiGraph`, whatever the root."""
+        from thingc.emit.graphs import link_graph
+
+        return link_graph(self.assembly)
+
+    @property
+    def mates(self) -> Any:
+        """The occurrences and the mates between them as a `networkx.MultiDiGraph`."""
+        from thingc.emit.graphs import mate_graph
+
+        return mate_graph(self.assembly)
+
+    @property
     def properties(self) -> MassProperties:
         """Mass [kg], centre [m] and inertia [kg m^2, about the centre] at q = 0, in the base component's frame."""
         return self.assembly.properties

@@ -15,6 +15,7 @@ Nodes are definitions (a part with its parameters, a document with its parameter
   thingc hag assemblies/arm.yaml
   thingc hag assemblies/arm.yaml --format mermaid >> README.md
   thingc hag assemblies/arm.yaml --format svg > arm.svg
+  thingc hag assemblies/arm.yaml --format graphml > arm.graphml
 """
 
 
@@ -22,7 +23,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `hag`."""
     parser.epilog = EPILOG
     common.add_document(parser)
-    common.add_format(parser, ("text", "dot", "mermaid", "svg"))
+    common.add_format(parser, ("text", "dot", "mermaid", "svg", "graphml", "json"))
     common.add_compiling(parser)
 
 

@@ -20,7 +20,7 @@ COMMANDS = {
     "test": "run the tests that a document states of its robot",
     "info": "masses, links and joints of a robot, and where each number comes from",
     "render": "draw a picture of a robot in one of its poses",
-    "hag": "print the assembly graph (text, DOT, Mermaid or SVG)",
+    "hag": "print the assembly graph (text, DOT, Mermaid, SVG, GraphML or JSON)",
     "lock": "write down what the parts take and are, so that checking needs none of their code",
     "parts": "list every part in reach, with its parameters and mounts",
     "schema": "write, for editors, a JSON Schema per document that knows its parts, mounts and names",

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
+from thingc.emit import jsontext
 from thingc.emit.artifact import Artifacts
 from thingc.emit.request import EmitRequest
 from thingc.graph.types import Definition, DefinitionEdge, Hag
@@ -37,6 +38,20 @@ def svg(hag: Hag) -> str:
     from thingc.emit.hag.svg import picture
 
     return picture(hag)
+
+
+def graphml(hag: Hag) -> str:
+    """GraphML, which Gephi, yEd, Cytoscape and networkx read, see `graphs.hag_graph`."""
+    from thingc.emit import graphs
+
+    return graphs.graphml(graphs.hag_graph(hag, quantities(hag)))
+
+
+def json(hag: Hag) -> str:
+    """The same graph as node-link JSON."""
+    from thingc.emit import graphs
+
+    return jsontext.encode(graphs.plain(graphs.hag_graph(hag, quantities(hag)))).decode()
 
 
 def bundles(hag: Hag) -> tuple[Bundle, ...]:

@@ -1,0 +1,65 @@
+"""The graphs that are handed out, read back by networkx and by a plain XML reader."""
+
+from __future__ import annotations
+
+import json
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from pathlib import Path
+
+import networkx
+import pytest
+
+from emit.graphs import arm, awkward, walker
+from emit.small_robot import assembly
+from thingc.emit.graphs import hag_graph, link_graph, mate_graph
+from thingc.emit.hag import target as hag
+from thingc.graph.types import Hag
+from thingc.realize.store import Store
+from thingc.shown import shown
+
+
+@pytest.mark.parametrize("drawn", [arm(), walker(), awkward()], ids=["arm", "walker", "awkward"])
+def test_the_assembly_graph_is_read_back(drawn: Hag) -> None:
+    graph = hag_graph(drawn, hag.quantities(drawn))
+    assert list(graph) == [one.text for one in drawn.definitions] and graph.number_of_edges() == len(drawn.edges)
+    assert networkx.is_directed_acyclic_graph(graph)
+    for node, quantity in graph.nodes(data="quantity"):  # in a multigraph, paths by their edges
+        paths = [[]] if node == drawn.root else networkx.all_simple_edge_paths(graph, drawn.root, node)
+        assert sum(1 for _ in paths) == quantity
+    again = networkx.node_link_graph(json.loads(hag.json(drawn)), edges="edges")
+    if drawn.root != awkward().root:  # JSON is shown escaped where its text is not for every terminal
+        assert networkx.utils.graphs_equal(again, graph)
+    text = hag.graphml(drawn)
+    ids = [edge.get("id") for edge in ET.fromstring(text).iter("{http://graphml.graphdrawing.org/xmlns}edge")]
+    assert len(set(ids)) == len(ids) == len(drawn.edges)
+    read = networkx.parse_graphml(text, force_multigraph=True)
+    assert {node: data["label"] for node, data in read.nodes(data=True)} == {shown(d.text): shown(d.label) for d in drawn.definitions}
+    assert sorted((a, b, name) for a, b, name in read.edges(data="name")) == sorted(
+        (shown(edge.parent), shown(edge.child), shown(edge.component)) for edge in drawn.edges
+    )
+
+
+def test_a_mirror_image_names_what_it_mirrors() -> None:
+    plain = replace(arm().definitions[1], kind="part")
+    image = replace(plain, text="p:Leg(mirror=y)", mirror="y", plain=plain)
+    both = Hag(root=plain.text, definitions=(plain, image), edges=())
+    graph = hag_graph(both, dict.fromkeys((plain.text, image.text), 1))
+    assert (graph.nodes[image.text]["mirror"], graph.nodes[image.text]["mirrors"]) == ("y", plain.text)
+    assert "mirrors" not in graph.nodes[plain.text]
+
+
+def test_mates_without_joints_are_the_links(tmp_path: Path) -> None:
+    robot = assembly(Store(str(tmp_path)))
+    mates, links = mate_graph(robot), link_graph(robot)
+    assert networkx.is_tree(mates.to_undirected()) and len(mates) == len(robot.occurrences)
+    rigid = networkx.Graph((a, b) for a, b, joint in mates.edges(data="joint") if joint is None)
+    rigid.add_nodes_from(mates)
+    members = {frozenset(data["occurrences"]) for _, data in links.nodes(data=True)}
+    assert {frozenset(one) for one in networkx.connected_components(rigid)} == members
+    assert {(a, b, name): data["kind"] for a, b, name, data in links.edges(keys=True, data=True)} == {
+        ("base", "servo_a", "yaw"): "revolute", ("servo_a", "palm", "hand/lift"): "prismatic",
+    }
+    for name, data in links.nodes(data=True):
+        assert data["mass"] == next(link.properties.mass for link in robot.links if link.name == name)
+        assert {mates.nodes[one]["link"] for one in data["occurrences"]} == {name}
