@@ -199,6 +199,7 @@ class Code(Enum):
     TEST_ALLOWANCE = ("TC659", "allowance that is never needed", "Take the pair out of `allow`.", Stage.TEST)
     TEST_FALLS = ("TC660", "robot that falls over", "Move its feet or what is heavy, or let it stand on more feet.")
     TEST_FOOT = ("TC661", "feet in the air", "Lower them in the pose, or let the mode stand on others.")
+    TEST_CLEARANCE = ("TC662", "too near to the ground", "Change a part or a pose, or name what may touch the ground under `except`.")
     # --- TC7xx: targets (emit) -------------------------------------------------------------------------------------
     RAW_UNKNOWN = ("TC701", "raw attribute of nothing", "Name a kind of element and an element that the model has.")
     MJCF_REFUSED = ("TC702", "MuJoCo refuses the model", "Change what stands at the place named, as MuJoCo's words say.")

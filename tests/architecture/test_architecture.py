@@ -24,7 +24,7 @@ ROOMS: dict[str, set[str]] = {
     "load": BASE,
     "spec": BASE | {"load", "joints", "checks"},
     # A file holds all of a kind of test: what is written, which `spec` reads, and how it is run, which knows robots.
-    "checks": BASE | {"spec", "resolve", "joints", "graph", "robot", "statics", "testing", "emit"},
+    "checks": BASE | {"spec", "realize", "resolve", "joints", "graph", "robot", "statics", "testing", "emit"},
     "things": set(),
     "realize": BASE | {"things"},
     "joints": BASE,

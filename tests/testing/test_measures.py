@@ -239,3 +239,22 @@ def test_mass_and_centre_of_the_arm_are_mujocos(
                 mujoco.mj_resetDataKeyframe(model, data, model.key(result["pose"]).id)
                 mujoco.mj_forward(model, data)
                 assert result["measured"]["centre"] == pytest.approx(data.subtree_com[0], abs=1e-9)
+
+
+def test_the_lowest_corner_of_a_bar_that_hangs_down(rig: Workspace) -> None:
+    """The lower bar (60 x 20 mm) hangs 30 deg down: its lowest corner is 60 sin + 10 cos below the hinges; the other bar's edge 10 mm."""
+    corner = 0.06 * math.sin(math.radians(30)) + 0.01 * math.cos(math.radians(30))
+    answer = rig.test(two_links(at="30 deg"), (
+        "  over: {ground_clearance: {plane: -100 mm, at_least: 50 mm}}\n"
+        "  under: {ground_clearance: {at_least: 1 mm}}\n"
+        "  spared: {ground_clearance: {plane: -20 mm, at_least: 10 mm, except: [low*]}}\n"
+        "  nothing: {ground_clearance: {at_least: 0, except: [lower, upper]}}\n"
+    ))
+    found = answer["by_name"]
+    assert found["over"]["passed"] and found["over"]["measured"]["clearance"] == pytest.approx(0.1 - corner, abs=1e-7)
+    assert found["under"]["measured"] == {"clearance": pytest.approx(-corner, abs=1e-7), "part": "lower"}
+    assert found["spared"]["passed"] and found["spared"]["measured"] == {"clearance": pytest.approx(0.01, abs=1e-7), "part": "upper"}
+    under, nothing = answer["diagnostics"]
+    assert f"the lowest point of `lower` is {1000 * corner:.4g} mm below the plane, and 1 mm were asked for" in under["message"]
+    assert [note["message"] for note in under["notes"]] == ["`upper` is 10 mm below the plane, too"]
+    assert under["help"] == "if that is right, write `except: [lower]`" and "no part that is looked at has a shape" in nothing["message"]

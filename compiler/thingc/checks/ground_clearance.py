@@ -1,0 +1,138 @@
+"""`ground_clearance`: the robot keeps a distance from a level plane, with all parts but those that may touch it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+from pydantic import Field
+
+from thingc.brief import Brief
+from thingc.checks.kind import CheckKind, Names
+from thingc.checks.outcome import Failure, Measure, Outcome, shown
+from thingc.diagnostics import Code, Note
+from thingc.spec.base import Model
+from thingc.spec.fields import LengthField, ReferenceField
+from thingc.units import LENGTH, Quantity
+
+if TYPE_CHECKING:
+    from thingc.resolve.model import Reference
+    from thingc.resolve.tests import Reader
+    from thingc.testing.results import Case
+
+DECIMALS = 7
+"""Heights [m] are rounded to these: vertices of meshes have single precision."""
+LISTED = 5
+"""Further parts that a message names."""
+
+
+class GroundClearanceTest(Model):
+    """The robot keeps a distance from a level plane, in poses."""
+
+    mode: Names | None = Field(default=None, examples=["bench", ["bench", "wall"]])
+    """Modes, patterns allowed, or `all`; the first unless written."""
+    pose: Names | None = Field(default=None, examples=["home", "leg_*", ["home", "reach"]])
+    """Poses, patterns allowed, or `all` keyframes of the mode; where the mode starts unless written."""
+    plane: LengthField | None = None
+    """How high the plane is in the world of the mode (its z); 0, the floor of the scene, unless written."""
+    at_least: LengthField
+    """The least height over the plane of whatever is lowest."""
+    except_: list[ReferenceField] = Field(
+        default=[], alias="except", description="Components that may come nearer, patterns allowed: feet, wheels.",
+        examples=[["foot", "wheel_*"]],
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GroundClearance(Brief):
+    """No part but those of the components `spared` is lower than `least` [m] over z = `plane` [m] of the mode's world."""
+
+    plane: float
+    least: float
+    spared: tuple[Reference, ...]
+
+
+def read(written: GroundClearanceTest, reader: Reader) -> GroundClearance:
+    """A plane and a height over it."""
+    plane = 0.0 if written.plane is None else reader.number(written.plane, "plane", LENGTH)
+    least = reader.number(written.at_least, "at_least", LENGTH, least=0.0)
+    spared = [found for index, text in enumerate(written.except_) for found in reader.components(text, ("except", index))]
+    return GroundClearance(plane=plane, least=least, spared=tuple(spared))
+
+
+def run(case: Case, check: GroundClearance) -> Outcome:
+    """The height of the lowest part over the plane."""
+    expected: dict[str, Measure] = {"at_least": check.least, "plane": check.plane}
+    heights = sorted((round(low - check.plane, DECIMALS) + 0.0, path) for low, path in _lowest(case, check))
+    if not heights:
+        shapeless = Failure(code=Code.TEST_CLEARANCE, key="except", message="no part that is looked at has a shape")
+        return Outcome(measured={}, expected=expected, said="no shape", failure=shapeless)
+    height, path = heights[0]
+    failure: Failure | None = None
+    if height < check.least:
+        others = [(other, name) for other, name in heights[1:] if other < check.least]
+        notes = [Note(message=f"`{name}` is {_over(other)}, too") for other, name in others[:LISTED]]
+        if len(others) > LISTED:
+            notes.append(Note(message=f"and {len(others) - LISTED} more parts"))
+        failure = Failure(
+            code=Code.TEST_CLEARANCE, key="at_least", notes=tuple(notes),
+            message=f"the lowest point of `{path}` is {_over(height)}, and {Quantity(check.least, LENGTH)} were asked for",
+            help=f"if that is right, write `except: [{path.replace('/', '.')}]`",
+        )
+    return Outcome(
+        measured={"clearance": height, "part": path}, expected=expected,
+        said=f"{path} {_over(height)} (at least {Quantity(check.least, LENGTH)})", failure=failure,
+    )
+
+
+def _lowest(case: Case, check: GroundClearance) -> Iterator[tuple[float, str]]:
+    """The lowest z [m] of parts in the world, each with its path: of the lowest part, and of every one that is too low. Others are left
+    out where their boxes show that they are higher."""
+    from thingc.realize.outline import outline
+    from thingc.robot import occurrence_poses
+    from thingc.robot.standing import ROUNDING, of_box, of_points, vertices
+
+    spared = {index for reference in check.spared for index in case.linked.components[reference]}
+    poses = occurrence_poses(case.robot, case.frames[0].q, case.frames[0].base)
+    boxed = []
+    for occurrence, pose in zip(case.robot.assembly.occurrences, poses, strict=True):
+        record = occurrence.record
+        if record is not None and record.box is not None and "mesh" in record.meshes and occurrence.index not in spared:
+            under = pose.translation[2] + of_box(record.box, pose.rotation[2]) - ROUNDING
+            boxed.append((under, occurrence.path, record.meshes["mesh"], pose))
+    store, memo, lowest = case.request.store, case.request.memo, math.inf
+    for under, path, mesh, pose in sorted(boxed, key=lambda entry: entry[:2]):
+        if under >= max(check.plane + check.least, lowest):
+            break
+        points = memo(("true outline", path), partial(vertices, partial(outline, store), mesh), mesh.sha256)
+        low = pose.translation[2] + of_points(points, pose.rotation[2])
+        lowest = min(lowest, low)
+        yield low, path
+
+
+def _over(height: float) -> str:
+    return f"{shown(abs(height), LENGTH)} {'below' if height < 0.0 else 'above'} the plane"
+
+
+PAGE = """\
+**Ground clearance** is how high the lowest part is over a level plane: the floor of the scene, or `plane` above it. It is decided on
+the true shapes of the parts, tessellated within the workspace's `mesh` tolerance, whatever their [collision](#collision) shape is. What
+stands or rolls on the floor is named by `except`.
+
+<!-- keys: GroundClearanceTest -->
+| key | value | without it | |
+|---|---|---|---|
+| `mode` | modes | the first | |
+| `pose` | poses | where the mode starts | |
+| `plane` | a length | `0` | z of the plane in the world of the mode |
+| `at_least` | a length | an error | the least height over it |
+| `except` | list of components, patterns allowed | none | those that may come nearer; a nested assembly counts as a whole |
+"""
+
+KIND = CheckKind(
+    name="ground_clearance", position=8, summary="The robot keeps a distance from a level plane.",
+    examples=[{"at_least": "5 mm", "except": ["foot"]}], page=PAGE, model=GroundClearanceTest, read=read, run=run,
+)
