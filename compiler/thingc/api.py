@@ -69,7 +69,7 @@ class Compiled(Brief):
     def hag(self) -> Any:
         """The assembly graph as a `networkx.MultiDiGraph`: definitions, and what is a subcomponent of what."""
         from thingc.emit.graphs import hag_graph
-        from thingc.emit.hag.target import quantities
+        from thingc.emit.hag.words import quantities
 
         hag = self.assembly.hag
         return hag_graph(hag, quantities(hag))

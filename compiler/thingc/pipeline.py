@@ -412,12 +412,6 @@ class Compilation:
             made = emitter(target)(request)
             artifacts[target] = replace(made, losses=tuple(loss for loss in made.losses if loss not in told))
             told |= dict.fromkeys(made.losses)
-        if "mjcf" in artifacts:
-            # What run-time mode switching needs states addresses in the MJCF models, so the two go together.
-            from thingc.emit import modes
-
-            mjcf = artifacts["mjcf"]
-            artifacts["mjcf"] = replace(mjcf, files={**mjcf.files, **modes.emit(request).files})
         return artifacts
 
     def files(self, artifacts: Mapping[str, Artifacts]) -> dict[str, Content]:

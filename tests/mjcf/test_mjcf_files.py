@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from mjcf.handmade import Made, Piece, Segment, box_part, material, matrix, raw, spin
 from mjcf.test_mjcf_model import arm
-from thingc.emit import EMITTERS, emitter, targets
+from thingc.emit import EMITTERS, emitter, stl, targets
 from thingc.emit.artifact import Content, Stored
 from thingc.emit.mjcf.target import emit
 from thingc.emit.request import EmitRequest
@@ -298,7 +298,8 @@ def test_lines_lead_to_elements() -> None:
 
 def test_the_table_of_targets() -> None:
     assert tuple(EMITTERS) == ("mjcf", "mjz", "stl", "step", "bom", "hag") == targets()[:6]
-    assert emitter("mjcf") is emit
+    assert emitter("stl") is stl.emit
+    assert EMITTERS["mjcf"] == ("thingc.emit.mjcf.target:emit", "thingc.emit.modes:emit")
     with pytest.raises(KeyError):
         emitter("nothing")
 

@@ -10,6 +10,7 @@ import os
 import re
 import sys
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -20,15 +21,16 @@ if TYPE_CHECKING:
 
 GROUP = "thingc.emitters"
 
-EMITTERS: dict[str, str] = {
-    "mjcf": "thingc.emit.mjcf.target:emit",
-    "mjz": "thingc.emit.mjcf.archive:emit",
-    "stl": "thingc.emit.stl:emit",
-    "step": "thingc.emit.step:emit",
-    "bom": "thingc.emit.bom:emit",
-    "hag": "thingc.emit.hag.target:emit",
+EMITTERS: dict[str, tuple[str, ...]] = {
+    "mjcf": ("thingc.emit.mjcf.target:emit", "thingc.emit.modes:emit"),
+    "mjz": ("thingc.emit.mjcf.archive:emit",),
+    "stl": ("thingc.emit.stl:emit",),
+    "step": ("thingc.emit.step:emit",),
+    "bom": ("thingc.emit.bom:emit",),
+    "hag": ("thingc.emit.hag.target:emit",),
 }
-"""Our own targets: `module:function`, in the order in which a build writes them."""
+"""Our own targets, in the order in which a build writes them, each with what writes it, `module:function`: `modes.json` states addresses
+in the MJCF models, so the two go together."""
 
 
 WRITES = (
@@ -57,9 +59,23 @@ def targets() -> tuple[str, ...]:
 
 def emitter(target: str) -> Emitter:
     """The function that writes a target. Raises `KeyError` for an unknown one, `ImportError` where its package is broken."""
+    functions = [_function(name) for name in EMITTERS.get(target) or (_installed()[target],)]
+    return functions[0] if len(functions) == 1 else partial(_emitted, functions)
+
+
+def _emitted(emitters: list[Emitter], request: EmitRequest) -> Artifacts:
+    """What all of them give."""
+    from thingc.emit.artifact import Artifacts
+
+    made = [emit(request) for emit in emitters]
+    files = {path: content for one in made for path, content in one.files.items()}
+    return Artifacts(files=files, losses=tuple(loss for one in made for loss in one.losses))
+
+
+def _function(name: str) -> Emitter:
     from importlib import import_module
 
-    module, _, function = (EMITTERS.get(target) or _installed()[target]).partition(":")
+    module, _, function = name.partition(":")
     found: Emitter = getattr(import_module(module), function)
     return found
 

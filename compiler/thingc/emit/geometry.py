@@ -1,23 +1,21 @@
-"""What of each occurrence MuJoCo shall draw and touch: mesh assets shared by definition, and shapes per occurrence.
+"""What of each occurrence is drawn and what collides: meshes by purpose, shared by definition, and primitives. Of no target.
 
-The same in every mode, so it is worked out once. Meshes go from the store into the build by name, unread.
+The same in every mode, so it is worked out once. Meshes go from the store into the build by name, unread. What a target cannot take, it
+says itself (`Takes`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from thingc.diagnostics import Code, Note, Report
-from thingc.emit.artifact import Loss, Stored
+from thingc.emit.artifact import Stored
 from thingc.graph.types import Assembly, Occurrence
-from thingc.memo import Memo
 from thingc.pose import NO_POSE, Pose
 from thingc.realize.record import Mesh, PartDefinition, Primitive
 from thingc.resolve.model import Material
 from thingc.source import Origin
-
-STL_FACES = 200_000
-"""The most faces that MuJoCo reads from an STL file (`stl_decoder`); it has no such bound for OBJ."""
 
 ABSENT = {
     "decompose": "there is no convex decomposition of it", "part": "its Thing has no `collision()`", "hull": "it has no hull",
@@ -28,26 +26,30 @@ ABSENT = {
 PIECES = {"decompose": "convex"}
 """What the files of pieces are called where that is not what `collision` chose."""
 
-
-LEAST_VOLUME = 1e-14
-"""Of a part [m^3]: MuJoCo refuses solid meshes of up to 1e-15 (mjMINVAL), and a mesh holds somewhat less than its part."""
+Takes = Callable[[Occurrence, Mesh | Primitive], bool]
+"""Whether a target takes a shape to collide an occurrence with. What it does not take, or otherwise, it has said when it answers."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeshAsset:
-    """A mesh asset: its name, its file in `assets/`, where its bytes lie, and whether MuJoCo must take it as a surface
-    (`inertia="shell"`), which it must where the mesh encloses no volume, or almost none."""
+    """A mesh with a file of its own: its name, its file, the mesh in the store [m], the `volume` [m^3] of the part that it is of, and
+    the origin of the occurrence that it was first met at."""
 
     name: str
     file: str
-    stored: Stored
-    shell: bool
+    mesh: Mesh
+    volume: float
     origin: Origin
+
+    @property
+    def stored(self) -> Stored:
+        """Where its bytes lie."""
+        return Stored(sha256=self.mesh.sha256, size=self.mesh.size)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shape:
-    """A geom in its occurrence's frame: `kind` `mesh` (named by `mesh`) or a primitive of `size`, both as MuJoCo's [m]."""
+    """A shape in its occurrence's frame: `kind` `mesh` (named by `mesh`) or a primitive of `size`, both as a `Primitive` has them [m]."""
 
     kind: str
     mesh: str | None = None
@@ -69,48 +71,45 @@ class Shapes:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Geometry:
-    """Of an assembly: `shapes[i]` of occurrence i, the mesh assets in the order first met, and what was lost."""
+    """Of an assembly: `shapes[i]` of occurrence i, and the mesh assets in the order first met."""
 
     shapes: tuple[Shapes, ...]
     meshes: tuple[MeshAsset, ...]
-    losses: tuple[Loss, ...]
 
     @property
     def assets(self) -> dict[str, Stored]:
-        """Where the bytes of each file in `assets/` lie."""
+        """Where the bytes of each file of a mesh lie."""
         return {mesh.file: mesh.stored for mesh in self.meshes}
 
 
-def geometry(assembly: Assembly, report: Report, memo: Memo | None = None) -> Geometry:
-    """The geometry of every occurrence; what MuJoCo cannot take is reported, what it takes differently is a loss."""
-    inputs = tuple(
+def inputs_of(assembly: Assembly) -> tuple[object, ...]:
+    """What of an assembly its geometry depends on: for a `Memo`."""
+    return tuple(
         (
             one.path, one.definition, one.record, one.component.definition, one.overrides.collision, one.overrides.visual,
             one.material, one.color, one.origin,
         )
         for one in assembly.occurrences
     )
-    found, said = (memo or Memo())("geometry", lambda _: _collected(assembly), inputs)
-    for diagnostic in said.diagnostics:
-        report.say(diagnostic)
-    return found
 
 
-def _collected(assembly: Assembly) -> tuple[Geometry, Report]:
-    report = Report()
-    return _Collector(report).collect(assembly), report
+def geometry(assembly: Assembly, folder: str, takes: Takes, report: Report) -> Geometry:
+    """The geometry of every occurrence, as far as a target `takes` it. Two definitions whose meshes would have one name in the target's
+    `folder`, and a shape to collide with that there is not, are errors."""
+    return _Collector(folder, takes, report).collect(assembly)
 
 
 class _Collector:
-    def __init__(self, report: Report) -> None:
+    def __init__(self, folder: str, takes: Takes, report: Report) -> None:
+        self.folder = folder
+        self.takes = takes
         self.report = report
         self.meshes: dict[str, MeshAsset] = {}
         self.owners: dict[str, Occurrence] = {}
-        self.losses: list[Loss] = []
 
     def collect(self, assembly: Assembly) -> Geometry:
         shapes = tuple(self.shapes(occurrence) for occurrence in assembly.occurrences)
-        return Geometry(shapes=shapes, meshes=tuple(self.meshes.values()), losses=tuple(self.losses))
+        return Geometry(shapes=shapes, meshes=tuple(self.meshes.values()))
 
     def shapes(self, occurrence: Occurrence) -> Shapes:
         record, definition = occurrence.record, occurrence.component.definition
@@ -132,32 +131,18 @@ class _Collector:
             return ()
         pieces = occurrence.touching
         if not pieces:
-            return self.missing(occurrence, ABSENT.get(choice, f"no {choice} could be fitted to it"))
-        if choice == "mesh":
-            self.lose(occurrence, "its collision mesh: MuJoCo touches the convex hull of a mesh", "approximated")
+            self.missing(occurrence, ABSENT.get(choice, f"no {choice} could be fitted to it"))
         shapes: list[Shape] = []
         for index, piece in enumerate(pieces):
-            suffix = f"_{choice}" if choice in ("hull", "mesh") else f"_{PIECES.get(choice, choice)}_{index}"
+            if not self.takes(occurrence, piece):
+                continue
             if isinstance(piece, Primitive):
-                if min(piece.size) > 0.0:
-                    shapes.append(_primitive(piece))
-                else:
-                    self.flat(occurrence, f"the {choice} that encloses it has no volume")
-            elif piece.flat:
-                self.flat(occurrence, "the points of its collision mesh lie in one plane")
-            elif piece.faces > STL_FACES:
-                self.report.add(
-                    Code.MESH_TOO_LARGE,
-                    f"`{occurrence.path}` ({occurrence.definition.label}) has a collision mesh of {piece.faces} faces, and MuJoCo "
-                    f"reads at most {STL_FACES}",
-                    occurrence.origin,
-                    path=occurrence.path,
-                    help="write `collision: hull`, or give the workspace a coarser `mesh`",
-                )
-            else:
-                shape = self.mesh(occurrence, stem, suffix, "stl", piece)
-                if shape is not None:
-                    shapes.append(shape)
+                shapes.append(Shape(kind=piece.shape, size=piece.size, pose=piece.pose))
+                continue
+            suffix = f"_{choice}" if choice in ("hull", "mesh") else f"_{PIECES.get(choice, choice)}_{index}"
+            shape = self.mesh(occurrence, stem, suffix, "stl", piece)
+            if shape is not None:
+                shapes.append(shape)
         return tuple(shapes)
 
     def mesh(self, occurrence: Occurrence, stem: str, suffix: str, extension: str, mesh: Mesh) -> Shape | None:
@@ -167,7 +152,7 @@ class _Collector:
         if owner.definition != occurrence.definition:
             self.report.add(
                 Code.SAME_FILE,
-                f"`{occurrence.definition.label}` and `{owner.definition.label}` would both be written as `mjcf/assets/{stem}.obj`",
+                f"`{occurrence.definition.label}` and `{owner.definition.label}` would both be written as `{self.folder}/{stem}.obj`",
                 occurrence.origin,
                 path=occurrence.path,
                 help="rename one of the two files",
@@ -175,15 +160,12 @@ class _Collector:
             )
             return None
         self.meshes.setdefault(name, MeshAsset(
-            name=name,
-            file=f"{name}.{extension}",
-            stored=Stored(sha256=mesh.sha256, size=mesh.size),
-            shell=mesh.flat or not mesh.closed or (occurrence.record is not None and occurrence.record.volume < LEAST_VOLUME),
+            name=name, file=f"{name}.{extension}", mesh=mesh, volume=occurrence.record.volume if occurrence.record is not None else 0.0,
             origin=occurrence.origin,
         ))
         return Shape(kind="mesh", mesh=name)
 
-    def missing(self, occurrence: Occurrence, why: str) -> tuple[Shape, ...]:
+    def missing(self, occurrence: Occurrence, why: str) -> None:
         choice = occurrence.overrides.collision
         self.report.add(
             Code.COLLISION_MISSING,
@@ -192,16 +174,3 @@ class _Collector:
             path=occurrence.path,
             help="write `collision: hull`, or `none` if it shall touch nothing",
         )
-        return ()
-
-    def flat(self, occurrence: Occurrence, why: str) -> tuple[Shape, ...]:
-        self.lose(occurrence, f"its contacts: {why}, and MuJoCo needs a solid to touch", "omitted")
-        return ()
-
-    def lose(self, occurrence: Occurrence, what: str, how: str) -> None:
-        span = next(iter(occurrence.origin), None)
-        self.losses.append(Loss(target="mjcf", mode=None, path=occurrence.path, what=what, how=how, span=span))
-
-
-def _primitive(primitive: Primitive) -> Shape:
-    return Shape(kind=primitive.shape, size=primitive.size, pose=primitive.pose)

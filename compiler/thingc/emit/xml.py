@@ -1,6 +1,6 @@
-"""MJCF as data: elements that know their place in the documents, written at full precision with two-space indent.
+"""XML as data: elements that know their place in the documents, written at full precision with two-space indent.
 
-MuJoCo's own `to_xml` writes six digits, and knows nothing of documents.
+What simulators write themselves has fewer digits (MuJoCo's `to_xml`: six), and knows nothing of documents.
 """
 
 from __future__ import annotations
@@ -8,9 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
 
-from thingc.pose import IDENTITY, Pose
 from thingc.resolve.model import RawAttribute
 from thingc.source import Origin
 
@@ -120,21 +118,6 @@ def number(value: float) -> str:
 def numbers(values: Iterable[float]) -> str:
     """Numbers with a space between."""
     return " ".join(number(value) for value in values)
-
-
-def pose_attributes(pose: Pose) -> dict[str, str]:
-    """`pos` [m] and `quat` (w, x, y, z) of a pose, each only where it says something."""
-    return dict(_pose_texts(pose))
-
-
-@lru_cache(maxsize=4096)
-def _pose_texts(pose: Pose) -> tuple[tuple[str, str], ...]:
-    found: list[tuple[str, str]] = []
-    if any(component != 0.0 for component in pose.translation):
-        found.append(("pos", numbers(pose.translation)))
-    if pose.rotation != IDENTITY:
-        found.append(("quat", numbers(pose.quaternion())))
-    return tuple(found)
 
 
 def write(root: Element, heading: str) -> Written:

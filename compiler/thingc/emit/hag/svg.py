@@ -1,4 +1,4 @@
-"""The hierarchical assembly graph as a picture: an SVG document that needs nothing else, laid out by `layered`."""
+"""The hierarchical assembly graph as a picture: an SVG document that needs nothing else, laid out by `drawing`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from thingc.drawing.layered import Drawing, Line, Rectangle, Route, Size, draw
-from thingc.emit.hag.target import KINDS, Bundle, bundles, entries, how, quantities, short, total
+from thingc.emit.hag.words import KINDS, Bundle, bundles, entries, how, quantities, short, total
 from thingc.graph.types import Definition, Hag
 from thingc.shown import shown
 

@@ -11,7 +11,8 @@ import math
 from collections.abc import Collection, Mapping
 
 from thingc.emit.artifact import Loss
-from thingc.emit.xml import Element, numbers, pose_attributes
+from thingc.emit.mjcf.poses import pose_attributes
+from thingc.emit.xml import Element, numbers
 from thingc.pose import Pose, shifted
 from thingc.robot.types import Closure, Robot, residual_words
 from thingc.source import Origin, Span

@@ -8,8 +8,10 @@ from typing import Any
 from thingc.emit.geometry import MeshAsset, Shape, Shapes
 from thingc.emit.mjcf.drives import both_ways, drive_attributes, joint_range
 from thingc.emit.mjcf.inertial import inertial
+from thingc.emit.mjcf.limits import is_shell
 from thingc.emit.mjcf.lowering import ModelJoint, lowered
-from thingc.emit.xml import Element, number, numbers, pose_attributes
+from thingc.emit.mjcf.poses import pose_attributes
+from thingc.emit.xml import Element, number, numbers
 from thingc.graph.types import ActuatorModel
 from thingc.inertia import MassProperties
 from thingc.joints import Twist
@@ -29,7 +31,7 @@ def meshes(meshes: tuple[MeshAsset, ...]) -> tuple[Element, ...]:
     """The assets of meshes."""
     return tuple(
         Element(
-            tag="mesh", attributes={"name": mesh.name, "file": mesh.file, **({"inertia": "shell"} if mesh.shell else {})},
+            tag="mesh", attributes={"name": mesh.name, "file": mesh.file, **({"inertia": "shell"} if is_shell(mesh) else {})},
             origin=mesh.origin,
         )
         for mesh in meshes

@@ -15,6 +15,7 @@ import struct
 from collections.abc import Iterable, Mapping, Sequence
 
 from thingc.emit.geometry import MeshAsset
+from thingc.emit.mjcf.limits import is_shell
 from thingc.emit.xml import Element
 from thingc.realize.store import Store
 
@@ -78,7 +79,7 @@ class Known:
 
     def _mesh_key(self, mesh: MeshAsset) -> str:
         extension = mesh.file.rpartition(".")[2]
-        return f"{self.version} {mesh.stored.sha256} {extension} {'shell' if mesh.shell else 'solid'}"
+        return f"{self.version} {mesh.stored.sha256} {extension} {'shell' if is_shell(mesh) else 'solid'}"
 
     def _model_key(self, texts: Iterable[str], meshes: Iterable[MeshAsset]) -> str:
         content: list[object] = [self.version, list(texts), {mesh.file: mesh.stored.sha256 for mesh in meshes}]

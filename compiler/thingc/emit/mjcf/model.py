@@ -10,7 +10,8 @@ from thingc.emit.geometry import Geometry
 from thingc.emit.mjcf import closures, elements, sensors
 from thingc.emit.mjcf.drives import NOTHING
 from thingc.emit.mjcf.lowering import lowered
-from thingc.emit.xml import Element, number, numbers, pose_attributes
+from thingc.emit.mjcf.poses import pose_attributes
+from thingc.emit.xml import Element, number, numbers
 from thingc.graph.types import Link
 from thingc.memo import Memo
 from thingc.pose import Pose

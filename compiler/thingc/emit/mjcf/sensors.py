@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 
 from thingc.emit.artifact import Loss
-from thingc.emit.xml import Element, number, pose_attributes
+from thingc.emit.mjcf.poses import pose_attributes
+from thingc.emit.xml import Element, number
 from thingc.graph.types import LinkedSensor
 from thingc.pose import turned_y
 from thingc.robot.types import Robot

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from thingc.emit.artifact import Artifacts, Content, Loss, Stored
-from thingc.emit.geometry import geometry as geometry_of
 from thingc.emit.mjcf import check, raw, scene
 from thingc.emit.mjcf import model as tree
+from thingc.emit.mjcf.limits import taken
 from thingc.emit.request import EmitRequest
 from thingc.emit.xml import write
 
@@ -41,11 +41,11 @@ def models(request: EmitRequest) -> Models:
     if isinstance(known, Models):
         return known
     assembly, robots, report = request.assembly, request.robots, request.report
-    geometry = geometry_of(assembly, report, request.memo)
+    geometry, unsaid = taken(assembly, report, request.memo)
     roots = [tree.model(robot, geometry, request.memo) for robot in robots]
     raw.lay(assembly, robots, roots, report)
 
-    losses: dict[Loss, None] = dict.fromkeys(geometry.losses)
+    losses: dict[Loss, None] = dict.fromkeys(unsaid)
     candidates: list[check.Candidate] = []
     for robot, root in zip(robots, roots, strict=True):
         file = f"{assembly.name}_{robot.mode.name}.xml"

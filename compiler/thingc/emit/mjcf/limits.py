@@ -1,0 +1,75 @@
+"""What of a robot's geometry MuJoCo cannot take, or takes otherwise."""
+
+from __future__ import annotations
+
+from thingc.diagnostics import Code, Report
+from thingc.emit.artifact import Loss
+from thingc.emit.geometry import Geometry, MeshAsset, geometry, inputs_of
+from thingc.graph.types import Assembly, Occurrence
+from thingc.memo import Memo
+from thingc.realize.record import Mesh, Primitive
+
+STL_FACES = 200_000
+"""The most faces that MuJoCo reads from an STL file (`stl_decoder`); it has no such bound for OBJ."""
+
+LEAST_VOLUME = 1e-14
+"""Of a part [m^3]: MuJoCo refuses solid meshes of up to 1e-15 (mjMINVAL), and a mesh holds somewhat less than its part."""
+
+FOLDER = "mjcf/assets"
+"""Where the meshes of all models lie."""
+
+
+def taken(assembly: Assembly, report: Report, memo: Memo) -> tuple[Geometry, tuple[Loss, ...]]:
+    """The geometry of every occurrence; what MuJoCo cannot take is reported, what it takes differently is a loss."""
+    found, losses, said = memo("geometry", lambda _: _collected(assembly), inputs_of(assembly))
+    for diagnostic in said.diagnostics:
+        report.say(diagnostic)
+    return found, losses
+
+
+def is_shell(mesh: MeshAsset) -> bool:
+    """Whether MuJoCo must take a mesh as a surface (`inertia="shell"`): one that encloses no volume, or almost none."""
+    return mesh.mesh.flat or not mesh.mesh.closed or mesh.volume < LEAST_VOLUME
+
+
+def _collected(assembly: Assembly) -> tuple[Geometry, tuple[Loss, ...], Report]:
+    limits = _Limits()
+    found = geometry(assembly, FOLDER, limits.takes, limits.report)
+    return found, tuple(limits.losses), limits.report
+
+
+class _Limits:
+    def __init__(self) -> None:
+        self.report = Report()
+        self.losses: list[Loss] = []
+
+    def takes(self, occurrence: Occurrence, piece: Mesh | Primitive) -> bool:
+        """Whether MuJoCo can touch with a shape; what is lost with it, or by it, is noted."""
+        choice = occurrence.overrides.collision
+        if choice == "mesh":
+            self.lose(occurrence, "its collision mesh: MuJoCo touches the convex hull of a mesh", "approximated")
+        if isinstance(piece, Primitive):
+            if min(piece.size) > 0.0:
+                return True
+            self.flat(occurrence, f"the {choice} that encloses it has no volume")
+        elif piece.flat:
+            self.flat(occurrence, "the points of its collision mesh lie in one plane")
+        elif piece.faces > STL_FACES:
+            self.report.add(
+                Code.MESH_TOO_LARGE,
+                f"`{occurrence.path}` ({occurrence.definition.label}) has a collision mesh of {piece.faces} faces, and MuJoCo "
+                f"reads at most {STL_FACES}",
+                occurrence.origin,
+                path=occurrence.path,
+                help="write `collision: hull`, or give the workspace a coarser `mesh`",
+            )
+        else:
+            return True
+        return False
+
+    def flat(self, occurrence: Occurrence, why: str) -> None:
+        self.lose(occurrence, f"its contacts: {why}, and MuJoCo needs a solid to touch", "omitted")
+
+    def lose(self, occurrence: Occurrence, what: str, how: str) -> None:
+        span = next(iter(occurrence.origin), None)
+        self.losses.append(Loss(target="mjcf", mode=None, path=occurrence.path, what=what, how=how, span=span))
