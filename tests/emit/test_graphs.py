@@ -14,6 +14,7 @@ from emit.graphs import arm, awkward, walker
 from emit.small_robot import assembly
 from thingc.emit.graphs import hag_graph, link_graph, mate_graph
 from thingc.emit.hag import target as hag
+from thingc.emit.hag import words
 from thingc.graph.types import Hag
 from thingc.realize.store import Store
 from thingc.shown import shown
@@ -21,7 +22,7 @@ from thingc.shown import shown
 
 @pytest.mark.parametrize("drawn", [arm(), walker(), awkward()], ids=["arm", "walker", "awkward"])
 def test_the_assembly_graph_is_read_back(drawn: Hag) -> None:
-    graph = hag_graph(drawn, hag.quantities(drawn))
+    graph = hag_graph(drawn, words.quantities(drawn))
     assert list(graph) == [one.text for one in drawn.definitions] and graph.number_of_edges() == len(drawn.edges)
     assert networkx.is_directed_acyclic_graph(graph)
     for node, quantity in graph.nodes(data="quantity"):  # in a multigraph, paths by their edges
