@@ -299,12 +299,12 @@ def test_a_folder_that_cannot_be_written_is_said_in_words(tmp_path: Path, shared
 
 
 def test_a_disk_that_takes_no_more_ends_the_batch_in_words_and_it_goes_on_later(tmp_path: Path, shared_store: str) -> None:
-    """No file may grow beyond 6 kB: the journal meets the limit first, as it would meet a full disk."""
+    """No file may grow beyond 9 kB: the journal meets the limit first, as it would meet a full disk."""
     here = workspace(tmp_path, faults=FAULTS)
     env = environment(shared_store, with_emitter(tmp_path))
 
     def small() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (6_000, resource.RLIM_INFINITY))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (9_000, resource.RLIM_INFINITY))
 
     done = subprocess.run(
         [sys.executable, "-m", "thingc", "batch", "faults.yaml"], cwd=here, env=env, capture_output=True, text=True, preexec_fn=small,
