@@ -124,6 +124,7 @@ class Code(Enum):
     TOO_COSTLY = ("TC346", "a check beyond its bounds", "Make the documents smaller, or allow more with `--time-limit`.")
     TEST = ("TC348", "test that cannot be run", "Mend the key that the message names.")
     LEAD = ("TC360", "lead of a screw", "Write `lead: 8 mm`, the advance in one turn; a left-hand thread has a negative one.")
+    COORDINATES = ("TC361", "values of several coordinates", "Write a list with one entry for each coordinate of the joint.")
 
     # --- TC4xx: parts (realize) ------------------------------------------------------------------------------------
     PART_RAISED = ("TC401", "part raised an exception", "Give the part parameters that it can be made with, or mend the part file.")

@@ -6,7 +6,8 @@ Nothing here calls the code under test: poses go in as `Pose.from_rows` of numpy
 from __future__ import annotations
 
 import struct
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -90,15 +91,24 @@ def inv(matrix: Array) -> Array:
     return np.linalg.inv(matrix)
 
 
-def motion(kind: str, q: float) -> Array:
-    return {"revolute": rz, "continuous": rz, "prismatic": lambda d: t(0, 0, d), "fixed": lambda _: np.eye(4)}[kind](q)
+LEAD = 0.05
+
+
+def motion(kind: str, *q: float) -> Array:
+    return {
+        "revolute": rz, "continuous": rz, "prismatic": lambda d: t(0, 0, d), "fixed": lambda *_: np.eye(4),
+        "screw": lambda a: rz(a) @ t(0, 0, LEAD * a / (2 * np.pi)), "cylindrical": lambda a, d: rz(a) @ t(0, 0, d),
+        "universal": lambda a, b: rx(a) @ ry(b), "planar": lambda x, y, a: t(x, y, 0) @ rz(a),
+    }[kind](*q)
 
 
 def mated(
-    X_PA: Array, X_CB: Array, *, turn: float = 0.0, gap: float = 0.0, kind: str = "fixed", q: float = 0.0, offset: float = 0.0
+    X_PA: Array, X_CB: Array, *, turn: float = 0.0, gap: float = 0.0, kind: str = "fixed", q: float | Sequence[float] = 0.0,
+    offset: float = 0.0,
 ) -> Array:
-    """X_PC = X_PA Rz(turn) Tz(gap) X_J(q + offset) M inv(X_CB)."""
-    return X_PA @ rz(turn) @ t(0, 0, gap) @ motion(kind, q + offset) @ MATE @ inv(X_CB)
+    """X_PC = X_PA Rz(turn) Tz(gap) X_J(q + offset) M inv(X_CB); of several coordinates each has the offset."""
+    values = [one + offset for one in (q if isinstance(q, Sequence) else [q])]
+    return X_PA @ rz(turn) @ t(0, 0, gap) @ motion(kind, *values) @ MATE @ inv(X_CB)
 
 
 def as_pose(matrix: Array) -> Pose:
@@ -278,6 +288,7 @@ def joint(
     moves = kind in ("revolute", "prismatic")
     return Joint(
         name=name,
+        of=name,
         kind=kind,
         twist=next(iter(KINDS[kind].twists), None),
         parent=ref(parent, line),
@@ -292,6 +303,16 @@ def joint(
         origin=where(line),
         spans={"limit.effort": where(line + 1)[0]},
     )
+
+
+def coordinates_of(name: str, parent: str, child: str, kind: str, **said: Any) -> list[Joint]:
+    """A joint of any kind, as many as it has coordinates (a screw with the lead `LEAD`)."""
+    found = KINDS[kind]
+    twists = found.with_lead(LEAD) if found.leads else found.twists
+    one = joint(name, parent, child, kind, **said)
+    if len(twists) < 2:
+        return [replace(one, twist=next(iter(twists), None))]
+    return [replace(one, name=f"{name}[{k}]", twist=twist) for k, twist in enumerate(twists)]
 
 
 def mimic(leader: str, multiplier: float, offset: float = 0.0) -> Mimic:

@@ -14,8 +14,8 @@ X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 def test_what_can_be_built_and_what_comes_later() -> None:
-    assert list(KINDS) == ["fixed", "revolute", "continuous", "prismatic", "screw"]
-    assert frozenset({"cylindrical", "universal", "ball", "planar"}) == LATER
+    assert list(KINDS) == ["fixed", "revolute", "continuous", "prismatic", "screw", "cylindrical", "universal", "planar"]
+    assert frozenset({"ball"}) == LATER
     assert not LATER & set(KINDS)
 
 
@@ -26,8 +26,11 @@ def test_coordinates_and_limits() -> None:
         "continuous": ((ANGLE,), "none"),
         "prismatic": ((LENGTH,), "required"),
         "screw": ((ANGLE,), "optional"),
+        "cylindrical": ((ANGLE, LENGTH), "optional"),
+        "universal": ((ANGLE, ANGLE), "optional"),
+        "planar": ((LENGTH, LENGTH, ANGLE), "optional"),
     }
-    assert [kind.moves for kind in KINDS.values()] == [False, True, True, True, True]
+    assert [kind.moves for kind in KINDS.values()] == [False, *[True] * 7]
 
 
 @pytest.mark.parametrize("q", [-2.5, 0.0, 0.3, math.pi / 2])
@@ -37,6 +40,9 @@ def test_motions(q: float) -> None:
     assert as_matrix(moved(KINDS["continuous"].twists, (q,))) == pytest.approx(rz(q))
     assert as_matrix(moved(KINDS["prismatic"].twists, (q,))) == pytest.approx(t(0, 0, q))
     assert as_matrix(moved(KINDS["screw"].with_lead(-0.02), (q,))) == pytest.approx(rz(q) @ t(0, 0, -0.02 * q / (2 * math.pi)))
+    assert as_matrix(moved(KINDS["cylindrical"].twists, (q, 0.1))) == pytest.approx(rz(q) @ t(0, 0, 0.1))
+    assert as_matrix(moved(KINDS["universal"].twists, (q, 0.7))) == pytest.approx(rx(q) @ ry(0.7))
+    assert as_matrix(moved(KINDS["planar"].twists, (0.2, -0.3, q))) == pytest.approx(t(0.2, -0.3, 0) @ rz(q))
 
 
 def test_coordinates_are_shown_as_a_person_writes_them() -> None:

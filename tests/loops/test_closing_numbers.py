@@ -87,7 +87,8 @@ def state(robot: Robot, q: dict[str, float]) -> State:
     return State(q=q, base=robot.bodies[0].X_PL)
 
 
-trees = st.builds(build, st.integers(0, 2**32 - 1), st.integers(3, 7))
+SINGLE = ("revolute", "continuous", "prismatic")
+trees = st.builds(build, st.integers(0, 2**32 - 1), st.integers(3, 7), st.just(SINGLE))
 
 
 @settings(max_examples=40, deadline=None)
@@ -139,7 +140,7 @@ def test_residuals_and_their_derivatives(tree: Tree, seed: int) -> None:
 
 @settings(max_examples=25, deadline=None)
 @given(trees, st.integers(0, 2**32 - 1))
-@example(build(1, 6), 201)  # a step takes two joints to their limits, of which one does not stay there
+@example(build(1, 6, SINGLE), 201)  # a step takes two joints to their limits, of which one does not stay there
 def test_the_best_that_can_be_done_is_no_worse_than_what_scipy_finds(tree: Tree, seed: int) -> None:
     """A target half a metre off: the sum of squares that is left, within limits, against `scipy.optimize.least_squares`."""
     source = np.random.default_rng(seed)

@@ -7,6 +7,7 @@ link that is held.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +26,7 @@ from graph.builder import (
     attach,
     box,
     component,
+    coordinates_of,
     inv,
     joint,
     laid,
@@ -45,8 +47,9 @@ from thingc.pose import NO_POSE
 from thingc.robot import mass_properties, occurrence_poses, root
 from thingc.robot.types import Robot
 
-KINDS = ("revolute", "continuous", "prismatic", "fixed", "attach", "at")
-MOVING = ("revolute", "continuous", "prismatic")
+COUNTS = {"revolute": 1, "continuous": 1, "prismatic": 1, "cylindrical": 2, "universal": 2, "planar": 3, "screw": 1}
+"""Kinds that move, and how many coordinates they have. (MuJoCo has no screw: its trees are without.)"""
+STILL = ("fixed", "attach", "at")
 
 
 @dataclass
@@ -89,8 +92,8 @@ class Tree:
         if twig.kind == "at":
             return parent @ t(twig.gap, twig.turn, twig.offset) @ rz(twig.turn)
         kind = "fixed" if twig.kind == "attach" else twig.kind
-        q = self.q.get(f"j{twig.child}", 0.0)
-        return mated(parent, child, turn=twig.turn, gap=twig.gap, kind=kind, q=q, offset=twig.offset if kind in MOVING else 0.0)
+        q = [self.q[path] for path in paths_of(twig)] if kind in COUNTS else [0.0]
+        return mated(parent, child, turn=twig.turn, gap=twig.gap, kind=kind, q=q, offset=twig.offset if kind in COUNTS else 0.0)
 
 
 def frame(rng: np.random.Generator) -> Array:
@@ -98,10 +101,16 @@ def frame(rng: np.random.Generator) -> Array:
     return t(*rng.uniform(-0.1, 0.1, 3)) @ rz(yaw) @ ry(pitch) @ rx(roll)
 
 
-def build(seed: int, count: int) -> Tree:
+def paths_of(twig: Twig) -> list[str]:
+    """The paths of the coordinates of a twig that moves."""
+    count = COUNTS.get(twig.kind, 0)
+    return [f"j{twig.child}"] if count == 1 else [f"j{twig.child}_{k}" for k in range(count)]
+
+
+def build(seed: int, count: int, moving: Sequence[str] = tuple(COUNTS)) -> Tree:
     rng = np.random.default_rng(seed)
     mounts = {(k, side): frame(rng) for k in range(count) for side in "ab"}
-    twigs = [Twig(int(rng.integers(0, k)), k, str(rng.choice(KINDS)), *rng.uniform(-1, 1, 3)) for k in range(1, count)]
+    twigs = [Twig(int(rng.integers(0, k)), k, str(rng.choice([*moving, *STILL])), *rng.uniform(-1, 1, 3)) for k in range(1, count)]
     order = [int(k) for k in rng.permutation(count)]
     records: list[PartRecord] = []
     components: list[Component] = []
@@ -117,8 +126,8 @@ def build(seed: int, count: int) -> Tree:
         elif twig is not None and twig.kind == "at":
             placement = laid(f"c{twig.parent}.a", t(twig.gap, twig.turn, twig.offset) @ rz(twig.turn))  # type: ignore[assignment]
         elif twig is not None:
-            joints.append(
-                joint(
+            joints.extend(
+                coordinates_of(
                     f"j{k}",
                     f"c{twig.parent}.a",
                     f"c{k}.b",
@@ -135,7 +144,7 @@ def build(seed: int, count: int) -> Tree:
     for k in range(count):
         modes.append(mode(f"part_{k}", whole(f"c{k}"), "free", at=frame(rng)))
         modes.append(mode(f"mount_{k}", ref(f"c{k}.{'ab'[k % 2]}"), "fixed", at=frame(rng)))
-    q = {f"j{twig.child}": float(rng.uniform(-2, 2)) for twig in twigs if twig.kind in MOVING}
+    q = {path: float(rng.uniform(-2, 2)) for twig in twigs for path in paths_of(twig)}
     tree = linked(assembly("tree", components, joints, modes=modes), *records, but={Code.FAR})  # whatever sizes and offsets are drawn
     return Tree(count, twigs, mounts, order, tree, q)
 

@@ -61,8 +61,10 @@ def test_every_field_of_every_kind_has_a_title_a_description_and_examples() -> N
 def test_a_field_that_takes_a_mapping_is_told_by_the_mapping() -> None:
     schema = json_schema("assembly")
     limit = schema["$defs"]["JointSpec"]["properties"]["limit"]
-    assert limit["$ref"] == "#/$defs/LimitSpec" and limit["title"] == "Limit"
-    assert limit["description"] == schema["$defs"]["LimitSpec"]["description"]
+    assert limit["anyOf"][0] == {"$ref": "#/$defs/LimitSpec"} and limit["title"] == "Limit"
+    defaults = schema["$defs"]["AssemblySpec" if "AssemblySpec" in schema["$defs"] else "DefaultsSpec"]["properties"]["joint"]
+    assert defaults["$ref"] == "#/$defs/JointDefaults"
+    assert defaults["description"].startswith("What every joint has")
     assert schema["$defs"]["DriveSpec"]["properties"]["kind"]["examples"] == ["position", "velocity", "motor"]
 
 

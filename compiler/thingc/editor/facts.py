@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 
 from thingc.editor import values
 from thingc.editor.outline import outline_of
-from thingc.joints import KINDS
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema
 from thingc.resolve.model import AssemblyDefinition, Component, Joint
 from thingc.source import MappingNode, Node, ScalarNode
@@ -272,7 +271,7 @@ def _joints_of(model: AssemblyDefinition, prefix: str) -> dict[str, JointFacts]:
 
 
 def _joint(joint: Joint, *, own: bool) -> JointFacts:
-    coordinate = KINDS[joint.kind].coordinate if joint.kind in KINDS else None
+    coordinate = joint.twist.coordinate if joint.twist is not None else None
     angle = None if coordinate is None else coordinate == ANGLE
     low, high = (
         None if bound is None else Quantity(bound, coordinate or LENGTH).shown(12) for bound in (joint.limit.lower, joint.limit.upper)

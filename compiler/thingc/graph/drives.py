@@ -10,7 +10,7 @@ from thingc.graph.types import ActuatorModel, JointEdge
 from thingc.graph.unroll import Instance, Tree
 from thingc.joints import Twist
 from thingc.realize.record import Actuator
-from thingc.resolve.model import Drive, Joint
+from thingc.resolve.model import Drive, Joint, coordinate_path
 from thingc.slips import did_you_mean
 from thingc.source import Origin
 
@@ -20,9 +20,9 @@ _INLINE = {"hinge": "`drive: {kind: position, kp: 20 N*m/rad}`", "slide": "`driv
 
 def stated_edge(instance: Instance, joint: Joint, twist: Twist) -> JointEdge:
     """The joint at its path as its document states it, without what its drive adds."""
-    mimic = replace(joint.mimic, joint=instance.within(joint.mimic.joint)) if joint.mimic is not None else None
+    mimic = replace(joint.mimic, joint=instance.within(coordinate_path(joint.mimic.joint))) if joint.mimic is not None else None
     return JointEdge(
-        path=instance.within(joint.name), kind=joint.kind, twist=twist, limit=joint.limit, dynamics=joint.dynamics, offset=joint.offset,
+        path=instance.within(joint.path), kind=joint.kind, twist=twist, limit=joint.limit, dynamics=joint.dynamics, offset=joint.offset,
         mimic=mimic, actuator=None, origin=joint.origin + instance.origin,
     )
 
@@ -30,7 +30,7 @@ def stated_edge(instance: Instance, joint: Joint, twist: Twist) -> JointEdge:
 def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findings: Findings) -> JointEdge:
     """The joint at its path. Effort, velocity and armature come from the drive unless the joint states them."""
     origin = joint.origin + instance.origin
-    path = instance.within(joint.name)
+    path = instance.within(joint.path)
     limit, dynamics = joint.limit, joint.dynamics
     actuator: ActuatorModel | None = None
     drive = _filled(tree, instance, joint, twist, joint.drive, findings) if joint.drive is not None else None

@@ -8,6 +8,7 @@ and `at` lays a component's frame plainly: `X_PC = X_P,in @ X(xyz, rpy)`.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import groupby
 
 from thingc.diagnostics import Code
 from thingc.graph.drives import joint_edge, stated_edge
@@ -43,8 +44,8 @@ def mates_of(tree: Tree, findings: Findings, memo: Memo) -> tuple[tuple[Mate, ..
                 before = len(mates)
                 mates.extend(_laid(tree, instance, component, component.placement, memo))
                 laid.update(range(before, len(mates)))
-        for joint in definition.joints:
-            mates.extend(_jointed(tree, instance, joint, findings, memo))
+        for _, coordinates in groupby(definition.joints, key=lambda joint: joint.of):
+            mates.extend(_jointed(tree, instance, tuple(coordinates), findings, memo))
     return tuple(mates), frozenset(laid)
 
 
@@ -63,7 +64,9 @@ def _laid(tree: Tree, instance: Instance, component: Component, at: At, memo: Me
         yield memo(place, _laid_on, parent, child, at.pose, at.origin + instance.origin)
 
 
-def _jointed(tree: Tree, instance: Instance, joint: Joint, findings: Findings, memo: Memo) -> Iterator[Mate]:
+def _jointed(tree: Tree, instance: Instance, coordinates: Sequence[Joint], findings: Findings, memo: Memo) -> Iterator[Mate]:
+    """The mate of a joint, its `coordinates` in order (a `fixed` joint is one that moves nothing)."""
+    joint = coordinates[0]
     child, parent = tree.find(instance, joint.child), tree.find(instance, joint.parent)
     kind = KINDS.get(joint.kind)
     if kind is None:
@@ -74,14 +77,16 @@ def _jointed(tree: Tree, instance: Instance, joint: Joint, findings: Findings, m
         findings.leave_out()
         findings.error(
             Code.PLACED_ON_ITSELF,
-            f"joint `{joint.name}` connects `{joint.child.path[0]}` with itself: its mounts are `{joint.parent.text}` and "
+            f"joint `{joint.of}` connects `{joint.child.path[0]}` with itself: its mounts are `{joint.parent.text}` and "
             f"`{joint.child.text}`",
             joint.parent.origin + instance.origin, path=instance.within(joint.name), help="name mounts of two components",
             notes=noted("the child", joint.child.origin),
         )
         return
-    edges = () if joint.twist is None else (joint_edge(tree, instance, joint, joint.twist, findings),)
-    path = instance.within(joint.name)
+    edges = tuple(
+        joint_edge(tree, instance, one, one.twist, findings) for one in coordinates if one.twist is not None
+    )
+    path = instance.within(joint.of)
     origin = joint.origin + instance.origin
     yield memo(("joint", path), _mated, parent, child, joint.turn, joint.gap, edges, origin, path, joint.loop)
 
@@ -91,7 +96,7 @@ def stated_joints(tree: Tree, joints: Sequence[JointEdge]) -> tuple[JointEdge, .
     known = {joint.path: joint for joint in joints}
     for instance, definition in tree.assemblies:
         for joint in definition.joints:
-            path = instance.within(joint.name)
+            path = instance.within(joint.path)
             if joint.twist is not None and path not in known:
                 known[path] = stated_edge(instance, joint, joint.twist)
     return tuple(known.values())

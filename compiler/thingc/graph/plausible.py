@@ -15,12 +15,11 @@ from thingc.graph.leaves import doubted
 from thingc.graph.plausible_modes import check_modes
 from thingc.graph.types import Adhesion, ExportedMount, JointEdge, Link, LinkedMode, Mate, Occurrence
 from thingc.graph.unroll import Instance, Tree
-from thingc.joints import KINDS
 from thingc.pose import Pose, Vector
 from thingc.resolve.model import AssemblyDefinition, At, Attach, Joint
 from thingc.resolve.plausible import LARGEST, SMALLEST, density_cure, density_doubt, mass_words, measures, times_words, unit_meant
 from thingc.source import Origin
-from thingc.units import ANGLE, LENGTH, Quantity
+from thingc.units import LENGTH, Quantity
 
 TURNS = 2.0
 """A hinge that stops beyond so many turns is rarely one: what turns without end is `continuous`."""
@@ -49,7 +48,7 @@ def check_plausible(
     for instance, definition in tree.assemblies:
         for joint in definition.joints:
             _check_limits(instance, joint, findings)
-            _check_drive(instance, joint, edges.get(instance.within(joint.name)), findings)
+            _check_drive(instance, joint, edges.get(instance.within(joint.path)), findings)
     _check_materials(tree, occurrences, findings)
     odd = _check_sizes(occurrences, findings)
     if not odd and not findings.has_said(Code.DENSITY) and any(mate.joints for mate in mates):
@@ -124,12 +123,12 @@ def _check_mass(top: Instance, mass: float, findings: Findings) -> None:
 
 def _check_limits(instance: Instance, joint: Joint, findings: Findings) -> None:
     """Limits of a hinge beyond some turns; else limits of which one is in rad and the other in deg."""
-    kind = KINDS.get(joint.kind)
-    if kind is None or kind.coordinate != ANGLE:
+    twist = joint.twist
+    if twist is None or not twist.turns:
         return
     ends = {key: value for key, value in (("lower", joint.limit.lower), ("upper", joint.limit.upper)) if value is not None}
     path, here = instance.within(joint.name), joint.origin + instance.origin
-    wide = [key for key, value in ends.items() if abs(value) > TURNS * 2.0 * math.pi and not kind.leads]  # a screw takes many turns
+    wide = [key for key, value in ends.items() if abs(value) > TURNS * 2.0 * math.pi and not twist.pitch]  # a screw takes many turns
     for key in wide:
         text, number, unit = _written(joint, key)
         cause = f"`{number} deg` was meant" if unit == "rad" and abs(float(number)) <= 360.0 * TURNS else "there is a digit too many"
@@ -148,7 +147,7 @@ def _check_limits(instance: Instance, joint: Joint, findings: Findings) -> None:
             Code.LIMIT_UNITS,
             f"of joint `{joint.name}` the lower limit is in {low_unit} (`{lower}`), the upper one in {high_unit} (`{upper}`)",
             _place(joint, f"limit.{key}", here), path=path, notes=_elsewhere(joint, f"limit.{key}"),
-            help=f"write both in one unit: `{value}` is `{kind.twists[0].shown(ends[key])}`; {meant_so(Code.LIMIT_UNITS)}",
+            help=f"write both in one unit: `{value}` is `{twist.shown(ends[key])}`; {meant_so(Code.LIMIT_UNITS)}",
         )
 
 
@@ -215,7 +214,7 @@ def _check_actuators(
             if named is not None and named.index is not None:
                 driving.add(named.index)
             else:
-                inline.add(instance.within(joint.name))
+                inline.add(instance.within(joint.path))
     for one in occurrences:
         if one.record is None or one.record.actuator is None or one.index in driving or one.index in shown:
             continue
@@ -285,8 +284,7 @@ def _offsets(definition: AssemblyDefinition) -> Iterator[tuple[str, float, str, 
         for mount, extra in component.mounts.items():
             yield f"the mount `{name}.{mount}` is moved", _length(extra.pose), name, extra.origin
     for joint in definition.joints:
-        kind = KINDS.get(joint.kind)
-        along = joint.offset if kind is not None and kind.coordinate == LENGTH else 0.0
+        along = joint.offset if joint.twist is not None and not joint.twist.turns else 0.0
         yield f"joint `{joint.name}` is moved", max(abs(joint.gap), abs(along)), joint.name, joint.origin
 
 

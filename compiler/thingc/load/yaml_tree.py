@@ -314,6 +314,8 @@ class _Builder:
                 )
                 return None
             return node.value, node.span
+        if node.text.isdecimal() and node.text.isascii() and not event.style:
+            return node.text, node.span  # one of several by its number, as in `limit: {0: ..., 1: ...}`
         if node.text == "":
             self.report.add(Code.KEY_NOT_TEXT, "a key is missing before the `:`", self.source.span(start, start))
             return None

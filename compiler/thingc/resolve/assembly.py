@@ -7,6 +7,7 @@ from itertools import chain
 
 from thingc.diagnostics import Code
 from thingc.expressions import CONSTANTS, FUNCTIONS, Expression
+from thingc.joints import coordinates_of
 from thingc.realize.record import definition_label, definition_text
 from thingc.resolve import choices as chosen
 from thingc.resolve import references
@@ -81,7 +82,10 @@ def resolved(
         ((item.name, item.path, "a component") for item in parts),
         ((name, ("mounts", name), "an exported mount") for name in spec.mounts),
     ))
-    check_names(scope, ((item.name, item.path, "a joint") for item in moving))
+    check_names(scope, chain(
+        ((item.name, item.path, "a joint") for item in moving),
+        ((f"{one.name}_{k}", one.path, f"a coordinate of joint `{one.name}`") for one in moving for k in coordinates_of(one.spec.type)),
+    ))
     nodes(context, table, parts, resolved)
     places: Places = {}
     placements = own_placements(context, table, places)

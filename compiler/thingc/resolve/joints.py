@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any, get_args
 
 from thingc.diagnostics import Code, Note
-from thingc.joints import KINDS, LATER, SLIDE, TURN, JointKind, dimensions_of
+from thingc.joints import KINDS, LATER, SLIDE, TURN, JointKind, Twist, dimensions_of
 from thingc.realize.record import PartDefinition
 from thingc.resolve import references
 from thingc.resolve.layers import Layers
@@ -15,7 +16,7 @@ from thingc.resolve.placement import Places
 from thingc.resolve.repeats import Item
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Table
-from thingc.source import MappingNode, Node, Path, ScalarNode, node_at
+from thingc.source import MappingNode, Node, Path, ScalarNode, SequenceNode, node_at
 from thingc.spec.assembly import DriveSpec, JointSpec
 from thingc.units import ANGLE, LENGTH, Dimension, Quantity
 
@@ -83,8 +84,11 @@ def joints(table: Table, items: Iterable[Item[JointSpec]], places: Places) -> bo
             if placed is not None:
                 table.nodes[placed].unsound = True
             continue
-        table.joints[item.name] = _joint(table, item, kind, parent, child, layers)
+        made = _coordinates(table, item, kind, parent, child, layers)
+        table.joints.update((joint.name, joint) for joint in made)
         if doubtful:
+            for joint in made:
+                del table.joints[joint.name]
             table.joints[item.name] = None
             if placed is not None:
                 table.nodes[placed].unsound = True
@@ -110,13 +114,47 @@ def _kind(scope: Scope, spec: JointSpec, path: Path) -> JointKind | None:
     return KINDS[spec.type]
 
 
-def _joint(table: Table, item: Item[JointSpec], kind: JointKind, parent: Reference, child: Reference, layers: Layers) -> Joint:
+def _coordinates(
+    table: Table, item: Item[JointSpec], kind: JointKind, parent: Reference, child: Reference, layers: Layers,
+) -> tuple[Joint, ...]:
+    """The joint; of one that has several coordinates one for each."""
+    scope, path, count = item.scope, item.path, len(kind.twists)
+    lead = _lead(scope, item.spec, kind, item.name, path)
+    twists = kind.twists if lead is None else kind.with_lead(lead)
+    for key in ("limit", "dynamics", "drive", "offset", "mimic"):
+        said = getattr(item.spec, key)
+        several = isinstance(said, (list, dict))
+        numbers = [] if not several else [int(one) for one in said] if isinstance(said, dict) else list(range(len(said)))
+        if said is None or key not in item.spec.model_fields_set or (several == (count > 1) and all(n < count for n in numbers)):
+            continue
+        if count > 1:
+            words = f"joint `{item.name}` is {kind.name} and has {count} coordinates: its `{key}` is a list of {count}"
+            help = "write for example `[" + ", ".join("..." for _ in range(count)) + "]`, or `{0: ...}` where only some have one"
+        else:
+            words, help = f"joint `{item.name}` is {kind.name}: its `{key}` is no list", "write what stands in it without the list"
+        scope.error(
+            Code.COORDINATES, words, (*path, key), key=True, help=help,
+            notes=scope.beside(f"it is {kind.name} here", (*path, "type"), (*path, key)),
+        )
+    if count < 2:
+        return (_joint(table, item, kind, next(iter(twists), None), (parent, child), layers, None),)
+    return tuple(
+        replace(_joint(table, replace(item, name=f"{item.name}[{k}]"), kind, twist, (parent, child), layers, k), of=item.name)
+        for k, twist in enumerate(twists)
+    )
+
+
+def _joint(
+    table: Table, item: Item[JointSpec], kind: JointKind, twist: Twist | None, mounts: tuple[Reference, Reference], layers: Layers,
+    number: int | None,
+) -> Joint:
+    """A joint, or with a `number` that coordinate of it."""
     scope, spec, path, name = item.scope, item.spec, item.path, item.name
     turn, gap = layers.pick("turn"), layers.pick("gap")
     offset = 0.0
     limit, dynamics, drive = NO_LIMIT, NO_DYNAMICS, None
-    nodes = _nodes(table, layers)
-    if kind.coordinate is None:
+    nodes = _nodes(table, layers, number)
+    if twist is None:
         for key in ("limit", "dynamics", "offset", "drive"):
             if key in spec.model_fields_set and getattr(spec, key) is not None:
                 code = Code.DRIVE if key == "drive" else Code.JOINT_FIELD
@@ -124,15 +162,14 @@ def _joint(table: Table, item: Item[JointSpec], kind: JointKind, parent: Referen
                             help="take it out, or choose another `type`",
                             notes=scope.beside(f"it is {spec.type} here", (*path, "type"), (*path, key)))
     else:
-        limit = _limit(scope, item, kind, kind.coordinate, layers.sub("limit"))
-        dynamics = _dynamics(scope, name, kind.coordinate, layers.sub("dynamics"))
-        drive = _drive(table, scope, name, kind.coordinate, layers)
-        if spec.offset is not None:
-            offset = scope.number(spec.offset, (*path, "offset"), kind.coordinate, f"`offset` of joint `{name}`") or 0.0
-    lead = _lead(scope, spec, kind, name, path)
-    twists = kind.twists if lead is None else kind.with_lead(lead)
+        limit = _limit(scope, item, kind, twist.coordinate, layers.sub("limit", number))
+        dynamics = _dynamics(scope, name, twist.coordinate, layers.sub("dynamics", number))
+        drive = _drive(table, scope, name, twist.coordinate, layers.pick("drive", number))
+        said = layers.pick("offset", number)
+        if said is not None and not isinstance(said[0], (list, dict)):
+            offset = scope.number(*said, twist.coordinate, f"`offset` of joint `{name}`") or 0.0
     return Joint(
-        name=name, kind=kind.name, twist=twists[0] if twists else None, parent=parent, child=child, limit=limit, dynamics=dynamics,
+        name=name, of=name, kind=kind.name, twist=twist, parent=mounts[0], child=mounts[1], limit=limit, dynamics=dynamics,
         turn=(scope.number(*turn, ANGLE, f"`turn` of joint `{name}`") or 0.0) if turn else 0.0,
         gap=(scope.number(*gap, LENGTH, f"`gap` of joint `{name}`") or 0.0) if gap else 0.0,
         offset=offset, drive=drive, mimic=None, origin=scope.origin(path, key=True), loop=spec.loop,
@@ -166,19 +203,26 @@ def _lead(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path)
     return lead
 
 
-def _nodes(table: Table, layers: Layers) -> dict[str, Node]:
-    """What stands within the joint by dotted key; what the document's defaults say where the joint itself is silent."""
+def _nodes(table: Table, layers: Layers, number: int | None) -> dict[str, Node]:
+    """What stands within the joint by dotted key (of a coordinate what is its own); what the document's defaults say where the joint
+    itself is silent."""
     nodes: dict[str, Node] = {}
     for _, base in reversed(layers.items):
-        _collect(node_at(table.document.tree, base), "", nodes)
+        _collect(node_at(table.document.tree, base), "", nodes, number)
     return nodes
 
 
-def _collect(node: Node | None, prefix: str, nodes: dict[str, Node]) -> None:
+def _collect(node: Node | None, prefix: str, nodes: dict[str, Node], number: int | None) -> None:
     if isinstance(node, MappingNode):
         for key, child in node.entries.items():
-            nodes[prefix + key] = child
-            _collect(child, f"{prefix}{key}.", nodes)
+            own: Node | None = child
+            if number is not None and isinstance(child, SequenceNode):
+                own = child.items[number] if number < len(child.items) else None
+            elif number is not None and isinstance(child, MappingNode) and all(word.isdigit() for word in child.entries):
+                own = child.entries.get(str(number))
+            if own is not None:
+                nodes[prefix + key] = own
+                _collect(own, f"{prefix}{key}.", nodes, number)
 
 
 def _limit(scope: Scope, item: Item[JointSpec], kind: JointKind, coordinate: Dimension, layers: Layers) -> Limit:
@@ -231,9 +275,8 @@ def _dynamics(scope: Scope, name: str, coordinate: Dimension, layers: Layers) ->
     return Dynamics(**_values(scope, name, coordinate, "dynamics", layers, keys))
 
 
-def _drive(table: Table, scope: Scope, name: str, coordinate: Dimension, layers: Layers) -> Drive | None:
-    said = layers.pick("drive")
-    if said is None:
+def _drive(table: Table, scope: Scope, name: str, coordinate: Dimension, said: tuple[Any, Path] | None) -> Drive | None:
+    if said is None or isinstance(said[0], (list, dict)):
         return None
     spec, path = said
     if isinstance(spec, DriveSpec):

@@ -5,10 +5,9 @@ from __future__ import annotations
 from fnmatch import fnmatchcase
 
 from thingc.diagnostics import Code
-from thingc.joints import KINDS
 from thingc.resolve import references
 from thingc.resolve.layers import Layers
-from thingc.resolve.model import Cut, Hold
+from thingc.resolve.model import Cut, Hold, coordinate_path
 from thingc.resolve.references import GLOB, suggested
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Table
@@ -49,18 +48,18 @@ def cuts(table: Table, scope: Scope, layers: Layers) -> tuple[Cut, ...]:
         if pattern in joints:
             chosen.setdefault(pattern, at)
             continue
-        fitting = [name for name, joint in joints.items() if joint is not None and fnmatchcase(name, pattern)]
+        fitting = [name for name, joint in joints.items() if joint is not None and fnmatchcase(name.partition("[")[0], pattern)]
         for name in fitting:
             chosen.setdefault(name, at)
         if fitting or table.unsure_joints():
             continue
-        moving = [name for name, joint in joints.items() if joint is not None and KINDS[joint.kind].moves]
+        moving = [name for name, joint in joints.items() if joint is not None and joint.twist is not None]
         help = suggested(pattern, moving, what="joints")
         if GLOB.search(pattern):
             scope.error(Code.NO_MATCH, f"pattern `{pattern}` fits no joint", at, help=help)
         else:
             scope.error(Code.UNKNOWN_JOINT, f"there is no joint `{pattern}`", at, help=help)
     return tuple(
-        Cut(joint=name.replace(".", "/"), origin=scope.origin(chosen[name]))
-        for name, joint in joints.items() if name in chosen and joint is not None
+        Cut(joint=coordinate_path(name.partition("[")[0]), origin=scope.origin(chosen[name]))
+        for name, joint in joints.items() if name in chosen and joint is not None and (not name.endswith("]") or name.endswith("[0]"))
     )

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import replace
 
 from thingc.diagnostics import Code, Note
-from thingc.joints import KINDS
 from thingc.resolve import references
-from thingc.resolve.model import Mimic
+from thingc.resolve.layers import Layers
+from thingc.resolve.model import Joint, Mimic
 from thingc.resolve.repeats import Item
 from thingc.resolve.table import Table
 from thingc.slips import MAX_CIRCLE, circle_words
-from thingc.spec.assembly import JointSpec
+from thingc.source import Path
+from thingc.spec.assembly import JointSpec, MimicSpec
 from thingc.units import NUMBER, Quantity
 
 
@@ -20,31 +22,31 @@ def mimics(table: Table, items: Iterable[Item[JointSpec]]) -> None:
     """Add what mimics what to `table.joints`; a mimic that is wrong is reported and left out."""
     items = list(items)
     for item in items:
-        joint = table.joints.get(item.name)
-        if item.spec.mimic is None or joint is None:
-            continue
-        found = _mimic(table, item)
-        if found is not None:
-            table.joints[item.name] = replace(joint, mimic=found)
-    _break_cycles(table, {item.name: item for item in items})
+        own = [joint for joint in table.joints.values() if joint is not None and joint.of == item.name]
+        for number, joint in enumerate(own):
+            said = Layers(((item.spec, item.path),)).pick("mimic", None if len(own) == 1 else number)
+            found = _mimic(table, replace(item, name=joint.name), joint, *said) if said is not None else None
+            if found is not None:
+                table.joints[joint.name] = replace(joint, mimic=found)
+    _break_cycles(table, {name: item for item in items for name, joint in table.joints.items() if joint and joint.of == item.name})
 
 
-def _mimic(table: Table, item: Item[JointSpec]) -> Mimic | None:
-    spec, scope, joint = item.spec.mimic, item.scope, table.joints[item.name]
-    path = (*item.path, "mimic")
-    if spec is None or joint is None:
-        return None
-    coordinate = KINDS[joint.kind].coordinate
+def _mimic(table: Table, item: Item[JointSpec], joint: Joint, spec: MimicSpec, path: Path) -> Mimic | None:
+    scope = item.scope
+    if not isinstance(spec, MimicSpec):
+        return None  # a list where there is one coordinate: reported
+    coordinate = joint.twist.coordinate if joint.twist is not None else None
     if coordinate is None:
         scope.error(
             Code.MIMIC, f"joint `{item.name}` is {joint.kind} and does not move: it cannot mimic", path, key=True,
             help="take it out", notes=scope.beside(f"it is {joint.kind} here", (*item.path, "type"), path),
         )
         return None
-    parts = references.words(scope, spec.joint, (*path, "joint"))
+    whole, bracket, number = spec.joint.partition("[")
+    parts = references.words(scope, whole if re.fullmatch(r"\d+\]", number) else spec.joint, (*path, "joint"))
     if parts is None:
         return None
-    name = ".".join(parts)
+    name = ".".join(parts) + (bracket + number if re.fullmatch(r"\d+\]", number) else "")
     if name not in table.joints:
         others = [one for one in table.joints if one != item.name]
         hint = references.suggested(name, others, what="joints") if others else "there is no other joint in this document"
@@ -65,7 +67,7 @@ def _mimic(table: Table, item: Item[JointSpec]) -> Mimic | None:
     other = table.joints[name]
     if other is None:
         return None
-    followed = KINDS[other.kind].coordinate
+    followed = other.twist.coordinate if other.twist is not None else None
     if followed is None:
         scope.error(
             Code.MIMIC, f"joint `{item.name}` cannot mimic `{name}`, which is {other.kind} and does not move", (*path, "joint"),

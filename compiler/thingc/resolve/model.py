@@ -211,15 +211,23 @@ class Mimic(Brief):
     origin: Origin
 
 
+def coordinate_path(name: str) -> str:
+    """The path of a coordinate of a joint as a document calls it: `hand/wrist_0` of `hand.wrist[0]`."""
+    return name.replace(".", "/").replace("[", "_").removesuffix("]")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Joint(Brief):
     """An edge that moves (or a `fixed` one): it places the component that `child` belongs to, unless it closes a `loop`.
 
-    `twist` is what its coordinate does in the parent mount's frame (None: it has none).
+    One that has several coordinates is as many of these, next to each other: `of` is what the document calls it (`wrist`), `name` the
+    coordinate (`wrist[0]`, of a joint that has one the same as `of`), `twist` what that does in the parent mount's frame as those before it
+    have moved it (None: it has none).
     `spans` gives places within the joint by dotted key (`limit.lower`), `written` the values that stand there, for diagnostics.
     """
 
     name: str
+    of: str
     kind: str
     twist: Twist | None
     parent: Reference
@@ -235,6 +243,11 @@ class Joint(Brief):
     spans: dict[str, Span]
     written: dict[str, str] = field(default_factory=dict)
     loop: bool = False
+
+    @property
+    def path(self) -> str:
+        """What artifacts call the coordinate: `wrist_0`."""
+        return coordinate_path(self.name)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,7 +12,7 @@ from thingc.pose import NO_POSE, Pose, Vector
 from thingc.resolve import references
 from thingc.resolve.layers import Layers
 from thingc.resolve.loops import cuts, holds
-from thingc.resolve.model import Hold, Mode, Reference
+from thingc.resolve.model import Hold, Mode, Reference, coordinate_path
 from thingc.resolve.references import GLOB, suggested
 from thingc.resolve.scope import Scope
 from thingc.resolve.standing import standing
@@ -253,7 +253,7 @@ def driven(table: Table, scope: Scope, patterns: Sequence[tuple[str, Path]]) -> 
                 )
             chosen.add(pattern)
             continue
-        fitting = [name for name in known if fnmatchcase(name, pattern)]
+        fitting = [name for name in known if fnmatchcase(name, pattern) or fnmatchcase(name.partition("[")[0], pattern)]
         chosen.update(fitting)
         if fitting or table.unsure_joints():
             continue
@@ -267,7 +267,7 @@ def driven(table: Table, scope: Scope, patterns: Sequence[tuple[str, Path]]) -> 
                 Code.UNKNOWN_JOINT, f"there is no joint `{pattern}`", at,
                 help=suggested(pattern, known, what="driven joints"),
             )
-    return tuple(name.replace(".", "/") for name in known if name in chosen)
+    return tuple(coordinate_path(name) for name in known if name in chosen)
 
 
 def _exclude(table: Table, scope: Scope, contacts: Layers) -> tuple[tuple[Reference, Reference], ...]:

@@ -10,9 +10,9 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from thingc.diagnostics import Code, Note
-from thingc.joints import KINDS
 from thingc.resolve import references
-from thingc.resolve.model import Joint, NamedPose
+from thingc.resolve.layers import numbered
+from thingc.resolve.model import Joint, NamedPose, coordinate_path
 from thingc.resolve.references import GLOB, suggested
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Table
@@ -33,7 +33,10 @@ def poses(table: Table, scope: Scope) -> None:
         layers: tuple[Settings, Settings, Settings] = ({}, {}, {})  # nested poses, patterns, exact names
         for key, raw in entries.items():
             at = (*path, key)
-            if key in known:
+            several = [one for one in known if one.startswith(f"{key}[")]
+            if several or (key in known and isinstance(raw, (list, dict))):
+                _several(scope, known, key, several, raw, at, layers[2])
+            elif key in known:
                 _set(scope, known, [key], raw, at, layers[2], exact=True)
             elif isinstance(raw, str):
                 _use(table, scope, key, raw, at, layers[0])
@@ -45,11 +48,31 @@ def poses(table: Table, scope: Scope) -> None:
         said_of_it = (said[0] == scope.document.relative and said[2][:2] == path for said in scope.said)
         if scope.doubts.touch(path) or any(said_of_it):
             merged = {**_stand_ins(known, scope.origin(path, key=True)), **merged}
-        in_order = {path_: merged[path_] for one in known if (path_ := one.replace(".", "/")) in merged}
+        in_order = {path_: merged[path_] for one in known if (path_ := coordinate_path(one)) in merged}
         table.poses[name] = NamedPose(
             name=name, values={joint: q for joint, (q, _) in in_order.items()},
             origins={joint: origin for joint, (_, origin) in in_order.items()}, origin=scope.origin(path, key=True),
         )
+
+
+def _several(scope: Scope, known: Joints, key: str, names: list[str], raw: Any, path: Path, into: Settings) -> None:
+    """Set the coordinates `names` of a joint by a list, or a mapping by number."""
+    if names and isinstance(raw, (list, dict)) and all(numbered(raw, k) is None for k in range(len(names), len(names) + len(raw))):
+        for number, name in enumerate(names):
+            own = numbered(raw, number)
+            if own is not None:
+                _set(scope, known, [name], own[0], (*path, own[1]), into, exact=True)
+        return
+    joint = known[names[0] if names else key]
+    if joint is None:
+        return
+    shown = ", ".join("..." for _ in names)
+    scope.error(
+        Code.COORDINATES, f"joint `{key}` has {len(names)} coordinates: its value is a list of {len(names)}" if names
+        else f"joint `{key}` has one coordinate: its value is no list", path, key=True,
+        help=f"write `[{shown}]`, or set one alone: `{names[0]}`" if names else "write one value",
+        notes=_written(key, joint),
+    )
 
 
 def _stand_ins(known: Joints, origin: Origin) -> Settings:
@@ -60,9 +83,9 @@ def _stand_ins(known: Joints, origin: Origin) -> Settings:
         if joint is None or not _movable(joint):
             continue
         if joint.limit.lower is not None and joint.limit.lower > 0.0:
-            found[name.replace(".", "/")] = (joint.limit.lower, origin)
+            found[coordinate_path(name)] = (joint.limit.lower, origin)
         elif joint.limit.upper is not None and joint.limit.upper < 0.0:
-            found[name.replace(".", "/")] = (joint.limit.upper, origin)
+            found[coordinate_path(name)] = (joint.limit.upper, origin)
     return found
 
 
@@ -71,7 +94,7 @@ def _set(scope: Scope, known: Joints, names: list[str], raw: Any, path: Path, in
         joint = known[name]
         if joint is None:
             continue
-        coordinate = KINDS[joint.kind].coordinate
+        coordinate = joint.twist.coordinate if joint.twist is not None else None
         if coordinate is None:
             scope.error(
                 Code.POSE, f"joint `{name}` is {joint.kind} and has no coordinate to set", path, key=True, help="take it out",
@@ -95,7 +118,7 @@ def _set(scope: Scope, known: Joints, names: list[str], raw: Any, path: Path, in
             continue
         value = scope.number(raw, path, coordinate, what, notes=_written(name, joint))
         if value is not None:
-            into[name.replace(".", "/")] = (value, scope.origin(path))
+            into[coordinate_path(name)] = (value, scope.origin(path))
 
 
 def _written(name: str, joint: Joint) -> list[Note]:
@@ -104,7 +127,7 @@ def _written(name: str, joint: Joint) -> list[Note]:
 
 
 def _movable(joint: Joint | None) -> bool:
-    return joint is not None and joint.mimic is None and KINDS[joint.kind].coordinate is not None
+    return joint is not None and joint.mimic is None and joint.twist is not None
 
 
 def _pattern(table: Table, scope: Scope, known: Joints, key: str, raw: Any, path: Path, into: Settings) -> None:

@@ -6,9 +6,8 @@ import math
 from collections.abc import Iterator
 
 from thingc.diagnostics import Code
-from thingc.joints import KINDS
 from thingc.resolve import references
-from thingc.resolve.model import Sensor
+from thingc.resolve.model import Sensor, coordinate_path
 from thingc.resolve.references import suggested
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Table
@@ -52,7 +51,7 @@ def _joint(table: Table, scope: Scope, name: str, spec: SensorSpec, path: Path) 
     wanted = spec.joint if spec.joint is not None else name
     place: Path = (*path, "joint") if spec.joint is not None else path
     known = dict(table.all_joints())
-    moving = [one for one, joint in known.items() if joint is not None and KINDS[joint.kind].moves]
+    moving = [one for one, joint in known.items() if joint is not None and joint.twist is not None]
     if wanted not in known:
         if not table.unsure_joints():
             help = suggested(wanted, moving, what="joints")
@@ -63,10 +62,10 @@ def _joint(table: Table, scope: Scope, name: str, spec: SensorSpec, path: Path) 
     joint = known[wanted]
     if joint is None:
         return None
-    if not KINDS[joint.kind].moves:
+    if joint.twist is None:
         scope.error(
             Code.JOINT_FIELD, f"joint `{wanted}` is {joint.kind} and does not move: there is nothing to measure", place,
             key=spec.joint is None, help="measure a joint that moves, or a `force` at one of its mounts",
         )
         return None
-    return wanted.replace(".", "/")
+    return coordinate_path(wanted)

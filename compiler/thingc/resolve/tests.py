@@ -13,7 +13,7 @@ from thingc.diagnostics import Code
 from thingc.joints import KINDS
 from thingc.pose import Vector
 from thingc.resolve import references
-from thingc.resolve.model import Joint, JointRange, Mode, Reference, Test
+from thingc.resolve.model import Joint, JointRange, Mode, Reference, Test, coordinate_path
 from thingc.resolve.modes import components_fitting, driven
 from thingc.resolve.references import GLOB, suggested
 from thingc.resolve.scope import Scope
@@ -232,19 +232,19 @@ class Reader:
 
     def _range(self, name: str, joint: Joint, said: Any, key: Path) -> JointRange:
         """From where to where a joint goes."""
-        kind = KINDS[joint.kind]
+        kind, twist = KINDS[joint.kind], joint.twist
         low = joint.limit.lower if joint.limit.lower is not None else -math.pi
         high = joint.limit.upper if joint.limit.upper is not None else math.pi
-        if said != ALL and kind.coordinate is not None:
-            first, last = self.interval(said, key, kind.coordinate, f"the range of joint `{name}`")
-            shown = kind.twists[0].shown
+        if said != ALL and twist is not None:
+            first, last = self.interval(said, key, twist.coordinate, f"the range of joint `{name}`")
+            shown = twist.shown
             if kind.limits != "none" and (first < low - 1e-9 or last > high + 1e-9):
                 self.error(
                     Code.OUT_OF_RANGE, f"the range of joint `{name}` leaves its limits {shown(low)} to {shown(high)}", key,
                     help="write `all` for the whole range",
                 )
             low, high = first, last
-        return JointRange(joint=name.replace(".", "/"), lower=low, upper=high)
+        return JointRange(joint=coordinate_path(name), lower=low, upper=high)
 
 
 def _each(said: str | list[str], path: Path) -> list[tuple[str, Path]]:
@@ -253,4 +253,4 @@ def _each(said: str | list[str], path: Path) -> list[tuple[str, Path]]:
 
 
 def _movable(joint: Joint) -> bool:
-    return joint.mimic is None and KINDS[joint.kind].coordinate is not None
+    return joint.mimic is None and joint.twist is not None

@@ -18,6 +18,7 @@ from thingc.spec.fields import (
     DampingField,
     EffortField,
     FrictionField,
+    Index,
     InertiaField,
     JointValueField,
     LengthField,
@@ -342,13 +343,19 @@ class DriveSpec(Model):
 class JointDefaults(Model):
     """What `defaults: joint:` may set for every joint of this document."""
 
-    limit: LimitSpec | None = Field(default=None, examples=[{"lower": "-90 deg", "upper": "90 deg"}, {"lower": 0, "upper": "20 mm"}])
-    dynamics: DynamicsSpec | None = Field(default=None, examples=[{"damping": "0.02 N*m*s/rad", "friction": "0.05 N*m"}])
+    limit: LimitSpec | list[LimitSpec] | dict[Index, LimitSpec] | None = Field(
+        default=None, examples=[{"lower": "-90 deg", "upper": "90 deg"}, {"lower": 0, "upper": "20 mm"}],
+    )
+    """Where it stops, and how hard and fast it may be driven; of a joint with several coordinates a list."""
+    dynamics: DynamicsSpec | list[DynamicsSpec] | dict[Index, DynamicsSpec] | None = Field(
+        default=None, examples=[{"damping": "0.02 N*m*s/rad", "friction": "0.05 N*m"}],
+    )
+    """What it does by itself; of a joint with several coordinates a list."""
     turn: AngleField | None = None
     """A constant turn about and along the parent mount's z, before the motion."""
     gap: LengthField | None = None
     """A constant distance along the parent mount's z."""
-    drive: DriveSpec | ReferenceField | None = Field(
+    drive: DriveSpec | ReferenceField | list[DriveSpec | ReferenceField] | dict[Index, DriveSpec | ReferenceField] | None = Field(
         default=None, examples=["yaw_servo", {"kind": "position", "kp": "20 N*m/rad", "effort": "4 N*m"}],
     )
     """The component whose Thing is the actuator, or an actuator written here."""
@@ -366,11 +373,14 @@ class JointSpec(JointDefaults):
     """The mount that stays: `component.mount`."""
     child: ReferenceField
     """The mount that moves; its component is placed by this joint."""
-    offset: JointValueField | None = None
+    offset: JointValueField | list[JointValueField] | dict[Index, JointValueField] | None = None
     """Pose of the geometry at q = 0."""
     lead: LengthField | None = Field(default=None, examples=["8 mm", "-2 mm"])
     """Of a `screw` the advance in one turn; negative of a left-hand thread."""
-    mimic: MimicSpec | None = Field(default=None, examples=[{"joint": "left_jaw", "multiplier": -1}])
+    mimic: MimicSpec | list[MimicSpec] | dict[Index, MimicSpec] | None = Field(
+        default=None, examples=[{"joint": "left_jaw", "multiplier": -1}],
+    )
+    """The joint that it follows: q = multiplier * q(joint) + offset."""
     loop: bool = False
     """Closes a loop instead of placing the child."""
     repeat: RepeatSpec | None = Field(default=None, examples=[{"count": 6}])
@@ -414,7 +424,9 @@ class AssemblySpec(Model):
     """Names a link and picks its frame."""
     mounts: dict[Name, ReferenceField] = Field(default={}, examples=[{"base": "plate.bottom", "tip": "hand.tip"}])
     """Frames this assembly shows to a parent assembly."""
-    poses: dict[Name, dict[str, JointValueField]] = Field(default={}, examples=[{"home": {"yaw": "30 deg", "leg_*.knee": "-90 deg"}}])
+    poses: dict[Name, dict[str, JointValueField | list[JointValueField] | dict[Index, JointValueField]]] = Field(
+        default={}, examples=[{"home": {"yaw": "30 deg", "leg_*.knee": "-90 deg"}}],
+    )
     """Positions of joints, by name of the pose; what is not set is at 0."""
     modes: dict[Name, ModeSpec] = Field(default={}, examples=[{"bench": {"root": "plate", "pose": "home"}}])
     """One simulation model each; the first is the default."""

@@ -335,6 +335,13 @@ def name_of(value: Any) -> str:
     raise fault("name", f"`{shortened(value)}` is no name: a letter, then letters, digits and `_`", help=help)
 
 
+def _index(value: Any) -> str:
+    """The number of one of several, from 0."""
+    if isinstance(value, str) and value.isdecimal() and value.isascii() and len(value) < 3:
+        return value
+    raise fault("name", f"expected the number of a coordinate such as `0`, found {found(value)}")
+
+
 _REFERENCE_WORD = re.compile(
     r"(?:[A-Za-z*?\[]|\$\{?[A-Za-z])(?:[A-Za-z0-9_*?\[\]!-]|\$\{?[A-Za-z][A-Za-z0-9_]*\}?)*", re.ASCII,
 )
@@ -428,6 +435,7 @@ _ANY_SCHEMA = {
     "examples": ["120 mm", 6, "=reach / 2", True],
     "type": ["string", "number", "boolean"], "pattern": ANY_VALUE,
 }
+_INDEX_SCHEMA = {"type": "string", "pattern": "^[0-9]$"}
 _NAME_SCHEMA = {"type": "string", "pattern": "^[A-Za-z][A-Za-z0-9_]*$", "examples": ["shoulder"]}
 REFERENCE_PATTERN = rf"^{_REFERENCE_WORD.pattern}(\.{_REFERENCE_WORD.pattern})*$"
 """What the schema says of a text that is a reference."""
@@ -466,6 +474,7 @@ if TYPE_CHECKING:
     Vector3Angle = Vector
     Vector3Acceleration = Vector
     Name = str
+    Index = str
     ReferenceField = str
     ColorField = str
     CostField = str
@@ -479,6 +488,7 @@ else:
     Vector3Angle = _vector(ANGLE)
     Vector3Acceleration = _vector(ACCELERATION)
     Name = Annotated[str, Checked(name_of, "a name", _NAME_SCHEMA)]
+    Index = Annotated[str, Checked(_index, "the number of a coordinate", _INDEX_SCHEMA)]
     ReferenceField = Annotated[str, Checked(_reference, "a reference", _REFERENCE_SCHEMA)]
     ColorField = Annotated[str, Checked(_color, "a colour", _COLOR_SCHEMA)]
     CostField = Annotated[str, Checked(_cost, "an amount and a currency", _COST_SCHEMA)]

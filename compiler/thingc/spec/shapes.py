@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel
 
 from thingc.slips import nearest
-from thingc.spec.fields import Checked
+from thingc.spec.fields import Checked, Index
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,6 +34,11 @@ class Shape:
     field: Checked | None = None
 
     @property
+    def by_number(self) -> bool:
+        """Whether it is a mapping by the numbers of coordinates."""
+        return self.kind == "dict" and get_args(self.annotation)[0] is Index
+
+    @property
     def words(self) -> str:
         """What is expected, in the words of documents."""
         if self.kind == "model":
@@ -50,7 +55,10 @@ class Shape:
         if self.kind == "union":
             shapes = [shape_of(member) for member in self.members]
             some = any(shape.kind == "model" for shape in shapes)
-            return " or ".join(shape.words for shape in shapes if not (some and shape.kind == "dict"))
+            numbered = any(shape.by_number for shape in shapes)  # of which there may be several, in a list or by number
+            return " or ".join(
+                shape.words for shape in shapes if not (some and shape.kind == "dict" or numbered and shape.kind in ("list", "dict"))
+            )
         return {"dict": "a mapping", "list": "a list", "text": "text", "flag": "true or false", "number": "a number"}[self.kind]
 
 
@@ -99,6 +107,9 @@ def branch_of(shape: Shape, value: Any) -> Shape | None:
     branches = alternatives(shape)
     if isinstance(value, dict):
         fitting = [branch for branch in branches if branch.kind in ("model", "dict")]
+        if any(branch.by_number for branch in fitting):
+            numbered = bool(value) and all(key.isdigit() for key in value)
+            fitting = [branch for branch in fitting if branch.by_number == numbered] or fitting
         return max(fitting, key=lambda branch: likeness(branch, value)) if fitting else None
     if isinstance(value, list):
         return next((branch for branch in branches if branch.kind in ("list", "field")), None)

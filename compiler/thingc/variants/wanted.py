@@ -76,9 +76,8 @@ def check_margin(
 
 def moving_joints(model: AssemblyDefinition, prefix: str = "") -> Iterator[str]:
     """The paths of all joints that move, nested ones included."""
-    for joint in model.joints:
-        if joint.kind != "fixed":
-            yield prefix + joint.name
+    for name in dict.fromkeys(joint.of for joint in model.joints if joint.kind != "fixed"):
+        yield prefix + name
     for component in model.components:
         if isinstance(component.definition, AssemblyDefinition):
             yield from moving_joints(component.definition, f"{prefix}{component.name}/")
