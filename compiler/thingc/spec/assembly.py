@@ -373,7 +373,7 @@ class JointSpec(JointDefaults):
     """The mount that stays: `component.mount`."""
     child: ReferenceField
     """The mount that moves; its component is placed by this joint."""
-    offset: JointValueField | list[JointValueField] | dict[Index, JointValueField] | None = None
+    offset: JointValueField | list[JointValueField] | dict[Index, JointValueField] | None = Field(default=None, examples=["30 deg"])
     """Pose of the geometry at q = 0."""
     lead: LengthField | None = Field(default=None, examples=["8 mm", "-2 mm"])
     """Of a `screw` the advance in one turn; negative of a left-hand thread."""
