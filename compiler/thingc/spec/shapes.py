@@ -112,6 +112,10 @@ def branch_of(shape: Shape, value: Any) -> Shape | None:
             fitting = [branch for branch in fitting if branch.by_number == numbered] or fitting
         return max(fitting, key=lambda branch: likeness(branch, value)) if fitting else None
     if isinstance(value, list):
+        listed = next((branch for branch in branches if branch.kind == "list"), None)
+        mappings = listed is not None and any(branch.by_number for branch in branches) and shape_of(listed.members[0]).kind == "model"
+        if mappings and not any(isinstance(item, dict) for item in value):
+            return None  # `limit: [-90 deg, 90 deg]`: no list of limits
         return next((branch for branch in branches if branch.kind in ("list", "field")), None)
     if isinstance(value, str):
         literal = next((branch for branch in branches if branch.kind == "literal"), None)
