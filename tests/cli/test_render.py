@@ -19,6 +19,8 @@ from PIL import Image
 
 import thingc
 from conformance.harness import thingc as command
+from loops.robots import compiled
+from modes.test_several_coordinates import GANTRY
 from thingc.cli import marks
 from thingc.cli.main import main
 from thingc.pose import NO_POSE
@@ -320,13 +322,28 @@ def test_an_axis_is_that_of_mujoco(posed_arm: Any) -> None:
     """`drawing` crosses every joint backwards, so MuJoCo's axes, which the child turns about in the tree, are the document's turned
     round: the same lines the other way."""
     robot, model, data = posed_arm
-    drawn = {mark.label: placed(mark, data, 0.1)[0] for mark in marks.joints(robot)}
+    drawn = {mark.label: placed(mark, data, 0.1)[0] for mark in marks.joints(robot, {})}
     assert list(drawn) == ["yaw", "shoulder", "elbow", "wrist"] and model.njnt == 4
     for name, line in drawn.items():
         joint = data.joint(name)
         along = (line[-1] - line[0]) / np.linalg.norm(line[-1] - line[0])
         np.testing.assert_allclose(along, -joint.xaxis, atol=1e-9)
         np.testing.assert_allclose(np.cross(line[0] - joint.xanchor, along), 0.0, atol=1e-9)
+
+
+def test_every_coordinate_of_a_joint_has_its_axis(tmp_path: Path) -> None:
+    """In a pose: MuJoCo turns the second axis of a universal joint with the first, too."""
+    gantry = compiled(tmp_path, GANTRY)
+    robot, model = gantry.robot("stand"), gantry.model("stand")
+    (frame,) = (frame for frame in robot.keyframes if frame.name == "home")
+    data = posed(model, "home")
+    drawn = {mark.label: placed(mark, data, 0.1)[0] for mark in marks.joints(robot, frame.q)}
+    assert list(drawn) == ["table[0]", "table[1]", "table[2]", "wrist[0]", "wrist[1]", "ram[0]", "ram[1]"]
+    for label, line in drawn.items():
+        joint = data.joint(label.replace("[", "_").removesuffix("]"))
+        np.testing.assert_allclose((line[-1] - line[0]) / np.linalg.norm(line[-1] - line[0]), joint.xaxis, atol=1e-9)
+        if label not in ("table[0]", "table[1]", "ram[1]"):  # of a slide the place means nothing
+            np.testing.assert_allclose(np.cross(line[0] - joint.xanchor, joint.xaxis), 0.0, atol=1e-9)
 
 
 def test_all_mounts_of_a_component(posed_arm: Any) -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 
 from thingc.graph.types import Assembly
 from thingc.pipeline import UnknownChoice
-from thingc.pose import Pose
+from thingc.pose import NO_POSE, Pose, Vector, cross, turned_about, turned_x
 from thingc.render.frames import Axis, Frame, Mark
 from thingc.robot.types import Robot
 from thingc.slips import did_you_mean
@@ -39,12 +40,15 @@ def mounts_of(robot: Robot, wanted: Sequence[str]) -> Iterator[Mark]:
             yield from (_mount(assembly, one.index, mount) for mount in one.mounts)
 
 
-def joints(robot: Robot) -> Iterator[Mark]:
-    """The axis of every joint, as its documents mean it: z of the parent's mount."""
+def joints(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
+    """The axis of every coordinate of every joint, as its documents mean it: in the parent's mount, as the coordinates before it have
+    moved that at `q` [rad or m by path]."""
     for mate in robot.assembly.mates:
-        for joint in mate.joints:
-            body, pose = _on_link(robot.assembly, mate.parent, mate.X_PJ)
-            yield Axis(label=_dotted(joint.path), body=body, pose=pose, slides=not joint.twist.turns)
+        body, pose = _on_link(robot.assembly, mate.parent, mate.X_PJ)
+        for number, joint in enumerate(mate.joints):
+            label = _dotted(mate.name or joint.path) + (f"[{number}]" if len(mate.joints) > 1 else "")
+            yield Axis(label=label, body=body, pose=pose @ _along(joint.twist.axis), slides=not joint.twist.turns)
+            pose = pose @ joint.twist.exponential(q.get(joint.path, 0.0) + joint.offset)
 
 
 def root(robot: Robot) -> Iterator[Mark]:
@@ -66,6 +70,17 @@ def _on_link(assembly: Assembly, occurrence: int, pose: Pose) -> tuple[str, Pose
     """The link of an occurrence, and a pose of the occurrence's frame in that of the link."""
     link = assembly.links[assembly.link_of[occurrence]]
     return link.name, link.poses[link.members.index(occurrence)] @ pose
+
+
+def _along(axis: Vector) -> Pose:
+    """A frame whose z is a unit vector."""
+    if axis == (0.0, 0.0, 1.0):
+        return NO_POSE
+    across = cross((0.0, 0.0, 1.0), axis)
+    size = math.hypot(*across)
+    if size == 0.0:
+        return turned_x(math.pi)
+    return Pose(rotation=turned_about((across[0] / size, across[1] / size, across[2] / size), math.atan2(size, axis[2])))
 
 
 def _dotted(path: str) -> str:

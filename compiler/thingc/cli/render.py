@@ -7,7 +7,7 @@ import math
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 from thingc.cli import common
@@ -107,7 +107,7 @@ def _render(arguments: argparse.Namespace, compilation: Compilation) -> list[Dia
         return found
     robot = compilation.robots[0]
     pose = _pose(robot, arguments.pose, compilation.document)
-    marks = _marks(robot, arguments)
+    marks = _marks(robot, arguments, next((frame.q for frame in robot.keyframes if frame.name == pose), {}))
     ready()
     compilation.robots = (robot,)
     artifacts = compilation.emit(["mjcf"])["mjcf"]
@@ -135,14 +135,14 @@ def _render(arguments: argparse.Namespace, compilation: Compilation) -> list[Dia
     return found
 
 
-def _marks(robot: Robot, arguments: argparse.Namespace) -> list[Mark]:
-    """What is to be drawn over the picture, each thing once. Raises `UnknownChoice`."""
+def _marks(robot: Robot, arguments: argparse.Namespace, q: Mapping[str, float]) -> list[Mark]:
+    """What is to be drawn over the picture at `q`, each thing once. Raises `UnknownChoice`."""
     if not (arguments.mounts or arguments.mounts_of or arguments.joints or arguments.root):
         return []
     from thingc.cli import marks
 
     found = [
-        *(marks.root(robot) if arguments.root else ()), *(marks.joints(robot) if arguments.joints else ()),
+        *(marks.root(robot) if arguments.root else ()), *(marks.joints(robot, q) if arguments.joints else ()),
         *(marks.mounts(robot) if arguments.mounts else ()), *marks.mounts_of(robot, arguments.mounts_of),
     ]
     return list(dict.fromkeys(found))
