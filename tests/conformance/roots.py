@@ -156,21 +156,22 @@ def at_rest(models: Models, part: str, rest: Mapping[str, Array]) -> list[str]:
 
 
 def described(tree: Mapping[str, Any], model: mujoco.MjModel, q: Mapping[str, float]) -> list[str]:
-    """X_PL(q) = X_PJ motion(q) inv(X_PJ) X_PL(0), as `modes.json` says of hinges, gives MuJoCo's poses of links."""
+    """X_PC(q) = X_PJ motion(q + offset) inv(X_CJ), as `modes.json` says of joints that turn about one axis, gives MuJoCo's poses of
+    links."""
     said: list[str] = []
-    rest = {link["name"]: np.array(link["X_root_link"]) for link in tree["links"]}
     root = tree["links"][0]["name"]
     data = sim.at(model, q)
     expected = {root: np.eye(4)}
     for joint in tree["joints"]:
-        if data.joint(joint["name"]).qpos[0] != data.qpos[joint["qpos"]] or model.joint(joint["name"]).dofadr[0] != joint["dof"]:
+        (turn,) = joint["coordinates"]
+        (inside,) = turn["in_model"]
+        if [*data.joint(inside).qpos] != [*data.qpos[turn["qpos"]]] or [*model.joint(inside).dofadr] != turn["dof"]:
             said.append(f"{joint['name']} has other addresses")
-        axis, frame = np.array(joint["axis"]), np.array(joint["X_PJ"])
-        angle = q[joint["name"]]
+        axis = np.array(turn["angular"])
+        angle = q[turn["name"]] + turn["offset"]
         motion = sim.pose(np.zeros(3), sim.turned(np.array([np.cos(angle / 2), *(np.sin(angle / 2) * axis)])))
-        parent, child = joint["parent"], joint["child"]
-        zero = np.linalg.inv(rest[parent]) @ rest[child]
-        expected[child] = expected[parent] @ frame @ motion @ np.linalg.inv(frame) @ zero
+        moved = np.array(joint["X_PJ"]) @ motion @ np.linalg.inv(joint["X_CJ"])
+        expected[joint["child"]] = expected[joint["parent"]] @ (np.linalg.inv(moved) if joint["reversed"] else moved)
     if root != root_of(model) or sorted(expected) != sim.links(model):
         said.append(f"other links: {sorted(expected)}, rooted at {root}")
         return said

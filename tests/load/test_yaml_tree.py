@@ -312,7 +312,7 @@ def only(report: Report) -> tuple[Code, str, str | None, tuple[int, int, int, in
 @pytest.mark.parametrize(("text", "code", "message", "help", "place"), [
     ("a: 1\nb: 2\na: 3\n", Code.DUPLICATE_KEY, "the key `a` is written twice", "remove or rename one of them", (3, 1, 3, 2)),
     ("a: {x: 1, x: 2}\n", Code.DUPLICATE_KEY, "the key `x` is written twice", "remove or rename one of them", (1, 11, 1, 12)),
-    ("1: x\n", Code.KEY_NOT_TEXT, "a key must be text, found the number `1`", 'write `"1"`', (1, 1, 1, 2)),
+    ("1.5: x\n", Code.KEY_NOT_TEXT, "a key must be text, found the number `1.5`", 'write `"1.5"`', (1, 1, 1, 4)),
     ("true: x\n", Code.KEY_NOT_TEXT, "a key must be text, found the word `true`", 'write `"true"`', (1, 1, 1, 5)),
     ("a: {: x}\n", Code.SYNTAX, "a key is missing before the `:`", None, (1, 5, 1, 6)),
     ("a:\n  : x\n", Code.SYNTAX, "a key is missing before the `:`", None, (2, 3, 2, 4)),
@@ -360,7 +360,7 @@ def test_a_second_key_is_shown_with_the_first() -> None:
 @pytest.mark.parametrize(("text", "value"), [
     ("a: 1\na: 2\nb: 3\n", {"a": 1, "b": 3}),
     ("a: !!str 3\n", {"a": 3}),
-    ("1: x\nb: 2\n", {"b": 2}),
+    ("1.5: x\nb: 2\n", {"b": 2}),
     ("{length: =min(a, 80 mm), depth: =max(a, 80 mm), b: 2}\n", {"length": "=min(a, 80 mm)", "depth": "=max(a, 80 mm)", "b": 2}),
     ("[0, =max(a, min(b, c), 1), 3 mm]\n", [0, "=max(a, min(b, c), 1)", "3 mm"]),
     ("{a: =min(b,\n  c)}\n", {"a": "=min(b, c)"}),

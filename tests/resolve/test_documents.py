@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from resolve.resolving import run
@@ -161,6 +161,7 @@ SCALARS = [
 
 @settings(max_examples=250, deadline=None)
 @given(st.integers(0, 10**9))
+@example(106889)  # a list for a pattern of joints
 def test_nothing_written_makes_the_pass_raise(tmp_path_factory: pytest.TempPathFactory, seed: int) -> None:
     """Documents with values swapped for others, keys dropped and renamed: a report, never an exception."""
     chance = random.Random(seed)

@@ -40,6 +40,8 @@ def poses(table: Table, scope: Scope) -> None:
                 _set(scope, known, [key], raw, at, layers[2], exact=True)
             elif isinstance(raw, str):
                 _use(table, scope, key, raw, at, layers[0])
+            elif GLOB.search(key) and isinstance(raw, (list, dict)):
+                _pattern_of_several(scope, known, key, raw, at, layers[1])
             elif GLOB.search(key):
                 _pattern(table, scope, known, key, raw, at, layers[1])
             else:
@@ -146,6 +148,22 @@ def _pattern(table: Table, scope: Scope, known: Joints, key: str, raw: Any, path
         scope.error(
             Code.NO_MATCH, f"pattern `{key}` fits no joint", path, key=True,
             help=suggested(key, [name for name in known if _movable(known[name])], what="joints"),
+        )
+
+
+def _pattern_of_several(scope: Scope, known: Joints, key: str, raw: Any, path: Path, into: Settings) -> None:
+    """Set the coordinates of every joint that has several and fits a pattern by a list, or a mapping by number."""
+    coordinates: dict[str, list[str]] = {}
+    for name in known:
+        joint, bracket, _ = name.partition("[")
+        if bracket and fnmatchcase(joint, key):
+            coordinates.setdefault(joint, []).append(name)
+    for joint, names in coordinates.items():
+        _several(scope, known, joint, names, raw, path, into)
+    if not coordinates and not any(joint is None for joint in known.values()):
+        scope.error(
+            Code.COORDINATES, f"pattern `{key}` fits no joint of several coordinates: its value is no list", path, key=True,
+            help="write one value",
         )
 
 

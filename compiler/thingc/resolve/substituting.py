@@ -127,9 +127,10 @@ def _no_such(
 
 
 def _unfinished(path: str, shape: Shape, node: Node | None) -> tuple[str, str] | None:
-    """What to say where a path ends before a value: at something that is a mapping and nothing else."""
+    """What to say where a path ends before a value: at something that is a mapping, or a list of them, and nothing else."""
     branches = alternatives(shape)
-    if any(branch.kind not in ("model", "dict") for branch in branches):
+    kinds = {branch.kind for branch in branches}
+    if not kinds & {"model", "dict"} or kinds - {"model", "dict", "list"}:
         return None
     inside = [key for branch in branches if branch.model is not None for key in model_keys(branch.model)]
     inside += node.entries if isinstance(node, MappingNode) else ()
