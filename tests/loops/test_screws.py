@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from loops.robots import BALL, Built, compiled, pose_of
+from modes.switching_robots import assert_said
 from thingc.modes import Modes
 
 LEAD = 0.008
@@ -134,14 +135,7 @@ def test_modes_switch_with_a_screw(press: Built) -> None:
     assert list(data.qpos) == pytest.approx(list(modes["loose"].qpos(start))) and list(data.qvel) == pytest.approx(
         list(modes["loose"].qvel(start))
     )
-    for name, X in modes["loose"].poses(start).items():
-        assert np.abs(pose_of(data.body(name)) - X).max() < 1e-12
-    twists = modes["loose"].twists(start)
-    for name, twist in twists.items():
-        found = np.zeros(6)
-        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, model.body(name).id, found, 0)
-        spin = pose_of(data.body(name))[:3, :3].T @ found[:3]
-        assert np.concatenate([found[3:], spin]) == pytest.approx(twist, abs=1e-12)
+    assert_said(modes["loose"], start, data)
     there = modes.switch(start, "hung", on_motion="drop").state
     back = modes.switch(there, "loose").state
     assert back.q == pytest.approx(start.q, abs=1e-12)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
+import pytest
 
 from graph.builder import (
     Array,
@@ -31,6 +32,8 @@ from thingc.emit.mjcf import target as mjcf
 from thingc.emit.request import EmitRequest
 from thingc.graph.types import Assembly
 from thingc.modes import Modes
+from thingc.modes.state import State
+from thingc.modes.tree import Mode
 from thingc.realize.store import Store
 from thingc.robot import root
 
@@ -136,6 +139,15 @@ def bodies(data: mujoco.MjData) -> dict[str, tuple[Array, Array]]:
         mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, number, velocity, 0)
         found[model.body(number).name] = X, np.concatenate([velocity[3:], velocity[:3]])
     return found
+
+
+def assert_said(mode: Mode, state: State, data: mujoco.MjData) -> None:
+    """What `thingc.modes` says of every link, its pose and its twist (linear in world axes, angular in its own), is MuJoCo's."""
+    twists, found = mode.twists(state), bodies(data)
+    for link, X in mode.poses(state).items():
+        own, velocity = found[link]
+        assert np.abs(own - X).max() < 1e-12
+        assert np.concatenate([velocity[:3], X[:3, :3].T @ velocity[3:]]) == pytest.approx(twists[link], abs=1e-12)
 
 
 def joints_of(data: mujoco.MjData) -> dict[str, tuple[float, float]]:

@@ -6,7 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from loops.robots import BALL, Built, compiled, pose_of
+from loops.robots import BALL, Built, compiled
+from modes.switching_robots import assert_said
 from thingc.modes import Modes
 
 GANTRY = f"""
@@ -81,13 +82,7 @@ def test_a_state_told_in_another_mode_is_the_same_motion(gantry: Built) -> None:
         mujoco.mj_forward(model, data)
         assert modes.read(name, data).q == pytest.approx(state.q)
         assert list(modes[name].qpos(state)) == pytest.approx(list(data.qpos))
-        twists = modes[name].twists(state)
-        for link, X in modes[name].poses(state).items():
-            assert np.abs(pose_of(data.body(link)) - X).max() < 1e-12
-            found = np.zeros(6)
-            mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_XBODY, model.body(link).id, found, 0)
-            spin = X[:3, :3].T @ found[:3]
-            assert np.concatenate([found[3:], spin]) == pytest.approx(twists[link], abs=1e-12)
+        assert_said(modes[name], state, data)
     one, other = modes["loose"].poses(start), modes["hand"].poses(held)
     for link in one:
         assert np.linalg.inv(one["rod"]) @ one[link] == pytest.approx(np.linalg.inv(other["rod"]) @ other[link], abs=1e-12)

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from thingc.resolve.tests import Reader
     from thingc.testing.results import Case
 
-DECIMALS = 7
-"""Heights [m] are rounded to these: vertices of meshes have single precision."""
 LISTED = 5
 """Further parts that a message names."""
 
@@ -66,7 +64,7 @@ def read(written: GroundClearanceTest, reader: Reader) -> GroundClearance:
 def run(case: Case, check: GroundClearance) -> Outcome:
     """The height of the lowest part over the plane."""
     expected: dict[str, Measure] = {"at_least": check.least, "plane": check.plane}
-    heights = sorted((round(low - check.plane, DECIMALS) + 0.0, path) for low, path in _lowest(case, check))
+    heights = sorted(_heights(case, check))
     if not heights:
         shapeless = Failure(code=Code.TEST_CLEARANCE, key="except", message="no part that is looked at has a shape")
         return Outcome(measured={}, expected=expected, said="no shape", failure=shapeless)
@@ -88,12 +86,12 @@ def run(case: Case, check: GroundClearance) -> Outcome:
     )
 
 
-def _lowest(case: Case, check: GroundClearance) -> Iterator[tuple[float, str]]:
-    """The lowest z [m] of parts in the world, each with its path: of the lowest part, and of every one that is too low. Others are left
-    out where their boxes show that they are higher."""
+def _heights(case: Case, check: GroundClearance) -> Iterator[tuple[float, str]]:
+    """How high [m] the lowest points of parts are over the plane, each with its path: of the lowest part, and of every one that is too
+    low. Others are left out where their boxes show that they are higher."""
     from thingc.realize.outline import outline
     from thingc.robot import occurrence_poses
-    from thingc.robot.standing import ROUNDING, of_box, of_points, vertices
+    from thingc.robot.standing import DECIMALS, ROUNDING, of_box, of_points, vertices
 
     spared = {index for reference in check.spared for index in case.linked.components[reference]}
     poses = occurrence_poses(case.robot, case.frames[0].q, case.frames[0].base)
@@ -110,7 +108,7 @@ def _lowest(case: Case, check: GroundClearance) -> Iterator[tuple[float, str]]:
         points = memo(("true outline", path), partial(vertices, partial(outline, store), mesh), mesh.sha256)
         low = pose.translation[2] + of_points(points, pose.rotation[2])
         lowest = min(lowest, low)
-        yield low, path
+        yield round(low - check.plane, DECIMALS) + 0.0, path
 
 
 def _over(height: float) -> str:

@@ -41,8 +41,8 @@ class Mirror:
     def mount(self, pose: Pose) -> Pose:
         """The image of a mount, right-handed again: its origin, x and z are mirrored, its y is `z x x`, the image of y reversed."""
         x, y, z = (self.vector(column) for column in zip(*pose.rotation, strict=True))
-        rotation = tuple((x[k], -y[k] + 0.0, z[k]) for k in range(3))
-        return Pose(rotation=rotation, translation=self.vector(pose.translation))  # type: ignore[arg-type]
+        a, b, c = ((x[k], -y[k] + 0.0, z[k]) for k in range(3))
+        return Pose(rotation=(a, b, c), translation=self.vector(pose.translation))
 
     def keeps(self, pose: Pose) -> bool:
         """Whether the image of a mount is at the same place and looks the same way."""

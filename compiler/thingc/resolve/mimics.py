@@ -17,6 +17,9 @@ from thingc.source import Path
 from thingc.spec.assembly import JointSpec, MimicSpec
 from thingc.units import NUMBER, Quantity
 
+_COORDINATE = re.compile(r"(.*)(\[\d+\])")
+"""`wrist[0]`: a joint, and which of its coordinates."""
+
 
 def mimics(table: Table, items: Iterable[Item[JointSpec]]) -> None:
     """Add what mimics what to `table.joints`; a mimic that is wrong is reported and left out."""
@@ -42,11 +45,12 @@ def _mimic(table: Table, item: Item[JointSpec], joint: Joint, spec: MimicSpec, p
             help="take it out", notes=scope.beside(f"it is {joint.kind} here", (*item.path, "type"), path),
         )
         return None
-    whole, bracket, number = spec.joint.partition("[")
-    parts = references.words(scope, whole if re.fullmatch(r"\d+\]", number) else spec.joint, (*path, "joint"))
+    numbered = _COORDINATE.fullmatch(spec.joint)
+    whole, number = numbered.groups() if numbered is not None else (spec.joint, "")
+    parts = references.words(scope, whole, (*path, "joint"))
     if parts is None:
         return None
-    name = ".".join(parts) + (bracket + number if re.fullmatch(r"\d+\]", number) else "")
+    name = ".".join(parts) + number
     if name not in table.joints:
         others = [one for one in table.joints if one != item.name]
         hint = references.suggested(name, others, what="joints") if others else "there is no other joint in this document"
