@@ -256,23 +256,27 @@ def test_jobs_of_submitit_write_what_the_local_engine_writes(tmp_path: Path, sha
     assert not [path for path in there.iterdir() if path.name.startswith(".thingc-jobs")]
 
 
+def running_job(process: subprocess.Popen[str]) -> psutil.Process:
+    """A job of submitit of this batch that has runners of its own: between two jobs there is none for a moment."""
+    deadline = time.monotonic() + 60.0
+    while time.monotonic() < deadline:
+        for one in descendants(process.pid):
+            with contextlib.suppress(psutil.NoSuchProcess):
+                if "submitit.core._submit" in " ".join(one.cmdline()) and "thingc.variants.runner" in str(
+                    [child.cmdline() for child in one.children()]
+                ):
+                    return one
+        time.sleep(0.05)
+    raise AssertionError("no job was seen at work")
+
+
 @pytest.mark.slow
 def test_a_killed_job_is_done_again(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path, faults=listed(dict.fromkeys(range(24), "slow")))
     env = environment(shared_store, with_emitter(tmp_path))
     process = started(here, env, "--cluster", "slurm:cluster=local", "--jobs", "2")
     wait_for_lines(here, 1, process)  # of the first jobs; now the larger ones are under way
-    deadline = time.monotonic() + 60.0
-    victim: psutil.Process | None = None
-    while victim is None and time.monotonic() < deadline:
-        for one in descendants(process.pid):
-            with contextlib.suppress(psutil.NoSuchProcess):
-                if "submitit.core._submit" in " ".join(one.cmdline()) and "thingc.variants.runner" in str(
-                    [child.cmdline() for child in one.children()]
-                ):
-                    victim = one
-        time.sleep(0.05)
-    assert victim is not None
+    victim = running_job(process)
     victim.send_signal(signal.SIGKILL)
     out, err = process.communicate(timeout=120)
     assert process.returncode == 0 and "24 variants: 24 built" in err, err
@@ -285,6 +289,7 @@ def test_an_interrupt_cancels_the_jobs(tmp_path: Path, shared_store: str) -> Non
     env = environment(shared_store, with_emitter(tmp_path))
     process = started(here, env, "--cluster", "slurm:cluster=local", "--jobs", "2")
     wait_for_lines(here, 1, process)
+    running_job(process)
     running = descendants(process.pid)
     process.send_signal(signal.SIGTERM)
     _, err = process.communicate(timeout=60)
