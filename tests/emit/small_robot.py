@@ -29,6 +29,7 @@ from thingc.realize.record import PartDefinition, PartRecord, Value, definition_
 from thingc.realize.store import Store
 from thingc.resolve.model import (
     BomEntry,
+    CoordinateName,
     Dynamics,
     Limit,
     Material,
@@ -113,11 +114,13 @@ def occurrences(store: Store) -> tuple[Occurrence, ...]:
 
 
 YAW = JointEdge(
-    path="yaw", kind="revolute", twist=KINDS["revolute"].twists[0], limit=Limit(lower=-2.0, upper=2.0), dynamics=Dynamics(), offset=0.3,
+    name=CoordinateName("yaw"), kind=KINDS["revolute"], twist=KINDS["revolute"].twists[0],
+    limit=Limit(lower=-2.0, upper=2.0), dynamics=Dynamics(), offset=0.3,
     mimic=None, actuator=None, origin=(span(40),),
 )
 LIFT = replace(
-    YAW, path="hand/lift", kind="prismatic", twist=KINDS["prismatic"].twists[0], offset=0.01, limit=Limit(lower=0.0, upper=0.05),
+    YAW, name=CoordinateName("hand.lift"), kind=KINDS["prismatic"], twist=KINDS["prismatic"].twists[0], offset=0.01,
+    limit=Limit(lower=0.0, upper=0.05),
 )
 
 X_PLATE_J = placed((0.01, 0.02, 0.03), (0.2, -0.4, 1.1))

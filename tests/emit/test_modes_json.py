@@ -60,7 +60,7 @@ def from_mates(whole: Assembly, q: dict[str, float]) -> dict[int, Matrix]:
         for joint in mate.joints:
             value = q[joint.path] + joint.offset
             z = np.array([0.0, 0.0, 1.0])
-            X = X @ (turn(z, value) if joint.kind == "revolute" else shift(value * z))
+            X = X @ (turn(z, value) if joint.kind.name == "revolute" else shift(value * z))
         poses[mate.child] = poses[mate.parent] @ X @ np.array(mate.X_JC.rows())
     return poses
 

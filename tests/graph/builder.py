@@ -36,6 +36,7 @@ from thingc.resolve.model import (
     Attach,
     BomEntry,
     Component,
+    CoordinateName,
     Drive,
     Dynamics,
     ExtraMount,
@@ -287,9 +288,8 @@ def joint(
 ) -> Joint:
     moves = kind in ("revolute", "prismatic")
     return Joint(
-        name=name,
-        of=name,
-        kind=kind,
+        name=CoordinateName(name),
+        kind=KINDS[kind],
         twist=next(iter(KINDS[kind].twists), None),
         parent=ref(parent, line),
         child=ref(child, line),
@@ -312,11 +312,11 @@ def coordinates_of(name: str, parent: str, child: str, kind: str, **said: Any) -
     one = joint(name, parent, child, kind, **said)
     if len(twists) < 2:
         return [replace(one, twist=next(iter(twists), None))]
-    return [replace(one, name=f"{name}[{k}]", twist=twist) for k, twist in enumerate(twists)]
+    return [replace(one, name=one.name.numbered(k), twist=twist) for k, twist in enumerate(twists)]
 
 
 def mimic(leader: str, multiplier: float, offset: float = 0.0) -> Mimic:
-    return Mimic(joint=leader, multiplier=multiplier, offset=offset, origin=where(1))
+    return Mimic(joint=CoordinateName(leader), multiplier=multiplier, offset=offset, origin=where(1))
 
 
 def pose(name: str, line: int = 300, **values: float) -> NamedPose:

@@ -273,7 +273,7 @@ def test_mimic_follows_along_chains_and_is_named_by_path() -> None:
     )
     found = linked(assembly("a", [component("hand", inner)]), CAP, FINGER)
     joints = joints_of(found)
-    assert {j.path: j.mimic.joint for j in joints if j.mimic} == {"hand/third": "hand/second", "hand/second": "hand/first"}
+    assert {j.path: j.mimic.joint for j in joints if j.mimic} == {"hand/third": "hand.second", "hand/second": "hand.first"}
     assert coordinates(joints, {"hand/first": 0.3}) == pytest.approx({"hand/third": -0.5, "hand/first": 0.3, "hand/second": -0.3})
     assert coordinates(joints, {"hand/second": 0.2}) == pytest.approx({"hand/third": 0.5, "hand/first": 0.0, "hand/second": 0.2})
     assert at(found, "hand/c", {"hand/first": 0.3}) == pytest.approx(mated(BACK, BACK, kind="revolute", q=-0.5), abs=1e-14)

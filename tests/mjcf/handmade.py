@@ -31,6 +31,7 @@ from thingc.pose import NO_POSE
 from thingc.realize.record import PartDefinition, PartRecord, Primitive
 from thingc.realize.store import Store
 from thingc.resolve.model import (
+    CoordinateName,
     Dynamics,
     Limit,
     Material,
@@ -315,8 +316,8 @@ class Made:
                 origin=at(30),
                 name=s.joint,
                 joints=(JointEdge(
-                    path=s.joint,
-                    kind="revolute",
+                    name=CoordinateName(s.joint.replace("/", ".")),
+                    kind=KINDS["revolute"],
                     twist=KINDS["revolute"].twists[0],
                     limit=s.limit,
                     dynamics=s.dynamics,

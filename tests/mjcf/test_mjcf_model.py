@@ -34,7 +34,7 @@ from thingc.pose import NO_POSE, Pose
 from thingc.printing import as_json
 from thingc.realize.record import Primitive
 from thingc.realize.store import Store
-from thingc.resolve.model import Dynamics, Limit, Mimic, Overrides
+from thingc.resolve.model import CoordinateName, Dynamics, Limit, Mimic, Overrides
 
 NEAR = 1e-9
 
@@ -302,7 +302,7 @@ def test_an_effort_of_nothing_is_a_limit(store: Store) -> None:
 
 def test_mimic_follows(store: Store) -> None:
     made = arm(store)
-    made.segments[2].mimic = Mimic(joint="yaw", multiplier=-0.5, offset=0.3, origin=())
+    made.segments[2].mimic = Mimic(joint=CoordinateName("yaw"), multiplier=-0.5, offset=0.3, origin=())
     made.segments[2].actuator = None
     made.segments[1].actuator = drive(kp=50.0, kv=5.0)
     made.gravity = (0.0, 0.0, 0.0)

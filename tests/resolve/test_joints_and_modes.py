@@ -127,7 +127,7 @@ def test_joints(tmp_path: Path) -> None:
     assert (slide.mimic.joint, slide.mimic.multiplier, slide.mimic.offset) == ("shoulder", 0.01, 0.001)
     assert slide.limit == Limit(lower=0.0, upper=0.02, effort=5.0, velocity=0.1)
     assert slide.dynamics == Dynamics()  # the document's defaults are for turns
-    assert (weld.kind, weld.gap, weld.limit, weld.dynamics) == ("fixed", 0.003, Limit(), Dynamics())
+    assert (weld.kind.name, weld.gap, weld.limit, weld.dynamics) == ("fixed", 0.003, Limit(), Dynamics())
 
 
 def test_a_default_drive_with_the_gains_of_a_turn_is_none_for_slides(tmp_path: Path) -> None:

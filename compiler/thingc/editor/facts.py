@@ -277,7 +277,7 @@ def _joint(joint: Joint, *, own: bool) -> JointFacts:
         None if bound is None else Quantity(bound, coordinate or LENGTH).shown(12) for bound in (joint.limit.lower, joint.limit.upper)
     )
     limits = values.within(low, high)
-    what = f"{joint.kind.capitalize()}, from `{joint.parent.text}` to `{joint.child.text}`"
+    what = f"{joint.kind.name.capitalize()}, from `{joint.parent.text}` to `{joint.child.text}`"
     what += f"; {limits}." if limits else "."
     if joint.mimic is not None:
         what += f" Mimics `{joint.mimic.joint}`."

@@ -57,7 +57,7 @@ def link_graph(assembly: Assembly) -> Graph:
         name = mate.name if mate.name is not None else mate.loop
         parent, child = (assembly.links[assembly.link_of[one]].name for one in (mate.parent, mate.child))
         if name is not None and parent != child:
-            kind = mate.joints[0].kind if mate.joints else "fixed"
+            kind = mate.joints[0].kind.name if mate.joints else "fixed"
             graph.add_edge(parent, child, key=name, **_said(
                 kind=kind, coordinates=[joint.path for joint in mate.joints], loop=True if mate.loop is not None else None,
             ))

@@ -124,7 +124,7 @@ def _joint(
         qpos, dof = qpos + count, dof + count
     return fragment({
         "name": mate.name,
-        "kind": mate.joints[0].kind,
+        "kind": mate.joints[0].kind.name,
         "parent": parent,
         "child": child,
         "reversed": crossed[0].reversed,
@@ -156,7 +156,7 @@ def _loops(robot: Robot, names: list[str]) -> dict[str, object]:
         "cuts": [
             {
                 "name": closure.path,
-                "kind": closure.joints[0].kind if closure.joints else "fixed",
+                "kind": closure.joints[0].kind.name if closure.joints else "fixed",
                 "parent": names[closure.parent],
                 "child": names[closure.child],
                 "X_PA": closure.X_PA.rows(),
@@ -171,4 +171,4 @@ def _loops(robot: Robot, names: list[str]) -> dict[str, object]:
 
 
 def _mimic(mimic: Mimic | None) -> dict[str, object] | None:
-    return None if mimic is None else {"joint": mimic.joint, "multiplier": mimic.multiplier, "offset": mimic.offset}
+    return None if mimic is None else {"joint": mimic.joint.path, "multiplier": mimic.multiplier, "offset": mimic.offset}

@@ -10,7 +10,7 @@ from thingc.graph.types import ActuatorModel, JointEdge
 from thingc.graph.unroll import Instance, Tree
 from thingc.joints import Twist
 from thingc.realize.record import Actuator
-from thingc.resolve.model import Drive, Joint, coordinate_path
+from thingc.resolve.model import CoordinateName, Drive, Joint
 from thingc.slips import did_you_mean
 from thingc.source import Origin
 
@@ -20,11 +20,16 @@ _INLINE = {"hinge": "`drive: {kind: position, kp: 20 N*m/rad}`", "slide": "`driv
 
 def stated_edge(instance: Instance, joint: Joint, twist: Twist) -> JointEdge:
     """The joint at its path as its document states it, without what its drive adds."""
-    mimic = replace(joint.mimic, joint=instance.within(coordinate_path(joint.mimic.joint))) if joint.mimic is not None else None
+    mimic = None if joint.mimic is None else replace(joint.mimic, joint=_named(instance, joint.mimic.joint))
     return JointEdge(
-        path=instance.within(joint.path), kind=joint.kind, twist=twist, limit=joint.limit, dynamics=joint.dynamics, offset=joint.offset,
+        name=_named(instance, joint.name), kind=joint.kind, twist=twist, limit=joint.limit, dynamics=joint.dynamics, offset=joint.offset,
         mimic=mimic, actuator=None, origin=joint.origin + instance.origin,
     )
+
+
+def _named(instance: Instance, name: CoordinateName) -> CoordinateName:
+    """What the top document calls a coordinate of the document at `instance`."""
+    return CoordinateName(f"{instance.path.replace('/', '.')}.{name}") if instance.path else name
 
 
 def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findings: Findings) -> JointEdge:
@@ -127,7 +132,7 @@ def _no_actuator(
     else:
         what = ", which is a frame"
     findings.error(
-        Code.NO_ACTUATOR, f"joint `{joint.name}` is driven by `{text}`{what}", origin, path=instance.within(joint.name),
+        Code.NO_ACTUATOR, f"joint `{joint.name}` is driven by `{text}`{what}", origin, path=instance.within(joint.path),
         help=(
             did_you_mean(text, able, what="components with an actuator") if able
             else f"declare `actuator = Actuator(...)` in its class, or drive inline: {_INLINE[twist.core]}"

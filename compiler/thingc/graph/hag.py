@@ -32,7 +32,7 @@ def hag_of(model: AssemblyDefinition) -> Hag:
             joint = joints.get(component.name)
             edges.append(DefinitionEdge(
                 parent=node.text, child=names.of(component.definition).text, component=component.name, mounts=_mounts(component, joint),
-                joint=joint.of if joint is not None and component.placement is None else None,
+                joint=joint.name.joint if joint is not None and component.placement is None else None,
             ))
             inner.append(component.definition)
         waiting.extend(reversed(inner))

@@ -26,15 +26,15 @@ def coordinates(joints: Iterable[JointEdge], values: Mapping[str, float]) -> dic
         step: str | None = path
         while step is not None and step not in known:
             joint = by_path.get(step)
-            if joint is None or step in values or joint.mimic is None or joint.mimic.joint not in by_path or step in chain:
+            if joint is None or step in values or joint.mimic is None or joint.mimic.joint.path not in by_path or step in chain:
                 known[step] = float(values.get(step, 0.0))
                 break
             chain[step] = None
-            step = joint.mimic.joint
+            step = joint.mimic.joint.path
         for follower in reversed(list(chain)):
             mimic = by_path[follower].mimic
             if mimic is not None and follower not in known:
-                known[follower] = mimic.multiplier * known[mimic.joint] + mimic.offset
+                known[follower] = mimic.multiplier * known[mimic.joint.path] + mimic.offset
     return {path: known[path] for path in by_path}
 
 
@@ -46,10 +46,10 @@ def leaders(joints: Iterable[JointEdge]) -> dict[str, tuple[str, float, float]]:
     for path, joint in by_path.items():
         leader, multiplier, offset, mimic = path, 1.0, 0.0, joint.mimic
         met = [path]
-        while mimic is not None and mimic.joint in by_path and mimic.joint not in met:  # circles are faults of the document
+        while mimic is not None and mimic.joint.path in by_path and mimic.joint.path not in met:  # circles are faults of the document
             offset += multiplier * mimic.offset
             multiplier *= mimic.multiplier
-            leader = mimic.joint
+            leader = mimic.joint.path
             met.append(leader)
             mimic = by_path[leader].mimic
         found[path] = leader, multiplier, offset

@@ -15,7 +15,6 @@ from thingc.graph.drives import joint_edge, stated_edge
 from thingc.graph.findings import Findings, noted
 from thingc.graph.types import JointEdge, Link, Mate
 from thingc.graph.unroll import Found, Instance, Tree, unplaced
-from thingc.joints import KINDS
 from thingc.memo import Memo
 from thingc.pose import MATE, Pose, shifted, turned_z
 from thingc.resolve.model import AssemblyDefinition, At, Attach, Component, Joint, Reference
@@ -44,7 +43,7 @@ def mates_of(tree: Tree, findings: Findings, memo: Memo) -> tuple[tuple[Mate, ..
                 before = len(mates)
                 mates.extend(_laid(tree, instance, component, component.placement, memo))
                 laid.update(range(before, len(mates)))
-        for _, coordinates in groupby(definition.joints, key=lambda joint: joint.of):
+        for _, coordinates in groupby(definition.joints, key=lambda joint: joint.name.joint):
             mates.extend(_jointed(tree, instance, tuple(coordinates), findings, memo))
     return tuple(mates), frozenset(laid)
 
@@ -68,25 +67,22 @@ def _jointed(tree: Tree, instance: Instance, coordinates: Sequence[Joint], findi
     """The mate of a joint, its `coordinates` in order (a `fixed` joint is one that moves nothing)."""
     joint = coordinates[0]
     child, parent = tree.find(instance, joint.child), tree.find(instance, joint.parent)
-    kind = KINDS.get(joint.kind)
-    if kind is None:
-        findings.leave_out()
-    if child is None or parent is None or kind is None:
+    if child is None or parent is None:
         return
     if joint.child.path[:1] == joint.parent.path[:1] and not joint.loop:  # a loop may close between two parts of one nested assembly
         findings.leave_out()
         findings.error(
             Code.PLACED_ON_ITSELF,
-            f"joint `{joint.of}` connects `{joint.child.path[0]}` with itself: its mounts are `{joint.parent.text}` and "
+            f"joint `{joint.name.joint}` connects `{joint.child.path[0]}` with itself: its mounts are `{joint.parent.text}` and "
             f"`{joint.child.text}`",
-            joint.parent.origin + instance.origin, path=instance.within(joint.name), help="name mounts of two components",
+            joint.parent.origin + instance.origin, path=instance.within(joint.path), help="name mounts of two components",
             notes=noted("the child", joint.child.origin),
         )
         return
     edges = tuple(
         joint_edge(tree, instance, one, one.twist, findings) for one in coordinates if one.twist is not None
     )
-    path = instance.within(joint.of)
+    path = instance.within(joint.name.joint)
     origin = joint.origin + instance.origin
     yield memo(("joint", path), _mated, parent, child, joint.turn, joint.gap, edges, origin, path, joint.loop)
 

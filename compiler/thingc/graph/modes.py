@@ -216,22 +216,22 @@ def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: Findings
         limits = f"its limits {twist.shown(lower)} to {twist.shown(upper)}"
     else:
         limits = f"its lower limit {twist.shown(lower)}" if lower is not None else f"its upper limit {twist.shown(upper or 0.0)}"
-    notes = noted(f"`{joint.path}` is here", joint.origin)
+    notes = noted(f"`{joint.name}` is here", joint.origin)
     if joint.path in pose.values:
         findings.error(
-            Code.POSE_LIMITS, f"pose `{pose.name}` puts `{joint.path}` at {twist.shown(q)}, outside {limits}",
+            Code.POSE_LIMITS, f"pose `{pose.name}` puts `{joint.name}` at {twist.shown(q)}, outside {limits}",
             pose.origins.get(joint.path, pose.origin), path=pose.name, help="write a value within the limits, or widen them",
             notes=notes,
         )
     elif joint.mimic is not None:
         findings.error(
             Code.POSE_LIMITS,
-            f"pose `{pose.name}` puts `{joint.path}`, which mimics `{joint.mimic.joint}`, at {twist.shown(q)}, outside {limits}",
-            pose.origins.get(joint.mimic.joint, pose.origin), path=pose.name,
+            f"pose `{pose.name}` puts `{joint.name}`, which mimics `{joint.mimic.joint}`, at {twist.shown(q)}, outside {limits}",
+            pose.origins.get(joint.mimic.joint.path, pose.origin), path=pose.name,
             help=f"set `{joint.mimic.joint}` so that both stay within their limits, or widen them", notes=notes,
         )
     else:
         findings.error(
-            Code.POSE_LIMITS, f"pose `{pose.name}` does not set `{joint.path}`, and 0 is outside {limits}", pose.origin,
-            path=pose.name, help=f"set `{joint.path.replace('/', '.')}` in the pose", notes=notes,
+            Code.POSE_LIMITS, f"pose `{pose.name}` does not set `{joint.name}`, and 0 is outside {limits}", pose.origin,
+            path=pose.name, help=f"set `{joint.name}` in the pose", notes=notes,
         )

@@ -127,7 +127,7 @@ def _check_limits(instance: Instance, joint: Joint, findings: Findings) -> None:
     if twist is None or not twist.turns:
         return
     ends = {key: value for key, value in (("lower", joint.limit.lower), ("upper", joint.limit.upper)) if value is not None}
-    path, here = instance.within(joint.name), joint.origin + instance.origin
+    path, here = instance.within(joint.path), joint.origin + instance.origin
     wide = [key for key, value in ends.items() if abs(value) > TURNS * 2.0 * math.pi and not twist.pitch]  # a screw takes many turns
     for key in wide:
         text, number, unit = _written(joint, key)

@@ -6,13 +6,14 @@ from dataclasses import dataclass, field
 
 from thingc.brief import Brief
 from thingc.inertia import MassProperties
-from thingc.joints import Twist
+from thingc.joints import JointKind, Twist
 from thingc.pose import Pose
 from thingc.realize.record import Mesh, PartDefinition, PartRecord, Primitive
 from thingc.resolve.model import (
     AssemblyDefinition,
     BomEntry,
     Component,
+    CoordinateName,
     Cut,
     Dynamics,
     Limit,
@@ -138,14 +139,14 @@ class ActuatorModel(Brief):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointEdge(Brief):
-    """A coordinate of a mate: a joint at its path (`hand/finger`), all defaults worked out.
+    """A coordinate of a mate, by its `name` in the top document (`hand.wrist[0]`), all defaults worked out.
 
     `twist` is what it does, seen in the frame that the coordinates before it in the mate have moved. `mimic.joint`
-    is a joint path here. `limit.effort` and `.velocity` and `dynamics.armature` carry the drive's defaults.
+    is of the top document, too. `limit.effort` and `.velocity` and `dynamics.armature` carry the drive's defaults.
     """
 
-    path: str
-    kind: str
+    name: CoordinateName
+    kind: JointKind
     twist: Twist
     limit: Limit
     dynamics: Dynamics
@@ -153,6 +154,11 @@ class JointEdge(Brief):
     mimic: Mimic | None
     actuator: ActuatorModel | None
     origin: Origin
+
+    @property
+    def path(self) -> str:
+        """What artifacts call it: `hand/wrist_0`."""
+        return self.name.path
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,24 +2,48 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import assert_never, get_args
+
 from thingc.joints import continuous, cylindrical, fixed, planar, prismatic, revolute, screw, universal
 from thingc.joints.dimensions import SLIDE, TURN, dimensions_of
-from thingc.joints.kind import JointKind, Limits
+from thingc.joints.kind import JointKind, JointType, Limits
 from thingc.joints.twist import Twist, moved
 
-KINDS: dict[str, JointKind] = {
-    module.KIND.name: module.KIND for module in (fixed, revolute, continuous, prismatic, screw, cylindrical, universal, planar)
-}
+
+def kind_of(name: JointType) -> JointKind | None:
+    """The kind of this name; None of one that the language names and this version does not build yet."""
+    match name:
+        case "fixed":
+            return fixed.KIND
+        case "revolute":
+            return revolute.KIND
+        case "continuous":
+            return continuous.KIND
+        case "prismatic":
+            return prismatic.KIND
+        case "screw":
+            return screw.KIND
+        case "cylindrical":
+            return cylindrical.KIND
+        case "universal":
+            return universal.KIND
+        case "planar":
+            return planar.KIND
+        case "ball":
+            return None
+        case _:
+            assert_never(name)
+
+
+KINDS: Mapping[str, JointKind] = {name: kind for name in get_args(JointType) if (kind := kind_of(name)) is not None}
 """Every kind that can be built, by the word written after `type:`."""
 
 
-def coordinates_of(kind: str) -> range:
+def coordinates_of(kind: JointType) -> range:
     """The numbers of the coordinates of a kind that has several; nothing of any other."""
-    count = len(KINDS[kind].twists) if kind in KINDS else 0
+    found = kind_of(kind)
+    count = len(found.twists) if found is not None else 0
     return range(count if count > 1 else 0)
 
-
-LATER: frozenset[str] = frozenset({"ball"})
-"""Kinds that the language names and this version does not build yet: a diagnostic says so."""
-
-__all__ = ["KINDS", "LATER", "SLIDE", "TURN", "JointKind", "Limits", "Twist", "coordinates_of", "dimensions_of", "moved"]
+__all__ = ["KINDS", "SLIDE", "TURN", "JointKind", "JointType", "Limits", "Twist", "coordinates_of", "dimensions_of", "kind_of", "moved"]

@@ -9,6 +9,9 @@ from typing import Literal
 from thingc.joints.twist import Twist
 from thingc.units import Dimension
 
+JointType = Literal["fixed", "revolute", "continuous", "prismatic", "cylindrical", "universal", "ball", "planar", "screw"]
+"""What may be written after `type:` of a joint: the names of all kinds."""
+
 Limits = Literal["required", "optional", "none"]
 """Whether `limit.lower` and `limit.upper` must, may or must not be written."""
 
@@ -22,7 +25,7 @@ class JointKind:
     of `limit.lower` and `limit.upper` of each; where it `leads`, a document says by how much it slides in a turn.
     """
 
-    name: str
+    name: JointType
     twists: tuple[Twist, ...]
     limits: Limits
     leads: bool = False

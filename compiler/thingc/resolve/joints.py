@@ -7,11 +7,11 @@ from dataclasses import replace
 from typing import Any, get_args
 
 from thingc.diagnostics import Code, Note
-from thingc.joints import KINDS, LATER, SLIDE, TURN, JointKind, Twist, dimensions_of
+from thingc.joints import KINDS, SLIDE, TURN, JointKind, Twist, dimensions_of, kind_of
 from thingc.realize.record import PartDefinition
 from thingc.resolve import references
 from thingc.resolve.layers import Layers
-from thingc.resolve.model import Drive, Dynamics, Joint, Limit, Reference
+from thingc.resolve.model import CoordinateName, Drive, Dynamics, Joint, Limit, Reference
 from thingc.resolve.placement import Places
 from thingc.resolve.repeats import Item
 from thingc.resolve.scope import Scope
@@ -80,7 +80,7 @@ def joints(table: Table, items: Iterable[Item[JointSpec]], places: Places) -> bo
         else:
             places.setdefault(placed, []).append((f"joint `{item.name}`", scope.span(path, key=True)))
         if kind is None or parent is None or child is None:
-            table.joints[item.name] = None
+            table.joints[CoordinateName(item.name)] = None
             if placed is not None:
                 table.nodes[placed].unsound = True
             continue
@@ -89,7 +89,7 @@ def joints(table: Table, items: Iterable[Item[JointSpec]], places: Places) -> bo
         if doubtful:
             for joint in made:
                 del table.joints[joint.name]
-            table.joints[item.name] = None
+            table.joints[CoordinateName(item.name)] = None
             if placed is not None:
                 table.nodes[placed].unsound = True
     lost = bool(table.doubts) and (table.doubts.lacks("joints") or any(True for _ in table.doubts.names("joints")))
@@ -105,13 +105,13 @@ def _named(table: Table, scope: Scope, text: str) -> str | None:
 
 
 def _kind(scope: Scope, spec: JointSpec, path: Path) -> JointKind | None:
-    if spec.type in LATER:
+    kind = kind_of(spec.type)
+    if kind is None:
         scope.error(
             Code.NOT_YET, f"joints of type `{spec.type}` are not built yet", (*path, "type"),
             help="use " + ", ".join(f"`{name}`" for name in KINDS) + " for now",
         )
-        return None
-    return KINDS[spec.type]
+    return kind
 
 
 def _coordinates(
@@ -139,7 +139,7 @@ def _coordinates(
     if count < 2:
         return (_joint(table, item, kind, next(iter(twists), None), (parent, child), layers, None),)
     return tuple(
-        replace(_joint(table, replace(item, name=f"{item.name}[{k}]"), kind, twist, (parent, child), layers, k), of=item.name)
+        _joint(table, item, kind, twist, (parent, child), layers, k)
         for k, twist in enumerate(twists)
     )
 
@@ -149,7 +149,10 @@ def _joint(
     number: int | None,
 ) -> Joint:
     """A joint, or with a `number` that coordinate of it."""
-    scope, spec, path, name = item.scope, item.spec, item.path, item.name
+    scope, spec, path, name = item.scope, item.spec, item.path, CoordinateName(item.name)
+    if number is not None:
+        name = name.numbered(number)
+        item = replace(item, name=name)
     turn, gap = layers.pick("turn"), layers.pick("gap")
     offset = 0.0
     limit, dynamics, drive = NO_LIMIT, NO_DYNAMICS, None
@@ -169,7 +172,7 @@ def _joint(
         if said is not None and not isinstance(said[0], (list, dict)):
             offset = scope.number(*said, twist.coordinate, f"`offset` of joint `{name}`") or 0.0
     return Joint(
-        name=name, of=name, kind=kind.name, twist=twist, parent=mounts[0], child=mounts[1], limit=limit, dynamics=dynamics,
+        name=name, kind=kind, twist=twist, parent=mounts[0], child=mounts[1], limit=limit, dynamics=dynamics,
         turn=(scope.number(*turn, ANGLE, f"`turn` of joint `{name}`") or 0.0) if turn else 0.0,
         gap=(scope.number(*gap, LENGTH, f"`gap` of joint `{name}`") or 0.0) if gap else 0.0,
         offset=offset, drive=drive, mimic=None, origin=scope.origin(path, key=True), loop=spec.loop,

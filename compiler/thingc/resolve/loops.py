@@ -7,7 +7,7 @@ from fnmatch import fnmatchcase
 from thingc.diagnostics import Code
 from thingc.resolve import references
 from thingc.resolve.layers import Layers
-from thingc.resolve.model import Cut, Hold, coordinate_path
+from thingc.resolve.model import CoordinateName, Cut, Hold
 from thingc.resolve.references import GLOB, suggested
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Table
@@ -42,13 +42,13 @@ def cuts(table: Table, scope: Scope, layers: Layers) -> tuple[Cut, ...]:
         return ()
     patterns, path = said
     joints = dict(table.all_joints())
-    chosen: dict[str, Path] = {}
+    chosen: dict[CoordinateName, Path] = {}
     for index, pattern in enumerate(patterns):
         at = (*path, index)
         if pattern in joints:
-            chosen.setdefault(pattern, at)
+            chosen.setdefault(CoordinateName(pattern), at)
             continue
-        fitting = [name for name, joint in joints.items() if joint is not None and fnmatchcase(name.partition("[")[0], pattern)]
+        fitting = [name for name, joint in joints.items() if joint is not None and fnmatchcase(name.joint, pattern)]
         for name in fitting:
             chosen.setdefault(name, at)
         if fitting or table.unsure_joints():
@@ -60,6 +60,6 @@ def cuts(table: Table, scope: Scope, layers: Layers) -> tuple[Cut, ...]:
         else:
             scope.error(Code.UNKNOWN_JOINT, f"there is no joint `{pattern}`", at, help=help)
     return tuple(
-        Cut(joint=coordinate_path(name.partition("[")[0]), origin=scope.origin(chosen[name]))
-        for name, joint in joints.items() if name in chosen and joint is not None and (not name.endswith("]") or name.endswith("[0]"))
+        Cut(joint=CoordinateName(name.joint).path, origin=scope.origin(chosen[name]))
+        for name, joint in joints.items() if name in chosen and joint is not None and not name.number
     )

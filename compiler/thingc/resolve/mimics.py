@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from dataclasses import replace
 
 from thingc.diagnostics import Code, Note
 from thingc.resolve import references
 from thingc.resolve.layers import Layers
-from thingc.resolve.model import Joint, Mimic
+from thingc.resolve.model import CoordinateName, Joint, Mimic
 from thingc.resolve.repeats import Item
 from thingc.resolve.table import Table
 from thingc.slips import MAX_CIRCLE, circle_words
@@ -17,21 +16,18 @@ from thingc.source import Path
 from thingc.spec.assembly import JointSpec, MimicSpec
 from thingc.units import NUMBER, Quantity
 
-_COORDINATE = re.compile(r"(.*)(\[\d+\])")
-"""`wrist[0]`: a joint, and which of its coordinates."""
-
 
 def mimics(table: Table, items: Iterable[Item[JointSpec]]) -> None:
     """Add what mimics what to `table.joints`; a mimic that is wrong is reported and left out."""
     items = list(items)
     for item in items:
-        own = [joint for joint in table.joints.values() if joint is not None and joint.of == item.name]
+        own = [joint for joint in table.joints.values() if joint is not None and joint.name.joint == item.name]
         for number, joint in enumerate(own):
             said = Layers(((item.spec, item.path),)).pick("mimic", None if len(own) == 1 else number)
             found = _mimic(table, replace(item, name=joint.name), joint, *said) if said is not None else None
             if found is not None:
                 table.joints[joint.name] = replace(joint, mimic=found)
-    _break_cycles(table, {name: item for item in items for name, joint in table.joints.items() if joint and joint.of == item.name})
+    _break_cycles(table, {name: item for item in items for name, joint in table.joints.items() if joint and joint.name.joint == item.name})
 
 
 def _mimic(table: Table, item: Item[JointSpec], joint: Joint, spec: MimicSpec, path: Path) -> Mimic | None:
@@ -41,16 +37,17 @@ def _mimic(table: Table, item: Item[JointSpec], joint: Joint, spec: MimicSpec, p
     coordinate = joint.twist.coordinate if joint.twist is not None else None
     if coordinate is None:
         scope.error(
-            Code.MIMIC, f"joint `{item.name}` is {joint.kind} and does not move: it cannot mimic", path, key=True,
-            help="take it out", notes=scope.beside(f"it is {joint.kind} here", (*item.path, "type"), path),
+            Code.MIMIC, f"joint `{item.name}` is {joint.kind.name} and does not move: it cannot mimic", path, key=True,
+            help="take it out", notes=scope.beside(f"it is {joint.kind.name} here", (*item.path, "type"), path),
         )
         return None
-    numbered = _COORDINATE.fullmatch(spec.joint)
-    whole, number = numbered.groups() if numbered is not None else (spec.joint, "")
-    parts = references.words(scope, whole, (*path, "joint"))
+    said = CoordinateName(spec.joint)
+    parts = references.words(scope, said.joint, (*path, "joint"))
     if parts is None:
         return None
-    name = ".".join(parts) + number
+    name = CoordinateName(".".join(parts))
+    if said.number is not None:
+        name = name.numbered(said.number)
     if name not in table.joints:
         others = [one for one in table.joints if one != item.name]
         hint = references.suggested(name, others, what="joints") if others else "there is no other joint in this document"
@@ -74,7 +71,7 @@ def _mimic(table: Table, item: Item[JointSpec], joint: Joint, spec: MimicSpec, p
     followed = other.twist.coordinate if other.twist is not None else None
     if followed is None:
         scope.error(
-            Code.MIMIC, f"joint `{item.name}` cannot mimic `{name}`, which is {other.kind} and does not move", (*path, "joint"),
+            Code.MIMIC, f"joint `{item.name}` cannot mimic `{name}`, which is {other.kind.name} and does not move", (*path, "joint"),
             notes=[Note(message=f"`{name}` is written here", span=other.origin[0])],
         )
         return None
@@ -103,11 +100,10 @@ def _mimic(table: Table, item: Item[JointSpec], joint: Joint, spec: MimicSpec, p
 
 def _break_cycles(table: Table, items: dict[str, Item[JointSpec]]) -> None:
     """Report every circle of mimics once, and take its mimics out."""
-    order = list(table.joints)
-    done: set[str] = set()
-    for start in order:
-        steps: dict[str, None] = {}
-        name: str | None = start
+    done: set[CoordinateName] = set()
+    for start in list(table.joints):
+        steps: dict[CoordinateName, None] = {}
+        name: CoordinateName | None = start
         while name is not None and name not in done and name not in steps:
             steps[name] = None
             joint = table.joints.get(name)

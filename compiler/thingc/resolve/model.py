@@ -6,11 +6,12 @@ Everything is SI.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from typing import Any
 
 from thingc.brief import Brief
-from thingc.joints import Twist
+from thingc.joints import JointKind, Twist
 from thingc.pose import Pose, Vector
 from thingc.realize.record import PartDefinition, Value
 from thingc.source import Origin, Span
@@ -201,34 +202,51 @@ class Drive(Brief):
     origin: Origin = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Mimic(Brief):
-    """q = multiplier * q(joint) + offset, SI; `joint` is a joint of the same document."""
+class CoordinateName(str):
+    """A coordinate as documents call it: `hand.wrist[0]`, of a joint that has one `hand.yaw`. `joint` is the joint's name, `number`
+    which of its coordinates it is (None: it has one), `path` what artifacts call it: `hand/wrist_0`."""
 
     joint: str
+    number: int | None
+    path: str
+
+    def __new__(cls, text: str) -> CoordinateName:
+        """Of a text that a document has; what is no number in brackets at its end belongs to the name."""
+        made = super().__new__(cls, text)
+        numbered = _NUMBERED.fullmatch(text)
+        made.joint, made.number = (numbered[1], int(numbered[2])) if numbered is not None else (text, None)
+        made.path = made.joint.replace(".", "/") + ("" if made.number is None else f"_{made.number}")
+        return made
+
+    def numbered(self, number: int) -> CoordinateName:
+        """The coordinate with this number of the joint of this name."""
+        return CoordinateName(f"{self.joint}[{number}]")
+
+
+_NUMBERED = re.compile(r"(.*)\[(\d+)\]")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mimic(Brief):
+    """q = multiplier * q(joint) + offset, SI; `joint` is a coordinate of the same document, as that calls it."""
+
+    joint: CoordinateName
     multiplier: float
     offset: float
     origin: Origin
-
-
-def coordinate_path(name: str) -> str:
-    """The path of a coordinate of a joint as a document calls it: `hand/wrist_0` of `hand.wrist[0]`."""
-    return name.replace(".", "/").replace("[", "_").removesuffix("]")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Joint(Brief):
     """An edge that moves (or a `fixed` one): it places the component that `child` belongs to, unless it closes a `loop`.
 
-    One that has several coordinates is as many of these, next to each other: `of` is what the document calls it (`wrist`), `name` the
-    coordinate (`wrist[0]`, of a joint that has one the same as `of`), `twist` what that does in the parent mount's frame as those before it
-    have moved it (None: it has none).
+    One that has several coordinates is as many of these, next to each other: `name` is the coordinate's (`wrist[0]`), `twist` what that
+    does in the parent mount's frame as those before it have moved it (None: it has none).
     `spans` gives places within the joint by dotted key (`limit.lower`), `written` the values that stand there, for diagnostics.
     """
 
-    name: str
-    of: str
-    kind: str
+    name: CoordinateName
+    kind: JointKind
     twist: Twist | None
     parent: Reference
     child: Reference
@@ -247,7 +265,7 @@ class Joint(Brief):
     @property
     def path(self) -> str:
         """What artifacts call the coordinate: `wrist_0`."""
-        return coordinate_path(self.name)
+        return self.name.path
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,7 +12,7 @@ from thingc.pose import NO_POSE, Pose, Vector
 from thingc.resolve import references
 from thingc.resolve.layers import Layers
 from thingc.resolve.loops import cuts, holds
-from thingc.resolve.model import Hold, Mode, Reference, coordinate_path
+from thingc.resolve.model import CoordinateName, Hold, Mode, Reference
 from thingc.resolve.references import GLOB, suggested
 from thingc.resolve.scope import Scope
 from thingc.resolve.standing import standing
@@ -245,7 +245,7 @@ def driven(table: Table, scope: Scope, patterns: Sequence[tuple[str, Path]]) -> 
     chosen: set[str] = set()
     for pattern, at in patterns:
         if pattern in joints:
-            joint = joints[pattern]
+            joint = joints[CoordinateName(pattern)]
             if joint is not None and joint.drive is None and "drive" not in joint.spans:  # a wrong one has been reported
                 scope.error(
                     Code.DRIVE, f"joint `{pattern}` has no `drive`: it is no actuator", at, help="give the joint a `drive`",
@@ -253,7 +253,7 @@ def driven(table: Table, scope: Scope, patterns: Sequence[tuple[str, Path]]) -> 
                 )
             chosen.add(pattern)
             continue
-        fitting = [name for name in known if fnmatchcase(name, pattern) or fnmatchcase(name.partition("[")[0], pattern)]
+        fitting = [name for name in known if fnmatchcase(name, pattern) or fnmatchcase(name.joint, pattern)]
         chosen.update(fitting)
         if fitting or table.unsure_joints():
             continue
@@ -267,7 +267,7 @@ def driven(table: Table, scope: Scope, patterns: Sequence[tuple[str, Path]]) -> 
                 Code.UNKNOWN_JOINT, f"there is no joint `{pattern}`", at,
                 help=suggested(pattern, known, what="driven joints"),
             )
-    return tuple(coordinate_path(name) for name in known if name in chosen)
+    return tuple(name.path for name in known if name in chosen)
 
 
 def _exclude(table: Table, scope: Scope, contacts: Layers) -> tuple[tuple[Reference, Reference], ...]:

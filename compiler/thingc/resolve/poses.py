@@ -12,13 +12,13 @@ from typing import Any
 from thingc.diagnostics import Code, Note
 from thingc.resolve import references
 from thingc.resolve.layers import numbered
-from thingc.resolve.model import Joint, NamedPose, coordinate_path
+from thingc.resolve.model import CoordinateName, Joint, NamedPose
 from thingc.resolve.references import GLOB, suggested
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Table
 from thingc.source import Origin, Path
 
-Joints = dict[str, Joint | None]
+Joints = dict[CoordinateName, Joint | None]
 Settings = dict[str, tuple[float, Origin]]
 """By joint path (with `/`): q, and where it is written."""
 
@@ -33,11 +33,11 @@ def poses(table: Table, scope: Scope) -> None:
         layers: tuple[Settings, Settings, Settings] = ({}, {}, {})  # nested poses, patterns, exact names
         for key, raw in entries.items():
             at = (*path, key)
-            several = [one for one in known if one.startswith(f"{key}[")]
+            several = [one for one in known if one.number is not None and one.joint == key]
             if several or (key in known and isinstance(raw, (list, dict))):
                 _several(scope, known, key, several, raw, at, layers[2])
             elif key in known:
-                _set(scope, known, [key], raw, at, layers[2], exact=True)
+                _set(scope, known, [CoordinateName(key)], raw, at, layers[2], exact=True)
             elif isinstance(raw, str):
                 _use(table, scope, key, raw, at, layers[0])
             elif GLOB.search(key) and isinstance(raw, (list, dict)):
@@ -50,14 +50,14 @@ def poses(table: Table, scope: Scope) -> None:
         said_of_it = (said[0] == scope.document.relative and said[2][:2] == path for said in scope.said)
         if scope.doubts.touch(path) or any(said_of_it):
             merged = {**_stand_ins(known, scope.origin(path, key=True)), **merged}
-        in_order = {path_: merged[path_] for one in known if (path_ := coordinate_path(one)) in merged}
+        in_order = {one.path: merged[one.path] for one in known if one.path in merged}
         table.poses[name] = NamedPose(
             name=name, values={joint: q for joint, (q, _) in in_order.items()},
             origins={joint: origin for joint, (_, origin) in in_order.items()}, origin=scope.origin(path, key=True),
         )
 
 
-def _several(scope: Scope, known: Joints, key: str, names: list[str], raw: Any, path: Path, into: Settings) -> None:
+def _several(scope: Scope, known: Joints, key: str, names: list[CoordinateName], raw: Any, path: Path, into: Settings) -> None:
     """Set the coordinates `names` of a joint by a list, or a mapping by number."""
     if names and isinstance(raw, (list, dict)) and all(numbered(raw, k) is None for k in range(len(names), len(names) + len(raw))):
         for number, name in enumerate(names):
@@ -65,7 +65,7 @@ def _several(scope: Scope, known: Joints, key: str, names: list[str], raw: Any, 
             if own is not None:
                 _set(scope, known, [name], own[0], (*path, own[1]), into, exact=True)
         return
-    joint = known[names[0] if names else key]
+    joint = known[names[0] if names else CoordinateName(key)]
     if joint is None:
         return
     shown = ", ".join("..." for _ in names)
@@ -85,13 +85,13 @@ def _stand_ins(known: Joints, origin: Origin) -> Settings:
         if joint is None or not _movable(joint):
             continue
         if joint.limit.lower is not None and joint.limit.lower > 0.0:
-            found[coordinate_path(name)] = (joint.limit.lower, origin)
+            found[name.path] = (joint.limit.lower, origin)
         elif joint.limit.upper is not None and joint.limit.upper < 0.0:
-            found[coordinate_path(name)] = (joint.limit.upper, origin)
+            found[name.path] = (joint.limit.upper, origin)
     return found
 
 
-def _set(scope: Scope, known: Joints, names: list[str], raw: Any, path: Path, into: Settings, *, exact: bool) -> None:
+def _set(scope: Scope, known: Joints, names: list[CoordinateName], raw: Any, path: Path, into: Settings, *, exact: bool) -> None:
     for name in names:
         joint = known[name]
         if joint is None:
@@ -99,7 +99,7 @@ def _set(scope: Scope, known: Joints, names: list[str], raw: Any, path: Path, in
         coordinate = joint.twist.coordinate if joint.twist is not None else None
         if coordinate is None:
             scope.error(
-                Code.POSE, f"joint `{name}` is {joint.kind} and has no coordinate to set", path, key=True, help="take it out",
+                Code.POSE, f"joint `{name}` is {joint.kind.name} and has no coordinate to set", path, key=True, help="take it out",
                 notes=_written(name, joint),
             )
             continue
@@ -120,7 +120,7 @@ def _set(scope: Scope, known: Joints, names: list[str], raw: Any, path: Path, in
             continue
         value = scope.number(raw, path, coordinate, what, notes=_written(name, joint))
         if value is not None:
-            into[coordinate_path(name)] = (value, scope.origin(path))
+            into[name.path] = (value, scope.origin(path))
 
 
 def _written(name: str, joint: Joint) -> list[Note]:
@@ -153,11 +153,10 @@ def _pattern(table: Table, scope: Scope, known: Joints, key: str, raw: Any, path
 
 def _pattern_of_several(scope: Scope, known: Joints, key: str, raw: Any, path: Path, into: Settings) -> None:
     """Set the coordinates of every joint that has several and fits a pattern by a list, or a mapping by number."""
-    coordinates: dict[str, list[str]] = {}
+    coordinates: dict[str, list[CoordinateName]] = {}
     for name in known:
-        joint, bracket, _ = name.partition("[")
-        if bracket and fnmatchcase(joint, key):
-            coordinates.setdefault(joint, []).append(name)
+        if name.number is not None and fnmatchcase(name.joint, key):
+            coordinates.setdefault(name.joint, []).append(name)
     for joint, names in coordinates.items():
         _several(scope, known, joint, names, raw, path, into)
     if not coordinates and not any(joint is None for joint in known.values()):
@@ -226,7 +225,7 @@ def _report_unknown(table: Table, scope: Scope, known: Joints, key: str, path: P
         return
     if node is not None and "." in key and node.table is not None and node.table.doubts:
         return
-    names = [name for name, joint in known.items() if _movable(joint)]
+    names: list[str] = [name for name, joint in known.items() if _movable(joint)]
     if node is not None and "." not in key:
         if node.table is not None:
             message, help = f"`{key}` is a nested assembly: its value is the name of one of its poses", suggested(

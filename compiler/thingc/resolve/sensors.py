@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from thingc.diagnostics import Code
 from thingc.resolve import references
-from thingc.resolve.model import Sensor, coordinate_path
+from thingc.resolve.model import CoordinateName, Sensor
 from thingc.resolve.references import suggested
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Table
@@ -48,7 +48,7 @@ def _fovy(scope: Scope, name: str, spec: SensorSpec, path: Path) -> float | None
 
 def _joint(table: Table, scope: Scope, name: str, spec: SensorSpec, path: Path) -> str | None:
     """The path of the joint that a sensor measures: the one it names, else the one that has its own name."""
-    wanted = spec.joint if spec.joint is not None else name
+    wanted = CoordinateName(spec.joint if spec.joint is not None else name)
     place: Path = (*path, "joint") if spec.joint is not None else path
     known = dict(table.all_joints())
     moving = [one for one, joint in known.items() if joint is not None and joint.twist is not None]
@@ -64,8 +64,8 @@ def _joint(table: Table, scope: Scope, name: str, spec: SensorSpec, path: Path) 
         return None
     if joint.twist is None:
         scope.error(
-            Code.JOINT_FIELD, f"joint `{wanted}` is {joint.kind} and does not move: there is nothing to measure", place,
+            Code.JOINT_FIELD, f"joint `{wanted}` is {joint.kind.name} and does not move: there is nothing to measure", place,
             key=spec.joint is None, help="measure a joint that moves, or a `force` at one of its mounts",
         )
         return None
-    return coordinate_path(wanted)
+    return wanted.path

@@ -13,7 +13,7 @@ from thingc.diagnostics import Code, Report
 from thingc.expressions import Expression
 from thingc.memo import Memo
 from thingc.realize.record import PartDefinition, PartFailure, PartSchema, Value
-from thingc.resolve.model import AssemblyDefinition, Component, ExtraMount, Joint, Material, NamedPose, Reference
+from thingc.resolve.model import AssemblyDefinition, Component, CoordinateName, ExtraMount, Joint, Material, NamedPose, Reference
 from thingc.resolve.scope import NOTHING, Found, Scope
 from thingc.source import SET, Document, Path
 from thingc.spec.doubts import NO_DOUBTS, Doubts
@@ -74,7 +74,7 @@ class Table:
     unbuilt: list[str] = field(default_factory=list)
     unbuilt_joints: list[str] = field(default_factory=list)
     exports: dict[str, Reference | None] = field(default_factory=dict)
-    joints: dict[str, Joint | None] = field(default_factory=dict)
+    joints: dict[CoordinateName, Joint | None] = field(default_factory=dict)
     poses: dict[str, NamedPose | None] = field(default_factory=dict)
     base: str | None = None
     occurrences: int = 0
@@ -94,13 +94,13 @@ class Table:
         """The tables of the documents nested in it, each as often as it is nested."""
         return (node.table for _, node in self.all_nodes() if node.table is not None)
 
-    def all_joints(self) -> Iterator[tuple[str, Joint | None]]:
+    def all_joints(self) -> Iterator[tuple[CoordinateName, Joint | None]]:
         """Every joint with its path in dots, nested ones after this document's own; None for one that was wrong."""
         yield from self.joints.items()
         for node in self.nodes.values():
             if node.table is not None:
                 for path, joint in node.table.all_joints():
-                    yield f"{node.name}.{path}", joint
+                    yield CoordinateName(f"{node.name}.{path}"), joint
 
     def all_nodes(self) -> Iterator[tuple[str, Node]]:
         """Every component with its path in dots, parents before what is inside them."""
@@ -184,7 +184,7 @@ class Context:
         return (
             self.there(table),
             [
-                (name, joint and (joint.kind, joint.drive is not None, joint.mimic is not None, joint.loop))
+                (name, joint and (joint.kind.name, joint.drive is not None, joint.mimic is not None, joint.loop))
                 for name, joint in table.joints.items()
             ],
             dict(table.exports), list(table.poses), table.base,

@@ -10,10 +10,9 @@ from typing import Any
 
 from thingc.checks import kinds
 from thingc.diagnostics import Code
-from thingc.joints import KINDS
 from thingc.pose import Vector
 from thingc.resolve import references
-from thingc.resolve.model import Joint, JointRange, Mode, Reference, Test, coordinate_path
+from thingc.resolve.model import CoordinateName, Joint, JointRange, Mode, Reference, Test
 from thingc.resolve.modes import components_fitting, driven
 from thingc.resolve.references import GLOB, suggested
 from thingc.resolve.scope import Scope
@@ -206,10 +205,10 @@ class Reader:
         """The joints of a sweep and how far each goes; an exact name goes before a pattern."""
         joints = dict(self.table.all_joints())
         movable = {name: joint for name, joint in joints.items() if joint is not None and _movable(joint)}
-        chosen: dict[str, tuple[Any, Path]] = {}
+        chosen: dict[CoordinateName, tuple[Any, Path]] = {}
         for text in sorted(said, key=lambda text: text in joints):
             at: Path = (key, text)
-            fitting = [text] if text in joints else [name for name in movable if fnmatchcase(name, text)]
+            fitting = [CoordinateName(text)] if text in joints else [name for name in movable if fnmatchcase(name, text)]
             chosen.update((name, (said[text], at)) for name in fitting)
             if fitting or self.table.unsure_joints():
                 self.sound = self.sound and bool(fitting)
@@ -224,27 +223,27 @@ class Reader:
             if joint is None:
                 self.sound = False
             elif not _movable(joint):
-                why = f"mimics `{joint.mimic.joint}`" if joint.mimic is not None else f"is {joint.kind} and has no coordinate"
+                why = f"mimics `{joint.mimic.joint}`" if joint.mimic is not None else f"is {joint.kind.name} and has no coordinate"
                 self.error(Code.TEST, f"joint `{name}` {why}: it cannot be moved through a range", chosen[name][1], on_key=True,
                            help=f"move `{joint.mimic.joint}`" if joint.mimic is not None else "take it out")
             else:
                 yield self._range(name, joint, *chosen[name])
 
-    def _range(self, name: str, joint: Joint, said: Any, key: Path) -> JointRange:
+    def _range(self, name: CoordinateName, joint: Joint, said: Any, key: Path) -> JointRange:
         """From where to where a joint goes."""
-        kind, twist = KINDS[joint.kind], joint.twist
+        twist = joint.twist
         low = joint.limit.lower if joint.limit.lower is not None else -math.pi
         high = joint.limit.upper if joint.limit.upper is not None else math.pi
         if said != ALL and twist is not None:
             first, last = self.interval(said, key, twist.coordinate, f"the range of joint `{name}`")
             shown = twist.shown
-            if kind.limits != "none" and (first < low - 1e-9 or last > high + 1e-9):
+            if joint.kind.limits != "none" and (first < low - 1e-9 or last > high + 1e-9):
                 self.error(
                     Code.OUT_OF_RANGE, f"the range of joint `{name}` leaves its limits {shown(low)} to {shown(high)}", key,
                     help="write `all` for the whole range",
                 )
             low, high = first, last
-        return JointRange(joint=coordinate_path(name), lower=low, upper=high)
+        return JointRange(joint=name.path, lower=low, upper=high)
 
 
 def _each(said: str | list[str], path: Path) -> list[tuple[str, Path]]:

@@ -26,7 +26,7 @@ def spanning(assembly: Assembly, mode: LinkedMode) -> frozenset[int]:
     """
     cut = {one.joint for one in mode.cut}
     mates = [(number, mate) for number, mate in enumerate(assembly.mates) if mate.joints]
-    coupled = {joint.mimic.joint for _, mate in mates for joint in mate.joints if joint.mimic is not None}
+    coupled = {joint.mimic.joint.path for _, mate in mates for joint in mate.joints if joint.mimic is not None}
 
     def worth(entry: tuple[int, Mate]) -> tuple[bool, bool, bool, bool, bool, int]:
         number, mate = entry

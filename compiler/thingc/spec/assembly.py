@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
+from thingc.joints import JointType
 from thingc.load.paths import SUFFIXES_WITH_UNIT
 from thingc.spec.allowances import Allow, allow
 from thingc.spec.base import Model, rule
@@ -359,9 +360,6 @@ class JointDefaults(Model):
         default=None, examples=["yaw_servo", {"kind": "position", "kp": "20 N*m/rad", "effort": "4 N*m"}],
     )
     """The component whose Thing is the actuator, or an actuator written here."""
-
-
-JointType = Literal["fixed", "revolute", "continuous", "prismatic", "cylindrical", "universal", "ball", "planar", "screw"]
 
 
 class JointSpec(JointDefaults):

@@ -76,7 +76,7 @@ def check_margin(
 
 def moving_joints(model: AssemblyDefinition, prefix: str = "") -> Iterator[str]:
     """The paths of all joints that move, nested ones included."""
-    for name in dict.fromkeys(joint.of for joint in model.joints if joint.kind != "fixed"):
+    for name in dict.fromkeys(joint.name.joint for joint in model.joints if joint.kind.moves):
         yield prefix + name
     for component in model.components:
         if isinstance(component.definition, AssemblyDefinition):

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
+from typing import assert_never
 
 from thingc.emit.artifact import Loss
 from thingc.emit.mjcf.poses import pose_attributes
 from thingc.emit.xml import Element, numbers
 from thingc.pose import Pose, shifted
-from thingc.robot.types import Closure, Robot, residual_words
+from thingc.robot.types import Closure, ClosureKind, Robot, residual_words
 from thingc.source import Origin, Span
 
 STIFFNESS = "0.999 0.9999 0.001"
@@ -24,30 +25,31 @@ TIMESTEP = 0.002
 """MuJoCo's own [s]; twice the timestep is the shortest time in which it lets an equality close (`solref`)."""
 
 
-_OPENED = {"slide": "slides", "screw": "screws", "several": "moves in several coordinates"}
-"""What MuJoCo's equalities cannot leave open: a loop that is cut there stays open in its model."""
-
-
 def equalities(robot: Robot, section: Element, links: list[str]) -> None:
     """One `weld` per clamp or rigid loop, one `connect` per point and two per hinge, as stiff as the timestep allows."""
     stepped = {**robot.assembly.definition.simulation, **robot.mode.simulation}.get("timestep", TIMESTEP)
     stiff = {"solref": numbers((2.0 * float(stepped), 1.0)), "solimp": STIFFNESS}
     for closure in robot.closures:
         parent = "world" if closure.parent is None else links[closure.parent]
-        if closure.kind == "weld":
-            X_PL = closure.X_PA @ closure.X_CB.inverse()
-            relpose = numbers((*X_PL.translation, *X_PL.quaternion()))
-            section.add("weld", {
-                "name": equality_name(closure), "body1": parent, "body2": links[closure.child], "relpose": relpose, **stiff,
-            }, closure.origin)
-        elif closure.kind == "ball":
-            section.add("connect", {
-                "name": equality_name(closure), "site1": held_site(closure), "site2": closure.path, **stiff,
-            }, closure.origin)
-        elif closure.kind == "hinge":
-            for index, (one, other) in enumerate(_points(robot, closure)):
-                name = equality_name(closure) + (f"_{index}" if index else "")
-                section.add("connect", {"name": name, "site1": one[0], "site2": other[0], **stiff}, closure.origin)
+        match closure.kind:
+            case "weld":
+                X_PL = closure.X_PA @ closure.X_CB.inverse()
+                relpose = numbers((*X_PL.translation, *X_PL.quaternion()))
+                section.add("weld", {
+                    "name": equality_name(closure), "body1": parent, "body2": links[closure.child], "relpose": relpose, **stiff,
+                }, closure.origin)
+            case "ball":
+                section.add("connect", {
+                    "name": equality_name(closure), "site1": held_site(closure), "site2": closure.path, **stiff,
+                }, closure.origin)
+            case "hinge":
+                for index, (one, other) in enumerate(_points(robot, closure)):
+                    name = equality_name(closure) + (f"_{index}" if index else "")
+                    section.add("connect", {"name": name, "site1": one[0], "site2": other[0], **stiff}, closure.origin)
+            case "slide" | "screw" | "several":
+                pass  # the loop stays open: see `losses`
+            case _:
+                assert_never(closure.kind)
 
 
 def equality_name(closure: Closure) -> str:
@@ -120,13 +122,28 @@ def losses(robot: Robot) -> list[Loss]:
                 ("what it mimics", joint.mimic is not None),
             ) if there
         ]
-        opened = _OPENED.get(closure.kind)
+        opened = _opened(closure.kind)
         if opened is not None:
             lost = [f"the loop through it: MuJoCo has no equality that {opened}"]
         if lost:
             what = ", ".join(lost) + (": a loop is cut here" if opened is None else "")
             found.append(Loss(target="mjcf", mode=mode, path=closure.path, what=what, how="omitted", span=_first(closure.origin)))
     return found
+
+
+def _opened(kind: ClosureKind) -> str | None:
+    """What MuJoCo's equalities cannot leave open: a loop that is cut there stays open in its model. None where they can."""
+    match kind:
+        case "weld" | "ball" | "hinge":
+            return None
+        case "slide":
+            return "slides"
+        case "screw":
+            return "screws"
+        case "several":
+            return "moves in several coordinates"
+        case _:
+            assert_never(kind)
 
 
 def _moved(moved: Mapping[str, float], turns: Collection[str]) -> str:

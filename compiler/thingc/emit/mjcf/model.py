@@ -190,9 +190,9 @@ class _Builder:
                 polynomial = numbers((0.0, 1.0 / slide.ratio, 0.0, 0.0, 0.0))
                 names = {"name": f"{joint.path}:screw", "joint1": joint.path, "joint2": slide.name}
                 section.add("joint", {**names, "polycoef": polynomial, "solimp": STIFF}, joint.origin)
-            if joint.mimic is not None and joint.mimic.joint in self.joints:
+            if joint.mimic is not None and joint.mimic.joint.path in self.joints:
                 polynomial = numbers((joint.mimic.offset, joint.mimic.multiplier, 0.0, 0.0, 0.0))
-                names = {"name": f"{joint.path}:mimic", "joint1": joint.path, "joint2": joint.mimic.joint}
+                names = {"name": f"{joint.path}:mimic", "joint1": joint.path, "joint2": joint.mimic.joint.path}
                 section.add("joint", {**names, "polycoef": polynomial, "solimp": STIFF}, joint.mimic.origin)
         closures.equalities(self.robot, section, [link.name for link in self.links])
 
