@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from thingc.brief import Brief
 from thingc.diagnostics import Diagnostic, Report
+from thingc.frozen import dataclass
 from thingc.inertia import MassProperties
 from thingc.pipeline import Compilation, Options
 from thingc.printing import as_text

@@ -21,12 +21,12 @@ import json
 import os
 import stat
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 from thingc.diagnostics import Code, Report, shown_path
 from thingc.emit import written
 from thingc.emit.artifact import MANIFEST, Content, Stored
+from thingc.frozen import dataclass
 
 Waiting = Callable[[str], None]
 """Called once with the build folder when another build of it must be waited for."""

@@ -9,11 +9,12 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import partial
 from typing import TYPE_CHECKING
 
 from thingc.diagnostics import Code, Report, Severity, Stage, shown_path
+from thingc.frozen import dataclass
 from thingc.memo import Memo
 from thingc.slips import did_you_mean
 

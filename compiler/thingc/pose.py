@@ -6,7 +6,8 @@ Plain tuples of floats, because `check` must not pay for numpy; lengths in metre
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+
+from thingc.frozen import dataclass
 
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]

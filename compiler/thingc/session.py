@@ -7,9 +7,10 @@ diagnostics; it only keeps what the passes may share: the documents and their mo
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 from thingc.diagnostics import Report
+from thingc.frozen import dataclass
 from thingc.pipeline import Compilation, Front, Options
 
 

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Union
+
+from thingc.frozen import dataclass
 
 Scalar = Union[str, int, float, bool, None]
 Plain = Union[Scalar, list["Plain"], dict[str, "Plain"]]

@@ -41,8 +41,8 @@ def fingerprint() -> str:
     for folder, folders, names in os.walk(own):
         folders[:] = sorted(name for name in folders if name != "__pycache__")
         for name in sorted(names):
-            state = os.stat(os.path.join(folder, name))
-            digest.update(f"{os.path.relpath(folder, own)}/{name} {state.st_size} {state.st_mtime_ns}\n".encode())
+            state = os.stat(f"{folder}/{name}")
+            digest.update(f"{folder[len(own):]}/{name} {state.st_size} {state.st_mtime_ns}\n".encode())
     return digest.hexdigest()
 
 
@@ -89,9 +89,9 @@ def save(
 def load(store: Store, key: str) -> tuple[list[Diagnostic], dict[str, Any]] | None:
     """What a run with the same inputs said and answered, or None where anything has changed."""
     kept = store.get_json("stamp", key)
-    if not isinstance(kept, dict) or kept.get("fingerprint") != fingerprint():
+    if not isinstance(kept, dict) or any(state_of(path) != state for path, state in kept["inputs"].items()):
         return None
-    if any(state_of(path) != state for path, state in kept["inputs"].items()):
+    if kept["fingerprint"] != fingerprint():
         return None
     return [unpacked(d) for d in kept["diagnostics"]], dict(kept["answer"])
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Union
 
+from thingc.frozen import dataclass
 from thingc.slips import Hint, meant, nearest
 
 if TYPE_CHECKING:

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import hashlib
 import os
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 from thingc.diagnostics import Code, Report
+from thingc.frozen import dataclass
 from thingc.shown import is_text
 from thingc.slips import did_you_mean
 from thingc.source import MappingNode, Path, Span

@@ -13,13 +13,14 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "compiler" / "thingc"
 
-BASE = {"brief", "shown", "source", "slips", "diagnostics", "units", "expressions", "pose", "inertia", "memo", "workspace"}
+BASE = {"frozen", "brief", "shown", "source", "slips", "diagnostics", "units", "expressions", "pose", "inertia", "memo", "workspace"}
 # What each room may import of thingc, besides itself. `workspace` reads its own document with load and spec.
 ROOMS: dict[str, set[str]] = {
-    "shown": set(), "source": set(), "brief": {"source"}, "slips": set(), "diagnostics": {"brief", "shown", "source", "slips"},
-    "printing": {"shown", "source", "diagnostics"}, "units": {"diagnostics", "slips"},
-    "expressions": {"diagnostics", "slips", "units"},
-    "pose": set(), "inertia": {"brief", "pose"}, "memo": set(),
+    "frozen": set(), "shown": set(), "source": {"frozen"}, "brief": {"source"}, "slips": set(),
+    "diagnostics": {"brief", "shown", "source", "slips"},
+    "printing": {"shown", "source", "diagnostics"}, "units": {"frozen", "diagnostics", "slips"},
+    "expressions": {"frozen", "diagnostics", "slips", "units"},
+    "pose": {"frozen"}, "inertia": {"frozen", "brief", "pose"}, "memo": set(),
     "workspace": BASE | {"load", "spec"},
     "load": BASE,
     "spec": BASE | {"load", "joints", "checks"},
@@ -33,11 +34,11 @@ ROOMS: dict[str, set[str]] = {
     "robot": BASE | {"resolve", "realize", "joints", "graph"},
     "solids": BASE | {"realize", "graph"},
     "statics": BASE | {"graph", "robot"},
-    "drawing": set(),
+    "drawing": {"frozen"},
     "emit": BASE | {"resolve", "realize", "joints", "graph", "robot", "drawing"},
     "modes": {"brief", "diagnostics", "slips"},  # read at run time, next to a simulation
-    "render": {"pose"},
-    "reporting": {"shown", "source", "diagnostics"},
+    "render": {"frozen", "pose"},
+    "reporting": {"frozen", "shown", "source", "diagnostics"},
     "layout": BASE | {"load", "spec"},
     "editor": BASE | {"load", "spec", "realize", "resolve", "joints", "pipeline"},
     "testing": BASE | {"printing", "checks", "resolve", "realize", "joints", "graph", "robot", "statics", "solids", "emit"},

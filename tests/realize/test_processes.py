@@ -257,7 +257,8 @@ def test_progress(place: Any, define: Callable[..., Any]) -> None:
 def test_imports_put_off_are_made_when_they_are_needed(tmp_path: Path) -> None:
     script = f"""
         import sys
-        from thingc.realize.deferred import SELDOM_USED, import_cheaply
+        from thingc.realize.deferred import import_cheaply
+        from thingc.realize.modules import SELDOM_USED
         import_cheaply("build123d")
         assert not SELDOM_USED & set(sys.modules), SELDOM_USED & set(sys.modules)
         from build123d import *

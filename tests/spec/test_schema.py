@@ -12,10 +12,9 @@ import pytest
 from thingc.diagnostics import Report
 from thingc.load.documents import read_tree
 from thingc.spec.schema import json_schema, text_of, write
-from thingc.spec.validation import MODELS
+from thingc.spec.validation import KINDS
 
 ROOT = Path(__file__).resolve().parents[2]
-KINDS = sorted(MODELS)
 DOCUMENTS = sorted(path for folder in ("assemblies", ".") for path in (ROOT / folder).glob("**/*" if folder != "." else "*")
                    if path.suffix in (".yaml", ".yml",
                        ".toml") and path.name not in ("pyproject.toml", "action.yml") and not path.name.startswith("."))

@@ -23,11 +23,11 @@ from hypothesis import strategies as st
 from docs.pages import PAGES, documents, meant_to_be_wrong
 from thingc.cli.main import main
 from thingc.spec import fields
-from thingc.spec.validation import MODELS
+from thingc.spec.validation import KINDS
 
 ROOT = Path(__file__).resolve().parents[2]
 CASES = ROOT / "tests" / "cases"
-SCHEMAS = [ROOT / "schemas" / f"{kind}-1.json" for kind in sorted(MODELS)]
+SCHEMAS = [ROOT / "schemas" / f"{kind}-1.json" for kind in sorted(KINDS)]
 
 BEYOND = {
     "TC209": "whether a text is an expression takes a parser: brackets nest, names have to be functions",
@@ -61,7 +61,7 @@ def run(*words: object) -> dict[str, object]:
 def kind_of(path: Path) -> str | None:
     """The kind that a document's first key states, or None where it states none of ours."""
     found = re.search(r"^[\"']?thingc[\"']?\s*[:=]\s*[\"']?(\w+)/1", path.read_text(encoding="utf-8", errors="replace"), re.MULTILINE)
-    return found.group(1) if found and found.group(1) in MODELS else None
+    return found.group(1) if found and found.group(1) in KINDS else None
 
 
 def faults(paths: Iterable[Path]) -> dict[str, list[tuple[str, ...]]]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 from pydantic import ConfigDict, Field, model_validator
@@ -11,6 +10,7 @@ from thingc.brief import Brief
 from thingc.checks.kind import CheckKind, Names
 from thingc.checks.outcome import ROUNDING, Failure, Measure, Outcome, shown
 from thingc.diagnostics import Code
+from thingc.frozen import dataclass
 from thingc.spec.base import Model
 from thingc.spec.fields import LengthField, ReferenceField, fault
 from thingc.units import LENGTH, Quantity

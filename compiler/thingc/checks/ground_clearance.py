@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -14,6 +13,7 @@ from thingc.brief import Brief
 from thingc.checks.kind import CheckKind, Names
 from thingc.checks.outcome import Failure, Measure, Outcome, shown
 from thingc.diagnostics import Code, Note
+from thingc.frozen import dataclass
 from thingc.spec.base import Model
 from thingc.spec.fields import LengthField, ReferenceField
 from thingc.units import LENGTH, Quantity

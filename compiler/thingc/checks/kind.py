@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar
 
 from pydantic import ConfigDict, Field
 
 from thingc.brief import Brief
+from thingc.frozen import dataclass
 from thingc.spec.base import Model
 from thingc.spec.fields import fault
 

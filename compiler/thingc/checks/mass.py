@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from pydantic import model_validator
@@ -11,6 +10,7 @@ from thingc.brief import Brief
 from thingc.checks.kind import BOUNDED, CheckKind, require_bounds
 from thingc.checks.outcome import Outcome, bounded
 from thingc.diagnostics import Code
+from thingc.frozen import dataclass
 from thingc.spec.base import Model
 from thingc.spec.fields import MassField, ReferenceField
 from thingc.units import MASS

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import ConfigDict, Field, model_validator
@@ -12,6 +11,7 @@ from thingc.brief import Brief
 from thingc.checks.kind import CheckKind, Names
 from thingc.checks.outcome import Failure, Measure, Outcome, shown
 from thingc.diagnostics import Code, Note, Report
+from thingc.frozen import dataclass
 from thingc.source import Origin
 from thingc.spec.base import Model
 from thingc.spec.fields import CountField, LengthField, ReferenceField, Value, fault, quantity

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from thingc.diagnostics import Code, Note
+from thingc.frozen import dataclass
 from thingc.units import Dimension, Quantity
 
 Measure = float | int | str | list[float] | dict[str, float] | None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 from pydantic import ConfigDict, Field, model_validator
@@ -12,6 +11,7 @@ from thingc.brief import Brief
 from thingc.checks.kind import CheckKind, Names
 from thingc.checks.outcome import Failure, Measure, Outcome, shown
 from thingc.diagnostics import Code, Note
+from thingc.frozen import dataclass
 from thingc.pose import Vector
 from thingc.spec.base import Model
 from thingc.spec.fields import AngleField, LengthField, NumberField, ReferenceField, Vector3Length, fault

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pydantic import Field, model_validator
@@ -11,6 +11,7 @@ from thingc.brief import Brief
 from thingc.checks.kind import BOUNDED, CheckKind, require_bounds
 from thingc.checks.outcome import Outcome, bounded, unclosed
 from thingc.diagnostics import Code, Note
+from thingc.frozen import dataclass
 from thingc.spec.base import Model
 from thingc.spec.fields import LengthField, ReferenceField
 from thingc.units import LENGTH

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pydantic import Field
@@ -11,6 +11,7 @@ from thingc.brief import Brief
 from thingc.checks.kind import CheckKind, Names
 from thingc.checks.outcome import Failure, Measure, Outcome, shown
 from thingc.diagnostics import Code, Report
+from thingc.frozen import dataclass
 from thingc.spec.base import Model
 from thingc.spec.fields import LengthField, TimeField
 from thingc.units import LENGTH, TIME, Quantity

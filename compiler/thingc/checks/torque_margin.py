@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pydantic import Field
@@ -13,6 +13,7 @@ from thingc.brief import Brief
 from thingc.checks.kind import CheckKind, Names
 from thingc.checks.outcome import Failure, Measure, Outcome, shown
 from thingc.diagnostics import Code, Note
+from thingc.frozen import dataclass
 from thingc.spec.base import Model
 from thingc.spec.fields import NumberField
 from thingc.units import FORCE, LENGTH, NUMBER, TORQUE

@@ -7,10 +7,11 @@ one place takes no name away from another.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from thingc.editor import values
 from thingc.editor.outline import outline_of
+from thingc.frozen import dataclass
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema
 from thingc.resolve.model import AssemblyDefinition, Component, Joint
 from thingc.source import MappingNode, Node, ScalarNode

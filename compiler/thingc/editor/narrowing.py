@@ -10,12 +10,13 @@ from __future__ import annotations
 import copy
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from thingc.editor import things, values
 from thingc.editor.facts import Facts, JointFacts, Names, Piece
 from thingc.editor.outline import Outline, parameters_schema
 from thingc.editor.values import Schema, one_of
+from thingc.frozen import dataclass
 from thingc.realize.record import PartSchema
 from thingc.spec.fields import REFERENCE_PATTERN
 from thingc.units import ANGLE, LENGTH

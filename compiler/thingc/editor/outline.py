@@ -6,11 +6,12 @@ import copy
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from thingc.diagnostics import Report
 from thingc.editor import values
 from thingc.editor.values import Schema
+from thingc.frozen import dataclass
 from thingc.load.documents import read_tree
 from thingc.source import MappingNode, Node, ScalarNode
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from thingc.diagnostics import Code, Report
+from thingc.frozen import dataclass
 from thingc.realize.record import PartFailure, PartSchema
 
 if TYPE_CHECKING:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from thingc.diagnostics import Report
@@ -14,6 +13,7 @@ from thingc.editor.narrowing import Surroundings, narrowed, remembered
 from thingc.editor.outline import Outline, near, of_variants, read_outline
 from thingc.editor.parts import Missing, Parts
 from thingc.editor.reading import Reading, Stat, read, stat_of
+from thingc.frozen import dataclass
 from thingc.load.finding import documents_in
 from thingc.realize.record import PartDefinition
 from thingc.source import ScalarNode
@@ -191,9 +191,9 @@ class Schemas:
     def _schema(self, kind: str) -> dict[str, Any] | None:
         """The general schema of a kind; None where there is none."""
         from thingc.spec.schema import json_schema
-        from thingc.spec.validation import MODELS
+        from thingc.spec.validation import KINDS
 
-        if kind not in MODELS:
+        if kind not in KINDS:
             return None
         if kind not in self._general:
             self._general[kind] = json_schema(kind)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from thingc.frozen import dataclass
 from thingc.source import Span
 
 MANIFEST = "manifest.json"

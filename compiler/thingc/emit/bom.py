@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import csv
 import io
-from dataclasses import dataclass
 from itertools import count
 
 from thingc.emit import jsontext
 from thingc.emit.artifact import Artifacts
 from thingc.emit.csvcell import cell
 from thingc.emit.request import EmitRequest
+from thingc.frozen import dataclass
 from thingc.graph.types import Assembly, Occurrence
 
 COLUMNS = ("number", "name", "definition", "quantity", "make", "material", "mass", "mass_source", "supplier", "cost")

@@ -7,10 +7,10 @@ says itself (`Takes`).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from thingc.diagnostics import Code, Note, Report
 from thingc.emit.artifact import Stored
+from thingc.frozen import dataclass
 from thingc.graph.types import Assembly, Occurrence
 from thingc.pose import NO_POSE, Pose
 from thingc.realize.record import Mesh, PartDefinition, Primitive

@@ -8,12 +8,13 @@ import os
 import re
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 from thingc import __version__
 from thingc.emit import jsontext
 from thingc.emit.artifact import MANIFEST, Content, Loss, Stored
+from thingc.frozen import dataclass
 from thingc.graph.types import Assembly
 
 if TYPE_CHECKING:

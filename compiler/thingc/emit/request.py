@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 from thingc.diagnostics import Report
+from thingc.frozen import dataclass
 from thingc.graph.types import Assembly
 from thingc.memo import Memo
 from thingc.robot.types import Robot

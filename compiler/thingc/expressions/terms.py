@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Union
 
+from thingc.frozen import dataclass
 from thingc.units import Quantity
 
 

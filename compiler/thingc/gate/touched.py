@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
 
 from thingc.diagnostics import Report
+from thingc.frozen import dataclass
 from thingc.load import Documents, load
 from thingc.load.finding import documents_in
 from thingc.load.paths import named

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import cast
 
 from thingc.diagnostics import Code, Note, meant_so
+from thingc.frozen import dataclass
 from thingc.graph.findings import Findings, line_of, noted, written_at
 from thingc.graph.mass import (
     NOTHING,

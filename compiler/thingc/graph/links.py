@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from thingc.diagnostics import Code
+from thingc.frozen import dataclass
 from thingc.graph.findings import Findings, noted
 from thingc.graph.kinematics import neighbourhood, spread
 from thingc.graph.types import Link, Mate, Occurrence

@@ -6,9 +6,10 @@ or, with an infill, what is printed of it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import cast
 
+from thingc.frozen import dataclass
 from thingc.inertia import ZERO, MassProperties
 from thingc.pose import Matrix, Vector
 from thingc.realize.record import PartRecord

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from thingc.diagnostics import Code, Note, Report
+from thingc.frozen import dataclass
 from thingc.graph.findings import line_of, written_at
 from thingc.graph.types import Assembly
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord, Stated

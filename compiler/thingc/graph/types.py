@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from thingc.brief import Brief
+from thingc.frozen import dataclass
 from thingc.inertia import MassProperties
 from thingc.joints import JointKind, Twist
 from thingc.pose import Pose

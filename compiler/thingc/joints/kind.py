@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
+from thingc.frozen import dataclass
 from thingc.joints.twist import Twist
 from thingc.units import Dimension
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Literal
 
+from thingc.frozen import dataclass
 from thingc.joints.dimensions import dimensions_of
 from thingc.pose import IDENTITY, NO_POSE, Pose, Vector, cross, dot, rotate, turned_about, turned_x, turned_y, turned_z
 from thingc.units import ANGLE, LENGTH, Dimension

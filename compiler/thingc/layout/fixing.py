@@ -9,9 +9,9 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 
 from thingc.diagnostics import Code, Diagnostic, Severity
+from thingc.frozen import dataclass
 from thingc.load.text import Source
 from thingc.source import Document, Edit, MappingNode, ScalarNode, walk
 

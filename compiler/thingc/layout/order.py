@@ -11,7 +11,7 @@ from pydantic import BaseModel
 from thingc.spec.assembly import AssemblySpec, ComponentSpec, JointSpec
 from thingc.spec.modes import ModeSpec
 from thingc.spec.shapes import Shape, branch_of, model_keys, shape_of
-from thingc.spec.validation import MODELS
+from thingc.spec.validation import model_of
 
 FIRST: dict[type[BaseModel], tuple[str, ...]] = {
     ComponentSpec: (
@@ -47,7 +47,7 @@ def _keys(model: type[BaseModel]) -> tuple[dict[str, int], dict[str, Shape]]:
 
 def root_shape(kind: str | None) -> Shape | None:
     """The shape of a document of a kind; None where no model is known."""
-    model = MODELS.get(kind or "")
+    model = model_of(kind or "")
     return None if model is None else shape_of(model)
 
 

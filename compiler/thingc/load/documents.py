@@ -6,10 +6,11 @@ import hashlib
 import os
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 from thingc.diagnostics import Code, Note, Report
+from thingc.frozen import dataclass
 from thingc.load.paths import DOCUMENT_SUFFIXES, PART_SUFFIXES, find_file, refuse_name
 from thingc.load.text import MAX_ALL_BYTES, MAX_FAULTS, decode
 from thingc.shown import unseen

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 
+from thingc.frozen import dataclass
 from thingc.load.text import Source
 from thingc.units import shortened
 

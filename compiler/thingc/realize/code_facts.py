@@ -7,8 +7,9 @@ syntax tree without positions, so that comments and layout change nothing. `code
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
 from typing import Any
+
+from thingc.frozen import dataclass
 
 VERSION = 2
 """Of the facts: a change of their meaning must raise it, since facts are kept by the content of a file."""

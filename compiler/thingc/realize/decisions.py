@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 
+from thingc.frozen import dataclass
 from thingc.realize.recipe import Recipe, difference
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord
 from thingc.realize.results import Results

@@ -17,11 +17,7 @@ import types
 from collections.abc import Callable, Sequence
 from typing import Any
 
-SELDOM_USED = frozenset({
-    "IPython", "ezdxf", "fontTools", "lib3mf", "ocp_gordon", "ocpsvg", "requests", "scipy", "sklearn", "svgpathtools",
-    "sympy", "threejs_materials", "trianglesolver",
-})
-"""Top-level packages that build123d imports for a few of its functions only."""
+from thingc.realize.modules import SELDOM_USED
 
 
 class _Session:

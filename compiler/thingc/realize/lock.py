@@ -10,11 +10,12 @@ import hashlib
 import json
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from thingc.diagnostics import Code as Fault
 from thingc.diagnostics import Report, Severity
+from thingc.frozen import dataclass
 from thingc.realize.codekey import Code
 from thingc.realize.lock_values import BadLock, mapping, read_record, read_schema
 from thingc.realize.record import PartDefinition, PartRecord, PartSchema

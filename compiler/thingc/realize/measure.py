@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from OCP.Bnd import Bnd_Box
@@ -17,6 +16,7 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SOLID
 from OCP.TopExp import TopExp_Explorer
 from OCP.TopoDS import TopoDS
 
+from thingc.frozen import dataclass
 from thingc.pose import Matrix, Vector
 
 if TYPE_CHECKING:

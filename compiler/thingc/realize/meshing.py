@@ -6,7 +6,6 @@ but may lie a tolerance apart.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +16,7 @@ from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_REVERSED
 from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 
+from thingc.frozen import dataclass
 from thingc.realize.measure import explored
 
 if TYPE_CHECKING:

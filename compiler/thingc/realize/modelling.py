@@ -8,9 +8,10 @@ import math
 import os
 import warnings
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any
 
+from thingc.frozen import dataclass
 from thingc.realize import convert, meshing
 from thingc.realize.colors import hexadecimal, named
 from thingc.realize.fits import fit_all

@@ -12,16 +12,21 @@ import site
 import sys
 import sysconfig
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass
 from functools import cache
 
-from thingc.realize.deferred import SELDOM_USED
+from thingc.frozen import dataclass
 
 CONTENT_TRACKED = frozenset({"thingc_stock"})
 """Packages tracked by content wherever they are installed."""
 
 OWN = frozenset({"thingc"})
 """Packages that count by the state of the compiler, which is in every key."""
+
+SELDOM_USED = frozenset({
+    "IPython", "ezdxf", "fontTools", "lib3mf", "ocp_gordon", "ocpsvg", "requests", "scipy", "sklearn", "svgpathtools",
+    "sympy", "threejs_materials", "trianglesolver",
+})
+"""Top-level packages that build123d imports for a few of its functions only."""
 
 PROTECTED = frozenset(sys.stdlib_module_names) | SELDOM_USED | {
     "OCP", "anytree", "bd_materials", "bd_warehouse", "build123d", "coacd", "manifold3d", "numpy", "thingc", "typing_extensions",

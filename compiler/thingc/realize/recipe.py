@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 
+from thingc.frozen import dataclass
 from thingc.realize.codekey import Code
 from thingc.realize.record import PartDefinition, Value
 from thingc.workspace import Workspace

@@ -9,10 +9,11 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from enum import Enum
 
 from thingc.brief import Brief
+from thingc.frozen import dataclass
 from thingc.pose import Matrix, Pose, Vector
 from thingc.realize.slices import Sliced, Slicing, Unsliced
 from thingc.units import ANGLE, LENGTH, MASS, NUMBER, Dimension, Quantity

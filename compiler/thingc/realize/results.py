@@ -8,9 +8,9 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
+from thingc.frozen import dataclass
 from thingc.realize.reads import state_of
 from thingc.realize.recipe import Recipe
 from thingc.realize.store import Store, StoreUnusable

@@ -6,10 +6,11 @@ With nothing new to model no process is started and nothing heavy is imported.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
+from thingc.frozen import dataclass
 from thingc.realize.claims import Claims
 from thingc.realize.codekey import Code
 from thingc.realize.decisions import Decision, Recent, unchanged, why

@@ -6,9 +6,9 @@ The numbers do not depend on the infill: the mass at any percentage is a sum of 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from thingc.brief import Brief
+from thingc.frozen import dataclass
 from thingc.inertia import MassProperties
 from thingc.pose import Matrix, Vector
 

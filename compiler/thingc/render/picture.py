@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import warnings
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
+
+from thingc.frozen import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -7,10 +7,11 @@ Everything is SI.
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from thingc.brief import Brief
+from thingc.frozen import dataclass
 from thingc.joints import JointKind, Twist
 from thingc.pose import Pose, Vector
 from thingc.realize.record import PartDefinition, Value

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from thingc.frozen import dataclass
 from thingc.load.paths import SUFFIXES_WITH_UNIT
 from thingc.pose import Vector
 from thingc.realize.record import FILE_UNIT, PartDefinition

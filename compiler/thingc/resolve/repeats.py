@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from thingc.diagnostics import Code, Note
+from thingc.frozen import dataclass
 from thingc.resolve.scope import Scope
 from thingc.source import Path
 from thingc.spec.assembly import ComponentSpec, JointSpec

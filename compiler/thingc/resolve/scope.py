@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Set
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 from thingc.diagnostics import MAX_FAULTS, Code, Note, Report
 from thingc.expressions import Expression, ExpressionError, evaluate, expression_hint
+from thingc.frozen import dataclass
 from thingc.pose import Pose, Vector, placed
 from thingc.source import Document, Origin, Path, ScalarNode, Span, node_at, walk
 from thingc.spec.doubts import NO_DOUBTS, Doubts

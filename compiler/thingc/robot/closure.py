@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 
+from thingc.frozen import dataclass
 from thingc.graph import leaders
 from thingc.graph.types import JointEdge
 from thingc.joints import Twist

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Literal
 
 from thingc.brief import Brief
+from thingc.frozen import dataclass
 from thingc.graph.types import ActuatorModel, Assembly, JointEdge, LinkedMode
 from thingc.joints import Twist
 from thingc.pose import Pose, Vector

@@ -5,9 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 from thingc.diagnostics import Code, Note, Report, meant_so
+from thingc.frozen import dataclass
 from thingc.graph.types import Assembly, Link, Occurrence
 from thingc.pose import Pose, Vector
 from thingc.realize.store import Store

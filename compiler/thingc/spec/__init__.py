@@ -13,7 +13,7 @@ __all__ = ["part_references", "validate", "validate_one", "within"]
 
 def __getattr__(name: str) -> Any:
     if name in __all__:
-        from thingc.spec import saying, validation
+        from importlib import import_module
 
-        return getattr(saying if name == "within" else validation, name)
+        return getattr(import_module("thingc.spec.saying" if name == "within" else "thingc.spec.validation"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from thingc.frozen import dataclass
 
 KEYS = ("part", "file", "assembly", "material")
 """Keys of a component that may be chosen."""

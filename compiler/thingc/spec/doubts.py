@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from thingc.diagnostics import Allowance
+from thingc.frozen import dataclass
 from thingc.source import Path
 
 if TYPE_CHECKING:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any
 
+from thingc.frozen import dataclass
 from thingc.slips import nearest
 from thingc.source import Path
 from thingc.spec.doubts import ANY_NAME

@@ -17,18 +17,20 @@ from pydantic.json_schema import GenerateJsonSchema
 
 from thingc.checks import kinds
 from thingc.spec import assembly, materials, modes, sensors, variants, workspace
-from thingc.spec.validation import MODELS
+from thingc.spec.validation import KINDS, model_of
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def json_schema(kind: str) -> dict[str, Any]:
     """The JSON Schema of a kind of document (`assembly`, `materials`, `variants`, `workspace`)."""
-    schema = MODELS[kind].model_json_schema(schema_generator=_Generator)
+    model = model_of(kind)
+    assert model is not None, kind
+    schema = model.model_json_schema(schema_generator=_Generator)
     checks = [sys.modules[check.model.__module__] for check in kinds().values()]
     documented = _documentation(assembly, materials, modes, sensors, *checks, variants, workspace)
     documented["TestSpec"] = {check.name: check.summary for check in kinds().values()}
-    for name, definition in {**schema.get("$defs", {}), MODELS[kind].__name__: schema}.items():
+    for name, definition in {**schema.get("$defs", {}), model.__name__: schema}.items():
         _describe(definition, documented.get(name, {}))
     cleaned: dict[str, Any] = _without_null(schema)
     definitions = cleaned.get("$defs", {})
@@ -127,7 +129,7 @@ def _both(inner: dict[str, Any], outer: dict[str, Any]) -> dict[str, Any]:
 def write(folder: str) -> list[str]:
     """Write every schema as `<kind>-1.json` into a folder; returns the paths."""
     paths = []
-    for kind in MODELS:
+    for kind in KINDS:
         path = os.path.join(folder, f"{kind}-1.json")
         with open(path, "w", encoding="utf-8", newline="\n") as stream:
             stream.write(text_of(kind))

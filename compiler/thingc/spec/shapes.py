@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import types
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
 
+from thingc.frozen import dataclass
 from thingc.slips import nearest
 from thingc.spec.fields import Checked, Index
 

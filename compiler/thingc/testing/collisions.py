@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from thingc.emit.request import EmitRequest
+from thingc.frozen import dataclass
 from thingc.graph.types import Assembly
 from thingc.pose import Pose
 from thingc.robot.types import Keyframe

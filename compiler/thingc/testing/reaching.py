@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from thingc.frozen import dataclass
 from thingc.graph import joints_of, on_loops
 from thingc.graph.types import MountAt
 from thingc.pose import NO_POSE, Pose, Vector, rotate

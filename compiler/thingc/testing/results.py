@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
 
 from thingc.checks.outcome import Outcome
 from thingc.diagnostics import Diagnostic
 from thingc.emit.request import EmitRequest
+from thingc.frozen import dataclass
 from thingc.graph.types import LinkedTest
 from thingc.resolve.model import Reference
 from thingc.robot.types import Keyframe, Robot

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fnmatch import fnmatchcase
 
 from thingc.checks import kinds
 from thingc.checks.outcome import Failure, Outcome, unclosed
 from thingc.diagnostics import Report
 from thingc.emit.request import EmitRequest
+from thingc.frozen import dataclass
 from thingc.graph.types import Assembly, LinkedMode, LinkedTest
 from thingc.resolve.model import NamedPose
 from thingc.testing.results import Case, Result

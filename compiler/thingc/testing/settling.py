@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from itertools import product
 
 import mujoco
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from thingc.emit.mjcf.check import heard
 from thingc.emit.mjcf.scene import FLOOR
+from thingc.frozen import dataclass
 from thingc.pose import Pose, Vector
 from thingc.robot.types import Keyframe, Robot
 

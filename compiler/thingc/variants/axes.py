@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from thingc.diagnostics import Code, Note, Report
 from thingc.expressions import Expression
+from thingc.frozen import dataclass
 from thingc.realize.record import Value
 from thingc.resolve.parameters import fitting, plain
 from thingc.resolve.scope import Found, dotted, kind_of, words_of

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any
 
 from thingc.expressions import Expression, ExpressionError, evaluate
+from thingc.frozen import dataclass
 from thingc.pipeline import Sources
 from thingc.resolve.scope import Found
 from thingc.source import Document, ScalarNode, node_at

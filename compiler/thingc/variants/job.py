@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
+from thingc.frozen import dataclass
 from thingc.realize.record import Value
 
 STOPPED = "stopped"

@@ -14,12 +14,13 @@ import xml.etree.ElementTree as ElementTree
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, overload
 
 from thingc.brief import Brief
 from thingc.diagnostics import shown_path
+from thingc.frozen import dataclass
 from thingc.slips import did_you_mean
 from thingc.variants import places
 from thingc.variants.folder import read_batch

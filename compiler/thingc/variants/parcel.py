@@ -20,9 +20,9 @@ import tarfile
 import zlib
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from thingc.diagnostics import Code
+from thingc.frozen import dataclass
 from thingc.variants.folder import BatchFault, read_batch
 from thingc.variants.planning import OUTSIDE, Plan
 from thingc.workspace import OWN_FILE, Workspace

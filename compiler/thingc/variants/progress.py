@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from thingc.brief import Brief
 from thingc.diagnostics import Diagnostic
+from thingc.frozen import dataclass
 
 
 class Interrupted(Exception):

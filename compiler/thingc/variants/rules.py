@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 
 from thingc.diagnostics import Code, Report
 from thingc.expressions import Expression, ExpressionError, evaluate
+from thingc.frozen import dataclass
 from thingc.resolve.scope import Found
 from thingc.slips import did_you_mean
 from thingc.source import Document, Path

@@ -23,12 +23,13 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any, TypeVar
 
 from thingc.diagnostics import Code, shown_path
 from thingc.emit.artifact import MANIFEST, Content, Stored
+from thingc.frozen import dataclass
 from thingc.realize.store import BlobMissing, Store, StoreUnusable
 from thingc.variants import places
 from thingc.variants.cluster import Carrier, Cluster, WorkerLost

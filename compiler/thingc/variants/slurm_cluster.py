@@ -12,10 +12,10 @@ import shutil
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from thingc.diagnostics import Code
+from thingc.frozen import dataclass
 from thingc.slips import did_you_mean
 from thingc.units import TIME, UnitError, parse_quantity
 from thingc.variants.cluster import Cluster, missing

@@ -8,10 +8,11 @@ from __future__ import annotations
 import csv
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from thingc.emit.csvcell import cell
+from thingc.frozen import dataclass
 from thingc.variants import places
 from thingc.variants.journal import Line, in_order
 from thingc.variants.rules import LENGTHS, PARAMETERS, RESULTS, dimension_of

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from thingc.frozen import dataclass
 from thingc.variants.loading import BuiltVariant
 
 if TYPE_CHECKING:

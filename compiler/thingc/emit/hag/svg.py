@@ -5,10 +5,10 @@ from __future__ import annotations
 import unicodedata
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from thingc.drawing.layered import Drawing, Line, Rectangle, Route, Size, draw
 from thingc.emit.hag.words import KINDS, Bundle, bundles, entries, how, quantities, short, total
+from thingc.frozen import dataclass
 from thingc.graph.types import Definition, Hag
 from thingc.shown import shown
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+from thingc.frozen import dataclass
 from thingc.graph.types import Definition, DefinitionEdge, Hag
 from thingc.shown import shown
 

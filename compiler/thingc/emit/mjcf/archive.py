@@ -9,11 +9,11 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from thingc.emit.artifact import Artifacts, Stored
 from thingc.emit.mjcf.target import models
 from thingc.emit.request import EmitRequest
+from thingc.frozen import dataclass
 from thingc.realize.store import BlobMissing, Store
 
 MODEL = "model.xml"

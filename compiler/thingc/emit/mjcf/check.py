@@ -8,7 +8,6 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any
 
 from thingc.diagnostics import Code, Note, Report, Severity
@@ -16,6 +15,7 @@ from thingc.emit.geometry import MeshAsset
 from thingc.emit.mjcf import start
 from thingc.emit.mjcf.known import Known, about_meshes, mujoco_version, tetrahedron
 from thingc.emit.xml import Element, RawValue, Written, write
+from thingc.frozen import dataclass
 from thingc.memo import Memo
 from thingc.realize.store import Store
 from thingc.robot.types import Robot

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
+from thingc.frozen import dataclass
 from thingc.joints import Twist
 from thingc.pose import Vector
 

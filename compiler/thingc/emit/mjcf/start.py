@@ -9,10 +9,10 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from thingc.diagnostics import Code, Note, Report, meant_so
+from thingc.frozen import dataclass
 from thingc.robot.types import CoreJoint, Robot
 from thingc.units import LENGTH, Quantity
 

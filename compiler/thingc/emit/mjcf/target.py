@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from thingc.emit.artifact import Artifacts, Content, Loss, Stored
 from thingc.emit.mjcf import check, raw, scene
 from thingc.emit.mjcf import model as tree
 from thingc.emit.mjcf.limits import taken
 from thingc.emit.request import EmitRequest
 from thingc.emit.xml import write
+from thingc.frozen import dataclass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
