@@ -6,8 +6,10 @@ import ast
 import json
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
+import networkx
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -96,6 +98,28 @@ def test_imports_point_one_way(path: Path) -> None:
     seen = {name.split(".")[1] for name in imported(path) if name.startswith("thingc.")}
     seen -= {room, "__version__"}
     assert seen <= ROOMS[room], f"{path.relative_to(PACKAGE)} must not import {sorted(seen - ROOMS[room])}"
+
+
+def at_run_time(node: ast.AST) -> Iterator[ast.AST]:
+    """What is below a node, but for what stands there for type checkers alone."""
+    yield node
+    for inner in node.orelse if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test) else ast.iter_child_nodes(node):
+        yield from at_run_time(inner)
+
+
+def test_no_module_needs_itself() -> None:
+    """Imports inside functions count: they put a circle off, and do not open it."""
+    names = {".".join(path.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__"): path for path in modules()}
+    graph = networkx.DiGraph()
+    for name, path in names.items():
+        for node in at_run_time(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom):
+                wanted = {f"{node.module}.{alias.name}" for alias in node.names}
+                graph.add_edges_from((name, one if one in names else node.module) for one in wanted)
+            elif isinstance(node, ast.Import):
+                graph.add_edges_from((name, alias.name) for alias in node.names)
+    circles = [sorted(circle) for circle in networkx.strongly_connected_components(graph) if len(circle) > 1]
+    assert len(graph) > len(names) and circles == []
 
 
 @pytest.mark.parametrize("path", modules(), ids=lambda p: str(p.relative_to(PACKAGE)))

@@ -13,7 +13,8 @@ import pytest
 from emit.small_robot import assembly, petg, request
 from thingc.emit.bom import COLUMNS, emit, items, make_of
 from thingc.emit.csvcell import cell
-from thingc.graph.types import Assembly, Definition
+from thingc.graph.hag import Definition
+from thingc.graph.types import Assembly
 from thingc.realize.record import PartDefinition
 from thingc.realize.store import Store
 from thingc.resolve.model import BomEntry, Overrides, Process

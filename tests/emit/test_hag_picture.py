@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from emit.graphs import NASTY, arm, awkward, graph, walker
 from thingc.drawing.layered import Drawing, Line, Rectangle, Size, draw
 from thingc.emit.hag import target as hag
-from thingc.graph.types import Hag
+from thingc.graph.hag import Hag
 from thingc.shown import shown
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -166,7 +166,7 @@ def check(boxes: list[Size], lines: list[Line], drawing: Drawing) -> None:
         assert all(a[1] < b[0] for a, b in pairwise(route.stretches))
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(pictures())
 def test_any_acyclic_graph(picture: tuple[list[Size], list[Line]]) -> None:
     boxes, lines = picture

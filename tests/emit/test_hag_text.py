@@ -12,7 +12,7 @@ import pytest
 from emit.graphs import LABELS, NASTY, SCREW, XM430, arm, awkward, graph, walker
 from thingc.emit.hag import target as hag
 from thingc.emit.hag import words
-from thingc.graph.types import DefinitionEdge, Hag
+from thingc.graph.hag import DefinitionEdge, Hag
 from thingc.shown import shown
 
 NASTY_SHOWN = NASTY.replace("\x07", "\\x07").replace("\ud800", "\\ud800")

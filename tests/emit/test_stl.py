@@ -13,7 +13,8 @@ from emit.small_robot import assembly, part, request
 from thingc.diagnostics import Code
 from thingc.emit.artifact import Loss, Stored
 from thingc.emit.stl import emit
-from thingc.graph.types import Assembly, Definition
+from thingc.graph.hag import Definition
+from thingc.graph.types import Assembly
 from thingc.realize.store import Store
 from thingc.resolve.model import BomEntry
 

@@ -14,7 +14,8 @@ import numpy as np
 
 from thingc.diagnostics import Code, Report, Severity
 from thingc.graph import link
-from thingc.graph.types import Assembly, Definition, MountFrame, Occurrence
+from thingc.graph.hag import Definition
+from thingc.graph.types import Assembly, MountFrame, Occurrence
 from thingc.inertia import MassProperties
 from thingc.joints import KINDS
 from thingc.pose import NO_POSE, Pose

@@ -24,7 +24,7 @@ from graph.builder import (
     where,
     whole,
 )
-from thingc.graph.types import Definition, DefinitionEdge
+from thingc.graph.hag import Definition, DefinitionEdge
 from thingc.resolve.model import BomEntry
 
 PLATE = box("p:Plate", mounts={"top": t(0, 0, 0.02), "foot": rx(np.pi) @ t(0, 0, 0.02)})

@@ -258,7 +258,7 @@ def _complaints(folder: str) -> list[str]:
 
 def _forecast(arguments: argparse.Namespace, options: Options, targets: tuple[str, ...]) -> int:
     from thingc.variants.forecast import forecast
-    from thingc.variants.planning import plan
+    from thingc.variants.reading import plan
 
     planned = plan(arguments.document, options=options)
     if targets:
@@ -281,7 +281,7 @@ def _forecast(arguments: argparse.Namespace, options: Options, targets: tuple[st
 def _adopt(arguments: argparse.Namespace, options: Options) -> int:
     """Write the settings of a variant into the document of the assembly, as `thingc set` does."""
     from thingc.cli.set import write
-    from thingc.variants.planning import plan
+    from thingc.variants.reading import plan
     from thingc.variants.values import in_unit
 
     planned = plan(arguments.document, options=options)

@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.fix or arguments.diff:
         from thingc.cli.mending import run_fix
 
-        return run_fix(arguments, documents, options)
+        return run_fix(arguments, documents, options, report_of)
     if arguments.no_code:
         return _answer(arguments, *_untrusted(arguments, documents, options), of=len(documents) if folders else None)
     for document in common.present(documents, found):
@@ -160,7 +160,7 @@ def report_of(compilation: Compilation) -> Report:
     compilation.say_unneeded([Stage.CHECK])
     if compilation.documents is None or compilation.documents.root.kind != "variants":
         return compilation.report
-    from thingc.variants.planning import read_plan
+    from thingc.variants.reading import read_plan
 
     report = Report()
     read_plan(compilation.document, compilation.options, report)

@@ -5,21 +5,23 @@ from __future__ import annotations
 import argparse
 import difflib
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from thingc.cli import common
-from thingc.cli.check import report_of
-from thingc.diagnostics import Code, Diagnostic, Severity, shown_path
+from thingc.diagnostics import Code, Diagnostic, Report, Severity, shown_path
 from thingc.layout.fixing import Looked, Mending, mend
 from thingc.layout.formatting import write_in_place
 from thingc.load.paths import DOCUMENT_SUFFIXES
 from thingc.pipeline import Compilation, Options
 from thingc.workspace import Workspace
 
+ReportOf = Callable[[Compilation], Report]
 
-def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Options) -> int:
-    """Exit code 0 when nothing is left that is wrong with any of the `documents` (with `--diff`: would be left)."""
+
+def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Options, report_of: ReportOf) -> int:
+    """Exit code 0 when nothing is left that is wrong with any of the `documents` (with `--diff`: would be left). `report_of`: what a check
+    says."""
     try:
         if not arguments.fix:
             raise common.WrongCommandLine("--diff belongs to --fix", "write `thingc check --fix --diff`")
@@ -32,7 +34,7 @@ def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Op
     mended: list[Mending] = []
     found: list[Diagnostic] = []
     for document in common.present(documents, found):
-        done, texts, left = _mend(document, replace(options, lock=True), texts, disk, strict=arguments.strict)
+        done, texts, left = _mend(document, replace(options, lock=True), texts, disk, report_of, strict=arguments.strict)
         mended += done
         found.extend(d for d in left if d not in found)
     if not arguments.diff:
@@ -47,7 +49,7 @@ def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Op
 
 
 def _mend(
-    document: str, options: Options, texts: Mapping[str, bytes], disk: _Disk, *, strict: bool
+    document: str, options: Options, texts: Mapping[str, bytes], disk: _Disk, report_of: ReportOf, *, strict: bool
 ) -> tuple[list[Mending], dict[str, bytes], Sequence[Diagnostic]]:
     spaces: list[Workspace] = []
 

@@ -9,7 +9,8 @@ from typing import Any, TypeAlias
 
 import networkx
 
-from thingc.graph.types import Assembly, Hag
+from thingc.graph.hag import Hag
+from thingc.graph.types import Assembly
 from thingc.shown import shown
 
 Graph: TypeAlias = Any

@@ -4,10 +4,64 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from thingc.graph.leaves import FRAME
-from thingc.graph.types import Definition, DefinitionEdge, Hag
+from thingc.brief import Brief
+from thingc.frozen import dataclass
 from thingc.realize.record import PartDefinition
 from thingc.resolve.model import AssemblyDefinition, At, Attach, Component, Joint, Reference
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Definition(Brief):
+    """A node of the HAG. `kind` is `assembly | part | file | frame`; `text` prints it exactly and is its identity together
+    with `reference` (`module:Class`, a file or a document path in the workspace); `label` prints it for people. Of a mirror image
+    `mirror` is the axis, `plain` what it mirrors."""
+
+    text: str
+    label: str
+    reference: str
+    kind: str
+    mirror: str | None = None
+    plain: Definition | None = None
+
+    @classmethod
+    def of(cls, part: PartDefinition) -> Definition:
+        """The node of a part."""
+        return cls(
+            text=part.text, label=part.label, reference=part.reference, kind="part" if part.kind == "code" else "file",
+            mirror=part.mirror, plain=None if part.plain is None else cls.of(part.plain),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DefinitionEdge(Brief):
+    """"is a subcomponent of": `child` stands in `parent` (texts of definitions) as `component`.
+
+    `mounts` prints how (`back -> plate.servo_seat`), `joint` is the name of the joint that places it, if one does.
+    """
+
+    parent: str
+    child: str
+    component: str
+    mounts: str
+    joint: str | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hag(Brief):
+    """The hierarchical assembly graph: acyclic, equal definitions one node, in the order first met (top first)."""
+
+    root: str
+    definitions: tuple[Definition, ...]
+    edges: tuple[DefinitionEdge, ...]
+
+    @property
+    def label(self) -> str:
+        """What the whole robot is called, for people."""
+        return self.definitions[0].label
+
+
+FRAME = Definition(text="frame", label="frame", reference="frame", kind="frame")
+"""The one definition of every component without geometry."""
 
 
 def hag_of(model: AssemblyDefinition) -> Hag:

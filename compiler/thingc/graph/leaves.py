@@ -9,6 +9,7 @@ from typing import cast
 from thingc.diagnostics import Code, Note, meant_so
 from thingc.frozen import dataclass
 from thingc.graph.findings import Findings, line_of, noted, written_at
+from thingc.graph.hag import FRAME, Definition
 from thingc.graph.mass import (
     NOTHING,
     Density,
@@ -21,7 +22,7 @@ from thingc.graph.mass import (
     weigh,
 )
 from thingc.graph.prints import material_of, process_of
-from thingc.graph.types import Definition, MountFrame
+from thingc.graph.types import MountFrame
 from thingc.inertia import MassProperties, physical_fault
 from thingc.memo import Memo
 from thingc.pose import NO_POSE
@@ -31,9 +32,6 @@ from thingc.resolve.model import AssemblyDefinition, BomEntry, Component, Materi
 from thingc.resolve.plausible import density_cure, density_doubt, mass_doubt, mass_words, said_by_file
 from thingc.slips import did_you_mean, nearest
 from thingc.source import Origin
-
-FRAME = Definition(text="frame", label="frame", reference="frame", kind="frame")
-"""The one definition of every component without geometry."""
 
 _WRITE_WHERE = "let it write nothing, or into `tempfile.gettempdir()`, which is its own and goes with it"
 _FAILED = {

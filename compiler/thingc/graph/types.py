@@ -1,4 +1,4 @@
-"""The linked robot before any root is chosen: definitions (HAG), occurrences, the mate graph and links."""
+"""The linked robot before any root is chosen: occurrences, the mate graph and links."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ from dataclasses import field
 
 from thingc.brief import Brief
 from thingc.frozen import dataclass
+from thingc.graph.hag import Definition, Hag, hag_of
 from thingc.inertia import MassProperties
 from thingc.joints import JointKind, Twist
 from thingc.pose import Pose
-from thingc.realize.record import Mesh, PartDefinition, PartRecord, Primitive
+from thingc.realize.record import Mesh, PartRecord, Primitive
 from thingc.resolve.model import (
     AssemblyDefinition,
     BomEntry,
@@ -27,56 +28,6 @@ from thingc.resolve.model import (
     Test,
 )
 from thingc.source import Origin
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Definition(Brief):
-    """A node of the HAG. `kind` is `assembly | part | file | frame`; `text` prints it exactly and is its identity together
-    with `reference` (`module:Class`, a file or a document path in the workspace); `label` prints it for people. Of a mirror image
-    `mirror` is the axis, `plain` what it mirrors."""
-
-    text: str
-    label: str
-    reference: str
-    kind: str
-    mirror: str | None = None
-    plain: Definition | None = None
-
-    @classmethod
-    def of(cls, part: PartDefinition) -> Definition:
-        """The node of a part."""
-        return cls(
-            text=part.text, label=part.label, reference=part.reference, kind="part" if part.kind == "code" else "file",
-            mirror=part.mirror, plain=None if part.plain is None else cls.of(part.plain),
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DefinitionEdge(Brief):
-    """"is a subcomponent of": `child` stands in `parent` (texts of definitions) as `component`.
-
-    `mounts` prints how (`back -> plate.servo_seat`), `joint` is the name of the joint that places it, if one does.
-    """
-
-    parent: str
-    child: str
-    component: str
-    mounts: str
-    joint: str | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Hag(Brief):
-    """The hierarchical assembly graph: acyclic, equal definitions one node, in the order first met (top first)."""
-
-    root: str
-    definitions: tuple[Definition, ...]
-    edges: tuple[DefinitionEdge, ...]
-
-    @property
-    def label(self) -> str:
-        """What the whole robot is called, for people."""
-        return self.definitions[0].label
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -342,8 +293,6 @@ class Assembly(Brief):
     @property
     def hag(self) -> Hag:
         """The hierarchical assembly graph, worked out when it is asked for."""
-        from thingc.graph.hag import hag_of
-
         return hag_of(self.definition)
 
     @property

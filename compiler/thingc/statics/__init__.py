@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from thingc.statics.efforts import Efforts, Fall, static_efforts
+from thingc.statics.efforts import static_efforts
 from thingc.statics.footing import lifted, stance
+from thingc.statics.types import Efforts, Fall
 
 __all__ = ["Efforts", "Fall", "lifted", "stance", "static_efforts"]

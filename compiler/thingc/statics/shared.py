@@ -26,8 +26,8 @@ from thingc.graph import joints_of, leaders
 from thingc.pose import Pose
 from thingc.robot.closure import Loops, State
 from thingc.robot.types import Robot
-from thingc.statics.efforts import Drive, Efforts, Fall, answer
 from thingc.statics.footing import Stance, outside, stance
+from thingc.statics.types import Drive, Efforts, Fall, answer
 
 Array = NDArray[np.float64]
 

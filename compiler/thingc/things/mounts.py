@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from build123d import Location, Plane
 
+from thingc.things.resolver import Framed, TransformResolver
+
 if TYPE_CHECKING:
     from thingc.things.thing import Thing
 
@@ -18,7 +20,7 @@ RESERVED = frozenset({"origin", "root", "world"})
 """Names that no mount of a part may have: documents give them a meaning."""
 
 
-class MountPoint:
+class MountPoint(Framed):
     """A frame on a Thing, z pointing out of the material; immutable.
 
     `location` is the frame in the Thing's own frame [mm] (a `Plane` or another mount will do), `interface` names what fits
@@ -82,8 +84,6 @@ class MountPoint:
         Aligned to a mount of the Thing that is being made, before or after it is assigned, the other Thing is remembered
         as what this mount expects. Raises `TypeError` or `ValueError` where `other` is no mount of a finished Thing.
         """
-        from thingc.things.resolver import TransformResolver
-
         if not isinstance(other, MountPoint):
             raise TypeError(f"align() takes a mount of the other Thing, such as `PenCap().seat`; found {other!r}")
         thing, name = other._owner, other._name
@@ -102,7 +102,7 @@ class MountPoint:
         return f"<MountPoint {whose} at ({position})>"
 
     def _seen(self, view: Location) -> MountPoint:
-        """This mount in the frame in which its present frame stands at `view`; still of the same Thing."""
+        """This mount, still of the same Thing."""
         moved = MountPoint(self._local, self._interface, self._tolerance)
         moved._view = view * self._view
         moved._owner, moved._name = self._owner, self._name

@@ -6,6 +6,7 @@ import copy
 import dataclasses
 import functools
 import types
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any
 
@@ -24,11 +25,19 @@ from build123d.build_common import Builder, LocationList
 from build123d.topology import Shape, downcast
 
 from thingc.things.actuator import Actuator
-from thingc.things.mounts import MountPoint
-from thingc.things.thing import Thing
 
 
-class TransformResolver:
+class Framed(ABC):
+    """What stands in a frame and can be seen from another: a Thing, a mount of one, a moved view."""
+
+    __slots__ = ()
+
+    @abstractmethod
+    def _seen(self, view: Location) -> Any:
+        """This from a frame in which its present frame stands at `view` [mm]."""
+
+
+class TransformResolver(Framed):
     """A moved view of a Thing: every attribute comes out in the local frame, to any depth and through calls.
 
     `TransformResolver(thing, location)` is what `thing.move(location)` and `mount.align(other)` return: `thing`'s frame
@@ -72,9 +81,8 @@ class TransformResolver:
     def __repr__(self) -> str:
         return f"<{self.__target!r} moved by {self.__location!r}>"
 
-    def _placed(self, location: Location) -> TransformResolver:
-        """This view from a frame in which its present frame stands at `location`."""
-        return TransformResolver(self.__target, location * self.__location)
+    def _seen(self, view: Location) -> TransformResolver:
+        return TransformResolver(self.__target, view * self.__location)
 
 
 def placed(value: Any, location: Location) -> Any:
@@ -89,11 +97,9 @@ def placed(value: Any, location: Location) -> Any:
         return _moved(value, location)
     if isinstance(value, Location):
         return location * value
-    if isinstance(value, MountPoint):
+    if isinstance(value, Framed):
         return value._seen(location)
-    if isinstance(value, TransformResolver):
-        return value._placed(location)
-    if isinstance(value, (Thing, Builder, types.SimpleNamespace)):
+    if isinstance(value, (Builder, types.SimpleNamespace)):
         return TransformResolver(value, location)
     if isinstance(value, Vector):
         return Vector(value.to_pnt().Transformed(location.wrapped.Transformation()).XYZ())
@@ -115,7 +121,7 @@ def placed(value: Any, location: Location) -> Any:
     if isinstance(value, dict):
         return {key: placed(item, location) for key, item in value.items()}
     if isinstance(value, type):
-        return _calling(value, location) if issubclass(value, (Thing, Shape)) else value
+        return _calling(value, location) if issubclass(value, (Framed, Shape)) else value
     if isinstance(value, (Matrix, OrientedBoundBox, Joint)):
         raise TypeError(f"a {type(value).__name__} cannot be seen through a moved view: keep a Location or a Shape instead")
     if isinstance(value, Actuator) or type(value).__module__.startswith("build123d."):

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 from build123d import Location
 from build123d.topology import Shape
 
+from thingc.things.adjust import adjusted
 from thingc.things.construction import Construction, Parameters, ThingType, shown
 from thingc.things.mounts import MountPoint, adopt, origin_of
+from thingc.things.resolver import Framed, TransformResolver
 
 if TYPE_CHECKING:
     from typing import Self
@@ -22,7 +24,7 @@ Number: TypeAlias = "float | tuple[float, str]"
 """A number, or the number and its source: `measured`, `vendor` or `estimated`."""
 
 
-class Thing(metaclass=ThingType):
+class Thing(Framed, metaclass=ThingType):
     """A part: subclass it, give `__init__` the parameters and assign geometry, frames and mounts to attributes there.
 
     `__init__` calls `super().__init__(material="petg")`; material and colour (a CSS name or `#rrggbb`) are defaults that a
@@ -64,8 +66,6 @@ class Thing(metaclass=ThingType):
 
         Type checkers see the Thing's own type, so that `XM430().move(loc).horn` is followed.
         """
-        from thingc.things.resolver import TransformResolver
-
         self._must_be_finished("move")
         return cast("Self", TransformResolver(self, location))
 
@@ -75,8 +75,6 @@ class Thing(metaclass=ThingType):
         A parameter of a parent class that this class pins can be changed too: the class stays the same, and the parent's
         `__init__` runs with the changed value. Raises `ParameterError` for a value, `CallError` for a name.
         """
-        from thingc.things.adjust import adjusted
-
         self._must_be_finished("adjust")
         return cast("Self", adjusted(self, changes))
 
@@ -111,6 +109,9 @@ class Thing(metaclass=ThingType):
     def envelope(self) -> Geometry:
         """A simple solid that holds the whole part; None where there is none."""
         return None
+
+    def _seen(self, view: Location) -> TransformResolver:
+        return TransformResolver(self, view)
 
     def __repr__(self) -> str:
         family, adjustments = type(self), self._construction.adjustments

@@ -15,14 +15,15 @@ if TYPE_CHECKING:
     from thingc.variants.folder import BatchFault
     from thingc.variants.in_place import NotInPlace, apply, fields, write
     from thingc.variants.loading import BuiltVariant, Family, FamilyError, UnknownVariant, load
-    from thingc.variants.planning import Plan, PlanError, Variant, plan
+    from thingc.variants.planning import Plan, PlanError, Variant
     from thingc.variants.progress import Interrupted, Progress, Summary
+    from thingc.variants.reading import plan
 
 _EXPORTS = {
     "BatchFault": "folder", "BuiltVariant": "loading", "Family": "loading", "FamilyError": "loading", "Interrupted": "progress",
     "NotInPlace": "in_place", "Plan": "planning", "PlanError": "planning", "Progress": "progress", "Summary": "progress",
     "UnknownVariant": "loading", "Variant": "planning", "apply": "in_place", "fields": "in_place", "load": "loading",
-    "plan": "planning", "run": "batch", "write": "in_place",
+    "plan": "reading", "run": "batch", "write": "in_place",
 }
 
 __all__ = [

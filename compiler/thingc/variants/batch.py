@@ -19,17 +19,18 @@ from typing import Any
 from thingc.diagnostics import Code, Diagnostic, Report, shown_path
 from thingc.pipeline import Options, store_of
 from thingc.variants import places
-from thingc.variants.cluster import Carrier, Cluster
 from thingc.variants.description import describe, job_of, seen
 from thingc.variants.engine import RUNNERS, Cancelled, LocalExecutor, RunnersBroken, evaluate
+from thingc.variants.executors import Carrier, Cluster
 from thingc.variants.folder import BatchFault, begin, cleared, differences, in_words, locked, read_batch, remember, write_batch
 from thingc.variants.job import STOPPED, Row, Task
 from thingc.variants.journal import Journal, Line, lines
 from thingc.variants.page import write_page
 from thingc.variants.parcel import Parcel, pack
 from thingc.variants.pictures import OnPicture, usual
-from thingc.variants.planning import Plan, PlanError, Variant, read_plan
+from thingc.variants.planning import Plan, PlanError, Variant
 from thingc.variants.progress import Interrupted, OnProgress, Progress, Summary
+from thingc.variants.reading import read_plan
 from thingc.variants.shipping import Shipping
 from thingc.variants.showing import parameter_columns, show
 from thingc.variants.tables import Column, columns, lengths_in, write_tables

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from thingc.diagnostics import Code
 from thingc.emit.manifest import versions
 from thingc.stamp import state_of
-from thingc.variants.cluster import PATIENCE, Carrier, WorkerLost, missing
+from thingc.variants.executors import PATIENCE, Carrier, WorkerLost, missing
 from thingc.variants.folder import BatchFault
 
 if TYPE_CHECKING:

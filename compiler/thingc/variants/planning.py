@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from thingc.brief import Brief
-from thingc.diagnostics import Diagnostic, Report
+from thingc.diagnostics import Diagnostic
 from thingc.expressions import Expression, ExpressionError, evaluate
-from thingc.pipeline import Options
 from thingc.printing import as_text
 from thingc.realize.record import Value
 from thingc.resolve.model import AssemblyDefinition
@@ -291,25 +290,6 @@ def _holds(rule: Rule, values: Mapping[str, Found]) -> bool:
 
 def _plain(setting: Setting) -> list[object]:
     return [setting.name, {name: plain(found) for name, found in sorted(setting.parameters.items())}, dict(sorted(setting.choices.items()))]
-
-
-def plan(document: str, *, options: Options | None = None) -> Plan:
-    """The plan of a `variants/1` document. Raises `PlanError` with every diagnostic; geometry is looked at by nobody.
-
-    `options` name the store and how parts are described.
-    """
-    report = Report()
-    found = read_plan(document, options or Options(), report)
-    if found is None or report.failed:
-        raise PlanError(report.ordered())
-    return found
-
-
-def read_plan(document: str, options: Options, report: Report) -> Plan | None:
-    """The plan of a document; None where it has errors, which are all in `report`."""
-    from thingc.variants.reading import read
-
-    return read(document, options, report)
 
 
 def moved(text: str, source: str, target: str) -> str:

@@ -21,7 +21,7 @@ from thingc.spec.choices import DEFAULT_MATERIAL, parse
 from thingc.spec.variants import AxisSpec, VariantsSpec
 from thingc.variants import by_path
 from thingc.variants.axes import MOST_VALUES, Axis, Reader
-from thingc.variants.planning import OUTSIDE, Plan, Setting, moved
+from thingc.variants.planning import OUTSIDE, Plan, PlanError, Setting, moved
 from thingc.variants.rules import read_rules
 from thingc.variants.values import unit_in
 from thingc.variants.wanted import check_margin, check_names, moving_joints, targets_of
@@ -31,7 +31,19 @@ MOST = 1_000_000
 """Variants of one document, drawn or of the grid."""
 
 
-def read(path: str, options: Options, report: Report) -> Plan | None:
+def plan(document: str, *, options: Options | None = None) -> Plan:
+    """The plan of a `variants/1` document. Raises `PlanError` with every diagnostic; geometry is looked at by nobody.
+
+    `options` name the store and how parts are described.
+    """
+    report = Report()
+    found = read_plan(document, options or Options(), report)
+    if found is None or report.failed:
+        raise PlanError(report.ordered())
+    return found
+
+
+def read_plan(path: str, options: Options, report: Report) -> Plan | None:
     """The plan of the document at `path`; None where it has errors, which are all in `report`."""
     workspace = Workspace.find(path, report)
     documents = load(path, workspace, report, kinds=("variants",)) if workspace is not None else None

@@ -32,8 +32,8 @@ from thingc.emit.artifact import MANIFEST, Content, Stored
 from thingc.frozen import dataclass
 from thingc.realize.store import BlobMissing, Store, StoreUnusable
 from thingc.variants import places
-from thingc.variants.cluster import Carrier, Cluster, WorkerLost
 from thingc.variants.engine import RUNNERS, Cancelled, RunnersBroken, evaluate
+from thingc.variants.executors import Carrier, Cluster, WorkerLost
 from thingc.variants.folder import BatchFault
 from thingc.variants.job import STOPPED, Job, Row, Task, refusal
 from thingc.variants.parcel import Parcel

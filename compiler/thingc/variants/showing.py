@@ -13,7 +13,8 @@ from thingc.variants import places
 from thingc.variants.folder import BatchFault, forget, in_words, locked, read_batch, remember
 from thingc.variants.page import write_page
 from thingc.variants.pictures import OnPicture, draw, usual
-from thingc.variants.planning import Plan, PlanError, read_plan
+from thingc.variants.planning import Plan, PlanError
+from thingc.variants.reading import read_plan
 from thingc.variants.tables import Column, columns, lengths_in
 
 

@@ -18,8 +18,8 @@ from thingc.diagnostics import Code
 from thingc.frozen import dataclass
 from thingc.slips import did_you_mean
 from thingc.units import TIME, UnitError, parse_quantity
-from thingc.variants.cluster import Cluster, missing
 from thingc.variants.engine import LocalExecutor, RunnersBroken, evaluate
+from thingc.variants.executors import Cluster, missing
 from thingc.variants.folder import BatchFault
 from thingc.variants.job import Task
 

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from thingc.drawing.layered import Drawing, Line, Rectangle, Route, Size, draw
 from thingc.emit.hag.words import KINDS, Bundle, bundles, entries, how, quantities, short, total
 from thingc.frozen import dataclass
-from thingc.graph.types import Definition, Hag
+from thingc.graph.hag import Definition, Hag
 from thingc.shown import shown
 
 MARGIN = 28.0

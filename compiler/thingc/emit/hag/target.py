@@ -8,7 +8,7 @@ from thingc.emit import jsontext
 from thingc.emit.artifact import Artifacts
 from thingc.emit.hag.words import bundles, children, entries, how, mirrors, quantities, total
 from thingc.emit.request import EmitRequest
-from thingc.graph.types import Definition, DefinitionEdge, Hag
+from thingc.graph.hag import Definition, DefinitionEdge, Hag
 from thingc.shown import shown
 
 

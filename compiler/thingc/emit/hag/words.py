@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 from thingc.frozen import dataclass
-from thingc.graph.types import Definition, DefinitionEdge, Hag
+from thingc.graph.hag import Definition, DefinitionEdge, Hag
 from thingc.shown import shown
 
 KINDS = ("assembly", "part", "file", "frame")
