@@ -12,10 +12,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from thingc.diagnostics import Code, Diagnostic
+from thingc.realize.client import Workers
 
 ROOT = Path(__file__).resolve().parent.parent
+
+# How fast the machine is today decides about no test.
+settings.register_profile("thingc", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("thingc")
 
 
 @pytest.fixture(scope="session")
@@ -33,6 +39,32 @@ def shared_store(tmp_path_factory: pytest.TempPathFactory) -> str:
     store = base / "shared-store"
     store.mkdir(exist_ok=True)
     return str(store)
+
+
+class _Kept(Workers):
+    """Workers that no service ends."""
+
+    def close(self) -> None:
+        """They serve the next test, too."""
+
+
+_KEPT: dict[tuple[int, int], Workers] = {}
+
+
+@pytest.fixture
+def one_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is compiled in this process is modelled by workers that all such tests share: the kernel is loaded once, not once a test."""
+
+    def kept(jobs: int, *, seed: int = 0) -> Workers:
+        return _KEPT.setdefault((jobs, seed), _Kept(jobs, seed=seed))
+
+    monkeypatch.setattr("thingc.realize.client.Workers", kept)
+
+
+def pytest_sessionfinish() -> None:
+    """End what was kept."""
+    for workers in _KEPT.values():
+        Workers.close(workers)
 
 
 DEFECTS: list[str] = []

@@ -25,6 +25,8 @@ from thingc.cli.common import USAGE_CODES
 from thingc.cli.main import main
 from thingc.diagnostics import Code
 
+pytestmark = pytest.mark.usefixtures("one_kernel")
+
 HERE = Path(__file__).resolve().parent
 SETTINGS = ("thingc.toml", "pyproject.toml")
 

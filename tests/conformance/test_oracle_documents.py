@@ -17,6 +17,8 @@ from conformance import rig
 from conformance import simulation as sim
 from conformance.harness import build, thingc, tree, write
 
+pytestmark = pytest.mark.usefixtures("one_kernel")
+
 MODES = {"table": "base", "gripped": "grip/finger", "loose": "boom", "pegged": "base"}
 """Mode to the link that it holds."""
 

@@ -15,6 +15,8 @@ from thingc.layout.fixing import located
 from thingc.slips import meant
 from thingc.source import Edit, Span
 
+pytestmark = pytest.mark.usefixtures("one_kernel")
+
 
 @pytest.mark.parametrize(("written", "known", "found"), [
     ("plte", ["plate", "base"], "plate"), ("plaate", ["plate"], "plate"), ("palte", ["plate"], "plate"), ("Plate", ["plate"], "plate"),

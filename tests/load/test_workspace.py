@@ -174,7 +174,7 @@ _texts = st.sampled_from(["parts", ".", "none", "../x", "/x", "", "parts/../part
 _times = st.sampled_from(["120 s", "2 min", "0 s", "-1 s", "=3 s", "5", "2 mm", "x"])
 
 
-@settings(deadline=None, max_examples=120)
+@settings(max_examples=120)
 @given(
     parts=st.none() | st.lists(_texts, max_size=2) | st.just("parts"), build=st.none() | _texts | st.just(3),
         timeout=st.none() | _times | st.just(5),

@@ -23,7 +23,7 @@ from thingc.robot.types import Closure, Robot
 numbers = st.floats(-3.0, 3.0, allow_nan=False)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(1, 8), st.integers(1, 8), st.integers(0, 2**32 - 1))
 def test_steps_are_damped_least_squares(n: int, m: int, seed: int) -> None:
     """Against numpy, on the stacked system [J; sqrt(lambda) I] x = [-e; 0]."""
@@ -52,7 +52,7 @@ def test_equations_that_say_the_same_twice_are_no_trouble() -> None:
     assert J @ found == pytest.approx(-e, abs=1e-9)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.tuples(numbers, numbers, numbers))
 def test_rotation_vectors(v: tuple[float, float, float]) -> None:
     r = Rotation.from_rotvec(v)
@@ -91,7 +91,7 @@ SINGLE = ("revolute", "continuous", "prismatic")
 trees = st.builds(build, st.integers(0, 2**32 - 1), st.integers(3, 7), st.just(SINGLE))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(trees, st.integers(0, 2**32 - 1))
 def test_a_robot_finds_back_to_where_it_was(tree: Tree, seed: int) -> None:
     """The pose of the last body at q is held; from beside q (0.1 rad, 10 mm) the loop closes again, whatever the tree."""
@@ -112,7 +112,7 @@ def test_a_robot_finds_back_to_where_it_was(tree: Tree, seed: int) -> None:
         assert reached == pytest.approx(X_WM, abs=1e-9)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(trees, st.integers(0, 2**32 - 1))
 def test_residuals_and_their_derivatives(tree: Tree, seed: int) -> None:
     """Central differences: of the residuals themselves where the loop is closed, of half their squares wherever it is open."""
@@ -138,7 +138,7 @@ def test_residuals_and_their_derivatives(tree: Tree, seed: int) -> None:
             assert (ends[1] @ ends[1] - ends[0] @ ends[0]) / 4e-6 == pytest.approx(np.dot(error, column), abs=1e-6)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(trees, st.integers(0, 2**32 - 1))
 @example(build(1, 6, SINGLE), 201)  # a step takes two joints to their limits, of which one does not stay there
 def test_the_best_that_can_be_done_is_no_worse_than_what_scipy_finds(tree: Tree, seed: int) -> None:

@@ -34,6 +34,8 @@ from loops.robots import (
 )
 from thingc.cli import info
 
+pytestmark = pytest.mark.usefixtures("one_kernel")
+
 EXACT = 1e-9
 """[m] and [rad]: what the residual of a closure must stay below."""
 

@@ -10,6 +10,8 @@ import pytest
 
 from .conftest import POSES, ROOT, matrix, put_together
 
+pytestmark = pytest.mark.usefixtures("one_kernel")
+
 ARM = str(ROOT / "assemblies" / "arm.yaml")
 JOINTS = ("yaw", "shoulder", "elbow", "wrist")
 

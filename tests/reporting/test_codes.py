@@ -19,6 +19,8 @@ from thingc.cli.main import COMMANDS, main
 from thingc.diagnostics import Code
 from thingc.reporting.explanations import explained, find, near, sections
 
+pytestmark = pytest.mark.usefixtures("one_kernel")
+
 ROOT = Path(__file__).resolve().parents[2]
 CASES = ROOT / "tests" / "cases" / "codes"
 GENERATE = runpy.run_path(str(ROOT / "docs" / "generate.py"))

@@ -159,7 +159,7 @@ SCALARS = [
 ]
 
 
-@settings(max_examples=250, deadline=None)
+@settings(max_examples=250)
 @given(st.integers(0, 10**9))
 @example(106889)  # a list for a pattern of joints
 def test_nothing_written_makes_the_pass_raise(tmp_path_factory: pytest.TempPathFactory, seed: int) -> None:

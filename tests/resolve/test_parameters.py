@@ -133,7 +133,7 @@ def test_a_long_chain_of_parameters_needs_no_deep_stack(tmp_path: Path) -> None:
     assert values(run(tmp_path, text))["p0"] == pytest.approx(3.0, rel=1e-12)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.permutations(range(8)), st.lists(st.integers(1, 9), min_size=8, max_size=8))
 def test_the_order_of_parameters_changes_nothing(
     tmp_path_factory: pytest.TempPathFactory, order: list[int], factors: list[int],

@@ -158,7 +158,7 @@ def test_doubling_documents_are_counted_without_unrolling(tmp_path: Path) -> Non
     assert outcome.said == ["TC331 d43.yaml:5:3 with `b` this assembly has 131072 occurrences; at most 100000 are possible"]
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(
     st.from_regex(r"[a-z]{1,3}(_[a-z]{1,2})?", fullmatch=True), st.integers(0, 9999),
     st.from_regex(r"[a-z]{0,3}_?", fullmatch=True), st.sampled_from(["", "_x", ".top", "_1.y"]),

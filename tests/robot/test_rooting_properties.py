@@ -170,7 +170,7 @@ def world_of(tree: Tree, mode_name: str) -> list[Array]:
 trees = st.builds(build, st.integers(0, 2**32 - 1), st.integers(2, 7))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(trees)
 def test_every_occurrence_is_where_the_matrices_say_in_every_mode(tree: Tree) -> None:
     plain = poses(tree.assembly, tree.q)
@@ -184,7 +184,7 @@ def test_every_occurrence_is_where_the_matrices_say_in_every_mode(tree: Tree) ->
             assert as_matrix(placed[position]) == pytest.approx(expected[k], abs=1e-9)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(trees)
 def test_pairwise_poses_do_not_depend_on_the_root(tree: Tree) -> None:
     found = [[as_matrix(p) for p in occurrence_poses(robot, tree.q)] for robot in robots(tree.assembly).values()]
@@ -194,7 +194,7 @@ def test_pairwise_poses_do_not_depend_on_the_root(tree: Tree) -> None:
             assert inv(world[0]) @ other == pytest.approx(one, abs=1e-9)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(trees)
 def test_total_mass_centre_and_inertia_do_not_depend_on_the_root(tree: Tree) -> None:
     own = {o.index: o.properties for o in tree.assembly.occurrences}
@@ -269,7 +269,7 @@ def held(robot: Robot, q: dict[str, float], held_link: int, down: Array) -> tupl
     return names, matrix, torque
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(trees, st.integers(0, 6))
 def test_with_a_link_held_still_the_dynamics_do_not_depend_on_the_root(tree: Tree, which: int) -> None:
     if not tree.q:

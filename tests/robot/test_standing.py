@@ -21,6 +21,8 @@ from thingc.modes import Modes
 from thingc.pipeline import Compilation, Options
 from thingc.session import Session, Settings
 
+pytestmark = pytest.mark.usefixtures("one_kernel")
+
 PARTS = '''
 from build123d import Align, Box, Cone, Location, Pos, Sphere
 

@@ -181,7 +181,7 @@ CHECKED = {
 }
 
 
-@settings(max_examples=3000, deadline=None)
+@settings(max_examples=3000)
 @given(name=st.sampled_from(sorted(CHECKED)), text=_PIECES)
 def test_no_pattern_refuses_what_the_compiler_takes(name: str, text: str) -> None:
     checked = CHECKED[name]

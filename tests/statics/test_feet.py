@@ -32,6 +32,8 @@ from thingc.robot.types import Robot
 from thingc.statics import Efforts, lifted, stance, static_efforts
 from thingc.variants.measure import measure
 
+pytestmark = pytest.mark.usefixtures("one_kernel")
+
 FOLDER = Path(__file__).parent / "hexapod"
 LIMIT = 1.5
 THREE = [f"leg_{k}/sole" for k in (0, 2, 4)]

@@ -26,6 +26,8 @@ from thingc.statics.loads import loads
 from thingc.statics.shared import balance_shared
 from thingc.variants.measure import measure
 
+pytestmark = pytest.mark.usefixtures("one_kernel")
+
 CRANE = f"""\
 thingc: assembly/1
 name: crane

@@ -16,6 +16,8 @@ from testing.rig import GROUND, HEAD, SLIDERS, Workspace
 from thingc.pose import Pose
 from thingc.solids.shapes import at, box, overlap
 
+pytestmark = pytest.mark.usefixtures("one_kernel")
+
 
 @pytest.mark.parametrize(("pose", "gap", "passes"), [
     ("close", 0.4, True), ("touching", 0.0, True), ("overlapping", 0.0, False),

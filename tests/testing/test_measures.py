@@ -21,6 +21,8 @@ from thingc.robot.types import Robot
 from thingc.statics import static_efforts
 from thingc.testing.stances import keyframe, posed
 
+pytestmark = pytest.mark.usefixtures("one_kernel")
+
 G = 9.81
 
 

@@ -13,6 +13,8 @@ import pytest
 
 from thingc.cli.main import main
 
+pytestmark = pytest.mark.usefixtures("one_kernel")
+
 ROBOTS = ("assemblies/arm.yaml", "assemblies/minchw/minchw.yaml")
 
 

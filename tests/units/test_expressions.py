@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from thingc.expressions import Expression, ExpressionError, evaluate, parse_expression, zero_literal
@@ -164,7 +164,6 @@ def _combine(inner: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
     )
 
 
-@settings(deadline=None)
 @given(st.recursive(_number, _combine, max_leaves=12))
 def test_arithmetic_is_that_of_python(text: str) -> None:
     try:
