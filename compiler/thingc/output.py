@@ -105,9 +105,7 @@ def write_build(
     system refuses, and `ValueError` for paths that would leave the folder; the folder is then as it was.
     """
     _check_paths(name, files)
-    folder = os.path.abspath(os.path.join(parent, name))
-    if os.path.islink(folder):
-        folder = os.path.realpath(folder)
+    folder = build_folder(parent, name)
     try:
         os.makedirs(os.path.dirname(folder), exist_ok=True)
         with _locked(folder, on_wait):
@@ -123,6 +121,12 @@ def write_build(
     except OSError as fault:
         raise OutputError(_words(folder, fault), "free some space, or build into another folder with -o") from fault
     return folder
+
+
+def build_folder(parent: str, name: str) -> str:
+    """The absolute path of the folder `<parent>/<name>`: where that is a symbolic link, of what it leads to."""
+    folder = os.path.abspath(os.path.join(parent, name))
+    return os.path.realpath(folder) if os.path.islink(folder) else folder
 
 
 def verify(folder: str) -> dict[str, Any] | None:

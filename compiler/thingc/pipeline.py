@@ -222,16 +222,18 @@ class Front:
 
         None where a file changed while it was being read: nobody knows which content the answer is of.
         """
+        from thingc.resolve.choices import chosen_files
         from thingc.stamp import state_of
 
         found: dict[str, str | None] = {}
         if self.workspace is not None:
             found.update(self.workspace.inputs)
+        others = set(chosen_files(self.options.choices, self.document)) | (self._parts.inputs if self._parts is not None else set())
         for documents in (self.documents, *(known[0].documents for known in self._chosen.values())):
             if documents is not None:
                 found.update({document.path: document.sha256 for document in documents.by_path.values()})
-        if self._parts is not None:
-            found.update({path: state_of(path) for path in self._parts.inputs if path not in found})
+                others |= documents.files
+        found.update({path: state_of(path) for path in others if path not in found})
         for path, state in found.items():
             if state is not None and os.stat(path).st_mtime_ns >= self.started:
                 return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 import io
+import json
 import os
 import sys
 from collections.abc import Callable
@@ -329,6 +330,54 @@ def test_what_a_person_did_to_a_build_is_kept_until_they_give_it_up(
     assert sorted(path.name for path in two.iterdir()) == sorted(whole)
     assert (two / "bom.csv").read_bytes() == whole["bom.csv"] or changed
     assert said(capsys, *words)[1] == ["out/two: nothing changed (6 files)"]
+
+
+CORNER = "v 0 0 0\nv {0} 0 0\nv 0 {0} 0\nv 0 0 {0}\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
+
+
+@pytest.mark.parametrize("words", [[], ["--set", "components.a.file=other.obj"]], ids=["named", "chosen"])
+def test_a_file_behind_a_link_that_leads_elsewhere_now(folder: Path, capsys: pytest.CaptureFixture[str], words: list[str]) -> None:
+    """With the stamp of the build before at hand: what it read lies there as it was, under its own name."""
+    (folder / "robot.yaml").write_text(
+        "thingc: assembly/1\nname: two\nmaterials: {pla: {density: 1000 kg/m^3}}\ncomponents:\n  a: {file: latest.obj, material: pla}\n"
+    )
+    for size in (30, 60):
+        (folder / f"v{size}.obj").write_text(CORNER.format(size))
+        for name in ("latest.obj", "other.obj"):
+            (folder / name).unlink(missing_ok=True)
+            (folder / name).symlink_to(f"v{size}.obj")
+        for _ in range(2):
+            assert said(capsys, "build", "robot.yaml", "--emit", "bom", *words)[0] == 0
+            (line,) = json.loads((folder / "build" / "two" / "bom.json").read_text())
+            assert line["mass"] == pytest.approx(size**3 / 6e6)  # of a corner of a cube, in kg
+    (folder / "latest.obj").unlink()
+    (folder / "other.obj").unlink()
+    assert said(capsys, "build", "robot.yaml", "--emit", "bom", *words)[0] != 0
+
+
+def test_a_build_folder_that_is_a_link_no_more(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What was written behind the link is as it was, and the folder is another one now."""
+    words = ["build", "robot.yaml", "--emit", "bom"]
+    (folder / "build").mkdir()
+    (folder / "kept").mkdir()
+    two = folder / "build" / "two"
+    two.symlink_to("../kept", target_is_directory=True)
+    for _ in range(2):
+        assert said(capsys, *words)[0] == 0
+    assert (folder / "kept" / "bom.csv").exists()
+    two.unlink()
+    assert said(capsys, *words) == (0, ["build/two: 3 files; 0 parts modelled, 2 reused"])
+    assert (two / "bom.csv").read_bytes() == (folder / "kept" / "bom.csv").read_bytes()
+
+
+def test_the_files_of_a_build_are_named_from_where_one_stands(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also by a run that finds nothing changed since one in another folder."""
+    words = ["build", str(folder / "robot.yaml"), "--emit", "bom", "--format", "json"]
+    for place, first in ((folder, "build/two/bom.csv"), (folder / "parts", "../build/two/bom.csv")):
+        monkeypatch.chdir(place)
+        assert json.loads("\n".join(said(capsys, *words)[1]))["artifacts"][0] == first
 
 
 def test_what_is_gone_from_a_build_is_written_again(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

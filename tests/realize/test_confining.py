@@ -54,6 +54,7 @@ OWN = {
     "temporary": "Path(tempfile.mkstemp()[1]).write_text('x')",
     "home": "(Path.home() / 'a').mkdir() or (Path.home() / 'a' / 'b').write_text('x') or os.rename(Path.home() / 'a', Path.home() / 'c')",
     "folder": "[open(os.path.join(folder, 'x'), 'w').close() for folder in [tempfile.mkdtemp()]]",
+    "nameless": "tempfile.TemporaryFile().close() or tempfile.NamedTemporaryFile().close()",
     "removed": "tempfile.TemporaryDirectory().cleanup()",
     "device": "open(os.devnull, 'w').write('x')",
     "exported": "export_stl(Box(1, 1, 1), os.path.join(tempfile.gettempdir(), 'x.stl')) or 1 / 0",

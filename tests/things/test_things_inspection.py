@@ -275,6 +275,15 @@ def test_assets_are_found_beside_the_part_then_in_the_workspace(recorded: list[s
     assert recorded[-2:] == [str(workspace / "parts" / "far.txt"), str(workspace / "far.txt")]
 
 
+def test_an_asset_that_is_a_link_is_recorded_with_where_it_leads(recorded: list[str], tmp_path: Path) -> None:
+    """Else a part made of `latest.txt` stays as it was when that leads to the next version."""
+    workspace = tmp_path / "workspace"
+    (workspace / "v1.txt").write_text("one")
+    (workspace / "latest.txt").symlink_to("v1.txt")
+    assert asset("latest.txt").read_text() == "one"
+    assert recorded == [str(workspace / "latest.txt"), str(workspace / "v1.txt")]
+
+
 def test_assets_beside_a_given_file_and_outside_of_init(recorded: list[str], tmp_path: Path) -> None:
     (tmp_path / "workspace" / "data.txt").write_text("data")
     assert asset("data.txt") == tmp_path / "workspace" / "data.txt"

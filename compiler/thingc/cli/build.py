@@ -13,7 +13,7 @@ from thingc import stamp
 from thingc.cli import common
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, Stage, shown_path
 from thingc.emit.artifact import Artifacts, Loss
-from thingc.output import OutputError, verify, write_build
+from thingc.output import OutputError, build_folder, verify, write_build
 from thingc.pipeline import Compilation, Options, UnknownChoice
 from thingc.slips import did_you_mean
 
@@ -59,7 +59,10 @@ def run(arguments: argparse.Namespace) -> int:
         answer = None
     except common.WrongCommandLine as fault:
         found, answer = [fault.diagnostic], None
-    more = {key: answer[key] if answer is not None else [] for key in ("artifacts", "modelled", "reused")}
+    more: dict[str, list[str]] = {"artifacts": [], "modelled": [], "reused": []}
+    if answer is not None:
+        artifacts = [shown_path(os.path.join(answer["folder"], path)) for path in answer["artifacts"]]
+        more = {"artifacts": artifacts, "modelled": answer["modelled"], "reused": answer["reused"]}
     common.print_found(found, arguments.format, stream=sys.stderr, debug=arguments.debug, **more)
     if answer is not None and arguments.format != "json":
         _tell(answer, arguments.document)
@@ -130,9 +133,11 @@ def _build(
 
 
 def _stands(answer: Mapping[str, Any]) -> bool:
-    """Whether the folder that an earlier run wrote is still what it wrote."""
-    manifest = os.path.join(answer["folder"], "manifest.json")
-    return stamp.state_of(manifest) == answer["manifest"] and verify(answer["folder"]) is not None
+    """Whether the folder that an earlier run wrote is still where it was, and what it wrote."""
+    folder = answer["folder"]
+    if build_folder(*answer["place"]) != folder:
+        return False
+    return stamp.state_of(os.path.join(folder, "manifest.json")) == answer["manifest"] and verify(folder) is not None
 
 
 def _deny(losses: Sequence[Loss], report: Report) -> None:
@@ -166,8 +171,9 @@ def _write(
     lost = Counter(loss.target for loss in losses)
     return {
         "folder": folder,
+        "place": [os.path.abspath(parent), assembly.name],
         "manifest": stamp.state_of(os.path.join(folder, "manifest.json")),
-        "artifacts": [shown_path(os.path.join(folder, path)) for path in sorted(files)],
+        "artifacts": sorted(files),
         "modelled": compilation.modelled,
         "reused": compilation.reused,
         "losses": dict(lost),

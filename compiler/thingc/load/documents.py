@@ -34,12 +34,15 @@ class Documents:
 
     `by_path` is keyed by path in the workspace, in the order first named. `links` maps (path of a document, text in it)
     to the path of the document that the text names. `broken` are the documents on a cycle of assemblies (reported).
+    `files` are the absolute paths of all files that they name, documents and parts, as they are named: a symbolic link is itself,
+    and may lead elsewhere tomorrow.
     """
 
     root: Document
     by_path: dict[str, Document]
     links: dict[tuple[str, str], str] = field(default_factory=dict)
     broken: frozenset[str] = frozenset()
+    files: frozenset[str] = frozenset()
 
     def named(self, document: Document, text: str) -> Document | None:
         """The document that `text` names in `document`; None where it could not be read (which has been reported)."""
@@ -79,7 +82,7 @@ def load(
         _refuse(root, kinds, report)
         return None
     reader.follow(root, [])
-    return Documents(root=root, by_path=reader.by_path, links=reader.links, broken=frozenset(reader.broken))
+    return reader.documents(root)
 
 
 def load_more(documents: Documents, texts: Iterable[str], workspace: Workspace, report: Report) -> Documents:
@@ -90,11 +93,12 @@ def load_more(documents: Documents, texts: Iterable[str], workspace: Workspace, 
     reader.links.update(documents.links)
     reader.done.update(documents.by_path)
     reader.broken.update(documents.broken)
+    reader.files.update(documents.files)
     for text in texts:
         found = reader.named(documents.root, text, None, "assembly")
         if found is not None:
             reader.follow(found, [])
-    return Documents(root=documents.root, by_path=reader.by_path, links=reader.links, broken=frozenset(reader.broken))
+    return reader.documents(documents.root)
 
 
 def _refuse(root: Document, kinds: Collection[str], report: Report) -> None:
@@ -157,9 +161,25 @@ class _Reader:
         self.done: set[str] = set()
         self.links: dict[tuple[str, str], str] = {}
         self.broken: set[str] = set()
+        self.files: set[str] = set()
         self.bytes = 0
         self.ended = False
         self.before = len(report.diagnostics)
+
+    def documents(self, root: Document) -> Documents:
+        """What has been read, of the document `root`."""
+        return Documents(
+            root=root, by_path=self.by_path, links=self.links, broken=frozenset(self.broken), files=frozenset(self.files),
+        )
+
+    def find(self, text: str, document: Document, where: Span | None, suffixes: tuple[str, ...], what: str) -> str | None:
+        """The absolute path of the file that a document names (see `find_file`)."""
+        path = find_file(
+            text, beside=document.path, where=where, workspace=self.workspace, suffixes=suffixes, what=what, report=self.report,
+        )
+        if path is not None:
+            self.files.add(path)
+        return path
 
     def enough(self, where: Span) -> bool:
         """Whether nothing more is to be read: more has been, or more has been said, than anybody looks through."""
@@ -213,10 +233,7 @@ class _Reader:
         for text, where in _files(document.tree):
             if self.enough(where):
                 return
-            find_file(
-                text, beside=document.path, where=where, workspace=self.workspace, suffixes=PART_SUFFIXES,
-                what="a file of a part", report=self.report,
-            )
+            self.find(text, document, where, PART_SUFFIXES, "a file of a part")
         for text, where in _assemblies(document.tree):
             if self.enough(where):
                 return
@@ -246,10 +263,8 @@ class _Reader:
         )
 
     def named(self, document: Document, text: str, where: Span | None, kind: str) -> Document | None:
-        path = find_file(
-            text, beside=document.path, where=where, workspace=self.workspace, suffixes=DOCUMENT_SUFFIXES,
-            what="an assembly document" if kind == "assembly" else "a materials document", report=self.report,
-        )
+        what = "an assembly document" if kind == "assembly" else "a materials document"
+        path = self.find(text, document, where, DOCUMENT_SUFFIXES, what)
         found = None if path is None else self.read(path)
         if found is None:
             return None

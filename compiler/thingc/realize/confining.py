@@ -66,19 +66,21 @@ def _heard(event: str, arguments: tuple[Any, ...]) -> None:
     if event == "open":
         path, mode, flags = arguments
         if any(letter in mode for letter in "wax+") if isinstance(mode, str) else bool((flags or 0) & _WRITING):
-            _check(path)
+            _check(path, itself=True)
         return
     for place, relative in _CHANGING[event]:
         if relative < 0 or arguments[relative] in (-1, None):
             _check(arguments[place], follow=event in _FOLLOWING)
 
 
-def _check(path: Any, *, follow: bool = True) -> None:
+def _check(path: Any, *, follow: bool = True, itself: bool = False) -> None:
+    """Raise `Trespass` for what lies outside of the folder. `itself` says that the folder may be meant, too: who opens a folder to write
+    makes a file in it, as `tempfile.TemporaryFile` does; the folder alone cannot be opened so."""
     if isinstance(path, int) or path is None:
         return
     named = os.path.abspath(os.fsdecode(path))
     real = os.path.realpath(named) if follow else os.path.join(os.path.realpath(os.path.dirname(named)), os.path.basename(named))
-    if not real.startswith(_allowed):
+    if not real.startswith(_allowed) and not (itself and os.path.join(real, "") == _allowed[0]):
         raise Trespass(real)
 
 

@@ -8,9 +8,10 @@ every definition that it stands in. Files and documents are named from the docum
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping, Sequence
 
-from thingc.load.paths import SUFFIXES_WITH_UNIT
+from thingc.load.paths import SUFFIXES_WITH_UNIT, named
 from thingc.realize.record import PartFailure
 from thingc.resolve.repeats import Item
 from thingc.resolve.table import Context, Node, Table
@@ -185,6 +186,12 @@ def _known_material(context: Context, table: Table, name: str, path: str) -> boo
 def documents_and_parts(choices: Mapping[str, str]) -> tuple[list[str], list[str]]:
     """The documents (as the top document names them) and the parts that choices name: what has to be read beforehand."""
     return _named(choices, "assembly"), _named(choices, "part")
+
+
+def chosen_files(choices: Mapping[str, str], document: str) -> list[str]:
+    """The absolute paths of the files of parts that choices name, as the top document, at a path, would name them."""
+    paths = [named(text, os.path.abspath(document)) for text in _named(choices, "file")]
+    return [path for path in paths if path is not None]
 
 
 def _named(choices: Mapping[str, str], key: str) -> list[str]:

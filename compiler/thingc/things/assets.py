@@ -37,12 +37,14 @@ def asset(path: str, beside: str | None = None) -> Path:
     folders += _roots or ([] if beside is not None else [os.path.realpath(os.getcwd())])
     allowed = False
     for folder in dict.fromkeys(folders):
+        named = os.path.normpath(os.path.join(folder, path))
         candidate = os.path.realpath(os.path.join(folder, path))
         if not any(os.path.commonpath([candidate, other]) == other for other in folders):
             continue
         allowed = True
         if _record is not None:
-            _record(candidate)
+            for looked_at in dict.fromkeys((named, candidate)):  # where a link leads may change as well
+                _record(looked_at)
         if os.path.isfile(candidate):
             return Path(candidate)
     if not allowed:
