@@ -10,6 +10,7 @@ import math
 from thingc.frozen import dataclass
 
 Vector = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
 """A 3 x 3 matrix, row by row."""
 
@@ -92,7 +93,7 @@ class Pose:
             translation=(m[0][3], m[1][3], m[2][3]),
         )
 
-    def quaternion(self) -> tuple[float, float, float, float]:
+    def quaternion(self) -> Quaternion:
         """The rotation as a unit quaternion (w, x, y, z), the first non-zero component positive.
 
         Source: Shepperd, "Quaternion from rotation matrix", 1978 (the largest component first, so it is exact
@@ -124,6 +125,26 @@ class Pose:
 
 
 NO_POSE = Pose()
+
+
+def turn_of(quaternion: Quaternion) -> Vector:
+    """The rotation vector of a quaternion (w, x, y, z) of any length but 0: the axis times the angle [rad] from 0 to pi, exact near 0 and
+    near pi alike."""
+    w, x, y, z = quaternion if quaternion[0] >= 0.0 else (-quaternion[0], -quaternion[1], -quaternion[2], -quaternion[3])
+    size = math.sqrt(x * x + y * y + z * z)
+    if size == 0.0:
+        return (0.0, 0.0, 0.0)
+    angle = 2.0 * math.atan2(size, w)
+    return (x * angle / size, y * angle / size, z * angle / size)
+
+
+def quaternion_of(turn: Vector) -> Quaternion:
+    """The unit quaternion (w, x, y, z) of a rotation vector [rad]."""
+    angle = math.hypot(*turn)
+    if angle == 0.0:
+        return (1.0, 0.0, 0.0, 0.0)
+    scale = math.sin(angle / 2.0) / angle
+    return (math.cos(angle / 2.0), scale * turn[0], scale * turn[1], scale * turn[2])
 
 MATE = Pose(rotation=((0.0, -1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, -1.0)))
 """How two mounts meet: z axes opposed, x and y swapped and negated; its own inverse.

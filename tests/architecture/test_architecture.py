@@ -35,7 +35,7 @@ ROOMS: dict[str, set[str]] = {
     "graph": BASE | {"checks", "resolve", "realize", "joints"},
     "robot": BASE | {"resolve", "realize", "joints", "graph"},
     "solids": BASE | {"realize", "graph"},
-    "statics": BASE | {"graph", "robot"},
+    "statics": BASE | {"joints", "graph", "robot"},
     "drawing": {"frozen"},
     "emit": BASE | {"resolve", "realize", "joints", "graph", "robot", "drawing"},
     "modes": {"brief", "diagnostics", "slips"},  # read at run time, next to a simulation

@@ -209,9 +209,7 @@ def test_kinds_of_joints() -> None:
     for row, kind in zip(rows, KINDS.values(), strict=True):
         assert row[1] == (", ".join(twist.coordinate.words for twist in kind.twists) or "none")
         assert row[3] == kind.limits
-    assert set(get_args(JointType)) == {*KINDS, "ball"}
-    reserved = re.search(r"\. (`ball`) is reserved\.", "\n".join(paragraphs(LANGUAGE)))
-    assert reserved and set(re.findall(r"`(\w+)`", reserved.group(1))) == {"ball"}
+    assert list(get_args(JointType)) == list(KINDS)
 
 
 def test_gravity_and_raw_kinds_and_bounds() -> None:
@@ -252,8 +250,7 @@ def test_what_is_not_built_yet_is_refused_as_such(page: Path, here: Path) -> Non
     head += "components:\n  a: {part: toy:Beam%s}\n  b: {part: toy:Beam}\njoints:\n"
     joint = "  j: {type: %s, parent: a.head, child: b.tail, limit: {lower: -1 rad, upper: 1 rad}%s}\n"
     plain = head % "" + joint % ("revolute", "")
-    cases = [head % "" + joint % (kind, "") for kind in ("ball",)]
-    cases += [plain + f"modes: {{m: {{root: a, base: {base}}}}}\n" for base in ("planar", "ball")]
+    cases = [plain + f"modes: {{m: {{root: a, base: {base}}}}}\n" for base in ("planar", "ball")]
     cases += [plain + "raw: {urdf: {joint: {j: {x: 1}}}}\n"]
     for text in cases:
         (here / "x.yaml").write_text(text)

@@ -7,15 +7,14 @@ import pytest
 from scipy.linalg import expm
 
 from graph.builder import Array, as_matrix, as_pose, inv, rx, ry, rz, t
-from thingc.joints import KINDS, Twist, kind_of, moved
+from thingc.joints import KINDS, Twist, moved, velocities
 from thingc.units import ANGLE, LENGTH
 
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
-def test_what_can_be_built_and_what_comes_later() -> None:
-    assert list(KINDS) == ["fixed", "revolute", "continuous", "prismatic", "cylindrical", "universal", "planar", "screw"]
-    assert kind_of("ball") is None
+def test_what_can_be_built() -> None:
+    assert list(KINDS) == ["fixed", "revolute", "continuous", "prismatic", "cylindrical", "universal", "ball", "planar", "screw"]
 
 
 def test_coordinates_and_limits() -> None:
@@ -28,8 +27,9 @@ def test_coordinates_and_limits() -> None:
         "cylindrical": ((ANGLE, LENGTH), "optional"),
         "universal": ((ANGLE, ANGLE), "optional"),
         "planar": ((LENGTH, LENGTH, ANGLE), "optional"),
+        "ball": ((ANGLE, ANGLE, ANGLE), "cone"),
     }
-    assert [kind.moves for kind in KINDS.values()] == [False, *[True] * 7]
+    assert [kind.moves for kind in KINDS.values()] == [False, *[True] * 8]
 
 
 @pytest.mark.parametrize("q", [-2.5, 0.0, 0.3, math.pi / 2])
@@ -97,3 +97,20 @@ def test_velocity_reversal_and_change_of_frame() -> None:
         assert hat(twist.seen_from(as_pose(X_AB))) == pytest.approx(X_AB @ hat(twist) @ inv(X_AB), abs=1e-15)
         back = twist.exponential(0.8) @ twist.reversed().exponential(0.8)
         assert as_matrix(back) == pytest.approx(np.eye(4), abs=1e-15)
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-9, 1e-3, 0.009999, 0.010001, 0.4, math.pi, 5.0])
+def test_a_ball_turns_by_a_rotation_vector_at_once(size: float) -> None:
+    twists, r = KINDS["ball"].twists, size * np.array([0.48, -0.6, 0.64])
+    w = np.cross(np.eye(3), r)  # [r]x
+    turn = np.eye(4)
+    turn[:3, :3] = expm(w)
+    pose = moved(twists, (r[0], r[1], r[2]), at_once=True)
+    assert as_matrix(pose) == pytest.approx(turn, abs=1e-14)
+    for number, twist in velocities(twists, (r[0], r[1], r[2]), pose, at_once=True):
+        step = np.zeros(3)
+        step[number] = 1e-6
+        ahead, behind = (as_matrix(moved(twists, (q[0], q[1], q[2]), at_once=True)) for q in (r + step, r - step))
+        spin = ((ahead - behind) / 2e-6 @ inv(turn))[:3, :3]
+        assert twist.angular == pytest.approx((spin[2, 1], spin[0, 2], spin[1, 0]), abs=1e-9)
+        assert twist.velocity((0.1, 0.2, 0.3))[0] == pytest.approx(spin @ (0.1, 0.2, 0.3), abs=1e-9)

@@ -388,6 +388,7 @@ class Made:
                 axis, anchor = tuple(map(float, s.axis)), tuple(map(float, s.anchor))
                 joints = (CoreJoint(
                     path=s.joint,
+                    kind=KINDS["revolute" if s.kind == "hinge" else "prismatic"],
                     twist=Twist(angular=axis, anchor=anchor) if s.kind == "hinge" else Twist(linear=axis),
                     reversed=False,
                     offset=0.0,

@@ -124,7 +124,7 @@ def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
             parent = assembly.links[robot.bodies[body.parent].link].name
             crossed = ", crossed from child to parent" if body.joints[0].reversed else ""
             by = " ".join(joint.path for joint in body.joints)
-            how = ", ".join(joint.twist.core for joint in body.joints)
+            how = "ball" if body.at_once else ", ".join(joint.twist.core for joint in body.joints)
             lines.append(f"  {name}  <- {by} ({how}{crossed}) on {parent}")
         lines += _loops(robot)
     return lines

@@ -48,7 +48,8 @@ def joints(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
         for number, joint in enumerate(mate.joints):
             label = _dotted(mate.name or joint.path) + (f"[{number}]" if len(mate.joints) > 1 else "")
             yield Axis(label=label, body=body, pose=pose @ _along(joint.twist.axis), slides=not joint.twist.turns)
-            pose = pose @ joint.twist.exponential(q.get(joint.path, 0.0) + joint.offset)
+            if not joint.kind.at_once:  # what turns at once turns about axes that stay
+                pose = pose @ joint.twist.exponential(q.get(joint.path, 0.0) + joint.offset)
 
 
 def root(robot: Robot) -> Iterator[Mark]:

@@ -282,7 +282,7 @@ def _joint(joint: Joint, *, own: bool) -> JointFacts:
     what += f"; {limits}." if limits else "."
     if joint.mimic is not None:
         what += f" Mimics `{joint.mimic.joint}`."
-    return JointFacts(what=what, angle=angle, settable=coordinate is not None and joint.mimic is None, own=own)
+    return JointFacts(what=what, angle=angle, settable=coordinate is not None and joint.mimic is None and not joint.kind.at_once, own=own)
 
 
 def _material(density: float | None, slide: float | None) -> str:

@@ -5,8 +5,9 @@ J the parent mount's frame and the joint's coordinates in order,
 
     X_PC(q) = X_PJ @ exp(twist_0 (q_0 + offset_0)) @ exp(twist_1 (q_1 + offset_1)) ... @ inv(X_CJ)
 
-where a twist (`angular`, `linear`) turns about `angular` and shifts along `linear`, through the origin of J, per unit of q. Where the mode
-has C for the parent in its tree (`reversed`) it is the inverse of that. None of it depends on the root.
+where a twist (`angular`, `linear`) turns about `angular` and shifts along `linear`, through the origin of J, per unit of q; those of a
+`ball` are made at once, `exp(twist_0 q_0 + twist_1 q_1 + twist_2 q_2)`: its q is a rotation vector. Where the mode has C for the parent in
+its tree (`reversed`) it is the inverse of that. None of it depends on the root.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from __future__ import annotations
 from thingc.emit import jsontext
 from thingc.emit.artifact import Artifacts
 from thingc.emit.jsontext import Fragment, fragment
-from thingc.emit.mjcf.lowering import lowered
+from thingc.emit.mjcf.lowering import lowered, sizes
 from thingc.emit.request import EmitRequest
 from thingc.graph.types import Mate
 from thingc.inertia import MassProperties
@@ -51,7 +52,7 @@ def describe(robot: Robot, memo: Memo | None = None) -> dict[str, object]:
     - `joints` in the order of the model: `parent` and `child` are links as this mode's tree has them; `reversed` says that
       the document has them the other way round. `coordinates` are in the document's order; `in_model` names the joints of MuJoCo that
       a coordinate is there, with how much each moves per unit of q, `qpos` and `dof` are their addresses in `MjData.qpos` and `.qvel`,
-      behind a free base's 7 and 6;
+      behind a free base's 7 and 6; each coordinate of a ball has those of the whole, a quaternion and an angular velocity;
     - `holds` further mounts held to the world, by their paths: `link` that carries the mount, what the hold `carries` (`force`: the
       mount's origin stays, and it may turn; else `force and torque`), `X_LM` the mount in the link, `X_WM` where it is held;
     - `poses` q by joint path, the mode's own pose first; only where there are such, `bases`, `X_world_root` of the poses in which
@@ -80,8 +81,8 @@ def describe(robot: Robot, memo: Memo | None = None) -> dict[str, object]:
             body.joints, qpos, dof,
         ))
         order += [joint.path for joint in body.joints]
-        size = sum(len(lowered(joint.path, joint.twist)) for joint in body.joints)
-        qpos, dof = qpos + size, dof + size
+        count, speeds = sizes(body)
+        qpos, dof = qpos + count, dof + speeds
     order += [joint.path for closure in robot.closures for joint in closure.joints]
     stands = ((frame.name, frame.base) for frame in robot.keyframes)
     bases = {name: base.rows() for name, base in stands if base is not None and base != robot.bodies[0].X_PL}
@@ -117,11 +118,14 @@ def _link(name: str, pose: Pose, own: MassProperties) -> Fragment:
 def _joint(
     mate: Mate, parent_part: Pose, child_part: Pose, parent: str, child: str, crossed: tuple[CoreJoint, ...], qpos: int, dof: int,
 ) -> Fragment:
-    addresses: dict[str, tuple[list[int], list[int]]] = {}
+    in_model: dict[str, tuple[dict[str, float], list[int], list[int]]] = {}
     for joint in crossed:
-        count = len(lowered(joint.path, joint.twist))
-        addresses[joint.path] = list(range(qpos, qpos + count)), list(range(dof, dof + count))
-        qpos, dof = qpos + count, dof + count
+        if joint.kind.at_once:
+            in_model[joint.path] = {mate.name or joint.path: 1.0}, list(range(qpos, qpos + 4)), list(range(dof, dof + 3))
+            continue
+        names = {one.name: one.ratio for one in lowered(joint.path, joint.twist)}
+        in_model[joint.path] = names, list(range(qpos, qpos + len(names))), list(range(dof, dof + len(names)))
+        qpos, dof = qpos + len(names), dof + len(names)
     return fragment({
         "name": mate.name,
         "kind": mate.joints[0].kind.name,
@@ -136,9 +140,7 @@ def _joint(
                 "offset": joint.offset,
                 "armature": joint.dynamics.armature or 0.0,
                 "mimic": _mimic(joint.mimic),
-                "in_model": {one.name: one.ratio for one in lowered(joint.path, joint.twist)},
-                "qpos": addresses[joint.path][0],
-                "dof": addresses[joint.path][1],
+                **dict(zip(("in_model", "qpos", "dof"), in_model[joint.path], strict=True)),
             }
             for joint in mate.joints
         ],

@@ -68,6 +68,7 @@ def joint_edge(tree: Tree, instance: Instance, joint: Joint, twist: Twist, findi
             )
         actuator = ActuatorModel(
             kind=drive.kind or "position", kp=drive.kp, kv=drive.kv, effort=limit.effort, velocity=limit.velocity, origin=place,
+            axis=drive.axis,
         )
     return replace(stated_edge(instance, joint, twist), limit=limit, dynamics=dynamics, actuator=actuator)
 

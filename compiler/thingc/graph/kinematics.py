@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import groupby
 
 from thingc.graph.types import Assembly, JointEdge, Mate
-from thingc.joints import moved
+from thingc.joints import moved, within_turn
 from thingc.pose import NO_POSE, Pose
 
 
@@ -61,7 +63,24 @@ def across(mate: Mate, q: Mapping[str, float]) -> Pose:
     if not mate.joints:
         return mate.X_PJ @ mate.X_JC
     values = tuple(q.get(joint.path, 0.0) + joint.offset for joint in mate.joints)
-    return mate.X_PJ @ moved(tuple(joint.twist for joint in mate.joints), values) @ mate.X_JC
+    return mate.X_PJ @ moved(tuple(joint.twist for joint in mate.joints), values, at_once=mate.joints[0].kind.at_once) @ mate.X_JC
+
+
+def balls(joints: Iterable[JointEdge]) -> Iterator[tuple[JointEdge, ...]]:
+    """The coordinates of every ball among coordinates in joint order."""
+    for _, own in groupby((joint for joint in joints if joint.kind.at_once), key=lambda joint: joint.name.joint):
+        yield tuple(own)
+
+
+def in_cones(balls: Iterable[tuple[JointEdge, ...]], q: Mapping[str, float]) -> dict[str, float]:
+    """The coordinates of balls [rad] by path: within half a turn, and where they leave the cone of theirs the nearest within it."""
+    found: dict[str, float] = {}
+    for ball in balls:
+        x, y, z = within_turn((q[ball[0].path], q[ball[1].path], q[ball[2].path]))
+        cone, angle = ball[0].limit.cone, math.hypot(x, y, z)
+        scale = cone / angle if cone is not None and angle > cone else 1.0
+        found.update({ball[0].path: scale * x, ball[1].path: scale * y, ball[2].path: scale * z})
+    return found
 
 
 def neighbourhood(count: int, mates: Sequence[Mate]) -> list[list[int]]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 from thingc.diagnostics import Code
 from thingc.graph.findings import Findings, noted
-from thingc.graph.kinematics import coordinates
+from thingc.graph.kinematics import balls, coordinates
 from thingc.graph.types import Adhesion, ExportedMount, Foot, JointEdge, LinkedHold, LinkedMode, LinkedSensor, RootChoice
 from thingc.graph.unroll import Tree
 from thingc.resolve.model import AssemblyDefinition, Mode, NamedPose, RawAttribute, Reference
@@ -204,6 +205,21 @@ def check_poses(
         for path, q in coordinates(joints, pose.values).items():
             if path in pose.values or (pose.name in used and unset and path not in loops):
                 _check_limit(pose, by_path[path], q, findings)
+        for ball in balls(joints):
+            _check_cone(pose, ball, findings)
+
+
+def _check_cone(pose: NamedPose, ball: tuple[JointEdge, ...], findings: Findings) -> None:
+    """A pose keeps a ball within its cone; one that it does not set is at 0, which is."""
+    joint, cone = ball[0], ball[0].limit.cone
+    angle = math.hypot(*(pose.values.get(one.path, 0.0) for one in ball))
+    if cone is not None and angle > cone * (1.0 + _ROUNDING):
+        name = joint.name.joint
+        findings.error(
+            Code.POSE_LIMITS, f"pose `{pose.name}` turns `{name}` by {joint.twist.shown(angle)}, outside its cone of "
+            f"{joint.twist.shown(cone)}", pose.origins.get(joint.path, pose.origin), path=pose.name,
+            help="write a smaller turn, or widen the cone", notes=noted(f"`{name}` is here", joint.origin),
+        )
 
 
 def _check_limit(pose: NamedPose, joint: JointEdge, q: float, findings: Findings) -> None:

@@ -9,7 +9,7 @@ from thingc.frozen import dataclass
 from thingc.graph.hag import Definition, Hag, hag_of
 from thingc.inertia import MassProperties
 from thingc.joints import JointKind, Twist
-from thingc.pose import Pose
+from thingc.pose import Pose, Vector
 from thingc.realize.record import Mesh, PartRecord, Primitive
 from thingc.resolve.model import (
     AssemblyDefinition,
@@ -79,7 +79,8 @@ class Occurrence(Brief):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ActuatorModel(Brief):
-    """A joint's drive with defaults from the Thing's actuator filled in; SI. `effort` the force limit."""
+    """A joint's drive with defaults from the Thing's actuator filled in; SI. `effort` the force limit; `axis` of a drive of a ball is
+    the one about which it turns it, a unit vector that is fixed in the child, in the parent mount's axes at q = 0."""
 
     kind: str
     kp: float | None
@@ -87,6 +88,7 @@ class ActuatorModel(Brief):
     effort: float | None
     velocity: float | None
     origin: Origin
+    axis: Vector | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,8 +13,8 @@ from thingc.units import Dimension
 JointType = Literal["fixed", "revolute", "continuous", "prismatic", "cylindrical", "universal", "ball", "planar", "screw"]
 """What may be written after `type:` of a joint: the names of all kinds."""
 
-Limits = Literal["required", "optional", "none"]
-"""Whether `limit.lower` and `limit.upper` must, may or must not be written."""
+Limits = Literal["required", "optional", "none", "cone"]
+"""Whether `limit.lower` and `limit.upper` must, may or must not be written; or `limit.cone` may."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,13 +23,16 @@ class JointKind:
 
     `twists` are what its coordinates do, in order, each seen in the parent mount's frame as those before it have moved it: the
     child's side is at `exp(twist_0 q_0) exp(twist_1 q_1) ...` in the parent's. None: it does not move. `limits` is what is expected
-    of `limit.lower` and `limit.upper` of each; where it `leads`, a document says by how much it slides in a turn.
+    of `limit.lower` and `limit.upper` of each; where it `leads`, a document says by how much it slides in a turn. The twists of one that
+    turns `at_once` are turns about axes through the mount's origin, and its coordinates together a rotation vector: the child's side is at
+    `exp(twist_0 q_0 + twist_1 q_1 + ...)`.
     """
 
     name: JointType
     twists: tuple[Twist, ...]
     limits: Limits
     leads: bool = False
+    at_once: bool = False
 
     def with_lead(self, lead: float) -> tuple[Twist, ...]:
         """The twists of a joint of this kind that also slides by `lead` [m] along its axis in every turn."""

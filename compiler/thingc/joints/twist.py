@@ -8,7 +8,7 @@ Park, Modern Robotics, 2017, sections 3.3.2 and 3.3.3.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Literal
 
 from thingc.frozen import dataclass
@@ -96,12 +96,63 @@ X, Y, Z = IDENTITY
 _PLAIN = {X: turned_x, Y: turned_y, Z: turned_z}
 
 
-def moved(twists: tuple[Twist, ...], q: tuple[float, ...]) -> Pose:
-    """Where a sequence of twists, each seen in the frame that those before it have moved, takes a frame at coordinates `q` (as many)."""
+def moved(twists: tuple[Twist, ...], q: tuple[float, ...], *, at_once: bool = False) -> Pose:
+    """Where twists take a frame at coordinates `q` (as many): one after the other, each seen in the frame that those before it have moved,
+    or `at_once`, turns about axes through one point by the rotation vector that their angles make together."""
+    if at_once:
+        vector = rotation_vector(twists, q)
+        angle = math.hypot(*vector)
+        if angle == 0.0:
+            return NO_POSE
+        x, y, z = vector
+        return Twist(angular=(x / angle, y / angle, z / angle), anchor=twists[0].anchor).exponential(angle)
     pose = NO_POSE
     for number, (twist, value) in enumerate(zip(twists, q, strict=True)):
         pose = pose @ twist.exponential(value) if number else twist.exponential(value)
     return pose
+
+
+def velocities(twists: tuple[Twist, ...], q: tuple[float, ...], pose: Pose, *, at_once: bool = False) -> Iterator[tuple[int, Twist]]:
+    """The number of every coordinate, the last first, and how its change alone moves what they move, which is at `pose`, per unit at `q`:
+    a twist as seen from where `pose` is seen (of what turns at once its angular part is no unit vector)."""
+    if at_once:
+        turned = rotation_vector(twists, q)
+        for number in range(len(twists) - 1, -1, -1):
+            yield number, Twist(_right_jacobian(turned, twists[number].angular), NONE, twists[number].anchor).seen_from(pose)
+        return
+    for number in range(len(twists) - 1, -1, -1):
+        yield number, twists[number].seen_from(pose)
+        if number:
+            pose = pose @ twists[number].exponential(-q[number])
+
+
+def within_turn(vector: Vector) -> Vector:
+    """The rotation vector [rad] of the same turn that is no longer than pi."""
+    angle = math.hypot(*vector)
+    if angle <= math.pi:
+        return vector
+    scale = math.remainder(angle, math.tau) / angle
+    return (scale * vector[0], scale * vector[1], scale * vector[2])
+
+
+def rotation_vector(twists: tuple[Twist, ...], q: tuple[float, ...]) -> Vector:
+    """The axis times the angle [rad] of the turn that twists make at once, in the frame that they are seen from."""
+    x, y, z = (sum(value * twist.angular[k] for twist, value in zip(twists, q, strict=True)) for k in range(3))
+    return (x, y, z)
+
+
+def _right_jacobian(w: Vector, v: Vector) -> Vector:
+    """How fast what is turned by the rotation vector w turns, in its own axes, while w changes by v: `v - b w x v + c w x (w x v)` with
+    b = (1 - cos a) / a^2, c = (a - sin a) / a^3, a = |w| (Chirikjian, Stochastic Models, Information Theory, and Lie Groups 2, 2012,
+    section 10.3.3); near 0 by their series."""
+    a = math.hypot(*w)
+    if a < 1e-2:
+        b, c = 0.5 - a * a / 24.0 + a**4 / 720.0, 1.0 / 6.0 - a * a / 120.0 + a**4 / 5040.0
+    else:
+        b, c = 2.0 * (math.sin(a / 2.0) / a) ** 2, (a - math.sin(a)) / a**3
+    once = cross(w, v)
+    twice = cross(w, once)
+    return (v[0] - b * once[0] + c * twice[0], v[1] - b * once[1] + c * twice[1], v[2] - b * once[2] + c * twice[2])
 
 
 def _negated(v: Vector) -> Vector:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from thingc.modes.frames import Array, adjoint, exponential, inverse, logarithm
+from thingc.modes.frames import Array, adjoint, exponential, inverse, logarithm, rotation_vector
 from thingc.modes.tree import Cut, Mode
 
 STEPS = 50
@@ -16,6 +16,8 @@ STEPS = 50
 
 def coordinates(cut: Cut, X_AB: Array, usual: Sequence[float]) -> Array:
     """q (n,) of a cut joint whose ends A and B lie like this (4, 4), nearest to its `usual` values: turns within half a turn of them."""
+    if cut.kind == "ball":
+        return rotation_vector(X_AB[:3, :3])
     q = np.array(usual, dtype=float)
     for k, twist in enumerate(cut.twists):
         pitch = float(twist[:3] @ twist[3:])
@@ -40,6 +42,8 @@ def usual(mode: Mode, cut: Cut) -> list[float]:
 def freedoms(cut: Cut, q: Array, X_WB: Array) -> Array:
     """(n, 6): how end B, at X_WB (4, 4), may move against A at q (n,): velocity of its origin over angular velocity, in world axes, per
     unit of each coordinate."""
+    if cut.kind == "ball":  # its v is the child's rate in its own axes
+        return np.hstack([np.zeros((3, 3)), X_WB[:3, :3].T])
     _, seen = _moved(cut, q)
     R = X_WB[:3, :3]
     return np.hstack([seen[:, 3:] @ R.T, seen[:, :3] @ R.T])

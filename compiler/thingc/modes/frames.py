@@ -64,12 +64,18 @@ def exponential(twist: Array, q: float) -> Array:
     return pose(turned(twist[:3], q), twist[3:] * q)
 
 
+def rotation_vector(rotation: Array) -> Array:
+    """(3,): the axis times the angle [rad] from 0 to pi of a rotation (3, 3)."""
+    w = quaternion_of(rotation)
+    w = -w if w[0] < 0.0 else w
+    size = float(np.linalg.norm(w[1:]))
+    turn: Array = np.zeros(3) if size == 0.0 else w[1:] * (2.0 * np.arctan2(size, w[0]) / size)
+    return turn
+
+
 def logarithm(X: Array) -> Array:
     """(6,): the turn [rad] (a rotation vector) and the shift [m] of a pose that is near the identity."""
-    w = quaternion_of(X[:3, :3])
-    size = float(np.linalg.norm(w[1:]))
-    turn = np.zeros(3) if size == 0.0 else w[1:] * (2.0 * np.arctan2(size, w[0]) / size)
-    return np.concatenate([turn, X[:3, 3]])
+    return np.concatenate([rotation_vector(X[:3, :3]), X[:3, 3]])
 
 
 def adjoint(X: Array) -> Array:

@@ -30,7 +30,7 @@ def check(mode: Mode, data: Any) -> None:
     base = "held" if model.body_mocapid[root] >= 0 else "fixed" if model.body_dofnum[root] == 0 else "free"
     joints = {model.joint(number).name: number for number in range(model.njnt)}
     trees = all(
-        joint.name in joints and model.jnt_bodyid[joints[joint.name]] == found[mode.links[joint.child].name]
+        joint.in_data in joints and model.jnt_bodyid[joints[joint.in_data]] == found[mode.links[joint.child].name]
         and model.body_parentid[found[mode.links[joint.child].name]] == found[mode.links[joint.parent].name]
         for joint in mode.joints
     )
@@ -54,13 +54,17 @@ def read(mode: Mode, data: Any) -> State:
         X = pose(rotation_of(data.mocap_quat[number]), data.mocap_pos[number])
     else:
         X = bolted(mode, data)
-    return State(
-        mode=mode.name,
-        base_pose=X,
-        base_twist=twist,
-        q={joint.name: float(data.joint(joint.name).qpos[0]) for joint in mode.joints},
-        v={joint.name: float(data.joint(joint.name).qvel[0]) for joint in mode.joints},
-    )
+    q: dict[str, float] = {}
+    v: dict[str, float] = {}
+    for joint in mode.joints:
+        here = data.joint(joint.in_data)
+        if joint.ball is None:
+            q[joint.name], v[joint.name] = float(here.qpos[0]), float(here.qvel[0])
+        elif joint.first:
+            own = joint.ball.read(here.qpos, here.qvel)
+            q |= own[0]
+            v |= own[1]
+    return State(mode=mode.name, base_pose=X, base_twist=twist, q=q, v=v)
 
 
 def write(mode: Mode, state: State, data: Any) -> None:
@@ -74,6 +78,10 @@ def write(mode: Mode, state: State, data: Any) -> None:
         number = data.model.body(mode.root_link).mocapid[0]
         data.mocap_pos[number], data.mocap_quat[number] = position, quaternion
     for joint in mode.joints:
+        if joint.ball is not None:
+            here = data.joint(joint.in_data)
+            here.qpos, here.qvel = joint.ball.qpos(state.q), joint.ball.qvel(state.q, state.v)
+            continue
         for name, ratio in joint.in_model.items():
             here = data.joint(name)
             here.qpos, here.qvel = ratio * state.q[joint.name], ratio * state.v[joint.name]
@@ -100,7 +108,7 @@ def _warm_start(modes: tuple[Mode, Mode], source: Any, target: Any) -> None:
     known = {joint.name for joint in old.joints}
     for joint in new.joints:
         for name in joint.in_model:
-            here = source.joint(name).qacc_warmstart if joint.name in known else 0.0
+            here = source.joint(name).qacc_warmstart if joint.name in known and joint.ball is None else 0.0
             target.joint(name).qacc_warmstart = here
 
 
@@ -140,7 +148,7 @@ def inertias(mode: Mode, data: Any) -> Inertias:
         mass=model.body_mass[bodies],
         centre=model.body_ipos[bodies],
         inertia=np.array([R @ np.diag(model.body_inertia[body]) @ R.T for R, body in zip(turns, bodies, strict=True)]),
-        armature=np.array([model.dof_armature[model.joint(joint.name).dofadr[0]] for joint in mode.joints]),
+        armature=np.array([model.dof_armature[model.joint(joint.in_data).dofadr[0]] for joint in mode.joints]),
     )
 
 

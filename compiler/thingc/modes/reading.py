@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from thingc.modes.balls import Ball
 from thingc.modes.faults import ModesError
 from thingc.modes.frames import Array, inverse
 from thingc.modes.tree import Cut, Hold, Joint, Link, Mimic, Mode
@@ -91,6 +92,12 @@ def _joints(described: Mapping[str, Any], index: Mapping[str, int]) -> Iterator[
         before, after = inverse(after), inverse(before)
     coordinates = described["coordinates"][::-1] if back else described["coordinates"]
     last = len(coordinates) - 1
+    ball = None
+    if described["kind"] == "ball":
+        ball = Ball(
+            name=str(described["name"]), coordinates=tuple(str(one["name"]) for one in described["coordinates"]), reversed=back,
+            R=_kept(-after[:3, :3].T if back else after[:3, :3].T),
+        )
     for number, one in enumerate(coordinates):
         mimic, twist = one["mimic"], _array([*one["angular"], *one["linear"]], 6)
         yield Joint(
@@ -111,6 +118,7 @@ def _joints(described: Mapping[str, Any], index: Mapping[str, int]) -> Iterator[
             in_model=MappingProxyType({str(name): float(ratio) for name, ratio in one["in_model"].items()}),
             qpos=tuple(int(address) for address in one["qpos"]),
             dof=tuple(int(address) for address in one["dof"]),
+            ball=ball,
         )
 
 

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thingc.brief import Brief
+from thingc.modes.balls import Ball
 from thingc.modes.faults import ModesError
-from thingc.modes.frames import Array, cross_matrix, exponential, quaternion_of
+from thingc.modes.frames import Array, cross_matrix, exponential, pose, quaternion_of
 from thingc.modes.inertias import Inertias
 from thingc.modes.state import State
 from thingc.slips import did_you_mean
@@ -44,7 +45,8 @@ class Joint(Brief):
     `X_PJ` (4, 4) is its frame in the parent, or in what the coordinate before it moves; `twist` (6,) what it does there per unit of q,
     angular over linear; `X_JL` (4, 4) what it moves, the child or the next coordinate's frame, when q is -`offset`. `qpos` and `dof` are
     its addresses in the mode's own model, of the joints that `in_model` names with what they move per unit of q; `reversed` whether the
-    document has parent and child the other way round; `kind` is the document's.
+    document has parent and child the other way round; `kind` is the document's. The coordinates of a
+    `ball` turn at once, `qpos` and `dof` of each are those of the whole.
     """
 
     name: str
@@ -62,6 +64,30 @@ class Joint(Brief):
     in_model: Mapping[str, float]
     qpos: tuple[int, ...]
     dof: tuple[int, ...]
+    ball: Ball | None = None
+
+    @property
+    def in_data(self) -> str:
+        """The joint of MuJoCo that has its values."""
+        return next(iter(self.in_model))
+
+    def step(self, q: Mapping[str, float]) -> Array:
+        """What this coordinate does (4, 4) in its frame, at q of all joints."""
+        if self.ball is not None:
+            return pose(self.ball.step(self.name, q), np.zeros(3))
+        return exponential(self.twist, q[self.name] + self.offset)
+
+    def in_qpos(self, q: Mapping[str, float]) -> Array:
+        """What `MjData.qpos` has of it; of a ball only that of its first coordinate in the tree has anything."""
+        if self.ball is None:
+            return np.array([ratio * q[self.name] for ratio in self.in_model.values()])
+        return self.ball.qpos(q) if self.first else np.zeros(0)
+
+    def in_qvel(self, q: Mapping[str, float], v: Mapping[str, float]) -> Array:
+        """The same of `MjData.qvel`."""
+        if self.ball is None:
+            return np.array([ratio * v[self.name] for ratio in self.in_model.values()])
+        return self.ball.qvel(q, v) if self.first else np.zeros(0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -199,13 +225,13 @@ class Mode(Brief):
         self._check(state)
         X = state.base_pose
         base = [*X[:3, 3], *quaternion_of(X[:3, :3])] if self.base == "free" else []
-        return np.array([*base, *(ratio * state.q[joint.name] for joint in self.joints for ratio in joint.in_model.values())])
+        return np.concatenate([base, *(joint.in_qpos(state.q) for joint in self.joints)])
 
     def qvel(self, state: State) -> Array:
         """`MjData.qvel` of the mode's own model at this state: the base's twist where it is free, then v."""
         self._check(state)
         base = [*state.base_twist] if self.base == "free" else []
-        return np.array([*base, *(ratio * state.v[joint.name] for joint in self.joints for ratio in joint.in_model.values())])
+        return np.concatenate([base, *(joint.in_qvel(state.q, state.v) for joint in self.joints)])
 
     def coupling(self) -> Array:
         """(m, k): v of all m joints from v of the k that follow none of this tree, both in the order of the model."""
@@ -240,7 +266,7 @@ class Mode(Brief):
         found = [state.base_pose] * len(self.links)
         for joint in self.joints:
             start = found[joint.parent if joint.first else joint.child]
-            found[joint.child] = start @ joint.X_PJ @ exponential(joint.twist, state.q[joint.name] + joint.offset) @ joint.X_JL
+            found[joint.child] = start @ joint.X_PJ @ joint.step(state.q) @ joint.X_JL
         return found
 
     def _jacobians(self, state: State, placed: list[Array]) -> list[Array]:
@@ -256,8 +282,10 @@ class Mode(Brief):
                 here = placed[joint.child][:3, 3]
                 J[:3] -= cross_matrix(here - frame[:3, 3]) @ J[3:]
                 found[joint.child] = J
-            X_WJ = frame @ joint.X_PJ
+            X_WJ, step = frame @ joint.X_PJ, joint.step(state.q)
+            if joint.ball is not None and not joint.reversed:  # about axes of the document's child, which turn with it
+                X_WJ, step = X_WJ @ step, np.eye(4)
             angular, linear = X_WJ[:3, :3] @ joint.twist[:3], X_WJ[:3, :3] @ joint.twist[3:]
             J[:3, column], J[3:, column] = linear + np.cross(angular, here - X_WJ[:3, 3]), angular
-            frame = X_WJ @ exponential(joint.twist, state.q[joint.name] + joint.offset) @ joint.X_JL
+            frame = X_WJ @ step @ joint.X_JL
         return found

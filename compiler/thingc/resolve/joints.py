@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any, get_args
 
 from thingc.diagnostics import Code, Note
-from thingc.joints import KINDS, SLIDE, TURN, JointKind, Twist, dimensions_of, kind_of
+from thingc.joints import SLIDE, TURN, JointKind, Twist, dimensions_of, kind_of
 from thingc.realize.record import PartDefinition
 from thingc.resolve import references
 from thingc.resolve.layers import Layers
@@ -18,7 +19,7 @@ from thingc.resolve.scope import Scope
 from thingc.resolve.table import Table
 from thingc.source import MappingNode, Node, Path, ScalarNode, SequenceNode, node_at
 from thingc.spec.assembly import DriveSpec, JointSpec
-from thingc.units import ANGLE, LENGTH, Dimension, Quantity
+from thingc.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity
 
 _ENDLESS = "; a joint that turns without end is `continuous`"
 
@@ -71,7 +72,7 @@ def joints(table: Table, items: Iterable[Item[JointSpec]], places: Places) -> bo
         doubtful = bool(table.doubts) and (table.doubts.touch(path) or table.doubts.touch(("defaults", "joint")))
         child = references.mount(table, scope, spec.child, (*path, "child"))
         parent = references.mount(table, scope, spec.parent, (*path, "parent"))
-        kind = _kind(scope, spec, path)
+        kind = kind_of(spec.type)
         placed = None if spec.loop else child.path[0] if child is not None else _named(table, scope, spec.child)
         if doubtful and table.doubts.touch((*path, "loop")):
             placed, unsure = None, True
@@ -79,7 +80,7 @@ def joints(table: Table, items: Iterable[Item[JointSpec]], places: Places) -> bo
             unsure = unsure or not spec.loop
         else:
             places.setdefault(placed, []).append((f"joint `{item.name}`", scope.span(path, key=True)))
-        if kind is None or parent is None or child is None:
+        if parent is None or child is None:
             table.joints[CoordinateName(item.name)] = None
             if placed is not None:
                 table.nodes[placed].unsound = True
@@ -104,16 +105,6 @@ def _named(table: Table, scope: Scope, text: str) -> str | None:
     return first if first in table.nodes else None
 
 
-def _kind(scope: Scope, spec: JointSpec, path: Path) -> JointKind | None:
-    kind = kind_of(spec.type)
-    if kind is None:
-        scope.error(
-            Code.NOT_YET, f"joints of type `{spec.type}` are not built yet", (*path, "type"),
-            help="use " + ", ".join(f"`{name}`" for name in KINDS) + " for now",
-        )
-    return kind
-
-
 def _coordinates(
     table: Table, item: Item[JointSpec], kind: JointKind, parent: Reference, child: Reference, layers: Layers,
 ) -> tuple[Joint, ...]:
@@ -121,6 +112,8 @@ def _coordinates(
     scope, path, count = item.scope, item.path, len(kind.twists)
     lead = _lead(scope, item.spec, kind, item.name, path)
     twists = kind.twists if lead is None else kind.with_lead(lead)
+    if kind.at_once:
+        return _ball(table, item, kind, (parent, child), layers)
     for key in ("limit", "dynamics", "drive", "offset", "mimic"):
         said = getattr(item.spec, key)
         several = isinstance(said, (list, dict))
@@ -144,6 +137,69 @@ def _coordinates(
     )
 
 
+def _ball(table: Table, item: Item[JointSpec], kind: JointKind, mounts: tuple[Reference, Reference], layers: Layers) -> tuple[Joint, ...]:
+    """The coordinates of a ball. Its limit and its dynamics are of all of them; of up to three drives each has its own axis, and stands
+    with one of the coordinates."""
+    scope, spec, path, name = item.scope, item.spec, item.path, item.name
+    for key in ("limit", "dynamics"):
+        if isinstance(getattr(spec, key), (list, dict)):
+            scope.error(
+                Code.COORDINATES, f"joint `{name}` is a ball: its `{key}` is one for all of its turns, and no list", (*path, key), key=True,
+                help="write what stands in it without the list",
+            )
+    if spec.offset is not None:
+        scope.error(
+            Code.JOINT_FIELD, f"joint `{name}` is a ball: it has no `offset`", (*path, "offset"), key=True,
+            help="turn one of its mounts, or write `turn`",
+        )
+    one = _joint(table, item, kind, None, mounts, layers, None)
+    limit, dynamics = _cone(scope, name, layers.sub("limit")), _dynamics(scope, name, ANGLE, layers.sub("dynamics"))
+    drives = _drives_of_ball(table, item)
+    return tuple(
+        replace(one, name=CoordinateName(name).numbered(k), twist=twist, limit=limit, dynamics=dynamics, drive=drives.get(k))
+        for k, twist in enumerate(kind.twists)
+    )
+
+
+def _drives_of_ball(table: Table, item: Item[JointSpec]) -> dict[int, Drive]:
+    """The drives of a ball by their number; one that is wrong is left out (reported)."""
+    scope, written, path, name = item.scope, item.spec.drive, (*item.path, "drive"), item.name
+    if written is None:
+        return {}
+    if not isinstance(written, list) or len(written) > 3:
+        scope.error(
+            Code.DRIVE, f"joint `{name}` is a ball: its `drive` is a list of one to three, each about its own axis", path, key=True,
+            help="write for example `[{axis: [1, 0, 0], kind: motor, effort: 2 N*m}]`",
+        )
+        return {}
+    found: dict[int, Drive] = {}
+    for number, spec in enumerate(written):
+        if not isinstance(spec, DriveSpec) or spec.axis is None:
+            scope.error(
+                Code.DRIVE, f"drive {number} of the ball `{name}` needs its `axis`" if isinstance(spec, DriveSpec)
+                else f"drive {number} of the ball `{name}` names a component, which has no `axis`: it is written out", (*path, number),
+                help="write for example `{axis: [1, 0, 0], kind: motor, effort: 2 N*m}`: in the parent mount's axes, at q = 0",
+            )
+            continue
+        place = (*path, number, "axis")
+        drive = _drive(table, scope, f"{name}[{number}]", ANGLE, (spec, place[:-1]))
+        if spec.armature is not None:
+            scope.error(
+                Code.DRIVE, f"drive {number} of the ball `{name}` has an `armature`: a ball has one for all of its turns",
+                (*place[:-1], "armature"), key=True, help="write it under `dynamics` of the joint",
+            )
+        axis = scope.vector(spec.axis, place, NUMBER, f"the axis of drive {number} of joint `{name}`")
+        size = 0.0 if axis is None else math.hypot(*axis)
+        if size > 0.0 and axis is not None and drive is not None:
+            found[number] = replace(drive, axis=(axis[0] / size, axis[1] / size, axis[2] / size))
+        elif axis is not None and size == 0.0:
+            scope.error(
+                Code.DRIVE, f"the axis of drive {number} of joint `{name}` is 0 long: it has no direction", place,
+                help="write for example `[1, 0, 0]`",
+            )
+    return found
+
+
 def _joint(
     table: Table, item: Item[JointSpec], kind: JointKind, twist: Twist | None, mounts: tuple[Reference, Reference], layers: Layers,
     number: int | None,
@@ -157,7 +213,9 @@ def _joint(
     offset = 0.0
     limit, dynamics, drive = NO_LIMIT, NO_DYNAMICS, None
     nodes = _nodes(table, layers, number)
-    if twist is None:
+    if kind.at_once:
+        pass  # what its coordinates have is read once for all of them
+    elif twist is None:
         for key in ("limit", "dynamics", "offset", "drive"):
             if key in spec.model_fields_set and getattr(spec, key) is not None:
                 code = Code.DRIVE if key == "drive" else Code.JOINT_FIELD
@@ -168,6 +226,7 @@ def _joint(
         limit = _limit(scope, item, kind, twist.coordinate, layers.sub("limit", number))
         dynamics = _dynamics(scope, name, twist.coordinate, layers.sub("dynamics", number))
         drive = _drive(table, scope, name, twist.coordinate, layers.pick("drive", number))
+        _no_axis(scope, name, kind, layers.pick("drive", number))
         said = layers.pick("offset", number)
         if said is not None and not isinstance(said[0], (list, dict)):
             offset = scope.number(*said, twist.coordinate, f"`offset` of joint `{name}`") or 0.0
@@ -179,6 +238,15 @@ def _joint(
         spans={key: node.span for key, node in nodes.items()},
         written={key: node.text for key, node in nodes.items() if isinstance(node, ScalarNode)},
     )
+
+
+def _no_axis(scope: Scope, name: str, kind: JointKind, said: tuple[Any, Path] | None) -> None:
+    """An axis of a drive is of a ball."""
+    if said is not None and isinstance(said[0], DriveSpec) and said[0].axis is not None and said[1][0] == "joints":
+        scope.error(
+            Code.JOINT_FIELD, f"joint `{name}` is {kind.name}: its drive has no `axis`", (*said[1], "axis"), key=True,
+            help="take it out: the drive turns or slides as the joint does",
+        )
 
 
 def _lead(scope: Scope, spec: JointSpec, kind: JointKind, name: str, path: Path) -> float | None:
@@ -232,6 +300,12 @@ def _limit(scope: Scope, item: Item[JointSpec], kind: JointKind, coordinate: Dim
     name, path = item.name, item.path
     lower, upper = (_said(scope, layers, key, coordinate) for key in ("lower", "upper"))
     low = high = None
+    cone = layers.pick("cone")
+    if cone is not None and cone[1][0] == "joints":
+        scope.error(
+            Code.LIMIT, f"joint `{name}` is {kind.name} and has no `limit.cone`", cone[1], key=True,
+            help="a cone is the limit of a `ball`; others have `lower` and `upper`",
+        )
     if kind.limits == "none":
         own = [(key, said[1]) for key, said in (("lower", lower), ("upper", upper)) if said is not None and said[1][0] == "joints"]
         if own:
@@ -266,6 +340,18 @@ def _limit(scope: Scope, item: Item[JointSpec], kind: JointKind, coordinate: Dim
     return Limit(lower=low, upper=high, **_values(scope, name, coordinate, "limit", layers, ("effort", "velocity")))
 
 
+def _cone(scope: Scope, name: str, layers: Layers) -> Limit:
+    """The limit of a ball."""
+    own = [(key, said[1]) for key in ("lower", "upper", "effort", "velocity") if (said := layers.pick(key)) and said[1][0] == "joints"]
+    if own:
+        scope.error(
+            Code.LIMIT, f"joint `{name}` is a ball and has no `limit.{own[0][0]}`", own[0][1], key=True,
+            help="how far it may turn is its `cone`; what its drives give stands in them",
+        )
+    said = layers.pick("cone")
+    return Limit(cone=None if said is None else scope.number(*said, ANGLE, f"`limit.cone` of joint `{name}`", above=0.0))
+
+
 def _type(scope: Scope, item: Item[JointSpec], said: tuple[Any, Path]) -> list[Note]:
     """The note that shows why a value of a joint has the dimension that it should have."""
     return scope.beside(f"`{item.name}` is {item.spec.type} here", (*item.path, "type"), said[1])
@@ -291,7 +377,10 @@ def _drive(table: Table, scope: Scope, name: str, coordinate: Dimension, said: t
         values = _values(scope, name, coordinate, "drive", written, ("kp", "kv", "effort", "velocity", "armature"))
         if spec.kp is not None and values["kp"] is None:
             values["kp"] = 1.0  # a stand-in, so that no later pass says that there is none
-        return Drive(component=None, kind=spec.kind, **values, origin=scope.origin(path))
+        return Drive(
+            component=None, kind=spec.kind, kp=values["kp"], kv=values["kv"], effort=values["effort"], velocity=values["velocity"],
+            armature=values["armature"], origin=scope.origin(path),
+        )
     known = spec in table.nodes or table.unbuilt or table.doubts.lacks("components") or table.doubts.touch(("components", spec))
     if not known and (spec in DRIVE_KINDS or spec == "servo"):
         kind = spec if spec in DRIVE_KINDS else "position"

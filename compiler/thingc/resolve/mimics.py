@@ -35,6 +35,9 @@ def _mimic(table: Table, item: Item[JointSpec], joint: Joint, spec: MimicSpec, p
     if not isinstance(spec, MimicSpec):
         return None  # a list where there is one coordinate: reported
     coordinate = joint.twist.coordinate if joint.twist is not None else None
+    if joint.kind.at_once:
+        scope.error(Code.MIMIC, f"joint `{joint.name.joint}` is a ball: it cannot mimic", path, key=True, help="take it out")
+        return None
     if coordinate is None:
         scope.error(
             Code.MIMIC, f"joint `{item.name}` is {joint.kind.name} and does not move: it cannot mimic", path, key=True,
@@ -67,6 +70,12 @@ def _mimic(table: Table, item: Item[JointSpec], joint: Joint, spec: MimicSpec, p
         return None
     other = table.joints[name]
     if other is None:
+        return None
+    if other.kind.at_once:
+        scope.error(
+            Code.MIMIC, f"joint `{item.name}` cannot mimic `{name}`: `{name.joint}` is a ball, whose turn is no number", (*path, "joint"),
+            notes=[Note(message=f"`{name.joint}` is written here", span=other.origin[0])],
+        )
         return None
     followed = other.twist.coordinate if other.twist is not None else None
     if followed is None:

@@ -171,12 +171,14 @@ class Component(Brief):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limit(Brief):
-    """Of a joint: `lower`, `upper` [rad or m]; `effort` [N m or N] and `velocity` [rad/s or m/s] as far as written."""
+    """Of a joint: `lower`, `upper` [rad or m]; `effort` [N m or N] and `velocity` [rad/s or m/s] as far as written. Of a ball `cone`, how
+    far it may turn [rad] from q = 0, about whatever axis."""
 
     lower: float | None = None
     upper: float | None = None
     effort: float | None = None
     velocity: float | None = None
+    cone: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -191,7 +193,8 @@ class Dynamics(Brief):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drive(Brief):
-    """What moves a joint: `component` whose Thing declares an actuator, or an inline one (`component` None)."""
+    """What moves a joint: `component` whose Thing declares an actuator, or an inline one (`component` None); of a ball about an `axis`
+    (a unit vector fixed in the child, in the parent mount's axes at q = 0)."""
 
     component: Reference | None
     kind: str | None = None
@@ -201,6 +204,7 @@ class Drive(Brief):
     velocity: float | None = None
     armature: float | None = None
     origin: Origin = ()
+    axis: Vector | None = None
 
 
 class CoordinateName(str):

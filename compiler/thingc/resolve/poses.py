@@ -10,6 +10,7 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from thingc.diagnostics import Code, Note
+from thingc.pose import turn_of
 from thingc.resolve import references
 from thingc.resolve.layers import numbered
 from thingc.resolve.model import CoordinateName, Joint, NamedPose
@@ -17,6 +18,8 @@ from thingc.resolve.references import GLOB, suggested
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Table
 from thingc.source import Origin, Path
+from thingc.spec.assembly import TurnSpec
+from thingc.units import NUMBER
 
 Joints = dict[CoordinateName, Joint | None]
 Settings = dict[str, tuple[float, Origin]]
@@ -34,13 +37,13 @@ def poses(table: Table, scope: Scope) -> None:
         for key, raw in entries.items():
             at = (*path, key)
             several = [one for one in known if one.number is not None and one.joint == key]
-            if several or (key in known and isinstance(raw, (list, dict))):
+            if several or (key in known and isinstance(raw, (list, dict, TurnSpec))):
                 _several(scope, known, key, several, raw, at, layers[2])
             elif key in known:
                 _set(scope, known, [CoordinateName(key)], raw, at, layers[2], exact=True)
             elif isinstance(raw, str):
                 _use(table, scope, key, raw, at, layers[0])
-            elif GLOB.search(key) and isinstance(raw, (list, dict)):
+            elif GLOB.search(key) and isinstance(raw, (list, dict, TurnSpec)):
                 _pattern_of_several(scope, known, key, raw, at, layers[1])
             elif GLOB.search(key):
                 _pattern(table, scope, known, key, raw, at, layers[1])
@@ -59,6 +62,10 @@ def poses(table: Table, scope: Scope) -> None:
 
 def _several(scope: Scope, known: Joints, key: str, names: list[CoordinateName], raw: Any, path: Path, into: Settings) -> None:
     """Set the coordinates `names` of a joint by a list, or a mapping by number."""
+    ball = known[names[0]] if names else None
+    if ball is not None and ball.kind.at_once:
+        _turn_ball(scope, key, names, ball, raw, path, into)
+        return
     if names and isinstance(raw, (list, dict)) and all(numbered(raw, k) is None for k in range(len(names), len(names) + len(raw))):
         for number, name in enumerate(names):
             own = numbered(raw, number)
@@ -75,6 +82,28 @@ def _several(scope: Scope, known: Joints, key: str, names: list[CoordinateName],
         help=f"write `[{shown}]`, or set one alone: `{names[0]}`" if names else "write one value",
         notes=_written(key, joint),
     )
+
+
+def _turn_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint, raw: Any, path: Path, into: Settings) -> None:
+    """Set a ball by what turns its child from q = 0."""
+    if not isinstance(raw, TurnSpec):
+        scope.error(
+            Code.POSE, f"joint `{key}` is a ball: a pose turns it by `rpy` or by a quaternion", path, key=True,
+            help=f"write for example `{key}: {{rpy: 0 20 0 deg}}`", notes=_written(key, ball),
+        )
+        return
+    if raw.rpy is not None:
+        turned = scope.pose((0, 0, 0), path, raw.rpy, (*path, "rpy"))
+        quaternion = None if turned is None else turned.quaternion()
+    else:
+        place, what = (*path, "quaternion"), f"the quaternion of joint `{key}`"
+        w, x, y, z = (scope.number(one, (*place, number), NUMBER, what) for number, one in enumerate(raw.quaternion or ()))
+        quaternion = None if w is None or x is None or y is None or z is None else (w, x, y, z)
+        if quaternion is not None and not any(quaternion):
+            scope.error(Code.POSE, f"{what} is 0: it is no turn", place, help="write w, x, y, z; `[1, 0, 0, 0]` turns nothing")
+            return
+    if quaternion is not None:
+        into.update((name.path, (q, scope.origin(path))) for name, q in zip(names, turn_of(quaternion), strict=True))
 
 
 def _stand_ins(known: Joints, origin: Origin) -> Settings:
@@ -95,6 +124,12 @@ def _set(scope: Scope, known: Joints, names: list[CoordinateName], raw: Any, pat
     for name in names:
         joint = known[name]
         if joint is None:
+            continue
+        if joint.kind.at_once:
+            scope.error(
+                Code.POSE, f"joint `{name.joint}` is a ball: a pose sets it as a whole", path, key=True,
+                help=f"write for example `{name.joint}: {{rpy: 0 20 0 deg}}`", notes=_written(name.joint, joint),
+            )
             continue
         coordinate = joint.twist.coordinate if joint.twist is not None else None
         if coordinate is None:
@@ -129,7 +164,11 @@ def _written(name: str, joint: Joint) -> list[Note]:
 
 
 def _movable(joint: Joint | None) -> bool:
-    return joint is not None and joint.mimic is None and joint.twist is not None
+    return joint is not None and joint.mimic is None and joint.twist is not None and not joint.kind.at_once
+
+
+def _is_ball(joint: Joint | None) -> bool:
+    return joint is not None and joint.kind.at_once
 
 
 def _pattern(table: Table, scope: Scope, known: Joints, key: str, raw: Any, path: Path, into: Settings) -> None:
@@ -142,7 +181,8 @@ def _pattern(table: Table, scope: Scope, known: Joints, key: str, raw: Any, path
     elif fitting:
         scope.error(
             Code.NO_MATCH, f"pattern `{key}` fits no joint that a pose can set", path, key=True,
-            help=f"`{fitting[0]}` moves with another joint or not at all",
+            help=f"`{fitting[0].joint}` is a ball: write `{{rpy: 0 20 0 deg}}`" if _is_ball(known[fitting[0]])
+            else f"`{fitting[0]}` moves with another joint or not at all",
         )
     else:
         scope.error(

@@ -52,6 +52,12 @@ def _joint(table: Table, scope: Scope, name: str, spec: SensorSpec, path: Path) 
     place: Path = (*path, "joint") if spec.joint is not None else path
     known = dict(table.all_joints())
     moving = [one for one, joint in known.items() if joint is not None and joint.twist is not None]
+    if any(one.joint == wanted.joint and joint is not None and joint.kind.at_once for one, joint in known.items()):
+        scope.error(
+            Code.JOINT_FIELD, f"joint `{wanted.joint}` is a ball: it has no coordinate to measure", place, key=spec.joint is None,
+            help="measure a joint of one coordinate, or put an `imu` on its child",
+        )
+        return None
     if wanted not in known:
         if not table.unsure_joints():
             help = suggested(wanted, moving, what="joints")

@@ -223,7 +223,9 @@ class Reader:
             if joint is None:
                 self.sound = False
             elif not _movable(joint):
-                why = f"mimics `{joint.mimic.joint}`" if joint.mimic is not None else f"is {joint.kind.name} and has no coordinate"
+                why = f"is {joint.kind.name} and has no coordinate" if joint.twist is None else "is a ball"
+                if joint.mimic is not None:
+                    why = f"mimics `{joint.mimic.joint}`"
                 self.error(Code.TEST, f"joint `{name}` {why}: it cannot be moved through a range", chosen[name][1], on_key=True,
                            help=f"move `{joint.mimic.joint}`" if joint.mimic is not None else "take it out")
             else:
@@ -252,4 +254,4 @@ def _each(said: str | list[str], path: Path) -> list[tuple[str, Path]]:
 
 
 def _movable(joint: Joint) -> bool:
-    return joint.mimic is None and joint.twist is not None
+    return joint.mimic is None and joint.twist is not None and not joint.kind.at_once

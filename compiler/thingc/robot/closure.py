@@ -17,10 +17,10 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 
 from thingc.frozen import dataclass
-from thingc.graph import leaders
+from thingc.graph import balls, in_cones, leaders
 from thingc.graph.types import JointEdge
-from thingc.joints import Twist
-from thingc.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, multiply, rotate, transpose, turned_about
+from thingc.joints import Twist, moved, velocities
+from thingc.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, multiply, rotate, transpose, turn_of, turned_about
 from thingc.robot.dense import solve
 from thingc.robot.kinematics import carried, in_world
 from thingc.robot.types import Body, Closure
@@ -89,6 +89,7 @@ class Loops:
         self.closures = closures
         self.joints = {joint.path: joint for joint in joints}
         self.base = base
+        self._balls = tuple(balls(joints))
         self._ends = [(self._above(c.parent), self._above(c.child)) for c in closures]
         self._needed = sorted({body for pair in self._ends for chain in pair for body in chain})
         self.length = self._extent()
@@ -124,8 +125,11 @@ class Loops:
     def _frames(self, closure: Closure, at: Mapping[int, Pose], q: Mapping[str, float]) -> tuple[Pose, Pose]:
         """A (moved by its joints) and B in the world."""
         A = closure.X_PA if closure.parent is None else at[closure.parent] @ closure.X_PA
-        for joint, twist in zip(closure.joints, closure.twists, strict=True):
-            A = A @ twist.exponential(q[joint.path])
+        if closure.at_once:
+            A = A @ moved(closure.twists, tuple(q[joint.path] for joint in closure.joints), at_once=True)
+        else:
+            for joint, twist in zip(closure.joints, closure.twists, strict=True):
+                A = A @ twist.exponential(q[joint.path])
         return A, at[closure.child] @ closure.X_CB
 
     def residuals(self, state: State) -> tuple[tuple[float, float], ...]:
@@ -209,11 +213,10 @@ class Loops:
                     for joint, twist in in_world(self.bodies[index], at[index], state.q):
                         into = by_path.setdefault(joint.path, list(zero))
                         self._add(into, row, twist.velocity(end.translation), sign)
-            frame = A
-            for cut, twist in zip(reversed(closure.joints), reversed(closure.twists), strict=True):
-                into = by_path.setdefault(cut.path, list(zero))
-                self._add(into, row, twist.seen_from(frame).velocity(A.translation), -1.0)
-                frame = frame @ twist.exponential(-state.q[cut.path])
+            values = tuple(state.q[cut.path] for cut in closure.joints)
+            for number, twist in velocities(closure.twists, values, A, at_once=closure.at_once):
+                into = by_path.setdefault(closure.joints[number].path, list(zero))
+                self._add(into, row, twist.velocity(A.translation), -1.0)
         columns: list[list[float]] = []
         for coordinate in chosen:
             column = list(zero)
@@ -278,6 +281,7 @@ class Loops:
             delta = target - q[coordinate.path]
             for path, share in coordinate.moves:
                 q[path] = target if path == coordinate.path else q[path] + share * delta
+        q |= in_cones(self._balls, q)
         base = state.base
         if base_moves:
             sx, sy, sz, rx, ry, rz = step[len(chosen):]
@@ -327,12 +331,7 @@ def _error(A: Pose, B: Pose) -> tuple[Vector, Vector]:
 
 def rotation_vector(r: Matrix) -> Vector:
     """log(R): the axis times the angle [rad] from 0 to pi, through the quaternion, which is exact near 0 and near pi alike."""
-    w, x, y, z = Pose(rotation=r).quaternion()
-    size = math.sqrt(x * x + y * y + z * z)
-    if size == 0.0:
-        return (0.0, 0.0, 0.0)
-    angle = 2.0 * math.atan2(size, w)
-    return (x * angle / size, y * angle / size, z * angle / size)
+    return turn_of(Pose(rotation=r).quaternion())
 
 
 def _turn(v: Vector) -> Matrix:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from thingc.graph import coordinates, joints_of
 from thingc.inertia import MassProperties, total
-from thingc.joints import Twist
+from thingc.joints import Twist, moved, velocities
 from thingc.pose import NO_POSE, Pose
 from thingc.robot.tree import in_link
 from thingc.robot.types import Body, CoreJoint, Robot
@@ -15,6 +15,8 @@ from thingc.robot.types import Body, CoreJoint, Robot
 def carried(body: Body, parent: Pose, q: Mapping[str, float]) -> Pose:
     """Where a body is when its tree parent is at `parent`; `q` [rad or m] of every joint by path."""
     pose = parent @ body.X_PL
+    if body.at_once:
+        return pose @ moved(body.twists, tuple(q[joint.path] for joint in body.joints), at_once=True)
     for joint in body.joints:
         pose = pose @ joint.twist.exponential(q[joint.path])
     return pose
@@ -23,11 +25,9 @@ def carried(body: Body, parent: Pose, q: Mapping[str, float]) -> Pose:
 def in_world(body: Body, pose: Pose, q: Mapping[str, float]) -> Iterator[tuple[CoreJoint, Twist]]:
     """The coordinates by which a body moves in its tree parent, the last first, each with what it does as seen in the world (or whatever
     frame the body is at `pose` in); `q` [rad or m] of every joint by path."""
-    for number in range(len(body.joints) - 1, -1, -1):
-        joint = body.joints[number]
-        yield joint, joint.twist.seen_from(pose)
-        if number:
-            pose = pose @ joint.twist.exponential(-q[joint.path])
+    values = tuple(q[joint.path] for joint in body.joints)
+    for number, twist in velocities(body.twists, values, pose, at_once=body.at_once):
+        yield body.joints[number], twist
 
 
 def body_poses(robot: Robot, q: Mapping[str, float], root: Pose | None = None) -> tuple[Pose, ...]:

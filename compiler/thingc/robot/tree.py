@@ -21,7 +21,7 @@ def spanning(assembly: Assembly, mode: LinkedMode) -> frozenset[int]:
     """The numbers of the mates that a mode's tree crosses: all joints of a robot without loops, else Kruskal's maximal tree.
 
     Of a loop the joint is left out that is worth least in the tree: one that the mode's `cut` names, else one without a drive
-    in this mode, that nothing mimics or follows, a turn before any other (which few targets can close), one written as
+    in this mode, that nothing mimics or follows, a turn or ball before any other (which few targets can close), one written as
     `loop: true` before another, the last of equals.
     """
     cut = {one.joint for one in mode.cut}
@@ -32,7 +32,8 @@ def spanning(assembly: Assembly, mode: LinkedMode) -> frozenset[int]:
         number, mate = entry
         driven = any(j.actuator is not None and (mode.actuators is None or j.path in mode.actuators) for j in mate.joints)
         coupling = any(joint.mimic is not None or joint.path in coupled for joint in mate.joints)
-        open_ = len(mate.joints) == 1 and mate.joints[0].twist.turns and not mate.joints[0].twist.pitch
+        first = mate.joints[0]
+        open_ = first.kind.at_once or (len(mate.joints) == 1 and first.twist.turns and not first.twist.pitch)
         return (mate.name in cut, not driven, not coupling, open_, mate.loop is not None, number)
 
     group = list(range(len(assembly.links)))
@@ -146,7 +147,7 @@ def _lowered(
     and G the child link in the joint's moving frame, `X_parent_child(q) = F @ exp(t_0 (q_0 + o_0)) ... @ G`; reversed, the inverse of
     that: the inverse sequence, each twist negated and seen from the document's parent, which is the tree's child.
     """
-    F, G = parent @ X_PJ, X_JC @ child.inverse()
+    F, G = parent @ X_PJ, X_JC @ child.inverse()  # a ball has no offsets, so that its twists are all seen from one frame
     at_zero = F @ moved(twists, offsets) @ G
     if not reversed_:
         return at_zero, seen_at_zero(twists, offsets, G.inverse())
@@ -160,6 +161,6 @@ def _lowered(
 
 def _core(joint: JointEdge, twist: Twist, number: int, reversed_: bool) -> CoreJoint:
     return CoreJoint(
-        path=joint.path, twist=twist, reversed=reversed_, offset=joint.offset, limit=joint.limit, dynamics=joint.dynamics,
+        path=joint.path, kind=joint.kind, twist=twist, reversed=reversed_, offset=joint.offset, limit=joint.limit, dynamics=joint.dynamics,
         mimic=joint.mimic, actuator=joint.actuator, mate=number, origin=joint.origin,
     )

@@ -9,7 +9,7 @@ from typing import Literal
 from thingc.brief import Brief
 from thingc.frozen import dataclass
 from thingc.graph.types import ActuatorModel, Assembly, JointEdge, LinkedMode
-from thingc.joints import Twist
+from thingc.joints import JointKind, Twist
 from thingc.pose import Pose, Vector
 from thingc.resolve.model import Dynamics, Limit, Mimic
 from thingc.source import Origin
@@ -25,6 +25,7 @@ class CoreJoint(Brief):
     """
 
     path: str
+    kind: JointKind
     twist: Twist
     reversed: bool
     offset: float
@@ -40,12 +41,22 @@ class CoreJoint(Brief):
 class Body(Brief):
     """A link in the tree. `parent` is an index into `Robot.bodies` (None: the world); `X_PL` the pose of its frame in the
     parent link's frame at q = 0 (of the root: in the world, as the mode's `at` puts it). It moves in it by its `joints`, one after
-    the other, `X_PL @ exp(twist_0 q_0) @ exp(twist_1 q_1) ...`; the root has none."""
+    the other, `X_PL @ exp(twist_0 q_0) @ exp(twist_1 q_1) ...`, or those of a ball at once; the root has none."""
 
     link: int
     parent: int | None
     X_PL: Pose
     joints: tuple[CoreJoint, ...]
+
+    @property
+    def twists(self) -> tuple[Twist, ...]:
+        """Those of its coordinates."""
+        return tuple(joint.twist for joint in self.joints)
+
+    @property
+    def at_once(self) -> bool:
+        """Whether it turns on a ball."""
+        return bool(self.joints) and self.joints[0].kind.at_once
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,9 +97,14 @@ class Closure(Brief):
     turns: bool = False
 
     @property
+    def at_once(self) -> bool:
+        """Whether it is a ball that was cut."""
+        return bool(self.joints) and self.joints[0].kind.at_once
+
+    @property
     def kind(self) -> ClosureKind:
         """What it leaves open."""
-        if self.turns:
+        if self.turns or self.at_once:
             return "ball"
         if not self.twists:
             return "weld"

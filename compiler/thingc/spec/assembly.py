@@ -288,6 +288,8 @@ class LimitSpec(Model):
     """Largest torque or force; from the drive unless written."""
     velocity: SpeedField | None = None
     """Largest speed; from the drive unless written."""
+    cone: AngleField | None = None
+    """How far a ball may turn, about whatever axis; it has no other limit."""
 
 
 class DynamicsSpec(Model):
@@ -333,6 +335,8 @@ class DriveSpec(Model):
     """Largest speed."""
     armature: ArmatureField | None = None
     """Reflected rotor inertia."""
+    axis: Annotated[list[NumberField], Field(min_length=3, max_length=3)] | None = Field(default=None, examples=[[1, 0, 0]])
+    """The axis about which it turns a ball: in the parent mount's axes at q = 0, from where it goes with the child."""
 
     @model_validator(mode="after")
     def _gain(self) -> DriveSpec:
@@ -396,6 +400,25 @@ class DefaultsSpec(Model):
     """What every joint has that says nothing else."""
 
 
+class TurnSpec(Model):
+    """Where a ball is in a pose."""
+
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
+
+    rpy: Vector3Angle | None = None
+    """Extrinsic roll, pitch, yaw in the parent mount's axes, as in URDF."""
+    quaternion: Annotated[list[NumberField], Field(min_length=4, max_length=4)] | None = Field(
+        default=None, examples=[[0.966, 0.259, 0, 0]],
+    )
+    """w, x, y, z, of any length but 0."""
+
+    @model_validator(mode="after")
+    def _one(self) -> TurnSpec:
+        if (self.rpy is None) == (self.quaternion is None):
+            raise rule("where a ball is, is said by `rpy` or by `quaternion`", "write for example `{rpy: 0 20 0 deg}`")
+        return self
+
+
 class AssemblySpec(Model):
     """An assembly of components and joints: a robot, or a part of one."""
 
@@ -422,7 +445,7 @@ class AssemblySpec(Model):
     """Names a link and picks its frame."""
     mounts: dict[Name, ReferenceField] = Field(default={}, examples=[{"base": "plate.bottom", "tip": "hand.tip"}])
     """Frames this assembly shows to a parent assembly."""
-    poses: dict[Name, dict[str, JointValueField | list[JointValueField] | dict[Index, JointValueField]]] = Field(
+    poses: dict[Name, dict[str, JointValueField | list[JointValueField] | dict[Index, JointValueField] | TurnSpec]] = Field(
         default={}, examples=[{"home": {"yaw": "30 deg", "leg_*.knee": "-90 deg"}}],
     )
     """Positions of joints, by name of the pose; what is not set is at 0."""

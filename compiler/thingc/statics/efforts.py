@@ -11,10 +11,12 @@ least squares (`statics/shared.py`, which alone needs numpy). Dry friction in jo
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from thingc.graph import joints_of, leaders
-from thingc.pose import Pose
+from thingc.graph.types import JointEdge
+from thingc.joints import velocities
+from thingc.pose import NO_POSE, Pose, dot
 from thingc.robot.types import Robot
 from thingc.statics.loads import loads
 from thingc.statics.types import Drive, Efforts, answer
@@ -24,7 +26,7 @@ def static_efforts(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose])
     """What the drives of a mode have to give for it to stay at `q` (every joint by path, rad or m; loops closed), its bodies at
     these poses in the world. A base that floats is carried by the mode's feet and holds; one that has neither, as any other, is held."""
     load, drives = problem(robot, q, bodies)
-    if not robot.closures and not robot.carried:
+    if not robot.closures and not robot.carried and all(len(drive.moves) == 1 for drive in drives):
         return balance_tree(load, drives)
     from thingc.statics.shared import balance_shared
 
@@ -43,8 +45,18 @@ def problem(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> tup
         leader, factor, _ = following[path]
         load[leader] = load.get(leader, 0.0) + factor * on_joints[path]
         if path in robot.present:
-            drives.append(Drive(path, leader, factor, limit, limit or 1.0))
+            moves = ((leader, factor),) if joint.actuator is None or joint.actuator.axis is None else _about(joint, joints, q)
+            drives.append(Drive(path, moves, limit, limit or 1.0))
     return load, drives
+
+
+def _about(joint: JointEdge, joints: Iterable[JointEdge], q: Mapping[str, float]) -> tuple[tuple[str, float], ...]:
+    """How fast a ball turns about the axis of a drive on it, fixed in the child, by the change of each of its coordinates."""
+    ball = tuple(one for one in joints if one.name.joint == joint.name.joint)
+    values = tuple(q[one.path] for one in ball)
+    axis = (joint.actuator.axis if joint.actuator is not None else None) or (0.0, 0.0, 0.0)
+    found = velocities(tuple(one.twist for one in ball), values, NO_POSE, at_once=True)
+    return tuple((ball[number].path, dot(axis, twist.angular)) for number, twist in found)
 
 
 def balance_tree(load: Mapping[str, float], drives: Sequence[Drive]) -> Efforts:
@@ -54,10 +66,10 @@ def balance_tree(load: Mapping[str, float], drives: Sequence[Drive]) -> Efforts:
     t = -Q f l^2 / sum (f l)^2.
     """
     total: dict[str, float] = {}
-    for _, leader, factor, _, weight in drives:
+    for _, ((leader, factor),), _, weight in drives:
         total[leader] = total.get(leader, 0.0) + (factor * weight) ** 2
     efforts: dict[str, float] = {}
-    for path, leader, factor, _, weight in drives:
+    for path, ((leader, factor),), _, weight in drives:
         share = (factor * weight) ** 2
         # A drive alone has a share of 1, exactly; one that does not move with its coordinate holds nothing.
         efforts[path] = 0.0 - load[leader] * (share / total[leader]) / factor if share > 0.0 else 0.0

@@ -65,7 +65,8 @@ def balance_shared(
     weights = np.array([drive.weight for drive in drives])
     moved = np.zeros((count, len(drives)))
     for number, drive in enumerate(drives):
-        moved[column[drive.leader], number] = drive.factor
+        for path, factor in drive.moves:
+            moved[column[path], number] = factor
     shared = _share(free.T @ moved * weights, free.T @ known, free.T @ pushed)
     effort = weights * shared.efforts
     rest = np.abs(free @ (free.T @ (known + moved @ effort + pushed @ shared.forces)))

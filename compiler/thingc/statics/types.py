@@ -11,12 +11,12 @@ NO_LOAD = 1e-12
 
 
 class Drive(NamedTuple):
-    """The drive of joint `path`: it moves `factor` times as fast as the coordinate `leader`, the path of the joint that it is or
-    follows. `limit` is its limit of effort [N m or N]; `weight` what its effort is weighed by, 1 without a limit above 0."""
+    """The drive of joint `path`: how fast it moves by the speed of each coordinate, of the one that the joint is or follows, or where it
+    turns a ball about an axis of all three. `limit` is its limit of effort [N m or N]; `weight` what its effort is weighed by, 1 without a
+    limit above 0."""
 
     path: str
-    leader: str
-    factor: float
+    moves: tuple[tuple[str, float], ...]
     limit: float | None
     weight: float
 
@@ -56,7 +56,7 @@ def answer(
     fall: Fall | None = None,
 ) -> Efforts:
     """The efforts found, with their margins; `unheld` [N m or N] of the load, which is `greatest` somewhere, is left at `where`."""
-    margins = {path: margin(limit, efforts[path]) for path, _, _, limit, _ in drives if limit is not None}
+    margins = {path: margin(limit, efforts[path]) for path, _, limit, _ in drives if limit is not None}
     return Efforts(efforts, margins, unheld / greatest if unheld else 0.0, where, choices, fall)
 
 

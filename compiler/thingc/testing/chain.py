@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from thingc.graph import coordinates, joints_of
+from thingc.graph import balls, coordinates, in_cones, joints_of
 from thingc.graph.types import MountAt
 from thingc.pose import Pose
 from thingc.robot import in_link
@@ -34,6 +34,7 @@ class Chain:
         self.upper = np.array([min(c.upper, ROUND) if np.isinf(c.upper) else c.upper for c in loops.coordinates])
         self._column = {path: k for k, path in enumerate(self.paths)}
         self._follows = {path: (c.path, factor) for c in loops.coordinates for path, factor in c.moves}
+        self._balls = tuple(balls(joints_of(robot.assembly)))
         self._joints = {joint.path: joint for joint in joints_of(robot.assembly)}
         self._body_of = {body.link: index for index, body in enumerate(robot.bodies)}
         self._in_link = in_link(robot.assembly)
@@ -44,7 +45,8 @@ class Chain:
 
     def q(self, x: Array) -> dict[str, float]:
         """Every joint [rad or m] by path at the coordinates x (n)."""
-        return coordinates(self._joints.values(), {path: float(value) for path, value in zip(self.paths, x, strict=True)})
+        free = {path: float(value) for path, value in zip(self.paths, x, strict=True)}
+        return coordinates(self._joints.values(), free | in_cones(self._balls, free))
 
     def bodies(self, q: Mapping[str, float]) -> tuple[Pose, ...]:
         """The pose of every body in the world."""

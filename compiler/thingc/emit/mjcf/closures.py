@@ -26,7 +26,7 @@ TIMESTEP = 0.002
 
 
 def equalities(robot: Robot, section: Element, links: list[str]) -> None:
-    """One `weld` per clamp or rigid loop, one `connect` per point and two per hinge, as stiff as the timestep allows."""
+    """One `weld` per clamp or rigid loop, one `connect` per point or ball and two per hinge, as stiff as the timestep allows."""
     stepped = {**robot.assembly.definition.simulation, **robot.mode.simulation}.get("timestep", TIMESTEP)
     stiff = {"solref": numbers((2.0 * float(stepped), 1.0)), "solimp": STIFFNESS}
     for closure in robot.closures:
@@ -40,7 +40,7 @@ def equalities(robot: Robot, section: Element, links: list[str]) -> None:
                 }, closure.origin)
             case "ball":
                 section.add("connect", {
-                    "name": equality_name(closure), "site1": held_site(closure), "site2": closure.path, **stiff,
+                    "name": equality_name(closure), "site1": _ends(closure)[0], "site2": _ends(closure)[1], **stiff,
                 }, closure.origin)
             case "hinge":
                 for index, (one, other) in enumerate(_points(robot, closure)):
@@ -62,13 +62,21 @@ def held_site(closure: Closure) -> str:
     return f"{closure.path}:held"
 
 
+def _ends(closure: Closure) -> tuple[str, str]:
+    """The sites that a point joins: those of a mount that is held, or of the two sides of a ball that was cut."""
+    return (held_site(closure), closure.path) if closure.hold else (f"{closure.path}:parent", f"{closure.path}:child")
+
+
 def sites(robot: Robot, world: Element, bodies: list[Element]) -> None:
     """The points of the world at which mounts are held that may turn, and those at which the halves of a hinge meet, two on either
     side."""
     for closure in robot.closures:
-        if closure.kind == "ball":
+        if closure.kind == "ball" and closure.parent is None:
             world.add("site", {"name": held_site(closure), "group": "3", **pose_attributes(Pose(translation=closure.X_PA.translation))},
                       closure.origin)
+        elif closure.kind == "ball" and closure.parent is not None:
+            for body, name, pose in zip((closure.parent, closure.child), _ends(closure), (closure.X_PA, closure.X_CB), strict=True):
+                bodies[body].add("site", {"name": name, **pose_attributes(pose)}, closure.origin)
         if closure.kind == "hinge" and closure.parent is not None:
             for one, other in _points(robot, closure):
                 for body, (name, pose) in ((closure.parent, one), (closure.child, other)):
@@ -114,11 +122,11 @@ def losses(robot: Robot) -> list[Loss]:
         joint = closure.joints[0]
         lost = [
             word for word, there in (
-                ("its limits", joint.limit.lower is not None or joint.limit.upper is not None),
+                ("its limits", (joint.limit.lower, joint.limit.upper, joint.limit.cone) != (None, None, None)),
                 ("its effort and velocity limits", joint.limit.effort is not None or joint.limit.velocity is not None),
                 ("its dynamics", any(value for value in (
                     joint.dynamics.damping, joint.dynamics.friction, joint.dynamics.armature, joint.dynamics.stiffness))),
-                ("its drive", joint.path in robot.present),
+                ("its drive", any(one.path in robot.present for one in closure.joints)),
                 ("what it mimics", joint.mimic is not None),
             ) if there
         ]

@@ -15,8 +15,8 @@ from thingc.emit.xml import Element, number, numbers
 from thingc.graph.types import ActuatorModel
 from thingc.inertia import MassProperties
 from thingc.joints import Twist
-from thingc.pose import Pose
-from thingc.resolve.model import Material
+from thingc.pose import Pose, Vector
+from thingc.resolve.model import Dynamics, Material
 from thingc.robot.types import CoreJoint
 from thingc.source import Origin
 
@@ -68,14 +68,26 @@ def joint(joint: CoreJoint, driven: bool) -> tuple[Element, ...]:
         attributes["range"] = numbers(bounds)
     if joint.limit.effort is not None and not driven:
         attributes["actuatorfrcrange"] = both_ways(joint.limit.effort)
-    dynamics = joint.dynamics
-    for name, value in (
-        ("stiffness", dynamics.stiffness), ("damping", dynamics.damping), ("frictionloss", dynamics.friction),
-        ("armature", dynamics.armature),
-    ):
-        if value is not None:
-            attributes[name] = number(value)
+    attributes |= _dynamics(joint.dynamics)
     return tuple(Element(tag="joint", attributes=one, origin=joint.origin) for one in (attributes, *others))
+
+
+def ball(name: str, joint: CoreJoint) -> tuple[Element, ...]:
+    """A ball, of any of its coordinates: they have all but the axis in common."""
+    attributes = {"name": name, "type": "ball", **({"pos": numbers(joint.twist.anchor)} if any(joint.twist.anchor) else {})}
+    if joint.limit.cone is not None:
+        attributes["range"] = numbers((0.0, joint.limit.cone))
+    return (Element(tag="joint", attributes=attributes | _dynamics(joint.dynamics), origin=joint.origin),)
+
+
+def _dynamics(dynamics: Dynamics) -> dict[str, str]:
+    """What a joint does by itself."""
+    return {
+        name: number(value) for name, value in (
+            ("stiffness", dynamics.stiffness), ("damping", dynamics.damping), ("frictionloss", dynamics.friction),
+            ("armature", dynamics.armature),
+        ) if value is not None
+    }
 
 
 def _axis(one: ModelJoint, twist: Twist) -> dict[str, str]:
@@ -105,6 +117,13 @@ def drive(joint: CoreJoint, drive: ActuatorModel) -> tuple[Element, ...]:
     """The actuator of a joint."""
     attributes = {"name": joint.path, "joint": joint.path, **drive_attributes(joint, drive)}
     return (Element(tag=drive.kind, attributes=attributes, origin=drive.origin),)
+
+
+def drive_of_ball(name: str, joint: CoreJoint, drive: ActuatorModel, axis: Vector) -> tuple[Element, ...]:
+    """An actuator of the ball `name`, about an axis that is given in its body's axes, as the gear of the torque. Where the tree crosses the
+    joint backwards, the axis goes with the parent in the tree."""
+    attributes = {"name": joint.path, "jointinparent" if joint.reversed else "joint": name, **drive_attributes(joint, drive)}
+    return (Element(tag=drive.kind, attributes=attributes | {"gear": numbers(axis)}, origin=drive.origin),)
 
 
 def key(attributes: tuple[tuple[str, str | tuple[float, ...]], ...], origin: Origin) -> tuple[Element, ...]:

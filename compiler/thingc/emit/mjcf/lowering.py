@@ -1,12 +1,15 @@
-"""Coordinates lowered to MuJoCo's joints: a turn is a hinge, a slide a slide. MuJoCo has no screw; there it is both, tied together."""
+"""Joints lowered to MuJoCo's: a turn is a hinge, a slide a slide, a ball a ball. MuJoCo has no screw; there it is a hinge and a slide, tied
+together."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Literal
 
 from thingc.frozen import dataclass
-from thingc.joints import Twist
-from thingc.pose import Vector
+from thingc.joints import Twist, rotation_vector
+from thingc.pose import Vector, quaternion_of
+from thingc.robot.types import Body
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,6 +23,28 @@ class ModelJoint:
 
 
 def lowered(path: str, twist: Twist) -> tuple[ModelJoint, ...]:
-    """The joints of the coordinate at `path`; the first has its name and its values."""
+    """The joints of the coordinate at `path`, which is none of a ball; the first has its name and its values."""
     first = ModelJoint(path, twist.core, twist.axis)
     return (first, ModelJoint(f"{path}:slide", "slide", twist.axis, twist.pitch)) if twist.pitch else (first,)
+
+
+def positions(body: Body, q: Mapping[str, float]) -> tuple[float, ...]:
+    """What MuJoCo's `qpos` has of the joints of a body at `q` (every joint by path, rad or m)."""
+    if body.at_once:
+        return quaternion_of(rotation_vector(body.twists, tuple(q[joint.path] for joint in body.joints)))
+    return tuple(one.ratio * q[joint.path] for joint in body.joints for one in lowered(joint.path, joint.twist))
+
+
+def in_body(body: Body, axis: Vector) -> Vector:
+    """The axis of a drive of the ball that a body turns on (as the document writes it) in the axes of the body; where
+    the tree crosses the joint backwards the opposite: the drive turns the document's parent against its child."""
+    joints = body.joints[::-1] if body.joints[0].reversed else body.joints
+    return rotation_vector(tuple(joint.twist for joint in joints), axis)
+
+
+def sizes(body: Body) -> tuple[int, int]:
+    """How many entries of `qpos` and of `qvel` the joints of a body have."""
+    if body.at_once:
+        return 4, 3
+    count = sum(len(lowered(joint.path, joint.twist)) for joint in body.joints)
+    return count, count

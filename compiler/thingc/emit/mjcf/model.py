@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from thingc.emit.artifact import Loss
 from thingc.emit.geometry import Geometry
 from thingc.emit.mjcf import closures, elements, sensors
 from thingc.emit.mjcf.drives import NOTHING
-from thingc.emit.mjcf.lowering import lowered
+from thingc.emit.mjcf.lowering import in_body, lowered, positions
 from thingc.emit.mjcf.poses import pose_attributes
 from thingc.emit.xml import Element, number, numbers
 from thingc.graph.types import Link
@@ -37,6 +37,11 @@ def losses(robot: Robot) -> tuple[Loss, ...]:
     """What MJCF cannot say of this mode beyond its geometry. Velocity limits are of no mode: every one has them."""
     found: list[Loss] = []
     for joint in _joints(robot):
+        if joint.reversed and joint.kind.at_once and joint.dynamics.friction and joint.path.endswith("_0"):
+            what = "its dry friction: MuJoCo has a box of torques about the axes of the tree's child, which is the document's parent"
+            span = next(iter(joint.origin), None)
+            path = robot.assembly.mates[joint.mate].name or joint.path
+            found.append(Loss(target="mjcf", mode=robot.mode.name, path=path, what=what, how="approximated", span=span))
         if joint.twist.pitch:
             what = "its thread: MuJoCo turns and slides it, and ties the two by an equality, which gives way by a little"
             span = next(iter(joint.origin), None)
@@ -156,7 +161,10 @@ class _Builder:
                 self.grow(element, ("inertial", link.name), elements.inertial_of, link.properties, link.origin)
             if body.parent is None and self.robot.base == "free":
                 element.add("freejoint", {"name": FREE_JOINT}, self.robot.mode.origin)
-            for joint in body.joints:
+            if body.at_once:
+                first = body.joints[0]
+                self.grow(element, ("joint", self.robot.mode.name, first.path), elements.ball, self.name_of(first), first)
+            for joint in () if body.at_once else body.joints:
                 driven = joint.path in self.driven
                 self.grow(element, ("joint", self.robot.mode.name, joint.path), elements.joint, joint, driven)
             shapes = tuple(self.geometry.shapes[member] for member in link.members)
@@ -185,7 +193,7 @@ class _Builder:
         """Joints that mimic: q = offset + multiplier q(other); then loops."""
         section = self.root.add("equality")
         for joint in self.joints.values():
-            for slide in lowered(joint.path, joint.twist)[1:]:
+            for slide in () if joint.kind.at_once else lowered(joint.path, joint.twist)[1:]:
                 # The turn depends on the slide: the other way round the slide's share of the constraint is so small that loads slip.
                 polynomial = numbers((0.0, 1.0 / slide.ratio, 0.0, 0.0, 0.0))
                 names = {"name": f"{joint.path}:screw", "joint1": joint.path, "joint2": slide.name}
@@ -201,7 +209,11 @@ class _Builder:
         section = self.root.add("actuator")
         for path in self.driven:
             joint, drive = self.joints[path], self.joints[path].actuator
-            if drive is not None:
+            if drive is not None and drive.axis is not None:
+                body = next(body for body in self.robot.bodies if joint in body.joints)
+                inputs = self.name_of(joint), joint, drive, in_body(body, drive.axis)
+                self.grow(section, ("actuator", self.robot.mode.name, path), elements.drive_of_ball, *inputs)
+            elif drive is not None:
                 self.grow(section, ("actuator", self.robot.mode.name, path), elements.drive, joint, drive)
         body_of = {body.link: index for index, body in enumerate(self.robot.bodies)}
         for magnet in self.assembly.adhesions:
@@ -217,8 +229,8 @@ class _Builder:
             base = frame.base or self.robot.bodies[0].X_PL
             turned = self.memo(("base", self.robot.mode.name, frame.name), Pose.quaternion, base)
             qpos = [*base.translation, *turned] if self.robot.base == "free" else []
-            qpos += [one.ratio * frame.q[path] for path, joint in self.joints.items() for one in lowered(path, joint.twist)]
-            ctrl = [frame.q[path] if self.is_position(path) else 0.0 for path in self.driven]
+            qpos += [value for body in self.robot.bodies for value in positions(body, frame.q)]
+            ctrl = [self.position(path, frame.q) for path in self.driven]
             ctrl += [self.robot.adhesion.get(magnet.path, 0.0) for magnet in self.assembly.adhesions]
             values: list[tuple[str, str | tuple[float, ...]]] = [("name", frame.name)]
             values += [(name, tuple(row)) for name, row in (("qpos", qpos), ("ctrl", ctrl)) if row]
@@ -226,10 +238,20 @@ class _Builder:
                 values += [("mpos", base.translation), ("mquat", turned)]
             self.grow(section, ("key", self.robot.mode.name, frame.name), elements.key, tuple(values), frame.origin)
 
-    def is_position(self, path: str) -> bool:
-        """Whether a joint's control is a position."""
-        drive = self.joints[path].actuator
-        return drive is not None and drive.kind == "position"
+    def name_of(self, joint: CoreJoint) -> str:
+        """What the whole joint is called that a coordinate is of."""
+        return self.assembly.mates[joint.mate].name or joint.path
+
+    def position(self, path: str, q: Mapping[str, float]) -> float:
+        """The control [rad or m] that keeps a drive of positions at `q`; 0 of any other. That of a ball's drive is the part of the rotation
+        vector along its axis."""
+        joint = self.joints[path]
+        drive = joint.actuator
+        if drive is None or drive.kind != "position":
+            return 0.0
+        if drive.axis is None:
+            return q[path]
+        return sum(part * q[one.path] for part, one in zip(drive.axis, self.assembly.mates[joint.mate].joints, strict=True))
 
 
 def _suffixes(words: tuple[str, ...]) -> Iterator[str]:

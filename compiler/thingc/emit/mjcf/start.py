@@ -189,6 +189,8 @@ def gains_of(model: Any, data: Any) -> Iterator[tuple[str, Gains]]:
     integrator = {mujoco.mjtIntegrator.mjINT_EULER: "Euler", mujoco.mjtIntegrator.mjINT_RK4: "RK4"}.get(model.opt.integrator, "implicit")
     for actuator in driven:
         joint = int(model.actuator_trnid[actuator][0])
+        if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_BALL:  # its drives share three dofs: not looked at
+            continue
         dof = int(model.jnt_dofadr[joint])
         unit, answer = np.zeros((1, model.nv)), np.zeros((1, model.nv))
         unit[0, dof] = 1.0

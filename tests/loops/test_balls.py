@@ -1,0 +1,185 @@
+"""Balls: what turns them, what they are held by, and loops that are cut at one, by formulas and by MuJoCo."""
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from loops.robots import BALL, Array, Built, at_key, compiled
+from thingc.modes import Mode, Modes, caught
+from thingc.robot import body_poses
+from thingc.statics import static_efforts
+
+HIP = f"""
+thingc: assembly/1
+name: hip
+components:
+  ground: {{frame: true, mass: 2 kg, {BALL}, com: 10 20 -30 mm, mounts: {{socket: {{xyz: 5 -10 20 mm, rpy: 15 40 -60 deg}}}}}}
+  thigh: {{frame: true, mass: 1 kg, {BALL}, com: 20 -10 250 mm, mounts: {{knob: {{xyz: 10 20 30 mm, rpy: 20 30 40 deg}}}}}}
+joints:
+  hip:
+    type: ball
+    parent: ground.socket
+    child: thigh.knob
+    turn: 25 deg
+    limit: {{cone: 60 deg}}
+    dynamics: {{damping: 0.1 N*m*s/rad, armature: 1e-3 kg*m^2, stiffness: 0.5 N*m/rad, friction: 0.01 N*m}}
+    drive:
+      - {{axis: [3, 0, 0], kind: motor, effort: 5 N*m}}
+      - {{axis: [0, 3, 4], kind: position, kp: 3 N*m/rad}}
+      - {{axis: [1, 2, 2], kind: motor}}
+poses:
+  home: {{hip: {{rpy: 20 -30 25 deg}}}}
+  other: {{hip: {{quaternion: [2, -0.2, 0.6, 0.4]}}}}
+modes:
+  stand: {{root: ground, pose: home}}
+  hand: {{root: thigh, base: held, pose: home}}
+  weak: {{root: ground, actuators: ["hip[0]"], pose: home}}
+"""
+AXES = np.array([[1, 0, 0], [0, 0.6, 0.8], [1 / 3, 2 / 3, 2 / 3]])
+KNOB = ["knob_0", "knob_1", "knob_2"]
+COORDINATES = ["hip_0", "hip_1", "hip_2"]
+
+
+@pytest.fixture(scope="module")
+def hip(tmp_path_factory: pytest.TempPathFactory) -> Built:
+    made = compiled(tmp_path_factory.mktemp("hip"), HIP)
+    assert made.said == []
+    return made
+
+
+def by_rate(mode: Mode, q: dict[str, float], force: Array) -> Array:
+    """Forces of MuJoCo's on the rates of the ball: the torque on the child in its own joint axes."""
+    rates = [mode.qvel(mode.state(q=q, v={name: 1.0})) for name in COORDINATES]
+    return np.array(rates) @ force
+
+
+def test_poses_are_rotation_vectors_and_quaternions(hip: Built) -> None:
+    expected = {
+        "home": Rotation.from_euler("xyz", [20, -30, 25], degrees=True), "other": Rotation.from_quat([-0.2, 0.6, 0.4, 2]),
+    }
+    for name, turn in expected.items():
+        assert hip.modes["stand"]["poses"][name] == pytest.approx(dict(zip(COORDINATES, turn.as_rotvec(), strict=True)), abs=1e-12)
+    for name, mode in Modes.parse(hip.text("modes.json")).items():
+        for pose in expected:
+            assert mode.qpos(mode.state(pose)) == pytest.approx(at_key(hip.model(name), pose).qpos, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ["stand", "hand"])
+def test_drives_turn_about_axes_of_the_child(hip: Built, name: str) -> None:
+    model, mode = hip.model(name), Modes.parse(hip.text("modes.json"))[name]
+    assert model.joint("hip").range == pytest.approx([0, math.radians(60)])
+    assert [model.joint("hip").damping[k] for k in range(3)] == [0.1] * 3
+    data = at_key(model, "home")
+    q = {path: float(value) for path, value in mode.state("home").q.items()}
+    r = np.array([q[path] for path in COORDINATES])
+    control = data.ctrl.copy()
+    assert control == pytest.approx([0.0, AXES[1] @ r, 0.0])  # a position drive holds the pose that it is in
+    for commands in ([2.0, control[1], 0.0], [0.0, 0.4, 0.0], [0.0, control[1], -1.5]):
+        data.ctrl[:] = commands
+        mujoco.mj_forward(model, data)
+        torque = commands[0] * AXES[0] + 3.0 * (commands[1] - AXES[1] @ r) * AXES[1] + commands[2] * AXES[2]
+        assert by_rate(mode, q, data.qfrc_actuator) == pytest.approx(torque, abs=1e-10)
+    assert by_rate(mode, q, data.qfrc_passive) == pytest.approx(-0.5 * r, abs=1e-10)
+
+
+def test_dry_friction_of_a_ball_crossed_backwards_is_a_loss(hip: Built) -> None:
+    assert hip.losses("stand") == []
+    (loss,) = hip.losses("hand")
+    assert (loss.path, loss.how) == ("hip", "approximated") and loss.what.startswith("its dry friction")
+
+
+@pytest.mark.parametrize("name", ["stand", "hand"])
+def test_static_efforts_balance_gravity_and_the_spring(hip: Built, name: str) -> None:
+    robot, mode = hip.robot(name), Modes.parse(hip.text("modes.json"))[name]
+    data = at_key(hip.model(name), "home")
+    q = next(frame.q for frame in robot.keyframes if frame.name == "home")
+    needed = by_rate(mode, q, data.qfrc_bias - data.qfrc_passive)
+    found = static_efforts(robot, q, body_poses(robot, q))
+    assert [found.by_joint[path] for path in COORDINATES] == pytest.approx(np.linalg.solve(AXES.T, needed), abs=1e-9)
+    assert found.unheld < 1e-9
+
+
+def test_a_ball_with_one_drive_is_not_held(hip: Built) -> None:
+    robot = hip.robot("weak")
+    q = robot.keyframes[0].q
+    assert static_efforts(robot, q, body_poses(robot, q)).unheld > 0.1
+
+
+LEG = f"""
+thingc: assembly/1
+name: leg
+components:
+  ground: {{frame: true, mass: 2 kg, {BALL}, mounts: {{foot: {{xyz: 0 0 0}}, rail: {{xyz: 60 80 0 mm}}}}}}
+  table: {{frame: true, mass: 1 kg, {BALL}, mounts: {{socket: {{xyz: 0 0 0, rpy: 30 40 50 deg}}}}}}
+  cross: {{frame: true, mass: 0.1 kg, {BALL}}}
+  rod: {{frame: true, mass: 0.1 kg, {BALL}, mounts: {{tip: {{rpy: 10 20 30 deg}}}}}}
+joints:
+  lift: {{type: prismatic, parent: ground.rail, child: table.origin, limit: {{lower: 0, upper: 1 m}}, drive: {{kind: motor}}}}
+  foot: {{type: universal, parent: ground.foot, child: cross.origin}}
+  ram: {{type: prismatic, parent: cross.origin, child: rod.origin, limit: {{lower: -1 m, upper: 1 m}}}}
+  knob: {{type: ball, parent: rod.tip, child: table.socket, loop: true, LIMIT}}
+poses:
+  low: {{lift: 100 mm}}
+  high: {{lift: 240 mm}}
+modes:
+  one: {{root: ground, pose: low}}
+  two: {{root: table, base: held, pose: low}}
+  three: {{root: ground, pose: low, cut: [ram]}}
+"""
+
+
+@pytest.fixture(scope="module")
+def leg(tmp_path_factory: pytest.TempPathFactory) -> Built:
+    made = compiled(tmp_path_factory.mktemp("leg"), LEG.replace("LIMIT", "limit: {cone: 180 deg}"))
+    assert made.said == []
+    return made
+
+
+def test_a_leg_is_as_long_as_its_ends_are_apart(leg: Built) -> None:
+    for name in ("one", "two"):
+        mode = leg.modes[name]
+        for pose, height in (("low", 0.1), ("high", 0.24)):
+            assert abs(mode["poses"][pose]["ram"]) == pytest.approx(math.hypot(0.06, 0.08, height), abs=1e-9)
+            assert max(mode["residuals"][pose]) < 1e-9
+        assert [cut["name"] for cut in mode["cuts"]] == ["knob"]
+
+
+def test_a_loop_cut_at_a_ball_is_closed_by_a_point(leg: Built) -> None:
+    for name in ("one", "two"):
+        model = leg.model(name)
+        assert model.neq == 1 and model.equality(0).type[0] == mujoco.mjtEq.mjEQ_CONNECT
+        assert [loss.what for loss in leg.losses(name) if loss.path == "knob"] == ["its limits: a loop is cut here"]
+        for pose in ("low", "high"):
+            data = at_key(model, pose)
+            assert np.abs(data.efc_pos[:3]).max() < 1e-9
+    assert [loss.what for loss in leg.losses("three") if loss.path == "ram" and "loop through" in loss.what]
+
+
+def test_a_ball_that_was_cut_moves_as_its_ends_do(leg: Built) -> None:
+    modes = Modes.parse(leg.text("modes.json"))
+    one = modes["one"]
+    state, _, _ = caught(one, one.state("low", v={"lift": 0.3, "foot_0": 0.2, "foot_1": -0.1}))  # a motion that the loop allows
+    assert abs(state.v["lift"]) > 0.01 and abs(state.v["foot_0"]) > 0.01
+    across = modes.switch(state, "three").state
+    back = modes.switch(across, "one").state
+    assert dict(back.q) == pytest.approx(dict(state.q), abs=1e-9) and dict(back.v) == pytest.approx(dict(state.v), abs=1e-9)
+    low = leg.modes["three"]["poses"]["low"]
+    assert {path: across.q[path] for path in KNOB} == pytest.approx({path: low[path] for path in KNOB}, abs=1e-9)
+
+
+def test_a_loop_does_not_leave_the_cone_of_its_ball(leg: Built, tmp_path_factory: pytest.TempPathFactory) -> None:
+    poses = leg.modes["one"]["poses"]
+    low, high = (math.degrees(math.hypot(*(poses[pose][path] for path in KNOB))) for pose in ("low", "high"))
+    assert low + 3.0 < high
+    between, narrow = (
+        compiled(tmp_path_factory.mktemp("cone"), LEG.replace("LIMIT", f"limit: {{cone: {cone} deg}}"))
+        for cone in (0.5 * (low + high), 5.0)
+    )
+    assert between.said == []
+    assert [loss.path for loss in between.losses("one") if loss.what.startswith("its keyframe")] == ["high"]
+    assert [(code, line) for code, _, _, line in narrow.said] == [("TC604", 13)]
