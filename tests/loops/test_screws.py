@@ -167,3 +167,32 @@ def test_a_loop_that_is_cut_at_a_screw_is_a_loss(tmp_path: Path) -> None:
     assert losses == [(closure.path, "omitted")]
 
 
+
+
+DIFFERENTIAL = f"""
+thingc: assembly/1
+name: differential
+components:
+  frame: {{frame: true, mass: 2 kg, {BALL}}}
+  spindle: {{frame: true, mass: 0.3 kg, {BALL}}}
+  nut: {{frame: true, mass: 0.2 kg, {BALL}, mounts: {{top: {{rpy: 180 0 -90 deg}}}}}}
+joints:
+  coarse: {{type: screw, lead: 5 mm, parent: frame.origin, child: spindle.origin}}
+  fine: {{type: screw, lead: 4 mm, parent: spindle.origin, child: nut.origin}}
+  guide: {{type: prismatic, parent: frame.origin, child: nut.top, limit: {{lower: -1 m, upper: 1 m}}, loop: true}}
+poses: {{quarter: {{coarse: 90 deg}}, back: {{coarse: -60 deg}}}}
+modes:
+  bench: {{root: frame}}
+  other: {{root: nut, base: held}}
+"""
+
+
+def test_a_differential_screw_advances_by_the_difference_of_its_leads(tmp_path: Path) -> None:
+    made = compiled(tmp_path, DIFFERENTIAL)
+    assert made.said == []
+    for mode in ("bench", "other"):
+        for pose, turns in (("quarter", 0.25), ("back", -1 / 6)):
+            q = made.modes[mode]["poses"][pose]
+            assert q["coarse"] == pytest.approx(2 * math.pi * turns, abs=1e-12)
+            assert q["fine"] == pytest.approx(q["coarse"], abs=1e-9) and q["guide"] == pytest.approx(0.001 * turns, abs=1e-12)
+        assert [loss.how for loss in made.losses(mode) if "the loop through it" in loss.what] == ["omitted"]
