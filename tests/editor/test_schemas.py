@@ -122,6 +122,25 @@ modes: {bench: {root: plat, pose: up}}
     assert faults(schema, right) == []
 
 
+def test_joints_of_several_coordinates_and_balls_are_set_as_a_whole(small: Path, shared_store: str) -> None:
+    text = """\
+thingc: assembly/1
+name: several
+components: {a: {frame: true}, b: {frame: true}, c: {frame: true}}
+joints:
+  wrist: {type: universal, parent: a.origin, child: b.origin}
+  hip: {type: ball, parent: b.origin, child: c.origin, limit: {cone: 40 deg}, drive: [{axis: [1, 0, 0], kind: motor}]}
+poses: {up: {wrist: [3 deg, 0], hip: {rpy: 0 20 0 deg}}}
+modes: {slide: {root: a, base: planar}, turn: {root: a, base: ball, actuators: ["hip[0]"]}}
+"""
+    (small / "several.yaml").write_text(text)
+    thingc(small, shared_store, "schema")
+    schema, right = schema_of(small, "several.yaml"), yaml.safe_load(text)
+    assert faults(schema, right) == []
+    wrong = {**right, "poses": {"up": {"hip": 3}}}
+    assert len(faults(schema, wrong)) == 1
+
+
 def test_a_document_that_is_not_well_formed_keeps_its_last_schema(small: Path, shared_store: str) -> None:
     thingc(small, shared_store, "schema")
     before = (small / ".thingc/schema/small.yaml.json").read_bytes()

@@ -17,14 +17,15 @@ from thingc.modes import Mode, Modes, State
 
 LINKS = 6
 LEAD = 0.012
-OTHERS = ["universal", "revolute", "screw", "cylindrical", "planar", "prismatic", "continuous", "revolute", "screw"]
+OTHERS = ["continuous", "universal", "screw", "universal", "cylindrical", "planar", "revolute", "prismatic", "revolute"]
 COORDINATES = {"revolute": "t", "continuous": "t", "prismatic": "s", "screw": "t", "cylindrical": "ts", "universal": "tt", "planar": "sst",
                "ball": "ttt"}
 
 
 @dataclass(frozen=True)
 class Edge:
-    """A joint of a random tree, and its mounts in the links `parent` and `child`; `follows` another coordinate by its own q."""
+    """A joint of a random tree, and its mounts in the links `parent` and `child`. Where there is a coordinate that it `follows`, its last
+    one is at `ratio` times that, and a bit."""
 
     name: str
     kind: str
@@ -39,6 +40,14 @@ class Edge:
     def coordinates(self) -> list[str]:
         count = len(COORDINATES[self.kind])
         return [self.name] if count == 1 else [f"{self.name}_{k}" for k in range(count)]
+
+    @property
+    def follower(self) -> str:
+        return self.coordinates[-1]
+
+    @property
+    def ratio(self) -> float:
+        return -0.7 if COORDINATES[self.kind][-1] == "t" else -0.07
 
     def across(self, q: dict[str, float]) -> Array:
         values = np.array([q[name] for name in self.coordinates]) + self.offset
@@ -90,8 +99,12 @@ def random_tree(seed: int) -> tuple[str, list[Edge]]:
         (here, X_PA), (there, X_CB) = mount(parent), mount(child)
         units = COORDINATES[kind]
         offset = np.zeros(3) if kind == "ball" else rng.uniform(-0.05, 0.05, len(units)).round(3)
-        leaders = [name for edge in edges if edge.kind in ("revolute", "continuous", "universal") for name in edge.coordinates]
-        follows = leaders[0] if leaders and kind in ("revolute", "continuous", "screw") else None
+        turning = [
+            name for edge in edges if edge.kind != "ball"
+            for name, unit in zip(edge.coordinates, COORDINATES[edge.kind], strict=True)
+            if unit == "t" and not (edge.follows is not None and name == edge.follower)
+        ]
+        follows = turning[-1] if turning and kind != "ball" else None
         edge = Edge(f"j{child}", kind, parent, child, X_PA, X_CB, offset, follows)
         edges.append(edge)
         written = [f"type: {kind}", f"parent: {here}", f"child: {there}"]
@@ -106,7 +119,9 @@ def random_tree(seed: int) -> tuple[str, list[Edge]]:
             written.append(f"lead: {1000 * LEAD} mm")
         if follows is not None:
             leader = follows if "_" not in follows else '"' + follows.replace("_", "[") + ']"'
-            written.append(f"mimic: {{joint: {leader}, multiplier: -0.7, offset: 0.1 rad}}")
+            said = "multiplier: -0.7, offset: 0.1 rad" if units[-1] == "t" else "multiplier: -70 mm/rad, offset: 100 mm"
+            mimic = f"{{joint: {leader}, {said}}}"
+            written.append(f"mimic: {mimic}" if len(units) == 1 else f"mimic: {{{len(units) - 1}: {mimic}}}")
         joints.append(f"  j{child}: {{{', '.join(written)}}}")
     for link in range(LINKS):
         centre, (a, b, c) = rng.uniform(-50, 50, 3).round(1), rng.uniform(1, 2, 3).round(2)
@@ -139,7 +154,7 @@ def random_q(edges: list[Edge], rng: np.random.Generator) -> dict[str, float]:
         size = 0.9 if edge.kind == "ball" else 0.2 if "s" in COORDINATES[edge.kind] else 1.5
         q |= {name: float(rng.uniform(-1, 1) * size) for name in edge.coordinates}
         if edge.follows is not None:
-            q[edge.name] = 0.1 - 0.7 * q[edge.follows]
+            q[edge.follower] = 0.1 + edge.ratio * q[edge.follows]
     return q
 
 
@@ -198,8 +213,8 @@ def test_masses_and_gravity_with_a_link_held_are_equal_in_every_mode(tree: tuple
     built, edges, seed = tree
     modes = Modes.parse(built.text("modes.json"))
     q = random_q(edges, np.random.default_rng(seed + 20))
-    paths = [name for edge in edges for name in edge.coordinates if edge.follows is None]
-    follower = {edge.name: edge.follows for edge in edges if edge.follows is not None}
+    followers = {edge.follower: edge for edge in edges if edge.follows is not None}
+    paths = [name for edge in edges for name in edge.coordinates if name not in followers]
     loose = modes["loose"]
     start = loose.state(q=q, base_pose=ELSEWHERE)
     data = at(built, loose, start)
@@ -211,7 +226,7 @@ def test_masses_and_gravity_with_a_link_held_are_equal_in_every_mode(tree: tuple
         columns: dict[str, list[Array]] = {"held": [], "loose": []}
         J = jacobian(data, held.root_link)
         for path in paths:
-            v = {path: 1.0} | {one: -0.7 for one, leader in follower.items() if leader == path}
+            v = {path: 1.0} | {name: edge.ratio for name, edge in followers.items() if edge.follows == path}
             columns["held"].append(held.qvel(held.state(q=q, v=v)))
             alone = loose.qvel(loose.state(q=q, v=v))
             alone[:6] = -np.linalg.solve(J[:, :6], J @ alone)  # so that the link stands still

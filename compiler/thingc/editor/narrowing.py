@@ -353,6 +353,6 @@ def _full_or_short(short: Schema, mounts: Iterable[str], *, mount: Schema | None
 
 
 def _coordinate(joint: JointFacts) -> Schema:
-    if joint.angle is None:
-        return {"anyOf": [{"type": "string"}, {"const": 0}]}
+    if joint.angle is None:  # of several coordinates, a ball, or not known
+        return {"anyOf": [{"type": ["string", "array", "object"]}, {"const": 0}]}
     return values.quantity(ANGLE if joint.angle else LENGTH)

@@ -45,8 +45,9 @@ def emit(request: EmitRequest) -> Artifacts:
 def describe(robot: Robot, memo: Memo | None = None) -> dict[str, object]:
     """One mode as plain data for `jsontext`, lengths in metres and angles in radians.
 
-    - `root` the path of the site on which the mode stands, `base` `fixed | held | free`, `gravity` [m/s^2] in the world,
-      `X_world_root` where the mode puts its root link, 4 x 4, by rows;
+    - `root` the path of the site on which the mode stands, `base` `fixed | held | free | planar | ball`, `gravity` [m/s^2] in the world,
+      `X_world_root` where the mode puts its root link, 4 x 4, by rows, and only of a base that is
+      `planar` or `ball` `X_world_at`, the frame in whose x-y plane it moves, or about whose origin it turns;
     - `links` in the order of the bodies of the model, the root link first; `X_root_link` the pose of the link's frame in
       the root link's frame at q = 0; `mass` [kg], `centre` [m] and `inertia` [kg m^2, about the centre] in the link's frame;
     - `joints` in the order of the model: `parent` and `child` are links as this mode's tree has them; `reversed` says that
@@ -67,7 +68,7 @@ def describe(robot: Robot, memo: Memo | None = None) -> dict[str, object]:
     links: list[Fragment] = []
     joints: list[Fragment] = []
     order: list[str] = []
-    qpos, dof = FREE if robot.base == "free" else (0, 0)
+    qpos, dof = FREE if robot.base == "free" else sizes(robot.moves)
     for name, body in zip(names, robot.bodies, strict=True):
         pose = NO_POSE if body.parent is None else at_zero[body.parent] @ body.X_PL
         at_zero.append(pose)
@@ -81,7 +82,7 @@ def describe(robot: Robot, memo: Memo | None = None) -> dict[str, object]:
             body.joints, qpos, dof,
         ))
         order += [joint.path for joint in body.joints]
-        count, speeds = sizes(body)
+        count, speeds = sizes(body.joints)
         qpos, dof = qpos + count, dof + speeds
     order += [joint.path for closure in robot.closures for joint in closure.joints]
     stands = ((frame.name, frame.base) for frame in robot.keyframes)
@@ -92,6 +93,7 @@ def describe(robot: Robot, memo: Memo | None = None) -> dict[str, object]:
         "base": robot.base,
         "gravity": robot.gravity,
         "X_world_root": robot.bodies[0].X_PL.rows(),
+        **({"X_world_at": robot.mode.at.rows()} if robot.moves else {}),
         "links": links,
         "joints": joints,
         "holds": {

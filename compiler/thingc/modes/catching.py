@@ -39,7 +39,8 @@ def caught(mode: Mode, state: State, inertias: Inertias | None = None) -> tuple[
     N, C = _allowed(mode, state)
     after = N @ np.linalg.solve(N.T @ M @ N, N.T @ (M @ u)) if N.shape[1] else np.zeros_like(u)
     impulses = np.asarray(np.linalg.lstsq(C.T, M @ (after - u), rcond=None)[0], dtype=np.float64)
-    count = row = 0 if mode.base == "free" else 6
+    held, row = _base(mode, state)[1], 0
+    row += len(held)
     placed = mode.poses(state)
     holds = {}
     for hold in mode.holds:
@@ -52,25 +53,36 @@ def caught(mode: Mode, state: State, inertias: Inertias | None = None) -> tuple[
     stopped = replace(
         state, base_twist=after[:6], v={joint.name: value for joint, value in zip(mode.joints, after[6:], strict=True)}
     )
-    impulse: Array = impulses[:6] if count else np.zeros(6)
+    impulse: Array = held.T @ impulses[: len(held)]
     return stopped, impulse, holds
 
 
 def _allowed(mode: Mode, state: State) -> tuple[Array, Array]:
     """(n, k): a basis of the velocities that the mode allows; (r, n): the constraints, root link and holds first."""
     n = 6 + len(mode.joints)
-    base = np.eye(n)[: 0 if mode.base == "free" else 6]
+    moves, stays = _base(mode, state)
+    base = np.hstack([stays, np.zeros((len(stays), n - 6))])
     jacobians = mode.jacobians(state)
     placed = list(mode.poses(state).values())
     holds = [_held(hold, placed[hold.link], jacobians[hold.link]) for hold in mode.holds]
     loops = [_ends_meet(mode, state, cut, jacobians) for cut in mode.cuts]
     coupling = mode.coupling()
-    N = np.zeros((n, 6 + coupling.shape[1]))
-    N[:6, :6], N[6:, 6:] = np.eye(6), coupling
-    N = N[:, len(base) :]
+    free = moves.shape[1]
+    N = np.zeros((n, free + coupling.shape[1]))
+    N[:6, :free], N[6:, free:] = moves, coupling
     if holds or loops:
         N = N @ _null_space(np.vstack([*holds, *loops]) @ N)
     return N, np.vstack([base, *holds, _mimics(mode), *loops])
+
+
+def _base(mode: Mode, state: State) -> tuple[Array, Array]:
+    """(6, k) a basis of the twists that the root link may have, and (6 - k, 6) what of a twist has to be 0."""
+    if mode.base == "free":
+        return np.eye(6), np.zeros((0, 6))
+    if mode.part is None:
+        return np.zeros((6, 0)), np.eye(6)
+    moves = mode.part.motions(state.base_pose)
+    return moves, _null_space(moves.T).T
 
 
 def _held(hold: Hold, X: Array, J: Array) -> Array:

@@ -27,8 +27,10 @@ def check(mode: Mode, data: Any) -> None:
     if missing is not None:
         raise WrongData(f"the data given for mode `{mode.name}` is of a model without a link `{missing}`")
     root = found[mode.root_link]
-    base = "held" if model.body_mocapid[root] >= 0 else "fixed" if model.body_dofnum[root] == 0 else "free"
     joints = {model.joint(number).name: number for number in range(model.njnt)}
+    free = "ball" if model.body_dofnum[root] == 3 else "free"
+    base = "held" if model.body_mocapid[root] >= 0 else "fixed" if model.body_dofnum[root] == 0 else (
+        "planar" if "root_0" in joints else free)
     trees = all(
         joint.in_data in joints and model.jnt_bodyid[joints[joint.in_data]] == found[mode.links[joint.child].name]
         and model.body_parentid[found[mode.links[joint.child].name]] == found[mode.links[joint.parent].name]
@@ -49,6 +51,10 @@ def read(mode: Mode, data: Any) -> State:
     if mode.base == "free":
         free = data.joint(FREE_JOINT)
         X, twist = pose(rotation_of(free.qpos[3:]), free.qpos[:3]), np.array(free.qvel)
+    elif mode.part is not None:
+        here = [data.joint(name) for name in mode.part.joints]
+        X = mode.part.pose(np.concatenate([joint.qpos for joint in here]))
+        twist = mode.part.twist(X, np.concatenate([joint.qvel for joint in here]))
     elif mode.base == "held":
         number = data.model.body(mode.root_link).mocapid[0]
         X = pose(rotation_of(data.mocap_quat[number]), data.mocap_pos[number])
@@ -74,6 +80,11 @@ def write(mode: Mode, state: State, data: Any) -> None:
     if mode.base == "free":
         free = data.joint(FREE_JOINT)
         free.qpos, free.qvel = np.concatenate([position, quaternion]), state.base_twist
+    elif mode.part is not None:
+        positions, speeds = mode.part.qpos(state.base_pose), mode.part.qvel(state.base_pose, state.base_twist)
+        for number, name in enumerate(mode.part.joints):
+            own = slice(None) if len(mode.part.joints) == 1 else slice(number, number + 1)
+            data.joint(name).qpos, data.joint(name).qvel = positions[own], speeds[own]
     elif mode.base == "held":
         number = data.model.body(mode.root_link).mocapid[0]
         data.mocap_pos[number], data.mocap_quat[number] = position, quaternion
@@ -105,6 +116,8 @@ def _warm_start(modes: tuple[Mode, Mode], source: Any, target: Any) -> None:
     old, new = modes
     if new.base == "free":
         target.joint(FREE_JOINT).qacc_warmstart = np.zeros(6)
+    for name in () if new.part is None else new.part.joints:
+        target.joint(name).qacc_warmstart = 0.0
     known = {joint.name for joint in old.joints}
     for joint in new.joints:
         for name in joint.in_model:

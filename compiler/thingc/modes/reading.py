@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from thingc.modes.balls import Ball
+from thingc.modes.bases import PartBase
 from thingc.modes.faults import ModesError
 from thingc.modes.frames import Array, inverse
 from thingc.modes.tree import Cut, Hold, Joint, Link, Mimic, Mode
@@ -53,13 +54,18 @@ def _mode(name: str, described: Mapping[str, Any]) -> Mode:
         )
         for link in described["links"]
     )
+    base, X_world_root = str(described["base"]), _array(described["X_world_root"], 4, 4)
+    part = None
+    if base in ("planar", "ball"):
+        part = PartBase(kind=base, X_WA=_array(described["X_world_at"], 4, 4), X0_WR=X_world_root)
     index = {link.name: number for number, link in enumerate(links)}
     return Mode(
         name=name,
         root=str(described["root"]),
-        base=str(described["base"]),
+        base=base,
+        part=part,
         gravity=_array(described["gravity"], 3),
-        X_world_root=_array(described["X_world_root"], 4, 4),
+        X_world_root=X_world_root,
         links=links,
         joints=tuple(joint for one in described["joints"] for joint in _joints(one, index)),
         named=MappingProxyType({pose: MappingProxyType(dict(q)) for pose, q in described["poses"].items()}),

@@ -11,6 +11,7 @@ import numpy as np
 
 from thingc.brief import Brief
 from thingc.modes import mjdata, reading
+from thingc.modes.bases import PartBase
 from thingc.modes.catching import Caught, at_point, caught
 from thingc.modes.cuts import coordinates, freedoms, usual
 from thingc.modes.faults import BaseElsewhere, BaseMoves, ModesError, UnknownMode
@@ -127,6 +128,8 @@ class Modes(Mapping[str, Mode]):
         found = _seen_from(state, old, new)
         if new.base == "fixed":
             found = _bolted(found, new, new.X_world_root if into_data is None else mjdata.bolted(new, into_data), tolerance)
+        if new.part is not None:
+            found = _in_part(found, new, new.part, tolerance)
         removed = _removed(found, new)
         impulse: Array = np.zeros(6)
         impulses: Mapping[str, Array] = {hold.path: np.zeros(6) for hold in new.holds}
@@ -140,7 +143,7 @@ class Modes(Mapping[str, Mode]):
                 known = new.inertias if data is None else mjdata.inertias(new, data)
             found, impulse, impulses = caught(new, found, known)
         if new.base != "free":
-            found = replace(found, base_twist=np.zeros(6))
+            found = replace(found, base_twist=_kept(found, new))
         uncommanded: tuple[str, ...] = ()
         if into_data is not None:
             mjdata.write(new, found, into_data)
@@ -189,11 +192,25 @@ def _removed(state: State, mode: Mode) -> dict[str, tuple[str, Array]]:
     of the mount's origin, and no turn. The root first."""
     twists = mode.twists(state)
     poses = mode.poses(state)
-    found = {} if mode.base == "free" else {mode.root: (mode.root_link, twists[mode.root_link])}
+    found = {} if mode.base == "free" else {mode.root: (mode.root_link, twists[mode.root_link] - _kept(state, mode))}
     for hold in mode.holds:
         link = mode.links[hold.link].name
         found[hold.path] = (link, at_point(hold, poses[link], twists[link]) if hold.turns else twists[link])
     return found
+
+
+def _kept(state: State, mode: Mode) -> Array:
+    """(6,): what the base of `mode`, which is not free, keeps of the twist of its root link."""
+    if mode.part is None:
+        return np.zeros(6)
+    return mode.part.twist(state.base_pose, mode.part.qvel(state.base_pose, state.base_twist))
+
+
+def _in_part(state: State, mode: Mode, part: PartBase, tolerance: float) -> State:
+    """The state with its base exactly where one that moves in part can be. Raises `BaseElsewhere` where it is not."""
+    place = part.pose(part.qpos(state.base_pose))
+    _compare(mode, mode.root_link, state.base_pose, place, tolerance)
+    return replace(state, base_pose=place)
 
 
 def _speed(twist: Array) -> float:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from thingc.brief import Brief
 from thingc.modes.balls import Ball
+from thingc.modes.bases import PartBase
 from thingc.modes.faults import ModesError
 from thingc.modes.frames import Array, cross_matrix, exponential, pose, quaternion_of
 from thingc.modes.inertias import Inertias
@@ -121,11 +122,11 @@ class Cut(Brief):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Mode(Brief):
-    """A mode of a robot. `root` is the path of the site that it stands on, `base` `fixed | held | free`, `gravity` (3,) [m/s^2]
-    in the world, `X_world_root` (4, 4) where the mode puts its root link; `links` root first, parents before children; `joints`
-    in the order of the model; `named` the poses of the mode, q by joint path, its own first; `holds` further mounts held to the
-    world; `cuts` the joints that close loops; `bases` where a free root link stands in the poses in which that is elsewhere;
-    `standing_on` the mounts (paths) that the document says a free base stands on."""
+    """A mode of a robot. `root` is the path of the site that it stands on, `base` `fixed | held | free | planar | ball` (of the last two
+    `part` says how it moves), `gravity` (3,) [m/s^2] in the world, `X_world_root` (4, 4) where the mode puts its root link; `links`
+    root first, parents before children; `joints` in the order of the model; `named` the poses of the mode, q by joint path, its own
+    first; `holds` further mounts held to the world; `cuts` the joints that close loops; `bases` where a free root link stands in the
+    poses in which that is elsewhere; `standing_on` the mounts (paths) that the document says a free base stands on."""
 
     name: str
     root: str
@@ -139,6 +140,7 @@ class Mode(Brief):
     cuts: tuple[Cut, ...] = ()
     bases: Mapping[str, Array] = field(default_factory=dict)
     standing_on: tuple[str, ...] = ()
+    part: PartBase | None = None
 
     @property
     def root_link(self) -> str:
@@ -225,12 +227,16 @@ class Mode(Brief):
         self._check(state)
         X = state.base_pose
         base = [*X[:3, 3], *quaternion_of(X[:3, :3])] if self.base == "free" else []
+        if self.part is not None:
+            base = [*self.part.qpos(X)]
         return np.concatenate([base, *(joint.in_qpos(state.q) for joint in self.joints)])
 
     def qvel(self, state: State) -> Array:
         """`MjData.qvel` of the mode's own model at this state: the base's twist where it is free, then v."""
         self._check(state)
         base = [*state.base_twist] if self.base == "free" else []
+        if self.part is not None:
+            base = [*self.part.qvel(state.base_pose, state.base_twist)]
         return np.concatenate([base, *(joint.in_qvel(state.q, state.v) for joint in self.joints)])
 
     def coupling(self) -> Array:

@@ -19,7 +19,7 @@ from thingc.resolve.standing import standing
 from thingc.resolve.table import Table
 from thingc.slips import MAX_CIRCLE, circle_words
 from thingc.source import Origin, Path
-from thingc.spec.modes import ModeSpec
+from thingc.spec.modes import BaseKind, ModeSpec
 from thingc.units import ACCELERATION, FORCE, LENGTH, NUMBER, TIME, Quantity
 
 MAX_EXTENDED = 20
@@ -112,11 +112,7 @@ def _mode(table: Table, scope: Scope, name: str, layers: Layers | None) -> Mode 
     if layers is None:
         return None
     base = layers.pick("base")
-    kind: str = base[0] if base else "fixed"
-    if kind in ("planar", "ball") and base is not None:
-        if base[1][1] == name:
-            scope.error(Code.NOT_YET, f"a `{kind}` base is not built yet", base[1], help="use `fixed`, `held` or `free` for now")
-        kind = "free"
+    kind: BaseKind = base[0] if base else "fixed"
     at, on_floor = _at(scope, name, layers)
     gravity, gravity_origin = _gravity(scope, layers)
     pose = _pose(table, scope, layers)

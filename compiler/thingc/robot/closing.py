@@ -45,7 +45,7 @@ def closures_of(
     for hold in mode.holds:
         choice = hold.mount
         link = assembly.link_of[choice.occurrence]
-        if body_of[link] == 0 and mode.base != "free":
+        if body_of[link] == 0 and mode.base in ("fixed", "held"):
             report.add(
                 Code.HOLD, f"mode `{mode.name}` holds `{choice.path}`, which is on its root `{assembly.links[link].name}`: "
                 "that stands still already", hold.origin, path=choice.path, help="hold a mount of another link, or take it out",

@@ -10,7 +10,7 @@ from thingc.graph.types import Assembly, LinkedMode
 from thingc.memo import Memo
 from thingc.pose import Pose
 from thingc.robot.closing import closures_of, keyframes_of
-from thingc.robot.tree import bodies_from, in_link, root_pose, spanning
+from thingc.robot.tree import base_moves, bodies_from, in_link, root_pose, spanning
 from thingc.robot.types import Robot, Site
 
 
@@ -53,6 +53,7 @@ def root(assembly: Assembly, mode: LinkedMode, report: Report, memo: Memo | None
         adhesion={adhesion.path: mode.adhesion.get(adhesion.path, 0.0) for adhesion in assembly.adhesions},
         closures=closures,
         unclosed=closed[1],
+        moves=base_moves(mode, bodies[0].X_PL),
     )
 
 

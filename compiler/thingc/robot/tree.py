@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from thingc.graph.types import Assembly, JointEdge, LinkedMode, Mate
-from thingc.joints import Twist, moved
+from thingc.joints import KINDS, Twist, moved
 from thingc.memo import Memo
 from thingc.pose import MATE, NO_POSE, Pose
+from thingc.resolve.model import Dynamics, Limit
 from thingc.robot.types import Body, Closure, CoreJoint
+
+BASE = "root"
+"""What a joint is called by which a base moves; no joint of a document can be."""
 
 
 def in_link(assembly: Assembly) -> tuple[Pose, ...]:
@@ -94,6 +98,22 @@ def root_pose(assembly: Assembly, mode: LinkedMode) -> Pose:
     if choice.mount is not None:
         X_WO = mode.at @ MATE @ assembly.occurrences[choice.occurrence].mounts[choice.mount].pose.inverse()
     return X_WO @ in_link(assembly)[choice.occurrence].inverse()
+
+
+def base_moves(mode: LinkedMode, root: Pose) -> tuple[CoreJoint, ...]:
+    """The coordinates of a base that moves as a joint in the frame of `at` would: `planar` in its plane, `ball` about its origin, where the
+    root's origin is; the root link is at `root`. None of any other."""
+    if mode.base not in ("planar", "ball"):
+        return ()
+    kind = KINDS[mode.base]
+    seen = seen_at_zero(kind.twists, (0.0, 0.0, 0.0), root.inverse() @ mode.at)
+    return tuple(
+        CoreJoint(
+            path=f"{BASE}_{number}", kind=kind, twist=twist, reversed=False, offset=0.0, limit=Limit(), dynamics=Dynamics(), mimic=None,
+            actuator=None, mate=-1, origin=mode.origin,
+        )
+        for number, twist in enumerate(seen)
+    )
 
 
 def cut_closures(assembly: Assembly, bodies: tuple[Body, ...], taken: Collection[int]) -> tuple[Closure, ...]:

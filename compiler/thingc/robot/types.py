@@ -153,7 +153,8 @@ class Unclosed(Brief):
 class Robot(Brief):
     """One mode. `bodies` in depth-first order, root first, parents before children, children in document order.
 
-    `base` is `fixed | held | free`; `excluded` pairs of body indices (neighbours through a joint, the same links in
+    `base` is `fixed | held | free | planar | ball`, `moves` the coordinates of the last two (the root body stands at 0 of them in every
+    pose); `excluded` pairs of body indices (neighbours through a joint, the same links in
     every mode, plus the mode's own); a link that a hold keeps at the world is a neighbour of the world, in this mode alone.
     `closures` are holds, then joints that were cut; `keyframes` the poses that close, `unclosed` the others. `adhesion` is the
     control in this mode per adhesion path [N] (0 where it says nothing). `present` are the joints whose actuators exist here,
@@ -173,6 +174,7 @@ class Robot(Brief):
     adhesion: dict[str, float]
     closures: tuple[Closure, ...] = ()
     unclosed: tuple[Unclosed, ...] = ()
+    moves: tuple[CoreJoint, ...] = ()
 
     @property
     def carried(self) -> bool:

@@ -19,6 +19,9 @@ from thingc.spec.fields import (
     Vector3Length,
 )
 
+BaseKind = Literal["fixed", "held", "free", "planar", "ball"]
+"""How a mode's root may move in the world."""
+
 
 class SimulationSpec(Model):
     """How simulators step."""
@@ -93,8 +96,8 @@ class ModeSpec(Model):
 
     root: ReferenceField | None = None
     """A mount (mated to the world) or a component (laid on the world frame)."""
-    base: Literal["fixed", "held", "free", "planar", "ball"] | None = None
-    """`fixed` (default), `held` or `free`."""
+    base: BaseKind | None = None
+    """`fixed` (default), `held`, `free`, `planar` (in the x-y plane of `at`) or `ball` (about the root's origin)."""
     at: WorldAtSpec | None = Field(default=None, examples=[{"xyz": "0 0 300 mm", "rpy": "0 0 90 deg"}, {"on": "floor"}])
     """Where in the world the root is; its origin unless written."""
     gravity: Literal["floor", "wall", "ceiling"] | Vector3Acceleration | None = Field(default=None, examples=["wall", "0 0 -1.62 m/s^2"])

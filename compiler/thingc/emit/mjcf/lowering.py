@@ -3,13 +3,14 @@ together."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Literal
 
 from thingc.frozen import dataclass
 from thingc.joints import Twist, rotation_vector
 from thingc.pose import Vector, quaternion_of
-from thingc.robot.types import Body
+from thingc.robot.types import Body, CoreJoint, Robot
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,9 +43,14 @@ def in_body(body: Body, axis: Vector) -> Vector:
     return rotation_vector(tuple(joint.twist for joint in joints), axis)
 
 
-def sizes(body: Body) -> tuple[int, int]:
+def base_positions(robot: Robot) -> tuple[float, ...]:
+    """What `qpos` has of a base that moves in part, where the mode puts it."""
+    return positions(replace(robot.bodies[0], joints=robot.moves), {joint.path: 0.0 for joint in robot.moves})
+
+
+def sizes(joints: Sequence[CoreJoint]) -> tuple[int, int]:
     """How many entries of `qpos` and of `qvel` the joints of a body have."""
-    if body.at_once:
+    if joints and joints[0].kind.at_once:
         return 4, 3
-    count = sum(len(lowered(joint.path, joint.twist)) for joint in body.joints)
+    count = sum(len(lowered(joint.path, joint.twist)) for joint in joints)
     return count, count

@@ -9,16 +9,17 @@ from thingc.emit.artifact import Loss
 from thingc.emit.geometry import Geometry
 from thingc.emit.mjcf import closures, elements, sensors
 from thingc.emit.mjcf.drives import NOTHING
-from thingc.emit.mjcf.lowering import in_body, lowered, positions
+from thingc.emit.mjcf.lowering import base_positions, in_body, lowered, positions
 from thingc.emit.mjcf.poses import pose_attributes
 from thingc.emit.xml import Element, number, numbers
 from thingc.graph.types import Link
 from thingc.memo import Memo
 from thingc.pose import Pose
+from thingc.robot.tree import BASE
 from thingc.robot.types import CoreJoint, Robot
 
-FREE_JOINT = "root"
-"""The name of a free base's joint."""
+FREE_JOINT = BASE
+"""The name of a free base's joint, and of that of one that turns as a ball; a planar one has `root_0`, `root_1` and `root_2`."""
 
 INTEGRATORS = {"euler": "Euler", "rk4": "RK4", "implicit": "implicit", "implicitfast": "implicitfast"}
 RESERVED_CLASSES = frozenset({"main", "visual", "collision"})
@@ -161,10 +162,12 @@ class _Builder:
                 self.grow(element, ("inertial", link.name), elements.inertial_of, link.properties, link.origin)
             if body.parent is None and self.robot.base == "free":
                 element.add("freejoint", {"name": FREE_JOINT}, self.robot.mode.origin)
-            if body.at_once:
-                first = body.joints[0]
-                self.grow(element, ("joint", self.robot.mode.name, first.path), elements.ball, self.name_of(first), first)
-            for joint in () if body.at_once else body.joints:
+            joints = self.robot.moves if body.parent is None else body.joints
+            if joints and joints[0].kind.at_once:
+                place = ("joint", self.robot.mode.name, joints[0].path)
+                self.grow(element, place, elements.ball, self.name_of(joints[0]), joints[0])
+                joints = ()
+            for joint in joints:
                 driven = joint.path in self.driven
                 self.grow(element, ("joint", self.robot.mode.name, joint.path), elements.joint, joint, driven)
             shapes = tuple(self.geometry.shapes[member] for member in link.members)
@@ -228,7 +231,7 @@ class _Builder:
         for frame in self.robot.keyframes:
             base = frame.base or self.robot.bodies[0].X_PL
             turned = self.memo(("base", self.robot.mode.name, frame.name), Pose.quaternion, base)
-            qpos = [*base.translation, *turned] if self.robot.base == "free" else []
+            qpos = [*base.translation, *turned] if self.robot.base == "free" else [*base_positions(self.robot)]
             qpos += [value for body in self.robot.bodies for value in positions(body, frame.q)]
             ctrl = [self.position(path, frame.q) for path in self.driven]
             ctrl += [self.robot.adhesion.get(magnet.path, 0.0) for magnet in self.assembly.adhesions]
@@ -240,7 +243,7 @@ class _Builder:
 
     def name_of(self, joint: CoreJoint) -> str:
         """What the whole joint is called that a coordinate is of."""
-        return self.assembly.mates[joint.mate].name or joint.path
+        return FREE_JOINT if joint.mate < 0 else self.assembly.mates[joint.mate].name or joint.path
 
     def position(self, path: str, q: Mapping[str, float]) -> float:
         """The control [rad or m] that keeps a drive of positions at `q`; 0 of any other. That of a ball's drive is the part of the rotation

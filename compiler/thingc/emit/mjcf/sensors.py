@@ -55,7 +55,7 @@ def losses(robot: Robot) -> list[Loss]:
     cut = {joint.path for closure in robot.closures for joint in closure.joints}
     for sensor in robot.assembly.sensors:
         what, how = "", "omitted"
-        if sensor.kind == "imu" and robot.base != "free" and _body_of(robot, sensor) == 0:
+        if sensor.kind == "imu" and robot.base in ("fixed", "held") and _body_of(robot, sensor) == 0:
             what, how = "gravity in its accelerometer: MuJoCo gives no acceleration of a body that stands still", "approximated"
         elif sensor.kind == "force":
             if _on_free_root(robot, sensor):
