@@ -210,8 +210,8 @@ PAGE = """\
 gravity and springs, without friction in joints. Joints that mimic load the one that they follow. Where loops, holds, feet or several drives
 on joints that mimic leave the torques open, two held feet for one, it is the answer with the least sum of squares of effort by limit:
 one that a controller can give, though another may have a greater least margin. The answer says that it is one of many. A pose that
-no effort of the drives holds fails. What carries the robot is its `fixed` or `held` base, or, of one that floats, its holds and
-[feet](#feet); of one that has neither it is not known.
+no effort of the drives holds fails. What carries the robot is its base, which is held for this unless it is `free`, or, of one that
+is, its holds and [feet](#feet); of one that has neither it is not known.
 
 With feet the problem is this: of all efforts of the drives, and all forces at the feet that lie in their friction cones (as far along
 the floor as friction times what presses), together with those of holds, that leave the robot at rest in that pose, the efforts with
