@@ -93,6 +93,18 @@ def test_a_velocity_gain_that_turns_the_velocity_round_chatters_where_it_is_expl
     assert not seen(hinge("implicitfast", 0.1, 100.0 * INERTIA / DT, 0.0)).too_quick  # implicit, and its force has no limit
 
 
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9])
+def test_the_calmest_velocity_gain_is_where_euler_stops_to_swing_up(share: float) -> None:
+    """With no, some and nearly all of the stiffness that no kv at all would bear; half of it comes to rest, and turns no velocity round."""
+    kp = share * 4.0 * INERTIA / DT**2
+    calmest = seen(hinge("Euler", kp, 10.0 * INERTIA / DT, 0.0)).calmest
+    assert calmest == pytest.approx(min(INERTIA / DT, 2.0 * (1.0 - share) * INERTIA / DT))
+    assert seen(hinge("Euler", kp, 0.98 * calmest, 0.0)).calm and not seen(hinge("Euler", kp, 1.02 * calmest, 0.0)).calm
+    assert speed(hinge("Euler", kp, calmest / 2.0, 0.0), 1e-3) < 1e-6
+    if share == 0.9:
+        assert swing(hinge("Euler", kp, 1.02 * calmest, 0.0)) == math.inf
+
+
 @pytest.mark.parametrize("force", [2.0, 0.05, 0.01])
 @pytest.mark.parametrize("ratio", [1.0, 1.9, 2.1, 3.8])
 def test_a_force_jumps_from_limit_to_limit_for_ever_beyond_twice_the_inertia(force: float, ratio: float) -> None:

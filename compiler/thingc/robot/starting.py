@@ -1,4 +1,5 @@
-"""Where a mode starts: whether parts that are seen lie under the plane of its scene, which is z = 0 of the world."""
+"""Where a mode starts: whether parts that are seen lie under the plane of its scene, which is z = 0 of the world, whether it stands on
+its feet there, and whether its joints are within their limits."""
 
 from __future__ import annotations
 
@@ -10,6 +11,7 @@ from thingc.diagnostics import Code, Note, Report, meant_so
 from thingc.graph.types import Assembly, Link, LinkedMode, Occurrence
 from thingc.memo import Memo
 from thingc.pose import Pose, Vector
+from thingc.resolve.model import Limit
 from thingc.robot.kinematics import body_poses
 from thingc.robot.standing import Outline, of_box, of_points, vertices
 from thingc.robot.types import Robot
@@ -21,6 +23,9 @@ Box = tuple[Vector, Vector]
 DEEP = 0.5e-3
 """[m] How far under the plane a part may start: soles are pressed on by less."""
 
+ROUNDING = 1e-9
+"""[rad, m] How far 0 may be beyond a limit."""
+
 
 def check_starts(robots: Sequence[Robot], outline: Outline | None, report: Report, memo: Memo) -> None:
     """A warning for each mode that starts with a part under the plane; modes that start alike (they differ in gravity, say) share one.
@@ -28,8 +33,11 @@ def check_starts(robots: Sequence[Robot], outline: Outline | None, report: Repor
     `fixed` or `held` base may reach into the ground that it is bolted to, unless all of it lies there.
 
     Without an `outline` (the vertices of a mesh) parts are looked at by their boxes: then it is said what is certain, that something
-    touches every side of a box.
+    touches every side of a box. And a warning for each mode that has feet, and something else lower than them; and for each that starts
+    without a pose, and so with a joint at 0, where that joint cannot be.
     """
+    _check_feet(robots, report)
+    _check_limits(robots, report)
     spheres = [_sphere(link, robots[0].assembly) for link in robots[0].assembly.links] if robots else []
     alike: dict[tuple[int, float], list[Robot]] = {}
     for robot in robots:
@@ -58,6 +66,78 @@ def _warn(mode: LinkedMode, others: Sequence[str], part: Occurrence, depth: floa
         f"mode `{mode.name}` starts with `{part.path}` {'at least ' if bound else ''}{shown} under the plane z = 0 of its scene",
         mode.origin, path=mode.name, help=f"{help}; {meant_so(Code.START_BELOW)}", notes=notes,
     )
+
+
+def _check_feet(robots: Sequence[Robot], report: Report) -> None:
+    """A warning for each mode in which something is lower than all that its feet belong to, as certain as boxes tell it."""
+    alike: dict[tuple[int, float], list[Robot]] = {}
+    for robot in robots:
+        found = _under_feet(robot) if robot.mode.feet and not report.allows(Code.OFF_FEET, robot.mode.origin) else None
+        if found is not None:
+            alike.setdefault(found, []).append(robot)
+    for (number, depth), modes in alike.items():
+        mode, part = modes[0].mode, modes[0].assembly.occurrences[number]
+        notes = [Note(message=f"`{part.path}` is here", span=part.origin[0])] if part.origin else []
+        others = ", ".join(f"`{robot.mode.name}`" for robot in modes[1:])
+        feet = ", ".join(f"`{foot.mount.path}`" for foot in mode.feet[:3]) + (" and others" if len(mode.feet) > 3 else "")
+        report.warn(
+            Code.OFF_FEET,
+            f"mode `{mode.name}` stands on {feet}, and `{part.path}` is at least {Quantity(float(f'{depth:.3g}'), LENGTH)} lower "
+            + (f"in pose `{mode.pose}`" if mode.pose is not None else "with all joints at 0"),
+            mode.origin, path=mode.name, notes=[*notes, *([Note(message=f"so it is in {others}")] if others else [])],
+            help=f"start in a pose that puts the feet down, or mend how the legs are put together; {meant_so(Code.OFF_FEET)}",
+        )
+
+
+def _under_feet(robot: Robot) -> tuple[int, float] | None:
+    """The part that is lowest of the links without feet, and how much lower [m] it certainly is than all parts of those with; None
+    where that is less than `DEEP`, or not known."""
+    assembly = robot.assembly
+    standing = {assembly.link_of[foot.mount.occurrence] for foot in robot.mode.feet}
+    frame = next((frame for frame in robot.keyframes if frame.name == robot.mode.pose), None)
+    feet, lowest, number = math.inf, math.inf, -1
+    placed = body_poses(robot, frame.q if frame is not None else {}, frame.base if frame is not None else None)
+    for body, at in zip(robot.bodies, placed, strict=True):
+        for part, box, pose in _seen(assembly, assembly.links[body.link], at):
+            if body.link in standing:
+                feet = min(feet, pose.translation[2] + of_box(box, pose.rotation[2]))
+            elif (low := pose.translation[2] + _certain(box, pose.rotation[2])) < lowest:
+                lowest, number = low, part.index
+    return (number, round(feet - lowest, 6)) if lowest + DEEP < feet < math.inf else None
+
+
+def _check_limits(robots: Sequence[Robot], report: Report) -> None:
+    """A warning for each mode that starts without a pose while 0 is outside of what a joint of it can do. Where loops or holds are
+    closed, the joints go where these take them."""
+    alike: dict[tuple[str, ...], list[Robot]] = {}
+    for robot in robots:
+        mode = robot.mode
+        if mode.stated and mode.pose is None and not robot.closures:
+            free = (joint for body in robot.bodies for joint in body.joints if joint.mimic is None)
+            beyond = tuple(joint.path for joint in free if not _at_rest(joint.limit))
+            if beyond and not report.allows(Code.START_LIMITS, mode.origin):
+                alike.setdefault(beyond, []).append(robot)
+    for paths, modes in alike.items():
+        mode = modes[0].mode
+        first, *more = (joint for body in modes[0].bodies for joint in body.joints if joint.path in paths)
+        ends = [first.twist.shown(end) for end in (first.limit.lower, first.limit.upper) if end is not None]
+        others = ", ".join(f"`{robot.mode.name}`" for robot in modes[1:])
+        report.warn(
+            Code.START_LIMITS,
+            f"mode `{mode.name}` starts without a pose, so with `{first.path}` at 0, outside its limits {' to '.join(ends)}",
+            mode.origin, path=mode.name,
+            notes=[
+                *([Note(message=f"`{first.path}` is here", span=first.origin[0])] if first.origin else []),
+                *(Note(message=f"so it is with `{joint.path}`") for joint in more[:3]),
+                *([Note(message=f"so it is in {others}")] if others else []),
+            ],
+            help=f"give the mode a `pose` that sets `{first.path.replace('/', '.')}`; {meant_so(Code.START_LIMITS)}",
+        )
+
+
+def _at_rest(limit: Limit) -> bool:
+    """Whether 0 is within these limits, up to rounding."""
+    return (limit.lower is None or limit.lower <= ROUNDING) and (limit.upper is None or limit.upper >= -ROUNDING)
 
 
 def _lowest(robot: Robot, spheres: Sequence[float], outline: Outline | None, memo: Memo) -> Iterator[tuple[float, int]]:

@@ -9,11 +9,13 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 from thingc.diagnostics import Code, Note, Report, meant_so
 from thingc.frozen import dataclass
 from thingc.robot.types import CoreJoint, Robot
+from thingc.source import Origin
 from thingc.units import LENGTH, Quantity
 
 DEEP = 0.5e-3
@@ -92,6 +94,15 @@ class Gains:
         on for ever, if the force is at its limit there, kp J / 2 > F, which is dt^2 kp > 2 I.
         """
         return self.saturates and self.dt * self.kv > self.inertia and self.dt**2 * self.stiffness > 2.0 * self.inertia
+
+    @property
+    def calmest(self) -> float:
+        """The kv up to which an explicit integrator is calm, the rest as it is; not above 0 where no kv makes it so (see `stiffest`,
+        `too_quick`)."""
+        quick = self.inertia / self.dt
+        if self.integrator == "RK4":
+            return 0.0 if self.too_stiff else quick
+        return min(quick, (4.0 * self.inertia - self.dt**2 * self.stiffness) / (2.0 * self.dt) + self.damping)
 
     @property
     def calm(self) -> bool:
@@ -220,14 +231,24 @@ def say(starts: Sequence[Start], report: Report) -> None:
             alike.setdefault(tuple((one.one, one.other, round(one.depth, 5)) for one in start.inside), []).append(start)
     for found in alike.values():
         _say_inside(found[0], [start.robot.mode.name for start in found[1:]], report)
-    worst: dict[str, tuple[Gains, Robot]] = {}
+    worst: dict[str, tuple[Gains, CoreJoint, Robot]] = {}
     for start in starts:
+        joints = {joint.path: joint for body in start.robot.bodies for joint in body.joints}
         for path, gains in start.gains.items():
             if path not in worst or gains.inertia < worst[path][0].inertia:
-                worst[path] = gains, start.robot
-    for path, (gains, robot) in worst.items():
-        joint = next(joint for body in robot.bodies for joint in body.joints if joint.path == path)
-        _say_gains(joint, gains, robot, report)
+                worst[path] = gains, joints[path], start.robot
+    written: dict[object, list[str]] = {}
+    for path, (_, joint, _) in worst.items():  # one drive is that of every joint that repeats it
+        if report.allows(Code.CHATTER, (*_written_at(joint), *joint.origin[:1])):
+            continue
+        written.setdefault(_written_at(joint), []).append(path)
+    for paths in written.values():
+        first = min(paths, key=lambda path: float(f"{worst[path][0].inertia:.3g}"))
+        _say_gains(*worst[first], [path for path in paths if path != first], report)
+
+
+def _written_at(joint: CoreJoint) -> Origin:
+    return joint.actuator.origin if joint.actuator is not None else joint.origin
 
 
 def _say_inside(start: Start, others: Sequence[str], report: Report) -> None:
@@ -255,31 +276,49 @@ def _say_inside(start: Start, others: Sequence[str], report: Report) -> None:
     )
 
 
-def _say_gains(joint: CoreJoint, gains: Gains, robot: Robot, report: Report) -> None:
-    turn, rate, weight = ("N*m/rad", "N*m*s/rad", "kg*m^2") if joint.twist.turns else ("N/m", "N*s/m", "kg")
+def _say_gains(gains: Gains, joint: CoreJoint, robot: Robot, others: Sequence[str], report: Report) -> None:
+    weight = "kg*m^2" if joint.twist.turns else "kg"
     name = joint.path.rpartition("/")[2]
-    moves = f"what it moves has {gains.inertia:.2g} {weight} (mode `{robot.mode.name}`) and a step takes {1e3 * gains.dt:g} ms"
-    spring, dt = joint.dynamics.stiffness or 0.0, gains.dt
-    if gains.too_stiff or gains.jumps:
-        does = "swings it up from step to step" if gains.too_stiff else "lets its force jump from limit to limit"
-        what = f"`kp` of joint `{name}`, {gains.stiffness - spring:.6g} {turn}, {does}: {moves}"
-        fine = min(gains.stiffest / 2.0, gains.inertia / dt**2 if gains.jumps else gains.stiffest) - spring
-        cure = f"up to {_down(fine)} {turn} is calm"
-        if fine <= 0.0:
-            cure = "with this `kv` none is calm, unless with `integrator: implicitfast`"
-        needed = dt**2 * gains.stiffness / 2.0 - gains.stiffest * dt**2 / 4.0
-        if gains.jumps:
-            needed = max(needed, dt**2 * gains.stiffness - gains.inertia)
-    else:
-        what = f"`kv` of joint `{name}`, {gains.kv:.6g} {rate}, turns its velocity round in one step: {moves}"
-        cure = f"up to {_down(gains.inertia / dt / 2.0)} {rate} is calm, and any with `integrator: implicitfast`"
-        needed = 2.0 * dt * gains.kv - gains.inertia
-    where = joint.actuator.origin if joint.actuator is not None else joint.origin
+    what, cure, needed = _of_kv(gains, joint) if gains.too_quick and gains.calmest > 0.0 else _of_stiffness(gains, joint)
+    where = _written_at(joint)
     apart = joint.origin[:1] if where and joint.origin and joint.origin[0].line != where[0].line else ()
+    notes = [Note(message=f"joint `{name}` is here", span=span) for span in apart]
+    if others:
+        shown = ", ".join(f"`{path}`" for path in others[:SHOWN]) + (f" and {len(others) - SHOWN} more" if len(others) > SHOWN else "")
+        notes.append(Note(message=f"the same drive is that of {shown}"))
     report.warn(
-        Code.CHATTER, what, where, path=joint.path, notes=[Note(message=f"joint `{name}` is here", span=span) for span in apart],
+        Code.CHATTER,
+        f"{what}: what it moves has {gains.inertia:.2g} {weight} (mode `{robot.mode.name}`) and a step takes {1e3 * gains.dt:g} ms",
+        where, path=joint.path, notes=notes,
         help=f"{cure}; so is a rotor with `armature: {_up(needed)} {weight}`, or a shorter `timestep`; {meant_so(Code.CHATTER)}",
     )
+
+
+def _of_kv(gains: Gains, joint: CoreJoint) -> tuple[str, str, float]:
+    """What a velocity gain does that is too great by itself, what cures it, and the armature [kg m^2 or kg] that would."""
+    rate = "N*m*s/rad" if joint.twist.turns else "N*s/m"
+    does = "swings it up from step to step" if gains.too_stiff else "turns its velocity round in one step"
+    cure = f"up to {_down(gains.calmest / 2.0)} {rate} is calm"
+    if replace(gains, integrator="implicitfast").calm:
+        cure += ", and this one with `integrator: implicitfast`"
+    needed = max(2.0 * gains.dt * gains.kv, gains.dt**2 * gains.stiffness / 2.0 + gains.dt * gains.kv) - gains.inertia
+    return f"`kv` of joint `{joint.path.rpartition('/')[2]}`, {gains.kv:.6g} {rate}, {does}", cure, needed
+
+
+def _of_stiffness(gains: Gains, joint: CoreJoint) -> tuple[str, str, float]:
+    """The same of a position gain, or of the joint's spring where there is none."""
+    turn, dt, spring = "N*m/rad" if joint.twist.turns else "N/m", gains.dt, joint.dynamics.stiffness or 0.0
+    kp = gains.stiffness - spring
+    key, value, beside = ("kp", kp, spring) if kp > 0.0 else ("stiffness", spring, 0.0)
+    does = "swings it up from step to step" if gains.too_stiff else "lets its force jump from limit to limit"
+    fine = min(gains.stiffest / 2.0, gains.inertia / dt**2 if gains.jumps else gains.stiffest) - beside
+    cure = f"up to {_down(fine)} {turn} is calm"
+    if fine <= 0.0:
+        cure = "with this `kv` none is calm, unless with `integrator: implicitfast`"
+    needed = dt**2 * gains.stiffness / 2.0 - gains.stiffest * dt**2 / 4.0
+    if gains.jumps:
+        needed = max(needed, dt**2 * gains.stiffness - gains.inertia)
+    return f"`{key}` of joint `{joint.path.rpartition('/')[2]}`, {value:.6g} {turn}, {does}", cure, needed
 
 
 def _down(value: float) -> str:
