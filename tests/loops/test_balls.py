@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -10,9 +11,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from loops.robots import BALL, Array, Built, at_key, compiled
+from thingc.graph.types import MountAt
 from thingc.modes import Mode, Modes, caught
 from thingc.robot import body_poses
 from thingc.statics import static_efforts
+from thingc.testing.reaching import farthest
 
 HIP = f"""
 thingc: assembly/1
@@ -183,3 +186,18 @@ def test_a_loop_does_not_leave_the_cone_of_its_ball(leg: Built, tmp_path_factory
     assert between.said == []
     assert [loss.path for loss in between.losses("one") if loss.what.startswith("its keyframe")] == ["high"]
     assert [(code, line) for code, _, _, line in narrow.said] == [("TC604", 13)]
+
+
+def test_a_ball_reaches_as_far_as_its_cone_lets_it(tmp_path: Path) -> None:
+    made = compiled(tmp_path, f"""
+thingc: assembly/1
+name: stick
+components:
+  post: {{frame: true, mass: 2 kg, {BALL}, mounts: {{far: {{xyz: 0 200 0 mm}}}}}}
+  stick: {{frame: true, mass: 1 kg, {BALL}, mounts: {{tip: {{xyz: 0 0 -100 mm}}}}}}
+joints:
+  hip: {{type: ball, parent: post.origin, child: stick.origin, limit: {{cone: 30 deg}}}}
+""")
+    distance, q = farthest(made.compilation.robots[0], MountAt(occurrence=1, mount="tip"), MountAt(occurrence=0, mount="far"), ())
+    assert distance == pytest.approx(math.hypot(0.2 + 0.1 * 0.5, 0.1 * math.sqrt(0.75)), abs=1e-9)
+    assert [q[path] for path in COORDINATES] == pytest.approx([math.radians(30), 0, 0], abs=1e-4)

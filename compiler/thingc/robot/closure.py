@@ -310,8 +310,8 @@ def _coordinates(joints: Mapping[str, JointEdge], length: float) -> tuple[Coordi
         lower, upper = -math.inf, math.inf
         for follower, multiplier, offset in followers[path]:
             limit = joints[follower].limit
-            low = -math.inf if limit.lower is None else limit.lower
-            high = math.inf if limit.upper is None else limit.upper
+            low = -(math.inf if limit.cone is None else limit.cone) if limit.lower is None else limit.lower
+            high = (math.inf if limit.cone is None else limit.cone) if limit.upper is None else limit.upper
             if multiplier == 0.0:
                 continue
             ends = sorted(((low - offset) / multiplier, (high - offset) / multiplier))

@@ -48,6 +48,18 @@ class Chain:
         free = {path: float(value) for path, value in zip(self.paths, x, strict=True)}
         return coordinates(self._joints.values(), free | in_cones(self._balls, free))
 
+    def cones(self, x: Array) -> tuple[Array, Array]:
+        """How far within its cone each ball is that has one, as the difference of the squares of the angles [rad^2], and the derivative
+        (k x n) by coordinates."""
+        room, slope = [], []
+        for ball in self._balls:
+            if ball[0].limit.cone is not None:
+                columns = [self._column[joint.path] for joint in ball]
+                room.append(ball[0].limit.cone ** 2 - float(x[columns] @ x[columns]))
+                slope.append(np.zeros(len(x)))
+                slope[-1][columns] = -2.0 * x[columns]
+        return np.array(room), np.array(slope).reshape(len(room), len(x))
+
     def bodies(self, q: Mapping[str, float]) -> tuple[Pose, ...]:
         """The pose of every body in the world."""
         return placed_bodies(self.robot.bodies, q, self.base)

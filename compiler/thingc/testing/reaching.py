@@ -94,14 +94,16 @@ def _climb(chain: Chain, ends: Ends, start: Array) -> tuple[float, Array] | None
         return chain.closing(chain.q(x))
 
     loops = [{"type": "eq", "fun": lambda x: closing(x)[0], "jac": lambda x: closing(x)[1]}] if chain.robot.closures else []
+    if len(chain.cones(start)[0]):
+        loops.append({"type": "ineq", "fun": lambda x: chain.cones(x)[0], "jac": lambda x: chain.cones(x)[1]})
     if not len(start):
         return None
     found = minimize(
         down, start, jac=True, method="SLSQP", bounds=list(zip(chain.lower, chain.upper, strict=True)), constraints=loops,
         options={"maxiter": 200, "ftol": 1e-12},
     )
-    x = np.clip(np.asarray(found.x, dtype=np.float64), chain.lower, chain.upper)
-    if len(loops) and float(np.abs(closing(x)[0]).max()) > CLOSED:
+    x = chain.x(chain.q(np.clip(np.asarray(found.x, dtype=np.float64), chain.lower, chain.upper)))
+    if chain.robot.closures and float(np.abs(closing(x)[0]).max()) > CLOSED:
         return None
     return _distance(chain, ends, x)[0], x
 
@@ -212,4 +214,5 @@ def _missed(
 
 def _joints(chain: Chain, x: Array) -> dict[str, float]:
     """The coordinates [rad or m] by joint path."""
-    return {path: float(value) for path, value in zip(chain.paths, x, strict=True)}
+    q = chain.q(x)
+    return {path: q[path] for path in chain.paths}
