@@ -230,7 +230,8 @@ def test_gravity_and_raw_kinds_and_bounds() -> None:
     assert set(re.findall(r"`(\w+)`", named[1])) == set(raw.NAMED)
     assert set(re.findall(r"`(\w+)`", single[1])) == set(raw.SINGLE)
     said_of = [set(re.findall(r"`(\w+)`", row[0])) for row in table(LANGUAGE, "raw-fixed")]
-    assert said_of == [{"name", *raw_fixed.CLASSES}, set(raw_fixed.REFERRING), {"type"}, set(raw_fixed.SECTIONS["compiler"])]
+    assert said_of == [{"name", *raw_fixed.CLASSES}, set(raw_fixed.REFERRING), set(raw_fixed.MOTION), set(raw_fixed.PLACE),
+                       set(raw_fixed.SECTIONS["compiler"])]
     cells = [row[1] for row in table(LANGUAGE, "bounds")]
     numbers = [int(digits.replace(" ", "")) for cell in cells for digits in re.findall(r"\d[\d ]*\d|\d", cell)]
     expected = [MAX_BYTES, MAX_LEVELS, MAX_NODES, MAX_ALIAS_NODES, MAX_TEXT, MAX_DEPTH, MAX_REPEAT, MAX_OCCURRENCES, MAX_CHAIN]

@@ -8,7 +8,7 @@ import mujoco
 import pytest
 
 from thingc.emit.mjcf.raw import NAMED
-from thingc.resolve.raw_fixed import CLASSES, REFERRING, fixed
+from thingc.resolve.raw_fixed import CLASSES, MOTION, PLACE, REFERRING, fixed
 
 PLACES = {
     "actuator": "<actuator><{}/></actuator>", "body": "<worldbody><{}/></worldbody>", "camera": "<worldbody><body><{}/></body></worldbody>",
@@ -66,13 +66,43 @@ def test_whatever_mujoco_takes_for_a_name_is_not_set(kind: str) -> None:
 def test_nothing_else_is_kept_from_them() -> None:
     attributes = {(kind, one) for kind in PLACES for _, listed in elements(kind) for one in listed}
     assert {one for _, one in attributes} >= REFERRING | CLASSES  # every one is one of MuJoCo's
-    refused = {one for kind, one in attributes if fixed((kind, "some", one)) is not None}
-    assert refused <= REFERRING | CLASSES | {"name", "type"}
+    moving = {"joint": MOTION, "body": PLACE, "site": PLACE}
+    refused = {(kind, one) for kind, one in attributes if fixed((kind, "some", one)) is not None}
+    assert {one for kind, one in refused if one not in moving.get(kind, ())} <= REFERRING | CLASSES | {"name"}
     for path in (
         ("joint", "a", "damping"), ("geom", "a", "type"), ("visual", "rgba", "joint"), ("visual", "scale", "camera"), ("joint", "name"),
         ("option", "timestep"), ("compiler", "boundmass"), ("key", "home", "qpos"), ("default", "collision", "geom", "solref"), (),
     ):
         assert fixed(path) is None, path
+
+
+SOME = ("0.3 0.4 0.5", "0.1 0.2 0.3 0.4", "0 1 0 1 0 0", "0 0 0 1 1 1", "0.3", "true", "slide", "capsule", "0.1 0.1")
+"""Values that attributes take, some of them."""
+
+MODEL = '<mujoco><worldbody><body {body}><joint range="-1 1" {joint}/><geom size="0.1"/><site size="0.1" {site}/></body></worldbody></mujoco>'
+
+
+def frames(**more: str) -> list[list[float]] | None:
+    """Where a small model has its body, joint and site, and what its coordinate is counted from; None where MuJoCo refuses it."""
+    try:
+        model = mujoco.MjModel.from_xml_string(MODEL.format(**{"body": "", "joint": "", "site": "", **more}))
+    except ValueError:
+        return None
+    told = (model.body_pos, model.body_quat, model.body_mocapid, model.jnt_type, model.jnt_axis, model.jnt_pos, model.qpos0, model.site_pos,
+            model.site_quat)
+    return [list(map(float, one.ravel())) for one in told]
+
+
+@pytest.mark.parametrize("kind", ["body", "joint", "site"])
+def test_what_moves_a_link_a_joint_or_a_mount_is_not_set(kind: str) -> None:
+    """`modes.json` and the keyframes would tell of another robot than the model is."""
+    listed = {one for _, attributes in elements(kind) for one in attributes if not is_a_name(kind, kind, one)}
+    moved = {
+        one for one in listed for value in SOME
+        for with_it in ((f'{one}="{value}" type="capsule"',) if (kind, one) == ("site", "fromto") else (f'{one}="{value}"',))
+        if frames(**{kind: with_it}) not in (None, frames())
+    }
+    assert moved and {one for one in moved if fixed((kind, "some", one)) is None} == set()
 
 
 def test_every_kind_says_where_the_document_has_the_words() -> None:

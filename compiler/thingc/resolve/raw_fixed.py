@@ -16,6 +16,12 @@ REFERRING = frozenset({
 
 CLASSES = frozenset({"class", "childclass"})
 
+MOTION = frozenset({"type", "axis", "pos", "ref"})
+"""Attributes of a joint that say how it moves, and from where its coordinate is counted."""
+
+PLACE = frozenset({"pos", "quat", "axisangle", "euler", "xyaxes", "zaxis", "fromto", "mocap"})
+"""Attributes of a body or a site that say where it is."""
+
 SECTIONS: Mapping[str, Mapping[str, str]] = {
     "compiler": {
         "angle": "angles in the model are in radians: write yours in them, too",
@@ -33,7 +39,7 @@ SAID_BY: Mapping[str, str] = {
     "camera": "write the camera under `sensors:`",
     "equality": "write `mimic:` or `loop: true` of the joint",
     "geom": "write `material:`, `visual:` or `collision:` of the component",
-    "joint": "write the joint under `joints:`, with its name and `type:`",
+    "joint": "write the joint under `joints:`, with its name, `type:`, mounts and `offset:`",
     "key": "keyframes are named after the poses: rename the pose under `poses:`",
     "material": "materials are made of the colours of components: write `material:` or the `color:` of the material",
     "mesh": "meshes are those of the parts: write `part:`, `visual:` or `collision:` of the component",
@@ -64,6 +70,9 @@ def fixed(path: tuple[str, ...]) -> tuple[str, str] | None:
         return f"{what}: it belongs to the classes that it was given", instead
     if attribute in REFERRING:
         return f"{what}: it says which other element is meant", instead
-    if (kind, attribute) == ("joint", "type"):
+    if kind == "joint" and attribute in MOTION:
         return f"{what}: poses and `modes.json` know its coordinate by it", instead
+    if kind in ("body", "site") and attribute in PLACE:
+        instead = "write `attach:`, `at:`, or the `parent:`, `child:` and `turn:` of the joint" if kind == "body" else "write the mount"
+        return f"{what}: poses, other modes and `modes.json` know where it is", instead
     return None
