@@ -190,6 +190,7 @@ class Code(Enum):
     CHATTER = ("TC612", "gain that chatters", "Lower the gain, state the rotor's `armature`, or take shorter steps.", Stage.BUILD)
     OFF_FEET = ("TC790", "mode that does not stand on its feet", "Start in a pose that puts the feet down.", Stage.CHECK)
     START_LIMITS = ("TC791", "mode that starts outside joint limits", "Give the mode a pose within the limits.", Stage.CHECK)
+    STATED = ("TC792", "centre or inertia of another body", "Mend the number or its unit.", Stage.CHECK)
     # --- TC65x: tests of the document (thingc test) ----------------------------------------------------------------
     TEST_MASS = ("TC651", "mass outside its bounds", "Change what weighs too much or too little, or the bound.")
     TEST_CENTRE = ("TC652", "centre of mass outside its box", "Move what is heavy, or widen the box.")

@@ -79,7 +79,9 @@ def test_nothing_else_is_kept_from_them() -> None:
 SOME = ("0.3 0.4 0.5", "0.1 0.2 0.3 0.4", "0 1 0 1 0 0", "0 0 0 1 1 1", "0.3", "true", "slide", "capsule", "0.1 0.1")
 """Values that attributes take, some of them."""
 
-MODEL = '<mujoco><worldbody><body {body}><joint range="-1 1" {joint}/><geom size="0.1"/><site size="0.1" {site}/></body></worldbody></mujoco>'
+MODEL = """<mujoco><worldbody><body {body}>
+  <joint range="-1 1" {joint}/><geom size="0.1"/><site size="0.1" {site}/>
+</body></worldbody></mujoco>"""
 
 
 def frames(**more: str) -> list[list[float]] | None:

@@ -16,7 +16,7 @@ from thingc.graph.plausible_modes import check_modes
 from thingc.graph.types import Adhesion, ExportedMount, JointEdge, Link, LinkedMode, Mate, Occurrence
 from thingc.graph.unroll import Instance, Tree
 from thingc.pose import Pose, Vector
-from thingc.resolve.model import AssemblyDefinition, At, Attach, Joint
+from thingc.resolve.model import AssemblyDefinition, At, Attach, Joint, StatedValue
 from thingc.resolve.plausible import LARGEST, SMALLEST, density_cure, density_doubt, mass_words, measures, times_words, unit_meant
 from thingc.source import Origin
 from thingc.units import LENGTH, Quantity
@@ -31,6 +31,8 @@ DRAG = 0.5
 """Dry friction of a joint that takes so much of what its drive gives is rarely meant; that of gears takes a tenth."""
 SLOW = 0.05
 """A joint that its damping keeps below so much of the speed that its drive has without a load."""
+SPREAD, COMPACT = 3.0, 200.0
+"""A part has its mass at most so many times its diagonal from the centre, on average (root of the mean square), and at least this part."""
 BURDEN = 10.0
 """A mass without a shape that weighs so many times all the rest of the robot."""
 
@@ -50,6 +52,7 @@ def check_plausible(
             _check_limits(instance, joint, findings)
             _check_drive(instance, joint, edges.get(instance.within(joint.path)), findings)
     _check_materials(tree, occurrences, findings)
+    _check_stated(occurrences, findings)
     odd = _check_sizes(occurrences, findings)
     if not odd and not findings.has_said(Code.DENSITY) and any(mate.joints for mate in mates):
         _check_mass(tree.top, sum(link.properties.mass for link in links), findings)
@@ -87,6 +90,42 @@ def _check_sizes(occurrences: Sequence[Occurrence], findings: Findings) -> bool:
         ):
             found.add(one.definition.text)
     return bool(found)
+
+
+def _check_stated(occurrences: Sequence[Occurrence], findings: Findings) -> None:
+    """Centres and inertias that are stated, and cannot be those of the part's shape: it has its mass within its box, more or less. What
+    is worked out of a shape always fits it."""
+    said: set[Origin] = set()
+    for one in occurrences:
+        doubt = _stated_doubt(one)
+        if doubt is None:
+            continue
+        stated, what, help = doubt
+        where = stated.origin + one.origin[len(one.component.origin) :] if stated is not None else one.origin
+        notes = () if stated is not None or one.record is None else written_at(f"`{one.definition.label}`", one.record.code)
+        if where not in said and findings.warn(
+            Code.STATED, what, where, path=one.path, help=f"{help}; {meant_so(Code.STATED)}", notes=notes
+        ):
+            said.add(where)
+
+
+def _stated_doubt(one: Occurrence) -> tuple[StatedValue | None, str, str] | None:
+    """What the document states of a part that its shape cannot have (None: the Thing does), in words, and what to look at."""
+    mass = one.properties.mass
+    if one.record is None or one.record.box is None or not one.record.exact or mass <= 0.0:
+        return None
+    (low, high), centre, inertia = one.record.box, one.properties.centre, one.properties.inertia
+    size = math.dist(low, high)
+    across = f"and it measures {_shown(size, 3)} across"
+    away = math.hypot(*(max(least - at, at - most, 0.0) for least, at, most in zip(low, centre, high, strict=True)))
+    if away > size:
+        what = f"the centre of mass of `{one.component.name}` is {_shown(away, 3)} outside of it, {across}"
+        return one.overrides.com, what, "mind the unit (`mm`, `m`; a Thing's `centre()` is in mm), and that it is in the component's axes"
+    radius = math.sqrt(max(inertia[0][0] + inertia[1][1] + inertia[2][2], 0.0) / (2.0 * mass))
+    if not size / COMPACT <= radius <= SPREAD * size:
+        what = f"the inertia of `{one.component.name}` is that of {mass_words(mass)} at {_shown(radius, 3)} from its centre, {across}"
+        return one.overrides.inertia, what, "mind the unit: 1 kg*m^2 is 1e6 kg*mm^2, or 1e9 g*mm^2"
+    return None
 
 
 def _check_materials(tree: Tree, occurrences: Sequence[Occurrence], findings: Findings) -> None:
