@@ -12,7 +12,7 @@ import yaml
 
 import thingc.variants
 from bridge_report import MARGIN, Tried
-from thingc.pipeline import Options
+from thingc.environment import Options
 
 ROUND = 8
 """Bridges that Optuna is asked for at once."""

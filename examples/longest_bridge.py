@@ -15,7 +15,7 @@ from typing import Any
 import thingc.variants
 from bridge_drivers import DRIVERS, Driver
 from bridge_report import Tried, draw, page, rebuilt
-from thingc.pipeline import Options
+from thingc.environment import Options
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCUMENT = ROOT / "assemblies" / "minchw" / "bridge_search.yaml"

@@ -9,9 +9,10 @@ from pathlib import Path
 
 from mutations import Mutant
 
+from thingc import pipeline
 from thingc.diagnostics import Code, Diagnostic, Severity
+from thingc.environment import Environment, Options
 from thingc.load.finding import documents_in
-from thingc.pipeline import Compilation, Options
 from thingc.printing import as_json, as_text
 from thingc.source import Document, MappingNode, ScalarNode, walk
 
@@ -64,8 +65,8 @@ def subjects(folder: Path, store: str) -> list[Subject]:
 
 def _compiled(path: str, store: str) -> list[Document] | None:
     """The documents of a compilation that had nothing to say; None for a document that is no assembly."""
-    with Compilation(path, Options(store=store)) as compilation:
-        compilation.run(kinds=("assembly", "materials"))
+    with Environment(path, Options(store=store)) as environment:
+        compilation = pipeline.compile(environment, kinds=("assembly", "materials"))
         assert not compilation.report.diagnostics, as_text(compilation.report.ordered())
         assert compilation.documents is not None
         documents = compilation.documents
@@ -87,10 +88,10 @@ def judge(subject: Subject, mutant: Mutant, store: str) -> Verdict:
     said: list[Diagnostic] = []
     try:
         for root in subject.roots:
-            with Compilation(root, Options(store=store, part_timeout=30.0)) as compilation:
-                compilation.run()
+            with Environment(root, Options(store=store, part_timeout=30.0)) as environment:
+                compilation = pipeline.compile(environment)
                 if not compilation.report.failed:
-                    compilation.emit(["mjcf"])
+                    pipeline.build(environment, compilation, ["mjcf"])
                 said += compilation.report.ordered()
                 if compilation.report.failed:
                     break

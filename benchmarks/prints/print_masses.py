@@ -26,10 +26,10 @@ sys.path[:0] = [str(HERE), str(ROOT / "compiler")]
 
 from prusa import NotSliced, Printed, Settings, printed, program, version  # noqa: E402
 
+from thingc.environment import Options  # noqa: E402
 from thingc.inertia import MassProperties  # noqa: E402
-from thingc.pipeline import Options  # noqa: E402
+from thingc.pipeline import Settings as Said  # noqa: E402
 from thingc.session import Session  # noqa: E402
-from thingc.session import Settings as Said  # noqa: E402
 
 PAGE = ROOT / "docs" / "prints.md"
 KEPT = ROOT / "build" / "prints"
@@ -91,7 +91,7 @@ def said(opened: Session, part: str, up: Sequence[float], settings: Settings) ->
     (occurrence,) = found.assembly.occurrences
     if occurrence.record is None or occurrence.estimate != "layers":
         raise RuntimeError(f"{part} was not estimated by its layers")
-    return occurrence.properties, found.store.read(occurrence.record.meshes["print"].sha256)
+    return occurrence.properties, opened.environment.store.read(occurrence.record.meshes["print"].sha256)
 
 
 def turned(stl: bytes, turn: np.ndarray[Any, np.dtype[np.float64]]) -> bytes:

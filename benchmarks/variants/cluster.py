@@ -15,7 +15,7 @@ from pathlib import Path
 
 from distributed import LocalCluster
 
-from thingc.pipeline import Options
+from thingc.environment import Options
 from thingc.variants import run
 from thingc.variants.cluster import connect
 

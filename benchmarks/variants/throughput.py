@@ -35,8 +35,9 @@ from pathlib import Path
 from typing import Any
 
 from thingc.emit.artifact import Stored
-from thingc.pipeline import Options
-from thingc.session import Session, Settings
+from thingc.environment import Options
+from thingc.pipeline import Settings
+from thingc.session import Session
 
 ROOT = Path(__file__).resolve().parents[2]
 ADDED = """
@@ -90,7 +91,7 @@ FRESH = int.from_bytes(os.urandom(3), "big") / 2**24
 def build(session: Session, settings: Settings, folder: Path, *, verify: bool = False) -> None:
     """One variant, from its settings to its files on the disk. Raises where anything was said."""
     compilation = session.compile(settings)
-    artifacts = compilation.emit(["mjcf"], verify=verify)["mjcf"]
+    artifacts = session.emit(compilation, ["mjcf"], verify=verify)["mjcf"]
     if compilation.report.diagnostics:
         raise SystemExit(f"{settings}: {compilation.report.diagnostics}")
     os.makedirs(folder / "mjcf", exist_ok=True)
@@ -108,9 +109,9 @@ class Models:
 
         self.visual = visual
         self.files = mujoco.MjVfs()
-        for name, held in session.compile(plain(0)).emit(["mjcf"])["mjcf"].files.items():
+        for name, held in session.emit(session.compile(plain(0)), ["mjcf"])["mjcf"].files.items():
             if isinstance(held, Stored):
-                self.files[name.removeprefix("mjcf/assets/")] = session.front.store.read(held.sha256)
+                self.files[name.removeprefix("mjcf/assets/")] = session.environment.store.read(held.sha256)
 
     def load(self, folder: Path) -> list[Any]:
         """The compiled models of a variant."""

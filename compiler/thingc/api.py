@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from thingc import pipeline
 from thingc.brief import Brief
 from thingc.diagnostics import Diagnostic, Report
+from thingc.environment import Environment, Options, attempted
 from thingc.frozen import dataclass
 from thingc.inertia import MassProperties
-from thingc.pipeline import Compilation, Options
 from thingc.printing import as_text
 
 if TYPE_CHECKING:
@@ -112,23 +114,25 @@ def compile(
     Raises `CompileError` with every diagnostic; with `strict` for warnings, too. Writes nothing but the store.
     """
     options = Options(parameters=dict(parameters or {}), choices=dict(choices or {}), store=store, jobs=jobs)
-    with Compilation(document, options) as compilation:
-        compilation.run(modes)
-        _stop_on_errors(compilation.report, strict)
-        artifacts = compilation.emit(["mjcf"])["mjcf"]
-        _stop_on_errors(compilation.report, strict)
-        assembly = compilation.assembly
-        if assembly is None:
-            raise RuntimeError("a compilation without errors has an assembly")
-        files = {path: _read(compilation.store, content) for path, content in artifacts.files.items()}
-        return Compiled(
-            name=assembly.name,
-            assembly=assembly,
-            modes={robot.mode.name: CompiledMode(robot=robot, files=files) for robot in compilation.robots},
-            diagnostics=tuple(compilation.report.ordered()),
-            modelled=tuple(compilation.modelled),
-            reused=tuple(compilation.reused),
-        )
+    return attempted(document, options, partial(_compiled, modes=modes, strict=strict))
+
+
+def _compiled(environment: Environment, modes: Sequence[str], strict: bool) -> Compiled:
+    compilation = pipeline.compile(environment, modes)
+    _stop_on_errors(compilation.report, strict)
+    artifacts = pipeline.build(environment, compilation, ["mjcf"])["mjcf"]
+    _stop_on_errors(compilation.report, strict)
+    assembly = compilation.assembly
+    assert assembly is not None
+    files = {path: _read(environment.store, content) for path, content in artifacts.files.items()}
+    return Compiled(
+        name=assembly.name,
+        assembly=assembly,
+        modes={robot.mode.name: CompiledMode(robot=robot, files=files) for robot in compilation.robots},
+        diagnostics=tuple(compilation.report.ordered()),
+        modelled=tuple(compilation.modelled),
+        reused=tuple(compilation.reused),
+    )
 
 
 def _stop_on_errors(report: Report, strict: bool) -> None:

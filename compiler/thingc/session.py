@@ -1,26 +1,21 @@
 """One document compiled many times in one process: what does not depend on the settings is done once.
 
-A `Session` drives the same passes as a single compilation (`pipeline.Compilation`) and gives the same files and the same
-diagnostics; it only keeps what the passes may share: the documents and their models, part schemas, records, the worker.
+A `Session` drives the same passes as a single compilation (`pipeline`) and gives the same files and the same diagnostics; it only keeps
+what the passes may share: the documents and their models, part schemas, records, the worker.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from typing import TYPE_CHECKING
 
+from thingc import pipeline
 from thingc.diagnostics import Report
-from thingc.frozen import dataclass
-from thingc.pipeline import Compilation, Front, Options
+from thingc.environment import Environment, Options
+from thingc.pipeline import Compilation, Settings
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
-    """What one compilation has of its own. `parameters` are texts as `-p` takes them (`{"reach": "120 mm"}`), `choices` texts by
-    dotted path in the root document (`{"components.foot.part": "feet:Wide"}`)."""
-
-    parameters: Mapping[str, str] = field(default_factory=dict)
-    choices: Mapping[str, str] = field(default_factory=dict)
+if TYPE_CHECKING:
+    from thingc.emit.artifact import Artifacts, Content
 
 
 class Session:
@@ -32,30 +27,35 @@ class Session:
     """
 
     def __init__(self, document: str, options: Options) -> None:
-        self.options = options
-        self.front = Front(document, options)
-        self.front.read()
+        self.environment = Environment(document, options)
+        self.sources = pipeline.read(self.environment)
 
     def __enter__(self) -> Session:
         return self
 
     def __exit__(self, *exception: object) -> None:
-        self.front.__exit__(*exception)
+        self.environment.__exit__(*exception)
 
     @property
     def report(self) -> Report:
         """Faults of the documents themselves, which every compilation has."""
-        return self.front.report
+        return self.environment.report
 
     def compile(self, settings: Settings, modes: Sequence[str] = ()) -> Compilation:
         """The document with these settings, through every pass up to `root`, for the modes named (none: all).
 
         What is wrong is in the compilation's `report`. Raises `UnknownChoice` for a mode that is not there.
         """
-        options = replace(
-            self.options,
-            parameters={**self.options.parameters, **settings.parameters}, choices={**self.options.choices, **settings.choices},
+        own = self.environment.options
+        settings = Settings(
+            parameters={**own.parameters, **settings.parameters}, choices={**own.choices, **settings.choices},
         )
-        compilation = Compilation(self.front.document, options, self.front)
-        compilation.run(modes)
-        return compilation
+        return pipeline.recompile(self.environment, self.sources, settings, modes)
+
+    def emit(self, compilation: Compilation, targets: Sequence[str], *, verify: bool = True) -> dict[str, Artifacts]:
+        """Artifacts per target: see `pipeline.emit`."""
+        return pipeline.emit(self.environment, compilation, targets, verify=verify)
+
+    def files(self, compilation: Compilation, artifacts: Mapping[str, Artifacts]) -> dict[str, Content]:
+        """What a build folder holds, by path in it."""
+        return pipeline.files(self.environment, compilation, artifacts)

@@ -42,17 +42,18 @@ ROOMS: dict[str, set[str]] = {
     "render": {"frozen", "pose"},
     "reporting": {"frozen", "shown", "source", "diagnostics"},
     "layout": BASE | {"load", "spec"},
-    "editor": BASE | {"load", "spec", "realize", "resolve", "joints", "pipeline"},
+    "editor": BASE | {"load", "spec", "realize", "resolve", "joints", "environment"},
     "testing": BASE | {"printing", "checks", "resolve", "realize", "joints", "graph", "robot", "statics", "solids", "emit"},
     "gate": BASE | {"load", "realize"},
     "output": BASE | {"realize", "emit"},
     "stamp": BASE | {"realize"},
-    "pipeline": BASE | {"stamp", "load", "spec", "realize", "resolve", "joints", "graph", "robot", "solids", "emit"},
-    "session": BASE | {"pipeline"},
-    "variants": BASE | {"printing", "pipeline", "stamp", "session", "load", "spec", "realize", "resolve", "graph", "robot", "statics",
-        "emit", "output", "modes", "render"},
-    "api": BASE | {"printing", "pipeline", "realize", "graph", "robot", "emit"},
-    "cli": BASE | {"printing", "pipeline", "realize", "graph", "robot", "emit", "output", "stamp", "resolve", "render",
+    "environment": BASE | {"realize"},
+    "pipeline": BASE | {"stamp", "environment", "load", "spec", "realize", "resolve", "joints", "graph", "robot", "solids", "emit"},
+    "session": BASE | {"environment", "pipeline", "emit"},
+    "variants": BASE | {"printing", "environment", "pipeline", "stamp", "session", "load", "spec", "realize", "resolve", "graph",
+        "robot", "statics", "emit", "output", "modes", "render"},
+    "api": BASE | {"printing", "environment", "pipeline", "realize", "graph", "robot", "emit"},
+    "cli": BASE | {"printing", "environment", "pipeline", "realize", "graph", "robot", "emit", "output", "stamp", "resolve", "render",
         "reporting", "layout", "editor", "testing", "variants", "load", "spec", "gate"},
     "__init__": {"things", "api", "modes"},
     "__main__": {"cli"},
@@ -66,7 +67,7 @@ KERNEL_MODULES = {
     )
 }
 HEAVY = {"numpy", "networkx", "trimesh", "mujoco", "scipy", "rich", "typer", "manifold3d", "coacd", "ruamel", "tomlkit"}
-CHECK_ROOMS = BASE | {"load", "spec", "checks", "resolve", "graph", "joints", "robot", "pipeline", "stamp"}
+CHECK_ROOMS = BASE | {"load", "spec", "checks", "resolve", "graph", "joints", "robot", "environment", "pipeline", "stamp"}
 
 
 def modules() -> list[Path]:

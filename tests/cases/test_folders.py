@@ -196,7 +196,7 @@ def test_a_defect_of_the_compiler_is_called_one(
     def defect(*_: object, **__: object) -> None:
         raise ZeroDivisionError("division\nby zero")
 
-    monkeypatch.setattr("thingc.pipeline.Compilation.run", defect)
+    monkeypatch.setattr("thingc.pipeline.check", defect)
     (folder / "robot.yaml").write_text(GOOD + "# so that no earlier answer stands\n")
     code, lines = said(capsys, "check", "robot.yaml")
     assert code == 1

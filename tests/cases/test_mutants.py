@@ -16,10 +16,11 @@ from pathlib import Path
 
 import pytest
 
+from thingc import pipeline
 from thingc.diagnostics import Code, Diagnostic, Report, Severity
+from thingc.environment import Environment, Options
 from thingc.graph import link
 from thingc.load import load
-from thingc.pipeline import Compilation, Options
 from thingc.printing import as_json, as_text
 from thingc.realize.record import PartFailure, PartRecord
 from thingc.realize.service import GeometryService
@@ -63,11 +64,11 @@ class Arm:
         self.path = folder / "assemblies" / "arm.yaml"
         self.text = self.path.read_text()
         self.store = Store(store)
-        with Compilation(str(self.path), Options(store=store)) as whole:
-            whole.run()
+        with Environment(str(self.path), Options(store=store)) as environment:
+            whole = pipeline.compile(environment)
             assert whole.report.diagnostics == [] and whole.assembly is not None and whole.documents is not None
             self.document: Document = whole.documents.root
-            self.records: Mapping[str, PartRecord | PartFailure] = whole.geometry.realize(
+            self.records: Mapping[str, PartRecord | PartFailure] = environment.geometry.realize(
                 part_definitions(whole.assembly.definition)
             )
 

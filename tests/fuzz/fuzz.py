@@ -27,7 +27,7 @@ from typing import Any
 
 from thingc.cli.check import without_code
 from thingc.diagnostics import Diagnostic
-from thingc.pipeline import Options
+from thingc.environment import Options
 from thingc.printing import as_json, as_text
 from thingc.reporting.github import as_github
 from thingc.reporting.sarif import as_sarif

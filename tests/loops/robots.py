@@ -14,8 +14,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from thingc import pipeline
 from thingc.emit.artifact import Artifacts, Loss
-from thingc.pipeline import Compilation, Options
+from thingc.environment import Environment, Options
+from thingc.pipeline import Compilation
 from thingc.robot.types import Robot
 
 Array = Any
@@ -72,9 +74,9 @@ def compiled(folder: Path, documents: dict[str, str] | str) -> Built:
     folder.joinpath("thingc.toml").write_text('thingc = "workspace/1"\n')
     for name, text in files.items():
         folder.joinpath(name).write_text(text)
-    with Compilation(str(folder / next(iter(files))), Options(store=str(folder / "store"))) as compilation:
-        compilation.run()
-        return Built(compilation, None if compilation.report.failed else compilation.emit(["mjcf"])["mjcf"])
+    with Environment(str(folder / next(iter(files))), Options(store=str(folder / "store"))) as environment:
+        compilation = pipeline.compile(environment)
+        return Built(compilation, None if compilation.report.failed else pipeline.build(environment, compilation, ["mjcf"])["mjcf"])
 
 
 def at_key(model: mujoco.MjModel, name: str) -> mujoco.MjData:

@@ -8,8 +8,10 @@ import mujoco
 import numpy as np
 import pytest
 
+from thingc import pipeline
 from thingc.emit.artifact import Artifacts
-from thingc.pipeline import Compilation, Options
+from thingc.environment import Environment, Options
+from thingc.pipeline import Compilation
 
 BALL = "inertia: {ixx: 1e-3 kg*m^2, iyy: 1e-3 kg*m^2, izz: 1e-3 kg*m^2}"
 DOCUMENT = f"""\
@@ -42,9 +44,9 @@ raw:
 def compiled(folder: Path, text: str) -> tuple[Compilation, Artifacts | None]:
     folder.joinpath("thingc.toml").write_text('thingc = "workspace/1"\n')
     folder.joinpath("swing.yaml").write_text(text)
-    with Compilation(str(folder / "swing.yaml"), Options(store=str(folder / "store"))) as compilation:
-        compilation.run()
-        return compilation, None if compilation.report.failed else compilation.emit(["mjcf"])["mjcf"]
+    with Environment(str(folder / "swing.yaml"), Options(store=str(folder / "store"))) as environment:
+        compilation = pipeline.compile(environment)
+        return compilation, None if compilation.report.failed else pipeline.build(environment, compilation, ["mjcf"])["mjcf"]
 
 
 def test_a_document_becomes_models(tmp_path: Path) -> None:

@@ -8,6 +8,11 @@ from math import radians
 import numpy as np
 import pytest
 
+import thingc
+from thingc import pipeline
+from thingc.environment import Environment, Options
+from thingc.printing import as_text
+
 from .conftest import POSES, ROOT, matrix, put_together
 
 pytestmark = pytest.mark.usefixtures("one_kernel")
@@ -18,11 +23,8 @@ JOINTS = ("yaw", "shoulder", "elbow", "wrist")
 
 def compiled(document, store, **parameters):
     """The compilation, run; it must have nothing to say."""
-    from thingc.pipeline import Compilation, Options
-    from thingc.printing import as_text
-
-    compilation = Compilation(document, Options(store=store, jobs=2, parameters=parameters))
-    compilation.run()
+    with Environment(document, Options(store=store, jobs=2, parameters=parameters)) as environment:
+        compilation = pipeline.compile(environment)
     # A short arm that draws has its plate in the floor of the scene: that is said, and no more.
     said = [found for found in compilation.report.diagnostics if found.code.code != "TC610"]
     assert not said, as_text(compilation.report.ordered())
@@ -33,22 +35,13 @@ def compiled(document, store, **parameters):
 @pytest.fixture(scope="module")
 def arm(shared_store):
     """The arm as its document says."""
-    with compiled(ARM, shared_store) as compilation:
-        yield compilation
+    return compiled(ARM, shared_store)
 
 
 @pytest.fixture(scope="module")
-def models(arm):
+def models(shared_store):
     """Mode to its compiled MuJoCo model."""
-    import mujoco
-
-    files = dict(arm.emit(["mjcf"])["mjcf"].files)
-    read = {path: arm.store.read(c.sha256) if hasattr(c, "sha256") else c for path, c in files.items()}
-    assets = {path.removeprefix("mjcf/assets/"): data for path, data in read.items() if path.startswith("mjcf/assets/")}
-    return {
-        mode: mujoco.MjModel.from_xml_string(read[f"mjcf/arm_{mode}.xml"].decode(), assets)
-        for mode in ("bench", "drawing", "adrift")
-    }
+    return {name: mode.model() for name, mode in thingc.compile(ARM, store=shared_store).modes.items()}
 
 
 def rest(compilation):
@@ -64,8 +57,7 @@ def rest(compilation):
 
 @pytest.mark.parametrize(("reach", "pen"), [(100, 15), (60, 6), (200, 30)])
 def test_every_part_stands_where_the_chain_puts_it(shared_store, reach, pen):
-    with compiled(ARM, shared_store, reach=f"{reach} mm", pen_diameter=f"{pen} mm") as compilation:
-        found = rest(compilation)
+    found = rest(compiled(ARM, shared_store, reach=f"{reach} mm", pen_diameter=f"{pen} mm"))
     expected = put_together((0, 0, 0, 0), reach, pen)
     assert set(found) == set(expected) | {"bus_board"}
     for path, part in expected.items():
@@ -173,6 +165,6 @@ def test_the_arm_holds_its_home_pose(models):
 
 
 def test_the_end_effector_is_a_robot_of_its_own(shared_store):
-    with compiled(str(ROOT / "assemblies" / "end_effector.yaml"), shared_store, pen_diameter="9 mm") as compilation:
-        assert [o.path for o in compilation.assembly.occurrences] == ["fixture", "cap", "cap_screw_0", "cap_screw_1", "pen"]
-        assert [mount.path for mount in compilation.assembly.exported] == ["seat", "tip"]
+    compilation = compiled(str(ROOT / "assemblies" / "end_effector.yaml"), shared_store, pen_diameter="9 mm")
+    assert [o.path for o in compilation.assembly.occurrences] == ["fixture", "cap", "cap_screw_0", "cap_screw_1", "pen"]
+    assert [mount.path for mount in compilation.assembly.exported] == ["seat", "tip"]

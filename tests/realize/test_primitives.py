@@ -40,7 +40,8 @@ from OCP.gp import gp_Dir, gp_Lin, gp_Pnt
 from OCP.IntCurvesFace import IntCurvesFace_ShapeIntersector
 from OCP.TopAbs import TopAbs_IN, TopAbs_OUT
 
-from thingc.pipeline import Compilation, Options
+from thingc import pipeline
+from thingc.environment import Environment, Options
 from thingc.realize.measure import solids_of
 from thingc.realize.primitives import primitive_of
 from thingc.realize.record import Primitive
@@ -343,10 +344,10 @@ DOCUMENT = """
 
 def emitted(place: Any) -> tuple[str, dict[str, bytes]]:
     """The model's XML and its assets."""
-    with Compilation(str(place.root / "room.yaml"), Options(store=str(place.root.parent / "store"))) as compilation:
-        compilation.run()
+    with Environment(str(place.root / "room.yaml"), Options(store=str(place.root.parent / "store"))) as environment:
+        compilation = pipeline.compile(environment)
         assert not compilation.report.failed, compilation.report.diagnostics
-        files = compilation.emit(["mjcf"])["mjcf"].files
+        files = pipeline.build(environment, compilation, ["mjcf"])["mjcf"].files
     read = {
         name: data if isinstance(data, bytes) else place.store.read(data.sha256) for name, data in files.items()
     }

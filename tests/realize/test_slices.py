@@ -10,14 +10,16 @@ from typing import Any
 import pytest
 
 from realize.conftest import Place, file_part, part
-from thingc.pipeline import Compilation, Options
+from thingc import pipeline
+from thingc.environment import Environment, Options
+from thingc.pipeline import Settings
 from thingc.realize.client import Workers
 from thingc.realize.lock_values import BadLock, read_record, record_values
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord
 from thingc.realize.record_json import record_from_json, record_to_json
 from thingc.realize.service import GeometryService
 from thingc.realize.slices import Sliced, Slicing, Unsliced
-from thingc.session import Session, Settings
+from thingc.session import Session
 
 HOW = Slicing(up=(0.0, 0.0, 1.0), layer=0.0002, line_width=0.00045, walls=3, top=4, bottom=4)
 
@@ -186,11 +188,11 @@ def test_another_percentage_needs_no_worker(spot: Place) -> None:
             masses[infill] = found.assembly.occurrences[0].properties.mass
             assert found.assembly.occurrences[0].estimate == "layers"
     assert masses[20] - masses[15] == pytest.approx((masses[40] - masses[20]) / 4, rel=1e-9)
-    with Compilation(document, replace(options, parameters={"infill": "33 %"})) as later:
-        later.run()
+    with Environment(document, replace(options, parameters={"infill": "33 %"})) as environment:
+        later = pipeline.compile(environment)
         assert later.assembly is not None and not later.report.diagnostics
         assert later.assembly.occurrences[0].properties.mass == pytest.approx(masses[20] + 13 * (masses[40] - masses[20]) / 20, rel=1e-9)
-        assert later.geometry._workers is None, "a worker was started"
+        assert environment.geometry._workers is None, "a worker was started"
         assert not later.modelled
 
 

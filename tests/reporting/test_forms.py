@@ -79,7 +79,7 @@ def test_an_unchanged_document_answers_in_every_form(
     """A warning is remembered with the stamp; the second run answers from it, in whatever form."""
     words = ["check", "codes/TC406/wrong/robot.yaml"]
     assert main(words) == 0
-    monkeypatch.setattr("thingc.pipeline.Compilation.run", lambda *_, **__: pytest.fail("the stamp should have answered"))
+    monkeypatch.setattr("thingc.pipeline.check", lambda *_, **__: pytest.fail("the stamp should have answered"))
     exit_code, forms, _ = said(capsys, words)
     assert exit_code == 0 and list(forms.values()) == [["TC406"]] * 4
 
@@ -91,7 +91,7 @@ def test_a_defect_is_told_in_the_form_that_was_asked_for(
     def defect(*_: object, **__: object) -> None:
         raise ZeroDivisionError("division by zero")
 
-    monkeypatch.setattr("thingc.pipeline.Compilation.run", defect)
+    monkeypatch.setattr("thingc.pipeline.check", defect)
     (folder / "codes" / "TC302.yaml").write_text("thingc: assembly/1\nname: never_seen_before\ncomponents: {}\n")
     exit_code, forms, _ = said(capsys, ["check", "codes/TC302.yaml"])
     assert exit_code == 1 and list(forms.values()) == [["TC899"]] * 4

@@ -8,8 +8,10 @@ from pathlib import Path
 import pytest
 
 import thingc
+from thingc import pipeline
 from thingc.diagnostics import Code
-from thingc.pipeline import Compilation, Options
+from thingc.environment import Environment, Options
+from thingc.pipeline import Compilation
 from thingc.spec.choices import ChoicePath, parse
 from variants.robots import PENDULUM, environment, workspace
 from variants.robots import thingc as run
@@ -35,9 +37,8 @@ CUBE, DISC = 0.04**2 * 0.01, 3.141592653589793 * 0.02**2 * 0.01
 
 def compiled(folder: Path, store: str, choices: dict[str, str]) -> Compilation:
     workspace(folder, family=FAMILY)
-    with Compilation(str(folder / "family.yaml"), Options(store=store, choices=choices)) as compilation:
-        compilation.run()
-        return compilation
+    with Environment(str(folder / "family.yaml"), Options(store=store, choices=choices)) as environment:
+        return pipeline.compile(environment)
 
 
 def parts(compilation: Compilation) -> dict[str, str]:
@@ -146,9 +147,8 @@ def test_commands_and_the_library_take_them(tmp_path: Path, shared_store: str) -
 
 def pendulum(folder: Path, store: str, choices: dict[str, str]) -> Compilation:
     workspace(folder)
-    with Compilation(str(folder / "pendulum.yaml"), Options(store=store, choices=choices)) as compilation:
-        compilation.run()
-        return compilation
+    with Environment(str(folder / "pendulum.yaml"), Options(store=store, choices=choices)) as environment:
+        return pipeline.compile(environment)
 
 
 TOP = "    mounts: {top:"
@@ -167,9 +167,9 @@ BY_PATH = [
 def models(folder: Path, store: str, document: str, choices: dict[str, str]) -> dict[str, object]:
     """The MJCF models of a pendulum's document."""
     workspace(folder, pendulum=document)
-    with Compilation(str(folder / "pendulum.yaml"), Options(store=store, choices=choices)) as compilation:
-        compilation.run()
-        files = compilation.emit(["mjcf"], verify=False)["mjcf"].files
+    with Environment(str(folder / "pendulum.yaml"), Options(store=store, choices=choices)) as environment:
+        compilation = pipeline.compile(environment)
+        files = pipeline.emit(environment, compilation, ["mjcf"], verify=False)["mjcf"].files
         assert compilation.report.diagnostics == []
         return {path: content for path, content in files.items() if path.endswith(".xml")}
 
@@ -211,6 +211,6 @@ def test_what_a_later_pass_says_of_a_value_is_said_of_the_option(tmp_path: Path,
 
 def test_a_document_with_faults_of_its_own_is_not_looked_into(tmp_path: Path, shared_store: str) -> None:
     workspace(tmp_path, pendulum=PENDULUM.replace("mass: 2 kg", "mass: 2 m"))
-    with Compilation(str(tmp_path / "pendulum.yaml"), Options(store=shared_store, choices={"joints.swin.gap": "1 mm"})) as compilation:
-        compilation.run()
+    with Environment(str(tmp_path / "pendulum.yaml"), Options(store=shared_store, choices={"joints.swin.gap": "1 mm"})) as environment:
+        compilation = pipeline.compile(environment)
     assert [one.code for one in compilation.report.diagnostics] == [Code.WRONG_DIMENSION]

@@ -6,7 +6,7 @@ import contextlib
 import io
 import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +15,13 @@ import numpy as np
 import pytest
 import trimesh
 
+from thingc import pipeline
 from thingc.cli import info
 from thingc.cli.main import main
+from thingc.environment import Environment, Options, attempted
 from thingc.modes import Modes
-from thingc.pipeline import Compilation, Options
-from thingc.session import Session, Settings
+from thingc.pipeline import Compilation, Settings
+from thingc.session import Session
 
 pytestmark = pytest.mark.usefixtures("one_kernel")
 
@@ -100,21 +102,26 @@ Compiled = Callable[..., Compilation]
 
 
 @pytest.fixture
-def compiled(folder: Path, shared_store: str) -> Iterator[Compiled]:
-    with contextlib.ExitStack() as stack:
-        def compile(text: str, **options: Any) -> Compilation:
-            (folder / "robot.yaml").write_text(text)
-            compilation = stack.enter_context(Compilation(str(folder / "robot.yaml"), Options(store=shared_store, **options)))
-            compilation.run()
-            return compilation
+def compiled(folder: Path, shared_store: str) -> Compiled:
+    def compile(text: str, **options: Any) -> Compilation:
+        (folder / "robot.yaml").write_text(text)
+        with Environment(str(folder / "robot.yaml"), Options(store=shared_store, **options)) as environment:
+            return pipeline.compile(environment)
 
-        yield compile
+    return compile
 
 
-def files_of(compilation: Compilation) -> dict[str, bytes]:
-    assert not compilation.report.failed, compilation.report.ordered()
-    files = compilation.emit(["mjcf"])["mjcf"].files
-    return {path: one if isinstance(one, bytes) else compilation.store.read(one.sha256) for path, one in files.items()}
+@pytest.fixture
+def files_of(folder: Path, shared_store: str) -> Callable[[str], dict[str, bytes]]:
+    def build(text: str) -> dict[str, bytes]:
+        (folder / "robot.yaml").write_text(text)
+        with Environment(str(folder / "robot.yaml"), Options(store=shared_store)) as environment:
+            compilation = pipeline.compile(environment)
+            assert not compilation.report.failed, compilation.report.ordered()
+            files = pipeline.build(environment, compilation, ["mjcf"])["mjcf"].files
+            return {path: one if isinstance(one, bytes) else environment.store.read(one.sha256) for path, one in files.items()}
+
+    return build
 
 
 def scene(files: dict[str, bytes], mode: str) -> mujoco.MjModel:
@@ -138,15 +145,15 @@ def posed(model: mujoco.MjModel, pose: str | None = None) -> mujoco.MjData:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_lowest_point_of_what_collides_touches_the_floor(kind: str, compiled: Compiled) -> None:
-    files = files_of(compiled(LAMP.replace("KIND", kind)))
+def test_the_lowest_point_of_what_collides_touches_the_floor(kind: str, files_of: Callable[[str], dict[str, bytes]]) -> None:
+    files = files_of(LAMP.replace("KIND", kind))
     for mode in ("flat", "askew", "hung"):
         assert height(posed(scene(files, mode))) == pytest.approx(0.0, abs=2e-7), mode
 
 
-def test_the_hull_is_that_of_what_is_drawn(compiled: Compiled) -> None:
+def test_the_hull_is_that_of_what_is_drawn(files_of: Callable[[str], dict[str, bytes]]) -> None:
     """By the vertices of the mesh, read by trimesh, and the pose that the model has."""
-    files = files_of(compiled(LAMP.replace("KIND", "hull")))
+    files = files_of(LAMP.replace("KIND", "hull"))
     data = posed(scene(files, "askew"))
     mesh = trimesh.load(io.BytesIO(files["mjcf/assets/lamps.Lamp.obj"]), file_type="obj", process=False)
     placed = mesh.vertices @ data.body("lamp").xmat.reshape(3, 3).T + data.body("lamp").xpos
@@ -159,8 +166,8 @@ def bent_height(angle: float, length: float) -> float:
     return max(0.01, length * np.sin(angle) + 0.01 * np.cos(angle))
 
 
-def test_a_floating_robot_stands_in_every_keyframe(compiled: Compiled) -> None:
-    files = files_of(compiled(ARM))
+def test_a_floating_robot_stands_in_every_keyframe(files_of: Callable[[str], dict[str, bytes]]) -> None:
+    files = files_of(ARM)
     model = scene(files, "afloat")
     expected = {"bent": bent_height(np.radians(30.0), 0.06), "level": 0.01, "raised": 0.01}
     modes = Modes.parse(files["modes.json"])
@@ -173,16 +180,16 @@ def test_a_floating_robot_stands_in_every_keyframe(compiled: Compiled) -> None:
     assert list(json.loads(files["modes.json"])["afloat"]["bases"]) == ["level", "raised"]
 
 
-def test_one_that_does_not_float_has_the_height_of_its_start_pose(compiled: Compiled) -> None:
-    files = files_of(compiled(ARM.replace("base: free", "base: held")))
+def test_one_that_does_not_float_has_the_height_of_its_start_pose(files_of: Callable[[str], dict[str, bytes]]) -> None:
+    files = files_of(ARM.replace("base: free", "base: held"))
     for pose in ("bent", "level"):
         assert posed(scene(files, "afloat"), pose).body("upper").xpos[2] == pytest.approx(bent_height(np.radians(30.0), 0.06), abs=1e-7)
     assert "bases" not in json.loads(files["modes.json"])["afloat"]
 
 
-def test_it_starts_at_rest(compiled: Compiled) -> None:
+def test_it_starts_at_rest(files_of: Callable[[str], dict[str, bytes]]) -> None:
     """Two boxes on a plane: in the first step nothing is pushed out of the floor, and nothing falls onto it."""
-    files = files_of(compiled(ARM.replace("pose: bent", "pose: level")))
+    files = files_of(ARM.replace("pose: bent", "pose: level"))
     data = posed(scene(files, "afloat"), "level")
     for _ in range(500):
         mujoco.mj_step(data.model, data)
@@ -190,9 +197,8 @@ def test_it_starts_at_rest(compiled: Compiled) -> None:
     assert data.body("upper").xpos[2] == pytest.approx(0.01, abs=2e-4)
 
 
-def test_here_holds_where_it_stands(compiled: Compiled) -> None:
-    compilation = compiled(ARM + "  held: {extends: afloat, base: fixed, hold: {lower.tip: here}}\n")
-    files = files_of(compilation)
+def test_here_holds_where_it_stands(files_of: Callable[[str], dict[str, bytes]]) -> None:
+    files = files_of(ARM + "  held: {extends: afloat, base: fixed, hold: {lower.tip: here}}\n")
     data = posed(scene(files, "held"), "bent")
     z = bent_height(np.radians(30.0), 0.06)
     assert data.body("upper").xpos[2] == pytest.approx(z, abs=1e-7)
@@ -239,20 +245,19 @@ def test_check_needs_no_meshes(compiled: Compiled, folder: Path) -> None:
 def test_a_damaged_mesh_is_made_anew(folder: Path, tmp_path: Path) -> None:
     (folder / "robot.yaml").write_text(LAMP.replace("KIND", "hull"))
     options = Options(store=str(tmp_path / "store"))
-    with Compilation(str(folder / "robot.yaml"), options) as compilation:
-        compilation.run()
+    with Environment(str(folder / "robot.yaml"), options) as environment:
+        compilation = pipeline.compile(environment)
         expected = [robot.bodies[0].X_PL for robot in compilation.robots]
         assert compilation.assembly is not None and compilation.assembly.occurrences[0].record is not None
         hull = compilation.assembly.occurrences[0].record.meshes["hull"]
-        path = Path(compilation.store.path(hull.sha256))
+        path = Path(environment.store.path(hull.sha256))
     damaged = bytearray(path.read_bytes())
     damaged[100] ^= 1
     stamp = path.stat()
     path.write_bytes(damaged)
     os.utime(path, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
-    with Compilation(str(folder / "robot.yaml"), options) as compilation:
-        compilation.run()
-        assert [robot.bodies[0].X_PL for robot in compilation.robots] == expected and compilation.modelled == ["lamps:Lamp"]
+    compilation = attempted(str(folder / "robot.yaml"), options, pipeline.compile)
+    assert [robot.bodies[0].X_PL for robot in compilation.robots] == expected and compilation.modelled == ["lamps:Lamp"]
 
 
 def test_info_says_where_it_stands(compiled: Compiled) -> None:

@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 from harness import Ran, ran
 
+from thingc import pipeline
 from thingc.diagnostics import Severity
-from thingc.pipeline import Compilation, Options
+from thingc.environment import Environment, Options
 from thingc.realize.lock_values import BadLock, read_schema, schema_values
 from thingc.realize.record import ParameterSchema, PartSchema
 
@@ -53,8 +54,8 @@ def test_a_lock_says_of_the_robots_what_the_store_says(workspace: Path, shared_s
     for document in (ARM, MINCHW):
         masses = []
         for options in (Options(store=shared_store), Options(lock=True, code=False)):
-            with Compilation(str(workspace / document), options) as compilation:
-                compilation.run()
+            with Environment(str(workspace / document), options) as environment:
+                compilation = pipeline.compile(environment)
                 assert not compilation.report.diagnostics and compilation.assembly is not None
                 masses.append([
                     (one.path, one.properties.mass, *one.properties.centre, *(entry for row in one.properties.inertia for entry in row))
@@ -135,13 +136,13 @@ def test_a_process_that_the_lock_does_not_hold(workspace: Path, shared_store: st
     assert done.code == 0
     assert UNKNOWN in done.out
     assert "`arm:BasePlate`" in done.out
-    with Compilation(str(arm), Options(store=shared_store, lock=True)) as compilation:  # where code may run, it is sliced
-        compilation.run()
+    with Environment(str(arm), Options(store=shared_store, lock=True)) as environment:  # where code may run, it is sliced
+        compilation = pipeline.compile(environment)
         assert compilation.assembly is not None and not compilation.report.diagnostics
         plate = compilation.assembly.occurrences[0]
         assert plate.estimate == "layers"
-    with Compilation(str(arm), Options(store=shared_store)) as build:
-        build.run()
+    with Environment(str(arm), Options(store=shared_store)) as environment:
+        build = pipeline.compile(environment)
         assert build.assembly is not None
         assert plate.properties.mass == pytest.approx(build.assembly.occurrences[0].properties.mass, rel=1e-9)
 
@@ -253,8 +254,8 @@ def test_a_lock_that_was_tampered_with_is_a_diagnostic(path: tuple[str, ...], va
 
 def test_a_broken_lock_is_a_warning_where_code_may_run(workspace: Path, tmp_path: Path) -> None:
     (workspace / "parts.lock.json").write_text("{")
-    with Compilation(str(workspace / "assemblies" / "end_effector.yaml"), Options(store=str(tmp_path / "store"), lock=True)) as compilation:
-        compilation.run()
+    with Environment(str(workspace / "assemblies" / "end_effector.yaml"), Options(store=str(tmp_path / "store"), lock=True)) as environment:
+        compilation = pipeline.compile(environment)
         assert [d.code.code for d in compilation.report.diagnostics] == ["TC342"]
         assert compilation.report.diagnostics[0].severity is Severity.WARNING
 

@@ -35,7 +35,7 @@ def hook(event, arguments):
 sys.addaudithook(hook)
 words = sys.argv[2:]
 from thingc.cli.check import without_code
-from thingc.pipeline import Options
+from thingc.environment import Options
 found = []
 for word in words:
     found += without_code(word, Options(), strict=False)

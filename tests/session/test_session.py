@@ -11,10 +11,12 @@ from pathlib import Path
 import pytest
 
 from conformance.harness import ROOT
+from thingc import pipeline
 from thingc.diagnostics import Code, Diagnostic
 from thingc.emit.artifact import Loss, Stored
-from thingc.pipeline import Compilation, Options, UnknownChoice
-from thingc.session import Session, Settings
+from thingc.environment import Environment, Options
+from thingc.pipeline import Compilation, Settings, UnknownChoice
+from thingc.session import Session
 
 TARGETS = ("mjcf", "mjz", "stl", "bom", "hag")
 
@@ -126,15 +128,18 @@ VALUES = {
 """Texts for each parameter of the rig: sound ones, and ones that fail in every pass."""
 
 
-def outcome(compilation: Compilation, targets: Sequence[str]) -> tuple[list[Diagnostic], dict[str, object], list[Loss], dict[str, object]]:
+def outcome(
+    environment: Environment, compilation: Compilation, targets: Sequence[str],
+) -> tuple[list[Diagnostic], dict[str, object], list[Loss], dict[str, object]]:
     """Everything that comes of a compilation: what was said, files, losses, and what was decided about parts."""
     files: dict[str, object] = {}
     losses: list[Loss] = []
     if not compilation.report.failed:
-        for artifacts in compilation.emit(targets).values():
+        emitted = pipeline.emit if compilation.repeated else pipeline.build
+        for artifacts in emitted(environment, compilation, targets).values():
             losses += artifacts.losses
             files |= {
-                path: compilation.store.read(content.sha256) if isinstance(content, Stored) else content
+                path: environment.store.read(content.sha256) if isinstance(content, Stored) else content
                 for path, content in artifacts.files.items()
             }
     decisions: dict[str, object] = {text: decision.reused for text, decision in compilation.decisions.items()}
@@ -143,9 +148,9 @@ def outcome(compilation: Compilation, targets: Sequence[str]) -> tuple[list[Diag
 
 def by_itself(document: Path, store: str, settings: Settings, targets: Sequence[str]) -> tuple[object, ...]:
     """The outcome of a compilation that shares nothing with another one."""
-    with Compilation(str(document), Options(store=store, parameters=settings.parameters, choices=settings.choices)) as compilation:
-        compilation.run()
-        return outcome(compilation, targets)
+    with Environment(str(document), Options(store=store, parameters=settings.parameters, choices=settings.choices)) as environment:
+        compilation = pipeline.compile(environment)
+        return outcome(environment, compilation, targets)
 
 
 def check(document: Path, store: str, many: Sequence[Settings], targets: Sequence[str] = TARGETS) -> int:
@@ -153,7 +158,7 @@ def check(document: Path, store: str, many: Sequence[Settings], targets: Sequenc
     sound = 0
     with Session(str(document), Options(store=store)) as session:
         for settings in many:
-            found = outcome(session.compile(settings), targets)
+            found = outcome(session.environment, session.compile(settings), targets)
             alone = by_itself(document, store, settings, targets)
             # Where the floor is, is looked at by single builds alone: thousands of variants would stand in it alike.
             assert found[0] == [one for one in alone[0] if one.code is not Code.START_BELOW], settings
@@ -253,7 +258,7 @@ def test_a_variant_without_new_geometry_models_nothing(rig: Path, shared_store: 
 def test_a_session_reads_the_documents_once(rig: Path, shared_store: str, tmp_path: Path) -> None:
     copy = tmp_path / "copy"
     with Session(str(rig), Options(store=shared_store)) as session:
-        first = outcome(session.compile(Settings()), TARGETS)
+        first = outcome(session.environment, session.compile(Settings()), TARGETS)
         shutil.copytree(rig.parent, copy, ignore=shutil.ignore_patterns("copy"))
         rig.write_text("thingc: assembly/1\nname: other\n")
-        assert outcome(session.compile(Settings()), TARGETS)[1] == first[1]
+        assert outcome(session.environment, session.compile(Settings()), TARGETS)[1] == first[1]

@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 from conformance.harness import ROOT
-from thingc.pipeline import Options
-from thingc.session import Session, Settings
+from thingc.environment import Options
+from thingc.pipeline import Settings
+from thingc.session import Session
 
 pytestmark = pytest.mark.slow
 
@@ -40,8 +41,8 @@ def test_nothing_piles_up(shared_store: str, tmp_path: Path) -> None:
     with Session(str(document), Options(store=shared_store)) as session:
         for index in range(60):
             compilation = session.compile(Settings(parameters={"mass": f"{1 + index} kg", "lift": f"{index / 2} deg"}))
-            assert not compilation.emit(["mjcf", "bom"])["mjcf"].losses
+            assert not session.emit(compilation, ["mjcf", "bom"])["mjcf"].losses
             assert compilation.assembly is not None
             assert compilation.assembly.properties.mass == pytest.approx(2.0 + index)
-            sizes.append(len(session.front.memo._kept))
+            sizes.append(len(session.environment.memo._kept))
     assert sizes[2] == sizes[-1]

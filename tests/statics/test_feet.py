@@ -22,11 +22,12 @@ import pytest
 from scipy.optimize import linprog, minimize
 
 from statics.test_statics import at_rest, oracle
+from thingc import pipeline
 from thingc.cli import info
 from thingc.cli.main import main
+from thingc.environment import Environment, Options
 from thingc.graph import joints_of
 from thingc.modes import Modes
-from thingc.pipeline import Compilation, Options
 from thingc.robot import body_poses
 from thingc.robot.types import Robot
 from thingc.statics import Efforts, lifted, stance, static_efforts
@@ -44,14 +45,14 @@ class Hexapod:
     """The document, compiled: its robots, and MuJoCo's models of them."""
 
     def __init__(self, document: Path, store: str) -> None:
-        with Compilation(str(document), Options(store=store)) as compilation:
-            compilation.run()
+        with Environment(str(document), Options(store=store)) as environment:
+            compilation = pipeline.compile(environment)
             self.said = [(d.code.code, d.message) for d in compilation.report.ordered()]
             self.compilation = compilation
             self.files: dict[str, bytes] = {}
             if not compilation.report.failed:
-                for path, one in compilation.emit(["mjcf"])["mjcf"].files.items():
-                    self.files[path] = one if isinstance(one, bytes) else compilation.store.read(one.sha256)
+                for path, one in pipeline.build(environment, compilation, ["mjcf"])["mjcf"].files.items():
+                    self.files[path] = one if isinstance(one, bytes) else environment.store.read(one.sha256)
 
     def robot(self, mode: str) -> Robot:
         return next(robot for robot in self.compilation.robots if robot.mode.name == mode)

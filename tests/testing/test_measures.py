@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from testing.rig import PARALLELOGRAM, SLIDERS, Workspace, two_links
-from thingc import compile
-from thingc.pipeline import Compilation, Options
+from thingc import compile, pipeline
+from thingc.environment import Environment, Options
 from thingc.resolve.model import NamedPose
 from thingc.robot import body_poses
 from thingc.robot.types import Robot
@@ -191,8 +191,8 @@ def test_slides_carry_forces(rig: Workspace) -> None:
 def arm(root: Path, shared_store: str) -> tuple[dict[str, mujoco.MjModel], dict[str, Robot]]:
     document = str(root / "assemblies" / "arm.yaml")
     compiled = compile(document, store=shared_store)
-    with Compilation(document, Options(store=shared_store)) as compilation:
-        compilation.run()
+    with Environment(document, Options(store=shared_store)) as environment:
+        compilation = pipeline.compile(environment)
         return {name: mode.model() for name, mode in compiled.modes.items()}, {r.mode.name: r for r in compilation.robots}
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from thingc.pipeline import Options
+from thingc.environment import Options
 from thingc.variants import run
 from variants.robots import workspace
 

@@ -14,7 +14,7 @@ import pyarrow.parquet
 import pytest
 
 from thingc.diagnostics import Code
-from thingc.pipeline import Options
+from thingc.environment import Options
 from thingc.variants import BatchFault, Summary, run
 from thingc.variants.journal import Journal, in_order, lines
 from variants.robots import PENDULUM, environment, thingc, tree, workspace

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 import thingc.variants
-from thingc.pipeline import Options
+from thingc.environment import Options
 from variants.robots import environment
 
 MARGIN = 1.3

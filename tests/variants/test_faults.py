@@ -23,7 +23,7 @@ import psutil
 import pytest
 
 from thingc.diagnostics import Code
-from thingc.pipeline import Options
+from thingc.environment import Options
 from thingc.variants import BatchFault, run
 from variants.robots import environment, thingc, tree, with_emitter, workspace
 

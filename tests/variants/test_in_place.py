@@ -11,7 +11,7 @@ import mujoco.rollout
 import numpy as np
 import pytest
 
-from thingc.pipeline import Options
+from thingc.environment import Options
 from thingc.variants import Family, FamilyError, NotInPlace, apply, fields, in_place, load, run, write
 from variants.families import arrays
 from variants.robots import workspace

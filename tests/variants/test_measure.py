@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,9 @@ import numpy
 import pytest
 
 import thingc
-from thingc.pipeline import Compilation, Options
+from thingc import pipeline
+from thingc.environment import Environment, Options
+from thingc.pipeline import Compilation
 from thingc.robot import in_link
 from thingc.robot.types import Robot
 from thingc.variants.measure import UnknownMount, lengths, measure
@@ -26,15 +27,12 @@ CASES = [
 
 
 @pytest.fixture(scope="module")
-def compiled(root: Path, shared_store: str) -> Iterator[dict[str, tuple[Compilation, thingc.Compiled]]]:
+def compiled(root: Path, shared_store: str) -> dict[str, tuple[Compilation, thingc.Compiled]]:
     found = {}
     for document in sorted({case[0] for case in CASES}):
-        compilation = Compilation(str(root / document), Options(store=shared_store))
-        compilation.run()
-        found[document] = (compilation, thingc.compile(str(root / document), store=shared_store))
-    yield found
-    for compilation, _ in found.values():
-        compilation.__exit__()
+        with Environment(str(root / document), Options(store=shared_store)) as environment:
+            found[document] = (pipeline.compile(environment), thingc.compile(str(root / document), store=shared_store))
+    return found
 
 
 def posed(model: Any, robot: Robot, pose: str | None) -> Any:
@@ -150,8 +148,8 @@ def test_lengths_are_distances_of_anchors(compiled: Any, document: str, mode: st
 def test_a_pendulum_by_hand(tmp_path: Path, shared_store: str) -> None:
     """0.5 kg at 0.3 m and 0.1 kg at 0.15 m, 20 deg from the vertical: tau = g sin(20 deg) (0.5 0.3 + 0.1 0.15)."""
     workspace(tmp_path)
-    with Compilation(str(tmp_path / "pendulum.yaml"), Options(store=shared_store)) as compilation:
-        compilation.run()
+    with Environment(str(tmp_path / "pendulum.yaml"), Options(store=shared_store)) as environment:
+        compilation = pipeline.compile(environment)
         found = measure(robot_of(compilation, "hanging"), None, ("bob", "top"))
         torque = 9.81 * math.sin(math.radians(20.0)) * (0.5 * 0.3 + 0.1 * 0.15)
         assert found["torque_margin"] == pytest.approx(6.0 / torque, rel=1e-12)
@@ -166,7 +164,7 @@ def test_a_pendulum_by_hand(tmp_path: Path, shared_store: str) -> None:
 
 
 def test_loops_have_no_torque_margin(root: Path, shared_store: str) -> None:
-    with Compilation(str(root / "assemblies/minchw/minchw.yaml"), Options(store=shared_store)) as compilation:
-        compilation.run(["bridge"])
+    with Environment(str(root / "assemblies/minchw/minchw.yaml"), Options(store=shared_store)) as environment:
+        compilation = pipeline.compile(environment, ["bridge"])
         found = measure(compilation.robots[0], None, ("front.sole", "rear.sole"))
         assert found.get("torque_margin") is None and found["reach"] is not None

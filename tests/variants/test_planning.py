@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from scipy.stats import qmc
 
 from thingc.diagnostics import Code
-from thingc.pipeline import Options
+from thingc.environment import Options
 from thingc.units import ANGLE, FREQUENCY, INERTIA, LENGTH, MASS, NUMBER, TORQUE, Dimension, Quantity, parse_quantity
 from thingc.variants import Plan, PlanError, plan
 from thingc.variants.sampling import points

@@ -25,7 +25,7 @@ import pytest
 
 from realize.test_shared_store import SERVER
 from thingc.diagnostics import Code
-from thingc.pipeline import Options
+from thingc.environment import Options
 from thingc.variants import BatchFault, run, shipping
 from thingc.variants.dask_cluster import DaskCluster
 from variants.robots import environment, thingc, tree, with_emitter, workspace

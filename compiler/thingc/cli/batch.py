@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from thingc.cli import common
 from thingc.diagnostics import Diagnostic, shown_path
-from thingc.pipeline import Options
+from thingc.environment import Options
 from thingc.slips import did_you_mean
 from thingc.variants.pictures import ALL, MANY, MOST
 

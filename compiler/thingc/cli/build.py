@@ -7,14 +7,16 @@ import os
 import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
-from thingc import stamp
+from thingc import pipeline, stamp
 from thingc.cli import common
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, Stage, shown_path
-from thingc.emit.artifact import Artifacts, Loss
+from thingc.emit.artifact import Content, Loss
+from thingc.environment import Environment, Options, attempted, store_of
 from thingc.output import OutputError, build_folder, verify, write_build
-from thingc.pipeline import Compilation, Options, UnknownChoice
+from thingc.pipeline import Compilation, UnknownChoice
 from thingc.slips import did_you_mean
 
 EPILOG = """\
@@ -52,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
         common.require_document(arguments.document)
         options = common.options_of(arguments)
         targets = _targets(arguments.emit)
-        found, answer = _attempt(arguments, options, targets)
+        found, answer = _build(arguments, options, targets)
     except (UnknownChoice, OutputError) as fault:
         code = fault.code if isinstance(fault, OutputError) else Code.COMMAND_LINE
         found = [Diagnostic(code=code, severity=Severity.ERROR, message=fault.message, help=fault.hint)]
@@ -69,20 +71,6 @@ def run(arguments: argparse.Namespace) -> int:
     return common.exit_code(found)
 
 
-def _attempt(
-    arguments: argparse.Namespace, options: Options, targets: tuple[str, ...]
-) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:
-    """One build; a second one where a blob of the store turned out to be damaged, for then it has to be made anew."""
-    from thingc.realize.store import BlobMissing
-
-    try:
-        with Compilation(arguments.document, options) as compilation:
-            return _build(arguments, compilation, targets)
-    except BlobMissing:
-        with Compilation(arguments.document, options) as compilation:
-            return _build(arguments, compilation, targets)
-
-
 def _targets(words: Sequence[str]) -> tuple[str, ...]:
     """The targets chosen, in the order in which a build writes them. Raises `UnknownChoice`."""
     from thingc.emit import targets
@@ -96,39 +84,50 @@ def _targets(words: Sequence[str]) -> tuple[str, ...]:
 
 
 def _build(
-    arguments: argparse.Namespace, compilation: Compilation, targets: tuple[str, ...]
+    arguments: argparse.Namespace, options: Options, targets: tuple[str, ...]
 ) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:
-    """What there is to say, and the answer where the build succeeded. Raises `UnknownChoice` and `OutputError`."""
-    options = compilation.options
+    """What there is to say, and the answer where the build succeeded; from the stamp of an earlier build where nothing has changed.
+    Raises `UnknownChoice` and `OutputError`."""
     key = stamp.key_of("build", arguments.document, {
         "parameters": dict(options.parameters), "choices": dict(options.choices), "modes": arguments.mode, "targets": targets,
         "strict": arguments.strict,
         "output": os.path.abspath(arguments.output) if arguments.output else None, "deny_loss": arguments.deny_loss,
     })
-    earlier = stamp.load(compilation.store, key) if not arguments.twice else None
+    earlier = stamp.load(store_of(options), key) if not arguments.twice else None
     if earlier is not None:
         said, answer = earlier
         if _stands(answer):
             parts = sorted({*answer["reused"], *answer["modelled"]})
             return said, {**answer, "modelled": [], "reused": parts, "unchanged": True}
-    compilation.run(arguments.mode)
-    found = common.final(compilation.report, strict=arguments.strict)
+    return attempted(arguments.document, options, partial(_built, arguments, targets, key))
+
+
+def _built(
+    arguments: argparse.Namespace, targets: tuple[str, ...], key: str, environment: Environment,
+) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:
+    """Build, write, and remember it under `key`."""
+    compilation = pipeline.compile(environment, arguments.mode)
+    report = compilation.report
+    found = common.final(report, strict=arguments.strict)
     if common.exit_code(found):
         return found, None
-    twice = compilation.model_again() if arguments.twice else 0
-    if compilation.report.failed:
-        return common.final(compilation.report, strict=arguments.strict), None
-    artifacts = compilation.emit(targets)
+    twice = pipeline.model_again(environment, compilation) if arguments.twice else 0
+    if report.failed:
+        return common.final(report, strict=arguments.strict), None
+    artifacts = pipeline.build(environment, compilation, targets)
     losses = [loss for target in targets for loss in artifacts[target].losses]
     if arguments.deny_loss:
-        _deny(losses, compilation.report)
+        _deny(losses, report)
     if not arguments.mode:
-        compilation.say_unneeded([Stage.CHECK, Stage.BUILD] if "mjcf" in targets else [Stage.CHECK])
-    found = common.final(compilation.report, strict=arguments.strict)
+        pipeline.say_unneeded(compilation, [Stage.CHECK, Stage.BUILD] if "mjcf" in targets else [Stage.CHECK])
+    found = common.final(report, strict=arguments.strict)
     if common.exit_code(found):
         return found, None
-    answer = _write(arguments, compilation, artifacts, losses)
-    stamp.save(compilation.store, key, compilation.inputs(), found, answer)
+    answer = {
+        **_written(arguments, environment, compilation, pipeline.files(environment, compilation, artifacts)),
+        "modelled": compilation.modelled, "reused": compilation.reused, "losses": dict(Counter(loss.target for loss in losses)),
+    }
+    stamp.save(environment.store, key, pipeline.inputs(environment, compilation), found, answer)
     return found, {**answer, "twice": twice}
 
 
@@ -149,34 +148,23 @@ def _deny(losses: Sequence[Loss], report: Report) -> None:
         )
 
 
-def _write(
-    arguments: argparse.Namespace,
-    compilation: Compilation,
-    artifacts: Mapping[str, Artifacts],
-    losses: Sequence[Loss],
+def _written(
+    arguments: argparse.Namespace, environment: Environment, compilation: Compilation, files: Mapping[str, Content],
 ) -> dict[str, Any]:
-    """Put everything into the build folder at once; the answer for `--format json` and for the stamp."""
-    assembly, workspace, documents = compilation.assembly, compilation.workspace, compilation.documents
-    if assembly is None or workspace is None or documents is None:
-        raise RuntimeError("a compilation without errors has an assembly")
-    files = compilation.files(artifacts)
-    parent = arguments.output or os.path.join(workspace.root, workspace.build)
+    """Put everything into the build folder at once; what there is to remember of it."""
+    assembly, documents, workspace = compilation.assembly, compilation.documents, environment.workspace
+    assert assembly is not None and documents is not None and workspace is not None
 
     def on_wait(folder: str) -> None:
         common.say(f"another build of {shown_path(folder)} is under way; waiting for it", stream=sys.stderr)
 
+    parent = arguments.output or os.path.join(workspace.root, workspace.build)
     folder = write_build(
-        parent, assembly.name, files, compilation.store, documents.root.relative, force=arguments.force, on_wait=on_wait
+        parent, assembly.name, files, environment.store, documents.root.relative, force=arguments.force, on_wait=on_wait,
     )
-    lost = Counter(loss.target for loss in losses)
     return {
-        "folder": folder,
-        "place": [os.path.abspath(parent), assembly.name],
-        "manifest": stamp.state_of(os.path.join(folder, "manifest.json")),
-        "artifacts": sorted(files),
-        "modelled": compilation.modelled,
-        "reused": compilation.reused,
-        "losses": dict(lost),
+        "folder": folder, "place": [os.path.abspath(parent), assembly.name],
+        "manifest": stamp.state_of(os.path.join(folder, "manifest.json")), "artifacts": sorted(files),
     }
 
 

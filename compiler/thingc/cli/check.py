@@ -9,10 +9,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
-from thingc import stamp
+from thingc import pipeline, stamp
 from thingc.cli import common
-from thingc.diagnostics import Diagnostic, Report, Severity, Stage, shown_path
-from thingc.pipeline import Compilation, Options
+from thingc.diagnostics import Diagnostic, Report, Severity, shown_path
+from thingc.environment import Environment, Options, attempted, store_of
+from thingc.pipeline import Compilation
 
 EPILOG = """\
 Every key, name, unit, reference, limit and mass of the document and of those it uses, for every mode. Parts are looked
@@ -112,8 +113,8 @@ def _concerned_without_code(files: Sequence[str]) -> list[str]:
 
 def without_code(document: str, options: Options, *, strict: bool) -> list[Diagnostic]:
     """What there is to say about one document when nothing of its workspace may run. Bounds are the caller's business."""
-    with Compilation(document, replace(options, lock=True, code=False)) as compilation:
-        return common.final(report_of(compilation), strict=strict)
+    with Environment(document, replace(options, lock=True, code=False)) as environment:
+        return common.final(report_of(environment, pipeline.check(environment)), strict=strict)
 
 
 def _packed(document: str, options: Options, strict: bool) -> list[dict[str, object]]:
@@ -140,28 +141,31 @@ def _answer(arguments: argparse.Namespace, found: list[Diagnostic], good: list[s
 
 def check(document: str, options: Options, *, strict: bool = False) -> list[Diagnostic]:
     """What there is to say about one document; from the stamp of an earlier run where nothing has changed."""
-    with Compilation(document, replace(options, lock=True)) as compilation:
-        key = stamp.key_of("check", document, {
-            "parameters": dict(options.parameters), "choices": dict(options.choices), "strict": strict,
-        })
-        earlier = stamp.load(compilation.store, key)
-        if earlier is not None:
-            return earlier[0]
-        report = report_of(compilation)
+    store = store_of(options)
+    key = stamp.key_of("check", document, {
+        "parameters": dict(options.parameters), "choices": dict(options.choices), "strict": strict,
+    })
+    earlier = stamp.load(store, key)
+    if earlier is not None:
+        return earlier[0]
+
+    def work(environment: Environment) -> list[Diagnostic]:
+        compilation = pipeline.check(environment)
+        report = report_of(environment, compilation)
         found = common.final(report, strict=strict)
         if not report.failed and report is compilation.report:
-            stamp.save(compilation.store, key, compilation.inputs(), found, {})
+            stamp.save(store, key, pipeline.inputs(environment, compilation), found, {})
         return found
 
+    return attempted(document, replace(options, lock=True), work)
 
-def report_of(compilation: Compilation) -> Report:
-    """What is said of a document of any kind that may be checked."""
-    compilation.run(kinds=("assembly", "materials", "variants"))
-    compilation.say_unneeded([Stage.CHECK])
+
+def report_of(environment: Environment, compilation: Compilation) -> Report:
+    """What is said of a document that was checked, of variants, too."""
     if compilation.documents is None or compilation.documents.root.kind != "variants":
         return compilation.report
     from thingc.variants.reading import read_plan
 
     report = Report()
-    read_plan(compilation.document, compilation.options, report)
+    read_plan(environment.document, environment.options, report)
     return report

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TextIO
 
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, shown_path
-from thingc.pipeline import Options
+from thingc.environment import Options
 from thingc.printing import as_json, as_text, summary
 from thingc.shown import json_text, shown, shown_line
 from thingc.slips import did_you_mean, file_meant

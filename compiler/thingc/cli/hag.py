@@ -6,7 +6,8 @@ import argparse
 import sys
 
 from thingc.cli import common
-from thingc.pipeline import Compilation
+from thingc.environment import attempted
+from thingc.pipeline import compile
 
 EPILOG = """\
 Nodes are definitions (a part with its parameters, a document with its parameters): what is used twice is one node. Edges say
@@ -35,8 +36,7 @@ def run(arguments: argparse.Namespace) -> int:
     except common.WrongCommandLine as fault:
         common.print_text([fault.diagnostic], stream=sys.stderr, debug=False)
         return common.USAGE
-    with Compilation(arguments.document, options) as compilation:
-        compilation.run()
+    compilation = attempted(arguments.document, options, compile)
     found = common.final(compilation.report, strict=arguments.strict)
     common.print_text(found, stream=sys.stderr, debug=arguments.debug)
     code = common.exit_code(found)

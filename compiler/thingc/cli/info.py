@@ -7,8 +7,9 @@ import sys
 
 from thingc.cli import common
 from thingc.cli.tables import axes, millimetres, table
+from thingc.environment import attempted
 from thingc.graph.types import Assembly, Occurrence
-from thingc.pipeline import Compilation
+from thingc.pipeline import compile
 from thingc.robot.types import Robot
 
 EPILOG = """\
@@ -38,8 +39,7 @@ def run(arguments: argparse.Namespace) -> int:
     except common.WrongCommandLine as fault:
         common.print_found([fault.diagnostic], arguments.format, stream=sys.stderr, debug=False)
         return common.USAGE
-    with Compilation(arguments.document, options) as compilation:
-        compilation.run()
+    compilation = attempted(arguments.document, options, compile)
     found = common.final(compilation.report, strict=arguments.strict)
     code = common.exit_code(found)
     assembly = compilation.assembly if code == 0 else None

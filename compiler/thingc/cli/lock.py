@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 from thingc.cli import common
 from thingc.diagnostics import Code, Report, shown_path
-from thingc.pipeline import Front, Options, geometry_of
+from thingc.environment import Environment, Options, geometry_of
+from thingc.pipeline import read
 from thingc.realize.lock import LOCK_FILE, MAX_BYTES, REMAKE, lock_path, read_lock, top_of
 from thingc.realize.record import PartDefinition, PartFailure
 from thingc.shown import json_text
@@ -108,18 +109,18 @@ def _used(
     definitions: dict[str, PartDefinition] = {}
     slicings: dict[str, set[Slicing]] = {}
     for document in documents_in(workspace.root, workspace):
-        front = Front(document, options, geometry)
-        front.read(kinds=("assembly", "materials", "variants"))
+        environment = Environment(document, options, geometry)
+        sources = read(environment, kinds=("assembly", "materials", "variants"))
         own = Report()
-        if front.documents is not None and front.specs is not None and front.documents.root.kind == "assembly":
-            model = resolve(front.documents, front.specs, workspace, front.schemas, {}, own)
-            references.update(dict.fromkeys(front.schemas))
+        if sources is not None and sources.documents.root.kind == "assembly":
+            model = resolve(sources.documents, sources.specs, workspace, sources.schemas, {}, own)
+            references.update(dict.fromkeys(sources.schemas))
             if model is not None:
                 used = {definition.text: definition for definition in part_definitions(model)}
                 definitions = {**used, **definitions}
                 for text, found in slicings_of(model, geometry.realize(list(used.values()))).items():
                     slicings.setdefault(text, set()).update(found)
-        if front.report.failed or own.failed:
+        if environment.report.failed or own.failed:
             report.warn(
                 Code.LOCK_DOCUMENT, f"`{shown_path(document)}` has errors: what it uses may be missing from `{LOCK_FILE}`",
                 Span(file=document, line=1, column=1, end_line=1, end_column=1), help=f"run `thingc check {shown_path(document)}`",

@@ -8,15 +8,17 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
+from thingc import pipeline
 from thingc.cli import common
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, shown_path
+from thingc.environment import Environment, Options
 from thingc.layout.fixing import Looked, Mending, mend
 from thingc.layout.formatting import write_in_place
 from thingc.load.paths import DOCUMENT_SUFFIXES
-from thingc.pipeline import Compilation, Options
+from thingc.pipeline import Compilation
 from thingc.workspace import Workspace
 
-ReportOf = Callable[[Compilation], Report]
+ReportOf = Callable[[Environment, Compilation], Report]
 
 
 def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Options, report_of: ReportOf) -> int:
@@ -54,13 +56,13 @@ def _mend(
     spaces: list[Workspace] = []
 
     def look(contents: Mapping[str, bytes]) -> Looked:
-        with Compilation(document, replace(options, texts=contents)) as compilation:
-            report = report_of(compilation)
-            if compilation.workspace is not None:
-                spaces.append(compilation.workspace)
-            documents = compilation.documents
-            read = () if documents is None else tuple(documents.by_path.values())
-            return Looked(found=common.final(report, strict=strict), documents=read)
+        with Environment(document, replace(options, texts=contents)) as environment:
+            compilation = pipeline.check(environment)
+            report = report_of(environment, compilation)
+        if environment.workspace is not None:
+            spaces.append(environment.workspace)
+        read = () if compilation.documents is None else tuple(compilation.documents.by_path.values())
+        return Looked(found=common.final(report, strict=strict), documents=read)
 
     def allowed(file: str) -> bool:
         return file.lower().endswith(DOCUMENT_SUFFIXES) and bool(spaces) and spaces[-1].contains(file)

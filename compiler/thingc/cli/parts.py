@@ -39,7 +39,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Prints the list; a part that cannot be described is a diagnostic, and the others are listed all the same."""
-    from thingc.pipeline import geometry_of
+    from thingc.environment import geometry_of
     from thingc.workspace import Workspace
 
     report = Report()

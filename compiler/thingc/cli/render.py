@@ -8,11 +8,15 @@ import os
 import re
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
+from thingc import pipeline
 from thingc.cli import common
 from thingc.diagnostics import Code, Diagnostic, Severity, shown_path
-from thingc.pipeline import Compilation, Options, UnknownChoice
+from thingc.environment import Environment, attempted
+from thingc.pipeline import UnknownChoice
 from thingc.render import NoGraphics, Shot, picture, ready
 from thingc.robot.types import Robot
 from thingc.slips import did_you_mean
@@ -65,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
         common.require_document(arguments.document)
         options = common.options_of(arguments)
         _check_output(arguments.output)
-        found = _attempt(arguments, options)
+        found = attempted(arguments.document, options, partial(_render, arguments))
     except common.WrongCommandLine as fault:
         found = [fault.diagnostic]
     except UnknownChoice as fault:
@@ -87,35 +91,22 @@ def _check_output(path: str | None) -> None:
         raise common.WrongCommandLine(f"-o: there is no folder `{folder}`", "make the folder, or choose another one", Code.OUTPUT)
 
 
-def _attempt(arguments: argparse.Namespace, options: Options) -> list[Diagnostic]:
-    """One picture; a second attempt where a blob of the store turned out to be damaged, for then it has to be made anew."""
-    from thingc.realize.store import BlobMissing
-
-    try:
-        with Compilation(arguments.document, options) as compilation:
-            return _render(arguments, compilation)
-    except BlobMissing:
-        with Compilation(arguments.document, options) as compilation:
-            return _render(arguments, compilation)
-
-
-def _render(arguments: argparse.Namespace, compilation: Compilation) -> list[Diagnostic]:
+def _render(arguments: argparse.Namespace, environment: Environment) -> list[Diagnostic]:
     """What there is to say; the picture is written where that is no error. Raises `UnknownChoice` and `NoGraphics`."""
-    compilation.run([arguments.mode] if arguments.mode is not None else [])
+    compilation = pipeline.compile(environment, [arguments.mode] if arguments.mode is not None else [])
     found = common.final(compilation.report, strict=arguments.strict)
     if common.exit_code(found):
         return found
     robot = compilation.robots[0]
-    pose = _pose(robot, arguments.pose, compilation.document)
+    pose = _pose(robot, arguments.pose, environment.document)
     marks = _marks(robot, arguments, next((frame.q for frame in robot.keyframes if frame.name == pose), {}))
     ready()
-    compilation.robots = (robot,)
-    artifacts = compilation.emit(["mjcf"])["mjcf"]
+    artifacts = pipeline.build(environment, replace(compilation, robots=(robot,)), ["mjcf"])["mjcf"]
     found = common.final(compilation.report, strict=arguments.strict)
     if common.exit_code(found):
         return found
     read = {
-        path: content if isinstance(content, bytes) else compilation.store.read(content.sha256)
+        path: content if isinstance(content, bytes) else environment.store.read(content.sha256)
         for path, content in artifacts.files.items()
     }
     prefix = "mjcf/assets/"

@@ -13,7 +13,7 @@ from thingc.diagnostics import Code, Report, shown_path
 
 if TYPE_CHECKING:
     from thingc.editor.refresh import Outcome
-    from thingc.pipeline import Options
+    from thingc.environment import Options
     from thingc.workspace import Workspace
 
 EPILOG = """\
@@ -89,7 +89,7 @@ def _once(
     from thingc.editor.parts import ask
     from thingc.editor.refresh import Schemas
     from thingc.editor.workers import NoWorkers
-    from thingc.pipeline import store_of
+    from thingc.environment import store_of
 
     with ask(
         workspace, store_of(options), jobs=options.jobs or os.cpu_count() or 1, timeout=options.part_timeout or workspace.part_timeout,
@@ -105,7 +105,7 @@ def _watch(
     workspace: Workspace, only: list[str] | None, arguments: argparse.Namespace, options: Options, report: Report
 ) -> None:
     from thingc.editor.watching import Watch
-    from thingc.pipeline import store_of
+    from thingc.environment import store_of
 
     watch = Watch(
         workspace, store_of(options), options.jobs or os.cpu_count() or 1, options.part_timeout or workspace.part_timeout, only=only,

@@ -9,11 +9,12 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from thingc import pipeline
 from thingc.cli import common
 from thingc.diagnostics import Code, Diagnostic, Severity, Stage, shown_path
+from thingc.environment import Environment, Options
 from thingc.layout import write_in_place
 from thingc.layout.setting import Keys, Unsettable, changes, with_values
-from thingc.pipeline import Compilation, Options
 from thingc.source import Document, MappingNode, node_at
 from thingc.spec.choices import nested, parse
 
@@ -112,11 +113,11 @@ def _put(root: Document, before: bytes, after: bytes) -> Diagnostic | None:
 
 def _checked(document: str, options: Options, *, strict: bool) -> tuple[Document | None, list[Diagnostic]]:
     """The document, None where it cannot be read, and what a check says of it."""
-    with Compilation(document, replace(options, lock=True)) as compilation:
-        compilation.run()
-        compilation.say_unneeded([Stage.CHECK])
-        documents = compilation.documents
-        return None if documents is None else documents.root, common.final(compilation.report, strict=strict)
+    with Environment(document, replace(options, lock=True)) as environment:
+        compilation = pipeline.compile(environment)
+    pipeline.say_unneeded(compilation, [Stage.CHECK])
+    documents = compilation.documents
+    return None if documents is None else documents.root, common.final(compilation.report, strict=strict)
 
 
 def _keys(root: Document, path: str) -> Keys:

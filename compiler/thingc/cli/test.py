@@ -5,11 +5,14 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
+from thingc import pipeline
 from thingc.cli import common
 from thingc.diagnostics import Code, Diagnostic, Severity, Stage, shown_path
-from thingc.pipeline import Compilation, UnknownChoice
+from thingc.environment import Environment, attempted
+from thingc.pipeline import UnknownChoice
 from thingc.slips import did_you_mean
 
 if TYPE_CHECKING:
@@ -48,8 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
     name = "thingc"
     try:
         common.require_document(arguments.document)
-        with Compilation(arguments.document, common.options_of(arguments)) as compilation:
-            found, name = _run(arguments, compilation, results)
+        found, name = attempted(arguments.document, common.options_of(arguments), partial(_run, arguments, results))
     except UnknownChoice as fault:
         found = [Diagnostic(code=Code.COMMAND_LINE, severity=Severity.ERROR, message=fault.message, help=fault.hint)]
     except common.WrongCommandLine as fault:
@@ -58,19 +60,17 @@ def run(arguments: argparse.Namespace) -> int:
     return common.exit_code(found)
 
 
-def _run(arguments: argparse.Namespace, compilation: Compilation, results: list[Result]) -> tuple[list[Diagnostic], str]:
+def _run(arguments: argparse.Namespace, results: list[Result], environment: Environment) -> tuple[list[Diagnostic], str]:
     """Compile and run; what there is to say, and the robot's name. Raises `UnknownChoice`."""
-    compilation.run()
+    results.clear()
+    compilation = pipeline.compile(environment)
     found = common.final(compilation.report, strict=arguments.strict)
     assembly = compilation.assembly
     if common.exit_code(found) or assembly is None:
         return found, "thingc"
-    from thingc.emit.request import EmitRequest
     from thingc.testing import run as run_tests
 
     selection = _selection(arguments, assembly)
-    if compilation.workspace is None:
-        raise RuntimeError("a compilation without errors has a workspace")
     width = max((len(linked.test.name) for linked in assembly.tests if selection.takes(linked)), default=0)
 
     def on_result(result: Result) -> None:
@@ -78,13 +78,9 @@ def _run(arguments: argparse.Namespace, compilation: Compilation, results: list[
         if arguments.format == "text":
             common.say(_line(result, width))
 
-    request = EmitRequest(
-        assembly=assembly, robots=compilation.robots, store=compilation.store, geometry=compilation.geometry,
-        workspace=compilation.workspace, report=compilation.report,
-    )
-    run_tests(request, selection, on_result)
+    run_tests(pipeline.request_of(environment, compilation), selection, on_result)
     if not selection.only and not selection.modes:
-        compilation.say_unneeded([Stage.CHECK, Stage.TEST])
+        pipeline.say_unneeded(compilation, [Stage.CHECK, Stage.TEST])
     return common.final(compilation.report, strict=arguments.strict), assembly.name
 
 

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import argparse
 import sys
+from functools import partial
 
+from thingc import pipeline
 from thingc.cli import common
 from thingc.diagnostics import Diagnostic, shown_path
+from thingc.environment import Environment, attempted
 from thingc.pipeline import Compilation
 from thingc.slips import did_you_mean
 
@@ -34,19 +37,25 @@ def run(arguments: argparse.Namespace) -> int:
             )
         common.require_document(arguments.document)
         options = common.options_of(arguments)
-        with Compilation(arguments.document, options) as compilation:
-            compilation.run()
-            found = common.final(compilation.report, strict=arguments.strict)
-            code = common.exit_code(found)
-            if code == 0 and arguments.losses:
-                found = _losses(compilation, found)
-                code = common.exit_code(found)
-            elif code == 0:
-                _reason(compilation, arguments.occurrence)
+        found = attempted(arguments.document, options, partial(_answered, arguments))
+        code = common.exit_code(found)
     except common.WrongCommandLine as fault:
         found, code = [fault.diagnostic], common.USAGE
     common.print_text(found, stream=sys.stderr, debug=arguments.debug)
     return code
+
+
+def _answered(arguments: argparse.Namespace, environment: Environment) -> list[Diagnostic]:
+    """Print the answer; what there is to say."""
+    compilation = pipeline.compile(environment)
+    found = common.final(compilation.report, strict=arguments.strict)
+    if common.exit_code(found):
+        return found
+    if arguments.losses:
+        _losses(environment, compilation)
+        return common.final(compilation.report, strict=False)
+    _reason(compilation, arguments.occurrence)
+    return found
 
 
 def _reason(compilation: Compilation, wanted: str) -> None:
@@ -71,10 +80,10 @@ def _reason(compilation: Compilation, wanted: str) -> None:
         common.say(f"shared by {', '.join(users)}")
 
 
-def _losses(compilation: Compilation, found: list[Diagnostic]) -> list[Diagnostic]:
+def _losses(environment: Environment, compilation: Compilation) -> None:
     from thingc.emit import targets
 
-    artifacts = compilation.emit(targets())
+    artifacts = pipeline.build(environment, compilation, targets())
     losses = [loss for target in artifacts.values() for loss in target.losses]
     for loss in losses:
         place = f"{shown_path(loss.span.file)}:{loss.span.line}: " if loss.span is not None else ""
@@ -82,4 +91,3 @@ def _losses(compilation: Compilation, found: list[Diagnostic]) -> list[Diagnosti
         common.say(f"{place}{loss.target}{mode}: {loss.path}: {loss.what}: {loss.how}")
     if not losses:
         common.say("every target says everything")
-    return common.final(compilation.report, strict=False)

@@ -14,7 +14,7 @@ from thingc.realize.locking import default_of
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema
 
 if TYPE_CHECKING:
-    from thingc.pipeline import Progress
+    from thingc.environment import Progress
     from thingc.realize.client import Workers
     from thingc.realize.service import GeometryService
     from thingc.realize.store import Store

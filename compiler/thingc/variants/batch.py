@@ -17,7 +17,7 @@ from itertools import islice
 from typing import Any
 
 from thingc.diagnostics import Code, Diagnostic, Report, shown_path
-from thingc.pipeline import Options, store_of
+from thingc.environment import Options, store_of
 from thingc.variants import places
 from thingc.variants.description import describe, job_of, seen
 from thingc.variants.engine import RUNNERS, Cancelled, LocalExecutor, RunnersBroken, evaluate

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from thingc.emit.manifest import versions
-from thingc.pipeline import Options
+from thingc.environment import Options
 from thingc.variants import places
 from thingc.variants.job import Job
 from thingc.variants.planning import OUTSIDE, Plan

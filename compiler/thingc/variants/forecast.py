@@ -10,9 +10,11 @@ import random
 from dataclasses import dataclass, field
 from itertools import islice
 
+from thingc import pipeline
 from thingc.diagnostics import Diagnostic, Report, Severity
+from thingc.environment import Environment, Options
 from thingc.graph import link
-from thingc.pipeline import Front, Options
+from thingc.pipeline import Sources
 from thingc.realize.record import PartDefinition
 from thingc.resolve import part_definitions, resolve
 from thingc.variants.planning import Plan, Variant
@@ -51,8 +53,8 @@ def forecast(plan: Plan, options: Options, limit: int | None = None) -> Forecast
     parts: dict[str, PartDefinition] = {}
     count = plan.count if limit is None else min(limit, plan.count)
     drawn = None if count <= MOST else frozenset(random.Random(0).sample(range(count), MOST))
-    with Front(plan.assembly, options) as front:
-        front.read()
+    with Environment(plan.assembly, options) as environment:
+        sources = pipeline.read(environment)
         for number, variant in enumerate(islice(plan, count)):
             found.count += 1
             if len(found.first) < SHOWN:
@@ -61,20 +63,19 @@ def forecast(plan: Plan, options: Options, limit: int | None = None) -> Forecast
                 found.failing[variant.failed] = found.failing.get(variant.failed, 0) + 1
             elif drawn is None or number in drawn:
                 found.looked_at += 1
-                _look(front, variant, found, parts)
+                if sources is not None:
+                    _look(environment, sources, variant, found, parts)
         found.parts = len(parts)
-        found.known = sum(front.geometry.in_store(part) for part in parts.values())
+        found.known = sum(environment.geometry.in_store(part) for part in parts.values())
     return found
 
 
-def _look(front: Front, variant: Variant, found: Forecast, parts: dict[str, PartDefinition]) -> None:
+def _look(environment: Environment, own: Sources, variant: Variant, found: Forecast, parts: dict[str, PartDefinition]) -> None:
     """Work out what the documents say of a variant: its parts, or the first error."""
     report = Report()
-    sources = front.sources(variant.choices, report)
-    if sources is None or front.workspace is None:
-        return
+    sources = pipeline.choose(environment, own, variant.choices, report)
     model = resolve(
-        sources.documents, sources.specs, front.workspace, sources.schemas, variant.parameters, report, variant.choices, front.memo,
+        sources.documents, sources.specs, sources.workspace, sources.schemas, variant.parameters, report, variant.choices, environment.memo,
     )
     if model is not None:
         link(model, {}, report, unmodelled=True)

@@ -6,10 +6,12 @@ import math
 import os
 from collections.abc import Iterable, Iterator
 
+from thingc import pipeline
 from thingc.diagnostics import Code, Diagnostic, Note, Report, Severity
+from thingc.environment import Environment, Options
 from thingc.load import load
 from thingc.load.paths import DOCUMENT_SUFFIXES, find_file
-from thingc.pipeline import Front, Options, Sources
+from thingc.pipeline import Sources
 from thingc.resolve import resolve
 from thingc.resolve.parameters import declared
 from thingc.resolve.scope import Found, dotted
@@ -59,26 +61,23 @@ def read_plan(path: str, options: Options, report: Report) -> Plan | None:
     )
     if assembly is None:
         return None
-    with Front(assembly, options) as front:
-        front.read()
-        report.diagnostics.extend(front.report.diagnostics)
-        sources = front.sources({}, report)
-        if sources is None or front.workspace is None:
-            return None
-        return _Planner(document, spec, front, sources, front.workspace, report).plan()
+    with Environment(assembly, options) as environment:
+        sources = pipeline.read(environment)
+        report.diagnostics.extend(environment.report.diagnostics)
+        return _Planner(document, spec, environment, sources, report).plan() if sources is not None else None
 
 
 class _Planner:
     """One document on its way to a plan."""
 
     def __init__(
-        self, document: Document, spec: VariantsSpec, front: Front, sources: Sources, workspace: Workspace, report: Report,
+        self, document: Document, spec: VariantsSpec, environment: Environment, sources: Sources, report: Report,
     ) -> None:
         self.document = document
         self.spec = spec
-        self.front = front
+        self.environment = environment
         self.sources = sources
-        self.workspace = workspace
+        self.workspace = sources.workspace
         self.report = report
         self.said: set[tuple[str, str]] = set()
 
@@ -214,9 +213,8 @@ class _Planner:
         for around in self.around(path):
             trial = Report()
             choices = {**around, path: text}
-            sources = self.front.sources(choices, trial)
-            if sources is not None:
-                resolve(sources.documents, sources.specs, self.workspace, sources.schemas, {}, trial, choices)
+            sources = pipeline.choose(self.environment, self.sources, choices, trial)
+            resolve(sources.documents, sources.specs, self.workspace, sources.schemas, {}, trial, choices)
             wrong = [one for one in trial.diagnostics if one.severity is Severity.ERROR and one not in self.report.diagnostics]
             if not wrong:
                 return []
@@ -314,7 +312,7 @@ class _Planner:
         from thingc.stamp import state_of
 
         found = {path: one.sha256 for path, one in self.sources.documents.by_path.items()}
-        for path in sorted(self.front.parts.inputs):
+        for path in sorted(self.environment.parts.inputs):
             name = self.workspace.relative(path) if self.workspace.contains(path) else OUTSIDE + os.path.basename(path)
             state = state_of(path)
             if state is not None:

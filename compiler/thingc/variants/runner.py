@@ -18,11 +18,12 @@ import traceback
 from typing import TYPE_CHECKING, Any
 
 from thingc.diagnostics import Code, Diagnostic, Report, Severity
+from thingc.environment import Options
 from thingc.expressions import ExpressionError, parse_expression
-from thingc.pipeline import Options
+from thingc.pipeline import Settings
 from thingc.printing import as_json
 from thingc.resolve.scope import Found
-from thingc.session import Session, Settings
+from thingc.session import Session
 from thingc.slips import did_you_mean
 from thingc.units import Dimension, Quantity
 from thingc.variants.job import STOPPED, Job, Row, Task, refusal, row
@@ -96,11 +97,11 @@ class Runner:
         verdict = self._judge(task, results)
         if verdict is not None:
             return row(task, **verdict, results=shown, **parts)
-        artifacts = compilation.emit(self.job.emit, verify=self.job.verify)
+        artifacts = self.session.emit(compilation, self.job.emit, verify=self.job.verify)
         if compilation.report.failed:
             return row(task, "refused", **_said(compilation.report), results=shown, **parts)
         if self.job.folder is not None:
-            write_variant(self.job.folder, task.id, compilation.files(artifacts), compilation.store)
+            write_variant(self.job.folder, task.id, self.session.files(compilation, artifacts), self.session.environment.store)
         return row(task, "built", results=shown, **parts)
 
     def _measured(self, compilation: Compilation) -> Results:

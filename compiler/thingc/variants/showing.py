@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from thingc.diagnostics import Code, Diagnostic, Report, shown_path
-from thingc.pipeline import Options
+from thingc.environment import Options
 from thingc.units import Quantity
 from thingc.variants import places
 from thingc.variants.folder import BatchFault, forget, in_words, locked, read_batch, remember
