@@ -140,7 +140,6 @@ OTHERS: dict[str, tuple[Any, str]] = {
     "meshes": ({"hull": A_MESH}, "its meshes differ: `hull`"),
     "pieces": ((A_MESH,), "its collision geometry differs"),
     "fits": ({"box": Primitive(shape="box", size=(1.0, 1.0, 1.0), pose=NO_POSE)}, "its smallest enclosing shapes differ: `box`"),
-    "brep": ("1" * 64, "its B-rep differs"),
 }
 """By field of a record: another value, and what is said."""
 

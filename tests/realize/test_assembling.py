@@ -16,7 +16,7 @@ from thingc.pose import Pose, shifted, turned_z
 from thingc.realize.client import Workers
 from thingc.realize.record import Placed
 from thingc.realize.service import AssemblyFailed
-from thingc.realize.step_order import settled
+from thingc.realize.step_order import settled, without_noise
 
 PARTS = """
     from build123d import *
@@ -204,6 +204,11 @@ def test_the_order_of_styles_does_not_matter() -> None:
     assert first.count(styles) == 2
     assert b"STYLE('it''s #6;'," in first
     assert settled(head + tail) == head + tail
+
+
+def test_noise_is_no_coordinate() -> None:
+    line = b"#9=CARTESIAN_POINT('1.5E-17 it''s',(0.25,1.97215226305253E-31,-9.6E-17,2.E-15,1.E-07,-3.E-14,1.5E+20));"
+    assert without_noise(line) == b"#9=CARTESIAN_POINT('1.5E-17 it''s',(0.25,0.,0.,0.,1.E-07,-3.E-14,1.5E+20));"
 
 
 def test_unchanged_placements_run_nothing(module_place: Any, instances: list[Placed], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -95,12 +95,12 @@ FIELDS: Mapping[str, _Field] = {
     "bom": _Field("entries in the bill of materials"),
     "up": _Field("way to lie on a printer"), "apart": _Field("number of bodies, or their volume"),
     "meshes": _Field("meshes"), "pieces": _Field("collision geometry"), "fits": _Field("smallest enclosing shapes"),
-    "brep": _Field("B-rep"),
 }
 """By field of a record, the most telling first."""
 
-LEFT_OUT = frozenset({"text", "code", "own_image", "warnings", "convex", "slices", "exact"})
-"""Fields that say nothing of what a part has become, or follow from its meshes."""
+LEFT_OUT = frozenset({"text", "code", "own_image", "warnings", "convex", "slices", "exact", "brep"})
+"""Fields that say nothing of what a part has become, or follow from its meshes. The B-rep has noise of the kernel
+(see `modelling.DECIMALS`)."""
 
 
 def differences(first: PartRecord, second: PartRecord) -> list[Difference]:

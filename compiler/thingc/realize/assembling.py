@@ -13,7 +13,7 @@ import tempfile
 from typing import Any
 
 from thingc.pose import Pose
-from thingc.realize.step_order import settled
+from thingc.realize.step_order import settled, without_noise
 from thingc.realize.store import Store
 
 _HEADER = re.compile(rb"HEADER;.*?ENDSEC;", re.DOTALL)
@@ -49,7 +49,7 @@ def assemble(name: str, instances: list[dict[str, Any]], store: Store) -> dict[s
         writer.Write(path)
         with open(path, "rb") as stream:
             data = stream.read()
-    data = settled(_neutral(data, name))
+    data = settled(without_noise(_neutral(data, name)))
     return {"sha256": store.put(data), "size": len(data)}
 
 

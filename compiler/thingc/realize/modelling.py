@@ -48,6 +48,10 @@ if TYPE_CHECKING:
 NOTHING = 1e-9
 """A volume [mm^3] below which a result counts as empty."""
 
+DECIMALS = 9
+"""Corners [mm] are rounded to these. Of two that a boolean makes one, the kernel takes that with the lower address: one may have 0 where
+the other has 2e-31, and so the same part another mesh in the next run."""
+
 _ZERO = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
@@ -140,9 +144,9 @@ def _made_of_code(definition: dict[str, Any], session: Session) -> Made:
         with contextlib.suppress(OSError, TypeError):
             code = (inspect.getsourcefile(part) or "", inspect.getsourcelines(part)[1])
     return Made(
-        shapes=[shape.wrapped for shape in shapes],
-        visual=[shape.wrapped for shape in _shapes(thing.visual(), "visual")],
-        collision=[shape.wrapped for shape in _shapes(thing.collision(), "collision")],
+        shapes=[_rounded(shape.wrapped) for shape in shapes],
+        visual=[_rounded(shape.wrapped) for shape in _shapes(thing.visual(), "visual")],
+        collision=[_rounded(shape.wrapped) for shape in _shapes(thing.collision(), "collision")],
         material=inspection.material_of(thing),
         color=color,
         mounts={
@@ -199,6 +203,23 @@ def _shapes(geometry: Any, name: str) -> tuple[Any, ...]:
         if kernel_shape(shape) is None:
             raise NoPart("empty", f"{name}() returned an empty {type(shape).__name__}")
     return shapes
+
+
+def _rounded(shape: TopoDS_Shape) -> TopoDS_Shape:
+    """The shape, its corners rounded to `DECIMALS`."""
+    from OCP.BRep import BRep_Builder, BRep_Tool
+    from OCP.gp import gp_Pnt
+    from OCP.TopAbs import TopAbs_VERTEX
+    from OCP.TopoDS import TopoDS
+
+    builder = BRep_Builder()
+    for found in explored(shape, TopAbs_VERTEX):
+        corner = TopoDS.Vertex(found)
+        at = BRep_Tool.Pnt_s(corner).Coord()
+        rounded = [round(coordinate, DECIMALS) + 0.0 for coordinate in at]
+        if any(new != old for new, old in zip(rounded, at, strict=True)):
+            builder.UpdateVertex(corner, gp_Pnt(*rounded), BRep_Tool.Tolerance_s(corner))
+    return shape
 
 
 def _stated(statement: Any, converted: Callable[[Any], Any] = float) -> Stated | None:
