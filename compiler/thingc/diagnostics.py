@@ -12,8 +12,8 @@ from enum import Enum
 
 from thingc.brief import Brief
 from thingc.shown import shortened
-from thingc.slips import Hint
 from thingc.source import Edit, Node, Origin, Span, stands_in
+from thingc.typos import Hint
 
 
 class Severity(str, Enum):
@@ -220,7 +220,7 @@ class Code(Enum):
     NO_DOCUMENT = ("TC802", "no such document", "Name an assembly document that is there.")
     PARAMETER_OPTION = ("TC803", "bad -p", "Write -p 'NAME=VALUE' with a parameter of the document, as the document would.")
     CHOICE_OPTION = ("TC809", "bad --set", "Write --set 'joints.NAME.limit.upper=90 deg' or --set 'components.NAME.part=module:Class'.")
-    STRANGERS = ("TC804", "strangers in the build folder", "Move the named files away, or build elsewhere with -o.")
+    UNEXPECTED = ("TC804", "unexpected files in the build folder", "Move the named files away, or build elsewhere with -o.")
     OUTPUT = ("TC805", "cannot write", "Make room, or choose a folder that can be written with -o or --store.")
     PART_UNREADABLE = ("TC807", "a part file that does not load", "Mend the part file at the line named.")
     NO_GRAPHICS = ("TC808", "no picture can be drawn here", "Install EGL (Debian, Ubuntu: apt install libegl1), or set MUJOCO_GL.")

@@ -55,10 +55,10 @@ class OutputError(Exception):
         report.add(self.code, self.message, None, help=self.hint)
 
 
-class StrangerFiles(OutputError):
+class UnexpectedFilesError(OutputError):
     """The folder holds what a build must not delete: `names` relative to `folder`, sorted."""
 
-    code = Code.STRANGERS
+    code = Code.UNEXPECTED
 
     def __init__(self, folder: str, names: tuple[str, ...], message: str, *, ours: bool) -> None:
         more = ", or give them up with --force" if ours else ""
@@ -74,7 +74,7 @@ Signature = tuple[int, int, int, int, int]
 
 
 @dataclass(frozen=True, slots=True)
-class Strangers:
+class UnexpectedFiles:
     """What a build must not delete from a folder, by path in it, sorted: files that no build wrote (`others`), and those that one
     wrote and somebody has `changed` since: edited, or replaced by a link. `owner` is the document whose build the folder holds,
     None where it holds none."""
@@ -101,7 +101,7 @@ def write_build(
     another build of the same folder is under way, before waiting for it. With `force` files in a build of the same document that
     no build wrote, or that were changed since, are given up.
 
-    Raises `StrangerFiles` when the folder holds anything but a build of the same document as it was written, `OutputError` when the
+    Raises `UnexpectedFilesError` when the folder holds anything but a build of the same document as it was written, `OutputError` when the
     system refuses, and `ValueError` for paths that would leave the folder; the folder is then as it was.
     """
     _check_paths(name, files)
@@ -150,9 +150,9 @@ def verify(folder: str) -> dict[str, Any] | None:
     return manifest
 
 
-def strangers(
+def unexpected_files(
     folder: str, document: str, *, also: Collection[str] = (), known: dict[Signature, str] | None = None,
-) -> Strangers:
+) -> UnexpectedFiles:
     """What a build of `document` must not delete from `folder`: what its manifest does not list, or lists with another content;
     everything where the manifest is missing, damaged or of another document. Links are files here; empty folders do not count.
 
@@ -164,14 +164,14 @@ def strangers(
     found = _listing(folder)
     manifest = _manifest(folder)
     if manifest is None or manifest["document"] != document:
-        return Strangers(None if manifest is None else manifest["document"], tuple(sorted(found)))
+        return UnexpectedFiles(None if manifest is None else manifest["document"], tuple(sorted(found)))
     listed: dict[str, str] = manifest["files"]
     ours = written()
     others = [name for name in found if name != MANIFEST and not (name in listed and (name in also or ours.fullmatch(name)))]
     own = sorted(set(found) - {MANIFEST, *others})
     known = {} if known is None else known
     changed = [name for name in own if _content_of(os.path.join(folder, name), known) not in (listed[name], NOTHING)]
-    return Strangers(document, tuple(sorted(others)), tuple(changed))
+    return UnexpectedFiles(document, tuple(sorted(others)), tuple(changed))
 
 
 def _content_of(path: str, known: dict[Signature, str]) -> str | None:
@@ -257,20 +257,20 @@ def _mend(folder: str) -> None:
 
 def _refuse_strangers(
     folder: str, document: str, also: Collection[str], known: dict[Signature, str], *, force: bool,
-) -> Strangers:
-    """What is given up by `force`; raises `StrangerFiles` where there is anything else."""
+) -> UnexpectedFiles:
+    """What is given up by `force`; raises `UnexpectedFilesError` where there is anything else."""
     if not os.path.lexists(folder):
-        return Strangers(None, ())
+        return UnexpectedFiles(None, ())
     if not os.path.isdir(folder):
         message = f"`{shown_path(folder)}` is a file, and the build needs a folder there"
         raise OutputError(message, "move it away, or build into another folder with -o")
-    found = strangers(folder, document, also=also, known=known)
+    found = unexpected_files(folder, document, also=also, known=known)
     if found.names and not (force and found.owner == document):
         raise _accusation(folder, found, document)
     return found
 
 
-def _accusation(folder: str, found: Strangers, document: str) -> StrangerFiles:
+def _accusation(folder: str, found: UnexpectedFiles, document: str) -> UnexpectedFilesError:
     place = f"`{shown_path(folder)}`"
     ours = found.owner == document
     if found.owner is not None and not ours:
@@ -284,7 +284,7 @@ def _accusation(folder: str, found: Strangers, document: str) -> StrangerFiles:
             ) if names
         ]
         message = f"{place} holds {' and '.join(said)}, and is left as it is"
-    return StrangerFiles(folder, found.names, message, ours=ours)
+    return UnexpectedFilesError(folder, found.names, message, ours=ours)
 
 
 def _enumerated(names: Sequence[str]) -> str:
@@ -328,7 +328,7 @@ def _swap(
         displaced = _beside(folder, "old")
         os.rename(folder, displaced)
         os.rename(fresh, folder)
-    late = strangers(displaced, document, also=also, known=known)
+    late = unexpected_files(displaced, document, also=also, known=known)
     if set(late.names) - set(given_up):
         if displaced != fresh:
             os.rename(folder, fresh)

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from thingc.diagnostics import Code, Report, Stage, shown_path
 from thingc.environment import Environment, geometry_of
 from thingc.frozen import dataclass
-from thingc.slips import did_you_mean
+from thingc.typos import did_you_mean
 
 if TYPE_CHECKING:
     from thingc.emit.artifact import Artifacts, Content, Loss
@@ -317,9 +317,9 @@ def _assembly(compilation: Compilation) -> Assembly:
 
 def _corners(environment: Environment) -> Callable[[Mesh], tuple[Vector, ...]] | None:
     """The vertices of a part's mesh; None where meshes need not be there."""
-    from thingc.realize.outline import outline
+    from thingc.realize.vertices import vertices
 
-    return None if environment.options.lock else partial(outline, environment.store)
+    return None if environment.options.lock else partial(vertices, environment.store)
 
 
 def _require_modes(wanted: Sequence[str], model: AssemblyDefinition, documents: Documents) -> None:

@@ -11,7 +11,7 @@ import re
 from typing import TYPE_CHECKING, Union
 
 from thingc.frozen import dataclass
-from thingc.slips import Hint, meant, nearest
+from thingc.typos import Hint, meant, nearest
 
 if TYPE_CHECKING:
     from fractions import Fraction

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 from thingc.diagnostics import Code, Report
 from thingc.frozen import dataclass
 from thingc.shown import is_text
-from thingc.slips import did_you_mean
 from thingc.source import MappingNode, Path, Span
+from thingc.typos import did_you_mean
 from thingc.units import ANGLE, LENGTH, TIME, Dimension, Quantity, checked, parse_quantity, shortened
 
 if TYPE_CHECKING:

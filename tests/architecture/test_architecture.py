@@ -15,13 +15,13 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "compiler" / "thingc"
 
-BASE = {"frozen", "brief", "shown", "source", "slips", "diagnostics", "units", "expressions", "pose", "inertia", "memo", "workspace"}
+BASE = {"frozen", "brief", "shown", "source", "typos", "diagnostics", "units", "expressions", "pose", "inertia", "memo", "workspace"}
 # What each room may import of thingc, besides itself. `workspace` reads its own document with load and spec.
 ROOMS: dict[str, set[str]] = {
-    "frozen": set(), "shown": set(), "source": {"frozen"}, "brief": {"source"}, "slips": set(),
-    "diagnostics": {"brief", "shown", "source", "slips"},
-    "printing": {"shown", "source", "diagnostics"}, "units": {"frozen", "diagnostics", "slips"},
-    "expressions": {"frozen", "diagnostics", "slips", "units"},
+    "frozen": set(), "shown": set(), "source": {"frozen"}, "brief": {"source"}, "typos": set(),
+    "diagnostics": {"brief", "shown", "source", "typos"},
+    "printing": {"shown", "source", "diagnostics"}, "units": {"frozen", "diagnostics", "typos"},
+    "expressions": {"frozen", "diagnostics", "typos", "units"},
     "pose": {"frozen"}, "inertia": {"frozen", "brief", "pose"}, "memo": set(),
     "workspace": BASE | {"load", "spec"},
     "load": BASE,
@@ -38,13 +38,13 @@ ROOMS: dict[str, set[str]] = {
     "statics": BASE | {"joints", "graph", "robot"},
     "drawing": {"frozen"},
     "emit": BASE | {"resolve", "realize", "joints", "graph", "robot", "drawing"},
-    "modes": {"brief", "diagnostics", "slips"},  # read at run time, next to a simulation
+    "modes": {"brief", "diagnostics", "typos"},  # read at run time, next to a simulation
     "render": {"frozen", "pose"},
     "reporting": {"frozen", "shown", "source", "diagnostics"},
     "layout": BASE | {"load", "spec"},
     "editor": BASE | {"load", "spec", "realize", "resolve", "joints", "environment"},
     "testing": BASE | {"printing", "checks", "resolve", "realize", "joints", "graph", "robot", "statics", "solids", "emit"},
-    "gate": BASE | {"load", "realize"},
+    "affected": BASE | {"load", "realize"},
     "output": BASE | {"realize", "emit"},
     "stamp": BASE | {"realize"},
     "environment": BASE | {"realize"},
@@ -54,7 +54,7 @@ ROOMS: dict[str, set[str]] = {
         "robot", "statics", "emit", "output", "modes", "render"},
     "api": BASE | {"printing", "environment", "pipeline", "realize", "graph", "robot", "emit"},
     "cli": BASE | {"printing", "environment", "pipeline", "realize", "graph", "robot", "emit", "output", "stamp", "resolve", "render",
-        "reporting", "layout", "editor", "testing", "variants", "load", "spec", "gate"},
+        "reporting", "layout", "editor", "testing", "variants", "load", "spec", "affected"},
     "__init__": {"things", "api", "modes"},
     "__main__": {"cli"},
 }

@@ -58,7 +58,7 @@ ELSEWHERE = {
     "BATCH_UNFINISHED": "tests/variants/test_faults.py",
     "BATCH_CHANGED": "tests/variants/test_batch.py",
     "CLUSTER": "tests/variants/test_cluster.py",  # other machines
-    "STRANGERS": "tests/cases/test_folders.py",
+    "UNEXPECTED": "tests/cases/test_folders.py",
     "WORKING_FOLDER": "tests/cases/test_folders.py",
 }
 """Codes that no document on a healthy machine brings about, and where they are tested."""

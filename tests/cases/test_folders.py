@@ -48,7 +48,7 @@ def test_a_folder_with_files_of_a_stranger_is_not_touched(folder: Path, capsys: 
     code, lines = said(capsys, "build", "robot.yaml", "-o", "out", "--emit", "bom")
     assert code == 2
     assert lines == [
-        f"error[{Code.STRANGERS.code}]: `out/two` holds files that no build of `robot.yaml` wrote (`thesis.tex`), and is left as it is",
+        f"error[{Code.UNEXPECTED.code}]: `out/two` holds files that no build of `robot.yaml` wrote (`thesis.tex`), and is left as it is",
         "  help: move these files away, or build into another folder with -o",
         "", "1 error",
     ]
@@ -62,7 +62,7 @@ def test_a_file_that_came_later_stops_the_next_build(folder: Path, capsys: pytes
     (folder / "out" / "two" / "notes.txt").write_text("mine")
     (folder / "robot.yaml").write_text(GOOD.replace("-90 deg", "-80 deg"))
     code, lines = said(capsys, "build", "robot.yaml", "-o", "out", "--emit", "bom")
-    assert code == 2 and "notes.txt" in lines[0] and Code.STRANGERS.code in lines[0]
+    assert code == 2 and "notes.txt" in lines[0] and Code.UNEXPECTED.code in lines[0]
     assert {path: path.read_bytes() for path in before} == before
 
 
@@ -323,7 +323,7 @@ def test_what_a_person_did_to_a_build_is_kept_until_they_give_it_up(
     before = {path: (path.is_symlink(), path.is_file() and path.read_bytes()) for path in two.rglob("*")}
     for _ in range(2):
         code, lines = said(capsys, *words)
-        assert code == 2 and lines[0].startswith(f"error[{Code.STRANGERS.code}]: `out/two` holds files that ") and f"`{name}`" in lines[0]
+        assert code == 2 and lines[0].startswith(f"error[{Code.UNEXPECTED.code}]: `out/two` holds files that ") and f"`{name}`" in lines[0]
         assert lines[1].endswith("or give them up with --force")
         assert {path: (path.is_symlink(), path.is_file() and path.read_bytes()) for path in two.rglob("*")} == before
     assert said(capsys, *words, "--force")[0] == 0

@@ -11,9 +11,9 @@ import pytest
 
 from layout.mutants import slips
 from thingc.cli.main import main
-from thingc.layout.fixing import located
-from thingc.slips import meant
+from thingc.layout.autofix import located
 from thingc.source import Edit, Span
+from thingc.typos import meant
 
 pytestmark = pytest.mark.usefixtures("one_kernel")
 

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from robot.test_rooting_properties import Tree, build, robots
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from graph.builder import as_matrix, as_pose
-from robot.test_rooting_properties import Tree, build, robots
 from thingc.graph import joints_of
 from thingc.robot import body_poses
-from thingc.robot.closure import Loops, State, orthonormal, rotation_vector
 from thingc.robot.dense import solve
+from thingc.robot.loop_solver import Loops, State, orthonormal, rotation_vector
 from thingc.robot.types import Closure, Robot
 
 numbers = st.floats(-3.0, 3.0, allow_nan=False)

@@ -96,7 +96,7 @@ def test_an_activation_that_the_other_model_has_not_got_is_left_alone(made: Made
     assert back.act.tolist() == [0.9]
 
 
-STRANGERS = """
+UNEXPECTED = """
     <body name="ball" pos="1 2 3"><freejoint name="ball"/><geom size="0.1"/></body>
     <body name="puppet" mocap="true"><geom size="0.1"/></body>
 """
@@ -105,7 +105,7 @@ STRANGERS = """
 def scene(made: Made, name: str) -> mujoco.MjData:
     """The robot behind a ball and a puppet, which shift all its addresses."""
     text = re.sub("<keyframe>.*</keyframe>", "", made.xml[name], flags=re.DOTALL)
-    return mujoco.MjData(mujoco.MjModel.from_xml_string(text.replace("<worldbody>", "<worldbody>" + STRANGERS)))
+    return mujoco.MjData(mujoco.MjModel.from_xml_string(text.replace("<worldbody>", "<worldbody>" + UNEXPECTED)))
 
 
 def test_a_scene_may_hold_more_than_the_robot(made: Made) -> None:

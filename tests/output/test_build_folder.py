@@ -1,4 +1,4 @@
-"""The build folder appears as a whole: kills, two builds at once, strangers, links, full disks."""
+"""The build folder appears as a whole: kills, two builds at once, unexpected files, links, full disks."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ import pytest
 
 from thingc.diagnostics import Code, Report
 from thingc.emit.artifact import Content, Stored
-from thingc.output import OutputError, StrangerFiles, strangers, verify, write_build
+from thingc.output import OutputError, UnexpectedFilesError, unexpected_files, verify, write_build
 from thingc.realize.store import BlobMissing, Store
 
 DRIVER = Path(__file__).with_name("killed_writer.py")
@@ -190,7 +190,7 @@ class TestStrangers:
         (folder / "notes.txt").write_text("mine")
         (folder / "stl" / "extra.stl").write_text("mine")
         before = content(folder)
-        with pytest.raises(StrangerFiles) as raised:
+        with pytest.raises(UnexpectedFilesError) as raised:
             build(tmp_path, SECOND, store)
         assert raised.value.names == ("notes.txt", "stl/extra.stl")
         assert raised.value.folder == str(folder)
@@ -203,11 +203,11 @@ class TestStrangers:
         for number in range(10):
             (folder / f"note_{number}").touch()
         report = Report()
-        with pytest.raises(StrangerFiles) as raised:
+        with pytest.raises(UnexpectedFilesError) as raised:
             build(tmp_path, SECOND, store)
         raised.value.diagnose(report)
         (said,) = report.diagnostics
-        assert said.code is Code.STRANGERS
+        assert said.code is Code.UNEXPECTED
         assert said.span is None
         names = ", ".join(f"`note_{number}`" for number in range(8))
         assert said.message == f"`arm` holds files that no build of `arm.yaml` wrote ({names} and 2 more), and is left as it is"
@@ -217,7 +217,7 @@ class TestStrangers:
         monkeypatch.chdir(tmp_path)
         folder = build(tmp_path, with_manifest({"bom.csv": b"one"}, "other.yaml"), store, "other.yaml")
         words = "^`arm` holds the build of another document, `other.yaml`, and is left as it is$"
-        with pytest.raises(StrangerFiles, match=words):
+        with pytest.raises(UnexpectedFilesError, match=words):
             build(tmp_path, FIRST, store)
         assert (folder / "bom.csv").read_bytes() == b"one"
 
@@ -228,7 +228,7 @@ class TestStrangers:
     def test_a_manifest_that_is_not_ours(self, tmp_path: Path, store: Store, manifest: bytes) -> None:
         (tmp_path / "arm").mkdir()
         (tmp_path / "arm" / "manifest.json").write_bytes(manifest)
-        with pytest.raises(StrangerFiles) as raised:
+        with pytest.raises(UnexpectedFilesError) as raised:
             build(tmp_path, FIRST, store)
         assert raised.value.names == ("manifest.json",)
 
@@ -252,12 +252,12 @@ class TestStrangers:
         folder = build(tmp_path, FIRST, store)
         (folder / "bom.csv").write_text("one\nand a line of mine\n")
         before = content(folder)
-        with pytest.raises(StrangerFiles) as raised:
+        with pytest.raises(UnexpectedFilesError) as raised:
             build(tmp_path, SECOND, store)
         assert raised.value.message == "`arm` holds files that were changed since they were built (`bom.csv`), and is left as it is"
         assert raised.value.names == ("bom.csv",) and content(folder) == before
         (folder / "notes.txt").touch()
-        with pytest.raises(StrangerFiles) as raised:
+        with pytest.raises(UnexpectedFilesError) as raised:
             build(tmp_path, SECOND, store)
         assert raised.value.message == (
             "`arm` holds files that no build of `arm.yaml` wrote (`notes.txt`) and files that were changed since they were built "
@@ -272,7 +272,7 @@ class TestStrangers:
         state = (folder / "stl" / "a.stl").stat()
         (folder / "stl" / "a.stl").write_bytes(b"B" * 100)
         os.utime(folder / "stl" / "a.stl", ns=(state.st_atime_ns, state.st_mtime_ns))
-        with pytest.raises(StrangerFiles) as raised:
+        with pytest.raises(UnexpectedFilesError) as raised:
             build(tmp_path, SECOND, store)
         assert raised.value.names == ("stl/a.stl",)
 
@@ -301,7 +301,7 @@ class TestStrangers:
         (folder / name).write_text("mine")
         listed = {**json.loads((folder / "manifest.json").read_text())["files"], name: hashlib.sha256(b"mine").hexdigest()}
         (folder / "manifest.json").write_text(json.dumps({"name": "arm", "document": "arm.yaml", "files": listed}))
-        with pytest.raises(StrangerFiles) as raised:
+        with pytest.raises(UnexpectedFilesError) as raised:
             build(tmp_path, SECOND, store)
         assert raised.value.names == (name,) and (folder / name).read_text() == "mine"
 
@@ -320,7 +320,7 @@ class TestStrangers:
         own = with_manifest({"weights.txt": b"1"})
         folder = build(tmp_path, own, store)
         build(tmp_path, with_manifest({"weights.txt": b"2"}), store)
-        with pytest.raises(StrangerFiles):
+        with pytest.raises(UnexpectedFilesError):
             build(tmp_path, FIRST, store)
         assert (folder / "weights.txt").read_bytes() == b"2"
 
@@ -332,7 +332,7 @@ class TestStrangers:
         else:
             build(tmp_path, with_manifest({"bom.csv": b"one"}, owner), store, owner)
         before = content(tmp_path / "arm")
-        with pytest.raises(StrangerFiles) as raised:
+        with pytest.raises(UnexpectedFilesError) as raised:
             build(tmp_path, FIRST, store, force=True)
         assert "--force" not in raised.value.hint and content(tmp_path / "arm") == before
 
@@ -346,7 +346,7 @@ class TestStrangers:
         folder = build(tmp_path, FIRST, store)
         (folder / "early.txt").touch()
         stored = Stored(sha256=store.put(b"mesh"), size=4)
-        with pytest.raises(StrangerFiles) as raised:
+        with pytest.raises(UnexpectedFilesError) as raised:
             build(tmp_path, {**SECOND, "stl/late.stl": stored}, store, force=True)
         assert "late.txt" in raised.value.names and (folder / "late.txt").read_text() == "mine"
 
@@ -366,7 +366,7 @@ class TestStrangers:
         store = Meddler(str(tmp_path / "store"))
         folder = build(tmp_path, FIRST, store)
         sha256 = store.put(b"mesh")
-        with pytest.raises(StrangerFiles) as raised:
+        with pytest.raises(UnexpectedFilesError) as raised:
             build(tmp_path, {**SECOND, "late.stl": Stored(sha256=sha256, size=4)}, store)
         assert raised.value.names == ("thesis.txt",)
         assert ".thingc-" not in raised.value.message
@@ -383,13 +383,13 @@ class TestLinks:
         os.unlink(folder / "stl" / "a.stl")
         os.rmdir(folder / "stl")
         os.symlink(precious, folder / "stl")
-        assert strangers(str(folder), "arm.yaml").names == ("stl",)
-        with pytest.raises(StrangerFiles):
+        assert unexpected_files(str(folder), "arm.yaml").names == ("stl",)
+        with pytest.raises(UnexpectedFilesError):
             build(tmp_path / "build", SECOND, store)
         os.unlink(folder / "stl")
         os.unlink(folder / "bom.csv")
         os.symlink(precious / "a.stl", folder / "bom.csv")
-        with pytest.raises(StrangerFiles) as raised:
+        with pytest.raises(UnexpectedFilesError) as raised:
             build(tmp_path / "build", SECOND, store)
         assert raised.value.names == ("bom.csv",)
         build(tmp_path / "build", SECOND, store, force=True)

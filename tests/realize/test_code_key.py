@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from thingc.realize.build_key import difference
 from thingc.realize.codekey import Code, Sources, binds, code_of, defined_in
 from thingc.realize.modules import Finder
-from thingc.realize.recipe import difference
 from thingc.realize.store import Store
 
 

@@ -14,8 +14,8 @@ from typing import Any
 
 import pytest
 
-from thingc.realize import claims
-from thingc.realize.claims import Claims
+from thingc.realize import build_locks
+from thingc.realize.build_locks import BuildLocks
 from thingc.realize.store import Store
 
 PARTS = """
@@ -113,7 +113,7 @@ def test_a_killed_process_is_not_waited_for(folder: Path) -> None:
     store.check()
     first = Client(folder, "Endless", 10, 11)
     first.go()
-    own = Claims(store)
+    own = BuildLocks(store)
     key = _key_under_way(folder)
     assert not own.take(key), "somebody is at it"
     os.kill(first.process.pid, signal.SIGKILL)
@@ -125,7 +125,7 @@ def test_a_killed_process_is_not_waited_for(folder: Path) -> None:
 
 
 def _key_under_way(folder: Path) -> str:
-    """The recipe's key of the endless part, found as a service would."""
+    """The build key of the endless part, found as a service would."""
     from thingc.realize.record import PartDefinition
     from thingc.realize.service import GeometryService
     from thingc.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
@@ -141,7 +141,7 @@ def _key_under_way(folder: Path) -> str:
         prepared = service._prepare(definition)
     assert isinstance(prepared, tuple)
     deadline = time.monotonic() + 30.0
-    probe = Claims(service.store)
+    probe = BuildLocks(service.store)
     while probe.take(prepared[0].key):
         probe.give_back(prepared[0].key)
         assert time.monotonic() < deadline, "it was never claimed"
@@ -152,7 +152,7 @@ def _key_under_way(folder: Path) -> str:
 
 def test_without_locks_both_model_and_agree(folder: Path) -> None:
     """A file that cannot be locked (here: a folder in its place) hinders nobody."""
-    (folder / "store" / claims.FILE).mkdir(parents=True)
+    (folder / "store" / build_locks.FILE).mkdir(parents=True)
     both = Client(folder, "Block", 10, 12), Client(folder, "Block", 10, 12)
     for client in both:
         client.go()
@@ -164,10 +164,10 @@ def test_without_locks_both_model_and_agree(folder: Path) -> None:
 def test_a_claim_is_of_one_process(tmp_path: Path) -> None:
     """Another process is refused until it is given back; other keys are free."""
     store = Store(str(tmp_path / "store"))
-    own = Claims(store)
+    own = BuildLocks(store)
     program = (
-        "import sys; from thingc.realize.claims import Claims; from thingc.realize.store import Store\n"
-        "print(Claims(Store(sys.argv[1])).take(sys.argv[2]))"
+        "import sys; from thingc.realize.build_locks import BuildLocks; from thingc.realize.store import Store\n"
+        "print(BuildLocks(Store(sys.argv[1])).take(sys.argv[2]))"
     )
 
     def other_takes(key: str) -> str:

@@ -19,7 +19,7 @@ from thingc.resolve.model import NamedPose
 from thingc.robot import body_poses
 from thingc.robot.types import Robot
 from thingc.statics import static_efforts
-from thingc.testing.stances import keyframe, posed
+from thingc.testing.poses import keyframe, posed
 
 pytestmark = pytest.mark.usefixtures("one_kernel")
 

@@ -292,7 +292,7 @@ def test_a_folder_with_strangers_is_left_as_it_is(tmp_path: Path, shared_store: 
     before = tree(Path(summary.folder))
     with pytest.raises(BatchFault) as fault:
         batch(here, shared_store)
-    assert fault.value.diagnostic.code is Code.STRANGERS and place.replace("ID", some) in fault.value.diagnostic.message
+    assert fault.value.diagnostic.code is Code.UNEXPECTED and place.replace("ID", some) in fault.value.diagnostic.message
     assert tree(Path(summary.folder)) == before
 
 
@@ -302,13 +302,13 @@ def test_the_folder_of_another_document_is_left_as_it_is(tmp_path: Path, shared_
     (here / "other.yaml").write_text((here / "sweep.yaml").read_text())
     with pytest.raises(BatchFault) as fault:
         batch(here, shared_store, "other")
-    assert fault.value.diagnostic.code is Code.STRANGERS
+    assert fault.value.diagnostic.code is Code.UNEXPECTED
     (here / "build" / "robot").mkdir()
     (here / "build" / "robot" / "model.xml").write_text("<mujoco/>")
     (here / "sweep.yaml").write_text((here / "sweep.yaml").read_text().replace("name: sweep", "name: robot"))
     with pytest.raises(BatchFault) as fault:
         batch(here, shared_store)
-    assert fault.value.diagnostic.code is Code.STRANGERS and (here / "build" / "robot" / "model.xml").exists()
+    assert fault.value.diagnostic.code is Code.UNEXPECTED and (here / "build" / "robot" / "model.xml").exists()
 
 
 @pytest.mark.parametrize(("change", "words"), [
@@ -376,7 +376,7 @@ def test_a_table_or_page_that_somebody_edited_is_not_overwritten(tmp_path: Path,
     with pytest.raises(BatchFault) as fault:
         batch(here, shared_store, "few", pictures=0)
     said = fault.value.diagnostic
-    assert said.code is Code.STRANGERS and said.message.endswith(f"or that were changed since, and is left as it is: `{name}`")
+    assert said.code is Code.UNEXPECTED and said.message.endswith(f"or that were changed since, and is left as it is: `{name}`")
     assert (folder / name).read_bytes() == before + b"mine"
     (folder / name).write_bytes(before)
     assert batch(here, shared_store, "few", pictures=0).statuses == {"built": 2}

@@ -15,16 +15,16 @@ from pathlib import Path
 import pytest
 
 from thingc.diagnostics import Code
-from thingc.variants import BatchFault, parcel, plan
-from thingc.variants.parcel import Parcel, pack
+from thingc.variants import BatchFault, plan, transfer
+from thingc.variants.transfer import Transfer, pack
 from variants.robots import workspace
 
 
-def packed(here: Path, document: str = "sweep") -> Parcel:
+def packed(here: Path, document: str = "sweep") -> Transfer:
     return pack(plan(str(here / f"{document}.yaml")), str(here / "build" / document))
 
 
-def names(found: Parcel) -> set[str]:
+def names(found: Transfer) -> set[str]:
     """What tarfile says is in it."""
     with tarfile.open(fileobj=io.BytesIO(zlib.decompress(found.data))) as archive:
         return set(archive.getnames())
@@ -107,7 +107,7 @@ def test_a_workspace_that_is_too_large(tmp_path: Path, monkeypatch: pytest.Monke
     (here / "videos").mkdir()
     (here / "videos" / "walk.mp4").write_bytes(bytes(1_990_000))
     (here / "videos" / "run.mp4").write_bytes(bytes(20_000))
-    monkeypatch.setattr(parcel, bound, value)
+    monkeypatch.setattr(transfer, bound, value)
     with pytest.raises(BatchFault, match=f"has more than {words}, which is the bound for --ship.*`videos`") as caught:
         packed(here)
     assert caught.value.diagnostic.code is Code.TOO_LARGE and "thingc.toml" in str(caught.value.diagnostic.help)
@@ -133,7 +133,7 @@ def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
 
 def test_a_file_that_goes_while_it_is_looked_for(tmp_path: Path) -> None:
     here = workspace(tmp_path)
-    search = parcel._Search(plan(str(here / "sweep.yaml")).workspace, ())
+    search = transfer._Search(plan(str(here / "sweep.yaml")).workspace, ())
     with pytest.raises(BatchFault, match=r"cannot read `.*draft.yaml~` to ship it: no such file"):
         search._add(str(here / "draft.yaml~"))
 
@@ -170,7 +170,7 @@ def test_nothing_is_unpacked_beside_the_folder(tmp_path: Path, kind: str) -> Non
     with tarfile.open(fileobj=stream, mode="w") as archive:
         archive.addfile(member, io.BytesIO(b"x"))
     data = stream.getvalue()
-    bad = Parcel(root="/", sha256=hashlib.sha256(data).hexdigest(), data=zlib.compress(data), names=1)
+    bad = Transfer(root="/", sha256=hashlib.sha256(data).hexdigest(), data=zlib.compress(data), names=1)
     place = tmp_path / "deep" / "work"
     if kind == "absolute":  # the filter takes the slash away: it lands inside
         bad.unpack(str(place))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from thingc.gate.changes import NotARepository, changed_since
-from thingc.gate.touched import Touched, touched
+from thingc.affected.changes import NotARepository, changed_since
+from thingc.affected.touched import Touched, touched
 
 __all__ = ["NotARepository", "Touched", "changed_since", "touched"]

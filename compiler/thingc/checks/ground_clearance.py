@@ -89,9 +89,9 @@ def run(case: Case, check: GroundClearance) -> Outcome:
 def _heights(case: Case, check: GroundClearance) -> Iterator[tuple[float, str]]:
     """How high [m] the lowest points of parts are over the plane, each with its path: of the lowest part, and of every one that is too
     low. Others are left out where their boxes show that they are higher."""
-    from thingc.realize.outline import outline
+    from thingc.realize.vertices import vertices
     from thingc.robot import occurrence_poses
-    from thingc.robot.standing import DECIMALS, ROUNDING, of_box, of_points, vertices
+    from thingc.robot.standing import DECIMALS, ROUNDING, of_box, of_points, vertices_of
 
     spared = {index for reference in check.spared for index in case.linked.components[reference]}
     poses = occurrence_poses(case.robot, case.frames[0].q, case.frames[0].base)
@@ -105,7 +105,7 @@ def _heights(case: Case, check: GroundClearance) -> Iterator[tuple[float, str]]:
     for under, path, mesh, pose in sorted(boxed, key=lambda entry: entry[:2]):
         if under >= max(check.plane + check.least, lowest):
             break
-        points = memo(("true outline", path), partial(vertices, partial(outline, store), mesh), mesh.sha256)
+        points = memo(("true mesh_vertices", path), partial(vertices_of, partial(vertices, store), mesh), mesh.sha256)
         low = pose.translation[2] + of_points(points, pose.rotation[2])
         lowest = min(lowest, low)
         yield round(low - check.plane, DECIMALS) + 0.0, path

@@ -130,7 +130,7 @@ def _allowance(said: AllowSpec, reader: Reader, index: int) -> Allowance:
 
 def poses(check: CollisionCheck, pose: NamedPose) -> Sequence[NamedPose]:
     """Of a sweep all of its positions."""
-    from thingc.testing.stances import swept
+    from thingc.testing.poses import swept
 
     return swept(pose, check.ranges, check.samples) if check.ranges else [pose]
 
@@ -241,7 +241,7 @@ def _how(assembly: Assembly, near: Near, clearance: float) -> str:
 
 def _at(case: Case, check: CollisionCheck, near: Near) -> str:
     """Where in a sweep."""
-    from thingc.testing.stances import joints_text
+    from thingc.testing.poses import joints_text
 
     if not check.ranges:
         return ""

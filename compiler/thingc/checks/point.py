@@ -92,8 +92,8 @@ def read(written: PointTest, reader: Reader) -> PointCheck | None:
 
 def run(case: Case, check: PointCheck) -> Outcome:
     """The nearest that the mount gets to the point, and how far off the direction it is there."""
+    from thingc.testing.poses import joints_text
     from thingc.testing.reaching import Target, nearest
-    from thingc.testing.stances import joints_text
 
     best = nearest(case.robot, case.frames[0], Target(
         mount=case.linked.mounts[check.mount], frame=None if check.frame is None else case.linked.mounts[check.frame],

@@ -60,8 +60,8 @@ def read(written: ReachTest, reader: Reader) -> ReachCheck | None:
 
 def run(case: Case, check: ReachCheck) -> Outcome:
     """In no mode: without holds, from the base component. What is found can be taken: a lower bound of the true reach."""
+    from thingc.testing.poses import joints_text, posed, starting_pose
     from thingc.testing.reaching import farthest
-    from thingc.testing.stances import joints_text, posed, starting_pose
 
     assembly = case.robot.assembly
     mode = replace(assembly.modes[0], holds=(), cut=(), pose=None, base="fixed")

@@ -12,7 +12,7 @@ from thingc import pipeline
 from thingc.cli import common
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, shown_path
 from thingc.environment import Environment, Options
-from thingc.layout.fixing import Looked, Mending, mend
+from thingc.layout.autofix import Looked, TextEdit, autofix
 from thingc.layout.formatting import write_in_place
 from thingc.load.paths import DOCUMENT_SUFFIXES
 from thingc.pipeline import Compilation
@@ -33,10 +33,10 @@ def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Op
         return _say(arguments, [fault.diagnostic], [])
     disk = _Disk()
     texts: dict[str, bytes] = {}
-    mended: list[Mending] = []
+    mended: list[TextEdit] = []
     found: list[Diagnostic] = []
     for document in common.present(documents, found):
-        done, texts, left = _mend(document, replace(options, lock=True), texts, disk, report_of, strict=arguments.strict)
+        done, texts, left = _autofix(document, replace(options, lock=True), texts, disk, report_of, strict=arguments.strict)
         mended += done
         found.extend(d for d in left if d not in found)
     if not arguments.diff:
@@ -50,9 +50,9 @@ def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Op
     return _say(arguments, found, mended)
 
 
-def _mend(
+def _autofix(
     document: str, options: Options, texts: Mapping[str, bytes], disk: _Disk, report_of: ReportOf, *, strict: bool
-) -> tuple[list[Mending], dict[str, bytes], Sequence[Diagnostic]]:
+) -> tuple[list[TextEdit], dict[str, bytes], Sequence[Diagnostic]]:
     spaces: list[Workspace] = []
 
     def look(contents: Mapping[str, bytes]) -> Looked:
@@ -67,7 +67,7 @@ def _mend(
     def allowed(file: str) -> bool:
         return file.lower().endswith(DOCUMENT_SUFFIXES) and bool(spaces) and spaces[-1].contains(file)
 
-    return mend(look, texts, allowed, disk.read)
+    return autofix(look, texts, allowed, disk.read)
 
 
 class _Disk:
@@ -107,7 +107,7 @@ def _bytes(file: str) -> bytes | None:
         return None
 
 
-def _say(arguments: argparse.Namespace, found: Sequence[Diagnostic], mended: Sequence[Mending]) -> int:
+def _say(arguments: argparse.Namespace, found: Sequence[Diagnostic], mended: Sequence[TextEdit]) -> int:
     rows = [
         {"file": shown_path(one.file), "line": one.line, "written": one.written, "replacement": one.replacement} for one in mended
     ]

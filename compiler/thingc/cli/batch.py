@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from thingc.cli import common
 from thingc.diagnostics import Diagnostic, shown_path
 from thingc.environment import Options
-from thingc.slips import did_you_mean
+from thingc.typos import did_you_mean
 from thingc.variants.pictures import ALL, MANY, MOST
 
 if TYPE_CHECKING:

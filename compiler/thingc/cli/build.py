@@ -17,7 +17,7 @@ from thingc.emit.artifact import Content, Loss
 from thingc.environment import Environment, Options, attempted, store_of
 from thingc.output import OutputError, build_folder, verify, write_build
 from thingc.pipeline import Compilation, UnknownChoice
-from thingc.slips import did_you_mean
+from thingc.typos import did_you_mean
 
 EPILOG = """\
 Everything appears at once in build/NAME/ (or DIR/NAME/), or nothing does. Targets: mjcf (MuJoCo models and scenes, one per

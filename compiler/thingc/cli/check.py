@@ -64,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
     except common.WrongCommandLine as fault:
         return _answer(arguments, [fault.diagnostic], [])
     if arguments.fix or arguments.diff:
-        from thingc.cli.mending import run_fix
+        from thingc.cli.autofix import run_fix
 
         return run_fix(arguments, documents, options, report_of)
     if arguments.no_code:
@@ -106,7 +106,7 @@ def _untrusted(arguments: argparse.Namespace, documents: Sequence[str], options:
 
 
 def _concerned_without_code(files: Sequence[str]) -> list[str]:
-    from thingc.gate import touched
+    from thingc.affected import touched
 
     return [shown_path(path) for path in touched([os.path.abspath(file) for file in files], os.getcwd(), None).documents]
 

@@ -13,7 +13,7 @@ from thingc.diagnostics import Code, Diagnostic, Report, Severity, shown_path
 from thingc.environment import Options
 from thingc.printing import as_json, as_text, summary
 from thingc.shown import json_text, shown, shown_line
-from thingc.slips import did_you_mean, file_meant
+from thingc.typos import did_you_mean, file_meant
 
 USAGE = 2
 FINDINGS = ("text", "json", "github", "sarif")
@@ -348,6 +348,6 @@ def _working_folder() -> str | None:
 
 
 USAGE_CODES = frozenset({
-    Code.COMMAND_LINE, Code.WORKING_FOLDER, Code.NO_DOCUMENT, Code.PARAMETER_OPTION, Code.CHOICE_OPTION, Code.STRANGERS, Code.OUTPUT,
+    Code.COMMAND_LINE, Code.WORKING_FOLDER, Code.NO_DOCUMENT, Code.PARAMETER_OPTION, Code.CHOICE_OPTION, Code.UNEXPECTED, Code.OUTPUT,
     Code.NO_GRAPHICS, Code.BATCH_LOCKED, Code.BATCH_UNFINISHED, Code.BATCH_CHANGED, Code.NO_BATCH,
 })

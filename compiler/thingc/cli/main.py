@@ -85,7 +85,7 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
     """The command line understood; None where only help was wanted, which has been printed. Raises `WrongUsage`."""
     command = next((word for word in words if not word.startswith("-")), None)
     if command is not None and command not in COMMANDS:
-        from thingc.slips import did_you_mean
+        from thingc.typos import did_you_mean
 
         raise WrongUsage(f"there is no command `{command}`", did_you_mean(command, COMMANDS, what="commands"))
     empty = next((word for word in words if re.fullmatch(r"-\w--|--[\w-]+=--", word)), None)
@@ -99,7 +99,7 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
             raise
         return None
     if unknown:
-        from thingc.slips import nearest
+        from thingc.typos import nearest
 
         word = unknown[0].partition("=")[0]
         what = "option" if word.startswith("-") else "argument"

@@ -10,7 +10,7 @@ from thingc.pipeline import UnknownChoice
 from thingc.pose import NO_POSE, Pose, Vector, cross, turned_about, turned_x
 from thingc.render.frames import Axis, Frame, Mark
 from thingc.robot.types import Robot
-from thingc.slips import did_you_mean
+from thingc.typos import did_you_mean
 
 ROOT_SIZE = 1.6
 """How much longer the axes of the root are than those of a mount."""

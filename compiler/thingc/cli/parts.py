@@ -12,8 +12,8 @@ from thingc.cli import common
 from thingc.cli.tables import axes, millimetres, table
 from thingc.diagnostics import Code, Diagnostic, Report, Severity
 from thingc.realize.record import NO_PARTS, MountRecord, ParameterSchema, PartFailure, PartRecord, PartSchema
-from thingc.slips import did_you_mean
 from thingc.source import Span
+from thingc.typos import did_you_mean
 
 if TYPE_CHECKING:
     from thingc.realize.service import GeometryService

@@ -19,7 +19,7 @@ from thingc.environment import Environment, attempted
 from thingc.pipeline import UnknownChoice
 from thingc.render import NoGraphics, Shot, picture, ready
 from thingc.robot.types import Robot
-from thingc.slips import did_you_mean
+from thingc.typos import did_you_mean
 
 if TYPE_CHECKING:
     from thingc.render.frames import Mark

@@ -13,7 +13,7 @@ from thingc.cli import common
 from thingc.diagnostics import Code, Diagnostic, Severity, Stage, shown_path
 from thingc.environment import Environment, attempted
 from thingc.pipeline import UnknownChoice
-from thingc.slips import did_you_mean
+from thingc.typos import did_you_mean
 
 if TYPE_CHECKING:
     from thingc.graph.types import Assembly

@@ -63,8 +63,8 @@ def documents(
 
     Raises `WrongCommandLine` where nothing was asked, where a folder is named, or where git cannot answer.
     """
+    from thingc.affected import NotARepository, changed_since, touched
     from thingc.environment import Options, store_of
-    from thingc.gate import NotARepository, changed_since, touched
 
     if not files and since is None and not everything:
         raise common.WrongCommandLine("expected files that have changed, or --since", "write for example --since origin/main")

@@ -11,7 +11,7 @@ from thingc.cli import common
 from thingc.diagnostics import Diagnostic, shown_path
 from thingc.environment import Environment, attempted
 from thingc.pipeline import Compilation
-from thingc.slips import did_you_mean
+from thingc.typos import did_you_mean
 
 EPILOG = """\
   thingc why assemblies/arm.yaml hand/cap       would it be modelled again, and what has changed since last time?

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import field
 
 from thingc.editor import values
-from thingc.editor.outline import outline_of
+from thingc.editor.symbols import symbols_of
 from thingc.frozen import dataclass
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema
 from thingc.resolve.model import AssemblyDefinition, Component, Joint
@@ -112,7 +112,7 @@ def facts_of(
         materials={**dict.fromkeys(inline, ""), **materials},
         materials_sure=model is not None and model.materials_known and not inline and bool(materials),
         parameters={
-            name: quantity for name, one in outline_of(tree).parameters.items() if (quantity := values.read(one.value)) is not None
+            name: quantity for name, one in symbols_of(tree).parameters.items() if (quantity := values.read(one.value)) is not None
         },
     )
 

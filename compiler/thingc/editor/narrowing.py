@@ -14,7 +14,7 @@ from dataclasses import field
 
 from thingc.editor import things, values
 from thingc.editor.facts import Facts, JointFacts, Names, Piece
-from thingc.editor.outline import Outline, parameters_schema
+from thingc.editor.symbols import DocumentSymbols, parameters_schema
 from thingc.editor.values import Schema, one_of
 from thingc.frozen import dataclass
 from thingc.realize.record import PartSchema
@@ -37,8 +37,8 @@ class Surroundings:
 
     parts: Mapping[str, PartSchema] = field(default_factory=dict)
     usual: Mapping[str, Names] = field(default_factory=dict)
-    assemblies: Mapping[str, Outline] = field(default_factory=dict)
-    materials: Mapping[str, Outline] = field(default_factory=dict)
+    assemblies: Mapping[str, DocumentSymbols] = field(default_factory=dict)
+    materials: Mapping[str, DocumentSymbols] = field(default_factory=dict)
     lost: Mapping[str, Schema] = field(default_factory=dict)
 
 
@@ -171,7 +171,7 @@ class _Narrowing:
             self._put(model, "material", choice)
         self._others(self.properties["materials"]["anyOf"], self.around.materials)
 
-    def _others(self, branches: list[Schema], documents: Mapping[str, Outline]) -> None:
+    def _others(self, branches: list[Schema], documents: Mapping[str, DocumentSymbols]) -> None:
         choices = [(name, one.description or one.name or "A document.") for name, one in documents.items()]
         for branch in branches:
             if branch.get("type") == "array":
@@ -201,8 +201,8 @@ class _Narrowing:
                 then["attach"] = _ref(mounts_name(reference))
             needs = self.definitions[params_name(reference)].get("required")
             rules.append(_if("part", reference, {"properties": then, **({"required": ["params"]} if needs else {})}))
-        for name, outline in self.around.assemblies.items():
-            rules.append(_if("assembly", name, {"properties": {"parameters": parameters_schema(name, outline)}}))
+        for name, symbols in self.around.assemblies.items():
+            rules.append(_if("assembly", name, {"properties": {"parameters": parameters_schema(name, symbols)}}))
         for section in ("params", "parameters"):  # what is said of every value would hide what is said of each parameter
             self._put("ComponentSpec", section, {"type": "object"})
         self._put("ComponentSpec", "attach", {"type": "object", **_full_or_short({"additionalProperties": _ref("mount")}, {})})

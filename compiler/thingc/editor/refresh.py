@@ -10,9 +10,9 @@ from thingc.diagnostics import Report
 from thingc.editor import folder
 from thingc.editor.facts import Facts, facts_of
 from thingc.editor.narrowing import Surroundings, narrowed, remembered
-from thingc.editor.outline import Outline, near, of_variants, read_outline
 from thingc.editor.parts import Missing, Parts
 from thingc.editor.reading import Reading, Stat, read, stat_of
+from thingc.editor.symbols import DocumentSymbols, near, of_variants, read_symbols
 from thingc.frozen import dataclass
 from thingc.load.finding import documents_in
 from thingc.realize.record import PartDefinition
@@ -52,7 +52,7 @@ class Schemas:
         self._seen: dict[str, Stat] = {}
         self._readings: dict[str, Reading | None] = {}
         self._models: dict[str, AssemblyDefinition | None] = {}
-        self._outlines: dict[str, Outline] = {}
+        self._symbols: dict[str, DocumentSymbols] = {}
         self._done: dict[str, tuple[object, Surroundings]] = {}
         self._settings: dict[str, Stat] = {path: stat_of(path) for path in workspace.inputs}
 
@@ -115,14 +115,14 @@ class Schemas:
 
     def _read(self, relatives: Mapping[str, str], before: Mapping[str, Stat]) -> None:
         anything = before != self._seen
-        gone = set(self._outlines) - set(relatives.values())
+        gone = set(self._symbols) - set(relatives.values())
         for name in gone:
-            del self._outlines[name]
+            del self._symbols[name]
         for path, name in relatives.items():
             if before.get(path) != self._seen[path]:
-                outline = read_outline(path)
-                if outline.whole or name not in self._outlines:
-                    self._outlines[name] = outline
+                symbols = read_symbols(path)
+                if symbols.whole or name not in self._symbols:
+                    self._symbols[name] = symbols
             known = self._readings.get(name)
             if name in self._readings and known is not None and known.current() and not (known.waiting and anything):
                 continue
@@ -139,8 +139,8 @@ class Schemas:
 
     def _write(self, name: str, reading: Reading | None, usual: Mapping[str, Any]) -> bool | None:
         """Whether the schema of a document was written; None where it keeps its last one."""
-        outline = self._outlines[name]
-        kind = reading.kind if reading is not None else outline.kind
+        symbols = self._symbols[name]
+        kind = reading.kind if reading is not None else symbols.kind
         last: dict[str, Any] | None = None
         if reading is None or reading.broken:
             last = folder.read(self.workspace.root, name)
@@ -199,9 +199,9 @@ class Schemas:
             self._general[kind] = json_schema(kind)
         return self._general[kind]
 
-    def _others(self, name: str, kind: str) -> dict[str, Outline]:
+    def _others(self, name: str, kind: str) -> dict[str, DocumentSymbols]:
         """The other documents of a kind by what this one would call them, the nearest first."""
-        found = {near(name, other): one for other, one in self._outlines.items() if one.kind == kind and other != name}
+        found = {near(name, other): one for other, one in self._symbols.items() if one.kind == kind and other != name}
         order = sorted(found, key=lambda text: (text.count("/"), text))[:MAX_OTHERS]
         return {text: found[text] for text in order}
 

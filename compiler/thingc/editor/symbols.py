@@ -17,7 +17,7 @@ from thingc.source import MappingNode, Node, ScalarNode
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ParameterOutline:
+class ParameterSymbol:
     """A parameter as it is written; empty texts for what is not."""
 
     value: str
@@ -27,37 +27,37 @@ class ParameterOutline:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Outline:
+class DocumentSymbols:
     """Of one document; `kind` is empty where it has none. `whole`: it could be parsed."""
 
     kind: str
     whole: bool = True
     name: str = ""
     description: str = ""
-    parameters: Mapping[str, ParameterOutline] = field(default_factory=dict)
+    parameters: Mapping[str, ParameterSymbol] = field(default_factory=dict)
 
 
 _KIND = re.compile(rb"""^[^#\n]*thingc["']?[ \t]*[:=][ \t]*["']?(\w+)/""", re.MULTILINE)
 
 
-def read_outline(path: str) -> Outline:
+def read_symbols(path: str) -> DocumentSymbols:
     """Of the file at a path; of one that cannot be parsed the kind alone."""
     try:
         with open(path, "rb") as stream:
             data = stream.read(10_000_001)
     except OSError:
-        return Outline(kind="", whole=False)
+        return DocumentSymbols(kind="", whole=False)
     tree = read_tree(path, data, Report())
     if tree is not None:
-        return outline_of(tree)
+        return symbols_of(tree)
     kind = _KIND.search(data)
-    return Outline(kind=kind.group(1).decode() if kind is not None else "", whole=False)
+    return DocumentSymbols(kind=kind.group(1).decode() if kind is not None else "", whole=False)
 
 
-def outline_of(tree: MappingNode) -> Outline:
+def symbols_of(tree: MappingNode) -> DocumentSymbols:
     """Of a tree, as far as it makes sense."""
     parameters = tree.entries.get("parameters")
-    return Outline(
+    return DocumentSymbols(
         kind=_text(tree.entries.get("thingc")).partition("/")[0], name=_text(tree.entries.get("name")),
         description=" ".join(_text(tree.entries.get("description")).split()),
         parameters={name: _parameter(node) for name, node in parameters.entries.items()}
@@ -65,11 +65,11 @@ def outline_of(tree: MappingNode) -> Outline:
     )
 
 
-def _parameter(node: Node) -> ParameterOutline:
+def _parameter(node: Node) -> ParameterSymbol:
     if not isinstance(node, MappingNode):
-        return ParameterOutline(value=_text(node))
+        return ParameterSymbol(value=_text(node))
     value, low, high, doc = (_text(node.entries.get(key)) for key in ("value", "min", "max", "doc"))
-    return ParameterOutline(value=value, minimum=low, maximum=high, doc=doc)
+    return ParameterSymbol(value=value, minimum=low, maximum=high, doc=doc)
 
 
 def _text(node: Node | None) -> str:
@@ -78,15 +78,15 @@ def _text(node: Node | None) -> str:
     return (node.value if isinstance(node.value, str) else node.text).strip()
 
 
-def parameters_schema(document: str, outline: Outline) -> Schema:
+def parameters_schema(document: str, symbols: DocumentSymbols) -> Schema:
     """The schema of the `parameters:` that a parent sets in a nested document."""
     return {
-        "type": "object", "title": f"Parameters of {document}", "description": outline.description or f"What `{document}` takes.",
-        "properties": {name: _schema(name, one) for name, one in outline.parameters.items()}, "additionalProperties": False,
+        "type": "object", "title": f"Parameters of {document}", "description": symbols.description or f"What `{document}` takes.",
+        "properties": {name: _schema(name, one) for name, one in symbols.parameters.items()}, "additionalProperties": False,
     }
 
 
-def _schema(name: str, one: ParameterOutline) -> Schema:
+def _schema(name: str, one: ParameterSymbol) -> Schema:
     quantity = values.read(one.value)
     schema: Schema = {"type": ["string", "number", "boolean"]}
     words = ""
@@ -104,7 +104,7 @@ def _schema(name: str, one: ParameterOutline) -> Schema:
     return schema
 
 
-def of_variants(general: Schema, assembly: Outline | None, others: Mapping[str, Outline]) -> Schema:
+def of_variants(general: Schema, assembly: DocumentSymbols | None, others: Mapping[str, DocumentSymbols]) -> Schema:
     """The schema of a variants document: the assemblies that it can name, and the parameters of the one that it names."""
     schema = copy.deepcopy(general)
     fields: Schema = schema["properties"]

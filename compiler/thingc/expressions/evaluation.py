@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Union
 
 from thingc.expressions.terms import CONSTANTS, Binary, Call, Expression, ExpressionError, Literal, NameUse, Term, Unary
-from thingc.slips import did_you_mean
+from thingc.typos import did_you_mean
 from thingc.units import ANGLE, NUMBER, UNITS, Dimension, Quantity, fits, shortened
 
 Value = Union[Quantity, bool, str]

@@ -20,7 +20,7 @@ from thingc.expressions.terms import (
     Term,
     Unary,
 )
-from thingc.slips import Hint, did_you_mean
+from thingc.typos import Hint, did_you_mean
 from thingc.units import MAX_TEXT, NUMBER, UNITS, Quantity, UnitError, converted, scan_number, scan_unit, shortened
 
 

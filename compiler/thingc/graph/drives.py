@@ -11,8 +11,8 @@ from thingc.graph.unroll import Instance, Tree
 from thingc.joints import Twist
 from thingc.realize.record import Actuator
 from thingc.resolve.model import CoordinateName, Drive, Joint
-from thingc.slips import did_you_mean
 from thingc.source import Origin
+from thingc.typos import did_you_mean
 
 _INLINE = {"hinge": "`drive: {kind: position, kp: 20 N*m/rad}`", "slide": "`drive: {kind: position, kp: 200 N/m}`"}
 """By the joint of the core an example of a drive written in the document."""

@@ -129,7 +129,7 @@ def on_loops(count: int, mates: Sequence[Mate]) -> frozenset[str]:
     return frozenset(found)
 
 
-def spread(
+def forward_kinematics(
     mates: Sequence[Mate], neighbours: Sequence[Sequence[int]], start: int, base: Pose, q: Mapping[str, float], *,
     rigid: bool = False,
 ) -> dict[int, Pose]:
@@ -160,5 +160,5 @@ def poses(assembly: Assembly, q: Mapping[str, float], base: Pose = NO_POSE) -> t
     """
     full = coordinates(joints_of(assembly), q)
     count = len(assembly.occurrences)
-    at = spread(assembly.mates, neighbourhood(count, assembly.mates), assembly.base, base, full)
+    at = forward_kinematics(assembly.mates, neighbourhood(count, assembly.mates), assembly.base, base, full)
     return tuple(at[index] for index in range(count))

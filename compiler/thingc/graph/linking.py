@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from thingc.diagnostics import Code, Report
 from thingc.graph.expectations import check_expectations
 from thingc.graph.findings import Findings
-from thingc.graph.kinematics import neighbourhood, on_loops, spread
-from thingc.graph.leaves import Leaves
-from thingc.graph.links import fused, links_of
+from thingc.graph.kinematics import forward_kinematics, neighbourhood, on_loops
+from thingc.graph.links import connected_components, links_of
 from thingc.graph.mates import check_loops, loops_in, mates_of, stated_joints
 from thingc.graph.modes import adhesions_of, check_poses, exported_of, modes_of, raw_of, sensors_of
+from thingc.graph.part_instances import PartInstances
 from thingc.graph.physics import check_links
 from thingc.graph.plausible import check_plausible
 from thingc.graph.tests import tests_of
@@ -35,7 +35,7 @@ def link(
     """
     memo = memo or Memo()
     findings = Findings(report)
-    leaves = Leaves(records, findings, memo)
+    leaves = PartInstances(records, findings, memo)
     tree = Tree(model, leaves, findings)
     leaves.report_failures()
     leaves.report_materials()
@@ -44,7 +44,7 @@ def link(
     occurrences = tuple(
         memo.same(("occurrence", instance.path), _occurrence(index, instance, tree)) for index, instance in enumerate(tree.leaves)
     )
-    link_of = fused(len(occurrences), mates)
+    link_of = connected_components(len(occurrences), mates)
     links = links_of(tree, occurrences, mates, findings, memo)
     check_loops(mates, link_of, links, findings)
     modes = modes_of(tree, model, link_of, findings)
@@ -85,7 +85,7 @@ def link(
 
 def _rest(mates: Sequence[Mate], base: int | None, count: int) -> dict[int, Pose]:
     """The poses of the occurrences at q = 0 in the frame of the base, as far as they hang together with it."""
-    return spread(mates, neighbourhood(count, mates), base, NO_POSE, {}) if base is not None else {}
+    return forward_kinematics(mates, neighbourhood(count, mates), base, NO_POSE, {}) if base is not None else {}
 
 
 def _occurrence(index: int, instance: Instance, tree: Tree) -> Occurrence:

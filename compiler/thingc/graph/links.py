@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from thingc.diagnostics import Code
 from thingc.frozen import dataclass
 from thingc.graph.findings import Findings, noted
-from thingc.graph.kinematics import neighbourhood, spread
+from thingc.graph.kinematics import forward_kinematics, neighbourhood
 from thingc.graph.types import Link, Mate, Occurrence
 from thingc.graph.unroll import Tree
 from thingc.inertia import MassProperties, total
@@ -16,7 +16,7 @@ from thingc.pose import NO_POSE, Pose
 from thingc.source import Origin
 
 
-def fused(count: int, mates: Sequence[Mate]) -> tuple[int, ...]:
+def connected_components(count: int, mates: Sequence[Mate]) -> tuple[int, ...]:
     """For each occurrence the number of its link: links are numbered by their first occurrence in document order.
 
     Union-find with path halving over the mates without a joint.
@@ -52,7 +52,7 @@ def links_of(
     tree: Tree, occurrences: Sequence[Occurrence], mates: Sequence[Mate], findings: Findings, memo: Memo,
 ) -> tuple[Link, ...]:
     """The links in order, named and framed as `links:` says (the outermost document wins), else as their first occurrence."""
-    link_of = fused(len(occurrences), mates)
+    link_of = connected_components(len(occurrences), mates)
     members: list[list[int]] = [[] for _ in range(max(link_of, default=-1) + 1)]
     for occurrence, number in enumerate(link_of):
         members[number].append(occurrence)
@@ -68,7 +68,7 @@ def links_of(
         name = naming.name if naming is not None else first.path
 
         def lie(_: object, frame: int, inside: tuple[int, ...]) -> tuple[Pose, ...]:
-            at = spread(mates, neighbours, frame, NO_POSE, {}, rigid=True)
+            at = forward_kinematics(mates, neighbours, frame, NO_POSE, {}, rigid=True)
             return tuple(at[k] for k in inside)
 
         found = memo(("poses", name), lie, rigid, frame, tuple(inside))

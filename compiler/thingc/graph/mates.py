@@ -18,8 +18,8 @@ from thingc.graph.unroll import Found, Instance, Tree, unplaced
 from thingc.memo import Memo
 from thingc.pose import MATE, Pose, shifted, turned_z
 from thingc.resolve.model import AssemblyDefinition, At, Attach, Component, Joint, Reference
-from thingc.slips import MAX_CIRCLE
 from thingc.source import Origin
+from thingc.typos import MAX_CIRCLE
 
 
 def mates_of(tree: Tree, findings: Findings, memo: Memo) -> tuple[tuple[Mate, ...], frozenset[int]]:

@@ -12,7 +12,7 @@ from thingc.graph.kinematics import balls, coordinates
 from thingc.graph.types import Adhesion, ExportedMount, Foot, JointEdge, LinkedHold, LinkedMode, LinkedSensor, RootChoice
 from thingc.graph.unroll import Tree
 from thingc.resolve.model import AssemblyDefinition, Mode, NamedPose, RawAttribute, Reference
-from thingc.slips import did_you_mean
+from thingc.typos import did_you_mean
 
 _ROUNDING = 1e-9
 """How far past a limit a pose may be without being outside, relative: limits and poses may come from expressions."""

@@ -30,8 +30,8 @@ from thingc.realize.record import Outside, PartDefinition, PartFailure, PartReco
 from thingc.realize.slices import Unsliced
 from thingc.resolve.model import AssemblyDefinition, BomEntry, Component, Material, Process
 from thingc.resolve.plausible import density_cure, density_doubt, mass_doubt, mass_words, said_by_file
-from thingc.slips import did_you_mean, nearest
 from thingc.source import Origin
+from thingc.typos import did_you_mean, nearest
 
 _WRITE_WHERE = "let it write nothing, or into `tempfile.gettempdir()`, which is its own and goes with it"
 _FAILED = {
@@ -61,7 +61,7 @@ _SHOWN_PLACES = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Leaf:
+class PartInstance:
     """A component that is a part or a frame. `properties` and `mounts` are in its own frame; `sound` is False where its
     mass is wrong and that has been reported."""
 
@@ -78,8 +78,8 @@ class Leaf:
     sound: bool
 
 
-class Leaves:
-    """Leaves by component. A component of a definition that is used twice is asked for twice and worked out once.
+class PartInstances:
+    """PartInstances by component. A component of a definition that is used twice is asked for twice and worked out once.
 
     `unknown`: a part was met of which nobody may know more (see `PartRecord.exact`); the caller has said so.
     """
@@ -88,26 +88,26 @@ class Leaves:
         self._memo = memo
         self._records = records
         self._findings = findings
-        self._known: dict[int, Leaf | None] = {}
+        self._known: dict[int, PartInstance | None] = {}
         self._failures: dict[str, list[tuple[Component, str, Origin]]] = {}
         self._unknown: dict[tuple[str, str, bool], list[tuple[Component, PartRecord, AssemblyDefinition, str, Origin]]] = {}
         self._warned: set[tuple[str, str]] = set()
         self._told: set[tuple[str, Unsliced]] = set()
         self.unknown = False
 
-    def leaf(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> Leaf | None:
+    def leaf(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> PartInstance | None:
         """The leaf of `component`, which stands in `scope` and was first met at `path`; None where its part failed."""
         key = id(component)
         if key not in self._known:
             self._known[key] = self._remembered(component, scope, path, origin)
         return self._known[key]
 
-    def _remembered(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> Leaf | None:
+    def _remembered(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> PartInstance | None:
         """The leaf as it was worked out last, if nothing at all was to be said then."""
         record = self._records.get(component.definition.text) if isinstance(component.definition, PartDefinition) else None
         material = scope.materials.get(record.material) if isinstance(record, PartRecord) and record.material else None
         inputs = (component, record, material, scope.materials_known)
-        known: Leaf | None = self._memo.last(("leaf", path), inputs)
+        known: PartInstance | None = self._memo.last(("leaf", path), inputs)
         if known is None:
             known = self._work_out(component, scope, path, origin)
             told = self._findings.incomplete or self._findings.report.diagnostics or self._unknown
@@ -164,7 +164,7 @@ class Leaves:
                 help = f"{unit}export it anew as a solid"
             self._findings.error(code, message, origin, path=path, notes=notes, detail=failure.detail, help=help)
 
-    def _work_out(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> Leaf | None:
+    def _work_out(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> PartInstance | None:
         record: PartRecord | None = None
         definition = FRAME
         if isinstance(component.definition, PartDefinition):
@@ -188,7 +188,7 @@ class Leaves:
             self._warn_mirrored(component, record, material, path, origin)
         weighed = self._weigh(component, record, material, looked_up, scope, path, origin)
         sound = weighed is not None and self._physical(component, record, path, origin)
-        return Leaf(
+        return PartInstance(
             component=component,
             definition=definition,
             record=record,

@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterator, Sequence
 
 from thingc.diagnostics import Code, Note, meant_so
 from thingc.graph.findings import Findings, noted, written_at
-from thingc.graph.leaves import doubted
+from thingc.graph.part_instances import doubted
 from thingc.graph.plausible_modes import check_modes
 from thingc.graph.types import Adhesion, ExportedMount, JointEdge, Link, LinkedMode, Mate, Occurrence
 from thingc.graph.unroll import Instance, Tree

@@ -11,12 +11,12 @@ from dataclasses import dataclass, field
 
 from thingc.diagnostics import Code, Note
 from thingc.graph.findings import Findings, noted, written_at
-from thingc.graph.leaves import Leaf, Leaves
+from thingc.graph.part_instances import PartInstance, PartInstances
 from thingc.graph.types import MountFrame
 from thingc.pose import Pose
 from thingc.resolve.model import COUNTED, AssemblyDefinition, Component, Reference
-from thingc.slips import did_you_mean, meant
 from thingc.source import Origin
+from thingc.typos import did_you_mean, meant
 
 
 @dataclass(slots=True, eq=False)
@@ -32,7 +32,7 @@ class Instance:
     component: Component | None
     origin: Origin
     assembly: AssemblyDefinition | None = None
-    leaf: Leaf | None = None
+    leaf: PartInstance | None = None
     children: dict[str, Instance] = field(default_factory=dict)
     index: int | None = None
     base: Instance | None = None
@@ -87,7 +87,7 @@ class Tree:
     are mounts that documents add to nested assemblies, per occurrence: they lie on the base of the assembly.
     """
 
-    def __init__(self, model: AssemblyDefinition, leaves: Leaves, findings: Findings) -> None:
+    def __init__(self, model: AssemblyDefinition, leaves: PartInstances, findings: Findings) -> None:
         self._findings = findings
         self._said: set[tuple[Code, str, Origin]] = set()
         self.top = Instance(path="", component=None, origin=(), assembly=model)
@@ -98,7 +98,7 @@ class Tree:
         self._find_bases()
         self._add_mounts()
 
-    def _unroll(self, model: AssemblyDefinition, leaves: Leaves) -> None:
+    def _unroll(self, model: AssemblyDefinition, leaves: PartInstances) -> None:
         waiting: list[tuple[Instance, AssemblyDefinition]] = [(self.top, model)]
         while waiting:
             instance, scope = waiting.pop()

@@ -30,7 +30,7 @@ PASSES = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Mending:
+class TextEdit:
     """One change: characters `start` to before `end` of the text of `file`, in `line` and `column` (from 1)."""
 
     file: str
@@ -69,9 +69,9 @@ def located(edit: Edit, text: str) -> tuple[int, int] | None:
     return start + places[0], start + places[0] + len(edit.written)
 
 
-def mend(
+def autofix(
     look: Look, contents: Mapping[str, bytes], allowed: Callable[[str], bool], read: Callable[[str], bytes | None]
-) -> tuple[list[Mending], dict[str, bytes], Sequence[Diagnostic]]:
+) -> tuple[list[TextEdit], dict[str, bytes], Sequence[Diagnostic]]:
     """Apply what is sure until nothing of that kind is left.
 
     `contents` are files that have been changed before, by absolute path; `allowed` says of a file whether it may be changed,
@@ -80,18 +80,18 @@ def mend(
     pass in which anything changed than before.
     """
     before = look(contents)
-    done, texts, left = _mend(look, before, contents, allowed, read, strict=False)
-    # Mending one fault may show those that it hid. Where more came to light than were mended, each change must lessen them.
+    done, texts, left = _autofix(look, before, contents, allowed, read, strict=False)
+    # TextEdit one fault may show those that it hid. Where more came to light than were mended, each change must lessen them.
     if any(_faults(left, one.file) >= _faults(before.found, one.file) for one in done):
-        return _mend(look, before, contents, allowed, read, strict=True)
+        return _autofix(look, before, contents, allowed, read, strict=True)
     return done, texts, left
 
 
-def _mend(
+def _autofix(
     look: Look, now: Looked, contents: Mapping[str, bytes], allowed: Callable[[str], bool], read: Callable[[str], bytes | None],
     *, strict: bool,
-) -> tuple[list[Mending], dict[str, bytes], Sequence[Diagnostic]]:
-    done: list[Mending] = []
+) -> tuple[list[TextEdit], dict[str, bytes], Sequence[Diagnostic]]:
+    done: list[TextEdit] = []
     texts = dict(contents)
     for _ in range(PASSES):
         chosen = _chosen(now, texts, allowed, read)
@@ -109,10 +109,10 @@ def _mend(
     return done, texts, now.found
 
 
-def _chosen(now: Looked, texts: Mapping[str, bytes], allowed: Callable[[str], bool], read: Callable[[str], bytes | None]) -> list[Mending]:
+def _chosen(now: Looked, texts: Mapping[str, bytes], allowed: Callable[[str], bool], read: Callable[[str], bytes | None]) -> list[TextEdit]:
     """The sure fixes that do not overlap."""
     words, given = _words(now.documents)
-    found: list[Mending] = []
+    found: list[TextEdit] = []
     decoded: dict[str, str | None] = {}
     for diagnostic in now.found:
         for edit in diagnostic.fixes:
@@ -125,11 +125,13 @@ def _chosen(now: Looked, texts: Mapping[str, bytes], allowed: Callable[[str], bo
             if place is None or text is None or (diagnostic.code not in LANGUAGE and not _told_apart(edit, words, given)):
                 continue
             at = Source(file, text).span(*place)
-            mending = Mending(
+            text_edit = TextEdit(
                 file=file, line=at.line, column=at.column, start=place[0], end=place[1], written=edit.written, replacement=edit.replacement,
             )
-            if mending not in found and not any(other.file == file and other.start < place[1] and place[0] < other.end for other in found):
-                found.append(mending)
+            if any(other.file == file and other.start < place[1] and place[0] < other.end for other in found):
+                continue
+            if text_edit not in found:
+                found.append(text_edit)
     return found
 
 
@@ -163,14 +165,14 @@ def _told_apart(edit: Edit, words: Counter[str], given: set[str]) -> bool:
     return meant not in given or words[meant] >= 2
 
 
-def _applied(chosen: Sequence[Mending], texts: Mapping[str, bytes], read: Callable[[str], bytes | None]) -> dict[str, bytes]:
+def _applied(chosen: Sequence[TextEdit], texts: Mapping[str, bytes], read: Callable[[str], bytes | None]) -> dict[str, bytes]:
     fresh: dict[str, bytes] = {}
-    for file in {mending.file for mending in chosen}:
+    for file in {text_edit.file for text_edit in chosen}:
         data = texts.get(file) or read(file)
         assert data is not None
         text = data.decode("utf-8-sig")
-        for mending in sorted((one for one in chosen if one.file == file), key=lambda one: -one.start):
-            text = text[: mending.start] + mending.replacement + text[mending.end :]
+        for text_edit in sorted((one for one in chosen if one.file == file), key=lambda one: -one.start):
+            text = text[: text_edit.start] + text_edit.replacement + text[text_edit.end :]
         mark = b"\xef\xbb\xbf" if data.startswith(b"\xef\xbb\xbf") else b""
         fresh[file] = mark + text.encode()
     return fresh
@@ -184,11 +186,11 @@ def _faults(found: Sequence[Diagnostic], file: str) -> tuple[int, ...]:
     return tuple(passes[digit] for digit in "123456789")
 
 
-def _better(chosen: Sequence[Mending], before: Sequence[Diagnostic], after: Sequence[Diagnostic], *, strict: bool) -> list[Mending]:
+def _better(chosen: Sequence[TextEdit], before: Sequence[Diagnostic], after: Sequence[Diagnostic], *, strict: bool) -> list[TextEdit]:
     """The changes that did good: no fault is where they were made, and with `strict` their file has fewer faults."""
     errors = [d.span for d in after if d.severity is Severity.ERROR and d.span is not None]
 
-    def mended(one: Mending) -> bool:
+    def mended(one: TextEdit) -> bool:
         above = [other for other in chosen if (other.file, other.line) == (one.file, one.line) and other.column < one.column]
         start = one.column + sum(len(other.replacement) - len(other.written) for other in above)
         end = start + len(one.replacement)

@@ -14,8 +14,8 @@ from thingc.frozen import dataclass
 from thingc.load.paths import DOCUMENT_SUFFIXES, PART_SUFFIXES, find_file, refuse_name
 from thingc.load.text import MAX_ALL_BYTES, MAX_FAULTS, decode
 from thingc.shown import unseen
-from thingc.slips import did_you_mean, near_hint, nearest
 from thingc.source import Document, MappingNode, Node, ScalarNode, SequenceNode, Span
+from thingc.typos import did_you_mean, near_hint, nearest
 from thingc.units import shortened
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from thingc.diagnostics import Code, Report
 from thingc.shown import is_text, unseen
-from thingc.slips import file_meant
 from thingc.source import Span
+from thingc.typos import file_meant
 from thingc.units import shortened
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ from thingc.diagnostics import Code, Note, Report
 from thingc.load.scalars import core_value
 from thingc.load.text import MAX_ALIAS_NODES, MAX_FAULTS, MAX_LEVELS, MAX_NODES, Source
 from thingc.load.yaml_syntax import explain
-from thingc.slips import Hint, did_you_mean
 from thingc.source import MappingNode, Node, Scalar, ScalarNode, SequenceNode, Span
+from thingc.typos import Hint, did_you_mean
 from thingc.units import scan_number, shortened
 
 

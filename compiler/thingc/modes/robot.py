@@ -19,7 +19,7 @@ from thingc.modes.frames import Array, angle_between, inverse, pose
 from thingc.modes.inertias import Inertias
 from thingc.modes.state import State
 from thingc.modes.tree import Cut, Mode
-from thingc.slips import did_you_mean
+from thingc.typos import did_you_mean
 
 OnMotion = Literal["raise", "drop", "impact"]
 CHOICES = ("raise", "drop", "impact")

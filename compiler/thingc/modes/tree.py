@@ -15,7 +15,7 @@ from thingc.modes.faults import ModesError
 from thingc.modes.frames import Array, cross_matrix, exponential, pose, quaternion_of
 from thingc.modes.inertias import Inertias
 from thingc.modes.state import State
-from thingc.slips import did_you_mean
+from thingc.typos import did_you_mean
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -13,7 +13,7 @@ from thingc.workspace import Workspace
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Recipe:
+class BuildKey:
     """Ingredients by label (`class arm:RotorBrace`, `parameter length`, `version build123d`) and the key they make."""
 
     ingredients: dict[str, str]
@@ -25,18 +25,18 @@ class Recipe:
         return hashlib.sha256(text.encode()).hexdigest()
 
 
-def describe_recipe(reference: str, code: Code | None, versions: Mapping[str, str]) -> Recipe:
+def schema_key(reference: str, code: Code | None, versions: Mapping[str, str]) -> BuildKey:
     """Of a part schema: the code with its docstrings, and versions. `code` None: the part of an installed package."""
-    return Recipe(ingredients={"part": reference, **versions, **(code.documented if code is not None else {})})
+    return BuildKey(ingredients={"part": reference, **versions, **(code.documented if code is not None else {})})
 
 
-def model_recipe(
+def record_key(
     definition: PartDefinition, code: Code | None, versions: Mapping[str, str], workspace: Workspace
-) -> Recipe:
+) -> BuildKey:
     """Of a part record; of the workspace it depends on the tessellations."""
     mesh, simulation = workspace.mesh, workspace.simulation
     parameters = {f"parameter {name}": _shown(value) for name, value in definition.parameters}
-    return Recipe(
+    return BuildKey(
         ingredients={
             "part": definition.reference, "definition": definition.text, **versions,
             **(code.ingredients if code is not None else {}), **parameters,

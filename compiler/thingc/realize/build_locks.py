@@ -1,6 +1,6 @@
 """Who is modelling what, among all processes that share a store: a part that two of them need is modelled once.
 
-A claim is a lock on one byte of the store's file `claims`, whose place follows from the recipe. The system frees it when its
+A claim is a lock on one byte of the store's file `claims`, whose place follows from the build key. The system frees it when its
 process ends, however it ends. Nobody waits for one claim while holding another, so that no circle can form. Where locks do not
 work (some network file systems, Windows) every claim is granted, and a part may be modelled twice, with the same result.
 """
@@ -26,7 +26,7 @@ SHORTEST, LONGEST = 0.002, 0.05
 """How long [s] to wait before asking again for a claim that somebody else has."""
 
 
-class Claims:
+class BuildLocks:
     """The claims of one process on one store. `close` gives all of them back."""
 
     def __init__(self, store: Store) -> None:
@@ -35,7 +35,7 @@ class Claims:
         self._idle = fcntl is None
 
     def take(self, key: str) -> bool:
-        """Claim a recipe's key (hexadecimal), unless another process has it. True where claims do not work."""
+        """Lock a build key (hexadecimal), unless another process has it. True where claims do not work."""
         descriptor = self._file()
         if descriptor is None or fcntl is None:
             return True

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 
 from thingc.frozen import dataclass
-from thingc.realize.recipe import Recipe, difference
+from thingc.realize.build_key import BuildKey, difference
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord
 from thingc.realize.results import Results
 
@@ -27,14 +27,14 @@ def unchanged(reason: str) -> str:
     return "nothing that it depends on changed" + (f" since it was modelled ({reason})" if reason else "")
 
 
-def why(definition: PartDefinition, recipe: Recipe, results: Results) -> str:
+def why(definition: PartDefinition, build_key: BuildKey, results: Results) -> str:
     """Why a part has to be modelled."""
     last = results.last(definition.text)
     if last is None:
         return "parameters are new" if results.met_before(definition.reference) else "first time"
-    if last.key == recipe.key:
-        return results.changed_read(recipe.key) or "its files were missing from the store"
-    return difference(last.ingredients, recipe.ingredients, definition.reference.partition(":")[0])
+    if last.key == build_key.key:
+        return results.changed_read(build_key.key) or "its files were missing from the store"
+    return difference(last.ingredients, build_key.ingredients, definition.reference.partition(":")[0])
 
 
 class Recent:

@@ -1,6 +1,6 @@
-"""Answers kept in the store: by recipe, and under each recipe by the files that were read.
+"""Answers kept in the store: by build_key, and under each build_key by the files that were read.
 
-One recipe may have several answers, each with its reads; the one whose reads are all still as they were is the answer.
+One build_key may have several answers, each with its reads; the one whose reads are all still as they were is the answer.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from thingc.frozen import dataclass
+from thingc.realize.build_key import BuildKey
 from thingc.realize.reads import state_of
-from thingc.realize.recipe import Recipe
 from thingc.realize.store import Store, StoreUnusable
 
 CANDIDATES = 8
-"""How many answers are kept under one recipe; the oldest goes first."""
+"""How many answers are kept under one build_key; the oldest goes first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +55,7 @@ class Results:
         return self._states[absolute, listed]
 
     def find(self, kind: str, key: str, usable: Callable[[Any], bool] = lambda _: True) -> Kept | None:
-        """The answer under a recipe's key whose reads match and which is `usable`, or None."""
+        """The answer under a build key's key whose reads match and which is `usable`, or None."""
         for candidate in self._candidates(kind, key):
             if all(self.state(path, state) == state for path, state in candidate["reads"]) and usable(candidate["value"]):
                 self.met.update((path, state) for path, state in candidate["reads"])
@@ -63,14 +63,14 @@ class Results:
                 return Kept(value=candidate["value"], reads=reads, reason=candidate.get("reason", ""))
         return None
 
-    def keep(self, kind: str, recipe: Recipe, value: Any, reads: list[Any], reason: str = "") -> None:
-        """Keep an answer, before the others of its recipe."""
+    def keep(self, kind: str, build_key: BuildKey, value: Any, reads: list[Any], reason: str = "") -> None:
+        """Keep an answer, before the others of its build_key."""
         plain = [list(read) for read in reads]
         self.met.update((path, state) for path, state in plain)
         for path, _ in plain:
             self.consulted.add(os.path.normpath(os.path.join(self.root, path)))
-        others = [candidate for candidate in self._candidates(kind, recipe.key) if candidate["reads"] != plain]
-        self.store.put_json(kind, recipe.key, [{"reads": plain, "value": value, "reason": reason}, *others[: CANDIDATES - 1]])
+        others = [candidate for candidate in self._candidates(kind, build_key.key) if candidate["reads"] != plain]
+        self.store.put_json(kind, build_key.key, [{"reads": plain, "value": value, "reason": reason}, *others[: CANDIDATES - 1]])
 
     def _candidates(self, kind: str, key: str) -> list[Any]:
         found = self.store.get_json(kind, key)
@@ -89,25 +89,25 @@ class Results:
 
     # --- what was built last, for `thingc why` ----------------------------------------------------------------------
 
-    def last(self, text: str) -> Recipe | None:
-        """The recipe that a definition had when it was last realized in this workspace."""
+    def last(self, text: str) -> BuildKey | None:
+        """The build_key that a definition had when it was last realized in this workspace."""
         key = self.store.get_json("last", self._of(text))
-        ingredients = self.store.get_json("recipe", key) if isinstance(key, str) else None
-        return Recipe(ingredients=ingredients) if isinstance(ingredients, dict) else None
+        ingredients = self.store.get_json("build_key", key) if isinstance(key, str) else None
+        return BuildKey(ingredients=ingredients) if isinstance(ingredients, dict) else None
 
     def met_before(self, reference: str) -> bool:
         """Whether some definition of a `module:Class` (or a file) has been realized in this workspace."""
         return self.store.get_json("met", self._of(reference)) is not None
 
-    def remember(self, realized: Iterable[tuple[str, str, Recipe]]) -> None:
-        """Note what was realized now (reference, definition text, recipe); nothing is written when it is what was realized
+    def remember(self, realized: Iterable[tuple[str, str, BuildKey]]) -> None:
+        """Note what was realized now (reference, definition text, build_key); nothing is written when it is what was realized
         before."""
         with contextlib.suppress(StoreUnusable):  # what is reused from a read-only store is not worth an error
-            for reference, text, recipe in realized:
-                if self.store.get_json("last", self._of(text)) == recipe.key:
+            for reference, text, build_key in realized:
+                if self.store.get_json("last", self._of(text)) == build_key.key:
                     continue
-                self.store.put_json("recipe", recipe.key, recipe.ingredients)
-                self.store.put_json("last", self._of(text), recipe.key)
+                self.store.put_json("build_key", build_key.key, build_key.ingredients)
+                self.store.put_json("last", self._of(text), build_key.key)
                 if not self.met_before(reference):
                     self.store.put_json("met", self._of(reference), True)
 
@@ -116,7 +116,7 @@ class Results:
         return f"{self.root}\n{name}"
 
     def changed_read(self, key: str) -> str | None:
-        """In words, what keeps the newest answer under a recipe from being the answer."""
+        """In words, what keeps the newest answer under a build key from being the answer."""
         for candidate in self._candidates("record", key)[:1]:
             changed = [
                 (path, state, now)

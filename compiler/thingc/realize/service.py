@@ -11,13 +11,13 @@ from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from thingc.frozen import dataclass
-from thingc.realize.claims import Claims
+from thingc.realize.build_key import BuildKey, record_key, schema_key
+from thingc.realize.build_locks import BuildLocks
 from thingc.realize.codekey import Code
 from thingc.realize.decisions import Decision, Recent, unchanged, why
 from thingc.realize.lock import LOCK_FILE, Lock
 from thingc.realize.locked import LockBeside
 from thingc.realize.part_code import PartCode, file_state
-from thingc.realize.recipe import Recipe, describe_recipe, model_recipe
 from thingc.realize.record import AssemblyFailed, PartDefinition, PartFailure, PartRecord, PartSchema, Placed, StoredFile
 from thingc.realize.record_json import (
     blobs_of,
@@ -49,7 +49,7 @@ class _Task:
     """A request for the worker and what its answer is for."""
 
     subject: str
-    recipe: Recipe
+    build_key: BuildKey
     request: dict[str, Any]
     reason: str = ""
 
@@ -82,7 +82,7 @@ class GeometryService:
         self._lent = workers is not None
         self._parts = PartCode(workspace, store)
         self._results = Results(store, workspace.root)
-        self._claims = Claims(store)
+        self._build_locks = BuildLocks(store)
         self._slices = SliceAnswers(store, lambda: self._parts.versions(None))
         self._recent = Recent()
         self._locked = LockBeside(lock, workspace, self._parts)
@@ -171,8 +171,8 @@ class GeometryService:
             if isinstance(code, PartFailure):
                 found[reference] = code
                 continue
-            recipe = describe_recipe(reference, code, self._parts.versions(code, reference))
-            kept = self._results.find("schema", recipe.key)
+            build_key = schema_key(reference, code, self._parts.versions(code, reference))
+            kept = self._results.find("schema", build_key.key)
             if kept is not None:
                 found[reference] = self._schema(reference, kept.value, code)
                 self.reads[reference] = dict(kept.reads)
@@ -182,7 +182,7 @@ class GeometryService:
                 found[reference] = locked
                 continue
             request = {"op": "describe", "references": [reference], **self._around(code)}
-            tasks.setdefault(reference.partition(":")[0], []).append(_Task(subject=reference, recipe=recipe, request=request))
+            tasks.setdefault(reference.partition(":")[0], []).append(_Task(subject=reference, build_key=build_key, request=request))
         # one child per module: what the classes of a file share is loaded once
         self._describe_in_workers(list(tasks.values()), found)
         return found
@@ -208,7 +208,7 @@ class GeometryService:
             for task in group:
                 value = given["answers"][task.subject]
                 # what was read for one class of a module counts for all that were asked for together
-                self._results.keep("schema", task.recipe, value, given["reads"])
+                self._results.keep("schema", task.build_key, value, given["reads"])
                 self.reads[task.subject] = dict(given["reads"])
                 found[task.subject] = self._schema(task.subject, value, self._parts.code(task.subject))
         self._describe_in_workers(alone, found)
@@ -232,7 +232,7 @@ class GeometryService:
         found: dict[str, PartRecord | PartFailure] = {}
         tasks: list[_Task] = []
         unique = {definition.text: definition for definition in definitions}
-        recipes: dict[str, Recipe] = {}
+        build_keys: dict[str, BuildKey] = {}
         for text, definition in unique.items():
             recent = self._recent.get(definition, text in convex)
             if recent is not None and (locked or recent[0].meshes):
@@ -243,9 +243,9 @@ class GeometryService:
             if isinstance(prepared, PartFailure):
                 found[text] = prepared
                 continue
-            recipe, code, request = prepared
-            recipes[text] = recipe
-            kept = self._results.find("record", recipe.key, self._whole)
+            build_key, code, request = prepared
+            build_keys[text] = build_key
+            kept = self._results.find("record", build_key.key, self._whole)
             if kept is not None:
                 self._decide(text, True, unchanged(kept.reason))
                 found[text] = self._record(kept.value, code)
@@ -253,17 +253,17 @@ class GeometryService:
             elif locked and (held := self._locked.record(definition)) is not None:
                 self._decide(text, True, f"{LOCK_FILE} holds it")
                 found[text] = held
-                del recipes[text]  # nothing was modelled, which is what `thingc why` would say of it
+                del build_keys[text]  # nothing was modelled, which is what `thingc why` would say of it
             else:
-                reason = why(definition, recipe, self._results)
-                tasks.append(_Task(subject=text, recipe=recipe, request=request, reason=reason))
-        with self._claims.given_back():
+                reason = why(definition, build_key, self._results)
+                tasks.append(_Task(subject=text, build_key=build_key, request=request, reason=reason))
+        with self._build_locks.given_back():
             self._model(tasks, unique, found)
         self._results.remember(
-            (definition.reference, text, recipes[text])
-            for text, definition in unique.items() if text in recipes and isinstance(found[text], PartRecord)
+            (definition.reference, text, build_keys[text])
+            for text, definition in unique.items() if text in build_keys and isinstance(found[text], PartRecord)
         )
-        if recipes:
+        if build_keys:
             self._results.note_files({**self._parts.files(), **self._results.met})
         new = {text: record for text, record in found.items() if self._recent.get(unique[text], text in convex) is None}
         self._decompose(new, convex)
@@ -280,17 +280,17 @@ class GeometryService:
 
         def reuse(task: _Task) -> bool:
             """Whether somebody else has modelled it in the meantime."""
-            kept = self._results.find("record", task.recipe.key, self._whole)
+            kept = self._results.find("record", task.build_key.key, self._whole)
             if kept is not None:
                 self._decide(task.subject, True, unchanged(kept.reason))
                 self.reads[task.subject] = dict(kept.reads)
                 found[task.subject] = self._record(kept.value, self._code_of_definition(definitions[task.subject]))
-                self._claims.give_back(task.recipe.key)
+                self._build_locks.give_back(task.build_key.key)
             return kept is not None
 
         def own() -> Iterator[dict[str, Any]]:
             for task in tasks:
-                if not self._claims.take(task.recipe.key):
+                if not self._build_locks.take(task.build_key.key):
                     elsewhere.append(task)
                 elif not reuse(task):
                     yield task.request
@@ -304,15 +304,15 @@ class GeometryService:
                 else:
                     given = with_left(answer["answer"], answer.get("left", ()))
                     reads = given.pop("reads")
-                    self._results.keep("record", task.recipe, given, reads, task.reason)
+                    self._results.keep("record", task.build_key, given, reads, task.reason)
                     self.reads[task.subject] = dict(reads)
                     found[task.subject] = self._record(given, self._code_of_definition(definitions[task.subject]))
-                self._claims.give_back(task.recipe.key)
+                self._build_locks.give_back(task.build_key.key)
 
         take_in(self._run([task.request for task in tasks], "modelling", own()))
         for task in elsewhere:
             if task.subject not in found:
-                self._claims.wait(task.recipe.key, self.timeout + PATIENCE)
+                self._build_locks.wait(task.build_key.key, self.timeout + PATIENCE)
                 if not reuse(task):
                     take_in(self._run([task.request]))
 
@@ -321,7 +321,7 @@ class GeometryService:
         prepared = self._prepare(definition)
         return not isinstance(prepared, PartFailure) and self._results.find("record", prepared[0].key, self._whole) is not None
 
-    def _prepare(self, definition: PartDefinition) -> tuple[Recipe, Code | None, dict[str, Any]] | PartFailure:
+    def _prepare(self, definition: PartDefinition) -> tuple[BuildKey, Code | None, dict[str, Any]] | PartFailure:
         code: Code | None = None
         extra: dict[str, str] = {}
         package = definition.reference
@@ -336,7 +336,7 @@ class GeometryService:
             if isinstance(checked, PartFailure):
                 return replace(checked, subject=definition.text)
             code = checked
-        recipe = model_recipe(definition, code, {**self._parts.versions(code, package), **extra}, self.workspace)
+        build_key = record_key(definition, code, {**self._parts.versions(code, package), **extra}, self.workspace)
         request = {
             "op": "model",
             "definition": {
@@ -346,7 +346,7 @@ class GeometryService:
             "tessellations": {"fine": asdict(self.workspace.mesh), "simulation": asdict(self.workspace.simulation)},
             **self._around(code),
         }
-        return recipe, code, request
+        return build_key, code, request
 
     def _whole(self, value: Any) -> bool:
         """Whether everything a kept record speaks of is in the store."""

@@ -12,7 +12,7 @@ HEADER, FACE, CORNER = 84, 50, 12
 """Bytes of a binary STL file's head, of a triangle, and of a corner of one (the first is its normal)."""
 
 
-def outline(store: Store, mesh: Mesh) -> tuple[Vector, ...]:
+def vertices(store: Store, mesh: Mesh) -> tuple[Vector, ...]:
     """The vertices [in the unit of the file] of a mesh that is kept as binary STL, each once, in order. Raises `BlobMissing`."""
     data = store.read(mesh.sha256)
     corners = {

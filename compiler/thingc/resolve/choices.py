@@ -15,10 +15,10 @@ from thingc.load.paths import SUFFIXES_WITH_UNIT, named
 from thingc.realize.record import PartFailure
 from thingc.resolve.repeats import Item
 from thingc.resolve.table import Context, Node, Table
-from thingc.slips import did_you_mean
 from thingc.source import ScalarNode, node_at
 from thingc.spec.assembly import UNIT_OF_ITS_OWN, AssemblySpec, ComponentDefaults, ComponentSpec, DefaultsSpec
 from thingc.spec.choices import DEFAULT_MATERIAL, EXAMPLES, KEYS, VALUES, ChoicePath, is_value, nested, parse
+from thingc.typos import did_you_mean
 from thingc.units import shortened
 
 Choices = tuple[tuple[str, str], ...]

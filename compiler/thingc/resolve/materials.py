@@ -11,10 +11,10 @@ from thingc.resolve.layers import Layers
 from thingc.resolve.model import Material, Process
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Context
-from thingc.slips import did_you_mean
 from thingc.source import Document, Path
 from thingc.spec.assembly import AssemblySpec
 from thingc.spec.materials import MaterialSpec, MaterialsSpec
+from thingc.typos import did_you_mean
 from thingc.units import DENSITY, LENGTH, NUMBER, shortened
 
 _STAND_IN = 1000.0

@@ -11,9 +11,9 @@ from thingc.resolve.layers import Layers
 from thingc.resolve.model import CoordinateName, Joint, Mimic
 from thingc.resolve.repeats import Item
 from thingc.resolve.table import Table
-from thingc.slips import MAX_CIRCLE, circle_words
 from thingc.source import Path
 from thingc.spec.assembly import JointSpec, MimicSpec
+from thingc.typos import MAX_CIRCLE, circle_words
 from thingc.units import NUMBER, Quantity
 
 

@@ -17,9 +17,9 @@ from thingc.resolve.references import GLOB, suggested
 from thingc.resolve.scope import Scope
 from thingc.resolve.standing import standing
 from thingc.resolve.table import Table
-from thingc.slips import MAX_CIRCLE, circle_words
 from thingc.source import Origin, Path
 from thingc.spec.modes import BaseKind, ModeSpec
+from thingc.typos import MAX_CIRCLE, circle_words
 from thingc.units import ACCELERATION, FORCE, LENGTH, NUMBER, TIME, Quantity
 
 MAX_EXTENDED = 20

@@ -12,9 +12,9 @@ from thingc.resolve.model import BomEntry, ExtraMount, Material, Overrides, Stat
 from thingc.resolve.repeats import RESERVED, check_names
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Node
-from thingc.slips import did_you_mean
 from thingc.source import Path
 from thingc.spec.assembly import InertiaMatrix, StatedCentre, StatedInertia, StatedMass
+from thingc.typos import did_you_mean
 from thingc.units import INERTIA, LENGTH, MASS, NUMBER
 
 NONE_SAID = Overrides()

@@ -10,10 +10,10 @@ from thingc.expressions import Expression, ExpressionError, parse_expression
 from thingc.realize.record import Value
 from thingc.resolve.scope import Found, Scope, dimension_message, kind_of, words_of
 from thingc.resolve.table import Context, Declared
-from thingc.slips import MAX_CIRCLE, circle_words, did_you_mean
 from thingc.source import Document, Path
 from thingc.spec.assembly import AssemblySpec, ParameterSpec
 from thingc.spec.doubts import Doubts
+from thingc.typos import MAX_CIRCLE, circle_words, did_you_mean
 from thingc.units import NUMBER, Quantity, UnitError, parse_quantity, shortened
 
 Complain = Callable[..., None]

@@ -24,8 +24,8 @@ from thingc.realize.record import (
 )
 from thingc.resolve.scope import Enough, Found, Scope, dimension_message, kind_of, words_of
 from thingc.resolve.table import Context, Node
-from thingc.slips import did_you_mean, near_hint, nearest
 from thingc.source import Path, Span
+from thingc.typos import did_you_mean, near_hint, nearest
 from thingc.units import NUMBER, Quantity, shortened
 from thingc.workspace import DEFAULT_PARTS
 

@@ -9,8 +9,8 @@ from thingc.diagnostics import Code
 from thingc.resolve.model import RawAttribute
 from thingc.resolve.raw_fixed import fixed
 from thingc.resolve.scope import Scope
-from thingc.slips import did_you_mean
 from thingc.source import Path
+from thingc.typos import did_you_mean
 
 TARGETS = ("mjcf",)
 """Targets that take raw attributes."""

@@ -12,8 +12,8 @@ from thingc.resolve.model import COUNTED, AssemblyDefinition, Reference
 from thingc.resolve.repeats import RESERVED
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Node, Table
-from thingc.slips import did_you_mean, nearest
 from thingc.source import Origin, Path, Span
+from thingc.typos import did_you_mean, nearest
 
 ORIGIN = "origin"
 """The mount that every component has: its own frame."""

@@ -13,11 +13,11 @@ from dataclasses import replace
 from thingc.diagnostics import Code, Report
 from thingc.load.scalars import core_value
 from thingc.resolve.table import Context
-from thingc.slips import did_you_mean, nearest
 from thingc.source import Document, MappingNode, Node, ScalarNode, SequenceNode, option_span
 from thingc.spec import validate_one
 from thingc.spec.assembly import AssemblySpec
 from thingc.spec.shapes import Shape, alternatives, model_keys, shape_of
+from thingc.typos import did_you_mean, nearest
 from thingc.units import shortened
 
 FIXED = {

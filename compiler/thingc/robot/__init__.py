@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from thingc.robot.kinematics import body_poses, joint_names, link_names, mass_properties, occurrence_poses
-from thingc.robot.rooting import root
+from thingc.robot.spanning_tree import root
 from thingc.robot.standing import stand
 from thingc.robot.starting import check_starts
 from thingc.robot.tree import in_link

@@ -11,8 +11,8 @@ from thingc.graph import coordinates, joints_of, on_loops
 from thingc.graph.types import Assembly, LinkedHold, LinkedMode
 from thingc.pose import MATE, NO_POSE, Pose
 from thingc.resolve.model import NamedPose
-from thingc.robot.closure import Loops, Solution, State
 from thingc.robot.kinematics import placed_bodies
+from thingc.robot.loop_solver import Loops, Solution, State
 from thingc.robot.tree import bodies_from, cut_closures, in_link, placing, root_pose
 from thingc.robot.types import Body, Closure, Keyframe, Unclosed, residual_words
 

@@ -17,11 +17,11 @@ from thingc.memo import Memo
 from thingc.pose import Pose, Vector, dot
 from thingc.realize.record import Mesh, Primitive
 from thingc.resolve.model import NamedPose
-from thingc.robot.closing import closed_coordinates
 from thingc.robot.kinematics import placed_bodies
+from thingc.robot.loop_closure import closed_coordinates
 from thingc.robot.tree import bodies_from, in_link, root_pose, spanning
 
-Outline = Callable[[Mesh], Sequence[Vector]]
+MeshVertices = Callable[[Mesh], Sequence[Vector]]
 """The vertices [m] of a mesh in the store."""
 
 DECIMALS = 7
@@ -31,21 +31,21 @@ ROUNDING = 1e-6
 """How far [m] a mesh may stick out of its part's box: rounding."""
 
 
-def stand(assembly: Assembly, outline: Outline | None, report: Report, memo: Memo | None = None) -> Assembly:
+def stand(assembly: Assembly, mesh_vertices: MeshVertices | None, report: Report, memo: Memo | None = None) -> Assembly:
     """The assembly with the heights of its modes that are `on: floor` found: in their `at` and `at_in`.
 
-    Without an `outline` parts count as large as their boxes, which is near enough for what does without meshes. A robot that touches
+    Without `mesh_vertices` parts count as large as their boxes, which is near enough for what does without meshes. A robot that touches
     nothing is said in `report`. What `memo` has of it is taken from there.
     """
     if not any(mode.on_floor for mode in assembly.modes):
         return assembly
-    modes = tuple(_stood(assembly, mode, outline, report, memo or Memo()) if mode.on_floor else mode for mode in assembly.modes)
+    modes = tuple(_stood(assembly, mode, mesh_vertices, report, memo or Memo()) if mode.on_floor else mode for mode in assembly.modes)
     return replace(assembly, modes=modes)
 
 
-def _stood(assembly: Assembly, mode: LinkedMode, outline: Outline | None, report: Report, memo: Memo) -> LinkedMode:
+def _stood(assembly: Assembly, mode: LinkedMode, mesh_vertices: MeshVertices | None, report: Report, memo: Memo) -> LinkedMode:
     by_name = {pose.name: pose for pose in assembly.poses}
-    start = _height(assembly, mode, by_name.get(mode.pose or ""), outline, memo)
+    start = _height(assembly, mode, by_name.get(mode.pose or ""), mesh_vertices, memo)
     if start is None:
         if all(one.record is None or one.record.exact for one in assembly.occurrences):
             report.add(
@@ -56,7 +56,7 @@ def _stood(assembly: Assembly, mode: LinkedMode, outline: Outline | None, report
     at_in: dict[str, Pose] = {}
     if mode.base == "free" and not mode.holds:
         for name in mode.poses:
-            height = start if name == mode.pose else _height(assembly, mode, by_name.get(name), outline, memo)
+            height = start if name == mode.pose else _height(assembly, mode, by_name.get(name), mesh_vertices, memo)
             at_in[name] = _raised(mode.at, start if height is None else height)
     return replace(mode, at=_raised(mode.at, start), at_in=at_in)
 
@@ -67,7 +67,7 @@ def _raised(at: Pose, height: float) -> Pose:
 
 
 def _height(
-    assembly: Assembly, mode: LinkedMode, pose: NamedPose | None, outline: Outline | None, memo: Memo,
+    assembly: Assembly, mode: LinkedMode, pose: NamedPose | None, mesh_vertices: MeshVertices | None, memo: Memo,
 ) -> float | None:
     """Where z [m] of the mode's `at` has to be in a pose (None: every joint at 0); None where nothing can touch."""
     start = assembly.link_of[mode.root.occurrence]
@@ -77,7 +77,7 @@ def _height(
     if len(poses) < len(assembly.occurrences):
         return None
     place = (mode.name, pose.name if pose is not None else None)
-    lowest = _lowest(list(zip(assembly.occurrences, poses, strict=True)), place, outline, memo)
+    lowest = _lowest(list(zip(assembly.occurrences, poses, strict=True)), place, mesh_vertices, memo)
     return None if lowest == math.inf else round(-lowest, DECIMALS) + 0.0
 
 
@@ -86,7 +86,7 @@ def _at_zero(mode: LinkedMode) -> LinkedMode:
 
 
 def _lowest(
-    parts: Sequence[tuple[Occurrence, Pose]], place: tuple[str, str | None], outline: Outline | None, memo: Memo,
+    parts: Sequence[tuple[Occurrence, Pose]], place: tuple[str, str | None], mesh_vertices: MeshVertices | None, memo: Memo,
 ) -> float:
     """The lowest z [m] of what collides, infinite where nothing does. Meshes are looked into from the one whose box reaches lowest,
     and no further than one can be lower than what has been found."""
@@ -95,7 +95,7 @@ def _lowest(
     for number, (part, pose) in enumerate(parts):
         box = part.record.box if part.record is not None else None
         low = math.inf if box is None else pose.translation[2] + of_box(box, pose.rotation[2])
-        if outline is None:
+        if mesh_vertices is None:
             lowest = min(lowest, low if part.overrides.collision != "none" else math.inf)
             continue
         for index, shape in enumerate(part.touching):
@@ -107,17 +107,17 @@ def _lowest(
             else:  # what a Thing collides as may lie anywhere
                 meshes.append((-math.inf if part.overrides.collision == "part" else low - ROUNDING, number, index, shape))
     for under, number, index, mesh in sorted(meshes, key=lambda entry: entry[:3]):
-        if under >= lowest or outline is None:
+        if under >= lowest or mesh_vertices is None:
             break
         part, pose = parts[number]
-        points = memo(("outline", part.path, index), partial(vertices, outline, mesh), mesh.sha256)
+        points = memo(("mesh_vertices", part.path, index), partial(vertices_of, mesh_vertices, mesh), mesh.sha256)
         lowest = min(lowest, pose.translation[2] + memo(("lowest", *place, part.path, index), of_points, points, pose.rotation[2]))
     return lowest
 
 
-def vertices(outline: Outline, mesh: Mesh, sha256: str) -> Sequence[Vector]:
+def vertices_of(mesh_vertices: MeshVertices, mesh: Mesh, sha256: str) -> Sequence[Vector]:
     """The vertices of a mesh, by its digest: for a `Memo`."""
-    return outline(mesh)
+    return mesh_vertices(mesh)
 
 
 def of_points(points: Sequence[Vector], down: Vector) -> float:

@@ -13,7 +13,7 @@ from thingc.memo import Memo
 from thingc.pose import Pose, Vector
 from thingc.resolve.model import Limit
 from thingc.robot.kinematics import body_poses
-from thingc.robot.standing import Outline, of_box, of_points, vertices
+from thingc.robot.standing import MeshVertices, of_box, of_points, vertices_of
 from thingc.robot.types import Robot
 from thingc.units import LENGTH, Quantity
 
@@ -27,12 +27,12 @@ ROUNDING = 1e-9
 """[rad, m] How far 0 may be beyond a limit."""
 
 
-def check_starts(robots: Sequence[Robot], outline: Outline | None, report: Report, memo: Memo) -> None:
+def check_starts(robots: Sequence[Robot], mesh_vertices: MeshVertices | None, report: Report, memo: Memo) -> None:
     """A warning for each mode that starts with a part under the plane; modes that start alike (they differ in gravity, say) share one.
     A document without modes does not say where its robot is, and of one that is `on: floor` it has been worked out. The root of a
     `fixed` or `held` base may reach into the ground that it is bolted to, unless all of it lies there.
 
-    Without an `outline` (the vertices of a mesh) parts are looked at by their boxes: then it is said what is certain, that something
+    Without an `mesh_vertices` (the vertices of a mesh) parts are looked at by their boxes: then it is said what is certain, that something
     touches every side of a box. And a warning for each mode that has feet, and something else lower than them; and for each that starts
     without a pose, and so with a joint at 0, where that joint cannot be.
     """
@@ -42,12 +42,12 @@ def check_starts(robots: Sequence[Robot], outline: Outline | None, report: Repor
     alike: dict[tuple[int, float], list[Robot]] = {}
     for robot in robots:
         if robot.mode.stated and not robot.mode.on_floor:
-            deepest = min(_lowest(robot, spheres, outline, memo), default=None)
+            deepest = min(_lowest(robot, spheres, mesh_vertices, memo), default=None)
             if deepest is not None and deepest[0] < -DEEP and not report.allows(Code.START_BELOW, robot.mode.origin):
                 alike.setdefault((deepest[1], round(-deepest[0], 6)), []).append(robot)
     for (number, depth), found in alike.items():
         others = [robot.mode.name for robot in found[1:]]
-        _warn(found[0].mode, others, found[0].assembly.occurrences[number], depth, outline is None, report)
+        _warn(found[0].mode, others, found[0].assembly.occurrences[number], depth, mesh_vertices is None, report)
 
 
 def _warn(mode: LinkedMode, others: Sequence[str], part: Occurrence, depth: float, bound: bool, report: Report) -> None:
@@ -140,7 +140,7 @@ def _at_rest(limit: Limit) -> bool:
     return (limit.lower is None or limit.lower <= ROUNDING) and (limit.upper is None or limit.upper >= -ROUNDING)
 
 
-def _lowest(robot: Robot, spheres: Sequence[float], outline: Outline | None, memo: Memo) -> Iterator[tuple[float, int]]:
+def _lowest(robot: Robot, spheres: Sequence[float], mesh_vertices: MeshVertices | None, memo: Memo) -> Iterator[tuple[float, int]]:
     """The lowest z [m] of every part that may lie under the plane where the mode starts, with the part's number."""
     assembly, name = robot.assembly, robot.mode.pose
     frame = next((frame for frame in robot.keyframes if frame.name == name), None)
@@ -154,11 +154,11 @@ def _lowest(robot: Robot, spheres: Sequence[float], outline: Outline | None, mem
         for part, box, pose in seen:
             if pose.translation[2] + of_box(box, pose.rotation[2]) > -DEEP:
                 continue
-            hull = part.record.meshes.get("hull") if outline is not None and part.record is not None else None
-            if outline is None or hull is None:
+            hull = part.record.meshes.get("hull") if mesh_vertices is not None and part.record is not None else None
+            if mesh_vertices is None or hull is None:
                 yield pose.translation[2] + _certain(box, pose.rotation[2]), part.index
             else:
-                points = memo(("hull", part.path), partial(vertices, outline, hull), hull.sha256)
+                points = memo(("hull", part.path), partial(vertices_of, mesh_vertices, hull), hull.sha256)
                 yield pose.translation[2] + of_points(points, pose.rotation[2]), part.index
 
 

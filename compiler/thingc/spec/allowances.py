@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import Field
 
 from thingc.diagnostics import Allowance, Code
-from thingc.slips import did_you_mean
 from thingc.source import Document, Node, Path, Span, node_at
 from thingc.spec.fields import Checked, fault, found
+from thingc.typos import did_you_mean
 from thingc.units import shortened
 
 if TYPE_CHECKING:

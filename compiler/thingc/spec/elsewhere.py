@@ -10,9 +10,9 @@ from collections.abc import Mapping
 
 from pydantic import BaseModel
 
-from thingc.slips import Hint
 from thingc.spec import assembly, materials, modes, sensors, variants, workspace
 from thingc.spec.shapes import model_keys, one_of
+from thingc.typos import Hint
 from thingc.units import shortened
 
 _PLACE = "a component is placed by `attach: {my_mount: other.mount}`, by `at: {in: other.mount, xyz: 0 0 9 mm}`, or as the child of a joint"

@@ -17,7 +17,6 @@ from typing import Any
 from pydantic_core import PydanticCustomError, ValidationError
 
 from thingc.diagnostics import Code, Report
-from thingc.slips import Hint
 from thingc.source import Document, MappingNode, Path, ScalarNode, Span, node_at
 from thingc.spec.base import Model
 from thingc.spec.doubts import Doubts
@@ -26,6 +25,7 @@ from thingc.spec.misplaced import gathered
 from thingc.spec.pruning import ROUNDS, Fault, prune, take_out
 from thingc.spec.saying import KINDS, MAX_FAULTS, dotted, say
 from thingc.spec.shapes import Shape, branch_of, model_keys, shape_of
+from thingc.typos import Hint
 from thingc.units import shortened
 
 

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 from pydantic_core import PydanticCustomError, core_schema
 
 from thingc.expressions import Expression, ExpressionError, expression_hint, parse_expression
-from thingc.slips import Hint, near_hint
 from thingc.spec.patterns import ANY_VALUE, EXPRESSION, quantity_pattern, raw_schema, vector_pattern
+from thingc.typos import Hint, near_hint
 from thingc.units import (
     ACCELERATION,
     ANGLE,

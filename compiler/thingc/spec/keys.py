@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from thingc.slips import Hint, did_you_mean, meant, near_hint, nearest
 from thingc.source import Document, MappingNode, Path, ScalarNode, node_at
 from thingc.spec.base import Model
 from thingc.spec.elsewhere import key_for
 from thingc.spec.pruning import Fault
 from thingc.spec.shapes import Shape, alternatives, branch_of, likeness, model_keys, one_of, shape_of
+from thingc.typos import Hint, did_you_mean, meant, near_hint, nearest
 from thingc.units import shortened
 
 

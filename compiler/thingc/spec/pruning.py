@@ -6,10 +6,10 @@ from collections.abc import Iterable
 from typing import Any
 
 from thingc.frozen import dataclass
-from thingc.slips import nearest
 from thingc.source import Path
 from thingc.spec.doubts import ANY_NAME
 from thingc.spec.shapes import Shape, model_keys
+from thingc.typos import nearest
 
 ROUNDS = 12
 """How often the rest of a document is looked at again: an entry may need the key that was taken out of it."""

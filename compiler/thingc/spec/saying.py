@@ -9,7 +9,6 @@ from typing import Any
 from pydantic_core import PydanticCustomError
 
 from thingc.diagnostics import Code, Report
-from thingc.slips import Hint, near_hint
 from thingc.source import Document, Path, ScalarNode, SequenceNode, Span, node_at
 from thingc.spec.base import Model
 from thingc.spec.elsewhere import choice_hint, written_whole
@@ -19,6 +18,7 @@ from thingc.spec.keys import Unknown
 from thingc.spec.misplaced import message_of as misplaced
 from thingc.spec.pruning import MISPLACED, Fault
 from thingc.spec.shapes import Shape, alternatives, model_keys, one_of, shape_of, spoken
+from thingc.typos import Hint, near_hint
 from thingc.units import shortened
 
 MAX_FAULTS = 200

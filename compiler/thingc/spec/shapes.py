@@ -13,8 +13,8 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel
 
 from thingc.frozen import dataclass
-from thingc.slips import nearest
 from thingc.spec.fields import Checked, Index
+from thingc.typos import nearest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

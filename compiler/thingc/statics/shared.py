@@ -24,7 +24,7 @@ from scipy.optimize import nnls
 
 from thingc.graph import joints_of, leaders
 from thingc.pose import Pose
-from thingc.robot.closure import Loops, State
+from thingc.robot.loop_solver import Loops, State
 from thingc.robot.types import Robot
 from thingc.statics.footing import Stance, outside, stance
 from thingc.statics.types import Drive, Efforts, Fall, answer

@@ -11,8 +11,8 @@ from thingc.graph import balls, coordinates, in_cones, joints_of
 from thingc.graph.types import MountAt
 from thingc.pose import Pose
 from thingc.robot import in_link
-from thingc.robot.closure import Loops, State
 from thingc.robot.kinematics import in_world, placed_bodies
+from thingc.robot.loop_solver import Loops, State
 from thingc.robot.types import Robot
 
 Array = NDArray[np.float64]
@@ -89,7 +89,7 @@ class Chain:
         return np.array(error), np.array(columns, dtype=np.float64).reshape(len(self.paths), -1).T
 
 
-def spread(count: int, dimensions: int) -> Array:
+def quasi_random(count: int, dimensions: int) -> Array:
     """`count` points in the unit cube, evenly spread and the same in every run (count x dimensions).
 
     Of one dimension equal steps from end to end. Else the additive recurrence of the generalised golden ratio g, the root of

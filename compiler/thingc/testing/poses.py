@@ -11,7 +11,7 @@ from thingc.graph.types import Assembly, LinkedMode
 from thingc.resolve.model import JointRange, NamedPose
 from thingc.robot import root
 from thingc.robot.types import Keyframe, Robot
-from thingc.testing.chain import spread
+from thingc.testing.chain import quasi_random
 
 
 def posed(assembly: Assembly, mode: LinkedMode, poses: Iterable[NamedPose]) -> Robot | None:
@@ -37,7 +37,7 @@ def starting_pose(assembly: Assembly, mode: LinkedMode) -> NamedPose:
 def swept(pose: NamedPose, ranges: tuple[JointRange, ...], samples: int) -> list[NamedPose]:
     """A pose with joints moved through ranges: `samples` of them, named by their number."""
     found: list[NamedPose] = []
-    for number, place in enumerate(spread(samples, len(ranges))):
+    for number, place in enumerate(quasi_random(samples, len(ranges))):
         moved = {r.joint: r.lower + float(part) * (r.upper - r.lower) for r, part in zip(ranges, place, strict=True)}
         found.append(NamedPose(
             name=f"{pose.name}:{number}", values={**pose.values, **moved}, origins=pose.origins, origin=pose.origin,

@@ -11,8 +11,8 @@ from thingc.pose import NO_POSE, Pose, Vector, rotate
 from thingc.resolve.model import JointRange, NamedPose
 from thingc.robot.types import Keyframe, Robot
 from thingc.source import Origin
-from thingc.testing.chain import Array, Chain, spread
-from thingc.testing.stances import posed, swept
+from thingc.testing.chain import Array, Chain, quasi_random
+from thingc.testing.poses import posed, swept
 
 SAMPLES = 1000
 """Positions from which the farthest are taken."""
@@ -54,7 +54,7 @@ def _starts(chain: Chain, origin: Origin) -> list[Array]:
     """Positions within the limits; of a robot with loops the poses of its document and others, closed."""
     assembly = chain.robot.assembly
     if not chain.robot.closures:
-        return [chain.lower + part * (chain.upper - chain.lower) for part in spread(SAMPLES, len(chain.paths))]
+        return [chain.lower + part * (chain.upper - chain.lower) for part in quasi_random(SAMPLES, len(chain.paths))]
     # A loop follows the joints that are driven; told where all of its joints should be, it would close almost nowhere.
     following = on_loops(len(assembly.occurrences), assembly.mates)
     led = {joint.path for joint in joints_of(assembly) if joint.path not in following or joint.actuator is not None}
@@ -146,7 +146,7 @@ def nearest(robot: Robot, frame: Keyframe, target: Target) -> tuple[float, float
 
 def _tries(chain: Chain, frame: Keyframe) -> list[Array]:
     middle = chain.lower + 0.5 * (chain.upper - chain.lower)
-    spread_out = [chain.lower + part * (chain.upper - chain.lower) for part in spread(STARTS, len(chain.paths))]
+    spread_out = [chain.lower + part * (chain.upper - chain.lower) for part in quasi_random(STARTS, len(chain.paths))]
     return [chain.x(frame.q), middle, *spread_out]
 
 

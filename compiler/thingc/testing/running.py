@@ -14,8 +14,8 @@ from thingc.emit.request import EmitRequest
 from thingc.frozen import dataclass
 from thingc.graph.types import Assembly, LinkedMode, LinkedTest
 from thingc.resolve.model import NamedPose
+from thingc.testing.poses import keyframe, posed, starting_pose
 from thingc.testing.results import Case, Result
-from thingc.testing.stances import keyframe, posed, starting_pose
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -26,7 +26,6 @@ from thingc.variants.folder import BatchFault, begin, cleared, differences, in_w
 from thingc.variants.job import STOPPED, Row, Task
 from thingc.variants.journal import Journal, Line, lines
 from thingc.variants.page import write_page
-from thingc.variants.parcel import Parcel, pack
 from thingc.variants.pictures import OnPicture, usual
 from thingc.variants.planning import Plan, PlanError, Variant
 from thingc.variants.progress import Interrupted, OnProgress, Progress, Summary
@@ -34,6 +33,7 @@ from thingc.variants.reading import read_plan
 from thingc.variants.shipping import Shipping
 from thingc.variants.showing import parameter_columns, show
 from thingc.variants.tables import Column, columns, lengths_in, write_tables
+from thingc.variants.transfer import Transfer, pack
 
 TIMEOUT = 600.0
 """Longest time [s] for one variant, unless the caller says otherwise."""
@@ -89,11 +89,11 @@ def run(
     folder = os.path.join(parent, plan.name)
     if resume:
         _begun(plan, folder)
-    parcel = pack(plan, folder) if ship else None
+    transfer = pack(plan, folder) if ship else None
     try:
         with locked(folder):
             count = plan.count if limit is None else min(limit, plan.count)
-            batch = _Batch(plan, folder, options, jobs or os.cpu_count() or 1, timeout, verify, count, on_progress, parcel)
+            batch = _Batch(plan, folder, options, jobs or os.cpu_count() or 1, timeout, verify, count, on_progress, transfer)
             batch.prepare(resume=resume, retry=retry)
             with cleared(folder):
                 with Journal(os.path.join(folder, places.JOURNAL)) as journal:
@@ -127,7 +127,7 @@ class _Batch:
 
     def __init__(
         self, plan: Plan, folder: str, options: Options, jobs: int, timeout: float, verify: bool, count: int,
-        on_progress: OnProgress | None, parcel: Parcel | None,
+        on_progress: OnProgress | None, transfer: Transfer | None,
     ) -> None:
         self.plan = plan
         self.folder = folder
@@ -137,7 +137,7 @@ class _Batch:
         self.verify = verify
         self.count = count
         self.on_progress = on_progress
-        self.parcel = parcel
+        self.transfer = transfer
         self.done = bytearray(count)
         self.earlier: Counter[str] = Counter()
         self.counts: Counter[str] = Counter()
@@ -200,7 +200,7 @@ class _Batch:
         engine: Executor = own if own is not None else executor  # type: ignore[assignment]
         cluster = executor if isinstance(executor, Cluster) else None
         if cluster is not None:
-            cluster.check(seen(self.plan, self.folder) if self.parcel is None else {})
+            cluster.check(seen(self.plan, self.folder) if self.transfer is None else {})
         job = job_of(self.plan, self.folder, self.options, verify=self.verify, elsewhere=cluster is not None).encode()
         whole = False
         with self._signals(), self._shipping(cluster) as shipping:
@@ -234,9 +234,9 @@ class _Batch:
 
     def _shipping(self, cluster: Cluster | None) -> contextlib.AbstractContextManager[Shipping | None]:
         """What stands before a cluster that does not see our files."""
-        if self.parcel is None or not isinstance(cluster, Carrier):
+        if self.transfer is None or not isinstance(cluster, Carrier):
             return contextlib.nullcontext()
-        return Shipping(cluster, self.parcel, self.folder, store_of(self.options))
+        return Shipping(cluster, self.transfer, self.folder, store_of(self.options))
 
     def show(self, pictures: int | None, on_picture: OnPicture | None) -> Diagnostic | None:
         """Pictures and the page of the finished batch; a warning where nothing can be drawn."""

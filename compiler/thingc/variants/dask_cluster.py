@@ -21,7 +21,7 @@ from thingc.variants.executors import PATIENCE, Carrier, WorkerLost, missing
 from thingc.variants.folder import BatchFault
 
 if TYPE_CHECKING:
-    from thingc.variants.parcel import Parcel
+    from thingc.variants.transfer import Transfer
 
 T = TypeVar("T")
 
@@ -125,14 +125,14 @@ class DaskCluster(Carrier):
             )
         return None
 
-    def ship(self, name: str, parcel: Parcel) -> None:
+    def ship(self, name: str, transfer: Transfer) -> None:
         """The scheduler keeps it for workers that come. What drivers that died have left there is removed first."""
         from thingc.variants.dask_worker import Carried
 
         for left in self._left_behind():
             self._unregister(left)
         try:
-            self._client.register_plugin(Carried(name, parcel), name=self._plugin(name))
+            self._client.register_plugin(Carried(name, transfer), name=self._plugin(name))
         except Exception as fault:
             self.unship(name)
             raise BatchFault(

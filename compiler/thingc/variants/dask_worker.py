@@ -8,22 +8,22 @@ from typing import Any
 
 from distributed import WorkerPlugin
 
-from thingc.variants.parcel import Parcel
 from thingc.variants.shipping import leave, settle
+from thingc.variants.transfer import Transfer
 
 
 class Carried(WorkerPlugin):
     """A shipment on its way. dask hands one to each worker, also to those that come later; where it cannot be unpacked, variants are
     told why (`shipping.evaluate_there`)."""
 
-    def __init__(self, shipment: str, parcel: Parcel) -> None:
+    def __init__(self, shipment: str, transfer: Transfer) -> None:
         self.shipment = shipment
-        self.parcel = parcel
+        self.transfer = transfer
 
     def setup(self, worker: Any) -> None:
         """Unpack it below the worker's folder, which dask removes when the worker ends."""
-        settle(self.shipment, self.parcel, worker.local_directory, worker.address)
-        self.parcel = replace(self.parcel, data=b"")  # the scheduler has it for those that come
+        settle(self.shipment, self.transfer, worker.local_directory, worker.address)
+        self.transfer = replace(self.transfer, data=b"")  # the scheduler has it for those that come
 
     async def teardown(self, worker: Any) -> None:
         """Remove it; runners that are idle end first, which may take a moment."""

@@ -11,7 +11,7 @@ from thingc.diagnostics import Code
 from thingc.variants.folder import BatchFault
 
 if TYPE_CHECKING:
-    from thingc.variants.parcel import Parcel
+    from thingc.variants.transfer import Transfer
 
 T = TypeVar("T")
 
@@ -46,7 +46,7 @@ class Carrier(Cluster):
     """A cluster that can carry files, so that its workers need not see those of this machine."""
 
     @abstractmethod
-    def ship(self, name: str, parcel: Parcel) -> None:
+    def ship(self, name: str, transfer: Transfer) -> None:
         """Give a workspace to every worker there is and to those that come, once each. Raises `BatchFault` where one cannot take it."""
 
     @abstractmethod

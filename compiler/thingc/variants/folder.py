@@ -15,7 +15,7 @@ from typing import Any
 
 from thingc.diagnostics import Code, Diagnostic, Severity, shown_path
 from thingc.output import NOTHING, Signature, same_file
-from thingc.output import strangers as strangers_of_build
+from thingc.output import unexpected_files as unexpected_in_build
 from thingc.stamp import state_of
 from thingc.variants import places
 
@@ -122,21 +122,21 @@ def begin(folder: str, document: str, assembly: str) -> None:
         os.makedirs(folder)
     elif not os.path.isdir(folder):
         raise BatchFault(
-            Code.STRANGERS, f"`{shown_path(folder)}` is a file, and the batch needs a folder there",
+            Code.UNEXPECTED, f"`{shown_path(folder)}` is a file, and the batch needs a folder there",
             "move it away, or write into another folder with -o",
         )
     elif os.listdir(folder):
         before = read_batch(folder)
         if before is not None and before.get("document") != document:
             raise BatchFault(
-                Code.STRANGERS, f"`{shown_path(folder)}` holds the batch of another document, `{before.get('document')}`, and is left "
+                Code.UNEXPECTED, f"`{shown_path(folder)}` holds the batch of another document, `{before.get('document')}`, and is left "
                 "as it is", "move it away, or write into another folder with -o",
             )
-        found = sorted([*strangers(folder, assembly), *_edited(folder)])
+        found = sorted([*unexpected_files(folder, assembly), *_edited(folder)])
         if before is None or found:
             shown = ", ".join(f"`{name}`" for name in found[:8]) + (f" and {len(found) - 8} more" if len(found) > 8 else "")
             raise BatchFault(
-                Code.STRANGERS,
+                Code.UNEXPECTED,
                 f"`{shown_path(folder)}` holds files that no batch of `{document}` wrote, or that were changed since, and is left as it "
                 f"is: {shown}", "move these files away, or write into another folder with -o",
             )
@@ -192,7 +192,7 @@ def _delete(folders: list[str], stopped: threading.Event) -> None:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def strangers(folder: str, assembly: str) -> list[str]:
+def unexpected_files(folder: str, assembly: str) -> list[str]:
     """Everything in the folder that no batch over `assembly` wrote, or that was changed since, by path in it, sorted."""
     known: dict[Signature, str] = {}  # variants share their meshes
     found = [name for name in os.listdir(folder) if name.removesuffix(".new") not in places.OWN and not _OLD.fullmatch(name)]
@@ -205,7 +205,7 @@ def strangers(folder: str, assembly: str) -> list[str]:
             if not pattern.fullmatch(name):
                 found.append(path)
             elif inner == places.VARIANTS:
-                found.extend(f"{path}/{one}" for one in strangers_of_build(os.path.join(folder, path), assembly, known=known).names)
+                found.extend(f"{path}/{one}" for one in unexpected_in_build(os.path.join(folder, path), assembly, known=known).names)
     return sorted(found)
 
 

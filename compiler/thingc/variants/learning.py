@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thingc.slips import did_you_mean
+from thingc.typos import did_you_mean
 from thingc.variants.loading import BuiltVariant, Family, FamilyError, Sizes, UnknownVariant, load
 from thingc.variants.tasks import TASKS, Array, Reward, Step, Terminated
 

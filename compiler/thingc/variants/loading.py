@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, overload
 from thingc.brief import Brief
 from thingc.diagnostics import shown_path
 from thingc.frozen import dataclass
-from thingc.slips import did_you_mean
+from thingc.typos import did_you_mean
 from thingc.variants import places
 from thingc.variants.folder import read_batch
 from thingc.variants.journal import Line, in_order

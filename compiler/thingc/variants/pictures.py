@@ -104,7 +104,7 @@ def draw(
     os.makedirs(place, exist_ok=True)
     count = max(1, min(jobs, len(shots) // 4))
     parts = [shots[k::count] for k in range(count)]
-    processes = [_Photographer() for _ in parts]
+    processes = [_Thumbnails() for _ in parts]
     try:
         fault = _drawn(place, pose, parts, processes, len(shots), on_picture)
     finally:
@@ -116,7 +116,7 @@ def draw(
 
 
 def _drawn(
-    place: str, pose: str | None, parts: Sequence[Sequence[tuple[str, str]]], processes: Sequence[_Photographer], count: int,
+    place: str, pose: str | None, parts: Sequence[Sequence[tuple[str, str]]], processes: Sequence[_Thumbnails], count: int,
     on_picture: OnPicture | None,
 ) -> Diagnostic | None:
     for part, process in zip(parts, processes, strict=True):
@@ -157,12 +157,12 @@ def _refused(words: str, hint: str) -> Diagnostic:
     )
 
 
-class _Photographer:
+class _Thumbnails:
     """A process that draws, and the pipes to it."""
 
     def __init__(self) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "thingc.variants.photographer"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+            [sys.executable, "-m", "thingc.variants.thumbnails"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
             start_new_session=True,
         )
 

@@ -8,9 +8,9 @@ from thingc.diagnostics import Code, Report
 from thingc.expressions import Expression, ExpressionError, evaluate
 from thingc.frozen import dataclass
 from thingc.resolve.scope import Found
-from thingc.slips import did_you_mean
 from thingc.source import Document, Path
 from thingc.spec import within
+from thingc.typos import did_you_mean
 from thingc.units import INERTIA, LENGTH, MASS, NUMBER, Dimension, Quantity
 
 RESULTS: dict[str, Dimension] = {

@@ -24,7 +24,7 @@ from thingc.pipeline import Settings
 from thingc.printing import as_json
 from thingc.resolve.scope import Found
 from thingc.session import Session
-from thingc.slips import did_you_mean
+from thingc.typos import did_you_mean
 from thingc.units import Dimension, Quantity
 from thingc.variants.job import STOPPED, Job, Row, Task, refusal, row
 from thingc.variants.measure import Results, UnknownMount, measure

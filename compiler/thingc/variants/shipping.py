@@ -36,8 +36,8 @@ from thingc.variants.engine import RUNNERS, Cancelled, RunnersBroken, evaluate
 from thingc.variants.executors import Carrier, Cluster, WorkerLost
 from thingc.variants.folder import BatchFault
 from thingc.variants.job import STOPPED, Job, Row, Task, refusal
-from thingc.variants.parcel import Parcel
 from thingc.variants.places import write_variant
+from thingc.variants.transfer import Transfer
 
 T = TypeVar("T")
 
@@ -68,12 +68,12 @@ _REFUSED: dict[str, str] = {}
 """Why a shipment could not be unpacked."""
 
 
-def settle(name: str, parcel: Parcel, folder: str, worker: str) -> None:
+def settle(name: str, transfer: Transfer, folder: str, worker: str) -> None:
     """Unpack a workspace below `folder`, which is the worker's own; it appears as a whole. Raises `OSError` and `ValueError`."""
     place = os.path.join(os.path.realpath(folder), name)
     fresh = f"{place}.new"
     try:
-        parcel.unpack(os.path.join(fresh, WORK))
+        transfer.unpack(os.path.join(fresh, WORK))
         for inner in (os.path.join(OUT, places.VARIANTS), os.path.join(OUT, places.ASSETS), ASIDE):
             os.makedirs(os.path.join(fresh, inner))
         os.rename(fresh, place)
@@ -180,24 +180,24 @@ class Shipping(Cluster):
     """A cluster whose workers share no folder with this machine. A context manager: the cluster is the caller's and stays.
 
     `folder` is the batch's, `store` the driver's own, `name` that of the shipment. `submit` takes `evaluate` alone; its future is done
-    when the variants are written. Entering raises `BatchFault` where a worker cannot take the parcel.
+    when the variants are written. Entering raises `BatchFault` where a worker cannot take the transfer.
     """
 
     chunk_seconds = CHUNK_SECONDS
 
-    def __init__(self, cluster: Carrier, parcel: Parcel, folder: str, store: Store) -> None:
+    def __init__(self, cluster: Carrier, transfer: Transfer, folder: str, store: Store) -> None:
         self.cluster = cluster
-        self.parcel = parcel
+        self.transfer = transfer
         self.folder = folder
         self.store = store
-        self.name = f"thingc-{parcel.sha256[:12]}-{os.urandom(6).hex()}"
+        self.name = f"thingc-{transfer.sha256[:12]}-{os.urandom(6).hex()}"
         self._arrived: queue.SimpleQueue[tuple[Future[Any], Future[Answer]] | None] = queue.SimpleQueue()
         self._stopping = False
         self._thread = threading.Thread(target=self._receive, name="thingc-shipping", daemon=True)
         self._template = lru_cache(maxsize=1)(self._packed)
 
     def __enter__(self) -> Shipping:
-        self.cluster.ship(self.name, self.parcel)
+        self.cluster.ship(self.name, self.transfer)
         self._thread.start()
         return self
 
@@ -236,10 +236,11 @@ class Shipping(Cluster):
     def _packed(self, text: str) -> str:
         """A job whose paths are in the workspace; a store that is a folder is one of this machine."""
         job = Job.decode(text)
-        root, here = os.path.realpath(self.parcel.root), os.path.realpath(os.getcwd())
+        root, here = os.path.realpath(self.transfer.root), os.path.realpath(os.getcwd())
         inside = os.path.join(here, "").startswith(os.path.join(root, ""))
         return replace(
-            job, assembly=os.path.relpath(job.assembly, self.parcel.root), folder=None, cwd=os.path.relpath(here, root) if inside else None,
+            job, assembly=os.path.relpath(job.assembly, self.transfer.root), folder=None,
+            cwd=os.path.relpath(here, root) if inside else None,
             store=job.store if job.store is not None and "://" in job.store else None,
         ).encode()
 
@@ -287,7 +288,7 @@ class Shipping(Cluster):
             return [self._mapped(value, work) for value in found]
         if not isinstance(found, str) or work not in found:
             return found
-        here = found.replace(work, self.parcel.root)
+        here = found.replace(work, self.transfer.root)
         return shown_path(here) if key == "file" else here
 
 

@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 
 from thingc.diagnostics import Code
 from thingc.frozen import dataclass
-from thingc.slips import did_you_mean
+from thingc.typos import did_you_mean
 from thingc.units import TIME, UnitError, parse_quantity
 from thingc.variants.engine import LocalExecutor, RunnersBroken, evaluate
 from thingc.variants.executors import Cluster, missing

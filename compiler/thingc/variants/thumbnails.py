@@ -1,4 +1,4 @@
-"""`python -m thingc.variants.photographer`: small pictures of variants, all by one camera, in a process of its own.
+"""`python -m thingc.variants.thumbnails`: small pictures of variants, all by one camera, in a process of its own.
 
 Drawing needs a graphics library that is chosen when MuJoCo is imported, and that may crash: neither is the driver's. Lines of JSON
 on standard input, `{"measure": [model, ...], "pose": ...}` and then `{"draw": [[model, picture], ...], "points": [...], ...}`; answers

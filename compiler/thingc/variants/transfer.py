@@ -28,17 +28,17 @@ from thingc.variants.planning import OUTSIDE, Plan
 from thingc.workspace import OWN_FILE, Workspace
 
 MOST_BYTES = 100_000_000
-"""What the files of a parcel may have together."""
+"""What the files of a transfer may have together."""
 MOST_FILES = 20_000
-"""How many files, folders and links a parcel may have."""
+"""How many files, folders and links a transfer may have."""
 NAMES = frozenset(("__pycache__", "node_modules"))
 """Folders that hold nothing of a workspace; those whose names begin with a dot do not either."""
 MODIFIED = 946_684_800
-"""The modification time [s] of everything in a parcel (2000-01-01)."""
+"""The modification time [s] of everything in a transfer (2000-01-01)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Parcel:
+class Transfer:
     """A packed workspace. `root` is its absolute folder here, `sha256` (hex) that of the tar archive which `data` is when it is
     inflated (zlib), `names` how many files, folders and links are in it."""
 
@@ -67,7 +67,7 @@ class Parcel:
                 raise ValueError(str(fault)) from fault
 
 
-def pack(plan: Plan, batch: str) -> Parcel:
+def pack(plan: Plan, batch: str) -> Transfer:
     """The workspace of a plan whose batch is written to the folder `batch`.
 
     Raises `BatchFault` for one that is too large, has a link that leads out of it or a file that cannot be read, or has changed since
@@ -82,7 +82,7 @@ def pack(plan: Plan, batch: str) -> Parcel:
         for name in sorted(found):
             _put(archive, workspace, name, plan.inputs.get(name))
     data = stream.getvalue()
-    return Parcel(root=workspace.root, sha256=hashlib.sha256(data).hexdigest(), data=zlib.compress(data), names=len(found))
+    return Transfer(root=workspace.root, sha256=hashlib.sha256(data).hexdigest(), data=zlib.compress(data), names=len(found))
 
 
 class _Search:

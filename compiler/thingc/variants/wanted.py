@@ -8,9 +8,9 @@ from typing import Any
 from thingc.diagnostics import Code, Report
 from thingc.realize.record import PartDefinition
 from thingc.resolve.model import AssemblyDefinition
-from thingc.slips import did_you_mean
 from thingc.source import Document
 from thingc.spec.variants import VariantsSpec
+from thingc.typos import did_you_mean
 from thingc.units import shortened
 from thingc.variants.rules import Rule
 

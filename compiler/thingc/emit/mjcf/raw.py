@@ -17,8 +17,8 @@ from thingc.emit.xml import Element
 from thingc.graph.types import Assembly
 from thingc.resolve.model import RawAttribute
 from thingc.robot.types import Robot
-from thingc.slips import did_you_mean
 from thingc.source import Origin
+from thingc.typos import did_you_mean
 
 TARGET = "mjcf"
 
