@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from robot.test_rooting_properties import Tree, build, robots
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from graph.builder import as_matrix, as_pose
+from robot.test_spanning_tree_properties import Tree, build, robots
 from thingc.graph import joints_of
 from thingc.robot import body_poses
 from thingc.robot.dense import solve

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from graph.builder import as_matrix
-from robot.test_rooting_properties import Tree, build, robots, world_of
+from robot.test_spanning_tree_properties import Tree, build, robots, world_of
 from thingc.diagnostics import Report
 from thingc.emit.mjcf.target import emit
 from thingc.emit.request import EmitRequest

@@ -543,3 +543,22 @@ def test_corners_have_no_noise(place: Place) -> None:
     assert isinstance(record, PartRecord)
     mesh = trimesh.load(io.BytesIO(place.store.read(record.meshes["print"].sha256)), file_type="stl")
     assert sorted(map(tuple, mesh.vertices)) == [(x, y, z) for x in (0.0, 10.0) for y in (0.0, 20.0) for z in (5.0, 35.0)]
+
+
+@pytest.mark.parametrize(("offset", "words"), [
+    (5.0, ("its 2 solids overlap: 500 of 2000 mm^3 are counted twice, in volume and mass; fuse them (`a + b`)",)), (9.9, ()), (10.0, ()),
+])
+def test_solids_that_overlap_are_told(place: Place, offset: float, words: tuple[str, ...]) -> None:
+    place.write("parts/twins.py", f"""\
+        from build123d import Box, Pos
+        from thingc import Thing
+
+        class Twins(Thing):
+            def result(self):
+                return [Box(10, 10, 10), Pos({offset}, 0, 0) * Box(10, 10, 10)]
+    """)
+    definition = part("twins:Twins")
+    with place.service() as service:
+        record = service.realize([definition])[definition.text]
+    assert isinstance(record, PartRecord) and tuple(one.message for one in record.warnings) == words
+    assert record.volume == pytest.approx(2e-6)

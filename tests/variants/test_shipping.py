@@ -22,7 +22,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from variants.test_parcel import packed
 
 from realize.test_shared_store import SERVER
 from thingc.diagnostics import Code
@@ -33,6 +32,7 @@ from variants.robots import environment, thingc, tree, with_emitter, workspace
 from variants.test_batch import rows, without_run
 from variants.test_cluster import Dask, dask
 from variants.test_faults import assert_whole, journal, listed, started, wait_for_lines
+from variants.test_transfer import packed
 
 AUDIT = '''
 import os, sys

@@ -6,6 +6,7 @@ but may lie a tolerance apart.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -163,6 +164,21 @@ def together(meshes: list[Triangles]) -> Triangles:
         np.concatenate([mesh.faces + offset for mesh, offset in zip(meshes, offsets[:-1], strict=True)])
         if meshes
         else np.zeros((0, 3), dtype=np.int64),
+    )
+
+
+def common_volume(meshes: Sequence[Triangles]) -> float:
+    """What lies in two of these closed meshes, the sum over all pairs (manifold3d); a mesh that is not closed has nothing in common."""
+    from manifold3d import Manifold, Mesh64
+
+    solids = [
+        Manifold(Mesh64(np.ascontiguousarray(mesh.vertices), np.ascontiguousarray(mesh.faces, dtype=np.uint64))) for mesh in meshes
+    ]
+    boxes = [(mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)) for mesh in meshes]
+    return math.fsum(
+        (solids[a] ^ solids[b]).volume()
+        for a in range(len(solids)) for b in range(a)
+        if (boxes[a][0] < boxes[b][1]).all() and (boxes[b][0] < boxes[a][1]).all()
     )
 
 

@@ -48,6 +48,9 @@ if TYPE_CHECKING:
 NOTHING = 1e-9
 """A volume [mm^3] below which a result counts as empty."""
 
+OVERLAP = 0.01
+"""The part of the volume of a part that two of its solids may have in common (and 1 mm^3) before it is said that it counts twice."""
+
 DECIMALS = 9
 """Corners [mm] are rounded to these. Of two that a boolean makes one, the kernel takes that with the lower address: one may have 0 where
 the other has 2e-31, and so the same part another mesh in the next run."""
@@ -277,6 +280,7 @@ def _record(text: str, made: Made, tessellations: Tessellations, store: Store) -
         meshes["print"] = stored_stl(mesh, store)
         if not meshes["print"].closed:
             extra = (*extra, PartWarning(message="its mesh is not closed: the kernel left gaps between faces"))
+        extra = (*extra, *_counted_twice(solid, tessellations.fine))
         fits = fit_all(round_about.vertices, convert.unit_inertia(measures.inertia))
     return PartRecord(
         text=text, material=made.material, color=made.color,
@@ -299,6 +303,19 @@ def _apart(solid: TopoDS_Shape) -> tuple[float, ...]:
     if len(bodies) < 2:
         return ()
     return tuple(sorted((convert.volume(math.fsum(measure(one).volume for one in body)) for body in bodies), reverse=True))
+
+
+def _counted_twice(solid: TopoDS_Shape, tessellation: Tessellation) -> tuple[PartWarning, ...]:
+    """A warning where solids of a part overlap: integrals are sums over solids. What a thread bites into its hole is no overlap."""
+    solids = solids_of(solid)
+    if len(solids) < 2:
+        return ()
+    meshes = [_triangles(one, tessellation).outward() for one in solids]
+    common, whole = meshing.common_volume(meshes), math.fsum(mesh.volume for mesh in meshes)
+    if common <= max(OVERLAP * whole, 1.0):
+        return ()
+    twice = f"its {len(solids)} solids overlap: {common:.3g} of {whole:.4g} mm^3 are counted twice, in volume and mass"
+    return (PartWarning(message=f"{twice}; fuse them (`a + b`)"),)
 
 
 def solid_part(shapes: Sequence[TopoDS_Shape]) -> TopoDS_Shape:
