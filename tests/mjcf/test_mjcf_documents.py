@@ -78,7 +78,7 @@ def test_a_document_becomes_models(tmp_path: Path) -> None:
     ("attribute", "message"),
     [
         ("limitted: true", "MuJoCo refuses `limitted` of joint `hook`: unrecognized attribute: 'limitted'"),
-        ("axis: 0 0 0", "MuJoCo refuses `axis` of joint `hook`: axis too small in joint"),
+        ("solreflimit: 1 abc", "MuJoCo refuses `solreflimit` of joint `hook`: bad format in attribute 'solreflimit'"),
     ],
 )
 def test_what_mujoco_refuses_is_shown_in_the_document(tmp_path: Path, attribute: str, message: str) -> None:
