@@ -62,20 +62,22 @@ def frame(turn: Rotation, place: Array | tuple[float, float, float] = (0.0, 0.0,
 
 def motion(kind: str, q: Array) -> Array:
     """X_J as the table of kinds has it."""
-    about = {axis: lambda angle, axis=axis: frame(Rotation.from_euler(axis, angle)) for axis in "xyz"}  # type: ignore[misc]
+    def about(axis: str, angle: float) -> Array:
+        return frame(Rotation.from_euler(axis, angle))
+
     still = Rotation.identity()
     if kind in ("revolute", "continuous"):
-        return about["z"](q[0])
+        return about("z", q[0])
     if kind == "prismatic":
         return frame(still, (0, 0, q[0]))
     if kind == "screw":
-        return about["z"](q[0]) @ frame(still, (0, 0, LEAD * q[0] / math.tau))
+        return about("z", q[0]) @ frame(still, (0, 0, LEAD * q[0] / math.tau))
     if kind == "cylindrical":
-        return about["z"](q[0]) @ frame(still, (0, 0, q[1]))
+        return about("z", q[0]) @ frame(still, (0, 0, q[1]))
     if kind == "universal":
-        return about["x"](q[0]) @ about["y"](q[1])
+        return about("x", q[0]) @ about("y", q[1])
     if kind == "planar":
-        return frame(still, (q[0], q[1], 0)) @ about["z"](q[2])
+        return frame(still, (q[0], q[1], 0)) @ about("z", q[2])
     assert kind == "ball"
     return frame(Rotation.from_rotvec(q))
 

@@ -167,19 +167,14 @@ def together(meshes: list[Triangles]) -> Triangles:
     )
 
 
-def common_volume(meshes: Sequence[Triangles]) -> float:
-    """What lies in two of these closed meshes, the sum over all pairs (manifold3d); a mesh that is not closed has nothing in common."""
-    from manifold3d import Manifold, Mesh64
+def counted_twice(meshes: Sequence[Triangles]) -> float:
+    """By how much the volumes of these closed meshes come to more than that of their union (manifold3d)."""
+    from manifold3d import Manifold, Mesh64, OpType
 
     solids = [
         Manifold(Mesh64(np.ascontiguousarray(mesh.vertices), np.ascontiguousarray(mesh.faces, dtype=np.uint64))) for mesh in meshes
     ]
-    boxes = [(mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)) for mesh in meshes]
-    return math.fsum(
-        (solids[a] ^ solids[b]).volume()
-        for a in range(len(solids)) for b in range(a)
-        if (boxes[a][0] < boxes[b][1]).all() and (boxes[b][0] < boxes[a][1]).all()
-    )
+    return math.fsum(solid.volume() for solid in solids) - float(Manifold.batch_boolean(solids, OpType.Add).volume())
 
 
 def hull(points: NDArray[np.float64]) -> Triangles | None:

@@ -266,12 +266,13 @@ def _record(text: str, made: Made, tessellations: Tessellations, store: Store) -
         if not measures.volume > NOTHING:
             raise NoPart("empty", f"it holds {measures.volume:.3g} mm^3")
         brep = store.put(written_brep(solid))  # before meshing, which would leave its triangles in it
-        mesh = _tessellated(solid, tessellations.fine)
+        solids = _meshes(solid, tessellations.fine)
+        mesh = meshing.together(solids)
         metres = mesh.scaled(1.0 / convert.MM)
         round_about = meshing.hull(metres.vertices) or metres
         coarse, hull = metres, round_about
         if tessellations.simulation != tessellations.fine:
-            coarse = _tessellated(solid, tessellations.simulation).scaled(1.0 / convert.MM)
+            coarse = meshing.together(_meshes(solid, tessellations.simulation)).scaled(1.0 / convert.MM)
             hull = meshing.hull(coarse.vertices) or coarse
         shown = _visual(made.visual, tessellations.simulation).scaled(1.0 / convert.MM) if made.visual else coarse
         meshes["visual"] = _stored(shown, meshing.obj(shown), store)
@@ -280,7 +281,7 @@ def _record(text: str, made: Made, tessellations: Tessellations, store: Store) -
         meshes["print"] = stored_stl(mesh, store)
         if not meshes["print"].closed:
             extra = (*extra, PartWarning(message="its mesh is not closed: the kernel left gaps between faces"))
-        extra = (*extra, *_counted_twice(solid, tessellations.fine))
+        extra = (*extra, *_overlap(solids))
         fits = fit_all(round_about.vertices, convert.unit_inertia(measures.inertia))
     return PartRecord(
         text=text, material=made.material, color=made.color,
@@ -305,13 +306,9 @@ def _apart(solid: TopoDS_Shape) -> tuple[float, ...]:
     return tuple(sorted((convert.volume(math.fsum(measure(one).volume for one in body)) for body in bodies), reverse=True))
 
 
-def _counted_twice(solid: TopoDS_Shape, tessellation: Tessellation) -> tuple[PartWarning, ...]:
+def _overlap(solids: Sequence[meshing.Triangles]) -> tuple[PartWarning, ...]:
     """A warning where solids of a part overlap: integrals are sums over solids. What a thread bites into its hole is no overlap."""
-    solids = solids_of(solid)
-    if len(solids) < 2:
-        return ()
-    meshes = [_triangles(one, tessellation).outward() for one in solids]
-    common, whole = meshing.common_volume(meshes), math.fsum(mesh.volume for mesh in meshes)
+    common, whole = meshing.counted_twice(solids) if len(solids) > 1 else 0.0, math.fsum(mesh.volume for mesh in solids)
     if common <= max(OVERLAP * whole, 1.0):
         return ()
     twice = f"its {len(solids)} solids overlap: {common:.3g} of {whole:.4g} mm^3 are counted twice, in volume and mass"
@@ -373,11 +370,9 @@ def _triangles(shape: TopoDS_Shape, tessellation: Tessellation) -> meshing.Trian
     return meshing.tessellate(shape, tessellation.linear * convert.MM, tessellation.angular)
 
 
-def _tessellated(shape: TopoDS_Shape, tessellation: Tessellation) -> meshing.Triangles:
-    """Solid by solid, so that two solids that touch do not share an edge; each turned outwards."""
-    return meshing.together([
-        _triangles(solid, tessellation).outward() for solid in solids_of(shape)
-    ])
+def _meshes(shape: TopoDS_Shape, tessellation: Tessellation) -> list[meshing.Triangles]:
+    """Of each solid by itself, so that two solids that touch do not share an edge; turned outwards."""
+    return [_triangles(solid, tessellation).outward() for solid in solids_of(shape)]
 
 
 def _visual(shapes: Sequence[TopoDS_Shape], tessellation: Tessellation) -> meshing.Triangles:
