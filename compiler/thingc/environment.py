@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, TypeVar
@@ -35,7 +35,8 @@ class Options:
     `lock`: what the store does not hold may come from `parts.lock.json`, for callers who need no meshes. Without `code` it comes
     from there alone: nothing of the workspace is run, and the store is not touched.
 
-    `texts`: what documents hold instead of what is on disk, by absolute path."""
+    `texts`: what documents hold instead of what is on disk, by absolute path. `ahead`: modules that what follows the compilation will
+    need, which are imported while the kernel loads, where it does."""
 
     parameters: Mapping[str, str] = field(default_factory=dict)
     choices: Mapping[str, str] = field(default_factory=dict)
@@ -46,6 +47,7 @@ class Options:
     lock: bool = False
     code: bool = True
     texts: Mapping[str, bytes] = field(default_factory=dict)
+    ahead: Sequence[str] = ()
 
 
 class Environment:

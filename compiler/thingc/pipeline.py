@@ -13,6 +13,7 @@ import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import field, replace
 from functools import partial
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 from thingc.diagnostics import Code, Report, Stage, shown_path
@@ -32,6 +33,10 @@ if TYPE_CHECKING:
     from thingc.robot.types import Robot
     from thingc.spec.doubts import Specs
     from thingc.workspace import Workspace
+
+
+PASSES = ("thingc.resolve", "thingc.graph", "thingc.robot")
+"""The rooms behind `describe`, imported while the kernel loads, where it does."""
 
 
 class UnknownChoice(Exception):
@@ -103,12 +108,12 @@ def check(environment: Environment) -> Compilation:
 def compile(environment: Environment, modes: Sequence[str] = (), *, kinds: Sequence[str] = ("assembly",)) -> Compilation:
     """Every pass up to `root`, for the modes named (none: all). `kinds` are the kinds of document that are welcome. Bad input ends in the
     report; raises `UnknownChoice`, and `BlobMissing` where the store turns out to be damaged (see `environment.attempted`)."""
-    from thingc.robot import check_starts
-
     sources = read(environment, kinds)
     settings = Settings(parameters=environment.options.parameters, choices=environment.options.choices)
     compilation = _passes(environment, sources, settings, modes)
     if compilation.assembly is not None and not compilation.report.failed:
+        from thingc.robot import check_starts
+
         check_starts(compilation.robots, _corners(environment), compilation.report, environment.memo)
     return compilation
 
@@ -119,12 +124,24 @@ def recompile(environment: Environment, sources: Sources | None, settings: Setti
     return replace(_passes(environment, sources, settings, modes), repeated=True)
 
 
+def modules_of_build(targets: Collection[str]) -> tuple[str, ...]:
+    """What `build` imports, for `Options.ahead`."""
+    from thingc.emit import modules_of
+
+    return ("thingc.solids.shapes", *modules_of(targets))
+
+
 def build(environment: Environment, compilation: Compilation, targets: Sequence[str]) -> dict[str, Artifacts]:
-    """The passes behind `root`: what lies in what (a warning), and `emit`."""
+    """The passes behind `root`: what lies in what (a warning), and `emit`, while the kernel writes the STEP file."""
     from thingc.solids import check_overlaps
 
-    check_overlaps(_assembly(compilation), environment.store, compilation.report)
-    return emit(environment, compilation, targets)
+    request = request_of(environment, compilation)
+    if "step" in targets:
+        from thingc.emit import step
+
+        step.begin(request)
+    check_overlaps(request.assembly, environment.store, compilation.report)
+    return _emitted(request, targets)
 
 
 # --- passes --------------------------------------------------------------------------------------------------------
@@ -138,12 +155,15 @@ def read(environment: Environment, kinds: Sequence[str] = ("assembly",)) -> Sour
     workspace, report = environment.workspace, environment.report
     if workspace is None:
         return None
-    environment.parts.anticipate()
+    kernel_loads = environment.parts.anticipate()
     documents = load(environment.document, workspace, report, kinds=kinds, texts=environment.options.texts)
     if documents is None:
         return None
     specs = validate(documents, report)
     named = part_references(specs, documents) if documents.root.kind == "assembly" else ()
+    if kernel_loads:
+        for module in (*PASSES, *environment.options.ahead):
+            import_module(module)
     schemas = environment.parts.describe([reference for reference, _ in named]) if named else {}
     return Sources(workspace=workspace, documents=documents, specs=specs, schemas=schemas)
 
@@ -220,9 +240,12 @@ def emit(environment: Environment, compilation: Compilation, targets: Sequence[s
 
     Without `verify` MuJoCo is not asked whether it takes the models: for the caller who compiles them anyway.
     """
+    return _emitted(request_of(environment, compilation, verify=verify), targets)
+
+
+def _emitted(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts]:
     from thingc.emit import emitter
 
-    request = request_of(environment, compilation, verify=verify)
     artifacts: dict[str, Artifacts] = {}
     told: dict[Loss, None] = {}
     for target in targets:

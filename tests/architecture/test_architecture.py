@@ -22,7 +22,7 @@ ROOMS: dict[str, set[str]] = {
     "diagnostics": {"brief", "shown", "source", "typos"},
     "printing": {"shown", "source", "diagnostics"}, "units": {"frozen", "diagnostics", "typos"},
     "expressions": {"frozen", "diagnostics", "typos", "units"},
-    "pose": {"frozen"}, "inertia": {"frozen", "brief", "pose"}, "memo": set(),
+    "pose": {"frozen"}, "inertia": {"frozen", "brief", "pose"}, "memo": set(), "later": set(),
     "workspace": BASE | {"load", "spec"},
     "load": BASE,
     "spec": BASE | {"load", "joints", "checks"},
@@ -37,7 +37,7 @@ ROOMS: dict[str, set[str]] = {
     "solids": BASE | {"realize", "graph"},
     "statics": BASE | {"joints", "graph", "robot"},
     "drawing": {"frozen"},
-    "emit": BASE | {"resolve", "realize", "joints", "graph", "robot", "drawing"},
+    "emit": BASE | {"later", "resolve", "realize", "joints", "graph", "robot", "drawing"},
     "modes": {"brief", "diagnostics", "typos"},  # read at run time, next to a simulation
     "render": {"frozen", "pose"},
     "reporting": {"frozen", "shown", "source", "diagnostics"},

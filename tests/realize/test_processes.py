@@ -231,16 +231,13 @@ def test_the_worker_is_started_early_only_when_there_is_something_new(place: Any
     first, second, third = Workers(1), Workers(1), Workers(1)
     try:
         with place.service(workers=first) as service:
-            service.anticipate()
-            assert first.running
+            assert service.anticipate() and first.running
             service.realize([define("parts_:Block", width=0.03)])
         with place.service(workers=second) as service:
-            service.anticipate()
-            assert not second.running
+            assert not service.anticipate() and not second.running
         place.write("parts/parts_.py", PARTS.replace("10, 5", "10, 6"))
         with place.service(workers=third) as service:
-            service.anticipate()
-            assert third.running
+            assert service.anticipate() and third.running
     finally:
         for workers in (first, second, third):
             workers.close()

@@ -7,12 +7,14 @@ import os
 import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from thingc import pipeline, stamp
 from thingc.cli import common
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, Stage, shown_path
+from thingc.emit import targets
 from thingc.emit.artifact import Content, Loss
 from thingc.environment import Environment, Options, attempted, store_of
 from thingc.output import OutputError, build_folder, verify, write_build
@@ -54,6 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
         common.require_document(arguments.document)
         options = common.options_of(arguments)
         targets = _targets(arguments.emit)
+        options = replace(options, ahead=pipeline.modules_of_build(targets))
         found, answer = _build(arguments, options, targets)
     except (UnknownChoice, OutputError) as fault:
         code = fault.code if isinstance(fault, OutputError) else Code.COMMAND_LINE
@@ -73,8 +76,6 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _targets(words: Sequence[str]) -> tuple[str, ...]:
     """The targets chosen, in the order in which a build writes them. Raises `UnknownChoice`."""
-    from thingc.emit import targets
-
     known = targets()
     wanted = [part for word in words for part in word.split(",") if part]
     for word in wanted:

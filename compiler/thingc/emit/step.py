@@ -2,10 +2,27 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from thingc.diagnostics import Code
 from thingc.emit.artifact import Artifacts, Loss, Stored
 from thingc.emit.request import EmitRequest
-from thingc.realize.record import Placed
+from thingc.frozen import dataclass
+from thingc.later import Later
+from thingc.realize.record import AssemblyFailed, Placed, StoredFile
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Begun:
+    """A file that the kernel writes: `file` is waited for. `losses` are what it cannot hold."""
+
+    file: Later[StoredFile] | None
+    losses: tuple[Loss, ...]
+
+
+def begin(request: EmitRequest) -> None:
+    """Let the kernel, in a process of its own, write the file while other targets are made; `emit` waits for it."""
+    request.made["step"] = _begun(request)
 
 
 def emit(request: EmitRequest) -> Artifacts:
@@ -15,8 +32,30 @@ def emit(request: EmitRequest) -> Artifacts:
     stand in it and is a loss; a robot without any geometry has no file, which is a loss too. What the kernel cannot
     write is an error of the document.
     """
-    from thingc.realize.service import AssemblyFailed
+    assembly = request.assembly
+    begun = request.made.get("step")
+    if not isinstance(begun, _Begun):
+        begun = _begun(request)
+    if begun.file is None:
+        origin = assembly.definition.origin
+        what = "nothing in the robot has exact geometry" if begun.losses else "nothing in the robot has geometry"
+        whole = Loss(target="step", mode=None, path=assembly.name, what=what, how="omitted", span=origin[0] if origin else None)
+        return Artifacts(files={}, losses=(*begun.losses, whole))
+    try:
+        written = begun.file.result()
+    except AssemblyFailed as fault:
+        request.report.add(
+            Code.STEP_FAILED,
+            f"the STEP file of `{assembly.name}` could not be written: {fault.reason}",
+            assembly.definition.origin,
+            help="name the targets that are wanted with --emit, without `step`",
+            detail=fault.detail,
+        )
+        return Artifacts(files={}, losses=begun.losses)
+    return Artifacts(files={f"step/{assembly.name}.step": Stored(sha256=written.sha256, size=written.size)}, losses=begun.losses)
 
+
+def _begun(request: EmitRequest) -> _Begun:
     assembly = request.assembly
     instances: list[Placed] = []
     losses: list[Loss] = []
@@ -25,16 +64,8 @@ def emit(request: EmitRequest) -> Artifacts:
         if record is None or record.box is None:
             continue
         if record.brep is None:
-            losses.append(
-                Loss(
-                    target="step",
-                    mode=None,
-                    path=occurrence.path,
-                    what=f"`{occurrence.definition.label}` is a mesh without exact surfaces",
-                    how="omitted",
-                    span=occurrence.origin[0],
-                )
-            )
+            what = f"`{occurrence.definition.label}` is a mesh without exact surfaces"
+            losses.append(Loss(target="step", mode=None, path=occurrence.path, what=what, how="omitted", span=occurrence.origin[0]))
             continue
         instances.append(
             Placed(
@@ -46,22 +77,5 @@ def emit(request: EmitRequest) -> Artifacts:
                 color=occurrence.color,
             )
         )
-    if not instances:
-        origin = assembly.definition.origin
-        what = "nothing in the robot has exact geometry" if losses else "nothing in the robot has geometry"
-        whole = Loss(target="step", mode=None, path=assembly.name, what=what, how="omitted", span=origin[0] if origin else None)
-        return Artifacts(files={}, losses=(*losses, whole))
-    try:
-        written = request.geometry.assemble(assembly.name, instances)
-    except AssemblyFailed as fault:
-        request.report.add(
-            Code.STEP_FAILED,
-            f"the STEP file of `{assembly.name}` could not be written: {fault.reason}",
-            assembly.definition.origin,
-            help="name the targets that are wanted with --emit, without `step`",
-            detail=fault.detail,
-        )
-        return Artifacts(files={}, losses=tuple(losses))
-    return Artifacts(
-        files={f"step/{assembly.name}.step": Stored(sha256=written.sha256, size=written.size)}, losses=tuple(losses)
-    )
+    file = Later(partial(request.geometry.assemble, assembly.name, instances)) if instances else None
+    return _Begun(file=file, losses=tuple(losses))

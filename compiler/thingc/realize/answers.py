@@ -35,8 +35,8 @@ class PartAnswers(Protocol):
     def inputs(self) -> frozenset[str]:
         """Absolute paths of everything that decided about answers, there or not."""
 
-    def anticipate(self) -> None:
-        """Get ready to model, where that is likely to be needed."""
+    def anticipate(self) -> bool:
+        """Get ready to model, where that is likely to be needed: whether it is, and the kernel loads now."""
 
     def close(self) -> None:
         """End what was started."""

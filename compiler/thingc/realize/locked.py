@@ -182,8 +182,9 @@ class LockedGeometry:
         """Absolute paths of everything that the answers depend on."""
         return frozenset(self._parts.probed | (self._answers.consulted if self._answers is not None else set()))
 
-    def anticipate(self) -> None:
+    def anticipate(self) -> bool:
         """Nothing is got ready: nothing will be modelled."""
+        return False
 
     def close(self) -> None:
         """Nothing is to be ended."""

@@ -115,14 +115,14 @@ class GeometryService:
         """Start the worker without waiting for it: it loads the kernel while the caller does something else."""
         self._worker_pool().warm()
 
-    def anticipate(self) -> None:
-        """`warm` when a file that parts depend on has changed since the last run in this workspace, or there was none.
+    def anticipate(self) -> bool:
+        """`warm` when a file that parts depend on has changed since the last run in this workspace, or there was none: whether it has.
 
-        Worth calling before the documents are read: what the kernel takes to load is the longest part of a build. Where a lock may
-        answer, the kernel is likely not to be needed at all.
+        Worth calling before the documents are read: that is the longest part of a build. Where a lock may answer, it is likely not needed.
         """
-        if not self._locked.there and self._results.files_changed():
+        if needed := not self._locked.there and self._results.files_changed():
             self.warm()
+        return needed
 
     def close(self) -> None:
         """End the workers; nothing of them is alive afterwards."""

@@ -122,6 +122,10 @@ class _Chunk:
     attempts: int = 0
 
 
+class _Stopped(Exception):
+    """A signal has come: nothing more is handed out."""
+
+
 class _Batch:
     """One run of a batch. All of it but the engine's threads happens in one thread."""
 
@@ -208,6 +212,8 @@ class _Batch:
             try:
                 self._loop(engine, job, journal, streaming=own is not None)
                 whole = True
+            except _Stopped:
+                pass  # it is said when the runners have ended: until then variants are done
             finally:
                 if own is not None:
                     own.shutdown(wait=True, cancel_futures=not whole)
@@ -219,6 +225,8 @@ class _Batch:
                     self._drain(journal)
                     with contextlib.suppress(OSError):  # of a full disk has been said already
                         write_page(self.folder, describe(self.plan, finished=False), self._columns())
+            if not whole:
+                raise Interrupted(self.folder, self._total(), self.count)
             if own is None:
                 places.sweep(self.folder)  # workers that died left what they were writing
             journal.sync()
@@ -280,7 +288,7 @@ class _Batch:
             if variant.failed is not None:
                 self._note(journal, variant, {"status": "kept_out", "rule": variant.failed})
                 if self.stopping:  # while nothing but rules is decided nobody looks at events
-                    raise Interrupted(self.folder, self._total(), self.count)
+                    raise _Stopped
                 self._tell()
                 continue
             yield variant
@@ -316,7 +324,7 @@ class _Batch:
 
     def _handle(self, what: str, found: Any, engine: Executor, job: str, journal: Journal, streaming: bool) -> None:
         if what == "signal":
-            raise Interrupted(self.folder, self._total(), self.count)
+            raise _Stopped
         if what == "row":
             self._take(journal, found)
             return
