@@ -108,7 +108,7 @@ def check(environment: Environment) -> Compilation:
 def compile(environment: Environment, modes: Sequence[str] = (), *, kinds: Sequence[str] = ("assembly",)) -> Compilation:
     """Every pass up to `root`, for the modes named (none: all). `kinds` are the kinds of document that are welcome. Bad input ends in the
     report; raises `UnknownChoice`, and `BlobMissing` where the store turns out to be damaged (see `environment.attempted`)."""
-    sources = read(environment, kinds)
+    sources = read(environment, kinds, modelling=True)
     settings = Settings(parameters=environment.options.parameters, choices=environment.options.choices)
     compilation = _passes(environment, sources, settings, modes)
     if compilation.assembly is not None and not compilation.report.failed:
@@ -147,15 +147,16 @@ def build(environment: Environment, compilation: Compilation, targets: Sequence[
 # --- passes --------------------------------------------------------------------------------------------------------
 
 
-def read(environment: Environment, kinds: Sequence[str] = ("assembly",)) -> Sources | None:
-    """`load` and `validate`, and what the parts that are named take. None where there is no document to go on with."""
+def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, modelling: bool = False) -> Sources | None:
+    """`load` and `validate`, and what the parts that are named take. None where there is no document to go on with. With `modelling`, parts
+    are wanted next: the kernel begins to load at once where they are likely to be new."""
     from thingc.load import load
     from thingc.spec import part_references, validate
 
     workspace, report = environment.workspace, environment.report
     if workspace is None:
         return None
-    kernel_loads = environment.parts.anticipate()
+    kernel_loads = modelling and environment.parts.anticipate()
     documents = load(environment.document, workspace, report, kinds=kinds, texts=environment.options.texts)
     if documents is None:
         return None

@@ -110,7 +110,7 @@ def _used(
     slicings: dict[str, set[Slicing]] = {}
     for document in documents_in(workspace.root, workspace):
         environment = Environment(document, options, geometry)
-        sources = read(environment, kinds=("assembly", "materials", "variants"))
+        sources = read(environment, kinds=("assembly", "materials", "variants"), modelling=True)
         own = Report()
         if sources is not None and sources.documents.root.kind == "assembly":
             model = resolve(sources.documents, sources.specs, workspace, sources.schemas, {}, own)
