@@ -36,6 +36,8 @@ from thingc.shown import json_text
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 from mutations import NAMES, ROOT, Grammar, mutated, mutated_code, mutated_lock, seeds
 
+sys.dont_write_bytecode = True  # a module of ours that is imported late is no write of an input
+
 HANG = 5.0
 """Seconds of computing that no input may take."""
 _WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND

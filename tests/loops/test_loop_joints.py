@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from loops.robots import BALL, Built, at_key, compiled, equality_residual, pose_of
+from thingc.cli.info import as_text, mode_data
 
 A, B, C, D = 0.06, 0.18, 0.12, 0.2
 """Crank, coupler, rocker and ground [m]: by Grashof's rule the crank goes round."""
@@ -78,10 +79,47 @@ def test_the_loop_closes_as_the_formula_says(fourbar: Built) -> None:
 
 
 def test_which_joint_is_cut(fourbar: Built) -> None:
-    """The one that closes the loop in the document, unless the mode names another; never the driven one."""
+    """The one that closes the loop in the document, unless the mode names another or it has limits; never the driven one."""
     assert {mode: [closure.path for closure in fourbar.robot(mode).closures] for mode in MODES} == {
         "bench": ["wrist"], "by_coupler": ["wrist"], "other": ["pivot"], "third": ["elbow"],
     }
+
+
+def test_limits_stay_in_the_tree_and_info_says_why_a_loop_is_cut_where_it_is(fourbar: Built, tmp_path: Path) -> None:
+    """Also those of the joint that closes the loop in the document."""
+    limited = FOURBAR.replace("wrist: {type: continuous", "wrist: {type: revolute, limit: {lower: -3 rad, upper: 3 rad}")
+    found = compiled(tmp_path, limited)
+    assert found.said == []
+    assert {mode: [closure.path for closure in found.robot(mode).closures] for mode in MODES} == {
+        "bench": ["elbow"], "by_coupler": ["elbow"], "other": ["pivot"], "third": ["elbow"],
+    }
+    assert [(loss.path, loss.what) for loss in found.losses("bench")] == [("elbow", "its dynamics: a loop is cut here")]
+    frame = next(frame for frame in found.robot("bench").keyframes if frame.name == "at_75")
+    assert equality_residual(at_key(found.model("bench"), "at_75")) < 1e-9
+    assert frame.q["pivot"] == pytest.approx(rocker_angle(np.radians(75.0)), abs=1e-9)
+
+    def told(built: Built, mode: str) -> list[str]:
+        assert built.compilation.assembly is not None
+        lines = as_text(built.compilation.assembly, (built.robot(mode),))
+        start = next(number for number, line in enumerate(lines) if "closes a loop" in line)
+        return lines[start : next(number for number, line in enumerate(lines) if "pose " in line)]
+
+    assert told(found, "bench") == [
+        "  elbow (hinge) closes a loop of crank and coupler",
+        "    through drive, which is driven",
+        "    through pivot, which has limits",
+        "    through wrist, which has limits",
+    ]
+    assert told(fourbar, "bench") == [
+        "  wrist (hinge) closes a loop of coupler and rocker",
+        "    through elbow, which places its child",
+        "    through drive, which is driven",
+        "    through pivot, which has limits",
+    ]
+    assert told(fourbar, "other")[1:] == ["    through drive, elbow, wrist: cut where the mode says"]
+    assert mode_data(fourbar.robot("bench"))["loops"] == [
+        {"cut": "wrist", "through": {"elbow": "places its child", "drive": "is driven", "pivot": "has limits"}},
+    ]
 
 
 def test_a_pose_has_the_same_q_in_every_mode(fourbar: Built) -> None:
@@ -226,6 +264,7 @@ def slider(folder: Path, **more: str) -> Built:
         ({"WRIST": "loop: true", "MAIN": DRIVEN}, "wristpin"),
         ({"BORE": "loop: true", "MAIN": DRIVEN}, "wristpin"),  # MuJoCo has no equality that slides
         ({"WRIST": f"loop: true, {DRIVEN}"}, "crankpin"),  # a passive one will do
+        ({"WRIST": "loop: true, dynamics: {damping: 0.001 N*m*s/rad}", "MAIN": DRIVEN}, "crankpin"),  # which no cut joint can have
         ({"BORE": "loop: true", "MAIN": DRIVEN, "WRIST": DRIVEN}, "crankpin"),
         ({"WRIST": f"loop: true, {DRIVEN}", "MAIN": DRIVEN, "PIN": DRIVEN}, "bore"),  # the only passive one
     ],

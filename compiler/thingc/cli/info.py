@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from typing import TYPE_CHECKING
 
 from thingc.cli import common
 from thingc.cli.tables import axes, millimetres, table
@@ -11,6 +12,9 @@ from thingc.environment import attempted
 from thingc.graph.types import Assembly, Occurrence
 from thingc.pipeline import compile
 from thingc.robot.types import Robot
+
+if TYPE_CHECKING:
+    from thingc.emit.graphs import Loop
 
 EPILOG = """\
 Masses are exact integrals over the geometry times density, or what the document or the part states; every one says which
@@ -84,6 +88,7 @@ def mode_data(robot: Robot) -> dict[str, object]:
         "X_world_root": [list(row) for row in robot.bodies[0].X_PL.rows()],
         "links": [robot.assembly.links[body.link].name for body in robot.bodies],
         "joints": [joint.path for body in robot.bodies for joint in body.joints],
+        "loops": [{"cut": loop.cut, "through": loop.through} for loop in _cut(robot)],
     }
 
 
@@ -139,17 +144,34 @@ def _loops(robot: Robot) -> list[str]:
     """What a mode stands on, its loops, and how well they close in its poses."""
     names = [robot.assembly.links[body.link].name for body in robot.bodies]
     lines = [f"  stands on {foot.mount.path} (friction {foot.friction:g})" for foot in robot.mode.feet]
+    loops = _cut(robot)
     for closure in robot.closures:
         if closure.parent is None:
             turns = ", about which it may turn" if closure.kind == "ball" else ""
             lines.append(f"  {names[closure.child]} is held at {closure.path}{turns}")
         else:
             lines.append(f"  {closure.path} ({closure.kind}) closes a loop of {names[closure.parent]} and {names[closure.child]}")
+            lines += [line for loop in loops if loop.cut == closure.path for line in _why_cut(loop, robot)]
     for frame in robot.keyframes:
         if frame.residual is not None:
             lines.append(f"  pose {frame.name} closes to {frame.residual[0]:.1e} m and {frame.residual[1]:.1e} rad")
     lines += [f"  pose {one.name} does not close: no keyframe" for one in robot.unclosed]
     return lines
+
+
+def _cut(robot: Robot) -> tuple[Loop, ...]:
+    if all(closure.hold for closure in robot.closures):
+        return ()
+    from thingc.emit.graphs import loops_of
+
+    return loops_of(robot)
+
+
+def _why_cut(loop: Loop, robot: Robot) -> list[str]:
+    """Which joints a loop goes through, and why it is cut where it is."""
+    if any(one.joint == loop.cut for one in robot.mode.cut):
+        return [f"    through {', '.join(loop.through)}: cut where the mode says"]
+    return [f"    through {path}, which {reason}" if reason else f"    through {path}" for path, reason in loop.through.items()]
 
 
 def _shares(assembly: Assembly) -> str:

@@ -9,8 +9,11 @@ from typing import Any, TypeAlias
 
 import networkx
 
+from thingc.frozen import dataclass
 from thingc.graph.hag import Hag
 from thingc.graph.types import Assembly
+from thingc.robot.cuts import worths
+from thingc.robot.types import Robot
 from thingc.shown import shown
 
 Graph: TypeAlias = Any
@@ -87,3 +90,28 @@ def plain(graph: Graph) -> dict[str, Any]:
     """The graph as JSON has it, which `networkx.node_link_graph` reads."""
     found: dict[str, Any] = networkx.node_link_data(graph, edges="edges")
     return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Loop:
+    """A loop that is cut at joint `cut`: `through` are the joints that it goes through besides, from the cut joint's parent to its child,
+    each with why it was not cut instead (nothing where the loop is closed rigidly)."""
+
+    cut: str
+    through: dict[str, str]
+
+
+def loops_of(robot: Robot) -> tuple[Loop, ...]:
+    """The loops that a mode cuts at joints, through two links or more: the fundamental cycles of its tree."""
+    assembly = robot.assembly
+    cuts = {closure.path for closure in robot.closures if not closure.hold}
+    graph = link_graph(assembly)
+    tree = graph.edge_subgraph([edge for edge in graph.edges if edge[2] not in cuts]).to_undirected()
+    worth = {assembly.mates[number].name: value for number, value in worths(assembly, robot.mode)}
+    found = []
+    for parent, child, cut in graph.edges:
+        if cut in cuts:
+            way = networkx.shortest_path(tree, parent, child)
+            through = [key for pair in zip(way, way[1:]) for key in tree[pair[0]][pair[1]]]
+            found.append(Loop(cut=cut, through={one: worth[one].over(worth[cut]) if cut in worth else "" for one in through}))
+    return tuple(found)

@@ -180,6 +180,11 @@ class Limit(Brief):
     velocity: float | None = None
     cone: float | None = None
 
+    @property
+    def bounded(self) -> bool:
+        """Whether q has a bound."""
+        return (self.lower, self.upper, self.cone) != (None, None, None)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dynamics(Brief):
@@ -189,6 +194,11 @@ class Dynamics(Brief):
     friction: float | None = None
     armature: float | None = None
     stiffness: float | None = None
+
+    @property
+    def acts(self) -> bool:
+        """Whether any of it is not 0."""
+        return any((self.damping, self.friction, self.armature, self.stiffness))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

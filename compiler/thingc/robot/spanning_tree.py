@@ -9,8 +9,9 @@ from thingc.graph import joints_of
 from thingc.graph.types import Assembly, LinkedMode
 from thingc.memo import Memo
 from thingc.pose import Pose
+from thingc.robot.cuts import spanning
 from thingc.robot.loop_closure import closures_of, keyframes_of
-from thingc.robot.tree import base_moves, bodies_from, in_link, root_pose, spanning
+from thingc.robot.tree import base_moves, bodies_from, in_link, root_pose
 from thingc.robot.types import Robot, Site
 
 

@@ -17,9 +17,10 @@ from thingc.memo import Memo
 from thingc.pose import Pose, Vector, dot
 from thingc.realize.record import Mesh, Primitive
 from thingc.resolve.model import NamedPose
+from thingc.robot.cuts import spanning
 from thingc.robot.kinematics import placed_bodies
 from thingc.robot.loop_closure import closed_coordinates
-from thingc.robot.tree import bodies_from, in_link, root_pose, spanning
+from thingc.robot.tree import bodies_from, in_link, root_pose
 
 MeshVertices = Callable[[Mesh], Sequence[Vector]]
 """The vertices [m] of a mesh in the store."""

@@ -21,42 +21,6 @@ def in_link(assembly: Assembly) -> tuple[Pose, ...]:
     return tuple(found[index] for index in range(len(assembly.occurrences)))
 
 
-def spanning(assembly: Assembly, mode: LinkedMode) -> frozenset[int]:
-    """The numbers of the mates that a mode's tree crosses: all joints of a robot without loops, else Kruskal's maximal tree.
-
-    Of a loop the joint is left out that is worth least in the tree: one that the mode's `cut` names, else one without a drive
-    in this mode, that nothing mimics or follows, a turn or ball before any other (which few targets can close), one written as
-    `loop: true` before another, the last of equals.
-    """
-    cut = {one.joint for one in mode.cut}
-    mates = [(number, mate) for number, mate in enumerate(assembly.mates) if mate.joints]
-    coupled = {joint.mimic.joint.path for _, mate in mates for joint in mate.joints if joint.mimic is not None}
-
-    def worth(entry: tuple[int, Mate]) -> tuple[bool, bool, bool, bool, bool, int]:
-        number, mate = entry
-        driven = any(j.actuator is not None and (mode.actuators is None or j.path in mode.actuators) for j in mate.joints)
-        coupling = any(joint.mimic is not None or joint.path in coupled for joint in mate.joints)
-        first = mate.joints[0]
-        open_ = first.kind.at_once or (len(mate.joints) == 1 and first.twist.turns and not first.twist.pitch)
-        return (mate.name in cut, not driven, not coupling, open_, mate.loop is not None, number)
-
-    group = list(range(len(assembly.links)))
-
-    def find(k: int) -> int:
-        while group[k] != k:
-            group[k] = group[group[k]]
-            k = group[k]
-        return k
-
-    taken: set[int] = set()
-    for number, mate in sorted(mates, key=worth):
-        one, other = find(assembly.link_of[mate.parent]), find(assembly.link_of[mate.child])
-        if one != other:
-            group[max(one, other)] = min(one, other)
-            taken.add(number)
-    return frozenset(taken)
-
-
 def placing(assembly: Assembly) -> frozenset[int]:
     """The numbers of the joints by which the documents place things: a tree that no mode has a say in."""
     return frozenset(n for n, mate in enumerate(assembly.mates) if mate.joints and mate.loop is None)

@@ -122,10 +122,9 @@ def losses(robot: Robot) -> list[Loss]:
         joint = closure.joints[0]
         lost = [
             word for word, there in (
-                ("its limits", (joint.limit.lower, joint.limit.upper, joint.limit.cone) != (None, None, None)),
+                ("its limits", joint.limit.bounded),
                 ("its effort and velocity limits", joint.limit.effort is not None or joint.limit.velocity is not None),
-                ("its dynamics", any(value for value in (
-                    joint.dynamics.damping, joint.dynamics.friction, joint.dynamics.armature, joint.dynamics.stiffness))),
+                ("its dynamics", joint.dynamics.acts),
                 ("its drive", any(one.path in robot.present for one in closure.joints)),
                 ("what it mimics", joint.mimic is not None),
             ) if there
