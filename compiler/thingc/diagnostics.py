@@ -57,7 +57,7 @@ class Code(Enum):
     WRONG_KIND = ("TC112", "a document of another kind is wanted here", "Name a document of the right kind.")
     MISSING_FILE = ("TC113", "a file that a document names is not there", "Paths are relative to the document that names them.")
     OUTSIDE_WORKSPACE = ("TC114", "a path leaves the workspace", "Keep every file in the folder of `thingc.toml`; use relative paths.")
-    FILE_TYPE = ("TC115", "a file of an unknown type", "Documents are .yaml, .yml, .toml; parts of a file .step, .brep, .stl, .3mf, .obj.")
+    FILE_TYPE = ("TC115", "a file of an unknown type", "Documents are .yaml, .yml, .toml; parts .step, .brep, .stl, .3mf, .obj, .ply ...")
     DOCUMENT_CYCLE = ("TC116", "assemblies nest themselves", "Break the chain at one of the places shown.")
     NOT_A_MAPPING = ("TC117", "a document is empty or no mapping", "A document is a mapping that begins with `thingc:`.")
     DATE = ("TC118", "a date or time", "No key takes one; put it in quotes if it is text.")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import base64
+import json
+import struct
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -10,7 +13,7 @@ import numpy as np
 import pytest
 from build123d import Box, export_brep, export_step, export_stl
 
-from thingc.realize.record import PartDefinition, PartRecord, definition_text
+from thingc.realize.record import PartDefinition, PartFailure, PartRecord, definition_text
 
 SIDES = (2.0, 3.0, 4.0)
 """Of the box in every file, in the file's own numbers."""
@@ -26,6 +29,21 @@ def filed(name: str, unit: str | None) -> PartDefinition:
     )
 
 
+def write_gltf(path: Path, corners: list[tuple[float, float, float]], indices: list[int]) -> None:
+    """One mesh as the specification of glTF 2.0 has it, its bytes in the file: in a node that is 10 higher (its y)."""
+    numbers = b"".join(struct.pack("<3f", *corner) for corner in corners) + b"".join(struct.pack("<H", index) for index in indices)
+    views = [{"buffer": 0, "byteOffset": 0, "byteLength": 12 * len(corners)},
+             {"buffer": 0, "byteOffset": 12 * len(corners), "byteLength": 2 * len(indices)}]
+    accessors = [{"bufferView": 0, "componentType": 5126, "count": len(corners), "type": "VEC3",
+                  "min": [min(c[k] for c in corners) for k in range(3)], "max": [max(c[k] for c in corners) for k in range(3)]},
+                 {"bufferView": 1, "componentType": 5123, "count": len(indices), "type": "SCALAR"}]
+    path.write_text(json.dumps({
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0, "translation": [0.0, 10.0, 0.0]}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}], "accessors": accessors, "bufferViews": views,
+        "buffers": [{"byteLength": len(numbers), "uri": "data:application/octet-stream;base64," + base64.b64encode(numbers).decode()}],
+    }))
+
+
 @pytest.fixture(scope="module")
 def folder(module_place: Any) -> Path:
     """A box in every format."""
@@ -39,6 +57,14 @@ def folder(module_place: Any) -> Path:
     (root / "box.obj").write_text(
         "".join(f"v {x} {y} {z}\n" for x, y, z in corners) + "".join(f"f {a} {b} {c} {d}\n" for a, b, c, d in quads)
     )
+    (root / "box.off").write_text("OFF\n8 6 0\n" + "".join(f"{x} {y} {z}\n" for x, y, z in corners)
+                                  + "".join("4 " + " ".join(str(one - 1) for one in quad) + "\n" for quad in quads))
+    (root / "box.ply").write_text(
+        "ply\nformat ascii 1.0\nelement vertex 8\n" + "".join(f"property float {axis}\n" for axis in "xyz")
+        + "element face 6\nproperty list uchar int vertex_indices\nend_header\n" + "".join(f"{x} {y} {z}\n" for x, y, z in corners)
+        + "".join("4 " + " ".join(str(one - 1) for one in quad) + "\n" for quad in quads)
+    )
+    write_gltf(root / "box.gltf", corners, [one - 1 for q in quads for one in (q[0], q[1], q[2], q[0], q[2], q[3])])
     space = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
     vertices = "".join(f'<vertex x="{x}" y="{y}" z="{z}"/>' for x, y, z in corners)
     faces = "".join(
@@ -52,7 +78,7 @@ def folder(module_place: Any) -> Path:
     return root
 
 
-@pytest.mark.parametrize("name", ["box.stl", "box.obj", "box.brep"])
+@pytest.mark.parametrize("name", ["box.stl", "box.obj", "box.ply", "box.off", "box.brep"])
 def test_numbers_without_a_unit_have_that_of_the_document(name: str, folder: Path, module_place: Any) -> None:
     wanted = {unit: filed(name, unit) for unit in (None, *METRES)}
     with module_place.service() as service:
@@ -74,3 +100,82 @@ def test_files_that_say_their_unit_are_believed(name: str, unit: str, folder: Pa
         record = service.realize([filed(name, None)])[name]
     assert isinstance(record, PartRecord), record
     np.testing.assert_allclose(np.subtract(*reversed(record.box or ())), np.array(SIDES) * METRES[unit], rtol=1e-6)
+
+
+def test_gltf_is_in_metres_and_its_y_is_up(folder: Path, module_place: Any) -> None:
+    with module_place.service() as service:
+        record = service.realize([filed("box.gltf", None)])["box.gltf"]
+    assert isinstance(record, PartRecord), record
+    low, high = record.box or ((), ())
+    np.testing.assert_allclose(low, (-1.0, -2.0, 8.5), rtol=1e-6)
+    np.testing.assert_allclose(high, (1.0, 2.0, 11.5), rtol=1e-6)
+    assert record.volume == pytest.approx(24.0, rel=1e-6) and record.warnings == ()
+
+
+def triangles() -> list[list[tuple[float, ...]]]:
+    """The faces of a box of 20 x 30 x 40 mm at the origin, two a side, counter-clockwise seen from outside."""
+    found = []
+    for axis in range(3):
+        one, other = (axis + 1) % 3, (axis + 2) % 3
+        for end in (0.0, 1.0):
+            square = []
+            for u, v in ((0, 0), (1, 0), (1, 1), (0, 1)):
+                corner = [0.0, 0.0, 0.0]
+                corner[axis], corner[one], corner[other] = end * 10.0 * (axis + 2), u * 10.0 * (one + 2), v * 10.0 * (other + 2)
+                square.append(tuple(corner))
+            square = square if end else square[::-1]
+            found += [[square[0], square[1], square[2]], [square[0], square[2], square[3]]]
+    return found
+
+
+def written(path: Path, faces: list[list[tuple[float, ...]]]) -> None:
+    lines = ["solid box"]
+    for face in faces:
+        lines += ["facet normal 0 0 0", "outer loop", *(f"vertex {x!r} {y!r} {z!r}" for x, y, z in face), "endloop", "endfacet"]
+    path.write_text("\n".join([*lines, "endsolid box", ""]))
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "words"),
+    [
+        ("whole", lambda faces: faces, None),
+        ("hole", lambda faces: faces[1:], "triangles put into holes: 1"),
+        ("side", lambda faces: faces[2:], "triangles put into holes: 2"),
+        ("turned", lambda faces: [faces[0][::-1], *faces[1:]], "triangles turned round: 1"),
+        ("apart", lambda faces: [[(x + 1e-6, y, z) for x, y, z in faces[0]], *faces[1:]],
+         "corners joined within 1e-05 mm: 3"),
+        ("inside_out", lambda faces: [face[::-1] for face in faces], None),
+    ],
+)
+def test_an_open_surface_is_mended_and_that_is_told(name: str, change: Any, words: str | None, module_place: Any) -> None:
+    written(module_place.root / f"{name}.stl", change(triangles()))
+    with module_place.service() as service:
+        record = service.realize([filed(f"{name}.stl", None)])[f"{name}.stl"]
+    assert isinstance(record, PartRecord), record
+    assert record.volume == pytest.approx(24e-6, rel=1e-6)
+    assert [warning.message for warning in record.warnings] == (
+        [f"its surface was not closed, and was mended ({words})"] if words is not None else []
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("open.stl", None, "its surface is not closed: 6 edges have no neighbour, so that it has no volume"),
+        ("words.stl", b"no triangles at all", "the file holds no triangles"),
+        ("words.ply", b"no triangles at all", "not PLY that trimesh can read"),
+        ("words.glb", b"no triangles at all", "not GLB that trimesh can read"),
+        ("beyond.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "not OBJ that trimesh can read"),
+        ("endless.off", b"OFF\n3 1 0\n0 0 nan\n1 0 0\n0 1 0\n3 0 1 2\n", "a coordinate is not finite"),
+    ],
+)
+def test_what_makes_no_solid_is_said_in_words(name: str, content: bytes | None, words: str, module_place: Any) -> None:
+    if content is None:
+        faces = triangles()
+        written(module_place.root / name, [*faces[2:4], *faces[6:]])  # a hole of six edges
+    else:
+        (module_place.root / name).write_bytes(content)
+    with module_place.service() as service:
+        failure = service.realize([filed(name, None)])[name]
+    assert isinstance(failure, PartFailure), failure
+    assert failure.message.startswith(words), failure.message

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from thingc.workspace import Workspace
 
 DOCUMENT_SUFFIXES = (".yaml", ".yml", ".toml")
-PART_SUFFIXES = (".step", ".stp", ".brep", ".stl", ".3mf", ".obj")
-SUFFIXES_WITH_UNIT = (".step", ".stp", ".3mf")
+PART_SUFFIXES = (".step", ".stp", ".brep", ".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".gltf")
+SUFFIXES_WITH_UNIT = (".step", ".stp", ".3mf", ".glb", ".gltf")
 """Of these, the files that say in which unit their numbers are."""
 
 _DRIVE = re.compile(r"[A-Za-z]:|\\\\")

@@ -175,8 +175,8 @@ def _made_of_code(definition: dict[str, Any], session: Session) -> Made:
 
 def _made_of_file(definition: dict[str, Any], around: Surroundings) -> Made:
     unit = parse_quantity(f"1 {definition['parameters'].get('unit', FILE_UNIT)}").value * convert.MM
-    shapes, color = read_part(os.path.join(around.root, definition["reference"]), unit)
-    return Made(shapes=shapes, color=color)
+    shapes, color, mended = read_part(os.path.join(around.root, definition["reference"]), unit)
+    return Made(shapes=shapes, color=color, warnings=tuple(PartWarning(message=words) for words in mended))
 
 
 def _mirrored(made: Made, mirror: Mirror) -> Made:

@@ -16,7 +16,7 @@ from typing import Any
 from thingc.realize import confining
 from thingc.realize.asking import Asking
 from thingc.realize.loading import PartImporter
-from thingc.realize.part_files import BadPartFile
+from thingc.realize.mesh_files import BadPartFile
 from thingc.realize.reads import Recorder, loaded_files, state_of
 from thingc.realize.record import PartFailure
 

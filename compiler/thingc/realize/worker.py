@@ -228,10 +228,12 @@ def _serve(answers: int, jobs: int, scratch: Scratch) -> None:
 def _prepare(request: Mapping[str, Any]) -> None:
     """What children would each do again: compile the part files (without running them), load the packages they import."""
     from thingc.realize.loading import compile_ahead
+    from thingc.realize.mesh_files import reads_with_trimesh
 
     for file, sha256 in request.get("hashes", {}).items():
         compile_ahead(file, sha256)
-    for name in request.get("preload", ()):
+    of_file = request.get("definition", {}).get("kind") == "file" and reads_with_trimesh(request["definition"]["reference"])
+    for name in (*request.get("preload", ()), *(["trimesh"] if of_file else [])):
         if name not in sys.modules:
             with contextlib.suppress(Exception):
                 importlib.import_module(name)

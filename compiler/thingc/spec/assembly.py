@@ -42,7 +42,7 @@ from thingc.spec.tests import TestSpec
 Source = Literal["measured", "vendor", "estimated"]
 
 
-UNIT_OF_ITS_OWN = "STEP and 3MF files carry the unit of their numbers"
+UNIT_OF_ITS_OWN = "STEP, 3MF and glTF files carry the unit of their numbers"
 
 
 class ParameterSpec(Model):
