@@ -12,12 +12,14 @@ import subprocess
 from pathlib import Path
 from urllib.parse import unquote
 
+import psutil
 import pytest
 from PIL import Image
 
+from thingc.diagnostics import Code
 from thingc.variants import places
 from thingc.variants.page import write_page
-from thingc.variants.pictures import along_the_axes, usual
+from thingc.variants.pictures import along_the_axes, draw, usual
 from thingc.variants.tables import Column, columns
 from variants.robots import environment, thingc, workspace
 
@@ -120,6 +122,24 @@ def test_the_page_is_the_same_again(stands: Path, shared_store: str) -> None:
     assert done.returncode == 0 and done.stderr == "build/stands/index.html\n" and done.stdout == ""
     assert (stands / "index.html").read_bytes() == before
     assert {path.name: path.read_bytes() for path in (stands / "pictures").iterdir()} == pictures
+
+
+def test_a_process_that_draws_and_is_killed_is_told(stands: Path, tmp_path: Path) -> None:
+    """The pictures that are there stay."""
+    folder = tmp_path / "stands"
+    shutil.copytree(stands, folder)
+
+    def kill(done: int, count: int) -> None:
+        for child in psutil.Process().children():
+            if "thingc.variants.thumbnails" in child.cmdline():
+                child.kill()
+
+    warning = draw(str(folder), "default", None, most=6, on_picture=kill)
+    assert warning is not None and warning.code is Code.NO_GRAPHICS
+    assert warning.message == (
+        "the batch's page has no pictures, or not all: the process that draws is lost: it was ended by SIGKILL"
+    )
+    assert [path for path in (folder / "pictures").iterdir() if path.suffix != ".png"] == []
 
 
 def test_the_page_asks_nothing_of_anybody(stands: Path) -> None:

@@ -7,29 +7,20 @@ was on is recorded, and a new runner goes on with the one after it.
 
 from __future__ import annotations
 
-import contextlib
 import json
-import os
-import select
-import signal
-import subprocess
-import sys
-import tempfile
 import threading
-import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from typing import Any, TypeVar
 
 from thingc.diagnostics import Code
 from thingc.variants.job import STOPPED, Job, Row, Task, row
+from thingc.variants.line_process import LineProcess, Lost
 
 LOADING = 120.0
 """How long [s] a runner may take until it has read the documents."""
 STARTS = 3
 """How often in a row a runner may fail to start."""
-FAREWELL = 5.0
-"""How long [s] a runner may take to end once its input has."""
 
 T = TypeVar("T")
 OnRow = Callable[[Row], None]
@@ -51,95 +42,13 @@ class RunnersBroken(Exception):
         return RunnersBroken, (str(self), self.detail)
 
 
-class _Lost(Exception):
-    """A runner that cannot be asked any more: `hung`, or what it died of."""
-
-    def __init__(self, words: str, *, hung: bool = False) -> None:
-        super().__init__(words)
-        self.words = words
-        self.hung = hung
-
-
-class RunnerProcess:
-    """A runner and the pipe to it. Raises `OSError` where the system has no process for it, `_Lost` where it dies or is silent too
-    long; then `close` it."""
+class RunnerProcess(LineProcess):
+    """A process that builds the variants of one job."""
 
     def __init__(self, job: str) -> None:
+        super().__init__("thingc.variants.runner", cwd=Job.decode(job).cwd)
         self.job = job
-        self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - closed with the runner
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "thingc.variants.runner"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._errors,
-            cwd=Job.decode(job).cwd, start_new_session=True,  # an interrupt of the terminal is the driver's to act on
-        )
-        self._buffer = b""
-        self._send(job)
-
-    @property
-    def pid(self) -> int:
-        """Its process id."""
-        return self._process.pid
-
-    def ready(self) -> None:
-        """Wait until it has read the documents."""
-        self.answer(LOADING)
-
-    def ask(self, tasks: Sequence[Task]) -> None:
-        """Hand it tasks; an `answer` for each will follow."""
-        self._send(json.dumps([task.plain() for task in tasks], separators=(",", ":")))
-
-    def answer(self, timeout: float) -> dict[str, Any]:
-        """The next answer, waited for at most `timeout` [s]."""
-        assert self._process.stdout is not None
-        descriptor = self._process.stdout.fileno()
-        deadline = time.monotonic() + timeout
-        while b"\n" not in self._buffer:
-            left = deadline - time.monotonic()
-            if left <= 0.0 or not select.select([descriptor], [], [], left)[0]:
-                raise _Lost(f"it took longer than {timeout:g} s", hung=True)
-            data = os.read(descriptor, 1 << 16)
-            if not data:
-                raise _Lost(self._death())
-            self._buffer += data
-        line, _, self._buffer = self._buffer.partition(b"\n")
-        found: dict[str, Any] = json.loads(line)
-        return found
-
-    def errors(self) -> str:
-        """The end of what it wrote to standard error."""
-        size = self._errors.seek(0, os.SEEK_END)
-        self._errors.seek(max(0, size - 10_000))
-        return self._errors.read().decode(errors="replace")
-
-    def kill(self) -> None:
-        """End it at once; safe from any thread."""
-        with contextlib.suppress(OSError):
-            self._process.kill()
-
-    def close(self) -> None:
-        """End it, at once where it does not end by itself, and forget it."""
-        assert self._process.stdin is not None and self._process.stdout is not None
-        with contextlib.suppress(OSError):
-            self._process.stdin.close()
-        try:
-            self._process.wait(FAREWELL)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
-        self._process.stdout.close()
-        self._errors.close()
-
-    def _send(self, text: str) -> None:
-        assert self._process.stdin is not None
-        with contextlib.suppress(BrokenPipeError):  # the answer that does not come will tell
-            self._process.stdin.write(text.encode() + b"\n")
-            self._process.stdin.flush()
-
-    def _death(self) -> str:
-        code = self._process.wait()
-        if code < 0:
-            with contextlib.suppress(ValueError):
-                return f"it was ended by {signal.Signals(-code).name}"
-        return f"it ended with exit code {code}"
+        self.ask(json.loads(job))
 
 
 class Runners:
@@ -176,9 +85,9 @@ class Runners:
                 if self._closed:
                     runner.kill()
             try:
-                runner.ready()
+                runner.answer(LOADING)  # it has read the documents
                 return runner
-            except _Lost as fault:
+            except Lost as fault:
                 said = f"{fault.words}\n{runner.errors()}"
                 self.drop(runner)
             except BaseException:
@@ -249,7 +158,7 @@ def evaluate(
     while left:
         runner = pool.take(job)
         try:
-            runner.ask(left)
+            runner.ask([task.plain() for task in left])
             while left:
                 found = runner.answer(timeout)
                 found["pid"] = runner.pid
@@ -258,7 +167,7 @@ def evaluate(
                 if found["status"] == STOPPED:
                     pool.drop(runner)
                     return rows
-        except _Lost as fault:
+        except Lost as fault:
             pool.lost()
             code = Code.VARIANT_HUNG if fault.hung else Code.VARIANT_DIED
             what = f"its runner was ended: {fault.words}" if fault.hung else f"its runner died: {fault.words}"

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
-import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -13,6 +11,7 @@ from typing import Any
 from thingc.diagnostics import Code, Diagnostic, Severity
 from thingc.variants import places
 from thingc.variants.journal import in_order
+from thingc.variants.line_process import LineProcess, Lost
 
 MOST = 48
 """Pictures of a batch, unless the caller says otherwise: one takes some tenths of a second without a graphics card."""
@@ -20,6 +19,9 @@ MANY = 200
 """Variants of a batch; of more of them no pictures are drawn, unless the caller says so."""
 ALL = sys.maxsize
 """As many pictures as there are variants."""
+
+PATIENCE = 120.0
+"""How long [s] a picture may take."""
 
 OnPicture = Callable[[int, int], None]
 """`on_picture(done, count)`."""
@@ -104,11 +106,14 @@ def draw(
     os.makedirs(place, exist_ok=True)
     count = max(1, min(jobs, len(shots) // 4))
     parts = [shots[k::count] for k in range(count)]
-    processes = [_Thumbnails() for _ in parts]
+    processes: list[LineProcess] = []
     try:
+        for _ in parts:
+            processes.append(LineProcess("thingc.variants.thumbnails"))
         fault = _drawn(place, pose, parts, processes, len(shots), on_picture)
     finally:
         for process in processes:
+            process.kill()
             process.close()
         with contextlib.suppress(OSError):  # nothing could be drawn
             os.rmdir(place)
@@ -116,7 +121,7 @@ def draw(
 
 
 def _drawn(
-    place: str, pose: str | None, parts: Sequence[Sequence[tuple[str, str]]], processes: Sequence[_Thumbnails], count: int,
+    place: str, pose: str | None, parts: Sequence[Sequence[tuple[str, str]]], processes: Sequence[LineProcess], count: int,
     on_picture: OnPicture | None,
 ) -> Diagnostic | None:
     for part, process in zip(parts, processes, strict=True):
@@ -125,9 +130,10 @@ def _drawn(
     gravity = [0.0, 0.0, 0.0]
     visible: list[list[tuple[str, str]]] = []
     for part, process in zip(parts, processes, strict=True):
-        found = process.answer()
-        if found is None:
-            return _refused("the process that draws ended", process.errors())
+        try:
+            found = process.answer(PATIENCE * (1 + len(part)))
+        except Lost as fault:
+            return _lost(process, fault)
         for own, down in found:
             points += own
             gravity = down if own else gravity
@@ -141,13 +147,22 @@ def _drawn(
     done = count - sum(map(len, visible))
     for part, process in zip(visible, processes, strict=True):
         for _ in part:
-            found = process.answer()
-            if found is None or "fault" in found:
-                return _refused(*(("the process that draws ended", process.errors()) if found is None else (found["fault"], found["hint"])))
+            try:
+                found = process.answer(PATIENCE)
+            except Lost as fault:
+                return _lost(process, fault)
+            if "fault" in found:
+                return _refused(found["fault"], found["hint"])
             done += 1
             if on_picture is not None:
                 on_picture(done, count)
     return None
+
+
+def _lost(process: LineProcess, fault: Lost) -> Diagnostic:
+    """With the last line of what the process said."""
+    said = process.errors().strip().splitlines()
+    return _refused(f"the process that draws is lost: {fault.words}", said[-1] if said else "")
 
 
 def _refused(words: str, hint: str) -> Diagnostic:
@@ -155,40 +170,3 @@ def _refused(words: str, hint: str) -> Diagnostic:
         code=Code.NO_GRAPHICS, severity=Severity.WARNING, message=f"the batch's page has no pictures, or not all: {words}",
         help=" ".join(hint.split()) or None,
     )
-
-
-class _Thumbnails:
-    """A process that draws, and the pipes to it."""
-
-    def __init__(self) -> None:
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "thingc.variants.thumbnails"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-            start_new_session=True,
-        )
-
-    def ask(self, asked: dict[str, Any]) -> None:
-        assert self._process.stdin is not None
-        with contextlib.suppress(BrokenPipeError):  # the answer that does not come will tell
-            self._process.stdin.write(json.dumps(asked).encode() + b"\n")
-            self._process.stdin.flush()
-
-    def answer(self) -> Any:
-        """The next answer; None where none will come."""
-        assert self._process.stdout is not None
-        line = self._process.stdout.readline()
-        return json.loads(line) if line.endswith(b"\n") else None
-
-    def errors(self) -> str:
-        """The last line of what it wrote to standard error, once it has ended."""
-        assert self._process.stderr is not None
-        self._process.kill()
-        said = self._process.stderr.read().decode(errors="replace").strip().splitlines()
-        return said[-1] if said else ""
-
-    def close(self) -> None:
-        self._process.kill()
-        self._process.wait()
-        for stream in (self._process.stdin, self._process.stdout, self._process.stderr):
-            if stream is not None:
-                with contextlib.suppress(OSError):
-                    stream.close()
