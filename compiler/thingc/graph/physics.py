@@ -8,6 +8,7 @@ from thingc.diagnostics import Code
 from thingc.graph.findings import Findings
 from thingc.graph.types import Link, LinkedMode, Occurrence
 from thingc.inertia import LEAST_MASS, LEAST_MOMENT, moments_fault, principal_moments
+from thingc.joints.bases import stays
 from thingc.resolve.plausible import SMALLEST, density_doubt, mass_words, measures, unit_meant
 from thingc.source import Span
 
@@ -26,7 +27,7 @@ def check_links(
     made (a definition used several times), the first is named.
     """
     said: set[Span] = set()
-    still = [link_of[mode.root.occurrence] if mode.base in ("fixed", "held") else None for mode in modes]
+    still = [link_of[mode.root.occurrence] if stays(mode.base) else None for mode in modes]
     common = set(still)
     skip = {link_of[occurrence] for occurrence in faulty}
     for link in links:

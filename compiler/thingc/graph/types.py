@@ -9,6 +9,7 @@ from thingc.frozen import dataclass
 from thingc.graph.hag import Definition, Hag, hag_of
 from thingc.inertia import MassProperties
 from thingc.joints import JointKind, Twist
+from thingc.joints.bases import BaseType
 from thingc.pose import Pose, Vector
 from thingc.realize.record import Mesh, PartRecord, Primitive
 from thingc.resolve.model import (
@@ -232,7 +233,7 @@ class LinkedMode(Brief):
 
     name: str
     root: RootChoice
-    base: str
+    base: BaseType
     at: Pose
     gravity: tuple[float, float, float]
     poses: tuple[str, ...]

@@ -13,6 +13,7 @@ from typing import Any
 from thingc.brief import Brief
 from thingc.frozen import dataclass
 from thingc.joints import JointKind, Twist
+from thingc.joints.bases import BaseType
 from thingc.pose import Pose, Vector
 from thingc.realize.record import PartDefinition, Value
 from thingc.source import Origin, Span
@@ -361,7 +362,7 @@ class Mode(Brief):
 
     name: str
     root: Reference
-    base: str
+    base: BaseType
     at: Pose
     gravity: Vector
     pose: str | None

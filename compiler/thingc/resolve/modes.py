@@ -8,6 +8,7 @@ from fnmatch import fnmatchcase
 from itertools import product
 
 from thingc.diagnostics import Code, Note
+from thingc.joints.bases import BaseType
 from thingc.pose import NO_POSE, Pose, Vector
 from thingc.resolve import references
 from thingc.resolve.layers import Layers
@@ -18,7 +19,7 @@ from thingc.resolve.scope import Scope
 from thingc.resolve.standing import standing
 from thingc.resolve.table import Table
 from thingc.source import Origin, Path
-from thingc.spec.modes import BaseKind, ModeSpec
+from thingc.spec.modes import ModeSpec
 from thingc.typos import MAX_CIRCLE, circle_words
 from thingc.units import ACCELERATION, FORCE, LENGTH, NUMBER, TIME, Quantity
 
@@ -112,7 +113,7 @@ def _mode(table: Table, scope: Scope, name: str, layers: Layers | None) -> Mode 
     if layers is None:
         return None
     base = layers.pick("base")
-    kind: BaseKind = base[0] if base else "fixed"
+    kind: BaseType = base[0] if base else "fixed"
     at, on_floor = _at(scope, name, layers)
     gravity, gravity_origin = _gravity(scope, layers)
     pose = _pose(table, scope, layers)

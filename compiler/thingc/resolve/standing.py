@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from thingc.diagnostics import Code
+from thingc.joints.bases import BaseType
 from thingc.resolve import references
 from thingc.resolve.layers import Layers
 from thingc.resolve.model import Reference, Standing
@@ -14,7 +15,7 @@ from thingc.spec.modes import StandingSpec
 from thingc.units import NUMBER
 
 
-def standing(table: Table, scope: Scope, name: str, layers: Layers, base: str) -> Standing | None:
+def standing(table: Table, scope: Scope, name: str, layers: Layers, base: BaseType) -> Standing | None:
     """The mounts under `standing_on`, each once, and the friction that is stated, as far as they are sound (else reported); None where
     there are none."""
     said = layers.pick("standing_on")

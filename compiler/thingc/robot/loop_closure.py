@@ -9,6 +9,7 @@ from dataclasses import replace
 from thingc.diagnostics import Code, Note, Report
 from thingc.graph import coordinates, joints_of, on_loops
 from thingc.graph.types import Assembly, LinkedHold, LinkedMode
+from thingc.joints.bases import stays
 from thingc.pose import MATE, NO_POSE, Pose
 from thingc.resolve.model import NamedPose
 from thingc.robot.kinematics import placed_bodies
@@ -45,7 +46,7 @@ def closures_of(
     for hold in mode.holds:
         choice = hold.mount
         link = assembly.link_of[choice.occurrence]
-        if body_of[link] == 0 and mode.base in ("fixed", "held"):
+        if body_of[link] == 0 and stays(mode.base):
             report.add(
                 Code.HOLD, f"mode `{mode.name}` holds `{choice.path}`, which is on its root `{assembly.links[link].name}`: "
                 "that stands still already", hold.origin, path=choice.path, help="hold a mount of another link, or take it out",

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from thingc.graph.types import Assembly, JointEdge, LinkedMode, Mate
-from thingc.joints import KINDS, Twist, moved
+from thingc.joints import Twist, moved
+from thingc.joints.bases import moving_as
 from thingc.memo import Memo
 from thingc.pose import MATE, NO_POSE, Pose
 from thingc.resolve.model import Dynamics, Limit
@@ -67,9 +68,9 @@ def root_pose(assembly: Assembly, mode: LinkedMode) -> Pose:
 def base_moves(mode: LinkedMode, root: Pose) -> tuple[CoreJoint, ...]:
     """The coordinates of a base that moves as a joint in the frame of `at` would: `planar` in its plane, `ball` about its origin, where the
     root's origin is; the root link is at `root`. None of any other."""
-    if mode.base not in ("planar", "ball"):
+    kind = moving_as(mode.base)
+    if kind is None:
         return ()
-    kind = KINDS[mode.base]
     seen = seen_at_zero(kind.twists, (0.0, 0.0, 0.0), root.inverse() @ mode.at)
     return tuple(
         CoreJoint(

@@ -10,6 +10,7 @@ from thingc.brief import Brief
 from thingc.frozen import dataclass
 from thingc.graph.types import ActuatorModel, Assembly, JointEdge, LinkedMode
 from thingc.joints import JointKind, Twist
+from thingc.joints.bases import BaseType
 from thingc.pose import Pose, Vector
 from thingc.resolve.model import Dynamics, Limit, Mimic
 from thingc.source import Origin
@@ -164,7 +165,7 @@ class Robot(Brief):
     name: str
     mode: LinkedMode
     assembly: Assembly
-    base: str
+    base: BaseType
     gravity: Vector
     bodies: tuple[Body, ...]
     sites: tuple[Site, ...]

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from thingc.joints.bases import BaseType
 from thingc.spec.allowances import Allow, allow
 from thingc.spec.base import Model, rule
 from thingc.spec.fields import (
@@ -18,9 +19,6 @@ from thingc.spec.fields import (
     Vector3Angle,
     Vector3Length,
 )
-
-BaseKind = Literal["fixed", "held", "free", "planar", "ball"]
-"""How a mode's root may move in the world."""
 
 
 class SimulationSpec(Model):
@@ -96,7 +94,7 @@ class ModeSpec(Model):
 
     root: ReferenceField | None = None
     """A mount (mated to the world) or a component (laid on the world frame)."""
-    base: BaseKind | None = None
+    base: BaseType | None = None
     """`fixed` (default), `held`, `free`, `planar` (in the x-y plane of `at`) or `ball` (about the root's origin)."""
     at: WorldAtSpec | None = Field(default=None, examples=[{"xyz": "0 0 300 mm", "rpy": "0 0 90 deg"}, {"on": "floor"}])
     """Where in the world the root is; its origin unless written."""

@@ -11,6 +11,7 @@ from thingc.emit.artifact import Loss
 from thingc.emit.mjcf.poses import pose_attributes
 from thingc.emit.xml import Element, number
 from thingc.graph.types import LinkedSensor
+from thingc.joints.bases import stays
 from thingc.pose import turned_y
 from thingc.robot.types import Robot
 
@@ -55,7 +56,7 @@ def losses(robot: Robot) -> list[Loss]:
     cut = {joint.path for closure in robot.closures for joint in closure.joints}
     for sensor in robot.assembly.sensors:
         what, how = "", "omitted"
-        if sensor.kind == "imu" and robot.base in ("fixed", "held") and _body_of(robot, sensor) == 0:
+        if sensor.kind == "imu" and stays(robot.base) and _body_of(robot, sensor) == 0:
             what, how = "gravity in its accelerometer: MuJoCo gives no acceleration of a body that stands still", "approximated"
         elif sensor.kind == "force":
             if _on_free_root(robot, sensor):
