@@ -90,6 +90,17 @@ def test_drives_turn_about_axes_of_the_child(hip: Built, name: str) -> None:
     assert by_rate(mode, q, data.qfrc_passive) == pytest.approx(-0.5 * r, abs=1e-10)
 
 
+@pytest.mark.parametrize("mode", ["stand", "hand"])
+def test_a_drive_of_a_ball_that_swings_up_is_told(tmp_path: Path, mode: str) -> None:
+    """Also where the tree crosses it backwards."""
+    stiff = HIP.replace("kind: position, kp: 3 N*m/rad", "kind: position, kp: 3e5 N*m/rad")
+    kept = "\n".join(line for line in stiff.splitlines() if not line.startswith("  ") or ": {root:" not in line or f"  {mode}:" in line)
+    ((code, message, help, line),) = compiled(tmp_path, kept).said
+    assert code == "TC612" and line == 1 + stiff[: stiff.index("kp: 3e5")].count("\n")
+    assert message.startswith("`kp` of joint `hip_1`, 300000 N*m/rad, swings it up from step to step: what it moves has 0.0")
+    assert help is not None and "is calm" in help
+
+
 def test_dry_friction_of_a_ball_crossed_backwards_is_a_loss(hip: Built) -> None:
     assert hip.losses("stand") == []
     (loss,) = hip.losses("hand")

@@ -125,7 +125,7 @@ def test_the_inertia_is_what_moves_with_everything_else_free() -> None:
         <body><joint name="a" axis="0 1 0"/><inertial pos="{length / 2} 0 0" mass="{mass}" diaginertia="1e-4 1e-4 1e-4"/>
           <body pos="{length} 0 0"><joint name="b" axis="0 1 0"/>
             <inertial pos="{length / 2} 0 0" mass="{mass}" diaginertia="1e-4 1e-4 1e-4"/></body></body>
-      </worldbody><actuator><position joint="a" kp="1"/><position joint="b" kp="1"/></actuator></mujoco>""")
+      </worldbody><actuator><position name="a" joint="a" kp="1"/><position name="b" joint="b" kp="1"/></actuator></mujoco>""")
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     own = 1e-4 + mass * length**2 / 4.0
@@ -135,6 +135,41 @@ def test_the_inertia_is_what_moves_with_everything_else_free() -> None:
     inverse = np.linalg.inv(np.array([[m11, m12], [m12, m22]]))
     found = dict(gains_of(model, data))
     assert [found[name].inertia for name in "ab"] == pytest.approx([1.0 / inverse[0, 0], 1.0 / inverse[1, 1]])
+
+
+MOMENTS = np.array([1e-5, 4e-5, 4.5e-5])
+
+
+def ball(gains: str, gears: list[tuple[float, ...]]) -> mujoco.MjModel:
+    """A body of `MOMENTS` on a ball about its centre, with a position drive about each axis."""
+    drives = "".join(
+        f'<position name="b_{k}" joint="b" gear="{" ".join(map(str, gear))} 0 0 0" {gains}/>' for k, gear in enumerate(gears)
+    )
+    return mujoco.MjModel.from_xml_string(f"""
+      <mujoco><option timestep="{DT}" gravity="0 0 0" integrator="implicitfast"/><worldbody><body>
+        <inertial pos="0 0 0" mass="1" diaginertia="{" ".join(map(str, MOMENTS))}"/><joint name="b" type="ball" damping="1e-4"/>
+      </body></worldbody><actuator>{drives}</actuator></mujoco>""")
+
+
+def test_a_drive_of_a_ball_moves_what_turns_about_its_axis() -> None:
+    """1 / (g J^-1 g), by which its stiffness is judged as a hinge's."""
+    axes = [(1.0, 0.0, 0.0), (0.0, 0.6, 0.8)]
+    model = ball('kp="1"', axes)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    found = dict(gains_of(model, data))
+    assert [found[f"b_{k}"].inertia for k in range(2)] == pytest.approx([1.0 / float(np.square(axis) @ (1.0 / MOMENTS)) for axis in axes])
+    assert [found[f"b_{k}"].damping for k in range(2)] == pytest.approx([1e-4, 1e-4])
+    stiffest = found["b_0"].stiffest
+    for share in (0.98, 1.02):
+        model = ball(f'kp="{share * stiffest}"', axes[:1])
+        data = mujoco.MjData(model)
+        data.qpos[:] = [math.cos(5e-4), math.sin(5e-4), 0.0, 0.0]
+        for _ in range(STEPS):
+            mujoco.mj_step(model, data)
+            if abs(data.qpos[1]) > 0.1:
+                break
+        assert (abs(data.qpos[1]) > 0.1) == (share > 1.0)
 
 
 def test_joints_that_are_tied_move_together() -> None:

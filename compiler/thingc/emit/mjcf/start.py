@@ -180,15 +180,17 @@ def _inside(model: Any, data: Any) -> Iterator[Inside]:
 
 
 def gains_of(model: Any, data: Any) -> Iterator[tuple[str, Gains]]:
-    """Every driven joint by its path, at positions that `mj_fwdPosition` has seen, with dense constraints of equality alone.
+    """Every drive of a joint by its path, at positions that `mj_fwdPosition` has seen, with dense constraints of equality alone.
 
-    The inertia is 1 / (M^-1)_jj, with what constraints of equality (loops, joints that mimic) tie together moving together: with the
-    rows T of the constraints, W = T M^-1, it is 1 / (M^-1 - W' (T W')^+ W)_jj.
+    A drive acts along g, its row of the transmission's Jacobian: of a hinge the joint's own dof, of a ball an axis in its three. The
+    inertia is 1 / (g M^-1 g'), with what constraints of equality (loops, joints that mimic) tie together moving together: with the
+    rows T of the constraints, W = T M^-1, it is 1 / (g (M^-1 - W' (T W')^+ W) g').
     """
     import mujoco
     import numpy as np
 
-    driven = [k for k in range(model.nu) if model.actuator_trntype[k] == mujoco.mjtTrn.mjTRN_JOINT]
+    of_joints = {int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)}
+    driven = [k for k in range(model.nu) if int(model.actuator_trntype[k]) in of_joints]
     if not driven:
         return
     rows = np.asarray(data.efc_J, dtype=float).reshape(-1, model.nv) if data.nefc else np.zeros((0, model.nv))
@@ -197,24 +199,23 @@ def gains_of(model: Any, data: Any) -> Iterator[tuple[str, Gains]]:
     if len(tied):
         mujoco.mj_solveM(model, data, across, tied)
         holding = np.linalg.pinv(tied @ across.T, rcond=1e-9)
+    moments = np.zeros((model.nu, model.nv))
+    mujoco.mju_sparse2dense(moments, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind)
     integrator = {mujoco.mjtIntegrator.mjINT_EULER: "Euler", mujoco.mjtIntegrator.mjINT_RK4: "RK4"}.get(model.opt.integrator, "implicit")
     for actuator in driven:
         joint = int(model.actuator_trnid[actuator][0])
-        if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_BALL:  # its drives share three dofs: not looked at
-            continue
-        dof = int(model.jnt_dofadr[joint])
-        unit, answer = np.zeros((1, model.nv)), np.zeros((1, model.nv))
-        unit[0, dof] = 1.0
-        mujoco.mj_solveM(model, data, answer, unit)
-        inverse = alone = float(answer[0, dof])
+        along, answer = moments[actuator : actuator + 1], np.zeros((1, model.nv))
+        mujoco.mj_solveM(model, data, answer, along)
+        inverse = alone = float(answer[0] @ along[0])
         if len(tied):
-            inverse -= float(across[:, dof] @ holding @ across[:, dof])
+            tying = across @ along[0]
+            inverse -= float(tying @ holding @ tying)
         if inverse <= 1e-9 * alone:  # what it is tied to cannot move
             continue
-        bias = model.actuator_biasprm[actuator]
-        yield model.joint(joint).name, Gains(
-            stiffness=-float(bias[1]) + float(np.ravel(model.jnt_stiffness[joint])[0]), kv=-float(bias[2]),
-            damping=float(np.ravel(model.dof_damping[dof])[0]), inertia=1.0 / inverse,
+        bias, gear = model.actuator_biasprm[actuator], float(along[0] @ along[0])
+        yield model.actuator(actuator).name, Gains(
+            stiffness=-float(bias[1]) + float(np.ravel(model.jnt_stiffness[joint])[0]) / gear, kv=-float(bias[2]),
+            damping=float(np.ravel(model.dof_damping[model.jnt_dofadr[joint]])[0]) / gear, inertia=1.0 / inverse,
             saturates=bool(model.actuator_forcelimited[actuator]), dt=float(model.opt.timestep), integrator=integrator,
         )
 
