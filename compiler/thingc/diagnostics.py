@@ -146,6 +146,7 @@ class Code(Enum):
     ROBOT_MASS = ("TC417", "robot of an unlikely mass", "Check the units of densities, masses and mesh files.", Stage.CHECK)
     UNSLICED = ("TC420", "part that cannot be cut into layers", "Mend the part, or write `estimate: skin` in its `process`.", Stage.CHECK)
     HIGH_LAYERS = ("TC421", "layers higher than lines", "Give the `process` a `layer` of at most its `line_width`.")
+    PROCESS = ("TC422", "process that no printer keeps to", "Mend the number or its unit.", Stage.CHECK)
     # --- TC5xx: the assembly (link) --------------------------------------------------------------------------------
     INCOMPLETE = ("TC501", "assembly cannot be linked", "Mend what the other messages name.")
     MOUNT_CLASH = ("TC502", "two mounts of one name", "Give the mount that the document adds another name.")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import builtins
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +57,16 @@ materials:
 """
 
 
+def unplaced(process: Process | None) -> Process | None:
+    """What a process says, wherever it is written."""
+    return None if process is None else replace(process, origins={})
+
+
+def lines(process: Process) -> dict[str, int]:
+    """The lines that say it, by key."""
+    return {key: origin[0].line for key, origin in process.origins.items()}
+
+
 def test_everything_a_component_says(tmp_path: Path) -> None:
     outcome = run(tmp_path, {"arm.yaml": ARM, "materials.yaml": MATERIALS})
     assert outcome.said == []
@@ -64,7 +75,9 @@ def test_everything_a_component_says(tmp_path: Path) -> None:
     assert isinstance(plate.definition, PartDefinition) and plate.definition.parameters == ()
     assert plate.placement is None
     assert plate.material is not None and plate.material.name == "petg"
-    assert plate.overrides == Overrides(collision="box", process=Process(walls=4, infill=0.15))
+    made = plate.overrides.process
+    assert replace(plate.overrides, process=unplaced(made)) == Overrides(collision="box", process=Process(walls=4, infill=0.15))
+    assert made is not None and lines(made) == {"walls": 6, "infill": 6}
     assert plate.bom == BomEntry(supplier="us", make="print")
 
     assert isinstance(brace.definition, PartDefinition)
@@ -92,7 +105,8 @@ def test_everything_a_component_says(tmp_path: Path) -> None:
     assert over.com is not None and over.com.value == (0.001, 0.0, 0.1) and over.com.source == "stated"
     assert over.inertia is not None and over.inertia.value == (1.0, 2.0, 2.5, 0.0, -0.1, 0.0) and over.inertia.source == "vendor"
     assert (over.collision, over.visual) == ("none", False)
-    assert over.process == Process(walls=2, infill=0.15)
+    assert unplaced(over.process) == Process(walls=2, infill=0.15)
+    assert over.process is not None and lines(over.process) == {"walls": 21, "infill": 6}
     assert brace.bom == BomEntry(number="X1", supplier="us", cost="12.50 EUR", make="buy")
     shaft = brace.mounts["shaft"]
     assert shaft.interface == "horn" and shaft.pose.translation == (0.0, 0.0, 0.004)
@@ -123,7 +137,7 @@ def test_materials(tmp_path: Path) -> None:
     scope = run(tmp_path, {"arm.yaml": ARM, "materials.yaml": MATERIALS}).good.materials
     petg, steel, light = scope["petg"], scope["steel"], scope["light"]
     assert (petg.density, petg.color, petg.slide, petg.torsion, petg.roll) == (1270.0, "#e6e6fa", 0.4, 0.005, None)
-    assert petg.process == Process(kind="fdm", walls=3, line_width=0.00045, layer=0.0002, top=4, bottom=5, infill=0.15)
+    assert unplaced(petg.process) == Process(kind="fdm", walls=3, line_width=0.00045, layer=0.0002, top=4, bottom=5, infill=0.15)
     import bd_materials
 
     assert steel.density == bd_materials.resolve("stainless").material.density and steel.color == "#888888"

@@ -42,7 +42,7 @@ def merged(over: Process | None, under: Process | None) -> Process | None:
     if over is None or under is None:
         return over if over is not None else under
     said = {name: value for name in Process.__dataclass_fields__ if (value := getattr(over, name)) is not None}
-    return replace(under, **said)
+    return replace(under, **{**said, "origins": {**under.origins, **over.origins}})
 
 
 _NEEDED = {"skin": ("walls", "line_width"), "layers": ("walls", "line_width", "layer", "top", "bottom")}

@@ -13,13 +13,23 @@ from thingc.diagnostics import Code, Note, meant_so
 from thingc.graph.findings import Findings, noted, written_at
 from thingc.graph.part_instances import doubted
 from thingc.graph.plausible_modes import check_modes
+from thingc.graph.plausible_processes import check_processes
 from thingc.graph.types import Adhesion, ExportedMount, JointEdge, Link, LinkedMode, Mate, Occurrence
 from thingc.graph.unroll import Instance, Tree
 from thingc.pose import Pose, Vector
 from thingc.resolve.model import AssemblyDefinition, At, Attach, Joint, StatedValue
-from thingc.resolve.plausible import LARGEST, SMALLEST, density_cure, density_doubt, mass_words, measures, times_words, unit_meant
+from thingc.resolve.plausible import (
+    LARGEST,
+    SMALLEST,
+    density_cure,
+    density_doubt,
+    length_words,
+    mass_words,
+    measures,
+    times_words,
+    unit_meant,
+)
 from thingc.source import Origin
-from thingc.units import LENGTH, Quantity
 
 TURNS = 2.0
 """A hinge that stops beyond so many turns is rarely one: what turns without end is `continuous`."""
@@ -52,6 +62,7 @@ def check_plausible(
             _check_limits(instance, joint, findings)
             _check_drive(instance, joint, edges.get(instance.within(joint.path)), findings)
     _check_materials(tree, occurrences, findings)
+    check_processes(tree, occurrences, findings)
     _check_stated(occurrences, findings)
     odd = _check_sizes(occurrences, findings)
     if not odd and not findings.has_said(Code.DENSITY) and any(mate.joints for mate in mates):
@@ -116,14 +127,14 @@ def _stated_doubt(one: Occurrence) -> tuple[StatedValue | None, str, str] | None
         return None
     (low, high), centre, inertia = one.record.box, one.properties.centre, one.properties.inertia
     size = math.dist(low, high)
-    across = f"and it measures {_shown(size, 3)} across"
+    across = f"and it measures {length_words(size, 3)} across"
     away = math.hypot(*(max(least - at, at - most, 0.0) for least, at, most in zip(low, centre, high, strict=True)))
     if away > size:
-        what = f"the centre of mass of `{one.component.name}` is {_shown(away, 3)} outside of it, {across}"
+        what = f"the centre of mass of `{one.component.name}` is {length_words(away, 3)} outside of it, {across}"
         return one.overrides.com, what, "mind the unit (`mm`, `m`; a Thing's `centre()` is in mm), and that it is in the component's axes"
     radius = math.sqrt(max(inertia[0][0] + inertia[1][1] + inertia[2][2], 0.0) / (2.0 * mass))
     if not size / COMPACT <= radius <= SPREAD * size:
-        what = f"the inertia of `{one.component.name}` is that of {mass_words(mass)} at {_shown(radius, 3)} from its centre, {across}"
+        what = f"the inertia of `{one.component.name}` is that of {mass_words(mass)} at {length_words(radius, 3)} from its centre, {across}"
         return one.overrides.inertia, what, "mind the unit: 1 kg*m^2 is 1e6 kg*mm^2, or 1e9 g*mm^2"
     return None
 
@@ -306,8 +317,8 @@ def _check_offsets(tree: Tree, largest: Occurrence, size: float, findings: Findi
         for what, offset, path, origin in _offsets(definition):
             if offset > FAR * size:
                 findings.warn(
-                    Code.FAR, f"{what} by {_shown(offset)}, {times_words(offset / size)} times the size of the largest part "
-                    f"(`{largest.path}`, {_shown(size, 3)} across)", origin + instance.origin,
+                    Code.FAR, f"{what} by {length_words(offset)}, {times_words(offset / size)} times the size of the largest part "
+                    f"(`{largest.path}`, {length_words(size, 3)} across)", origin + instance.origin,
                     path=instance.within(path), help=f"mind the unit (`mm`, `m`); {meant_so(Code.FAR)}",
                 )
 
@@ -333,8 +344,8 @@ def _check_roots(modes: Sequence[LinkedMode], reach: float, findings: Findings) 
         offset = _length(mode.at)
         if offset > FAR * reach:
             findings.warn(
-                Code.FAR, f"mode `{mode.name}` puts its root {_shown(offset)} from the origin of the world, "
-                f"{times_words(offset / reach)} times the robot's reach ({_shown(reach, 3)})", mode.origin,
+                Code.FAR, f"mode `{mode.name}` puts its root {length_words(offset)} from the origin of the world, "
+                f"{times_words(offset / reach)} times the robot's reach ({length_words(reach, 3)})", mode.origin,
                 path=mode.name, help=f"mind the unit (`mm`, `m`); {meant_so(Code.FAR)}",
             )
 
@@ -371,16 +382,11 @@ def _check_place(one: Occurrence, at: Vector, boxes: Sequence[tuple[tuple[Vector
         placement = one.component.placement
         place = placement.origin + one.origin[len(one.component.origin):] if isinstance(placement, At) else one.origin
         findings.warn(
-            Code.BARE_MASS, f"the mass of `{one.component.name}` is {_shown(away, 3)} away from the parts of its link, "
-            f"which measure {_shown(size, 3)}", place, path=one.path, help=f"mind the unit (`mm`, `m`); {meant_so(Code.BARE_MASS)}",
+            Code.BARE_MASS, f"the mass of `{one.component.name}` is {length_words(away, 3)} away from the parts of its link, "
+            f"which measure {length_words(size, 3)}", place, path=one.path, help=f"mind the unit (`mm`, `m`); {meant_so(Code.BARE_MASS)}",
         )
 
 
 def _length(pose: Pose) -> float:
     offset: Vector = pose.translation
     return math.hypot(*offset)
-
-
-def _shown(length: float, digits: int = 6) -> str:
-    """A length [m] as a person writes it: `40 mm`, `12 m`."""
-    return f"{float(f'{length:.{digits}g}'):g} m" if length >= 1.0 else str(Quantity(float(f"{length:.{digits}g}"), LENGTH))

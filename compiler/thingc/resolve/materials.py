@@ -11,7 +11,7 @@ from thingc.resolve.layers import Layers
 from thingc.resolve.model import Material, Process
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Context
-from thingc.source import Document, Path
+from thingc.source import Document, Origin, Path
 from thingc.spec.assembly import AssemblySpec
 from thingc.spec.materials import MaterialSpec, MaterialsSpec
 from thingc.typos import did_you_mean
@@ -123,8 +123,13 @@ def material(scope: Scope, name: str, spec: MaterialSpec, path: Path) -> Materia
 def process(scope: Scope, layers: Layers) -> Process:
     """How something is made, key by key from the layers; keys that are wrong are reported and left out."""
 
+    origins: dict[str, Origin] = {}
+
     def read(key: str) -> tuple[Any, Path]:
-        return layers.pick(key) or (None, ())
+        raw, path = layers.pick(key) or (None, ())
+        if raw is not None:
+            origins[key] = scope.origin(path)
+        return raw, path
 
     def count(key: str) -> int | None:
         raw, path = read(key)
@@ -142,6 +147,7 @@ def process(scope: Scope, layers: Layers) -> Process:
         kind=read("kind")[0], walls=count("walls"), line_width=length("line_width"), layer=length("layer"), top=count("top"),
         bottom=count("bottom"), infill=share("infill", 0.0, 1.0), overlap=share("overlap", 0.0, 1.0),
         bridge_flow=share("bridge_flow", *BRIDGE_FLOWS), estimate=read("estimate")[0],
+        origins=origins,
     )
 
 

@@ -6,7 +6,7 @@ from thingc.frozen import dataclass
 from thingc.load.paths import SUFFIXES_WITH_UNIT
 from thingc.pose import Vector
 from thingc.realize.record import FILE_UNIT, PartDefinition
-from thingc.units import parse_quantity
+from thingc.units import LENGTH, Quantity, parse_quantity
 
 LIGHTEST, HEAVIEST = 10.0, 25_000.0
 """Densities [kg/m^3] that solids have: foams begin at 10, osmium has 22 590."""
@@ -91,6 +91,11 @@ def mass_words(mass: float) -> str:
 def density_words(density: float) -> str:
     """A density [kg/m^3] as documents write it: `1270 kg/m^3`."""
     return f"{density:.6g} kg/m^3"
+
+
+def length_words(length: float, digits: int = 6) -> str:
+    """A length [m] as people write it: `40 mm`, `12 m`."""
+    return f"{float(f'{length:.{digits}g}'):g} m" if length >= 1.0 else str(Quantity(float(f"{length:.{digits}g}"), LENGTH))
 
 
 def times_words(ratio: float) -> str:
