@@ -162,6 +162,7 @@ SCALARS = [
 @settings(max_examples=250)
 @given(st.integers(0, 10**9))
 @example(106889)  # a list for a pattern of joints
+@example(12693)  # a joint of no type with a mimic of no kind
 def test_nothing_written_makes_the_pass_raise(tmp_path_factory: pytest.TempPathFactory, seed: int) -> None:
     """Documents with values swapped for others, keys dropped and renamed: a report, never an exception."""
     chance = random.Random(seed)

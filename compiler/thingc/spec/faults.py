@@ -62,7 +62,7 @@ def _rest(model: type[Model], plain: dict[str, Any], faults: list[Fault], wrong:
         try:
             return model.model_validate(plain, strict=True), Doubts(paths=frozenset(doubts))
         except ValidationError as error:
-            found = prune(plain, _faults(shape_of(model), plain, (), error))
+            found = prune(plain, list(_faults(shape_of(model), plain, (), error)))
     return None, Doubts()
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import Any
 
 from thingc.frozen import dataclass
@@ -39,7 +39,7 @@ class Fault:
     key: bool = False
 
 
-def prune(plain: dict[str, Any], faults: Iterable[Fault]) -> set[Path] | None:
+def prune(plain: dict[str, Any], faults: Sequence[Fault]) -> set[Path] | None:
     """Take faults out of a document's plain values. Returns what is in doubt then; None where nothing useful stays."""
     doubts: set[Path] = set()
     for fault in faults:
