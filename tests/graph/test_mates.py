@@ -89,7 +89,7 @@ def test_joints_move_after_turn_and_gap_and_before_the_mate(kind: str, q: float)
     model = assembly(
         "a",
         [component("plate", "p:Plate"), component("arm", "p:Arm")],
-        [joint("j", "plate.seat", "arm.back", kind, turn=0.3, gap=0.002, offset=0.2)],
+        [joint("j", "plate.seat", "arm.back", kind, turn=0.3, gap=0.002, offset=0.2, lower=-1.0, upper=1.0)],
     )
     found = linked(model, box("p:Plate", mounts={"seat": SEAT}), box("p:Arm", mounts={"back": BACK}))
     expected = mated(SEAT, BACK, turn=0.3, gap=0.002, kind=kind, q=q, offset=0.2)

@@ -58,7 +58,7 @@ def hinge(kind: str = "revolute") -> Assembly:
         assembly(
             "two",
             [component("base", "p:Base"), component("arm", "p:Arm")],
-            [joint("j", "base.seat", "arm.hole", kind, turn=0.7, gap=0.003, offset=0.25, damping=0.1)],
+            [joint("j", "base.seat", "arm.hole", kind, turn=0.7, gap=0.003, offset=0.25, lower=-1.0, upper=1.0, damping=0.1)],
             modes=[
                 mode("bench", whole("base"), "fixed", at=AT),
                 mode("by_tip", ref("arm.tip"), "held", at=AT),

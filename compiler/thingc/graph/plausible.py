@@ -10,6 +10,7 @@ import re
 from collections.abc import Collection, Iterator, Sequence
 
 from thingc.diagnostics import Code, Note, meant_so
+from thingc.frozen import dataclass
 from thingc.graph.findings import Findings, noted, written_at
 from thingc.graph.part_instances import doubted
 from thingc.graph.plausible_modes import check_modes
@@ -34,7 +35,7 @@ from thingc.source import Origin
 TURNS = 2.0
 """A hinge that stops beyond so many turns is rarely one: what turns without end is `continuous`."""
 FAR = 10.0
-"""An offset of so many times the largest part's diagonal leads away from the robot; of so many times the robot's reach, a root."""
+"""An offset, or a travel, of so many times the largest part's diagonal leads away from the robot; of so many times its reach, a root."""
 FEATHER, ELEPHANT = 1e-3, 1e4
 """Of robots: what they weigh [kg]."""
 DRAG = 0.5
@@ -311,31 +312,64 @@ def _check_mounts(tree: Tree, mates: Sequence[Mate], findings: Findings) -> None
 # --- places ------------------------------------------------------------------------------------------------------------
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Offset:
+    """What leads somewhere, in words that a length [m] follows, the path of its owner, where it is said, and what to look at."""
+
+    words: str
+    length: float
+    path: str
+    origin: Origin
+    notes: tuple[Note, ...] = ()
+    mind: str = "unit (`mm`, `m`)"
+
+
 def _check_offsets(tree: Tree, largest: Occurrence, size: float, findings: Findings) -> None:
-    """Offsets that lead away from the robot, by the diagonal `size` [m] of its largest part."""
+    """Offsets, and travels of joints, that lead away from the robot, by the diagonal `size` [m] of its largest part."""
     for instance, definition in tree.assemblies:
-        for what, offset, path, origin in _offsets(definition):
-            if offset > FAR * size:
+        for offset in _offsets(definition, FAR * size):
+            times = abs(offset.length) / size
+            if times > FAR:
                 findings.warn(
-                    Code.FAR, f"{what} by {length_words(offset)}, {times_words(offset / size)} times the size of the largest part "
-                    f"(`{largest.path}`, {length_words(size, 3)} across)", origin + instance.origin,
-                    path=instance.within(path), help=f"mind the unit (`mm`, `m`); {meant_so(Code.FAR)}",
+                    Code.FAR, f"{offset.words} {length_words(offset.length)}, {times_words(times)} times the size of the largest part "
+                    f"(`{largest.path}`, {length_words(size, 3)} across)", offset.origin + instance.origin,
+                    path=instance.within(offset.path), notes=offset.notes, help=f"mind the {offset.mind}; {meant_so(Code.FAR)}",
                 )
 
 
-def _offsets(definition: AssemblyDefinition) -> Iterator[tuple[str, float, str, Origin]]:
-    """What a document moves, in words, by how much [m], the path of its owner, and where it says so."""
+def _offsets(definition: AssemblyDefinition, bound: float) -> Iterator[_Offset]:
+    """What a document moves, and how far its joints go: what matters is beyond `bound` [m]."""
     for component in definition.components:
-        name = component.name
-        if isinstance(component.placement, At):
-            yield f"`{name}` is moved", _length(component.placement.pose), name, component.placement.origin
-        elif isinstance(component.placement, Attach):
-            yield f"`{name}` is moved", abs(component.placement.gap), name, component.placement.origin
+        name, placement = component.name, component.placement
+        if isinstance(placement, At):
+            yield _Offset(words=f"`{name}` is moved by", length=_length(placement.pose), path=name, origin=placement.origin)
+        elif isinstance(placement, Attach):
+            yield _Offset(words=f"`{name}` is moved by", length=abs(placement.gap), path=name, origin=placement.origin)
         for mount, extra in component.mounts.items():
-            yield f"the mount `{name}.{mount}` is moved", _length(extra.pose), name, extra.origin
+            yield _Offset(words=f"the mount `{name}.{mount}` is moved by", length=_length(extra.pose), path=name, origin=extra.origin)
     for joint in definition.joints:
-        along = joint.offset if joint.twist is not None and not joint.twist.turns else 0.0
-        yield f"joint `{joint.name}` is moved", max(abs(joint.gap), abs(along)), joint.name, joint.origin
+        yield from _travels(joint, bound)
+
+
+def _travels(joint: Joint, bound: float) -> Iterator[_Offset]:
+    """How far a joint is moved at q = 0, and how far it goes: of a screw whose lead is beyond `bound` [m] no more than that."""
+    per_unit, turns = (math.hypot(*joint.twist.linear), joint.twist.turns) if joint.twist is not None else (0.0, False)
+    moved = max(abs(joint.gap), abs(joint.offset) * per_unit)
+    yield _Offset(words=f"joint `{joint.name}` is moved by", length=moved, path=joint.name, origin=joint.origin)
+    lead = math.tau * per_unit if turns else 0.0
+    ends = {"lead": lead} if lead > bound else {
+        key: value * per_unit for key, value in (("limit.lower", joint.limit.lower), ("limit.upper", joint.limit.upper))
+        if value is not None
+    }
+    for key, length in ends.items():
+        of, place, notes = f"`{key}` of joint `{joint.name}`", _place(joint, key, joint.origin), _elsewhere(joint, key)
+        if turns and key != "lead":
+            yield _Offset(
+                words=f"{of} lets it advance by", length=length, path=joint.name, origin=place, notes=notes,
+                mind=f"unit (`deg`, `rev`): it takes {length_words(lead)} in a turn",
+            )
+        else:
+            yield _Offset(words=f"{of} is", length=length, path=joint.name, origin=place, notes=notes)
 
 
 def _check_roots(modes: Sequence[LinkedMode], reach: float, findings: Findings) -> None:

@@ -95,7 +95,7 @@ def density_words(density: float) -> str:
 
 def length_words(length: float, digits: int = 6) -> str:
     """A length [m] as people write it: `40 mm`, `12 m`."""
-    return f"{float(f'{length:.{digits}g}'):g} m" if length >= 1.0 else str(Quantity(float(f"{length:.{digits}g}"), LENGTH))
+    return f"{float(f'{length:.{digits}g}'):g} m" if abs(length) >= 1.0 else str(Quantity(float(f"{length:.{digits}g}"), LENGTH))
 
 
 def times_words(ratio: float) -> str:
