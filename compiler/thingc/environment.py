@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 Progress = Callable[[str, int, int], None]
 """`progress(what, done, total)`: called while parts are modelled."""
 
+Printed = Callable[[str, Sequence[str]], None]
+"""`printed(part, lines)`: called with what a part prints, when it has been modelled. The lines are as the part has written them."""
+
 Answer = TypeVar("Answer")
 
 
@@ -44,6 +47,7 @@ class Options:
     jobs: int = 0
     part_timeout: float | None = None
     progress: Progress | None = None
+    printed: Printed | None = None
     lock: bool = False
     code: bool = True
     texts: Mapping[str, bytes] = field(default_factory=dict)
@@ -156,6 +160,7 @@ def geometry_of(
         jobs=options.jobs or os.cpu_count() or 1,
         timeout=options.part_timeout or workspace.part_timeout,
         on_progress=options.progress,
+        on_printed=options.printed,
         lock=lock,
         seed=seed,
     )

@@ -136,6 +136,7 @@ def options_of(arguments: argparse.Namespace) -> Options:
         jobs=arguments.jobs,
         part_timeout=timeout,
         progress=show_progress if getattr(arguments, "format", "text") == "text" else None,
+        printed=show_printed if getattr(arguments, "format", "text") == "text" else None,
     )
 
 
@@ -200,6 +201,12 @@ def show_progress(what: str, done: int, total: int) -> None:
         say_in_place(f"{what} parts: {done} of {total}" if done < total else "")
     elif done in (0, total):
         say(f"{what} parts: {done} of {total}", stream=sys.stderr)
+
+
+def show_printed(part: str, lines: Sequence[str]) -> None:
+    """What a part has printed, on standard error: each line behind the part's name."""
+    say_in_place()
+    say(*(f"{part} | {line}" for line in lines), stream=sys.stderr)
 
 
 def say(*lines: str, stream: TextIO | None = None) -> None:

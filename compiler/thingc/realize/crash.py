@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import os
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from thingc.realize.record import PartFailure
+from thingc.realize.record_json import full
 
 if TYPE_CHECKING:
     from thingc.workspace import Workspace
@@ -12,7 +16,17 @@ if TYPE_CHECKING:
 _FRAME = re.compile(r'^\s*File "(?P<file>.+?)", line (?P<line>\d+)', re.MULTILINE)
 
 
-def place_of(trace: str, workspace: Workspace) -> tuple[str | None, int | None]:
+def failure_of(subject: str, answer: Mapping[str, Any], timeout: float, workspace: Workspace) -> PartFailure:
+    """What to say of a part that has ended its process, by the answer of the worker; `timeout` [s] is what it was given."""
+    file, line = _place_of(answer.get("detail", ""), workspace)
+    message = f"it was not done after {timeout:g} s" if answer["failed"] == "hung" else answer["words"]
+    return PartFailure(
+        subject=subject, kind=answer["failed"], message=message, file=full(file, workspace.root), line=line,
+        detail=answer.get("detail") or None,
+    )
+
+
+def _place_of(trace: str, workspace: Workspace) -> tuple[str | None, int | None]:
     """The innermost `(file, line)` of a part folder in what `faulthandler` wrote (most recent call first)."""
     folders = tuple(os.path.join(folder, "") for folder in workspace.parts)
     # of several threads, and of a trace before the last, the one that was written last counts

@@ -19,15 +19,7 @@ from thingc.realize.lock import LOCK_FILE, Lock
 from thingc.realize.locked import LockBeside
 from thingc.realize.part_code import PartCode, file_state
 from thingc.realize.record import AssemblyFailed, PartDefinition, PartFailure, PartRecord, PartSchema, Placed, StoredFile
-from thingc.realize.record_json import (
-    blobs_of,
-    failure_from_json,
-    full,
-    mesh_from_json,
-    record_from_json,
-    schema_from_json,
-    with_left,
-)
+from thingc.realize.record_json import blobs_of, failure_from_json, mesh_from_json, record_from_json, schema_from_json, with_left
 from thingc.realize.results import Kept, Results
 from thingc.realize.slice_answers import SliceAnswers, lacking
 from thingc.realize.slices import Slicing
@@ -42,6 +34,7 @@ PATIENCE = 150.0
 """How long [s] beyond a part's own timeout to wait for the process that has claimed it: its worker may have to load the kernel."""
 
 Progress = Callable[[str, int, int], None]
+Printed = Callable[[str, Sequence[str]], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +50,8 @@ class _Task:
 class GeometryService:
     """Part schemas, part records and STEP files for one workspace. A context manager: leaving it ends its workers.
 
-    `jobs` parts are modelled at once, each for at most `timeout` [s]; `on_progress(what, done, total)` hears of it.
+    `jobs` parts are modelled at once, each for at most `timeout` [s]; `on_progress(what, done, total)` hears of it,
+    `on_printed(part, lines)` of what they print.
     `modelled` and `reused` are the definition texts of parts made and of parts found by the last `realize`, `decisions` says why;
     `inputs` are the absolute paths of all files and folders that decided about answers, there or not.
     `workers` are those of somebody else, who also ends them (many services in one long-lived process). `lock` reads the
@@ -70,6 +64,7 @@ class GeometryService:
     def __init__(
         self, workspace: Workspace, store: Store, jobs: int, timeout: float, on_progress: Progress | None = None,
         workers: Workers | None = None, lock: Callable[[], Lock | None] | None = None, seed: int = 0,
+        on_printed: Printed | None = None,
     ) -> None:
         self.workspace = workspace
         self.store = store
@@ -78,6 +73,7 @@ class GeometryService:
         self._jobs = jobs
         self._seed = seed
         self._on_progress = on_progress
+        self._on_printed = on_printed
         self._workers = workers
         self._lent = workers is not None
         self._parts = PartCode(workspace, store)
@@ -202,9 +198,13 @@ class GeometryService:
                 if len(group) > 1:  # one of them: ask for each by itself
                     alone.extend([task] for task in group)
                 else:
+                    self._printed(group[0].subject, answer)
                     found[group[0].subject] = self._broken(group[0].subject, answer)
                 continue
             given = answer["answer"]
+            failed = [task.subject for task in group if "failure" in given["answers"][task.subject]]
+            if failed:  # what the others print is said when they are modelled
+                self._printed(failed[0], answer)
             for task in group:
                 value = given["answers"][task.subject]
                 # what was read for one class of a module counts for all that were asked for together
@@ -299,6 +299,7 @@ class GeometryService:
             for request, answer in answers:
                 task = by_text[request["definition"]["text"]]
                 self._decide(task.subject, False, task.reason)
+                self._printed(definitions[task.subject].label, answer)
                 if "failed" in answer:
                     found[task.subject] = self._broken(task.subject, answer)
                 else:
@@ -482,19 +483,15 @@ class GeometryService:
         if self._on_progress is not None and what:
             self._on_progress(what, done, total)
 
+    def _printed(self, part: str, answer: Mapping[str, Any]) -> None:
+        if self._on_printed is not None and "printed" in answer:
+            self._on_printed(part, answer["printed"])
+
     def _broken(self, subject: str, answer: dict[str, Any]) -> PartFailure:
         """A part that ended its worker. Such failures are not kept: the next run tries again."""
-        from thingc.realize.crash import place_of
+        from thingc.realize.crash import failure_of
 
-        file, line = place_of(answer.get("detail", ""), self.workspace)
-        if answer["failed"] == "hung":
-            message = f"it was not done after {self.timeout:g} s"
-        else:
-            message = answer["words"]
-        return PartFailure(
-            subject=subject, kind=answer["failed"], message=message, file=full(file, self.workspace.root), line=line,
-            detail=answer.get("detail") or None,
-        )
+        return failure_of(subject, answer, self.timeout, self.workspace)
 
 
 __all__ = ["AssemblyFailed", "Decision", "GeometryService", "Kept"]

@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
-from thingc.realize import confining
+from thingc.realize import confining, printed
 from thingc.realize.asking import Asking
 from thingc.realize.loading import PartImporter
 from thingc.realize.mesh_files import BadPartFile
@@ -47,14 +47,15 @@ class Surroundings:
 
 @dataclass(slots=True)
 class Session:
-    """One request in its process, in the workspace's folder: the importer, the recorder of reads, and who notes what the part asks,
-    installed while it lasts."""
+    """One request in its process, in the workspace's folder: the importer, the recorder of reads, and who notes what the part asks
+    and prints, installed while it lasts."""
 
     around: Surroundings
     recorder: Recorder = field(init=False)
     importer: PartImporter = field(init=False)
     asking: Asking = field(init=False)
     _before: str = ""
+    _printing: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
 
     def __post_init__(self) -> None:
         self.importer = PartImporter(self.around.parts, self.around.packages, self.around.hashes, self.around.plain)
@@ -70,6 +71,7 @@ class Session:
         self.recorder.start()
         self.asking.start()
         confining.begin(self.around.scratch)
+        self._printing.enter_context(printed.keep(self.around.scratch))
         assets.install(self.recorder.note, (self.around.root,))
         return self
 
@@ -84,6 +86,7 @@ class Session:
     def stop(self) -> None:
         """The part is done: what is read, asked and changed from here on is not its doing."""
         confining.end()
+        self._printing.close()
         self.recorder.stop()
         self.asking.stop()
 

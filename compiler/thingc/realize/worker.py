@@ -123,14 +123,17 @@ def answered(request: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _settled(answer: dict[str, Any], store: str, folder: str) -> dict[str, Any]:
-    """Put what a request has left in its `folder` into the store, and remove the folder: the answer after that."""
+    """Put what a request has left in its `folder` into the store, and remove the folder: the answer after that, with what the part has
+    `printed`."""
+    from thingc.realize.printed import lines_of
     from thingc.realize.scratch import remove
     from thingc.realize.store import Outbox, StoreUnusable
 
     try:
         if "answer" in answer:
             Outbox(store, folder).deliver()
-        return answer
+        lines = lines_of(folder)
+        return {**answer, "printed": lines} if lines else answer
     except StoreUnusable as fault:
         return {"id": answer["id"], "failed": "unusable", "words": fault.reason}
     finally:
