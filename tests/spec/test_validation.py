@@ -282,7 +282,8 @@ def test_everything_wrong_is_said_at_once_with_its_path(tmp_path: Path) -> None:
     validate(documents, report)
     assert [(d.path, d.code) for d in report.ordered()] == [
         ("name", Code.BAD_NAME), ("components.a.visual", Code.WRONG_TYPE), ("components.a.mass", Code.BAD_UNIT),
-        ("components.b.at.xyz[1]", Code.WRONG_DIMENSION), ("joints.j.type", Code.UNKNOWN_CHOICE),
+        ("components.b.at.xyz[1]", Code.WRONG_DIMENSION), ("components.b.at.xyz[2]", Code.BAD_EXPRESSION),
+        ("joints.j.type", Code.UNKNOWN_CHOICE),
         ("joints.j.child", Code.WRONG_TYPE), ("joints.j.limit.lower", Code.BAD_UNIT),
     ]
 

@@ -123,7 +123,16 @@ def _faults(shape: Shape, value: Any, path: Path, error: ValidationError) -> Ite
         context = dict(entry.get("ctx", {}))
         if entry["type"] not in KINDS:
             context.setdefault("message", entry["msg"])
-        yield Fault(path=(*path, *steps), kind=entry["type"], context=context, value=entry["input"], shape=there, key=key)
+        for kind, one in _each(entry["type"], context):
+            yield Fault(path=(*path, *steps), kind=kind, context=one, value=entry["input"], shape=there, key=key)
+
+
+def _each(kind: str, context: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """The kind and the context of an error of one of our fields, and of the others that it brings along (see `spec.fields`)."""
+    others: list[PydanticCustomError] = context.pop("others", [])
+    yield kind, context
+    for other in others:
+        yield other.type, dict(other.context or {})
 
 
 def _union_faults(shape: Shape, value: Any, path: Path) -> Iterator[Fault]:
@@ -136,7 +145,8 @@ def _union_faults(shape: Shape, value: Any, path: Path) -> Iterator[Fault]:
         try:
             branch.field.validate(value)
         except PydanticCustomError as fault:
-            yield Fault(path=path, kind=fault.type, context=dict(fault.context or {}), value=value, shape=branch)
+            for kind, context in _each(fault.type, dict(fault.context or {})):
+                yield Fault(path=path, kind=kind, context=context, value=value, shape=branch)
     else:
         from pydantic import TypeAdapter
 

@@ -2,8 +2,8 @@
 
 Each is an `Annotated` type that pydantic validates with one function of ours (no unions, no regular expressions of its
 own), so that a wrong value is one error, in our words. The errors are `PydanticCustomError`s whose type is the word that
-`spec.validation` turns into a code, and whose context holds `message`, `help`, and `offset` and `end` (characters inside
-the scalar) where a part of it is to blame.
+`spec.validation` turns into a code, and whose context holds `message`, `help`, `offset` and `end` (characters inside
+the scalar) where a part of it is to blame, `path` where something inside the value is, and `others`, the errors of more such.
 """
 
 from __future__ import annotations
@@ -292,11 +292,13 @@ def _vector(dimension: Dimension) -> Any:
         if len(value) != 3:
             raise fault("vector", f"expected {words}, found {found(value)}", help=f"write for example `{listed}`")
         items: list[Value] = []
+        wrong: list[PydanticCustomError] = []
         for index, item in enumerate(value):
             try:
                 items.append(read_value(item, (dimension,), dimension.words, dimension.example))
             except PydanticCustomError as error:
-                raise _within(error, (index,)) from None
+                wrong.append(_within(error, (index,)))
+        _raise_all(wrong)
         return items[0], items[1], items[2]
 
     item = _schema(dimension.words, [dimension.example], (dimension,))
@@ -318,6 +320,13 @@ def _within(error: PydanticCustomError, path: tuple[str | int, ...]) -> Pydantic
     context = dict(error.context or {})
     context["path"] = path
     return PydanticCustomError(error.type, "{message}", context)
+
+
+def _raise_all(errors: list[PydanticCustomError]) -> None:
+    """Raise the first fault of what is inside a value, if there is any, with the others."""
+    if errors:
+        first, *others = errors
+        raise PydanticCustomError(first.type, "{message}", {**(first.context or {}), "others": others})
 
 
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*", re.ASCII)
@@ -406,14 +415,21 @@ def _number(value: Any) -> Value:
     return read_value(value, (NUMBER,), "a number", "0.4")
 
 
-def _raw(value: Any, path: tuple[str, ...] = ()) -> Any:
+def _raw(value: Any) -> Any:
     """An attribute for a target: a scalar, or a mapping of such."""
+    wrong: list[PydanticCustomError] = []
+    kept = _sound_raw(value, (), wrong)
+    _raise_all(wrong)
+    return kept
+
+
+def _sound_raw(value: Any, path: tuple[str, ...], wrong: list[PydanticCustomError]) -> Any:
     if isinstance(value, dict):
-        return {key: _raw(item, (*path, key)) for key, item in value.items()}
-    if isinstance(value, (str, int, float)):
-        return value
-    error = fault("type", f"expected text, a number, true or false, or a mapping, found {found(value)}")
-    raise _within(error, path) if path else error
+        return {key: _sound_raw(item, (*path, key), wrong) for key, item in value.items()}
+    if not isinstance(value, (str, int, float)):
+        error = fault("type", f"expected text, a number, true or false, or a mapping, found {found(value)}")
+        wrong.append(_within(error, path) if path else error)
+    return value
 
 
 _COST = re.compile(r"\d+(?:\.\d+)? [A-Z]{3}", re.ASCII)
