@@ -178,7 +178,7 @@ def test_places_of_what_the_defaults_say(tmp_path: Path) -> None:
     assert (outcome.component("plate").origin[0].line, outcome.component("plate").origin[0].column) == (5, 3)
 
 
-def test_what_is_wrong_has_no_definition_and_the_rest_stays(tmp_path: Path) -> None:
+def test_what_is_wrong_has_no_definition_what_is_nowhere_no_place_and_the_rest_stays(tmp_path: Path) -> None:
     outcome = run(tmp_path, """
         thingc: assembly/1
         name: arm
@@ -191,8 +191,8 @@ def test_what_is_wrong_has_no_definition_and_the_rest_stays(tmp_path: Path) -> N
         """)
     assert len(outcome.said) == 3
     by_name = {name: outcome.component(name) for name in ("plate", "bad", "on_bad", "eye", "lost")}
-    assert [name for name, c in by_name.items() if c.definition is not None] == ["plate", "on_bad"]
-    assert by_name["eye"].frame is False
+    assert [name for name, c in by_name.items() if c.definition is not None] == ["plate", "on_bad", "lost"]
+    assert by_name["eye"].frame
     assert [name for name, c in by_name.items() if c.placement is not None] == ["on_bad"]
 
 

@@ -12,13 +12,14 @@ from hypothesis import strategies as st
 from pydantic import TypeAdapter, ValidationError
 
 from thingc.expressions import Expression
-from thingc.spec import fields
+from thingc.spec import fields, raw_fields
 from thingc.spec.colors import COLORS
 from thingc.units import ANGLE, LENGTH, LENGTH_PER_ANGLE, Quantity
 
 
 def value(name: str, raw: Any) -> Any:
-    return TypeAdapter(getattr(fields, name)).validate_python(raw, strict=True)
+    kind = raw_fields.RawField if name == "RawField" else getattr(fields, name)
+    return TypeAdapter(kind).validate_python(raw, strict=True)
 
 
 @pytest.mark.parametrize(("name", "raw", "expected"), [

@@ -36,6 +36,8 @@ def mates_of(tree: Tree, findings: Findings, memo: Memo) -> tuple[tuple[Mate, ..
             checked.add(id(definition))
             _check_circles(instance, definition, findings)
             _check_bases(instance, definition, findings)
+        for reference in definition.loose:
+            tree.find(instance, reference)  # what is wrong with it is said beside what is wrong with the other end
         for component in definition.components:
             if isinstance(component.placement, Attach):
                 mates.extend(_attached(tree, instance, component.placement, memo))

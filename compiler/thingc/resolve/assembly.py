@@ -109,7 +109,7 @@ def resolved(
         simulation=simulation(scope, stepped), step_origin=step_origin(scope, stepped),
         raw=raw(scope, spec.raw), sensors=tuple(sensors(table, scope)),
         tests=tuple(tests(context, table, scope, own_modes)) if top and spec.tests else (),
-        origin=scope.origin(("name",)), materials_known=not lacking, whole=not doubts,
+        origin=scope.origin(("name",)), materials_known=not lacking, whole=not doubts, loose=tuple(table.loose),
     )
     return table
 

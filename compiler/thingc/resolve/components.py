@@ -132,7 +132,7 @@ def components(
         place = ("component", table.document.relative, *context.route, node.name)
         names = context.memo(("names", *place), names_in, node.spec, defaults)
         inputs = (
-            node.spec, defaults, tuple(node.scope.names.get(name) for name in names), node.definition, node.unsound,
+            node.spec, defaults, tuple(node.scope.names.get(name) for name in names), node.definition, node.unsound, node.unplaced,
             placements.get(node.name), table.materials, node.mounts, unreadable,
         )
         made.append(context.sound(place, inputs, partial(_component, node, table, placements.get(node.name), below, unreadable)))
@@ -150,6 +150,6 @@ def _component(
     over = said.NONE_SAID if nested else said.overrides(scope, layers)
     return Component(
         name=node.name, definition=None if node.unsound else node.definition, frame=node.frame and not node.unsound,
-        placement=None if node.unsound else placement, material=material, overrides=over, mounts=node.mounts,
+        placement=None if node.unsound or node.unplaced else placement, material=material, overrides=over, mounts=node.mounts,
         bom=said.bom(layers), origin=scope.origin(node.path, key=True),
     )

@@ -60,7 +60,7 @@ def _values(
 def joints(table: Table, items: Iterable[Item[JointSpec]], places: Places) -> bool:
     """Fill `table.joints` (without mimics) and note in `places` what each one places.
 
-    A joint that is wrong in its kind or references is None there, and its child, where it has one, unsound.
+    A joint that is wrong in its kind or references is None there, and its child, where it has one, unplaced.
     Returns whether the child of some joint could not be read.
     """
     defaults = table.spec.defaults.joint if table.spec.defaults is not None else None
@@ -81,9 +81,10 @@ def joints(table: Table, items: Iterable[Item[JointSpec]], places: Places) -> bo
         else:
             places.setdefault(placed, []).append((f"joint `{item.name}`", scope.span(path, key=True)))
         if parent is None or child is None:
+            table.loose.extend(end for end in (parent, child) if end is not None)
             table.joints[CoordinateName(item.name)] = None
             if placed is not None:
-                table.nodes[placed].unsound = True
+                table.nodes[placed].unplaced = True
             continue
         made = _coordinates(table, item, kind, parent, child, layers)
         table.joints.update((joint.name, joint) for joint in made)
@@ -92,7 +93,7 @@ def joints(table: Table, items: Iterable[Item[JointSpec]], places: Places) -> bo
                 del table.joints[joint.name]
             table.joints[CoordinateName(item.name)] = None
             if placed is not None:
-                table.nodes[placed].unsound = True
+                table.nodes[placed].unplaced = True
     lost = bool(table.doubts) and (table.doubts.lacks("joints") or any(True for _ in table.doubts.names("joints")))
     return unsure or lost or any(table.doubts.touch(("joints", name, "repeat")) for name in table.spec.joints)
 

@@ -436,7 +436,8 @@ class AssemblyDefinition(Brief):
     (`end_effector(pen_diameter=20 mm)`). `materials` is its scope by name. Poses are of
     this document, over paths relative to it. `modes`, `simulation` and `tests` count only at the top. `materials_known`
     is False where a document of materials could not be read: then a name that is not in `materials` is no news. `whole` is
-    False where validation has left something out of the document. `step_origin` is where its `timestep` is written.
+    False where validation has left something out of the document; `loose` are sound references of what was left out because another
+    one in it was wrong. `step_origin` is where its `timestep` is written.
     """
 
     document: str
@@ -460,3 +461,4 @@ class AssemblyDefinition(Brief):
     sensors: tuple[Sensor, ...] = ()
     tests: tuple[Test, ...] = ()
     step_origin: Origin = ()
+    loose: tuple[Reference, ...] = ()

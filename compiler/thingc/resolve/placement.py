@@ -17,7 +17,7 @@ Places = dict[str, list[tuple[str, Span]]]
 
 
 def own_placements(context: Context, table: Table, places: Places) -> dict[str, Attach | At | None]:
-    """The placements that components write themselves; those that are wrong are reported and make the component unsound."""
+    """The placements that components write themselves; those that are wrong are reported and leave the component unplaced."""
     found: dict[str, Attach | At | None] = {}
     there = context.there(table)
     for node in table.nodes.values():
@@ -30,7 +30,7 @@ def own_placements(context: Context, table: Table, places: Places) -> dict[str, 
         places.setdefault(node.name, []).append((f"`{key}`", node.scope.span((*node.path, key), key=True)))
         found[node.name] = made
         if made is None:
-            node.unsound = True
+            node.unplaced = True
     return found
 
 
@@ -60,6 +60,7 @@ def _attach(table: Table, node: Node) -> Attach | None:
         return None
     to = references.mount(table, scope, to_text, to_path)
     if to is None or mine is None:
+        table.loose.extend(end for end in (mine, to) if end is not None)
         return None
     if to.path[0] == node.name:
         scope.error(
@@ -83,6 +84,7 @@ def _at(table: Table, node: Node) -> At | None:
     to = references.mount(table, scope, spec.in_, (*path, "in"))
     pose = scope.pose(spec.xyz, (*path, "xyz"), spec.rpy, (*path, "rpy"))
     if to is None or pose is None:
+        table.loose.extend([to] if to is not None else [])
         return None
     if to.path[0] == node.name:
         scope.error(
@@ -95,7 +97,7 @@ def _at(table: Table, node: Node) -> At | None:
 def check(table: Table, places: Places, *, unsure: bool) -> None:
     """Report components placed twice, and none or several that are placed by nothing; find the base.
 
-    Whatever is placed twice or is a second base becomes unsound; of those whose placement is in doubt nothing is said.
+    Whatever is placed twice or is a second base becomes unplaced; of those whose placement is in doubt nothing is said.
     `unsure`: a joint whose child could not be read may place any of them, so that missing placements are no news.
     """
     vague = {
@@ -106,7 +108,7 @@ def check(table: Table, places: Places, *, unsure: bool) -> None:
         node = table.nodes[name]
         if len(ways) < 2 or name in vague:
             continue
-        node.unsound = True
+        node.unplaced = True
         (first, there), (second, here) = ways[0], ways[1]
         table.scope.report.add(
             Code.PLACED_TWICE, f"`{name}` is placed twice: by {first} and by {second}", here,
@@ -121,7 +123,7 @@ def check(table: Table, places: Places, *, unsure: bool) -> None:
         table.base = free[0]
     if unsure or table.unbuilt:
         for name in free[1:]:
-            table.nodes[name].unsound = True
+            table.nodes[name].unplaced = True
         return
     if not free and table.nodes and not vague:
         first_name = next(iter(table.nodes))
@@ -135,7 +137,7 @@ def check(table: Table, places: Places, *, unsure: bool) -> None:
     if len(free) > 1:
         _report_bases(table, free)
         for name in free[1:]:
-            table.nodes[name].unsound = True
+            table.nodes[name].unplaced = True
 
 
 def _closes(way: str) -> str:

@@ -32,8 +32,8 @@ Answer = TypeVar("Answer")
 @dataclass(slots=True, kw_only=True)
 class Node:
     """A component while its document is resolved. `table` is that of the nested document, None for parts and frames;
-    `unsound`: something that later passes need was wrong; `doubtful`: validation has left something of it out; `chosen` are the
-    keys whose values are choices (see `choices`)."""
+    `unsound`: something that later passes need was wrong; `unplaced`: nothing else than its place was; `doubtful`: validation has left
+    something of it out; `chosen` are the keys whose values are choices (see `choices`)."""
 
     name: str
     spec: ComponentSpec
@@ -43,6 +43,7 @@ class Node:
     table: Table | None = None
     mounts: dict[str, ExtraMount] = field(default_factory=dict)
     unsound: bool = False
+    unplaced: bool = False
     doubtful: bool = False
     chosen: frozenset[str] = frozenset()
 
@@ -58,7 +59,7 @@ class Table:
 
     `parameters` include the `choices` made inside it (see `thingc.resolve.choices`). `unbuilt` and `unbuilt_joints` are the
     prefixes (`leg_`) of repeats that could not be unrolled; `occurrences` counts the leaves; `base` is the name of the base
-    component.
+    component; `loose` are the sound references of what was left out because another one in it was wrong.
     """
 
     document: Document
@@ -77,6 +78,7 @@ class Table:
     joints: dict[CoordinateName, Joint | None] = field(default_factory=dict)
     poses: dict[str, NamedPose | None] = field(default_factory=dict)
     base: str | None = None
+    loose: list[Reference] = field(default_factory=list)
     occurrences: int = 0
     definition: AssemblyDefinition | None = None
 
@@ -113,7 +115,7 @@ class Table:
     def unsure_joints(self) -> bool:
         """Whether joints may be missing here because something was wrong: then a pattern without a match is no news."""
         return bool(self.unbuilt or self.unbuilt_joints) or any(
-            node.unsound or (node.table is not None and node.table.unsure_joints()) for node in self.nodes.values()
+            node.unsound or node.unplaced or (node.table is not None and node.table.unsure_joints()) for node in self.nodes.values()
         )
 
 
@@ -175,7 +177,7 @@ class Context:
     def there(self, table: Table) -> list[tuple[object, ...]]:
         """The components of a document, as far as references can see them."""
         return [
-            (node.name, node.spec, node.unsound, node.definition if node.table is not None else node.definition is None)
+            (node.name, node.spec, node.unsound, node.unplaced, node.definition if node.table is not None else node.definition is None)
             for node in table.nodes.values()
         ]
 

@@ -27,7 +27,6 @@ from thingc.spec.fields import (
     MultiplierField,
     Name,
     NumberField,
-    RawField,
     ReferenceField,
     SpeedField,
     StiffnessField,
@@ -36,6 +35,7 @@ from thingc.spec.fields import (
 )
 from thingc.spec.materials import MaterialSpec, ProcessSpec
 from thingc.spec.modes import ModeSpec, SimulationSpec
+from thingc.spec.raw_fields import RawField
 from thingc.spec.sensors import SensorSpec
 from thingc.spec.tests import TestSpec
 

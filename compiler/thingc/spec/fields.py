@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Union
 from pydantic_core import PydanticCustomError, core_schema
 
 from thingc.expressions import Expression, ExpressionError, expression_hint, parse_expression
-from thingc.spec.patterns import ANY_VALUE, EXPRESSION, quantity_pattern, raw_schema, vector_pattern
+from thingc.spec.patterns import ANY_VALUE, EXPRESSION, quantity_pattern, vector_pattern
 from thingc.typos import Hint, near_hint
 from thingc.units import (
     ACCELERATION,
@@ -297,8 +297,8 @@ def _vector(dimension: Dimension) -> Any:
             try:
                 items.append(read_value(item, (dimension,), dimension.words, dimension.example))
             except PydanticCustomError as error:
-                wrong.append(_within(error, (index,)))
-        _raise_all(wrong)
+                wrong.append(within(error, (index,)))
+        raise_all(wrong)
         return items[0], items[1], items[2]
 
     item = _schema(dimension.words, [dimension.example], (dimension,))
@@ -315,14 +315,14 @@ def _vector(dimension: Dimension) -> Any:
     ]
 
 
-def _within(error: PydanticCustomError, path: tuple[str | int, ...]) -> PydanticCustomError:
+def within(error: PydanticCustomError, path: tuple[str | int, ...]) -> PydanticCustomError:
     """The fault of something inside the value, with its `path` there, so that `spec.validation` can point at it."""
     context = dict(error.context or {})
     context["path"] = path
     return PydanticCustomError(error.type, "{message}", context)
 
 
-def _raise_all(errors: list[PydanticCustomError]) -> None:
+def raise_all(errors: list[PydanticCustomError]) -> None:
     """Raise the first fault of what is inside a value, if there is any, with the others."""
     if errors:
         first, *others = errors
@@ -415,23 +415,6 @@ def _number(value: Any) -> Value:
     return read_value(value, (NUMBER,), "a number", "0.4")
 
 
-def _raw(value: Any) -> Any:
-    """An attribute for a target: a scalar, or a mapping of such."""
-    wrong: list[PydanticCustomError] = []
-    kept = _sound_raw(value, (), wrong)
-    _raise_all(wrong)
-    return kept
-
-
-def _sound_raw(value: Any, path: tuple[str, ...], wrong: list[PydanticCustomError]) -> Any:
-    if isinstance(value, dict):
-        return {key: _sound_raw(item, (*path, key), wrong) for key, item in value.items()}
-    if not isinstance(value, (str, int, float)):
-        error = fault("type", f"expected text, a number, true or false, or a mapping, found {found(value)}")
-        wrong.append(_within(error, path) if path else error)
-    return value
-
-
 _COST = re.compile(r"\d+(?:\.\d+)? [A-Z]{3}", re.ASCII)
 
 
@@ -480,10 +463,7 @@ _JOINT_SCHEMA = {
     "anyOf": [{"type": "string", "pattern": quantity_pattern(ANGLE, LENGTH, word="[A-Za-z][A-Za-z0-9_]*")}, {"const": 0}],
 }
 
-_RAW_SCHEMA = {"description": "Attributes by path.", "examples": [{"joint": {"yaw": {"solreflimit": "0.01 1"}}}], **raw_schema(4)}
-
 if TYPE_CHECKING:
-    RawField = Union[str, int, float, bool, dict[str, Any]]
     AnyQuantityField = Union[Quantity, Expression, bool, str]
     JointValueField = Union[Quantity, Expression, str]
     Vector3Length = Vector
@@ -497,7 +477,6 @@ if TYPE_CHECKING:
     CountField = Union[int, Expression]
     NumberField = Value
 else:
-    RawField = Annotated[Any, Checked(_raw, "text, a number, true or false, or a mapping", _RAW_SCHEMA)]
     AnyQuantityField = Annotated[Any, Checked(any_value, "a quantity, true or false, or text", _ANY_SCHEMA)]
     JointValueField = Annotated[Any, Checked(_joint_value, "an angle or a length", _JOINT_SCHEMA)]
     Vector3Length = _vector(LENGTH)
