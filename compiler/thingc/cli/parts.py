@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from thingc.cli import common
 from thingc.cli.tables import axes, millimetres, table
 from thingc.diagnostics import Code, Diagnostic, Report, Severity
+from thingc.realize.catalogue import classes_installed, installed_modules
 from thingc.realize.record import NO_PARTS, MountRecord, ParameterSchema, PartFailure, PartRecord, PartSchema
 from thingc.source import Span
 from thingc.typos import did_you_mean
@@ -20,9 +21,11 @@ if TYPE_CHECKING:
 
 EPILOG = """\
 The Things of the workspace of this folder: of its part folders, and of the packages that it allows. Of those that are named, the
-frames of their mounts, too, for the default parameters: x, y and z of a mount lie along these axes of the part.
+frames of their mounts, too, for the default parameters: x, y and z of a mount lie along these axes of the part. Named can be whatever a
+document may name, also shapes and functions, and the classes of packages that are merely installed.
 
   thingc parts
+  thingc parts thingc_stock bd_warehouse.fastener:SocketHeadCapScrew
   thingc parts arm:RotorBrace
   thingc parts --format json | jq '.parts[].reference'
 """
@@ -31,7 +34,7 @@ frames of their mounts, too, for the default parameters: x, y and z of a mount l
 def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `parts`."""
     parser.epilog = EPILOG
-    parser.add_argument("part", metavar="PART", nargs="*", help="only these, as module:Class or module")
+    parser.add_argument("part", metavar="PART", nargs="*", help="only these, as module:Class, module or package")
     parser.add_argument("-C", "--workspace", metavar="DIR", default=".", help="the workspace of this folder (default: the current one)")
     common.add_format(parser)
     common.add_geometry(parser)
@@ -70,21 +73,17 @@ def run(arguments: argparse.Namespace) -> int:
 def _listed(
     geometry: GeometryService, wanted: list[str], report: Report
 ) -> list[tuple[PartSchema, PartRecord | None]]:
-    references = geometry.catalogue()
-    if wanted:
-        known = {*references, *(reference.partition(":")[0] for reference in references)}
-        for word in wanted:
-            if word not in known:
-                raise common.WrongCommandLine(f"there is no part `{word}` in reach", did_you_mean(word, known, what="parts"))
-        references = [r for r in references if r in wanted or r.partition(":")[0] in wanted]
+    references = _named(geometry, wanted) if wanted else geometry.catalogue()
     if not wanted:
         report.diagnostics.extend(_failed(failure.subject, failure) for failure in geometry.not_python())
     from thingc.realize.locking import default_of
 
     schemas: list[PartSchema] = []
-    for reference, answer in geometry.describe(references).items():
+    answers = geometry.describe(references)
+    for reference in references:  # answers are in the order in which they came
+        answer = answers[reference]
         if isinstance(answer, PartSchema):
-            if answer.kind == "thing":
+            if answer.kind == "thing" or wanted:
                 schemas.append(answer)
         elif answer.kind not in NO_PARTS or reference in wanted:
             report.diagnostics.append(_failed(reference, answer))
@@ -95,6 +94,25 @@ def _listed(
         record = records.get(schema.reference)
         listed.append((schema, record if isinstance(record, PartRecord) else None))
     return listed
+
+
+def _named(geometry: GeometryService, words: list[str]) -> list[str]:
+    """The parts that are called so, that are in a module called so, or in a module of a package called so: whatever a document may name.
+    Raises `WrongCommandLine` for a word that calls none."""
+    references = geometry.catalogue()
+    installed = installed_modules(geometry.part_code.sources, geometry.workspace.packages)
+    for module in {word.partition(":")[0] for word in words} & installed.keys():
+        references += classes_installed(module, installed[module])
+    found: dict[str, None] = {}
+    for word in words:
+        named = [one for one in references if word in (one, one.partition(":")[0]) or one.startswith(f"{word}.")]
+        if not named and ":" in word and not isinstance(geometry.part_code.code(word), PartFailure):
+            named = [word]  # a function, or what an installed package takes from elsewhere
+        if not named:
+            known = {*references, *(one.partition(":")[0] for one in references), *installed}
+            raise common.WrongCommandLine(f"there is no part `{word}` in reach", did_you_mean(word, known, what="parts"))
+        found.update(dict.fromkeys(named))
+    return sorted(found)
 
 
 def _failed(reference: str, failure: PartFailure) -> Diagnostic:

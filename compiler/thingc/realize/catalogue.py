@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import os
 from collections.abc import Sequence
 
 from thingc.realize.codekey import Sources
@@ -14,7 +15,7 @@ def classes_in_reach(sources: Sources, packages: Sequence[str]) -> list[str]:
     """`module:Class` of every public class in the part folders and in the allowed packages that are tracked by content.
 
     Sorted. Which of them are Things only `describe` can tell. Packages that are merely installed (bd_warehouse) are not
-    listed: what they offer is in their own documentation.
+    listed: they have hundreds (see `installed_modules`).
     """
     references: list[str] = []
     for module in _modules(sources, packages):
@@ -25,6 +26,30 @@ def classes_in_reach(sources: Sources, packages: Sequence[str]) -> list[str]:
             if unit.kind == "class":
                 references += [f"{module}:{name}" for name in unit.names if not name.startswith("_")]
     return sorted(set(references))
+
+
+def installed_modules(sources: Sources, packages: Sequence[str]) -> dict[str, str]:
+    """The files of the public modules right in the allowed packages that are merely installed, by module (`bd_warehouse.fastener`)."""
+    found: dict[str, str] = {}
+    for package in packages:
+        module = sources.finder.find(package)
+        if module.kind == "installed" and module.file is not None and os.path.basename(module.file) == "__init__.py":
+            folder = os.path.dirname(module.file)
+            names = [name[:-3] for name in listed(folder) if name.endswith(".py") and not name.startswith("_")]
+            found.update((f"{package}.{name}", os.path.join(folder, f"{name}.py")) for name in names if name.isidentifier())
+        elif module.kind == "installed" and module.file is not None:
+            found[package] = module.file
+    return found
+
+
+def classes_installed(module: str, file: str) -> list[str]:
+    """`module:Class` of every public class in the file of such a module, in order; none where that is no Python."""
+    try:
+        with open(file, "rb") as stream:
+            body = ast.parse(stream.read(), file).body
+    except (OSError, SyntaxError, ValueError, RecursionError, MemoryError):
+        return []
+    return [f"{module}:{node.name}" for node in body if isinstance(node, ast.ClassDef) and not node.name.startswith("_")]
 
 
 def not_python(sources: Sources, packages: Sequence[str]) -> list[PartFailure]:
