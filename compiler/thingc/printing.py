@@ -10,7 +10,7 @@ from thingc.diagnostics import Diagnostic, Severity, shown_path
 from thingc.shown import shown, shown_line
 from thingc.source import SET, Span
 
-OPTIONS = ("-p ", SET)
+OPTIONS = ("-p ", SET, "set ")
 """What the path of a diagnostic begins with that is about a value of the command line."""
 
 

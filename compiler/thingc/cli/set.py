@@ -15,12 +15,13 @@ from thingc.diagnostics import Code, Diagnostic, Severity, Stage, shown_path
 from thingc.environment import Environment, Options
 from thingc.layout import write_in_place
 from thingc.layout.setting import Keys, Unsettable, changes, with_values
+from thingc.printing import OPTIONS
 from thingc.source import Document, MappingNode, node_at
 from thingc.spec.choices import nested, parse
 
 EPILOG = """\
-A value is named as by --set of the other commands, by its path; a parameter of the document by its name. Nothing is written
-unless all of the document would be right with all of the values.
+A value is named as by --set of the other commands, by its path; a parameter of the document by its name, or as parameters.NAME.
+Nothing is written unless all of the document would be right with all of the values.
 
   thingc set assemblies/arm.yaml 'joints.elbow.limit.upper=90 deg' 'reach=120 mm'
   thingc set robot.yaml components.foot.part=feet:Wide
@@ -58,7 +59,7 @@ def settings(words: Sequence[str]) -> dict[str, str]:
         path, equals, value = (piece.strip() for piece in word.partition("="))
         if not equals or not path or not value:
             raise common.WrongCommandLine(f"expected PATH=VALUE, found `{word}`", "write for example 'joints.elbow.limit.upper=90 deg'")
-        if path in found:
+        if _named(path) in map(_named, found):
             raise common.WrongCommandLine(f"`{path}` is set twice", "keep one of them")
         found[path] = value
     return found
@@ -67,12 +68,14 @@ def settings(words: Sequence[str]) -> dict[str, str]:
 def write(document: str, given: Mapping[str, str], options: Options, arguments: argparse.Namespace, *, diff: bool = False) -> int:
     """Write values (paths or names of parameters to texts) into a document, unless something would be wrong with it then; says what.
     Of the `arguments` only `format` and `debug`, and `strict` if it is there, are looked at. The exit code."""
+    typed = {_named(path): f"{path}={text}" for path, text in given.items()}
+    given = {_named(path): text for path, text in given.items()}
     parameters = {path: text for path, text in given.items() if "." not in path}
     choices = {path: text for path, text in given.items() if "." in path}
     strict = getattr(arguments, "strict", False)
     root, found = _checked(document, replace(options, parameters=parameters, choices=choices), strict=strict)
     if root is None or any(d.code in (Code.CHOICE_OPTION, Code.PARAMETER_OPTION) for d in found):
-        return _say(arguments, found)
+        return _say(arguments, [_as_typed(one, typed) for one in found])
     elsewhere = [fault for path in choices if (fault := _elsewhere(root, path)) is not None]
     if elsewhere:
         return _say(arguments, elsewhere)
@@ -95,6 +98,21 @@ def write(document: str, given: Mapping[str, str], options: Options, arguments: 
     if refused is not None:
         return _say(arguments, [refused])
     return _say(arguments, found, done=list(changes(root, values)))
+
+
+def _named(path: str) -> str:
+    """A parameter by its name alone, also one that is written `parameters.reach`; other paths as they are."""
+    name = path.removeprefix("parameters.")
+    return path if "." in name else name
+
+
+def _as_typed(found: Diagnostic, typed: Mapping[str, str]) -> Diagnostic:
+    """What is said of a value as of an option of other commands (`-p`, `--set`), said of the words that were typed here."""
+    option = next((option for option in OPTIONS if found.path is not None and found.path.startswith(option)), None)
+    if option is None or found.path is None:
+        return found
+    path = found.path.removeprefix(option).partition("=")[0]
+    return replace(found, path=f"set {typed.get(path, path)}")
 
 
 def _put(root: Document, before: bytes, after: bytes) -> Diagnostic | None:
