@@ -119,7 +119,7 @@ def write_build(
             finally:
                 _delete(fresh)
     except OSError as fault:
-        raise OutputError(_words(folder, fault), "free some space, or build into another folder with -o") from fault
+        raise OutputError(_words(folder, fault), f"{_cure(fault)} build into another folder with -o") from fault
     return folder
 
 
@@ -443,3 +443,16 @@ def _words(folder: str, fault: OSError) -> str:
         return f"there is no room for the build in `{place}`: {os.strerror(fault.errno)}"
     reason = fault.strerror or str(fault)
     return f"the build cannot be written to `{place}`: {reason}"
+
+
+def _cure(fault: OSError) -> str:
+    """What to do about it, else to choose another folder."""
+    if fault.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+        return "free some space, or"
+    if fault.errno == errno.ENAMETOOLONG:
+        return "shorten the `name` of the document or of what its files are called by, or"
+    if fault.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
+        return "let the folder be written, or"
+    if fault.errno in (errno.EEXIST, errno.ENOTDIR):
+        return "move the file that is in its place away, or"
+    return "mend that, or"
