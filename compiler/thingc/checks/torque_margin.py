@@ -59,7 +59,7 @@ def read(written: TorqueMarginTest, reader: Reader) -> TorqueCheck:
     joints = reader.drives(written.drive, "drive")
     floating = [name for name in reader.chosen_modes if not _carried(reader.modes[name])]
     if floating:
-        standing = [name for name, mode in reader.modes.items() if _carried(mode)]
+        standing = [name for name, mode in reader.modes.items() if _carried(mode) and not _left_out(joints, mode)]
         others = f", or name modes that stand: {', '.join(f'`{name}`' for name in standing)}" if standing else ""
         reader.error(
             Code.TEST, f"the base of mode `{floating[0]}` floats: what carries it there is not known",
@@ -67,8 +67,7 @@ def read(written: TorqueMarginTest, reader: Reader) -> TorqueCheck:
             help=f"say what it stands on, `standing_on: [...]` in the mode{others}",
         )
     for name in reader.chosen_modes:
-        present = reader.modes[name].actuators
-        absent = [joint for joint in joints if present is not None and joint not in present]
+        absent = _left_out(joints, reader.modes[name])
         if absent:
             reader.error(
                 Code.TEST, f"mode `{name}` leaves the drive of joint `{absent[0]}` out", "drive",
@@ -80,6 +79,12 @@ def read(written: TorqueMarginTest, reader: Reader) -> TorqueCheck:
 def _carried(mode: Mode) -> bool:
     """Whether something other than a simulation knows of carries the base of a mode."""
     return mode.base != "free" or mode.standing is not None or bool(mode.holds)
+
+
+def _left_out(joints: Sequence[str], mode: Mode) -> list[str]:
+    """Those of the `joints` (paths) whose drives a mode does without."""
+    present = mode.actuators
+    return [joint for joint in joints if present is not None and joint not in present]
 
 
 def link(test: Test, check: TorqueCheck, joints: Mapping[str, JointEdge], findings: Findings) -> None:
