@@ -271,3 +271,22 @@ def test_where_no_process_can_be_started_it_is_said(
         failure = service.realize([define("arm:A")])["arm:A"]
     assert isinstance(failure, PartFailure)
     assert (failure.kind, failure.message) == ("crashed", "no worker process can be started: No such file or directory")
+
+
+def test_a_fault_without_a_line_of_its_own_is_at_the_class(place: Any, define: Callable[..., Any]) -> None:
+    place.write("parts/weighs.py", """\
+        from build123d import Box
+        from thingc import Thing
+
+        class Less(Thing):
+            def mass(self):
+                return -1.0
+
+            def result(self):
+                return Box(1, 2, 3)
+        """)
+    with place.service() as service:
+        failure = service.realize([define("weighs:Less")])["weighs:Less"]
+    assert isinstance(failure, PartFailure)
+    assert failure.kind == "raised" and "mass" in failure.message
+    assert failure.file is not None and failure.file.endswith("weighs.py") and failure.line == 4

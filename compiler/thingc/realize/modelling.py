@@ -115,7 +115,21 @@ def model(definition: dict[str, Any], tessellations: Tessellations, around: Surr
         except BaseException as fault:
             session.stop()
             failure = session.failure(text, fault)
+            if failure.file is None and definition["kind"] == "code":
+                failure = replace(failure, **_place(definition["reference"], session))
             return {"failure": failure_to_json(failure, around.root), "reads": session.reads(failure.file)}
+
+
+def _place(reference: str, session: Session) -> dict[str, Any]:
+    """The `file` and `line` of a class of the authors' own, for a fault without a line: of what its methods return, for instance."""
+    import inspect
+
+    with contextlib.suppress(Exception):
+        part = inspect.unwrap(session.part(reference))
+        file, line = inspect.getsourcefile(part), inspect.getsourcelines(part)[1]
+        if file is not None and session.is_own(file):
+            return {"file": file, "line": line}
+    return {}
 
 
 def _warnings(caught: list[warnings.WarningMessage], is_own: Callable[[str], bool]) -> list[PartWarning]:
