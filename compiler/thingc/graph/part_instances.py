@@ -223,7 +223,7 @@ class PartInstances:
                 self._warned.update((_line(warning) or record.text, message) for warning in where)
         if record.apart:
             said = (record.text, Code.APART.code)
-            volumes = ", ".join(f"{1e6 * volume:.3g}" for volume in record.apart[:_SHOWN_PLACES])
+            volumes = ", ".join(f"{float(f'{1e6 * volume:.3g}'):g}" for volume in record.apart[:_SHOWN_PLACES])
             more = ", ..." if len(record.apart) > _SHOWN_PLACES else ""
             if said not in self._warned and findings.warn(
                 Code.APART, f"{of} is {len(record.apart)} solids that do not touch ({volumes}{more} cm^3)", origin, path=path,

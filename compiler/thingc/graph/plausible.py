@@ -184,7 +184,7 @@ def _check_limits(instance: Instance, joint: Joint, findings: Findings) -> None:
         text, number, unit = _written(joint, key)
         cause = f"`{number} deg` was meant" if unit == "rad" and abs(float(number)) <= 360.0 * TURNS else "there is a digit too many"
         findings.warn(
-            Code.LIMIT_TURNS, f"`limit.{key}` of joint `{joint.name}` is {abs(ends[key]) / (2.0 * math.pi):.3g} turns (`{text}`)",
+            Code.LIMIT_TURNS, f"`limit.{key}` of joint `{joint.name}` is {times_words(abs(ends[key]) / (2.0 * math.pi))} turns (`{text}`)",
             _place(joint, f"limit.{key}", here), path=path, notes=_elsewhere(joint, f"limit.{key}"),
             help=f"probably {cause}; a joint that turns without end is `continuous`; {meant_so(Code.LIMIT_TURNS)}",
         )

@@ -325,7 +325,8 @@ def _overlap(solids: Sequence[meshing.Triangles]) -> tuple[PartWarning, ...]:
     common, whole = meshing.counted_twice(solids) if len(solids) > 1 else 0.0, math.fsum(mesh.volume for mesh in solids)
     if common <= max(OVERLAP * whole, 1.0):
         return ()
-    twice = f"its {len(solids)} solids overlap: {common:.3g} of {whole:.4g} mm^3 are counted twice, in volume and mass"
+    shared, all_of_it = (f"{float(f'{volume:.4g}'):g}" for volume in (common, whole))  # 1000, not 1e+03
+    twice = f"its {len(solids)} solids overlap: {shared} of {all_of_it} mm^3 are counted twice, in volume and mass"
     return (PartWarning(message=f"{twice}; fuse them (`a + b`)"),)
 
 

@@ -46,7 +46,7 @@ def mass_doubt(mass: float, volume: float) -> Doubt | None:
     if doubt is None:
         return None
     return Doubt(
-        words=f"weighs {mass_words(mass)} in {1e6 * volume:.3g} cm^3: it {doubt.words}",
+        words=f"weighs {mass_words(mass)} in {_plain(1e6 * volume)} cm^3: it {doubt.words}",
         meant=None if doubt.meant is None else doubt.meant * volume,
     )
 

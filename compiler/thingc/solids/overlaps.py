@@ -90,7 +90,8 @@ def _warn(pair: _Pair, shared: float, report: Report) -> bool:
 
 def _cubic(volume: float) -> str:
     """A volume [m^3] for people."""
-    return f"{1e6 * volume:.3g} cm^3" if volume >= 1e-6 else f"{1e9 * volume:.3g} mm^3"
+    scale, unit = (1e6, "cm^3") if volume >= 1e-6 else (1e9, "mm^3")
+    return f"{float(f'{scale * volume:.3g}'):g} {unit}"  # 1000 mm^3, not 1e+03
 
 
 def _candidates(assembly: Assembly, link: Link) -> Iterator[_Pair]:
