@@ -125,10 +125,10 @@ def recompile(environment: Environment, sources: Sources | None, settings: Setti
 
 
 def modules_of_build(targets: Collection[str]) -> tuple[str, ...]:
-    """What `build` imports, for `Options.ahead`."""
+    """What `build` imports that takes long, for `Options.ahead`; numpy, with which solids are compared, only where models need it, too."""
     from thingc.emit import modules_of
 
-    return ("thingc.solids.shapes", *modules_of(targets))
+    return (*modules_of(targets), *(["thingc.solids.shapes"] if "mjcf" in targets else []))
 
 
 def build(environment: Environment, compilation: Compilation, targets: Sequence[str]) -> dict[str, Artifacts]:

@@ -103,9 +103,10 @@ def test_info_in_json(arm: Path, shared_store: str) -> None:
         "bench": ("plate/origin", "fixed"), "drawing": ("hand/tip", "held"), "adrift": ("bracket/origin", "free"),
     }
     for found in info["modes"].values():
-        assert set(found) == {"root", "base", "X_world_root", "links", "joints"}
+        assert set(found) == {"root", "base", "X_world_root", "links", "joints", "loops"}
         assert sorted(found["links"]) == ["base_link", "bracket", "forearm", "hand_link", "humerus"]
         assert sorted(found["joints"]) == ["elbow", "shoulder", "wrist", "yaw"]
+        assert found["loops"] == []
     assert info["modes"]["drawing"]["links"][0] == "hand_link"
 
 
