@@ -138,15 +138,29 @@ HELPERS = '''
 
     def knob(radius):
         return Cylinder(radius, 8)
+'''
+
+KNOBS = '''
+    """A module beside the other one, which shares its helpers."""
+
+    from build123d import *
+
+    import helpers
+    from thingc import Thing
 
 
-    def unused(radius):
-        return Sphere(radius)
+    class Knob(Thing):
+        def __init__(self):
+            super().__init__(material="pine")
+            self.body = Sphere(5) + helpers.knob(3)
+
+        def result(self):
+            return self.body
 '''
 
 CODE = ("Plain", "Base", "Derived", "User", "Walled", "Helped", "FromStep", "FromBrep", "FromStl", "FromJson", "Optional")
 FILES = ("motor.step", "motor.brep", "motor.stl")
-EVERYTHING = {*(f"shelf:{name}" for name in CODE), *(f"files/{name}" for name in FILES)}
+EVERYTHING = {"knobs:Knob", *(f"shelf:{name}" for name in CODE), *(f"files/{name}" for name in FILES)}
 """The definition texts of all parts of the document."""
 
 MAKE = """
@@ -171,7 +185,7 @@ def document() -> str:
     for place, name in enumerate(FILES, 1):
         lines.append(f"  motor_{place}: {{file: files/{name}, at: {{in: first.origin, xyz: {50 * place} 50 0 mm}}}}")
     lines += [
-        "  flap: {part: 'shelf:Plain'}", "joints:",
+        "  knob: {part: 'knobs:Knob', at: {in: first.origin, xyz: 0 50 0 mm}}", "  flap: {part: 'shelf:Plain'}", "joints:",
         "  hinge: {type: revolute, parent: first.origin, child: flap.origin, limit: {lower: -10 deg, upper: 45 deg}}",
         "poses: {open: {hinge: 20 deg}}",
     ]
@@ -189,8 +203,8 @@ def make_files(heights: dict[Path, float]) -> None:
 def workspace(folder: Path) -> Path:
     """The workspace `ws` in a folder, and beside it in `other` the files of another motor."""
     root = write(folder / "ws", {
-        "parts/shelf.py": PARTS, "parts/helpers.py": HELPERS, "shelf.yaml": document(), "sizes.json": "[7, 8, 9]",
-        "unread.json": "1",
+        "parts/shelf.py": PARTS, "parts/helpers.py": HELPERS, "parts/knobs.py": KNOBS, "shelf.yaml": document(),
+        "sizes.json": "[7, 8, 9]", "unread.json": "1",
     })
     make_files({root / "files": 30, folder / "other": 31})
     return root

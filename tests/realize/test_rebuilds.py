@@ -28,6 +28,10 @@ ARM = """
     class Derived(Base):
         def __init__(self):
             super().__init__(width=12)
+"""
+LONELY = """
+    from build123d import *
+    from thingc import Thing
 
     class Lonely(Thing):
         def result(self):
@@ -42,7 +46,8 @@ SHAPES = """
     def unused():
         return 1
 """
-TEXTS = ("arm:Base", "arm:Derived", "arm:Lonely")
+FILES = {"arm": ARM, "lonely": LONELY, "shapes": SHAPES}
+TEXTS = ("arm:Base", "arm:Derived", "lonely:Lonely")
 
 
 def realize(place: Any, definitions: list[Any]) -> tuple[list[str], dict[str, Any], dict[str, str]]:
@@ -55,48 +60,46 @@ def realize(place: Any, definitions: list[Any]) -> tuple[list[str], dict[str, An
 
 
 @pytest.mark.parametrize(
-    ("file", "old", "new", "modelled", "reason"),
+    ("file", "old", "new", "modelled", "different"),
     [
-        ("arm", "class Lonely", "# a comment\n\n    class Lonely", [], None),
-        ("arm", "Box(1, 2, 3)", "Box(1, 2, 4)", ["arm:Lonely"], "class arm:Lonely changed"),
-        ("arm", "width=12", "width=13", ["arm:Derived"], "class arm:Derived changed"),
-        ("arm", "__init__()\n", "__init__(material='pla')\n", ["arm:Base", "arm:Derived"], "class arm:Base changed"),
-        ("shapes", "10, 2)", "10, 3)", ["arm:Base", "arm:Derived"], "helper module `shapes` changed: function `plate`"),
-        ("shapes", "return 1", "return 2", [], None),
+        ("lonely", "class Lonely", "# a comment\n\n    class Lonely", [], []),
+        ("lonely", "Box(1, 2, 3)", "Box(1, 2, 4)", ["lonely:Lonely"], ["lonely:Lonely"]),
+        ("arm", "width=12", "width=13", ["arm:Base", "arm:Derived"], ["arm:Derived"]),
+        ("arm", "__init__()\n", "__init__(material='pla')\n", ["arm:Base", "arm:Derived"], ["arm:Base", "arm:Derived"]),
+        ("shapes", "10, 2)", "10, 3)", ["arm:Base", "arm:Derived"], ["arm:Base", "arm:Derived"]),
+        ("shapes", "return 1", "return 2", ["arm:Base", "arm:Derived"], []),
     ],
 )
 def test_edits_of_code(
-    place: Any, define: Callable[..., Any], file: str, old: str, new: str, modelled: list[str], reason: str | None
+    place: Any, define: Callable[..., Any], file: str, old: str, new: str, modelled: list[str], different: list[str],
 ) -> None:
-    files = {"arm": ARM, "shapes": SHAPES}
-    for name, text in files.items():
+    for name, text in FILES.items():
         place.write(f"parts/{name}.py", text)
     definitions = [define(text) for text in TEXTS]
     first, before, reasons = realize(place, definitions)
     assert first == sorted(TEXTS)
     assert set(reasons.values()) == {"first time"}
-    place.write(f"parts/{file}.py", files[file].replace(old, new))
+    place.write(f"parts/{file}.py", FILES[file].replace(old, new))
     again, after, reasons = realize(place, definitions)
     assert again == modelled
     for text in TEXTS:
-        if text in modelled:
-            assert reasons[text] == reason
-            assert after[text] != before[text]
-        else:
-            assert reasons[text] == "nothing that it depends on changed since it was modelled (first time)"
-            assert (after[text].volume, after[text].meshes) == (before[text].volume, before[text].meshes)
-    place.write(f"parts/{file}.py", files[file])
+        unchanged = "nothing that it depends on changed since it was modelled (first time)"
+        assert reasons[text] == (f"module `{file}` changed" if text in modelled else unchanged)
+        same = (after[text].volume, after[text].meshes, after[text].material) == (
+            before[text].volume, before[text].meshes, before[text].material
+        )
+        assert same == (text not in different)
+    place.write(f"parts/{file}.py", FILES[file])
     assert realize(place, definitions)[0] == []  # the records of before are still there
 
 
 def test_the_line_of_a_class_follows_comments(place: Any, define: Callable[..., Any]) -> None:
-    place.write("parts/shapes.py", SHAPES)
-    place.write("parts/arm.py", ARM)
-    _, before, _ = realize(place, [define("arm:Lonely")])
-    place.write("parts/arm.py", "\n\n\n" + ARM)
-    modelled, after, _ = realize(place, [define("arm:Lonely")])
+    place.write("parts/lonely.py", LONELY)
+    _, before, _ = realize(place, [define("lonely:Lonely")])
+    place.write("parts/lonely.py", "\n\n\n" + LONELY)
+    modelled, after, _ = realize(place, [define("lonely:Lonely")])
     assert modelled == []
-    assert after["arm:Lonely"].code[1] == before["arm:Lonely"].code[1] + 3
+    assert after["lonely:Lonely"].code[1] == before["lonely:Lonely"].code[1] + 3
 
 
 def test_new_parameters_are_a_new_part(place: Any, define: Callable[..., Any]) -> None:
@@ -367,7 +370,7 @@ def test_packages_of_parts(place: Any, define: Callable[..., Any]) -> None:
     modelled, found, _ = realize(place, definitions)
     assert [found[d.text].volume for d in definitions] == pytest.approx([2e-9, 2e-9, 3e-9])
     place.write("parts/robot/sizes.py", "A = 2\nB = 4\n")
-    assert realize(place, definitions)[0] == ["plain.foot:Foot"]
+    assert realize(place, definitions)[0] == ["plain.foot:Foot", "robot.leg:Leg", "robot:Leg"]
 
 
 def test_schemas_are_kept_by_code(place: Any, tmp_path: Path) -> None:

@@ -10,8 +10,8 @@ from thingc.frozen import dataclass
 from thingc.load import Documents, load
 from thingc.load.finding import documents_in
 from thingc.load.paths import named
-from thingc.realize.codekey import Code
 from thingc.realize.lock import LOCK_FILE
+from thingc.realize.module_key import Code
 from thingc.realize.part_code import PartCode
 from thingc.realize.store import Store
 from thingc.source import Document, MappingNode, Node, ScalarNode, SequenceNode
@@ -84,7 +84,7 @@ def _needs(path: str, store: Store | None) -> _Needs:
     for reference in _references(documents):
         found = code.code(reference)
         if isinstance(found, Code):
-            files.update(file for file in found.modules.values() if file is not None)
+            files.update(found.files)
         own = own or code.sources.finder.find(reference.partition(":")[0]).workspace
     files |= code.probed  # where a module would be found if it were there: a new file there changes the answer
     return _Needs(

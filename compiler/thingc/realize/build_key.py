@@ -7,14 +7,14 @@ import json
 from collections.abc import Mapping
 
 from thingc.frozen import dataclass
-from thingc.realize.codekey import Code
+from thingc.realize.module_key import Code
 from thingc.realize.record import PartDefinition, Value
 from thingc.workspace import Workspace
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BuildKey:
-    """Ingredients by label (`class arm:RotorBrace`, `parameter length`, `version build123d`) and the key they make."""
+    """Ingredients by label (`module arm`, `parameter length`, `version build123d`) and the key they make."""
 
     ingredients: dict[str, str]
 
@@ -50,33 +50,25 @@ def _shown(value: Value) -> str:
     return f"{type(value).__name__} {value!r}"
 
 
-def difference(old: Mapping[str, str], new: Mapping[str, str], module: str) -> str:
-    """In words, what changed between two sets of ingredients of a part of `module`; at most three things are
-    named."""
-    changed = sorted(label for label in old.keys() | new.keys() if old.get(label) != new.get(label))
-    named = [label for label in changed if label.partition(" ")[0] in ("class", "function", "value")]
-    edited = [label for label in named if label in old and label in new]
-    if edited:  # what an edited statement newly uses, or uses no longer, says less than the edit
-        named = edited
+def difference(old: Mapping[str, str], new: Mapping[str, str]) -> str:
+    """In words, what changed between two sets of ingredients of a part; at most three things are named, modules first."""
+    changed = [label for label in {**old, **new} if old.get(label) != new.get(label)]
+    if any(label.startswith("module ") and label in old and label in new for label in changed):
+        # what an edited module newly imports, or imports no longer, says less than the edit
         changed = [label for label in changed if label in old and label in new]
-    # a name says more than the fact that its file was read whole, or that statements stand in another order
-    implied = ("whole file", "order of", "import")
-    rest = [label for label in changed if label not in named and not (named and label.startswith(implied))]
-    found = list(dict.fromkeys(_phrase(label, old, new, module) for label in (*named, *rest)))
+    changed.sort(key=lambda label: (not label.startswith("module "), label))
+    found = list(dict.fromkeys(_phrase(label, old, new) for label in changed))
     if not found:
         return "nothing that it depends on changed"
     more = f" and {len(found) - 3} more" if len(found) > 3 else ""
     return "; ".join(found[:3]) + more
 
 
-def _phrase(label: str, old: Mapping[str, str], new: Mapping[str, str], module: str) -> str:
+def _phrase(label: str, old: Mapping[str, str], new: Mapping[str, str]) -> str:
     kind, _, rest = label.partition(" ")
     verb = "is new" if label not in old else "is gone" if label not in new else "changed"
-    if kind in ("class", "function", "value"):
-        where, _, name = rest.partition(":")
-        if where == module:
-            return f"{kind} {rest} {verb}"
-        return f"helper module `{where}` changed: {kind} `{name}`{'' if verb == 'changed' else ' ' + verb}"
+    if kind == "module":
+        return f"module `{rest}` {verb}"
     if kind == "version" and rest == "thingc":
         return "thingc changed"
     if kind == "version":
@@ -88,10 +80,4 @@ def _phrase(label: str, old: Mapping[str, str], new: Mapping[str, str], module: 
         return f"the {which} tolerance of {purpose + ' ' if purpose else ''}meshes changed"
     if label == "file":
         return f"file {new.get('part', old.get('part'))} changed"
-    if label.startswith("whole file "):
-        return f"module `{rest.rpartition(' ')[2]}` changed"
-    if label.startswith(("statement of ", "order of statements of ")):
-        return f"a statement of module `{label.rpartition(' ')[2]}` {verb}"
-    if kind == "import":
-        return f"an import of module `{rest.partition(':')[0]}` changed"
     return f"{label} {verb}"

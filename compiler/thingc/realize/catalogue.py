@@ -6,7 +6,7 @@ import ast
 import os
 from collections.abc import Sequence
 
-from thingc.realize.codekey import Sources
+from thingc.realize.module_key import Sources
 from thingc.realize.modules import listed
 from thingc.realize.record import PartFailure
 
@@ -22,10 +22,8 @@ def classes_in_reach(sources: Sources, packages: Sequence[str]) -> list[str]:
         source = sources.source(module)
         if source is None:
             continue
-        for unit in source.facts.units:
-            if unit.kind == "class":
-                references += [f"{module}:{name}" for name in unit.names if not name.startswith("_")]
-    return sorted(set(references))
+        references += [f"{module}:{name}" for name, (kind, _, _) in source.facts.names.items() if kind == "class" and name[0] != "_"]
+    return sorted(references)
 
 
 def installed_modules(sources: Sources, packages: Sequence[str]) -> dict[str, str]:

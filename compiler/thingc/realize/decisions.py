@@ -15,7 +15,7 @@ RECENT = 512
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decision:
-    """Why a part was modelled, or not: `reason` in words (`class arm:RotorBrace changed`)."""
+    """Why a part was modelled, or not: `reason` in words: "module `arm` changed"."""
 
     text: str
     reused: bool
@@ -34,7 +34,7 @@ def why(definition: PartDefinition, build_key: BuildKey, results: Results) -> st
         return "parameters are new" if results.met_before(definition.reference) else "first time"
     if last.key == build_key.key:
         return results.changed_read(build_key.key) or "its files were missing from the store"
-    return difference(last.ingredients, build_key.ingredients, definition.reference.partition(":")[0])
+    return difference(last.ingredients, build_key.ingredients)
 
 
 class Recent:

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from thingc.diagnostics import Code as Fault
 from thingc.diagnostics import Report, Severity
 from thingc.frozen import dataclass
-from thingc.realize.codekey import Code
 from thingc.realize.lock_values import BadLock, mapping, read_record, read_schema
+from thingc.realize.module_key import Code
 from thingc.realize.record import PartDefinition, PartRecord, PartSchema
 from thingc.source import Span
 

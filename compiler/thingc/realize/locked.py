@@ -8,9 +8,9 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
-from thingc.realize.codekey import Code
 from thingc.realize.lock import LOCK_FILE, Lock, code_hash, lock_path
 from thingc.realize.lock_values import BadLock
+from thingc.realize.module_key import Code
 from thingc.realize.part_code import PartCode
 from thingc.realize.reads import state_of
 from thingc.realize.record import Actuator, PartDefinition, PartFailure, PartRecord, PartSchema

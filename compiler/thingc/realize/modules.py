@@ -35,6 +35,10 @@ PROTECTED = frozenset(sys.stdlib_module_names) | SELDOM_USED | {
 """Names that a part folder cannot take: the standard library, and what the geometry worker itself stands on."""
 
 
+MAX_NAME = 500
+"""Characters of a dotted name that is looked for: no module lies deeper."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Module:
     """A module as found by name, without importing it.
@@ -112,6 +116,8 @@ class Finder:
         return found
 
     def _find(self, name: str) -> Module:
+        if len(name) > MAX_NAME:
+            return Module(name=name, kind="absent")
         parent, _, last = name.rpartition(".")
         if parent:
             package = self.find(parent)

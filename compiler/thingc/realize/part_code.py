@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Any
 
-from thingc.realize.codekey import Code, Sources, binds, code_of, defined_in
+from thingc.realize.module_key import Code, Sources, code_of, defined_in, may_have
 from thingc.realize.modules import OWN, Finder, listed
 from thingc.realize.record import PartDefinition, PartFailure
 from thingc.realize.record_json import shortened
@@ -39,11 +39,7 @@ class PartCode:
     def code(self, reference: str) -> Code | None | PartFailure:
         """The code of `module:Class`; None for an installed package; or why it may not or cannot be loaded."""
         if reference not in self._codes:
-            try:
-                self._codes[reference] = self._read_code(reference)
-            except RecursionError:
-                message = "its modules import one another in a chain that is too long to follow"
-                self._codes[reference] = PartFailure(subject=reference, kind="invalid", message=message)
+            self._codes[reference] = self._read_code(reference)
         return self._codes[reference]
 
     def _read_code(self, reference: str) -> Code | None | PartFailure:
@@ -75,11 +71,11 @@ class PartCode:
             return PartFailure(
                 subject=reference, kind="missing", message=f"there is no module `{module_name}`", candidates=known
             )
-        known, more = defined_in(module_name, self.sources)
         first = name.partition(".")[0]
-        if not more and not binds(module_name, first, self.sources):
+        if not may_have(module_name, first, self.sources):
             return PartFailure(
-                subject=reference, kind="missing", message=f"`{module_name}` has no `{first}`", file=module.file, candidates=known
+                subject=reference, kind="missing", message=f"`{module_name}` has no `{first}`", file=module.file,
+                candidates=defined_in(module_name, self.sources),
             )
         return code_of(reference, self.sources)
 
@@ -87,7 +83,8 @@ class PartCode:
         """Versions of the kernel, of thingc, and of everything installed that the code uses; where the part is of an
         installed package (`code` None), of that."""
         package = reference.partition(":")[0].partition(".")[0]
-        used = (*KERNEL, *(code.installed if code is not None else (package,) if package else ()))
+        own = {name.partition(".")[0] for name in code.installed} if code is not None else {package} - {""}
+        used = (*KERNEL, *own)
         key = tuple(sorted(set(used) - OWN))
         if key not in self._known_versions:
             self._known_versions[key] = {**platform_versions(), **compiler_version(), **versions_of(key, self.file_of, self.store)}
@@ -103,22 +100,18 @@ class PartCode:
     def around(self, code: Code | None) -> dict[str, Any]:
         """What a request to the worker says of the code: the workspace's folders and packages, the files that have a key (SHA-256
         by file), part packages without `__init__.py`, and installed packages worth loading before the fork."""
-        modules = code.modules if code is not None else {}
-        loaded = code.loaded if code is not None else set()
+        code = code or Code()
         return {
             "root": self.workspace.root, "parts": list(self.workspace.parts), "packages": list(self.workspace.packages),
-            "hashes": {file: code.hashes[name] for name, file in modules.items() if file and name in code.hashes}
-            if code is not None else {},
-            "plain": sorted(name for name, file in modules.items() if file is None),
-            "preload": sorted(name for name in loaded if name.partition(".")[0] in self.workspace.packages),
+            "hashes": code.files, "plain": sorted(code.plain),
+            "preload": sorted(name for name in code.installed if name.partition(".")[0] in self.workspace.packages),
         }
 
     def files(self) -> dict[str, str]:
         """The files of all code read so far (in the workspace relative to it) with their states, as `reads` has them."""
         code = [code for code in self._codes.values() if isinstance(code, Code)]
         return {
-            shortened(file, self.workspace.root) or file: f"file:{one.hashes[name]}"
-            for one in code for name, file in one.modules.items() if file is not None and name in one.hashes
+            shortened(file, self.workspace.root) or file: f"file:{sha256}" for one in code for file, sha256 in one.files.items()
         }
 
 

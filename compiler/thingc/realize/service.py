@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 from thingc.frozen import dataclass
 from thingc.realize.build_key import BuildKey, record_key, schema_key
 from thingc.realize.build_locks import BuildLocks
-from thingc.realize.codekey import Code
 from thingc.realize.decisions import Decision, Recent, unchanged, why
 from thingc.realize.lock import LOCK_FILE, Lock
 from thingc.realize.locked import LockBeside
+from thingc.realize.module_key import Code
 from thingc.realize.part_code import PartCode, file_state
 from thingc.realize.record import AssemblyFailed, PartDefinition, PartFailure, PartRecord, PartSchema, Placed, StoredFile
 from thingc.realize.record_json import blobs_of, failure_from_json, mesh_from_json, record_from_json, schema_from_json, with_left
@@ -188,9 +188,7 @@ class GeometryService:
             return
         requests = []
         for index, group in enumerate(groups):
-            hashes = {file: sha for task in group for file, sha in task.request["hashes"].items()}
-            request = {**group[0].request, "references": [task.subject for task in group], "hashes": hashes, "group": index}
-            requests.append(request)
+            requests.append({**group[0].request, "references": [task.subject for task in group], "group": index})
         alone: list[list[_Task]] = []
         for request, answer in self._run(requests):
             group = groups[request["group"]]
