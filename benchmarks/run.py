@@ -138,7 +138,7 @@ def scenarios(workspace: Workspace) -> list[Scenario]:
         Scenario("arm: build, nothing changed", ("build", arm), lambda: None, 0.05, 60.0),
         Scenario("arm: build, a limit edited", ("build", arm), limit, 0.20),
         Scenario("arm: build, a colour edited", ("build", arm), color, 0.65),
-        Scenario("arm: build, one part's dimension", ("build", arm), dimension, 0.7),
+        Scenario("arm: build, one part's dimension", ("build", arm), dimension, 0.9),
         Scenario("arm: check, one value edited", ("check", arm), value, 0.11),
         Scenario("arm: check, nothing changed", ("check", arm), lambda: None, 0.04),
         Scenario("minchw: cold build, empty store", ("build", minchw), workspace.empty, 1.2, 500.0),

@@ -276,6 +276,11 @@ def test_deep_trees_and_names_are_read(tmp_path: Path) -> None:
     assert changed(tmp_path, files, {"shapes.py": "\n"}, "arm:A") == {"arm:A"}
 
 
+def test_names_that_no_module_can_have(tmp_path: Path) -> None:
+    for name in ("a." * 3000 + "a", "a" * (MAX_NAME + 1)):
+        assert Finder([str(tmp_path)]).find(name).kind == "absent"
+
+
 def test_links_that_lead_round(tmp_path: Path) -> None:
     write(tmp_path, {"arm.py": "import loop, ring.ring.leg\nclass A: pass\n", "ring/leg.py": "A = 1\n"})
     (tmp_path / "loop.py").symlink_to(tmp_path / "loop.py")
