@@ -138,3 +138,12 @@ def test_a_listed_package_is_followed(elsewhere: Elsewhere) -> None:
     assert elsewhere.reason("shaped") == "module `company.sizes` changed"
     elsewhere.company.joinpath("module_1.py").write_text("")  # which nobody imports any more
     assert elsewhere.reason("shaped") == "module `company.sizes` changed"
+
+
+def test_the_init_of_a_listed_package_is_an_input_of_a_finished_run(elsewhere: Elsewhere) -> None:
+    """No folder of parts leads to it: the package itself is found on the import path."""
+    elsewhere.write("ws/thingc.toml", 'thingc = "workspace/1"\npackages = ["thingc_stock", "company"]\n')
+    assert elsewhere.thingc("check", "robot.yaml").stdout == "robot.yaml: ok\n"
+    elsewhere.company.joinpath("__init__.py").write_text("raise ValueError('not today')\n")
+    said = elsewhere.thingc("check", "robot.yaml")
+    assert said.returncode == 1 and "ValueError: not today" in said.stdout

@@ -131,6 +131,8 @@ class Finder:
             if found is not None:
                 return found
         found = _on_path(name, self.followed)
+        if found is not None and found.kind == "content" and found.file is not None:
+            self.probed.add(found.file)
         if found is None and name not in PROTECTED:
             found = self._in_folders(name, name, self.parts, True)
         return found or Module(name=name, kind="absent")
