@@ -21,7 +21,7 @@ def write(folder: Path, files: dict[str, str]) -> None:
 
 
 def code(folder: Path, reference: str) -> Code:
-    return code_of(reference, Sources(Finder([str(folder)])))
+    return code_of(reference, Sources(Finder([str(folder)]), str(folder)))
 
 
 def changed(folder: Path, before: dict[str, str], after: dict[str, str], *references: str) -> set[str]:
@@ -229,7 +229,7 @@ def test_a_module_that_appears_or_shadows_another(tmp_path: Path) -> None:
     write(tmp_path, {"arm.py": text, "first/unrelated.py": "", "second/fancy.py": "X = 1\n"})
 
     def of(*folders: str) -> tuple[dict[str, str], set[str]]:
-        found = code_of("arm:A", Sources(Finder([str(tmp_path), *(str(tmp_path / folder) for folder in folders)])))
+        found = code_of("arm:A", Sources(Finder([str(tmp_path), *(str(tmp_path / folder) for folder in folders)]), str(tmp_path)))
         return found.ingredients, found.installed
 
     absent, second = of(), of("second")
@@ -264,7 +264,7 @@ def test_a_file_that_cannot_be_read_as_python_counts_by_its_bytes(tmp_path: Path
     write(tmp_path, {"leg.py": "import arm\nclass Leg: pass\n"})
     (tmp_path / "arm.py").write_bytes(text)
     before = code(tmp_path, "leg:Leg").ingredients
-    assert may_have("arm", "A", Sources(Finder([str(tmp_path)])))  # who can tell
+    assert may_have("arm", "A", Sources(Finder([str(tmp_path)]), str(tmp_path)))  # who can tell
     (tmp_path / "arm.py").write_bytes(text + b"# a comment\n")
     assert code(tmp_path, "leg:Leg").ingredients["module arm"] != before["module arm"]
 
@@ -281,6 +281,24 @@ def test_names_that_no_module_can_have(tmp_path: Path) -> None:
         assert Finder([str(tmp_path)]).find(name).kind == "absent"
 
 
+def test_where_a_file_lies_in_the_workspace_counts(tmp_path: Path) -> None:
+    """It may read what lies beside it."""
+    write(tmp_path, {"ws/parts/arm.py": "class A: pass\n", "ws/more/leg.py": "class L: pass\n"})
+
+    def of(root: str, *folders: str) -> list[dict[str, str]]:
+        sources = Sources(Finder([str(tmp_path / root / folder) for folder in folders]), str(tmp_path / root))
+        return [code_of(reference, sources).ingredients for reference in ("arm:A", "leg:L")]
+
+    arm, leg = of("ws", "parts", "more")
+    (tmp_path / "ws").rename(tmp_path / "elsewhere")  # the workspace as a whole may move
+    assert of("elsewhere", "parts", "more") == [arm, leg] == of("elsewhere", "more", "parts")
+    (tmp_path / "elsewhere" / "parts" / "arm").mkdir()
+    (tmp_path / "elsewhere" / "parts" / "arm.py").rename(tmp_path / "elsewhere" / "parts" / "arm" / "__init__.py")
+    (tmp_path / "elsewhere" / "more" / "leg.py").rename(tmp_path / "elsewhere" / "parts" / "leg.py")
+    moved = of("elsewhere", "parts", "more")
+    assert moved[0] != arm and moved[1] != leg and difference(arm, moved[0]) == "module `arm` changed"
+
+
 def test_links_that_lead_round(tmp_path: Path) -> None:
     write(tmp_path, {"arm.py": "import loop, ring.ring.leg\nclass A: pass\n", "ring/leg.py": "A = 1\n"})
     (tmp_path / "loop.py").symlink_to(tmp_path / "loop.py")
@@ -290,7 +308,7 @@ def test_links_that_lead_round(tmp_path: Path) -> None:
 
 def test_what_is_not_trusted_is_read_within_bounds(tmp_path: Path) -> None:
     write(tmp_path, {"arm.py": "import far, large, small\n", "far.py": "A = 1\n", "large.py": "#" * 1_000_000, "small.py": "A = 1\n"})
-    sources = Sources(Finder([str(tmp_path)]), within=lambda file: not file.endswith("far.py"))
+    sources = Sources(Finder([str(tmp_path)]), str(tmp_path), within=lambda file: not file.endswith("far.py"))
     assert list(code_of("arm:A", sources).ingredients) == ["module arm", "module small"]
 
 
@@ -316,7 +334,7 @@ def test_what_a_module_defines(tmp_path: Path) -> None:
         "open.py": "from build123d import *\nclass A: pass\n",
         "late.py": "def f():\n    global X\n    X = 1\nf()\n",
     })
-    sources = Sources(Finder([str(tmp_path)]))
+    sources = Sources(Finder([str(tmp_path)]), str(tmp_path))
     assert defined_in("arm", sources) == defined_in("shapes", sources) == ("A", "make", "plate")
     names = ("plate", "p", "leg", "_x", "_B", "k", "a", "b", "fault", "c", "d", "e")
     assert [name for name in names if not may_have("arm", name, sources)] == []
@@ -329,8 +347,8 @@ def test_facts_kept_in_a_store_give_the_same_key(tmp_path: Path) -> None:
     write(tmp_path / "parts", FILES)
     store = Store(str(tmp_path / "store"))
     fresh = code(tmp_path / "parts", "arm:Derived")
-    first = code_of("arm:Derived", Sources(Finder([str(tmp_path / "parts")]), store))
-    kept = code_of("arm:Derived", Sources(Finder([str(tmp_path / "parts")]), store))
+    first = code_of("arm:Derived", Sources(Finder([str(tmp_path / "parts")]), str(tmp_path / "parts"), store))
+    kept = code_of("arm:Derived", Sources(Finder([str(tmp_path / "parts")]), str(tmp_path / "parts"), store))
     assert fresh == first == kept and fresh.place is not None
     assert len(list((tmp_path / "store" / "facts").glob("*/*"))) == 2
 

@@ -373,6 +373,18 @@ def test_packages_of_parts(place: Any, define: Callable[..., Any]) -> None:
     assert realize(place, definitions)[0] == ["plain.foot:Foot", "robot.leg:Leg", "robot:Leg"]
 
 
+def test_a_module_that_becomes_a_package_finds_other_files(place: Any, define: Callable[..., Any]) -> None:
+    place.write("parts/arm.py", "from pathlib import Path\nfrom build123d import Box\nfrom thingc import Thing\nclass A(Thing):\n"
+                "    def result(self):\n        return Box(1, 1, float((Path(__file__).parent / 'size.txt').read_text()))\n")
+    place.write("parts/size.txt", "2")
+    place.write("parts/arm/size.txt", "3")
+    assert realize(place, [define("arm:A")])[1]["arm:A"].volume == pytest.approx(2e-9)
+    (place.parts / "arm.py").rename(place.parts / "arm" / "__init__.py")
+    modelled, found, reasons = realize(place, [define("arm:A")])
+    assert modelled == ["arm:A"] and reasons["arm:A"] == "module `arm` changed"
+    assert found["arm:A"].volume == pytest.approx(3e-9)
+
+
 def test_schemas_are_kept_by_code(place: Any, tmp_path: Path) -> None:
     place.write("parts/shapes.py", SHAPES)
     place.write("parts/arm.py", ARM)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import os
 import sys
 from collections.abc import Callable
 from dataclasses import field
@@ -49,19 +50,26 @@ class Facts:
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A module's source as read."""
+    """A module's source as read. `path` is where it lies in the workspace, since code looks for files beside itself; of what lies
+    elsewhere only the file's name, which is the same on every machine."""
 
     module: Module
     sha256: str
     facts: Facts
+    path: str
+
+    @property
+    def label(self) -> str:
+        """What the module is called among the ingredients of a key."""
+        return f"module {self.module.name}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Code:
     """What a part's code is made of.
 
-    `ingredients` are digests by module (`module arm`), `documented` the same with docstrings; `installed` the modules of installed
-    packages that it imports; `files` the files that it is loaded from, with their SHA-256; `plain` its packages without
+    `ingredients` are digests and paths by module (`module arm`), `documented` the same with docstrings; `installed` the modules of
+    installed packages that it imports; `files` the files that it is loaded from, with their SHA-256; `plain` its packages without
     `__init__.py`; `place` is `(file, line)` of the class.
     """
 
@@ -76,12 +84,13 @@ class Code:
 class Sources:
     """Reads the source files of content-tracked modules, each once; their facts are kept in the store by content.
 
-    `within` is for workspaces that are not trusted: only files of part folders for which it holds are read, and at most
-    `MAX_UNTRUSTED` bytes of them. What is not read has no source, so that the key of what uses it is another.
+    `root` is the folder of the workspace. `within` is for workspaces that are not trusted: only files of part folders for which it holds
+    are read, and at most `MAX_UNTRUSTED` bytes of them. What is not read has no source, so that the key of what uses it is another.
     """
 
-    def __init__(self, finder: Finder, store: Store | None = None, within: Callable[[str], bool] | None = None) -> None:
+    def __init__(self, finder: Finder, root: str, store: Store | None = None, within: Callable[[str], bool] | None = None) -> None:
         self.finder = finder
+        self.root = os.path.join(root, "")
         self.store = store
         self._within = within
         self._left = MAX_UNTRUSTED
@@ -122,7 +131,10 @@ class Sources:
             if self.store is not None:
                 with contextlib.suppress(StoreUnusable):  # kept for speed only
                     self.store.put_json("facts", key, facts)
-        return Source(module, sha256, Facts(**facts))
+        file = module.file or ""
+        inside = module.workspace and file.startswith(self.root)
+        path = file[len(self.root) :].replace(os.sep, "/") if inside else os.path.basename(file)
+        return Source(module, sha256, Facts(**facts), path)
 
 
 def code_of(reference: str, sources: Sources) -> Code:
@@ -132,8 +144,8 @@ def code_of(reference: str, sources: Sources) -> Code:
     found = [source for one in reached if (source := sources.source(one.name)) is not None]
     texts = any(source.facts.telling for source in found)
     return Code(
-        ingredients={f"module {one.module.name}": one.sha256 if texts else one.facts.syntax for one in found},
-        documented={f"module {one.module.name}": one.sha256 if texts else one.facts.documented for one in found},
+        ingredients={one.label: f"{one.sha256 if texts else one.facts.syntax} {one.path}" for one in found},
+        documented={one.label: f"{one.sha256 if texts else one.facts.documented} {one.path}" for one in found},
         installed={one.name for one in reached if one.kind == "installed"},
         files={one.module.file: one.sha256 for one in found if one.module.file is not None},
         plain={one.name for one in reached if one.kind == "content" and one.file is None},

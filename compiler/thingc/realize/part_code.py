@@ -27,7 +27,8 @@ class PartCode:
     def __init__(self, workspace: Workspace, store: Store | None) -> None:
         self.workspace = workspace
         self.store = store
-        self.sources = Sources(Finder(workspace.parts, workspace.packages), store, within=None if store is not None else workspace.contains)
+        within = None if store is not None else workspace.contains
+        self.sources = Sources(Finder(workspace.parts, workspace.packages), workspace.root, store, within)
         self._codes: dict[str, Code | None | PartFailure] = {}
         self._known_versions: dict[tuple[str, ...], dict[str, str]] = {}
 
