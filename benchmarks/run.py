@@ -21,6 +21,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from forty import write_forty
 from wide import write_wide
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -129,6 +130,13 @@ def scenarios(workspace: Workspace) -> list[Scenario]:
     value = edited(arm, r"(yaw:(?:.|\n)*?upper: )[\d.]+", lambda n: f"{150 - n / 1000.0:.3f}")
     color = edited("assemblies/materials.yaml", r"(petg:(?:.|\n)*?color: )(?:[a-z]+|\"[^\"]*\")", lambda n: f'"#{n:02x}aa{n:02x}"')
     dimension = edited("parts/arm.py", r"(class BasePlate(?:.|\n)*?thickness: Annotated.* = )[\d.]+", lambda n: f"{5 + n / 1000.0:.3f}")
+    bracket = edited(
+        "parts/minchw/leg.py", r"(class HipBracket(?:.|\n)*?thickness: Annotated.* = )[\d.]+", lambda n: f"{5 + n / 1000.0:.3f}",
+    )
+    forty = write_forty(workspace.folder)
+    one_of_forty = edited(
+        "parts/forty.py", r"(class Plate7(?:.|\n)*?thickness: Annotated.* = )[\d.]+", lambda n: f"{3 + n / 1000.0:.3f}",
+    )
     knee = edited("assemblies/minchw/leg.yaml", r"(knee:(?:.|\n)*?upper: )[\d.]+", lambda n: f"{115 - n / 1000.0:.3f}")
     wide = f"wide/{write_wide(workspace.folder / 'wide')}"
     value_of_wide = edited("wide/level7.yaml", r"(reach: \{value: )[\d.]+", lambda n: f"{40 + n / 1000.0:.3f}")
@@ -144,6 +152,8 @@ def scenarios(workspace: Workspace) -> list[Scenario]:
         Scenario("minchw: cold build, empty store", ("build", minchw), workspace.empty, 1.2, 500.0),
         Scenario("minchw: build, nothing changed", ("build", minchw), lambda: None, 0.05),
         Scenario("minchw: build, a limit edited", ("build", minchw), knee, 0.20),
+        Scenario("minchw: build, one part's dimension", ("build", minchw), bracket, 0.9),
+        Scenario("40 parts in a module, one edited", ("build", forty), one_of_forty, 2.0),
         Scenario("minchw: check, one value edited", ("check", minchw), lambda: (workspace.known(minchw), knee())[1], 0.11),
         Scenario("check: 1 000 in 20 documents", ("check", wide), lambda: (workspace.known(wide), value_of_wide())[1], 0.6),
         Scenario("minchw: check --no-code", ("check", "--no-code", minchw), workspace.lock_once, 0.15),
