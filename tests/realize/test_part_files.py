@@ -159,6 +159,22 @@ def test_an_open_surface_is_mended_and_that_is_told(name: str, change: Any, word
 
 
 @pytest.mark.parametrize(
+    ("name", "change", "count"),
+    [
+        ("twice", lambda faces: [*faces, *(face[1:] + face[:1] for face in faces)], 12),
+        ("one", lambda faces: [*faces, faces[3]], 1),
+    ],
+)
+def test_a_triangle_that_stands_there_twice_counts_once(name: str, change: Any, count: int, module_place: Any) -> None:
+    written(module_place.root / f"{name}.stl", change(triangles()))
+    with module_place.service() as service:
+        record = service.realize([filed(f"{name}.stl", None)])[f"{name}.stl"]
+    assert isinstance(record, PartRecord), record
+    assert record.volume == pytest.approx(24e-6, rel=1e-6)
+    assert [warning.message for warning in record.warnings] == [f"triangles that stand in it more than once, left out: {count}"]
+
+
+@pytest.mark.parametrize(
     ("name", "content", "words"),
     [
         ("open.stl", None, "its surface is not closed: 6 edges have no neighbour, so that it has no volume"),

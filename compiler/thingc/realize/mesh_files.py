@@ -35,7 +35,7 @@ class BadPartFile(ValueError):
 
 
 def read_mesh(path: str, suffix: str, unit: float) -> tuple[Triangles, tuple[str, ...]]:
-    """The surface in a file [mm], closed, and in words what had to be mended for that; `unit` [mm] is that of the numbers in a file that
+    """The surface in a file [mm], closed, and in words what had to be mended; `unit` [mm] is that of the numbers in a file that
     does not say its own. z is up: what a glTF file calls y. Raises `BadPartFile`, also where the surface stays open."""
     if suffix == ".3mf":
         mesh = _from_3mf(path)
@@ -47,7 +47,9 @@ def read_mesh(path: str, suffix: str, unit: float) -> tuple[Triangles, tuple[str
         mesh = _from_trimesh(path, suffix).scaled(unit)
     if len(mesh.faces) == 0:
         raise BadPartFile("the file holds no triangles")
-    return _closed(mesh)
+    once, again = _once(mesh)
+    closed, mended = _closed(once)
+    return closed, (*again, *mended)
 
 
 def reads_with_trimesh(path: str) -> bool:
@@ -78,7 +80,18 @@ def _finite(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     return rows
 
 
-# --- surfaces that are not closed -------------------------------------------------------------------------------------
+# --- surfaces that are not closed, or stand there twice --------------------------------------------------------------
+
+
+def _once(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
+    """The mesh with every triangle once, and what was left out: a surface that stands there twice is closed, and has twice the volume.
+    Two that look opposite ways are where two bodies touch, and stay."""
+    turns = (np.argmin(mesh.faces, axis=1)[:, None] + np.arange(3)) % 3
+    _, first = np.unique(np.take_along_axis(mesh.faces, turns, axis=1), axis=0, return_index=True)
+    more = len(mesh.faces) - len(first)
+    if not more:
+        return mesh, ()
+    return Triangles(mesh.vertices, mesh.faces[np.sort(first)]), (f"triangles that stand in it more than once, left out: {more}",)
 
 
 def _closed(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
