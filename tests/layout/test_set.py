@@ -208,3 +208,40 @@ def test_a_variant_is_adopted(here: Path, capsys: pytest.CaptureFixture[str]) ->
     assert main(["batch", "sweep.yaml", "--adopt", "nothing"]) == 2
     assert "has no variant `nothing`" in capsys.readouterr().err
     assert main(["batch", "sweep.yaml", "--adopt", now[1]["id"], "--resume"]) == 2
+
+
+def test_an_id_of_a_batch_is_the_variant_of_its_table(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """An id says what differs from the assembly, so after one variant has been adopted the same id is another one's."""
+    (here / "sweep.yaml").write_text(
+        "thingc: variants/1\nassembly: arm.yaml\nname: sweep\nkeep: [mass < 3.5 kg]\nparameters:\n"
+        "  load: [2 kg, 4 kg]\n  joints.lift.limit.upper: [45 deg, 90 deg]\n"
+    )
+    assert main(["batch", "sweep.yaml", "--pictures", "none", "--jobs", "1", "--no-verify"]) == 0
+    journal = (here / "build/sweep/journal.jsonl").read_text().splitlines()
+    ids = {line["name"]: line["id"] for line in map(json.loads, journal)}
+    assert main(["batch", "sweep.yaml", "--adopt", ids["sweep_2"]]) == 0
+    capsys.readouterr()
+    for _ in range(2):  # of 4 kg, what differs from 2 kg and 45 deg; and then once more
+        assert main(["batch", "sweep.yaml", "--adopt", ids["sweep_1"]]) == 0
+        text = (here / "arm.yaml").read_text()
+        assert "load: 2 kg" in text and "upper: 90 deg" in text
+    out, err = capsys.readouterr()
+    assert (out, err) == (
+        f"parameters.load: 4 kg -> 2 kg\njoints.lift.limit.upper: 45 deg -> 90 deg\n{_now(capsys, 1)} is what arm.yaml says\n", ""
+    )
+    assert main(["batch", "sweep.yaml", "--adopt", "sweep_3"]) == 0
+    assert capsys.readouterr().err == "sweep_3 does not keep the rule `mass < 3.5 kg`\n"
+    (here / "arm.yaml").write_text((here / "arm.yaml").read_text().replace("value: 100 mm", "value: 110 mm"))
+    before = (here / "arm.yaml").read_text()
+    assert main(["batch", "sweep.yaml", "--adopt", ids["sweep_1"]]) == 2
+    assert (
+        f"error[TC923]: no variant of `sweep.yaml` has the settings any more that `{ids['sweep_1']}` has in `build/sweep`\n"
+        "  help: the documents have changed since that batch was built: build it anew, and take an id from its table\n"
+    ) in capsys.readouterr().err
+    assert (here / "arm.yaml").read_text() == before
+
+
+def _now(capsys: pytest.CaptureFixture[str], index: int) -> str:
+    """The id that a variant has as the documents are."""
+    assert main(["batch", "sweep.yaml", "--dry-run", "--format", "json"]) == 0
+    return str(json.loads(capsys.readouterr().out)["first"][index]["id"])

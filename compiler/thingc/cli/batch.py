@@ -281,16 +281,20 @@ def _forecast(arguments: argparse.Namespace, options: Options, targets: tuple[st
 def _adopt(arguments: argparse.Namespace, options: Options) -> int:
     """Write the settings of a variant into the document of the assembly, as `thingc set` does."""
     from thingc.cli.set import write
+    from thingc.variants.adopting import meant
     from thingc.variants.reading import plan
     from thingc.variants.values import in_unit
 
     planned = plan(arguments.document, options=options)
-    variant = next((one for one in planned if arguments.adopt in (one.id, one.name)), None)
-    if variant is None:
+    found = meant(planned, arguments.adopt, planned.folder_in(arguments.output))
+    if found is None:
         raise common.WrongCommandLine(
             f"`{planned.name}` has no variant `{arguments.adopt}`",
             "the identifiers stand in results.csv, and `--dry-run` says the first of them",
         )
+    variant, rule = found
+    if rule is not None:
+        common.say(f"{variant.name} does not keep the rule `{rule}`", stream=sys.stderr)
     settings = {
         name: in_unit(text, planned.written_in.get(name, "")) for name, text in {**variant.parameters, **variant.choices}.items()
     }

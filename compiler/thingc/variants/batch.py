@@ -85,8 +85,7 @@ def run(
             Code.COMMAND_LINE, "--ship is for workers of dask, which may share no folder with this machine",
             "leave it out: jobs of SLURM share the folder that they are submitted from, and runners of this machine are in it",
         )
-    parent = os.path.abspath(output or os.path.join(plan.workspace.root, plan.workspace.build))
-    folder = os.path.join(parent, plan.name)
+    folder = plan.folder_in(output)
     if resume:
         _begun(plan, folder)
     transfer = pack(plan, folder) if ship else None
@@ -372,7 +371,7 @@ class _Batch:
         line = {
             "index": variant.index, "id": variant.id, "name": variant.name, "status": row["status"],
             "parameters": dict(variant.values),
-            "choices": {path: variant.choices.get(path, self.plan.own_choices.get(path)) for path in self.plan.choice_paths},
+            "choices": self.plan.chosen(variant),
             **{key: value for key, value in row.items() if key not in ("index", "id", "status")},
             "path": f"{places.VARIANTS}/{variant.id}" if row["status"] == "built" else None,
             "command": shlex.join(self.plan.command(variant)),

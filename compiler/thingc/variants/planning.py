@@ -168,6 +168,14 @@ class Plan(Brief):
         """The SI unit of every one that is a number."""
         return {name: unit_of(dimension) for name, dimension in self.dimensions.items()}
 
+    def folder_in(self, output: str | None) -> str:
+        """The absolute path of the batch's folder, in `output` or else in the workspace's build folder."""
+        return os.path.join(os.path.abspath(output or os.path.join(self.workspace.root, self.workspace.build)), self.name)
+
+    def chosen(self, variant: Variant) -> dict[str, str | None]:
+        """What a variant has at every path at which something is chosen."""
+        return {path: variant.choices.get(path, self.own_choices.get(path)) for path in self.choice_paths}
+
     @cached_property
     def choice_paths(self) -> tuple[str, ...]:
         """Every path at which something is chosen, in the order in which the document has them."""

@@ -59,7 +59,7 @@ def show_again(
     plan = read_plan(document, options or Options(), report)
     if plan is None or report.failed:
         raise PlanError(report.ordered())
-    folder = os.path.join(os.path.abspath(output or os.path.join(plan.workspace.root, plan.workspace.build)), plan.name)
+    folder = plan.folder_in(output)
     described = read_batch(folder)
     if described is None or described.get("document") != plan.relative:
         raise BatchFault(
