@@ -173,7 +173,8 @@ class _Reporter:
             flag = "true" if value.lower() in ("yes", "on") else "false"
             help = Hint(f"write `{flag}`", (value, flag))
         elif help is None and isinstance(value, str) and any(member.kind == "list" for member in alternatives(shape)):
-            help = f"write `[{shortened(value)}]`"
+            numbers = re.fullmatch(r"[-+.\deE\s]+", value)  # `0 0 1` is three, and `mass < 2 kg` one rule
+            help = f"write `[{shortened(', '.join(value.split()) if numbers else value)}]`"
         self._add(Code.WRONG_TYPE, f"expected {shape.words}, found {found(value)}", self._place(fault.path), fault.path, help)
 
 
