@@ -137,6 +137,11 @@ class Finder:
             found = self._in_folders(name, name, self.parts, True)
         return found or Module(name=name, kind="absent")
 
+    def hidden(self, name: str) -> str | None:
+        """The file in a part folder that would be the top-level module `name`, were that not one of `PROTECTED`."""
+        found = self._in_folders(name, name, self.parts, True, plain_folders=False) if name in PROTECTED else None
+        return found.file if found is not None else None
+
     def _in_folders(
         self, name: str, last: str, folders: Iterable[str], workspace: bool, *, plain_folders: bool = True
     ) -> Module | None:

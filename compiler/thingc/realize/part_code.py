@@ -53,11 +53,11 @@ class PartCode:
         top = module_name.partition(".")[0]
         allowed = module.workspace or top in self.workspace.packages
         if not allowed and (module.kind != "absent" or finder.find(top).kind == "installed"):
-            return PartFailure(
-                subject=reference, kind="refused",
-                message=f"`{module_name}` is neither in a part folder nor in a package that the workspace allows",
-                candidates=tuple(self.workspace.packages),
-            )
+            message = f"`{module_name}` is neither in a part folder nor in a package that the workspace allows"
+            if hidden := finder.hidden(top):
+                shown = os.path.relpath(hidden, self.workspace.root)
+                message = f"a module of Python or of what thingc stands on is called `{top}`, and hides `{shown}`: call the file otherwise"
+            return PartFailure(subject=reference, kind="refused", message=message, candidates=tuple(self.workspace.packages))
         if module.kind == "installed":
             return None
         if module.kind == "absent" or module.file is None:
