@@ -335,6 +335,34 @@ def test_robots_of_frames_have_no_pictures_and_a_page(tmp_path: Path, shared_sto
     assert "warning" not in done.stderr
 
 
+@browser
+def test_a_card_says_what_it_leaves_out(tmp_path: Path, shared_store: str) -> None:
+    """Two cards may tell the same: then what differs is in what they leave out."""
+    both = [f"materials.{name}.{key}" for key in ("friction.slide", "density") for name in ("light", "heavy")]
+    paths = ["side", "simulation.timestep", *both]
+    listed = "".join(
+        f"\n      - parameters: {json.dumps(dict(zip(paths, values, strict=True)))}"
+        for values in (
+            ["40 mm", "1 ms", 0.5, 0.6, "500 kg/m^3", "600 kg/m^3"], ["50 mm", "2 ms", 0.7, 0.8, "700 kg/m^3", "800 kg/m^3"],
+        )
+    )
+    here = workspace(tmp_path, several=f"""
+    thingc: variants/1
+    assembly: stand.yaml
+    name: several
+    list: {listed}
+    """)
+    done = thingc("batch", "several.yaml", "--pictures", "2", cwd=here, env=environment(shared_store))
+    assert done.returncode == 0, done.stdout + done.stderr
+    found = seen(here / "build/several/index.html", """
+        return { told: [...$("#grid .card dl").querySelectorAll("dt")].map((e) => e.textContent) };
+    """)
+    assert found == {"faults": [], "told": [
+        "side", "simulation.timestep", "materials.light.friction.slide", "materials.heavy.friction.slide", "materials.light.density",
+        "and 1 more",
+    ]}
+
+
 def test_where_nothing_can_be_drawn_the_page_says_less(stands: Path, tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path, stands=STANDS)
     env = {**environment(shared_store), "MUJOCO_GL": "nonsense"}

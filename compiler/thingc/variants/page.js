@@ -4,6 +4,7 @@
   const batch = JSON.parse(document.getElementById("batch").textContent);
   const { columns, rows } = batch;
   const PAGE = { pictures: 60, table: 200 };
+  const TOLD = 5; // settings on a card, and of a variant in a line
   const SPOKEN = { built: "built", kept_out: "kept out", refused: "refused", failed: "failed" };
   const PALETTE = ["#2b6a99", "#d98a2b", "#2f8f7a", "#b5495b", "#7a5ba6", "#8a6d3b", "#4aa5c4", "#66727f"];
   const SCALE = [[48, 62, 140], [42, 114, 142], [33, 157, 132], [110, 196, 88], [226, 205, 45]];
@@ -125,7 +126,7 @@
 
   function card(row) {
     const pairs = make("dl", { class: "pairs" });
-    const told = settings.slice(0, 3).map((column) => [column, false]);
+    const told = settings.slice(0, TOLD).map((column) => [column, false]);
     if (!["index", "name", "id", "status"].includes(state.sort)) {
       const column = columns[at[state.sort]];
       const known = told.find(([one]) => one === column);
@@ -138,6 +139,7 @@
         make("dd", { class: sorted ? "sorted" : "" }, inUnit(row, column)),
       );
     }
+    if (settings.length > TOLD) pairs.append(make("dt", {}, `and ${settings.length - TOLD} more`), make("dd", {}, ""));
     const image = make("img", { src: picture(row), loading: "lazy", alt: cell(row, "name"), width: 240, height: 180 });
     return make("button", { class: `card${row === state.chosen ? " chosen" : ""}`, type: "button", "data-id": cell(row, "id"), onclick: () => select(row) },
       image, make("div", { class: "text" },
@@ -146,7 +148,7 @@
   /** A variant without a picture, as a line: what it is set to, or why it was not built. */
   function line(row) {
     const words = status(row) === "built"
-      ? settings.slice(0, 4).map((column) => `${label(column)} ${inUnit(row, column)}`).join(" · ") : `${SPOKEN[status(row)]}: ${why(row)}`;
+      ? settings.slice(0, TOLD).map((column) => `${label(column)} ${inUnit(row, column)}`).join(" · ") : `${SPOKEN[status(row)]}: ${why(row)}`;
     return make("button", { class: `line${row === state.chosen ? " chosen" : ""}`, type: "button", "data-id": cell(row, "id"), onclick: () => select(row) },
       make("span", { class: "dot", own: status(row), title: SPOKEN[status(row)] }), make("span", { class: "name" }, cell(row, "name")),
       make("span", { class: "why", title: words }, words));
