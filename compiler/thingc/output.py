@@ -150,6 +150,11 @@ def verify(folder: str) -> dict[str, Any] | None:
     return manifest
 
 
+def unswept(folder: str) -> bool:
+    """Whether something of a killed build lies beside the folder, or another build is under way: the next one waits, and sweeps."""
+    return any(os.path.lexists(_beside(folder, what)) for what in ("lock", "new", "old"))
+
+
 def unexpected_files(
     folder: str, document: str, *, also: Collection[str] = (), known: dict[Signature, str] | None = None,
 ) -> UnexpectedFiles:

@@ -75,6 +75,19 @@ def test_warm_builds_killed_at_random_moments(scene: Scene, tmp_path: Path) -> N
     assert sorted(path.name for path in output.iterdir()) == ["rig"]
 
 
+def test_what_was_left_is_swept_also_where_nothing_changed(scene: Scene, tmp_path: Path) -> None:
+    """A build that was killed after the exchange: what stands is what the next one would write."""
+    output, store = tmp_path / "out", tmp_path / "store"
+    words = ("rig.yaml", "-p", "span=60 mm", "-o", output)
+    build(*words, store=store, cwd=scene.root)
+    for left in (".rig.thingc-new/mjcf", ".rig.thingc-old/mjcf"):
+        (output / left).mkdir(parents=True)
+    (output / ".rig.thingc-lock").touch()
+    build(*words, store=store, cwd=scene.root)
+    assert sorted(path.name for path in output.iterdir()) == ["rig"]
+    assert whole(output / "rig") == scene.expected[60]
+
+
 def test_an_interrupted_build_leaves_nothing(scene: Scene, tmp_path: Path) -> None:
     """Ctrl-C while parts are modelled: no folder, no process, no traceback."""
     process = scene.start(60, tmp_path / "out", tmp_path / "store")

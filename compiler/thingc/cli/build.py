@@ -17,7 +17,7 @@ from thingc.diagnostics import Code, Diagnostic, Report, Severity, Stage, shown_
 from thingc.emit import targets
 from thingc.emit.artifact import Content, Loss
 from thingc.environment import Environment, Options, attempted, store_of
-from thingc.output import OutputError, build_folder, verify, write_build
+from thingc.output import OutputError, build_folder, unswept, verify, write_build
 from thingc.pipeline import Compilation, UnknownChoice
 from thingc.typos import did_you_mean
 
@@ -133,9 +133,9 @@ def _built(
 
 
 def _stands(answer: Mapping[str, Any]) -> bool:
-    """Whether the folder that an earlier run wrote is still where it was, and what it wrote."""
+    """Whether the folder that an earlier run wrote is still where it was, and what it wrote, with nothing beside it to be swept away."""
     folder = answer["folder"]
-    if build_folder(*answer["place"]) != folder:
+    if build_folder(*answer["place"]) != folder or unswept(folder):
         return False
     return stamp.state_of(os.path.join(folder, "manifest.json")) == answer["manifest"] and verify(folder) is not None
 

@@ -162,7 +162,7 @@ class Finder:
         return None
 
     def part_modules(self) -> list[str]:
-        """Names of the modules in the part folders (two levels), for near-name hints."""
+        """Names of the modules in the part folders (two levels) that may be named, for near-name hints."""
         if self._part_modules is None:
             self._part_modules = self._list_modules()
         return self._part_modules
@@ -180,7 +180,7 @@ class Finder:
                         found.add(name)
                     own = [entry[:-3] for entry in inner if entry[:-3].isidentifier() and entry != "__init__.py"]
                     found.update(f"{name}.{entry}" for entry in own)
-        return sorted(found)
+        return sorted(name for name in found if name.partition(".")[0] not in PROTECTED)
 
 
 _PYTHONS_OWN = (importlib.machinery.PathFinder, importlib.machinery.BuiltinImporter, importlib.machinery.FrozenImporter)
