@@ -16,6 +16,7 @@ from typing import Any
 import psutil
 import pytest
 
+from thingc.later import Later
 from thingc.realize.client import Workers
 from thingc.realize.record import PartRecord
 
@@ -173,6 +174,20 @@ def test_a_server_that_dies_is_started_again(place: Any, define: Callable[..., A
         assert all(isinstance(record, PartRecord) for record in found.values())
     finally:
         workers.close()
+
+
+def test_workers_that_are_closed_meanwhile_are_not_started_again(place: Any, define: Callable[..., Any]) -> None:
+    """Whoever waits for them in another thread, as for a STEP file, hears of it."""
+    place.write("parts/parts_.py", PARTS)
+    workers = Workers(1)
+    with place.service(workers=workers, timeout=30.0) as service:
+        waiting = Later(lambda: service.realize([define("parts_:Slow")]))
+        deadline = time.monotonic() + 60.0
+        while not any(process.asked and process.ready for process in workers._processes) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        workers.close()
+        failure = waiting.result()["parts_:Slow"]
+    assert (failure.kind, failure.message) == ("crashed", "the workers have been ended") and not workers.running
 
 
 @pytest.mark.parametrize("damage", ["gone", "truncated", "overwritten", "document"])

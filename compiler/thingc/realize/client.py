@@ -112,6 +112,8 @@ class Workers:
                     continue
                 failed = {"failed": "hung", "words": "", "detail": ""}
             else:
+                if not self._processes:  # closed by another thread
+                    raise WorkerBroken("the workers have been ended")
                 if worker not in self._processes:
                     continue
                 failed = {"failed": "crashed", "words": "the worker process ended", "detail": ""}
