@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
 from thingc import pipeline
 from thingc.diagnostics import Code, Diagnostic, Note, Report, Severity
@@ -15,8 +15,9 @@ from thingc.pipeline import Sources
 from thingc.resolve import resolve
 from thingc.resolve.parameters import declared
 from thingc.resolve.scope import Found, dotted
+from thingc.resolve.substituting import closest
 from thingc.resolve.table import Context
-from thingc.source import Document, Path, ScalarNode, node_at
+from thingc.source import SET, Document, Path, ScalarNode, node_at
 from thingc.spec import validate_one
 from thingc.spec.assembly import AssemblySpec
 from thingc.spec.choices import DEFAULT_MATERIAL, parse
@@ -80,6 +81,9 @@ class _Planner:
         self.workspace = sources.workspace
         self.report = report
         self.said: set[tuple[str, str]] = set()
+        self.tried: dict[tuple[tuple[str, str], ...], list[Diagnostic]] = {}
+        self.beside: dict[str, str] = {}
+        """What is set beside the values of the variant that is being read."""
 
     def plan(self) -> Plan | None:
         root = self.sources.documents.root
@@ -191,35 +195,81 @@ class _Planner:
 
     def possible(self, path: str, text: str, at: Path) -> bool:
         """Whether a choice can be made, by itself or with one of the assemblies that are chosen around it; reported if not."""
-        wrong = self.trial(path, text)
+        wrong = self.trial({path: text})
         for found in wrong:
             if found.code is Code.CHOICE_OPTION:
                 self.say_once(Code.VARIANT_CHOICE, found, path, at, f"choices.{path}", key=False)
         return not any(found.code is Code.CHOICE_OPTION for found in wrong)
 
     def fits(self, path: str, text: str, at: Path) -> bool:
-        """Whether a value can stand at a path of the assembly; reported if not: of a path that leads nowhere at its key."""
-        wrong = self.trial(path, text)
+        """Whether a value can stand at a path of the assembly; reported if not: of a path that leads nowhere at its key. One of a variant
+        that is written out is tried with all of that; another by itself and, where it does not fit so, with the first of the others."""
+        if at[0] == "list":
+            written = self.texts({name: (*at[:-1], name) for name in self.spec.list_[int(at[1])].parameters})
+            entry = {**{name: one for name, one in written.items() if "." in name}, path: text}
+            parameters = {name: one for name, one in written.items() if "." not in name}
+            wrong = [
+                one for one in self.made_wrong(entry, {**self.beside, **parameters})
+                if closest(entry, (one.path or "").removeprefix(SET).partition("=")[0]) == path
+            ]
+        else:
+            wrong = self.trial({path: text})
+            if wrong:
+                wrong = self.made_wrong({path: text}, {name: first for name, first in self.firsts().items() if name != path})
         for found in wrong:
             astray = found.code is Code.CHOICE_OPTION and "=" not in (found.path or "")
             where = at[: at.index(path) + 1] if astray else at
             self.say_once(Code.VARIANT_VALUE, found, path, where, dotted(where), key=astray)
         return not wrong
 
-    def trial(self, path: str, text: str) -> list[Diagnostic]:
-        """The errors that the assembly has where a text is set or chosen at a path, by itself or with one of the assemblies that are chosen
-        around it, and has not without."""
+    def texts(self, places: Mapping[str, Path]) -> dict[str, str]:
+        """What this document writes at places, by the names of what is set there; without what is no single value."""
+        nodes = ((name, node_at(self.document.tree, place)) for name, place in places.items())
+        return {name: node.text for name, node in nodes if isinstance(node, ScalarNode)}
+
+    def firsts(self) -> dict[str, str]:
+        """The first value of everything that is set for all variants, is an axis or is drawn, as it is written."""
+        first: dict[str, Path] = {}
+        for name, raw in self.spec.parameters.items():
+            within: Path = (0,) if isinstance(raw, list) else ("from",) if isinstance(raw, AxisSpec) else ()
+            first[name] = ("parameters", name, *within)
+        first.update({name: ("sample", "ranges", name, 0) for name in (self.spec.sample.ranges if self.spec.sample is not None else {})})
+        return self.texts(first)
+
+    def made_wrong(self, texts: Mapping[str, str], beside: Mapping[str, str]) -> list[Diagnostic]:
+        """The errors that texts make with others `beside` them, and that those do not make without."""
+        wrong = self.trial({**beside, **texts})
+        others = self.trial(beside) if wrong else []
+        return [one for one in wrong if one not in others]
+
+    def trial(self, texts: Mapping[str, str]) -> list[Diagnostic]:
+        """The errors that the assembly has where texts are set or chosen, by themselves or with one of the assemblies that are chosen
+        around them, and has not without. Wrong values of its parameters are said where those are read."""
+        known = self.tried.get(key := tuple(texts.items()))
+        if known is not None:
+            return known
+        parameters = {name: text for name, text in texts.items() if "." not in name}
+        own = {path: text for path, text in texts.items() if "." in path}
         first: list[Diagnostic] | None = None
-        for around in self.around(path):
+        for around in self.around(own):
             trial = Report()
-            choices = {**around, path: text}
+            choices = {**around, **own}
             sources = pipeline.choose(self.environment, self.sources, choices, trial)
-            resolve(sources.documents, sources.specs, self.workspace, sources.schemas, {}, trial, choices)
-            wrong = [one for one in trial.diagnostics if one.severity is Severity.ERROR and one not in self.report.diagnostics]
+            resolve(sources.documents, sources.specs, self.workspace, sources.schemas, parameters, trial, choices)
+            wrong = [
+                one for one in trial.diagnostics
+                if one.severity is Severity.ERROR and one.code is not Code.PARAMETER_OPTION and one not in self.report.diagnostics
+            ]
+            if first is None or not wrong:
+                first = wrong
             if not wrong:
-                return []
-            first = first or wrong
-        return first or []
+                break
+        astray = {path for path in texts if any(one.path == f"{SET}{path}" for one in first or ())}
+        rest = {name: text for name, text in texts.items() if name not in astray}
+        if astray and rest:  # where one leads nowhere, none is set
+            first = [*(first or ()), *(one for one in self.trial(rest) if one not in (first or ()))]
+        self.tried[key] = first or []
+        return self.tried[key]
 
     def say_once(self, code: Code, found: Diagnostic, path: str, at: Path, shown: str, *, key: bool) -> None:
         """Say at a place of this document what the assembly says of a setting."""
@@ -232,12 +282,13 @@ class _Planner:
             notes=[note for note in notes if note.span is not None],
         )
 
-    def around(self, path: str) -> Iterator[dict[str, str]]:
-        """Nothing, then each assembly that is chosen for a component on the way."""
+    def around(self, paths: Iterable[str]) -> Iterator[dict[str, str]]:
+        """Nothing, then each assembly that is chosen for a component on the way to one of the paths."""
         yield {}
         root = self.sources.documents.root.relative
         for other, raw in self.spec.choices.items():
-            if other.endswith(".assembly") and path.startswith(other.removesuffix("assembly") + "components."):
+            inside = other.removesuffix("assembly") + "components."
+            if other.endswith(".assembly") and any(path.startswith(inside) for path in paths):
                 for text in raw if isinstance(raw, list) else [raw]:
                     yield {other: self.named(other, text, root)}
 
@@ -247,11 +298,7 @@ class _Planner:
         made: list[Setting] = []
         for index, entry in enumerate(self.spec.list_):
             at: Path = ("list", index)
-            values: dict[str, Found] = dict(fixed.parameters)
-            for name, raw in entry.parameters.items():
-                found = reader.value(name, raw, (*at, "parameters", name))
-                if found is not None:
-                    values[name] = found
+            said = len(self.report.diagnostics)
             chosen = dict(fixed.choices)
             for path, text in entry.choices.items():
                 named, kind = self.named(path, text, root), parse(path)
@@ -259,6 +306,12 @@ class _Planner:
                     continue
                 if self.possible(path, named, (*at, "choices", path)):
                     chosen[path] = named
+            self.beside = {**{name: text for name, text in self.firsts().items() if name in fixed.parameters}, **chosen}
+            values: dict[str, Found] = dict(fixed.parameters)
+            for name, raw in entry.parameters.items():
+                found = reader.value(name, raw, (*at, "parameters", name))
+                if found is not None:
+                    values[name] = found
             if entry.name is not None and entry.name in met:
                 self.report.add(
                     Code.NAME_CLASH, f"two variants are called `{entry.name}`", self.document.span((*at, "name")),
@@ -269,7 +322,7 @@ class _Planner:
                 met[entry.name] = index
             setting = Setting(name=entry.name, parameters=values, choices=chosen)
             same = next((k for k, one in enumerate(made) if (one.parameters, one.choices) == (values, chosen)), None)
-            if same is not None:
+            if same is not None and len(self.report.diagnostics) == said:
                 self.report.warn(
                     Code.DUPLICATE_VARIANT, "this variant is written twice and built once", self.document.span(at), help="remove it",
                     path=dotted(at), notes=[Note(message="it is also written here", span=self.document.span(("list", same)))],
