@@ -91,7 +91,7 @@ def test_paths_are_relative_to_the_document_that_names_them(tmp_path: Path) -> N
     ("components: {x: {file: motr.step}}", Code.MISSING_FILE, "there is no file `motr.step`", "did you mean `motor.step`?",
      (3, 24)),
     ("components: {x: {file: motor.iges}}", Code.FILE_TYPE,
-     "expected a file of a part (.step, .stp, .brep, .stl, .3mf, .obj), found `motor.iges`", None, (3, 24)),
+     "expected a file of a part (.step, .stp, .brep, .stl, .3mf, .obj, .ply, .off, .glb, .gltf), found `motor.iges`", None, (3, 24)),
     ("components: {x: {assembly: motor.step}}", Code.FILE_TYPE,
      "expected an assembly document (.yaml, .yml, .toml), found `motor.step`", None, (3, 28)),
     ("components: {x: {assembly: folder.yaml}}", Code.MISSING_FILE, "`folder.yaml` is a folder, not a file", None, (3, 28)),
