@@ -16,7 +16,7 @@ from thingc.printing import as_text
 
 if TYPE_CHECKING:
     from thingc.graph.types import Assembly
-    from thingc.realize.store import Store
+    from thingc.realize.store.local import Store
     from thingc.robot.types import Robot
 
 

@@ -15,9 +15,9 @@ from thingc.memo import Memo
 
 if TYPE_CHECKING:
     from thingc.realize.answers import PartAnswers
-    from thingc.realize.lock import Lock
+    from thingc.realize.lock.lock import Lock
     from thingc.realize.service import GeometryService
-    from thingc.realize.store import Store
+    from thingc.realize.store.local import Store
     from thingc.workspace import Workspace
 
 Progress = Callable[[str, int, int], None]
@@ -94,7 +94,7 @@ class Environment:
             return self._lent
         if self.options.code:
             return geometry_of(self.workspace, self.options, self.store, self._lock if self.options.lock else None)
-        from thingc.realize.locked import LockedGeometry
+        from thingc.realize.lock.locked import LockedGeometry
 
         return LockedGeometry(self.workspace, self._lock())
 
@@ -108,7 +108,7 @@ class Environment:
 
     def _lock(self) -> Lock | None:
         """The workspace's lock; None where there is none or it is broken, which is said where nothing else may answer."""
-        from thingc.realize.lock import read_lock, report_missing
+        from thingc.realize.lock.lock import read_lock, report_missing
 
         assert self.workspace is not None
         report = self._lock_report if self.options.code else self.report
@@ -130,7 +130,7 @@ class Environment:
 def attempted(document: str, options: Options, work: Callable[[Environment], Answer]) -> Answer:
     """What `work` answers in an environment; in a second one where a blob of the store turned out to be damaged, for then it is made
     anew."""
-    from thingc.realize.store import BlobMissing
+    from thingc.realize.store.local import BlobMissing
 
     try:
         with Environment(document, options) as environment:
@@ -142,7 +142,7 @@ def attempted(document: str, options: Options, work: Callable[[Environment], Ans
 
 def store_of(options: Options) -> Store:
     """The store that the options name, else the user's."""
-    from thingc.realize.shared_store import opened
+    from thingc.realize.store.shared import opened
 
     return opened(options.store)
 

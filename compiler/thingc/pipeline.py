@@ -320,7 +320,7 @@ def model_again(environment: Environment, compilation: Compilation) -> int:
     import tempfile
 
     from thingc.graph.twice import OTHER_SEED, compare, definitions_of
-    from thingc.realize.store import Store
+    from thingc.realize.store.local import Store
 
     assembly = _assembly(compilation)
     definitions = definitions_of(assembly)
@@ -341,7 +341,7 @@ def _assembly(compilation: Compilation) -> Assembly:
 
 def _corners(environment: Environment) -> Callable[[Mesh], tuple[Vector, ...]] | None:
     """The vertices of a part's mesh; None where meshes need not be there."""
-    from thingc.realize.vertices import vertices
+    from thingc.realize.store.vertices import vertices
 
     return None if environment.options.lock else partial(vertices, environment.store)
 

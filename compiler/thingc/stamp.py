@@ -19,7 +19,7 @@ from thingc.diagnostics import Code, Diagnostic, Note, Severity
 from thingc.source import Edit, Span
 
 if TYPE_CHECKING:
-    from thingc.realize.store import Store
+    from thingc.realize.store.local import Store
 
 FOLDER = "folder:"
 """A mark before the digest of a folder's names, so that it is not taken for a file's."""
@@ -28,7 +28,7 @@ FOLDER = "folder:"
 def fingerprint() -> str:
     """A digest of the interpreter, the installed packages (names of their metadata folders carry the version), the variables that
     workers are given, and the state of thingc's own files."""
-    from thingc.realize.environment import passed
+    from thingc.realize.key.environment import passed
 
     digest = hashlib.sha256(f"{sys.version}\n{sorted(passed().items())}\n".encode("utf-8", "surrogateescape"))
     for entry in sys.path:
@@ -71,7 +71,7 @@ def save(
 
     Without inputs (they changed under the run) nothing is remembered.
     """
-    from thingc.realize.store import StoreUnusable
+    from thingc.realize.store.local import StoreUnusable
 
     if inputs is None:
         return

@@ -60,11 +60,15 @@ ROOMS: dict[str, set[str]] = {
 }
 KERNEL = {"build123d", "OCP", "bd_warehouse", "lib3mf"}
 KERNEL_ROOMS = {"things"}
-KERNEL_MODULES = {
-    f"realize/{name}.py"
-    for name in (
-        "worker", "modelling", "mirroring", "meshing", "primitives", "measure", "convert", "colors", "part_files", "reads", "assembling",
-    )
+KERNEL_MODULES = {"realize/worker/server.py", "realize/worker/reads.py"}
+KERNEL_FOLDER = "realize/worker/kernel/"
+# What each folder of `realize`, and each module of plain data there, may import of it. The rest is the service: it sees them all.
+REALIZE: dict[str, set[str]] = {
+    "slices": set(), "record": {"slices"}, "record_json": {"record", "slices"},
+    "store": {"record", "slices"},
+    "key": {"record", "record_json", "store"},
+    "worker": {"record", "record_json", "slices", "store", "key"},
+    "lock": {"record", "record_json", "slices", "store", "key", "answers", "service"},
 }
 HEAVY = {"numpy", "networkx", "trimesh", "mujoco", "scipy", "rich", "typer", "manifold3d", "coacd", "ruamel", "tomlkit"}
 CHECK_ROOMS = BASE | {"load", "spec", "checks", "resolve", "graph", "joints", "robot", "environment", "pipeline", "stamp"}
@@ -101,6 +105,17 @@ def test_imports_point_one_way(path: Path) -> None:
     assert seen <= ROOMS[room], f"{path.relative_to(PACKAGE)} must not import {sorted(seen - ROOMS[room])}"
 
 
+@pytest.mark.parametrize("folder", REALIZE)
+def test_folders_of_realize_point_one_way(folder: str) -> None:
+    seen = {
+        (path.relative_to(PACKAGE).as_posix(), name) for path in modules()
+        if path.relative_to(PACKAGE).parts[:2] in {("realize", folder), ("realize", f"{folder}.py")}
+        for name in imported(path) if name.startswith("thingc.realize.")
+    }
+    assert seen or not REALIZE[folder]
+    assert {(path, name) for path, name in seen if name.split(".")[2] not in REALIZE[folder] | {folder}} == set()
+
+
 def at_run_time(node: ast.AST) -> Iterator[ast.AST]:
     """What is below a node, but for what stands there for type checkers alone."""
     yield node
@@ -126,7 +141,7 @@ def test_no_module_needs_itself() -> None:
 @pytest.mark.parametrize("path", modules(), ids=lambda p: str(p.relative_to(PACKAGE)))
 def test_only_the_worker_sees_the_kernel(path: Path) -> None:
     relative = path.relative_to(PACKAGE).as_posix()
-    if room_of(path) in KERNEL_ROOMS or relative in KERNEL_MODULES:
+    if room_of(path) in KERNEL_ROOMS or relative in KERNEL_MODULES or relative.startswith(KERNEL_FOLDER):
         return
     kernel = {name for name in imported(path) if name.split(".")[0] in KERNEL}
     assert not kernel, f"{relative} imports the CAD kernel: {sorted(kernel)}"

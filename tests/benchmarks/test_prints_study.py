@@ -18,7 +18,7 @@ import print_masses as study
 import prusa
 
 from thingc.inertia import MassProperties
-from thingc.realize.slicing import JOINED
+from thingc.realize.worker.kernel.slicing import JOINED
 
 sliced = pytest.mark.skipif(prusa.program() is None, reason="PrusaSlicer is not installed (Debian, Ubuntu: apt install prusa-slicer)")
 

@@ -24,7 +24,7 @@ from thingc.load import load
 from thingc.printing import as_json, as_text
 from thingc.realize.record import PartFailure, PartRecord
 from thingc.realize.service import GeometryService
-from thingc.realize.store import Store
+from thingc.realize.store.local import Store
 from thingc.resolve import part_definitions, resolve
 from thingc.robot import root
 from thingc.source import Document, MappingNode, Node, ScalarNode, Span, walk

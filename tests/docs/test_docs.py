@@ -416,7 +416,7 @@ def test_the_recipe_of_a_joint_kind_makes_one() -> None:
 
 def test_the_recipe_of_a_target_writes_a_file(tmp_path: Path) -> None:
     from emit.small_robot import assembly, request
-    from thingc.realize.store import Store
+    from thingc.realize.store.local import Store
 
     store = Store(str(tmp_path))
     robot = assembly(store)

@@ -26,7 +26,7 @@ from thingc.inertia import MassProperties
 from thingc.joints import KINDS
 from thingc.pose import NO_POSE, Pose, placed
 from thingc.realize.record import PartDefinition, PartRecord, Value, definition_text
-from thingc.realize.store import Store
+from thingc.realize.store.local import Store
 from thingc.resolve.model import (
     BomEntry,
     CoordinateName,

@@ -16,7 +16,7 @@ from thingc.emit.csvcell import cell
 from thingc.graph.hag import Definition
 from thingc.graph.types import Assembly
 from thingc.realize.record import PartDefinition
-from thingc.realize.store import Store
+from thingc.realize.store.local import Store
 from thingc.resolve.model import BomEntry, Overrides, Process
 
 

@@ -16,7 +16,7 @@ from thingc.emit.graphs import hag_graph, link_graph, mate_graph
 from thingc.emit.hag import target as hag
 from thingc.emit.hag import words
 from thingc.graph.hag import Hag
-from thingc.realize.store import Store
+from thingc.realize.store.local import Store
 from thingc.shown import shown
 
 

@@ -17,7 +17,7 @@ from thingc.emit import bom, jsontext, modes, stl
 from thingc.emit.artifact import Content, Loss, Stored
 from thingc.emit.manifest import DISTRIBUTIONS, Choice, manifest, versions
 from thingc.output import verify, write_build
-from thingc.realize.store import Store
+from thingc.realize.store.local import Store
 
 LOSSES = (
     Loss(target="mjcf", mode="bench", path="yaw", what="velocity limit", how="carried as custom data", span=span(40)),

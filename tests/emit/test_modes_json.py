@@ -16,7 +16,7 @@ from scipy.linalg import expm
 from emit.small_robot import LIFT, YAW, assembly, request
 from thingc.emit.modes import emit
 from thingc.graph.types import Assembly
-from thingc.realize.store import Store
+from thingc.realize.store.local import Store
 
 Matrix = NDArray[np.float64]
 MODES = ("bench", "drawing", "adrift")

@@ -19,7 +19,7 @@ from thingc.graph.types import Assembly
 from thingc.pose import NO_POSE, placed
 from thingc.realize.record import PartDefinition, PartRecord, Value
 from thingc.realize.service import GeometryService
-from thingc.realize.store import Store
+from thingc.realize.store.local import Store
 from thingc.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
 
 PARTS = '''

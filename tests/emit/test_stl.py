@@ -15,7 +15,7 @@ from thingc.emit.artifact import Loss, Stored
 from thingc.emit.stl import emit
 from thingc.graph.hag import Definition
 from thingc.graph.types import Assembly
-from thingc.realize.store import Store
+from thingc.realize.store.local import Store
 from thingc.resolve.model import BomEntry
 
 BRACE = f"stl/arm.Brace-{hashlib.sha256(b'arm:Brace(length=0.12)').hexdigest()[:8]}.stl"

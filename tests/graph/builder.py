@@ -30,7 +30,7 @@ from thingc.realize.record import (
     PartWarning,
     Stated,
 )
-from thingc.realize.store import Store
+from thingc.realize.store.local import Store
 from thingc.resolve.model import (
     AssemblyDefinition,
     At,

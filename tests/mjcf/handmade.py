@@ -29,7 +29,7 @@ from thingc.inertia import MassProperties
 from thingc.joints import KINDS, Twist
 from thingc.pose import NO_POSE
 from thingc.realize.record import PartDefinition, PartRecord, Primitive
-from thingc.realize.store import Store
+from thingc.realize.store.local import Store
 from thingc.resolve.model import (
     CoordinateName,
     Dynamics,

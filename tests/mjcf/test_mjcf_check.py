@@ -17,7 +17,7 @@ from mjcf.handmade import Made, Piece, Segment, box_part, drive, raw
 from mjcf.test_mjcf_model import arm, load
 from thingc.diagnostics import Diagnostic
 from thingc.emit.mjcf.target import emit
-from thingc.realize.store import Store
+from thingc.realize.store.local import Store
 from thingc.resolve.model import Overrides
 
 

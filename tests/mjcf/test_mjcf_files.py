@@ -23,7 +23,7 @@ from thingc.emit.artifact import Content, Stored
 from thingc.emit.mjcf.target import emit
 from thingc.emit.request import EmitRequest
 from thingc.emit.xml import Element, number, write
-from thingc.realize.store import BlobMissing, Store
+from thingc.realize.store.local import BlobMissing, Store
 
 
 @pytest.fixture

@@ -33,7 +33,7 @@ from thingc.inertia import LEAST_MASS, LEAST_MOMENT, MassProperties
 from thingc.pose import NO_POSE, Pose
 from thingc.printing import as_json
 from thingc.realize.record import Primitive
-from thingc.realize.store import Store
+from thingc.realize.store.local import Store
 from thingc.resolve.model import CoordinateName, Dynamics, Limit, Mimic, Overrides
 
 NEAR = 1e-9

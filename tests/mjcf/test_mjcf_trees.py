@@ -18,7 +18,7 @@ from robot.test_spanning_tree_properties import Tree, build, robots, world_of
 from thingc.diagnostics import Report
 from thingc.emit.mjcf.target import emit
 from thingc.emit.request import EmitRequest
-from thingc.realize.store import Store
+from thingc.realize.store.local import Store
 from thingc.robot import in_link, mass_properties
 
 MOVING = st.just(("revolute", "continuous", "prismatic", "cylindrical", "universal", "planar"))

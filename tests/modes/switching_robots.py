@@ -34,7 +34,7 @@ from thingc.graph.types import Assembly
 from thingc.modes import Modes
 from thingc.modes.state import State
 from thingc.modes.tree import Mode
-from thingc.realize.store import Store
+from thingc.realize.store.local import Store
 from thingc.robot import root
 
 BASES = ("free", "held", "fixed")

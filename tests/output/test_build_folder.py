@@ -20,7 +20,7 @@ import pytest
 from thingc.diagnostics import Code, Report
 from thingc.emit.artifact import Content, Stored
 from thingc.output import OutputError, UnexpectedFilesError, unexpected_files, verify, write_build
-from thingc.realize.store import BlobMissing, Store
+from thingc.realize.store.local import BlobMissing, Store
 
 DRIVER = Path(__file__).with_name("killed_writer.py")
 

@@ -12,7 +12,7 @@ import pytest
 from thingc.realize.client import Workers
 from thingc.realize.record import PartDefinition, Value, definition_text
 from thingc.realize.service import GeometryService
-from thingc.realize.store import Store
+from thingc.realize.store.local import Store
 from thingc.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
 
 TIMEOUT = 60.0

@@ -16,7 +16,7 @@ from thingc.pose import Pose, shifted, turned_z
 from thingc.realize.client import Workers
 from thingc.realize.record import Placed
 from thingc.realize.service import AssemblyFailed
-from thingc.realize.step_order import settled, without_noise
+from thingc.realize.worker.kernel.step_order import settled, without_noise
 
 PARTS = """
     from build123d import *
@@ -165,7 +165,7 @@ def test_the_same_bytes_from_a_worker_and_from_a_process_of_its_own(
     module_place: Any, instances: list[Placed], tmp_path: Path
 ) -> None:
     """The kernel writes styles in the order of addresses, which are others in every process."""
-    from thingc.realize.store import Store
+    from thingc.realize.store.local import Store
 
     many = [
         replace(instance, path=f"row_{k}/{instance.path}", pose=shifted(0, k / 10, 0) @ instance.pose, color=f"#{k:02x}80{j:02x}")

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from realize.conftest import Place, file_part, part
-from thingc.realize.lock_values import read_record, record_values
-from thingc.realize.meshing import Triangles, read_stl
+from thingc.realize.lock.values import read_record, record_values
 from thingc.realize.record import PartFailure, PartRecord, Primitive
 from thingc.realize.record_json import record_from_json, record_to_json
+from thingc.realize.worker.kernel.meshing import Triangles, read_stl
 
 LEG = """
     from build123d import *

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from thingc.realize.build_key import difference
-from thingc.realize.module_key import Code, Sources, code_of, defined_in, may_have
-from thingc.realize.modules import MAX_NAME, Finder
-from thingc.realize.store import Store
+from thingc.realize.key.build_key import difference
+from thingc.realize.key.module_key import Code, Sources, code_of, defined_in, may_have
+from thingc.realize.key.modules import MAX_NAME, Finder
+from thingc.realize.store.local import Store
 
 
 def write(folder: Path, files: dict[str, str]) -> None:

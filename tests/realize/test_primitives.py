@@ -42,9 +42,9 @@ from OCP.TopAbs import TopAbs_IN, TopAbs_OUT
 
 from thingc import pipeline
 from thingc.environment import Environment, Options
-from thingc.realize.measure import solids_of
-from thingc.realize.primitives import primitive_of
 from thingc.realize.record import Primitive
+from thingc.realize.worker.kernel.measure import solids_of
+from thingc.realize.worker.kernel.primitives import primitive_of
 
 STRAIGHT = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 ANYWHERE = [

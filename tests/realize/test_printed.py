@@ -14,8 +14,8 @@ import pytest
 from thingc.cli.common import show_printed
 from thingc.cli.main import main
 from thingc.realize.client import Workers
-from thingc.realize.printed import MOST, NAME, SHOWN, WIDTH, keep, lines_of
 from thingc.realize.record import PartFailure, PartRecord
+from thingc.realize.worker.printed import MOST, NAME, SHOWN, WIDTH, keep, lines_of
 
 TALKING = """\
 import subprocess

@@ -44,7 +44,7 @@ import json, sys
 from thingc.pose import Pose
 from thingc.realize.record import PartDefinition, PartRecord, Placed
 from thingc.realize.service import GeometryService
-from thingc.realize.store import Store
+from thingc.realize.store.local import Store
 from thingc.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
 
 root, store, command = sys.argv[1:4]
@@ -231,7 +231,7 @@ def test_records_that_were_exchanged_are_made_anew(place: Any, define: Callable[
 
 
 def test_a_store_that_cannot_be_written(place: Any, define: Callable[..., Any]) -> None:
-    from thingc.realize.store import Store, StoreUnusable
+    from thingc.realize.store.local import Store, StoreUnusable
 
     place.write("parts/parts_.py", PARTS)
     blocked = place.root / "blocked"
@@ -269,8 +269,8 @@ def test_progress(place: Any, define: Callable[..., Any]) -> None:
 def test_imports_put_off_are_made_when_they_are_needed(tmp_path: Path) -> None:
     script = f"""
         import sys
-        from thingc.realize.deferred import import_cheaply
-        from thingc.realize.modules import SELDOM_USED
+        from thingc.realize.worker.deferred import import_cheaply
+        from thingc.realize.key.modules import SELDOM_USED
         import_cheaply("build123d")
         assert not SELDOM_USED & set(sys.modules), SELDOM_USED & set(sys.modules)
         from build123d import *
@@ -293,7 +293,7 @@ def test_imports_put_off_are_made_when_they_are_needed(tmp_path: Path) -> None:
         assert abs(Triangle(a=3, b=4, c=5).area - 6) < 1e-9
         assert full_round(Rectangle(2, 4).edges().sort_by(Axis.X)[0])
         import ezdxf, scipy.optimize
-        from thingc.realize.deferred import Deferred, _StandIn
+        from thingc.realize.worker.deferred import Deferred, _StandIn
         left = [
             (name, key) for name, module in sys.modules.items() if name.startswith("build123d")
             for key, value in vars(module).items()
@@ -312,7 +312,7 @@ def test_an_import_that_goes_wrong_is_made_plainly(tmp_path: Path) -> None:
     script = """
         import sys
         sys.path.insert(0, sys.argv[1])
-        from thingc.realize.deferred import import_cheaply
+        from thingc.realize.worker.deferred import import_cheaply
         assert import_cheaply("user", frozenset({"slow_library"})).TABLE == [0, 0, 0]
         assert sys.modules["slow_library"].VALUE == 3
     """

@@ -515,7 +515,7 @@ def test_records_survive_json(records: dict[str, PartRecord]) -> None:
 
 
 def test_two_runs_give_the_same_bytes(records: dict[str, PartRecord], module_place: Any, tmp_path: Any, define: Any) -> None:
-    from thingc.realize.store import Store
+    from thingc.realize.store.local import Store
 
     store, module_place.store = module_place.store, Store(str(tmp_path / "other"))
     try:

@@ -16,8 +16,8 @@ from pathlib import Path
 
 import pytest
 
-from thingc.realize.shared_store import SharedStore, opened
-from thingc.realize.store import BlobMissing, Store, StoreUnusable
+from thingc.realize.store.local import BlobMissing, Store, StoreUnusable
+from thingc.realize.store.shared import SharedStore, opened
 from variants.robots import thingc, tree, workspace
 
 SERVER = """

@@ -14,7 +14,7 @@ from thingc import pipeline
 from thingc.environment import Environment, Options
 from thingc.pipeline import Settings
 from thingc.realize.client import Workers
-from thingc.realize.lock_values import BadLock, read_record, record_values
+from thingc.realize.lock.values import BadLock, read_record, record_values
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord
 from thingc.realize.record_json import record_from_json, record_to_json
 from thingc.realize.service import GeometryService

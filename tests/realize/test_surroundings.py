@@ -17,9 +17,9 @@ from typing import Any
 import pytest
 
 from thingc.realize.client import Workers
-from thingc.realize.environment import FIXED, HOMES, TEMPORARY, environment
+from thingc.realize.key.environment import FIXED, HOMES, TEMPORARY, environment
 from thingc.realize.record import PartFailure, PartRecord
-from thingc.realize.scratch import PREFIX, Scratch
+from thingc.realize.worker.scratch import PREFIX, Scratch
 
 TELLS = """
     import json, os, tempfile
@@ -98,7 +98,7 @@ def test_folders_go_with_their_parts_and_with_their_worker(tmp_path: Path, monke
     left = subprocess.run(
         [sys.executable, "-c", textwrap.dedent("""
             import os, signal, tempfile
-            from thingc.realize.scratch import Scratch
+            from thingc.realize.worker.scratch import Scratch
             open(os.path.join(Scratch().make(), "file"), "w").close()
             os.kill(os.getpid(), signal.SIGKILL)
         """)],
@@ -136,7 +136,7 @@ def test_no_folder_is_left_by_a_hang_a_crash_or_a_worker_that_cannot_start(
     with own_workers() as workers, place.service(workers=workers, timeout=1.5) as service:
         found = service.realize([define("bad:hangs"), define("bad:crashes")])
     assert [answer.kind for answer in found.values()] == ["hung", "crashed"]
-    command = [sys.executable, "-m", "thingc.realize.worker"]
+    command = [sys.executable, "-m", "thingc.realize.worker.server"]
     shadow = place.write("shadow/build123d.py", "raise ImportError('no kernel')")
     usual = environment()
     path = os.pathsep.join([str(shadow.parent), usual.get("PYTHONPATH", "")])

@@ -12,7 +12,7 @@ from harness import Ran, ran
 from thingc import pipeline
 from thingc.diagnostics import Severity
 from thingc.environment import Environment, Options
-from thingc.realize.lock_values import BadLock, read_schema, schema_values
+from thingc.realize.lock.values import BadLock, read_schema, schema_values
 from thingc.realize.record import ParameterSchema, PartSchema
 
 _CORNERS = ((0, 0, 0), (10, 0, 0), (0, 10, 0), (0, 0, 10))

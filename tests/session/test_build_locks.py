@@ -14,9 +14,9 @@ from typing import Any
 
 import pytest
 
-from thingc.realize import build_locks
-from thingc.realize.build_locks import BuildLocks
-from thingc.realize.store import Store
+from thingc.realize.store import build_locks
+from thingc.realize.store.build_locks import BuildLocks
+from thingc.realize.store.local import Store
 
 PARTS = """
     import time
@@ -41,7 +41,7 @@ CLIENT = """
 import json, sys
 from thingc.realize.record import PartDefinition, PartRecord
 from thingc.realize.service import GeometryService
-from thingc.realize.store import Store
+from thingc.realize.store.local import Store
 from thingc.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
 
 root, store, part, first, last = sys.argv[1:]
@@ -166,7 +166,7 @@ def test_a_claim_is_of_one_process(tmp_path: Path) -> None:
     store = Store(str(tmp_path / "store"))
     own = BuildLocks(store)
     program = (
-        "import sys; from thingc.realize.build_locks import BuildLocks; from thingc.realize.store import Store\n"
+        "import sys; from thingc.realize.store.build_locks import BuildLocks; from thingc.realize.store.local import Store\n"
         "print(BuildLocks(Store(sys.argv[1])).take(sys.argv[2]))"
     )
 

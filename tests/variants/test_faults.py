@@ -446,7 +446,7 @@ def test_a_killed_driver_takes_the_geometry_workers_along(tmp_path: Path) -> Non
     time.sleep(1.0)
     running = descendants(process.pid)
     names = [" ".join(one.cmdline()) for one in running]
-    assert any("thingc.realize.worker" in name for name in names) and any("thingc.variants.runner" in name for name in names)
+    assert any("thingc.realize.worker.server" in name for name in names) and any("thingc.variants.runner" in name for name in names)
     process.kill()
     process.wait()
     assert_gone(running)

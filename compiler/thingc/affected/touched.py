@@ -10,10 +10,10 @@ from thingc.frozen import dataclass
 from thingc.load import Documents, load
 from thingc.load.finding import documents_in
 from thingc.load.paths import named
-from thingc.realize.lock import LOCK_FILE
-from thingc.realize.module_key import Code
-from thingc.realize.part_code import PartCode
-from thingc.realize.store import Store
+from thingc.realize.key.module_key import Code
+from thingc.realize.key.part_code import PartCode
+from thingc.realize.lock.lock import LOCK_FILE
+from thingc.realize.store.local import Store
 from thingc.source import Document, MappingNode, Node, ScalarNode, SequenceNode
 from thingc.workspace import Workspace
 

@@ -320,7 +320,7 @@ def exit_code(diagnostics: Sequence[Diagnostic]) -> int:
 
 def of_exception(fault: Exception) -> Diagnostic:
     """What to say of an exception that reached the command line: the system's refusals in words, else that thingc has failed."""
-    from thingc.realize.store import StoreUnusable
+    from thingc.realize.store.local import StoreUnusable
 
     if isinstance(fault, FileNotFoundError) and not _working_folder():
         return Diagnostic(

@@ -74,7 +74,7 @@ def _load_ahead() -> None:
     import thingc.graph
     import thingc.load.yaml_tree
     import thingc.realize.answers
-    import thingc.realize.locked
+    import thingc.realize.lock.locked
     import thingc.resolve.assembly
     import thingc.robot
     import thingc.spec.validation  # noqa: F401

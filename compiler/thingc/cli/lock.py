@@ -12,7 +12,7 @@ from thingc.cli import common
 from thingc.diagnostics import Code, Report, shown_path
 from thingc.environment import Environment, Options, geometry_of
 from thingc.pipeline import read
-from thingc.realize.lock import LOCK_FILE, MAX_BYTES, REMAKE, lock_path, read_lock, top_of
+from thingc.realize.lock.lock import LOCK_FILE, MAX_BYTES, REMAKE, lock_path, read_lock, top_of
 from thingc.realize.record import PartDefinition, PartFailure
 from thingc.shown import json_text
 from thingc.source import Span
@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str | None:
     """Write the lock, or compare it; the closing words, None where something is wrong (reported)."""
-    from thingc.realize.locking import differences, lock_text, locked
+    from thingc.realize.lock.locking import differences, lock_text, locked
     from thingc.workspace import Workspace
 
     workspace = Workspace.find(os.path.join(folder, "thingc.toml"), report)

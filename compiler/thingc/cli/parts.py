@@ -76,7 +76,7 @@ def _listed(
     references = _named(geometry, wanted) if wanted else geometry.catalogue()
     if not wanted:
         report.diagnostics.extend(_failed(failure.subject, failure) for failure in geometry.not_python())
-    from thingc.realize.locking import default_of
+    from thingc.realize.lock.locking import default_of
 
     schemas: list[PartSchema] = []
     answers = geometry.describe(references)

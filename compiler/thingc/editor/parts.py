@@ -10,14 +10,14 @@ from thingc.diagnostics import Report
 from thingc.editor.facts import Names, Records, usual_mounts
 from thingc.editor.reading import Stat, stat_of
 from thingc.editor.workers import ABSENT
-from thingc.realize.locking import default_of
+from thingc.realize.lock.locking import default_of
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema
 
 if TYPE_CHECKING:
     from thingc.environment import Progress
     from thingc.realize.client import Workers
     from thingc.realize.service import GeometryService
-    from thingc.realize.store import Store
+    from thingc.realize.store.local import Store
     from thingc.workspace import Workspace
 
 
@@ -121,7 +121,7 @@ def ask(
     workers: Workers | None = None,
 ) -> GeometryService:
     """A geometry service that may answer from the workspace's lock, too: mounts are wanted, and no mesh."""
-    from thingc.realize.lock import read_lock
+    from thingc.realize.lock.lock import read_lock
     from thingc.realize.service import GeometryService
 
     return GeometryService(workspace, store, jobs, timeout, progress, workers, lambda: read_lock(workspace, Report()))

@@ -19,7 +19,7 @@ from thingc.workspace import OWN_FILE, Workspace
 
 if TYPE_CHECKING:
     from thingc.realize.service import GeometryService
-    from thingc.realize.store import Store
+    from thingc.realize.store.local import Store
 
 PAUSE = 0.2
 """Between two looks [s]; longer where a look takes long, so that watching stays below a fifth of a core."""

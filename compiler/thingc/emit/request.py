@@ -13,7 +13,7 @@ from thingc.robot.types import Robot
 
 if TYPE_CHECKING:
     from thingc.realize.service import GeometryService
-    from thingc.realize.store import Store
+    from thingc.realize.store.local import Store
     from thingc.workspace import Workspace
 
 

@@ -6,8 +6,8 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
 
 from thingc.diagnostics import Code, Note, Report, Severity
-from thingc.realize.lock import LOCK_FILE, REMAKE, lock_path, report_bad, top_of
-from thingc.realize.lock_values import BadLock
+from thingc.realize.lock.lock import LOCK_FILE, REMAKE, lock_path, report_bad, top_of
+from thingc.realize.lock.values import BadLock
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema
 from thingc.realize.slices import Slicing
 

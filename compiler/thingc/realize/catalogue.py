@@ -6,8 +6,8 @@ import ast
 import os
 from collections.abc import Sequence
 
-from thingc.realize.module_key import Sources
-from thingc.realize.modules import listed
+from thingc.realize.key.module_key import Sources
+from thingc.realize.key.modules import listed
 from thingc.realize.record import PartFailure
 
 

@@ -16,8 +16,8 @@ from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any
 
-from thingc.realize import process_tree
-from thingc.realize.environment import environment
+from thingc.realize.key.environment import environment
+from thingc.realize.worker import process_tree
 
 GRACE = 15.0
 """How long [s] after a request's own deadline the worker may be silent before it is given up itself."""
@@ -187,7 +187,7 @@ class Workers:
     def _start(self, flags: Sequence[str], capacity: int) -> _Process:
         try:
             process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "thingc.realize.worker", "--parent", str(os.getpid()), *flags],
+                [sys.executable, "-P", "-m", "thingc.realize.worker.server", "--parent", str(os.getpid()), *flags],
                 stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment(self.seed),
                 close_fds=True, start_new_session=True,
             )
@@ -212,7 +212,7 @@ def once(flags: Sequence[str], request: Mapping[str, Any]) -> dict[str, Any]:
     """One request to a short-lived worker of its own (`--assemble`): its answer, as `Workers.run` gives it."""
     try:
         done = subprocess.run(
-            [sys.executable, "-P", "-m", "thingc.realize.worker", "--parent", str(os.getpid()), *flags],
+            [sys.executable, "-P", "-m", "thingc.realize.worker.server", "--parent", str(os.getpid()), *flags],
             input=json.dumps({"id": 0, **request}).encode() + b"\n",
             stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment(), timeout=float(request["timeout"]) + LOADING,
             check=False,

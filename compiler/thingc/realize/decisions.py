@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 
 from thingc.frozen import dataclass
-from thingc.realize.build_key import BuildKey, difference
+from thingc.realize.key.build_key import BuildKey, difference
+from thingc.realize.key.results import Results
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord
-from thingc.realize.results import Results
 
 RECENT = 512
 """How many records a service keeps at hand for its next answer; the oldest goes first."""

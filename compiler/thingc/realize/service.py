@@ -11,20 +11,20 @@ from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from thingc.frozen import dataclass
-from thingc.realize.build_key import BuildKey, record_key, schema_key
-from thingc.realize.build_locks import BuildLocks
 from thingc.realize.decisions import Decision, Recent, unchanged, why
-from thingc.realize.lock import LOCK_FILE, Lock
-from thingc.realize.locked import LockBeside
-from thingc.realize.module_key import Code
-from thingc.realize.part_code import PartCode, file_state
+from thingc.realize.key.build_key import BuildKey, record_key, schema_key
+from thingc.realize.key.module_key import Code
+from thingc.realize.key.part_code import PartCode, file_state
+from thingc.realize.key.results import Kept, Results
+from thingc.realize.key.versions import versions_of
+from thingc.realize.lock.lock import LOCK_FILE, Lock
+from thingc.realize.lock.locked import LockBeside
 from thingc.realize.record import AssemblyFailed, PartDefinition, PartFailure, PartRecord, PartSchema, Placed, StoredFile
 from thingc.realize.record_json import blobs_of, failure_from_json, mesh_from_json, record_from_json, schema_from_json, with_left
-from thingc.realize.results import Kept, Results
-from thingc.realize.slice_answers import SliceAnswers, lacking
 from thingc.realize.slices import Slicing
-from thingc.realize.store import Store, StoreUnusable
-from thingc.realize.versions import versions_of
+from thingc.realize.store.build_locks import BuildLocks
+from thingc.realize.store.local import Store, StoreUnusable
+from thingc.realize.store.slice_answers import SliceAnswers, lacking
 
 if TYPE_CHECKING:
     from thingc.realize.client import Workers
@@ -487,7 +487,7 @@ class GeometryService:
 
     def _broken(self, subject: str, answer: dict[str, Any]) -> PartFailure:
         """A part that ended its worker. Such failures are not kept: the next run tries again."""
-        from thingc.realize.crash import failure_of
+        from thingc.realize.worker.crash import failure_of
 
         return failure_of(subject, answer, self.timeout, self.workspace)
 

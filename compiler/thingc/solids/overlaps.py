@@ -10,7 +10,7 @@ from thingc.diagnostics import Code, Note, Report, meant_so
 from thingc.frozen import dataclass
 from thingc.graph.types import Assembly, Link, Occurrence
 from thingc.pose import Pose, Vector
-from thingc.realize.store import Store
+from thingc.realize.store.local import Store
 
 SHARE = 0.2
 """How much of the smaller of two parts the other may take: screws in their holes and cells in their holders take a twentieth."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from thingc.pose import Pose
 from thingc.realize.record import PartRecord
-from thingc.realize.store import Store
+from thingc.realize.store.local import Store
 
 _STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("count", "<u2")])
 

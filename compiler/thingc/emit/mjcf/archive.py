@@ -14,7 +14,7 @@ from thingc.emit.artifact import Artifacts, Stored
 from thingc.emit.mjcf.target import models
 from thingc.emit.request import EmitRequest
 from thingc.frozen import dataclass
-from thingc.realize.store import BlobMissing, Store
+from thingc.realize.store.local import BlobMissing, Store
 
 MODEL = "model.xml"
 """The name under which MuJoCo looks for the model first, whatever the archive is called."""

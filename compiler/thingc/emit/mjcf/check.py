@@ -17,7 +17,7 @@ from thingc.emit.mjcf.known import Known, about_meshes, mujoco_version, tetrahed
 from thingc.emit.xml import Element, RawValue, Written, write
 from thingc.frozen import dataclass
 from thingc.memo import Memo
-from thingc.realize.store import Store
+from thingc.realize.store.local import Store
 from thingc.robot.types import Robot
 from thingc.source import Origin
 

@@ -17,7 +17,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from thingc.emit.geometry import MeshAsset
 from thingc.emit.mjcf.limits import is_shell
 from thingc.emit.xml import Element
-from thingc.realize.store import Store
+from thingc.realize.store.local import Store
 
 MODEL, MESH, START = "mujoco-model", "mujoco-mesh", "mujoco-start"
 """Kinds of documents in the store: a model, a mesh that a version of MuJoCo compiled without a word, a first instant (`start.py`) in

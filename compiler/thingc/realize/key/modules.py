@@ -1,0 +1,224 @@
+"""Where modules lie: in the workspace's part folders, in a package tracked by content, elsewhere in the environment, or nowhere.
+
+Shared by the client, which reads part files without importing them, and the worker, which imports them, so that both
+mean the same file by the same name.
+"""
+
+from __future__ import annotations
+
+import importlib.machinery
+import os
+import site
+import sys
+import sysconfig
+from collections.abc import Collection, Iterable, Sequence
+from functools import cache
+
+import thingc
+from thingc.frozen import dataclass
+
+OWN_FOLDER = os.path.dirname(os.path.abspath(thingc.__file__))
+"""Where thingc itself lies."""
+
+CONTENT_TRACKED = frozenset({"thingc_stock"})
+"""Packages tracked by content wherever they are installed."""
+
+OWN = frozenset({"thingc"})
+"""Packages that count by the state of the compiler, which is in every key."""
+
+SELDOM_USED = frozenset({
+    "IPython", "ezdxf", "fontTools", "lib3mf", "ocp_gordon", "ocpsvg", "requests", "scipy", "sklearn", "svgpathtools",
+    "sympy", "threejs_materials", "trianglesolver",
+})
+"""Top-level packages that build123d imports for a few of its functions only."""
+
+PROTECTED = frozenset(sys.stdlib_module_names) | SELDOM_USED | {
+    "OCP", "anytree", "bd_materials", "bd_warehouse", "build123d", "coacd", "manifold3d", "numpy", "thingc", "typing_extensions",
+    "webcolors",
+}
+"""Names that a part folder cannot take: the standard library, and what the geometry worker itself stands on."""
+
+
+MAX_NAME = 500
+"""Characters of a dotted name that is looked for: no module lies deeper."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Module:
+    """A module as found by name, without importing it.
+
+    `kind` is `content` (its code is read, followed and counts), `installed` (what Python finds by itself: it counts by its version,
+    or by its files as they were loaded) or `absent`. `file` is its source (None for a folder without `__init__.py`, and for
+    what is built in), or the binary of an extension; `folders` are where its submodules lie, empty for a plain module.
+    """
+
+    name: str
+    kind: str
+    file: str | None = None
+    folders: tuple[str, ...] = ()
+    workspace: bool = False
+
+
+@cache
+def own_roots() -> tuple[str, ...]:
+    """The interpreter's own folders, as they are named and as they really are: the standard library and site-packages."""
+    named = sysconfig.get_paths()
+    found = {named[key] for key in ("stdlib", "platstdlib", "purelib", "platlib")}
+    found.update(site.getsitepackages() if hasattr(site, "getsitepackages") else ())
+    if site.ENABLE_USER_SITE:
+        found.add(site.getusersitepackages())
+    return _in_both_forms(found)
+
+
+@cache
+def installed_roots() -> tuple[str, ...]:
+    """The folders whose contents count by version: the interpreter's own, and those that the import path leads to besides
+    (a `.pth` file does that) and packages were installed into."""
+    others = [folder for folder in import_path() if any(name.endswith(".dist-info") for name in listed(folder))]
+    return tuple(dict.fromkeys((*own_roots(), *_in_both_forms(others))))
+
+
+def _in_both_forms(folders: Iterable[str]) -> tuple[str, ...]:
+    return tuple(sorted({os.path.join(form, "") for folder in folders for form in (folder, os.path.realpath(folder))}))
+
+
+def is_installed(file: str) -> bool:
+    """Whether a file lies in one of `installed_roots`."""
+    return (os.path.realpath(file) + os.sep).startswith(installed_roots())
+
+
+@cache
+def import_path() -> tuple[str, ...]:
+    """`sys.path` without the current folder or the script's, which must not decide what a name means."""
+    entries = list(sys.path)
+    if entries and not getattr(sys.flags, "safe_path", False):
+        script = os.path.dirname(os.path.abspath(getattr(sys.modules.get("__main__"), "__file__", None) or "."))
+        if entries[0] in ("", os.getcwd(), script, os.path.realpath(script)):
+            entries = entries[1:]
+    return tuple(entry for entry in entries if entry)
+
+
+class Finder:
+    """Finds modules by name for one workspace: `parts` are its absolute part folders, in order of precedence, `packages` the
+    packages that it allows. Those are followed as code, unless they are installed; whatever else is imported is not.
+
+    `probed` collects the absolute paths that were looked at in folders tracked by content, there or not.
+    """
+
+    def __init__(self, parts: Sequence[str], packages: Iterable[str] = ()) -> None:
+        self.parts = tuple(parts)
+        self.followed = CONTENT_TRACKED.union(packages)
+        self.probed: set[str] = set()
+        self._found: dict[str, Module] = {}
+        self._part_modules: list[str] | None = None
+
+    def find(self, name: str) -> Module:
+        """The module `name` (dotted, absolute)."""
+        found = self._found.get(name)
+        if found is None:
+            found = self._found[name] = self._find(name)
+        return found
+
+    def _find(self, name: str) -> Module:
+        if len(name) > MAX_NAME:
+            return Module(name=name, kind="absent")
+        parent, _, last = name.rpartition(".")
+        if parent:
+            package = self.find(parent)
+            if package.kind != "content":
+                return Module(name=name, kind=package.kind)
+            return self._in_folders(name, last, package.folders, package.workspace) or Module(name=name, kind="absent")
+        if name in sys.builtin_module_names or name in OWN:
+            return Module(name=name, kind="installed")
+        if name not in PROTECTED:
+            found = self._in_folders(name, name, self.parts, True, plain_folders=False)
+            if found is not None:
+                return found
+        found = _on_path(name, self.followed)
+        if found is not None and found.kind == "content" and found.file is not None:
+            self.probed.add(found.file)
+        if found is None and name not in PROTECTED:
+            found = self._in_folders(name, name, self.parts, True)
+        return found or Module(name=name, kind="absent")
+
+    def hidden(self, name: str) -> str | None:
+        """The file in a part folder that would be the top-level module `name`, were that not one of `PROTECTED`."""
+        found = self._in_folders(name, name, self.parts, True, plain_folders=False) if name in PROTECTED else None
+        return found.file if found is not None else None
+
+    def _in_folders(
+        self, name: str, last: str, folders: Iterable[str], workspace: bool, *, plain_folders: bool = True
+    ) -> Module | None:
+        """As Python's path finder does: a package, else a module, else (where allowed) a folder without `__init__.py`."""
+        plain: list[str] = []
+        for folder in folders:
+            path = os.path.join(folder, last)
+            initial = os.path.join(path, "__init__.py")
+            self.probed.update((initial, path + ".py"))
+            if os.path.isfile(initial):
+                return Module(name=name, kind="content", file=initial, folders=(path,), workspace=workspace)
+            if os.path.isfile(path + ".py"):
+                return Module(name=name, kind="content", file=path + ".py", workspace=workspace)
+            if os.path.isdir(path):
+                plain.append(path)
+        if plain and plain_folders:
+            return Module(name=name, kind="content", folders=tuple(plain), workspace=workspace)
+        return None
+
+    def part_modules(self) -> list[str]:
+        """Names of the modules in the part folders (two levels) that may be named, for near-name hints."""
+        if self._part_modules is None:
+            self._part_modules = self._list_modules()
+        return self._part_modules
+
+    def _list_modules(self) -> list[str]:
+        found: set[str] = set()
+        for folder in self.parts:
+            for name in listed(folder):
+                path = os.path.join(folder, name)
+                if name.endswith(".py") and name[:-3].isidentifier():
+                    found.add(name[:-3])
+                elif name.isidentifier() and os.path.isdir(path):
+                    inner = [entry for entry in listed(path) if entry.endswith(".py")]
+                    if "__init__.py" in inner:
+                        found.add(name)
+                    own = [entry[:-3] for entry in inner if entry[:-3].isidentifier() and entry != "__init__.py"]
+                    found.update(f"{name}.{entry}" for entry in own)
+        return sorted(name for name in found if name.partition(".")[0] not in PROTECTED)
+
+
+_PYTHONS_OWN = (importlib.machinery.PathFinder, importlib.machinery.BuiltinImporter, importlib.machinery.FrozenImporter)
+
+
+def listed(folder: str) -> list[str]:
+    """The names in a folder, sorted; none where it cannot be read."""
+    try:
+        return sorted(os.listdir(folder))
+    except OSError:
+        return []
+
+
+def _on_path(name: str, followed: Collection[str]) -> Module | None:
+    """A top-level module of the environment (editable packages that bring a finder of their own are asked for, too)."""
+    specification = importlib.machinery.PathFinder.find_spec(name, list(import_path()))
+    if specification is None or specification.origin is None and specification.submodule_search_locations:
+        for finder in sys.meta_path:
+            if not getattr(finder, "of_parts", False) and finder not in _PYTHONS_OWN:
+                try:
+                    own = finder.find_spec(name, None)
+                except Exception:
+                    continue
+                if own is not None:
+                    specification = own
+                    break
+    if specification is None:
+        return None
+    origin = specification.origin
+    folders = tuple(specification.submodule_search_locations or ())
+    if origin is None and folders and all(is_installed(os.path.join(folder, "")) for folder in folders):
+        return Module(name=name, kind="installed")
+    if origin is None:  # a folder without __init__.py: the project's own build/ or docs/ count for nothing
+        return None
+    if origin.endswith(".py") and name in followed and (name in CONTENT_TRACKED or not is_installed(origin)):
+        return Module(name=name, kind="content", file=origin, folders=folders)
+    return Module(name=name, kind="installed", file=origin if specification.has_location else None)

@@ -1,0 +1,120 @@
+"""Reads off the syntax tree of a source file what counts of it. Never imports or runs anything."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import os
+from typing import Any
+
+from thingc.realize.key.modules import MAX_NAME
+
+TELLING = frozenset({
+    "__doc__", "f_lineno", "tb_lineno", "co_firstlineno", "co_lines", "co_positions", "co_linetable", "co_lnotab", "co_consts",
+    "inspect", "linecache", "pydoc", "traceback",
+})
+"""Words by which code looks at docstrings, lines or source texts, which are otherwise no part of a key."""
+
+BINDING = frozenset({
+    "exec", "eval", "globals", "locals", "vars", "setattr", "modules", "f_globals", "__dict__", "__getattr__", "__builtins__",
+})
+"""Words by which a module can have names that no statement of it binds; so can a function that says `global`."""
+
+NOWHERE = os.devnull
+"""The file that Python is told: it looks for the faulty line in it, and by default that is a file `<unknown>` of the working folder."""
+
+_IMPLIED = ("ctx", "kind")
+"""Fields of nodes that tell nothing: what a name is used for shows where it stands, and `u"x"` is `"x"`."""
+_END = object()
+
+
+def read(source: bytes) -> dict[str, Any]:
+    """The facts of a source file, as JSON (see `module_key.Facts`)."""
+    try:
+        tree = ast.parse(source, NOWHERE)
+        tree.body = [statement for statement in tree.body if not _is_main_guard(statement)]
+        return _facts(tree)
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        digest = hashlib.sha256(source).hexdigest()
+        return {
+            "syntax": digest, "documented": digest, "imports": [], "names": {}, "telling": True, "more": True, "broken": True,
+        }
+
+
+def _facts(tree: ast.Module) -> dict[str, Any]:
+    """One walk in the order of the text, without recursion: sums grow deeper than Python's stack."""
+    syntax = hashlib.sha256()
+    length = 0
+    docstrings: list[str] = []
+    words: set[str] = set()
+    imports: set[str] = set()
+    waiting: list[Any] = [tree]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):  # it does nothing: a docstring
+            docstrings.append(f"{length} {node.value.value!r}\n")
+            continue
+        if isinstance(node, ast.AST):
+            # what is not there is left out: other versions of Python have more fields
+            fields = {
+                name: value for name in node._fields
+                if name not in _IMPLIED and (value := getattr(node, name, None)) is not None and value != []
+            }
+            word = f"{type(node).__name__} {' '.join(fields)}"
+            waiting += reversed(fields.values())
+            if isinstance(node, (ast.Import, ast.ImportFrom)):
+                imports.update(origin for _, origin in _imported(node) if len(origin) <= MAX_NAME)
+            elif isinstance(node, ast.Global):
+                words.add("globals")
+        elif isinstance(node, list):
+            word = "["
+            waiting += [_END, *reversed(node)]
+        else:
+            word = "]" if node is _END else repr(node)
+            if isinstance(node, str):
+                words.add(node)
+        syntax.update(f"{word}\n".encode())
+        length += 1
+    documented = syntax.copy()
+    documented.update("".join(docstrings).encode())
+    return {
+        "syntax": syntax.hexdigest(), "documented": documented.hexdigest(), "imports": sorted(imports), "names": _names(tree),
+        "telling": not words.isdisjoint(TELLING), "more": not words.isdisjoint(BINDING), "broken": False,
+    }
+
+
+def _is_main_guard(statement: ast.stmt) -> bool:
+    """`if __name__ == "__main__":` without `else` never runs in a module that is imported."""
+    return (
+        isinstance(statement, ast.If) and not statement.orelse
+        and ast.unparse(statement.test) in ("__name__ == '__main__'", "'__main__' == __name__")
+    )
+
+
+def _imported(statement: ast.Import | ast.ImportFrom) -> list[tuple[str, str]]:
+    """What an import binds, with where that comes from: `module`, or `module:name` with the dots of a relative import before it."""
+    if isinstance(statement, ast.Import):
+        return [(alias.asname or alias.name.partition(".")[0], alias.name) for alias in statement.names]
+    module = "." * statement.level + (statement.module or "")
+    return [(alias.asname or alias.name, f"{module}:{alias.name}") for alias in statement.names]
+
+
+def _names(tree: ast.Module) -> dict[str, tuple[str, int, str]]:
+    """What the module's own statements bind, conditional ones among them: kind, line, and where an imported name comes from."""
+    names: dict[str, tuple[str, int, str]] = {}
+    waiting: list[ast.AST] = list(tree.body)
+    for node in waiting:
+        line = getattr(node, "lineno", 0)
+        if isinstance(node, ast.ClassDef):
+            names[node.name] = ("class", line, "")
+        elif isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
+            names[node.name] = ("function", line, "")
+        elif isinstance(node, (ast.Import, ast.ImportFrom)):
+            names.update({name: ("import", line, origin) for name, origin in _imported(node)})
+        else:
+            bound = node.id if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store) else None
+            for name in (bound, getattr(node, "name", None), getattr(node, "rest", None)):  # also of `except` and `match`
+                if isinstance(name, str):
+                    names[name] = ("value", line, "")
+            waiting += ast.iter_child_nodes(node)
+    return names

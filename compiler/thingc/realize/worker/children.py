@@ -1,0 +1,234 @@
+"""One forked child per request, on systems that can fork: whatever part code does, it ends its own process only, changes files in
+its own folder only, and nothing that it has started outlives it."""
+
+from __future__ import annotations
+
+import contextlib
+import faulthandler
+import json
+import os
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from thingc.realize.worker import process_tree
+from thingc.realize.worker.confining import PROCESSES, confine
+from thingc.realize.worker.scratch import settle
+
+KEPT = 8192
+"""How many bytes of the end of a child's standard error are looked at."""
+FAREWELL = 1.0
+"""How long [s] after a child what it has started may take to notice and to end."""
+HELPERS = ("from multiprocessing.resource_tracker import", "from multiprocessing.forkserver import")
+"""What the command lines of processes hold that Python starts for itself, and that end with the one that they help."""
+LAST_WORDS = 3.0
+"""How long [s] a child that is about to end may take to do so, and to say where it was."""
+WATCH = 0.05
+"""How often [s] to look whether children run and how many processes they have."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Child:
+    """A running child: what was asked of it, its process (leader of its own group), the pipe its answer comes on, its standard error,
+    and its folder. `status` is how it has ended, as far as that is known."""
+
+    request: Mapping[str, Any]
+    process: int
+    pipe: int
+    errors: Any
+    scratch: str
+    deadline: float
+    received: bytearray
+    status: int | None = None
+
+    def read(self) -> bool:
+        """Take what has come; False at the end."""
+        try:
+            data = os.read(self.pipe, 1 << 20)
+        except OSError:
+            data = b""
+        self.received += data
+        return bool(data)
+
+    @property
+    def answered(self) -> bool:
+        """Whether a whole answer has come."""
+        return self.received.endswith(b"\n")
+
+    def over(self, now: float) -> str | None:
+        """Whether it is time to end the child, which has not answered: `hung`, `swarmed` (too many processes), or `crashed`."""
+        if self.deadline <= now:
+            return "hung"
+        if len(process_tree.descendants(self.process)) > PROCESSES:
+            return "swarmed"
+        return "crashed" if self._ended() else None
+
+    def end(self, over: str | None, others: Collection[int]) -> dict[str, Any]:
+        """End the child and everything that it has started, but nothing of the `others` that run beside it, and say how it went: the
+        answer for the client. `over`: why it is ended without an answer."""
+        number = {"id": self.request["id"]}
+        if not self.answered and over in (None, "crashed"):
+            self._wait()
+        elif over == "swarmed":
+            process_tree.stop(self.process)
+            process_tree.end_descendants(self.process)
+            self._kill(signal.SIGABRT)  # it says where it is
+            self._kill(signal.SIGCONT)
+            self._wait()
+        left = self._end_processes(others)
+        os.close(self.pipe)
+        try:
+            if self.answered:
+                return {**number, **json.loads(self.received), **({"left": left} if left else {})}
+            self.errors.seek(0, os.SEEK_END)
+            self.errors.seek(max(0, self.errors.tell() - KEPT))
+            tail = self.errors.read().decode("utf-8", "replace")
+        finally:
+            self.errors.close()
+        if over == "swarmed":
+            return {**number, "failed": over, "words": f"more than {PROCESSES} of its processes were alive at once", "detail": tail}
+        if over == "hung":
+            return {**number, "failed": over, "words": "", "detail": tail}
+        return {**number, "failed": "crashed", "words": in_words(self.status), "detail": tail}
+
+    def _end_processes(self, others: Collection[int]) -> list[str]:
+        """Kill the child and all that it has started. The command lines of what was still at work after an answer."""
+        started = process_tree.alive(process_tree.descendants(self.process)) if self.answered else []
+        own, words = process_tree.command(self.process), {one: process_tree.command(one) for one in started}
+        self._kill(signal.SIGKILL)
+        left = process_tree.outliving(started, FAREWELL)
+        kill_group(self.process)
+        if self.status is None:
+            with contextlib.suppress(ChildProcessError):
+                os.waitpid(self.process, 0)
+        process_tree.end_all_but(others)
+        return ["" if words[one] == own else words[one] for one in left if not any(text in words[one] for text in HELPERS)]
+
+    def _kill(self, number: signal.Signals) -> None:
+        if self.status is None:  # else the number may be somebody else's by now
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(self.process, number)
+
+    def _ended(self) -> bool:
+        if self.status is None:
+            with contextlib.suppress(ChildProcessError):
+                process, status = os.waitpid(self.process, os.WNOHANG)
+                self.status = status if process else None
+        return self.status is not None
+
+    def _wait(self) -> None:
+        """Let it end by itself, for a while."""
+        last = time.monotonic() + LAST_WORDS
+        while not self._ended() and time.monotonic() < last:
+            time.sleep(process_tree.PAUSE)
+
+
+def in_words(status: int | None) -> str:
+    """How a process ended, from its wait status."""
+    if status is None:
+        return "it closed its pipe and went on"
+    if os.WIFSIGNALED(status):
+        number = os.WTERMSIG(status)
+        try:
+            return f"killed by {signal.Signals(number).name}"
+        except ValueError:
+            return f"killed by signal {number}"
+    return f"it ended the interpreter with exit status {os.WEXITSTATUS(status)}"
+
+
+def kill_group(process: int) -> None:
+    """Kill the process group that a child leads or has led."""
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        os.killpg(process, signal.SIGKILL)
+
+
+def die_with_parent(parent: int) -> None:
+    """Let the system kill this process when its parent ends (Linux); ends it at once when that has happened already."""
+    if sys.platform == "linux":
+        import ctypes
+
+        ctypes.CDLL(None, use_errno=True).prctl(1, signal.SIGKILL, 0, 0, 0)  # PR_SET_PDEATHSIG
+    if os.getppid() != parent:
+        os._exit(1)
+
+
+def live_without_parent() -> None:
+    """Take `die_with_parent` back."""
+    if sys.platform == "linux":
+        import ctypes
+
+        ctypes.CDLL(None, use_errno=True).prctl(1, 0, 0, 0, 0)
+
+
+def start(
+    request: Mapping[str, Any], run: Callable[[Mapping[str, Any]], dict[str, Any]], nice: int, scratch: str, close: list[int]
+) -> Child:
+    """Fork a child that runs `run(request)` with the folder `scratch` for itself, the only one that it may change, and writes the
+    answer as one line. Then it waits for its end. `nice`: how it is scheduled; `close`: descriptors it must not hold."""
+    reader, writer = os.pipe()
+    errors = tempfile.TemporaryFile()  # noqa: SIM115 (it lives as long as the child)
+    server = os.getpid()
+    timeout = float(request["timeout"])
+    process = os.fork()
+    if process == 0:
+        status = 1
+        try:
+            os.setpgid(0, 0)
+            if sys.platform != "linux":
+                _watch(server)
+            die_with_parent(server)
+            for descriptor in (reader, *close):
+                os.close(descriptor)
+            settle(scratch)
+            process_tree.give_priority(nice)
+            process_tree.adopt_orphans()
+            confine(scratch)
+            os.dup2(errors.fileno(), 1)
+            os.dup2(errors.fileno(), 2)
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
+            faulthandler.enable(file=errors.fileno(), all_threads=False)
+            faulthandler.dump_traceback_later(timeout - min(0.5, timeout / 4), file=errors.fileno())
+            _without_core_dump()
+            answer = json.dumps(run({**request, "scratch": scratch})).encode() + b"\n"
+            faulthandler.cancel_dump_traceback_later()
+            while answer:
+                answer = answer[os.write(writer, answer) :]
+            status = 0
+            while os.getppid() == server:  # as long as it lives, everybody can see what it has started
+                signal.pause()
+        except BaseException:
+            import traceback
+
+            os.write(errors.fileno(), traceback.format_exc().encode("utf-8", "replace"))
+        finally:
+            os._exit(status)
+    os.close(writer)
+    with contextlib.suppress(OSError):
+        os.setpgid(process, process)
+    return Child(
+        request=request, process=process, pipe=reader, errors=errors, scratch=scratch, deadline=time.monotonic() + timeout,
+        received=bytearray(),
+    )
+
+
+def _without_core_dump() -> None:
+    import resource
+
+    with contextlib.suppress(ValueError, OSError):
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+def _watch(server: int) -> None:
+    """Where the system cannot do it: a thread that ends the child when the server is gone."""
+    import threading
+
+    def watch() -> None:
+        while os.getppid() == server:
+            time.sleep(0.2)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()

@@ -1,0 +1,142 @@
+"""What part code may change: the folder of its own, and nothing else. What it wrote elsewhere, into the store above all, would change
+what other parts become, or stay behind.
+
+The audit hook refuses first: it can say so with the line, but sees only what Python does. Where the system has Landlock (Linux since
+5.13), that refuses the same to all that the part loads and starts, and nothing of the part can take it back.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import struct
+import sys
+from typing import Any
+
+from thingc.realize.worker import audit
+
+PROCESSES = 256
+"""How many processes of one part may be alive at once."""
+
+DEVICES = "/dev"
+_WRITING = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_TRUNC
+
+
+class Trespass(PermissionError):
+    """A part was about to change something outside of its own folder: `filename`. Libraries that do without what they cannot write
+    take it as any other refusal."""
+
+    def __init__(self, path: str) -> None:
+        super().__init__(errno.EACCES, "a part may write into its own temporary folder only", path)
+
+
+# --- what Python does -------------------------------------------------------------------------------------------------
+
+_CHANGING: dict[str, tuple[tuple[int, int], ...]] = {
+    "os.chmod": ((0, 2),), "os.chown": ((0, 3),), "os.link": ((0, 2), (1, 3)), "os.mkdir": ((0, 2),), "os.remove": ((0, 1),),
+    "os.removexattr": ((0, -1),), "os.rename": ((0, 2), (1, 3)), "os.rmdir": ((0, 1),), "os.setxattr": ((0, -1),),
+    "os.symlink": ((1, 2),), "os.truncate": ((0, -1),), "os.utime": ((0, 3),),
+}
+"""By audit event: which of its arguments are files that are changed, each with the one that says relative to which open folder (-1:
+to none). Relative to one, the path says nothing; such calls are left to the system."""
+
+_FOLLOWING = frozenset({"os.chmod", "os.chown", "os.removexattr", "os.setxattr", "os.truncate", "os.utime"})
+"""Those that change what a link leads to; the others change the link."""
+
+_allowed: tuple[str, ...] = ()
+
+
+def begin(folder: str) -> None:
+    """From here on, Python refuses with `Trespass` to change anything outside of `folder`."""
+    global _allowed
+    audit.listen(("open", *_CHANGING), _heard)
+    _allowed = (os.path.join(os.path.realpath(folder), ""), os.path.join(DEVICES, ""))
+
+
+def end() -> None:
+    """From here on, everything is allowed again."""
+    global _allowed
+    _allowed = ()
+
+
+def _heard(event: str, arguments: tuple[Any, ...]) -> None:
+    if not _allowed:
+        return
+    if event == "open":
+        path, mode, flags = arguments
+        if any(letter in mode for letter in "wax+") if isinstance(mode, str) else bool((flags or 0) & _WRITING):
+            _check(path, itself=True)
+        return
+    for place, relative in _CHANGING[event]:
+        if relative < 0 or arguments[relative] in (-1, None):
+            _check(arguments[place], follow=event in _FOLLOWING)
+
+
+def _check(path: Any, *, follow: bool = True, itself: bool = False) -> None:
+    """Raise `Trespass` for what lies outside of the folder. `itself` says that the folder may be meant, too: who opens a folder to write
+    makes a file in it, as `tempfile.TemporaryFile` does; the folder alone cannot be opened so."""
+    if isinstance(path, int) or path is None:
+        return
+    named = os.path.abspath(os.fsdecode(path))
+    real = os.path.realpath(named) if follow else os.path.join(os.path.realpath(os.path.dirname(named)), os.path.basename(named))
+    if not real.startswith(_allowed) and not (itself and os.path.join(real, "") == _allowed[0]):
+        raise Trespass(real)
+
+
+# --- what the system refuses ------------------------------------------------------------------------------------------
+# https://docs.kernel.org/userspace-api/landlock.html
+
+_CREATE_RULESET, _ADD_RULE, _RESTRICT_SELF = 444, 445, 446
+_VERSION, _PATH_BENEATH = 1, 1
+_NO_NEW_PRIVILEGES = 38
+_WRITE_FILE, _REMOVE_FILE, _MAKE_FILE = 1 << 1, 1 << 5, 1 << 8
+_REMOVE_OR_MAKE = sum(1 << bit for bit in range(4, 13))
+_REFER, _TRUNCATE = 1 << 13, 1 << 14
+_SIGNALS = 1 << 1
+
+
+def confine(folder: str) -> bool:
+    """Take from this process, for good, the right to change files outside of `folder` and to signal processes that it has not
+    started; False where the system knows no such thing. And bound how many processes it may start."""
+    _bound_processes()
+    return sys.platform == "linux" and _landlock(folder)
+
+
+def _landlock(folder: str) -> bool:
+    import ctypes
+
+    libc = ctypes.CDLL(None, use_errno=True)
+    libc.syscall.restype = ctypes.c_long
+    version = libc.syscall(_CREATE_RULESET, None, ctypes.c_size_t(0), _VERSION)
+    if version < 1:
+        return False
+    handled = _WRITE_FILE | _REMOVE_OR_MAKE | (_REFER if version >= 2 else 0) | (_TRUNCATE if version >= 3 else 0)
+    attributes = struct.pack("=QQQ", handled, 0, _SIGNALS if version >= 6 else 0)
+    rules = libc.syscall(_CREATE_RULESET, attributes, ctypes.c_size_t(len(attributes)), 0)
+    if rules < 0:
+        return False
+    try:
+        for path, rights in ((folder, handled), (DEVICES, handled & (_WRITE_FILE | _TRUNCATE | _REMOVE_FILE | _MAKE_FILE))):
+            beneath = os.open(path, os.O_PATH | os.O_CLOEXEC)
+            try:
+                if libc.syscall(_ADD_RULE, rules, _PATH_BENEATH, struct.pack("=Qi", rights, beneath), 0) != 0:
+                    return False
+            finally:
+                os.close(beneath)
+        return bool(libc.prctl(_NO_NEW_PRIVILEGES, 1, 0, 0, 0) == 0 and libc.syscall(_RESTRICT_SELF, rules, 0) == 0)
+    finally:
+        os.close(rules)
+
+
+def _bound_processes() -> None:
+    """The system's own bound, for the case that a part is quicker than who watches it. It counts what the whole user runs, and does
+    not hold for root: the worker watches (`worker`)."""
+    import resource
+
+    with contextlib.suppress(OSError, ValueError, IndexError), open("/proc/loadavg", "rb") as stream:
+        running = int(stream.read().split()[3].partition(b"/")[2])
+        _, hard = resource.getrlimit(resource.RLIMIT_NPROC)
+        most = running + 2 * PROCESSES
+        if hard == resource.RLIM_INFINITY or most < hard:
+            resource.setrlimit(resource.RLIMIT_NPROC, (most, most))

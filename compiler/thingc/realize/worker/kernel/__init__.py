@@ -1,0 +1,1 @@
+"""What runs in the worker with the CAD kernel: parts modelled, measured, meshed and written."""

@@ -1,0 +1,41 @@
+"""Convex pieces of a part's mesh, for `collision: decompose`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from thingc.realize.record_json import mesh_to_json
+from thingc.realize.store.local import Store
+from thingc.realize.worker.kernel import meshing
+from thingc.realize.worker.kernel.meshing import Triangles, without_slivers
+from thingc.realize.worker.kernel.modelling import stored_stl
+from thingc.realize.worker.kernel.part_files import surfaces
+
+CONVEX = 1e-4
+"""A surface whose hull encloses no more than this much more is convex, and a piece as it is."""
+
+
+def decompose(sha256: str, store: Store) -> list[Any]:
+    """Convex pieces of a mesh in the store (STL, metres) by CoACD, as STL files in metres, the same every time.
+
+    Surfaces that do not touch are decomposed one by one.
+    """
+    mesh = meshing.read_stl(store.read(sha256))
+    pieces: list[Triangles] = []
+    for members in surfaces(mesh):
+        body = without_slivers(mesh.vertices, mesh.faces[members])
+        whole = meshing.hull(body.vertices)
+        if whole is None or body.volume < 0.0:  # flat, or a void in the body around it
+            pieces = []
+            break
+        pieces.extend([whole] if whole.volume - body.volume <= CONVEX * whole.volume else _by_coacd(body))
+    return [mesh_to_json(stored_stl(piece, store)) for piece in pieces or _by_coacd(mesh)]
+
+
+def _by_coacd(mesh: Triangles) -> list[Triangles]:
+    """Wei et al., "Approximate convex decomposition for 3D meshes with collision-aware concavity and tree search", 2022."""
+    import coacd
+
+    coacd.set_log_level("off")
+    made = (meshing.hull(vertices) for vertices, _ in coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces), seed=0))
+    return [piece for piece in made if piece is not None]

@@ -1,0 +1,246 @@
+"""`python -m thingc.realize.worker.server`: the process that holds the CAD kernel.
+
+Requests and answers are lines of JSON on standard input and output. It imports build123d once and forks a child for each
+request; at the end of its input it ends at once, with all of its children. `--inline` runs requests in the process itself
+(systems without fork: one such worker per core); `--assemble` reads one request to write a STEP file and needs OCP only.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import importlib
+import json
+import os
+import selectors
+import signal
+import sys
+import time
+from collections import deque
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from thingc.realize.worker.scratch import Scratch
+
+AHEAD = (
+    "importlib.metadata", "importlib.resources.readers", "manifold3d", "thingc.realize.worker.describing",
+    "thingc.realize.worker.kernel.modelling", "thingc.realize.worker.kernel.slicing", "thingc.things.adjust",
+    "thingc.things.assets", "thingc.things.inspection", "thingc.things.resolver", "thingc.workspace",
+)
+"""What children would each import again."""
+
+
+def main(arguments: list[str]) -> None:
+    """Serve until the end of standard input. Never returns."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    sys.dont_write_bytecode = True
+    answers = os.dup(1)
+    nothing = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nothing, 1)
+    parent = int(arguments[arguments.index("--parent") + 1]) if "--parent" in arguments else os.getppid()
+    if hasattr(os, "fork"):
+        from thingc.realize.worker.children import die_with_parent
+
+        die_with_parent(parent)  # nobody watches standard input while the kernel is loaded
+    from thingc.realize.worker.scratch import Scratch, settle
+
+    scratch = Scratch()
+    settle(scratch.folder)
+    try:
+        if "--assemble" in arguments:
+            _answer(answers, _safely(json.loads(sys.stdin.buffer.readline())))
+        elif not _load(answers):
+            return
+        elif hasattr(os, "fork") and "--inline" not in arguments:
+            from thingc.realize.worker.children import live_without_parent
+
+            live_without_parent()  # from here on the end of standard input does it; the parent's thread may end before
+            if os.getppid() == parent:
+                jobs = int(arguments[arguments.index("--jobs") + 1]) if "--jobs" in arguments else os.cpu_count() or 1
+                _serve(answers, jobs, scratch)
+        else:
+            for line in sys.stdin.buffer:
+                folder = scratch.make()
+                settle(folder)
+                request = json.loads(line)
+                _answer(answers, _settled(_safely({**request, "scratch": folder}), request["store"], folder))
+    finally:
+        scratch.close()
+        os._exit(0)
+
+
+def _load(answers: int) -> bool:
+    """Import the kernel and everything requests need, once; False where that cannot be imported, which is said."""
+    gc.disable()
+    try:
+        from thingc.realize.worker.deferred import import_cheaply
+
+        import_cheaply("build123d")
+        for name in AHEAD:
+            importlib.import_module(name)
+        from thingc.realize.worker import asking
+        from thingc.realize.worker.reads import wrap_importers
+
+        wrap_importers()
+        asking.install()
+    except BaseException as fault:
+        import traceback
+
+        _answer(answers, {"broken": f"{type(fault).__name__}: {fault}", "detail": traceback.format_exc()})
+        return False
+    gc.freeze()
+    gc.set_threshold(100_000, 20, 100)  # meshes are many small tuples
+    gc.enable()
+    _answer(answers, {"ready": True})
+    return True
+
+
+def _answer(descriptor: int, value: Mapping[str, Any]) -> None:
+    data = json.dumps(value).encode() + b"\n"
+    while data:
+        data = data[os.write(descriptor, data) :]
+
+
+def _safely(request: Mapping[str, Any]) -> dict[str, Any]:
+    try:
+        return {"id": request["id"], **answered(request)}
+    except BaseException as fault:
+        import traceback
+
+        words = f"{type(fault).__name__}: {fault}"
+        return {"id": request["id"], "failed": "crashed", "words": words, "detail": traceback.format_exc()}
+
+
+def answered(request: Mapping[str, Any]) -> dict[str, Any]:
+    """What is said to a request: its `answer`, or that there is no room for it."""
+    from thingc.realize.store.local import StoreUnusable
+
+    try:
+        return {"answer": perform(request)}
+    except StoreUnusable as fault:
+        return {"failed": "unusable", "words": fault.reason}
+
+
+def _settled(answer: dict[str, Any], store: str, folder: str) -> dict[str, Any]:
+    """Put what a request has left in its `folder` into the store, and remove the folder: the answer after that, with what the part has
+    `printed`."""
+    from thingc.realize.store.local import Outbox, StoreUnusable
+    from thingc.realize.worker.printed import lines_of
+    from thingc.realize.worker.scratch import remove
+
+    try:
+        if "answer" in answer:
+            Outbox(store, folder).deliver()
+        lines = lines_of(folder)
+        return {**answer, "printed": lines} if lines else answer
+    except StoreUnusable as fault:
+        return {"id": answer["id"], "failed": "unusable", "words": fault.reason}
+    finally:
+        remove(folder)
+
+
+def perform(request: Mapping[str, Any]) -> dict[str, Any]:
+    """Do what one request asks: `describe`, `model`, `decompose`, `slice` or `assemble`. With a folder for itself (`scratch`), it
+    leaves there what is for the store. Raises `StoreUnusable`."""
+    from thingc.realize.store.local import Outbox, Store
+
+    store = Outbox(request["store"], request["scratch"]) if "scratch" in request else Store(request["store"])
+    operation = request["op"]
+    if operation == "assemble":
+        from thingc.realize.worker.kernel.assembling import assemble
+
+        return assemble(request["name"], request["instances"], store)
+    from thingc.realize.worker.session import Surroundings
+
+    if operation == "decompose":
+        from thingc.realize.worker.kernel.decomposing import decompose
+
+        return {"pieces": decompose(request["mesh"], store)}
+    if operation == "slice":
+        from thingc.realize.slices import Slicing
+        from thingc.realize.worker.kernel.slicing import slice_stored
+
+        return slice_stored(request["mesh"], Slicing(**request["slicing"]), store)
+    around = Surroundings(
+        root=request["root"], parts=tuple(request["parts"]), packages=tuple(request["packages"]), hashes=dict(request["hashes"]),
+        plain=tuple(request["plain"]), store=request["store"], scratch=request["scratch"],
+    )
+    if operation == "describe":
+        from thingc.realize.worker.describing import describe
+
+        return describe(request["references"], around)
+    from thingc.realize.worker.kernel.modelling import Tessellations, model
+    from thingc.workspace import Tessellation
+
+    asked = {name: Tessellation(**values) for name, values in request["tessellations"].items()}
+    return model(request["definition"], Tessellations(**asked), around, store)
+
+
+def _serve(answers: int, jobs: int, scratch: Scratch) -> None:
+    """The server: at most `jobs` children at once, each with its deadline and its folder. Nothing that they start outlives them."""
+    from thingc.realize.worker.children import WATCH, Child, start
+    from thingc.realize.worker.process_tree import FIRST, adopt_orphans, give_priority
+
+    adopt_orphans()
+    usual = give_priority(FIRST)
+    waiting: deque[dict[str, Any]] = deque()
+    running: dict[int, Child] = {}
+    selector = selectors.DefaultSelector()
+    selector.register(0, selectors.EVENT_READ)
+    received = bytearray()
+
+    def finish(child: Child, over: str | None = None) -> None:
+        selector.unregister(child.pipe)
+        del running[child.pipe]
+        answer = child.end(over, {other.process for other in running.values()})
+        _answer(answers, _settled(answer, child.request["store"], child.scratch))
+
+    try:
+        while True:
+            while waiting and len(running) < jobs:
+                request = waiting.popleft()
+                _prepare(request)
+                child = start(request, answered, usual, scratch.make(), [0, answers, *scratch.descriptors, *running])
+                running[child.pipe] = child
+                selector.register(child.pipe, selectors.EVENT_READ)
+            for key, _ in selector.select(WATCH if running else None):
+                if key.fd == 0:
+                    data = os.read(0, 1 << 20)
+                    if not data:
+                        return
+                    received += data
+                    *lines, remainder = received.split(b"\n")
+                    received = bytearray(remainder)
+                    waiting.extend(json.loads(line) for line in lines)
+                elif key.fd in running:
+                    child = running[key.fd]
+                    if not child.read() or child.answered:
+                        finish(child)
+            for child in list(running.values()):
+                over = child.over(time.monotonic())
+                if over is not None:
+                    finish(child, over)
+    except BrokenPipeError:
+        return
+    finally:
+        for child in running.values():
+            child.end("hung", ())
+
+
+def _prepare(request: Mapping[str, Any]) -> None:
+    """What children would each do again: compile the part files (without running them), load the packages they import."""
+    from thingc.realize.worker.kernel.mesh_files import reads_with_trimesh
+    from thingc.realize.worker.loading import compile_ahead
+
+    for file, sha256 in request.get("hashes", {}).items():
+        compile_ahead(file, sha256)
+    of_file = request.get("definition", {}).get("kind") == "file" and reads_with_trimesh(request["definition"]["reference"])
+    for name in (*request.get("preload", ()), *(["trimesh"] if of_file else [])):
+        if name not in sys.modules:
+            with contextlib.suppress(Exception):
+                importlib.import_module(name)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
