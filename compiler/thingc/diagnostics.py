@@ -122,6 +122,7 @@ class Code(Enum):
     LOCK_DOCUMENT = ("TC344", "a document could not be looked through for the lock", "Mend the document, then run `thingc lock` again.")
     NOT_LOOKED_AT = ("TC345", "geometry that was not looked at", "Run `thingc lock` again to have these parameters in the lock.")
     TOO_COSTLY = ("TC346", "a check beyond its bounds", "Make the documents smaller, or allow more with `--time-limit`.")
+    HIDDEN = ("TC347", "module that hides another", "Call one of the two files otherwise.", Stage.CHECK)
     TEST = ("TC348", "test that cannot be run", "Mend the key that the message names.")
     LEAD = ("TC360", "lead of a screw", "Write `lead: 8 mm`, the advance in one turn; a left-hand thread has a negative one.")
     COORDINATES = ("TC361", "values of several coordinates", "Write a list with one entry for each coordinate of the joint.")

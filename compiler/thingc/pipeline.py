@@ -212,6 +212,7 @@ def _passes(environment: Environment, own: Sources | None, settings: Settings, m
     sources = choose(environment, own, settings.choices, report)
     documents, specs, workspace = sources.documents, sources.specs, sources.workspace
     report.allowances = specs.allowances
+    _say_hidden(environment, sources, report)
     compilation = Compilation(settings=settings, report=report, documents=documents)
     if documents.root.kind == "materials":
         resolve_materials(documents, specs, workspace, report)
@@ -233,6 +234,17 @@ def _passes(environment: Environment, own: Sources | None, settings: Settings, m
     assembly = stand(linked, _corners(environment), report, memo)
     robots = [root(assembly, mode, report, memo) for mode in assembly.modes if not modes or mode.name in modes]
     return replace(compilation, assembly=assembly, robots=tuple(robot for robot in robots if robot is not None))
+
+
+def _say_hidden(environment: Environment, sources: Sources, report: Report) -> None:
+    """Say which modules of parts hide others; most often there is none."""
+    from thingc.realize.answers import report_hidden
+    from thingc.spec import part_references
+
+    hiding = [reference for reference in sources.schemas if environment.parts.hiding(reference)]
+    if hiding:
+        named = [one for one in part_references(sources.specs, sources.documents) if one[0] in hiding]
+        report_hidden(environment.parts, [*named, *((reference, None) for reference in hiding)], report)
 
 
 def emit(environment: Environment, compilation: Compilation, targets: Sequence[str], *, verify: bool = True) -> dict[str, Artifacts]:

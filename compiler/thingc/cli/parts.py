@@ -76,8 +76,10 @@ def _listed(
     references = _named(geometry, wanted) if wanted else geometry.catalogue()
     if not wanted:
         report.diagnostics.extend(_failed(failure.subject, failure) for failure in geometry.not_python())
+    from thingc.realize.answers import report_hidden
     from thingc.realize.lock.locking import default_of
 
+    report_hidden(geometry, ((reference, None) for reference in references), report)
     schemas: list[PartSchema] = []
     answers = geometry.describe(references)
     for reference in references:  # answers are in the order in which they came

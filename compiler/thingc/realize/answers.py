@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
 
-from thingc.diagnostics import Code, Note, Report, Severity
+from thingc.diagnostics import Code, Note, Report, Severity, meant_so
 from thingc.realize.lock.lock import LOCK_FILE, REMAKE, lock_path, report_bad, top_of
 from thingc.realize.lock.values import BadLock
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema
 from thingc.realize.slices import Slicing
+from thingc.source import Span
 
 if TYPE_CHECKING:
+    from thingc.realize.key.modules import Module
     from thingc.realize.service import Decision
     from thingc.workspace import Workspace
 
@@ -44,6 +46,9 @@ class PartAnswers(Protocol):
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
         """What each `module:Class` takes, by reference."""
 
+    def hiding(self, reference: str) -> tuple[Module, ...]:
+        """The modules in reach of `module:Class` that hide others of their name."""
+
     def realize(self, definitions: Sequence[PartDefinition], convex: Collection[str] = ()) -> Mapping[str, PartRecord | PartFailure]:
         """The record of each definition, by text; one that nobody may know is absent."""
 
@@ -53,6 +58,22 @@ class PartAnswers(Protocol):
     ) -> Mapping[str, PartRecord | PartFailure]:
         """The `records` of `definitions` with what is laid into them when they are sliced as `wanted`, by text. One of which nobody
         may know that is not `exact`."""
+
+
+def report_hidden(parts: PartAnswers, references: Iterable[tuple[str, Span | None]], report: Report) -> None:
+    """A warning for each module that parts are made from and that hides another file of its name: where the first of those is named, or
+    where the module lies."""
+    said: set[str] = set()
+    for reference, where in references:
+        for module in parts.hiding(reference):
+            if module.file is not None and module.name not in said:
+                said.add(module.name)
+                hidden = " and ".join(f"`{parts.workspace.relative(file)}`" for file in module.hides)
+                report.warn(
+                    Code.HIDDEN, f"`{reference}` takes the module `{module.name}` from `{parts.workspace.relative(module.file)}`, which "
+                    f"hides {hidden}", where or Span(file=module.file, line=1, column=1, end_line=1, end_column=1),
+                    help="call one of the files otherwise" + (f"; {meant_so(Code.HIDDEN)}" if where is not None else ""),
+                )
 
 
 def report_gaps(parts: PartAnswers, report: Report, *, severity: Severity = Severity.ERROR) -> None:

@@ -14,6 +14,7 @@ from thingc.frozen import dataclass
 from thingc.realize.decisions import Decision, Recent, unchanged, why
 from thingc.realize.key.build_key import BuildKey, record_key, schema_key
 from thingc.realize.key.module_key import Code
+from thingc.realize.key.modules import Module
 from thingc.realize.key.part_code import PartCode, file_state
 from thingc.realize.key.results import Kept, Results
 from thingc.realize.key.versions import versions_of
@@ -141,6 +142,10 @@ class GeometryService:
         """The code of a part that was described; None for one of an installed package."""
         found = self._parts.code(reference)
         return found if isinstance(found, Code) else None
+
+    def hiding(self, reference: str) -> tuple[Module, ...]:
+        """The modules in reach of `module:Class` that hide others of their name."""
+        return self._parts.hiding(reference)
 
     def in_part_folders(self, reference: str) -> bool:
         """Whether `module:Class` is in a part folder of the workspace."""

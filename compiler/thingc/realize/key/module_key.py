@@ -70,7 +70,7 @@ class Code:
 
     `ingredients` are digests and paths by module (`module arm`), `documented` the same with docstrings; `installed` the modules of
     installed packages that it imports; `files` the files that it is loaded from, with their SHA-256; `plain` its packages without
-    `__init__.py`; `place` is `(file, line)` of the class.
+    `__init__.py`; `hiding` its modules that hide others of their name; `place` is `(file, line)` of the class.
     """
 
     ingredients: dict[str, str] = field(default_factory=dict)
@@ -78,6 +78,7 @@ class Code:
     installed: set[str] = field(default_factory=set)
     files: dict[str, str] = field(default_factory=dict)
     plain: set[str] = field(default_factory=set)
+    hiding: tuple[Module, ...] = ()
     place: tuple[str, int] | None = None
 
 
@@ -149,6 +150,7 @@ def code_of(reference: str, sources: Sources) -> Code:
         installed={one.name for one in reached if one.kind == "installed"},
         files={one.module.file: one.sha256 for one in found if one.module.file is not None},
         plain={one.name for one in reached if one.kind == "content" and one.file is None},
+        hiding=tuple(one for one in reached if one.hides),
         place=_place(module, name.partition(".")[0], sources),
     )
 

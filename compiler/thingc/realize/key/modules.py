@@ -50,6 +50,7 @@ class Module:
     `kind` is `content` (its code is read, followed and counts), `installed` (what Python finds by itself: it counts by its version,
     or by its files as they were loaded) or `absent`. `file` is its source (None for a folder without `__init__.py`, and for
     what is built in), or the binary of an extension; `folders` are where its submodules lie, empty for a plain module.
+    `hides` are further files in the part folders that would be this module, were the others not there.
     """
 
     name: str
@@ -57,6 +58,7 @@ class Module:
     file: str | None = None
     folders: tuple[str, ...] = ()
     workspace: bool = False
+    hides: tuple[str, ...] = ()
 
 
 @cache
@@ -150,17 +152,19 @@ class Finder:
         self, name: str, last: str, folders: Iterable[str], workspace: bool, *, plain_folders: bool = True
     ) -> Module | None:
         """As Python's path finder does: a package, else a module, else (where allowed) a folder without `__init__.py`."""
+        found: list[tuple[str, tuple[str, ...]]] = []
         plain: list[str] = []
         for folder in folders:
             path = os.path.join(folder, last)
             initial = os.path.join(path, "__init__.py")
             self.probed.update((initial, path + ".py"))
-            if os.path.isfile(initial):
-                return Module(name=name, kind="content", file=initial, folders=(path,), workspace=workspace)
-            if os.path.isfile(path + ".py"):
-                return Module(name=name, kind="content", file=path + ".py", workspace=workspace)
+            found += [one for one in ((initial, (path,)), (path + ".py", ())) if os.path.isfile(one[0])]
             if os.path.isdir(path):
                 plain.append(path)
+        if found:
+            file, inside = found[0]
+            others = (one for one, _ in found[1:] if workspace and not os.path.samefile(one, file))
+            return Module(name=name, kind="content", file=file, folders=inside, workspace=workspace, hides=tuple(others))
         if plain and plain_folders:
             return Module(name=name, kind="content", folders=tuple(plain), workspace=workspace)
         return None

@@ -6,7 +6,7 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from thingc.realize.key.module_key import Code, Sources, code_of, defined_in, may_have
-from thingc.realize.key.modules import OWN, Finder, listed
+from thingc.realize.key.modules import OWN, Finder, Module, listed
 from thingc.realize.key.versions import KERNEL, compiler_version, platform_versions, versions_of
 from thingc.realize.record import PartDefinition, PartFailure
 from thingc.realize.record_json import shortened
@@ -42,6 +42,13 @@ class PartCode:
         if reference not in self._codes:
             self._codes[reference] = self._read_code(reference)
         return self._codes[reference]
+
+    def hiding(self, reference: str) -> tuple[Module, ...]:
+        """The modules in reach of `module:Class` that hide others of their name; where there is no such class, its module alone."""
+        found = self.code(reference)
+        if isinstance(found, PartFailure) and found.file is not None:
+            return tuple(one for one in (self.sources.finder.find(reference.partition(":")[0]),) if one.hides)
+        return found.hiding if isinstance(found, Code) else ()
 
     def _read_code(self, reference: str) -> Code | None | PartFailure:
         module_name, colon, name = reference.partition(":")

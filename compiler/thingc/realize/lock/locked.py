@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from thingc.realize.key.file_states import state_of
 from thingc.realize.key.module_key import Code
+from thingc.realize.key.modules import Module
 from thingc.realize.key.part_code import PartCode
 from thingc.realize.lock.lock import LOCK_FILE, Lock, code_hash, lock_path
 from thingc.realize.lock.values import BadLock
@@ -217,6 +218,10 @@ class LockedGeometry:
         return PartFailure(
             subject=reference, kind="stale", message=f"{what} has changed since `{LOCK_FILE}` was written", file=file, line=line,
         )
+
+    def hiding(self, reference: str) -> tuple[Module, ...]:
+        """The modules in reach of `module:Class` that hide others of their name."""
+        return self._parts.hiding(reference)
 
     def realize(
         self, definitions: Sequence[PartDefinition], convex: Collection[str] = (),
