@@ -12,7 +12,7 @@ from mutations import Mutant
 from thingc import pipeline
 from thingc.diagnostics import Code, Diagnostic, Severity
 from thingc.environment import Environment, Options
-from thingc.load.finding import documents_in
+from thingc.load import documents_in
 from thingc.printing import as_json, as_text
 from thingc.source import Document, MappingNode, ScalarNode, walk
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import ast
 import json
+import re
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -58,6 +60,16 @@ ROOMS: dict[str, set[str]] = {
     "__init__": {"things", "api", "modes"},
     "__main__": {"cli"},
 }
+# The door: what satellites may import, besides themselves and what stands below all rooms: the driver, what the `__init__` of a room
+# exports, and modules of types that passes hand over. ARCHITECTURE.md says so too, under "The door".
+DRIVER = {"environment", "pipeline", "session", "output", "stamp"}
+TYPES = {"realize.record"}
+SATELLITES: dict[str, dict[str, set[str]]] = {
+    "render": {},
+    "reporting": {},
+    "affected": {"load": {"Documents", "documents_in", "load", "named"}, "realize": {"Store", "part_inputs"}},
+}
+OF_EXTRAS = {"variants.dask_worker", "variants.learning"}
 KERNEL = {"build123d", "OCP", "bd_warehouse", "lib3mf"}
 KERNEL_ROOMS = {"things"}
 KERNEL_MODULES = {"realize/worker/server.py", "realize/worker/reads.py"}
@@ -105,6 +117,68 @@ def test_imports_point_one_way(path: Path) -> None:
     assert seen <= ROOMS[room], f"{path.relative_to(PACKAGE)} must not import {sorted(seen - ROOMS[room])}"
 
 
+@pytest.mark.parametrize("satellite", SATELLITES)
+def test_satellites_use_the_door(satellite: str) -> None:
+    below = BASE | {"printing", satellite}
+    seen: dict[str, set[str]] = {}
+    for path in (PACKAGE / satellite).rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            for module, name in named_in(node):
+                if module.split(".")[0] not in below:
+                    seen.setdefault(module, set()).add(name)
+    assert seen == SATELLITES[satellite], "say in SATELLITES what it may import, or take out there what it does not"
+
+
+def named_in(node: ast.AST) -> Iterator[tuple[str, str]]:
+    """Modules of thingc (`load.paths`) with the names that an import takes from each; of whole modules, `*`."""
+    if isinstance(node, ast.Import):
+        yield from ((alias.name.removeprefix("thingc."), "*") for alias in node.names if alias.name.startswith("thingc."))
+    elif isinstance(node, ast.ImportFrom) and node.module == "thingc":
+        yield from ((alias.name, "*") for alias in node.names)
+    elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("thingc."):
+        assert node.module is not None
+        yield from ((node.module.removeprefix("thingc."), alias.name) for alias in node.names)
+
+
+def test_the_door_is_narrow() -> None:
+    """A satellite may import a module only where that is the driver's, a room's own `__init__`, or one of types."""
+    for satellite, modules in SATELLITES.items():
+        for module, names in modules.items():
+            if module in DRIVER | TYPES:
+                continue
+            door = PACKAGE / module / "__init__.py"
+            assert door.is_file(), f"{satellite} reaches into a room: {module}"
+            assert names <= exported(door), f"{module} does not export {sorted(names - exported(door))}, which {satellite} wants"
+
+
+def exported(door: Path) -> set[str]:
+    """What `__all__` of a room has."""
+    body = ast.parse(door.read_text()).body
+    lists = [node.value for node in body if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__"]
+    return set(ast.literal_eval(lists[0])) if lists else set()
+
+
+def test_the_door_is_in_the_drawing() -> None:
+    text = (ROOT / "ARCHITECTURE.md").read_text().partition("## The door")[2].partition("\n## ")[0]
+    told = {word.removesuffix(".py").replace("/", ".") for word in re.findall(r"`([\w/]+\.py)`", text)} - {"__init__"}
+    assert told == TYPES | DRIVER
+    assert {word for word in SATELLITES if f"`{word}/`" in text} == set(SATELLITES)
+
+
+def test_optional_dependencies_stay_optional() -> None:
+    """What extras bring is imported where it is used, inside functions; modules that are nothing without it are imported so as well."""
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+    optional = {re.split(r"[<>=!~]", line)[0] for name, lines in extras.items() if name != "dev" for line in lines}
+    wanted = optional | {f"thingc.{name}" for name in OF_EXTRAS}
+    at_once = {
+        path.relative_to(PACKAGE).with_suffix("").as_posix().replace("/", ".") for path in modules()
+        for node in at_run_time(ast.parse(path.read_text()), called=False)
+        for name in ([alias.name for alias in node.names] if isinstance(node, ast.Import) else [getattr(node, "module", None) or ""])
+        if name in wanted or name.split(".")[0] in wanted
+    }
+    assert optional >= {"distributed", "gymnasium", "optuna"} and at_once == OF_EXTRAS
+
+
 @pytest.mark.parametrize("folder", REALIZE)
 def test_folders_of_realize_point_one_way(folder: str) -> None:
     seen = {
@@ -116,11 +190,13 @@ def test_folders_of_realize_point_one_way(folder: str) -> None:
     assert {(path, name) for path, name in seen if name.split(".")[2] not in REALIZE[folder] | {folder}} == set()
 
 
-def at_run_time(node: ast.AST) -> Iterator[ast.AST]:
-    """What is below a node, but for what stands there for type checkers alone."""
+def at_run_time(node: ast.AST, *, called: bool = True) -> Iterator[ast.AST]:
+    """What is below a node, but for what stands there for type checkers alone; of functions only where they are `called`."""
+    if not called and isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+        return
     yield node
     for inner in node.orelse if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test) else ast.iter_child_nodes(node):
-        yield from at_run_time(inner)
+        yield from at_run_time(inner, called=called)
 
 
 def test_no_module_needs_itself() -> None:

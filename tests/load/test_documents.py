@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from thingc.diagnostics import Code, Report
-from thingc.load import Documents, load
-from thingc.load.finding import documents_in
+from thingc.load import Documents, documents_in, load
 from thingc.workspace import Workspace
 
 HEAD = "thingc: assembly/1\nname: x\n"

@@ -7,13 +7,8 @@ from collections.abc import Collection, Iterator
 
 from thingc.diagnostics import Report
 from thingc.frozen import dataclass
-from thingc.load import Documents, load
-from thingc.load.finding import documents_in
-from thingc.load.paths import named
-from thingc.realize.key.module_key import Code
-from thingc.realize.key.part_code import PartCode
-from thingc.realize.lock.lock import LOCK_FILE
-from thingc.realize.store.local import Store
+from thingc.load import Documents, documents_in, load, named
+from thingc.realize import Store, part_inputs
 from thingc.source import Document, MappingNode, Node, ScalarNode, SequenceNode
 from thingc.workspace import Workspace
 
@@ -78,18 +73,10 @@ def _needs(path: str, store: Store | None) -> _Needs:
     documents = load(path, workspace, report, kinds=KINDS) if workspace is not None else None
     if workspace is None or documents is None:  # it cannot be read, so it names nothing
         return _Needs(frozenset(), (), False, False, frozenset(), frozenset())
-    code = PartCode(workspace, store)
-    files = {*workspace.inputs, os.path.join(workspace.root, LOCK_FILE), *_files(documents)}
-    own = False
-    for reference in _references(documents):
-        found = code.code(reference)
-        if isinstance(found, Code):
-            files.update(found.files)
-        own = own or code.sources.finder.find(reference.partition(":")[0]).workspace
-    files |= code.probed  # where a module would be found if it were there: a new file there changes the answer
+    parts = part_inputs(_references(documents), workspace, store)
     return _Needs(
-        files=frozenset(os.path.realpath(file) for file in files),
-        folders=tuple(os.path.realpath(part) for part in workspace.parts) if own else (),
+        files=frozenset(os.path.realpath(file) for file in (*workspace.inputs, *_files(documents), *parts.files)),
+        folders=tuple(os.path.realpath(folder) for folder in parts.folders),
         assembly=documents.root.kind == "assembly",
         modes=documents.root.kind == "assembly" and "modes" in documents.root.tree.entries,
         nested=frozenset(

@@ -168,7 +168,7 @@ def require_document(path: str) -> None:
 def expanded(words: Iterable[str]) -> list[str]:
     """Documents as the command line names them, each once: a folder stands for all documents below it. Raises `WrongCommandLine` for a
     folder that has none."""
-    from thingc.load.finding import documents_in
+    from thingc.load import documents_in
 
     found: dict[str, str] = {}
     for word in words:

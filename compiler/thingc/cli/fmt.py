@@ -12,7 +12,7 @@ from thingc.cli import common
 from thingc.diagnostics import Code, Report, shown_path
 from thingc.layout import format_document, write_in_place
 from thingc.layout.formatting import schema_path
-from thingc.load.finding import documents_in, is_document
+from thingc.load import documents_in, is_document
 from thingc.workspace import OWN_FILE, Workspace
 
 EPILOG = """\

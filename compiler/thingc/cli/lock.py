@@ -102,7 +102,7 @@ def _used(
 ) -> tuple[list[str], list[PartDefinition], dict[str, set[Slicing]]]:
     """What the assembly documents of a workspace use: `module:Class`, definitions, and how these are sliced, by their text."""
     from thingc.graph import slicings_of
-    from thingc.load.finding import documents_in
+    from thingc.load import documents_in
     from thingc.resolve import part_definitions, resolve
 
     references: dict[str, None] = {}

@@ -63,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _workspaces(places: list[str], report: Report) -> list[tuple[Workspace, list[str] | None]]:
     """Each workspace that is named, with the documents that are named of it (None: all). Raises `WrongCommandLine`."""
     from thingc.editor.refresh import workspace_of
-    from thingc.load.finding import is_document
+    from thingc.load import is_document
 
     found: dict[str, tuple[Workspace, list[str] | None]] = {}
     for place in places:

@@ -14,7 +14,7 @@ from thingc.editor.parts import Missing, Parts
 from thingc.editor.reading import Reading, Stat, read, stat_of
 from thingc.editor.symbols import DocumentSymbols, near, of_variants, read_symbols
 from thingc.frozen import dataclass
-from thingc.load.finding import documents_in
+from thingc.load import documents_in
 from thingc.realize.record import PartDefinition
 from thingc.source import ScalarNode
 from thingc.workspace import OWN_FILE, Workspace

@@ -2,6 +2,21 @@
 
 from __future__ import annotations
 
-from thingc.load.documents import Documents, load, load_more, read_tree
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["Documents", "load", "load_more", "read_tree"]
+from thingc.load.documents import Documents, load, load_more, read_tree
+from thingc.load.paths import named
+
+if TYPE_CHECKING:
+    from thingc.load.finding import documents_in, is_document
+
+__all__ = ["Documents", "documents_in", "is_document", "load", "load_more", "named", "read_tree"]
+
+
+def __getattr__(name: str) -> Any:
+    """What only commands for whole folders need, imported when it is asked for."""
+    if name in ("documents_in", "is_document"):
+        from thingc.load import finding
+
+        return getattr(finding, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,1 +1,23 @@
 """The geometry service: the only door to the CAD kernel. Start reading at `service`; the worker starts at `worker.server`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from thingc.realize.inputs import PartInputs, part_inputs
+    from thingc.realize.store.local import Store
+
+_EXPORTS = {"PartInputs": "inputs", "Store": "store.local", "part_inputs": "inputs"}
+"""Exported name to the module that has it: whoever imports a module of this room needs few of the others."""
+
+__all__ = ["PartInputs", "Store", "part_inputs"]
+
+
+def __getattr__(name: str) -> Any:
+    """The exported object, from its module; `AttributeError` for any other name."""
+    if name in _EXPORTS:
+        from importlib import import_module
+
+        return getattr(import_module(f"thingc.realize.{_EXPORTS[name]}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
