@@ -2,7 +2,8 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-JOBS ?= 2
+# Of two cores: many tests wait for processes that they have started.
+JOBS ?= 3
 
 .PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-weld print-masses walk bridge-search mutants slips fuzz kills schemas docs pictures freeze frozen clean
 
