@@ -250,6 +250,16 @@ def test_every_public_name_has_a_docstring() -> None:
     assert not missing, missing
 
 
+def test_a_class_name_means_one_class() -> None:
+    """`modes` is read beside a simulation, without the compiler: it has joints, links and modes of its own."""
+    places: dict[str, set[str]] = {}
+    for path in modules():
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_") and room_of(path) != "modes":
+                places.setdefault(node.name, set()).add(path.relative_to(PACKAGE).as_posix())
+    assert places and {name: sorted(files) for name, files in places.items() if len(files) > 1} == {}
+
+
 def test_modules_stay_readable() -> None:
     long = {str(p.relative_to(PACKAGE)): n for p in modules() if (n := len(p.read_text().splitlines())) > 500}
     assert not long, long

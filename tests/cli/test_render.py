@@ -26,7 +26,7 @@ from thingc.cli.main import main
 from thingc.pose import NO_POSE
 from thingc.render import Shot
 from thingc.render.camera import directions, fitted, upright
-from thingc.render.frames import BLUE, GREEN, JOINT, RED, Axis, Frame, placed
+from thingc.render.frames import BLUE, GREEN, JOINT, RED, Frame, JointAxis, placed
 from thingc.render.frames import drawn as painted
 from thingc.render.picture import camera_of, points_of, posed
 
@@ -359,7 +359,7 @@ def test_arrows_end_where_the_camera_sees_their_ends(posed_arm: Any) -> None:
     _, model, data = posed_arm
     camera = camera_of(points_of(model, data), FLOOR, Shot(size=(640, 480)))
     frame = Frame(label="a name", body="world", pose=NO_POSE)
-    axis = Axis(label="turns", body="base_link", pose=NO_POSE, slides=False)
+    axis = JointAxis(label="turns", body="base_link", pose=NO_POSE, slides=False)
     lines = [*placed(frame, data, 0.05), *placed(axis, data, 0.05)]
     image = painted(np.full((480, 640, 3), 255, np.uint8), [frame, axis], data, camera, 0.05)
     assert image.shape == (480, 640, 3) and image.dtype == np.uint8

@@ -20,7 +20,7 @@ from thingc.inertia import MassProperties
 from thingc.joints import KINDS
 from thingc.pose import NO_POSE, Pose
 from thingc.realize.record import (
-    Actuator,
+    ActuatorRecord,
     Expectation,
     Mesh,
     MountRecord,
@@ -477,7 +477,7 @@ __all__ = [
     "FILE",
     "MATE",
     "PETG",
-    "Actuator",
+    "ActuatorRecord",
     "Array",
     "Component",
     "Drive",

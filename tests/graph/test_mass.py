@@ -9,7 +9,7 @@ import pytest
 
 from graph.builder import (
     PETG,
-    Actuator,
+    ActuatorRecord,
     Drive,
     Process,
     Stated,
@@ -396,10 +396,10 @@ def test_one_massless_definition_is_said_once() -> None:
 
 # --- drives --------------------------------------------------------------------------------------------------------
 
-SERVO = Actuator(kind="position", stall_torque=4.1, no_load_speed=4.8, gear_ratio=353.5, rotor_inertia=1e-7, kp=20.0, kv=1.0)
+SERVO = ActuatorRecord(kind="position", stall_torque=4.1, no_load_speed=4.8, gear_ratio=353.5, rotor_inertia=1e-7, kp=20.0, kv=1.0)
 
 
-def driven(drive: Drive, servo: Actuator | None = SERVO, **over: object) -> tuple[object, ...]:
+def driven(drive: Drive, servo: ActuatorRecord | None = SERVO, **over: object) -> tuple[object, ...]:
     model = assembly(
         "a",
         [component("servo", "p:Servo"), component("arm", "p:Box")],
@@ -459,7 +459,7 @@ def test_a_drive_without_an_actuator() -> None:
 
 
 def test_a_position_drive_without_a_gain() -> None:
-    weak = Actuator(kind="position", stall_torque=4.1)
+    weak = ActuatorRecord(kind="position", stall_torque=4.1)
     assert said(faults(*driven(Drive(component=whole("servo"), origin=()), weak))) == [  # type: ignore[arg-type]
         (
             "NO_GAIN",

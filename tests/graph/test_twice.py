@@ -14,7 +14,7 @@ from graph.builder import record
 from thingc.cli.main import main
 from thingc.graph.twice import FIELDS, LEFT_OUT, differences
 from thingc.pose import NO_POSE
-from thingc.realize.record import Actuator, Expectation, Mesh, MountRecord, PartRecord, Primitive, Stated
+from thingc.realize.record import ActuatorRecord, Expectation, Mesh, MountRecord, PartRecord, Primitive, Stated
 
 PARTS = """\
 import os
@@ -133,7 +133,7 @@ OTHERS: dict[str, tuple[Any, str]] = {
     "mounts": (dict.fromkeys("ba", MountRecord(pose=NO_POSE)), "its mounts come in another order: `a`, `b`, and `b`, `a`"),
     "expectations": ((Expectation(mount="a", text="t", label="t", child_mount="b"),), "its list of what its mounts were cut for differs"),
     "references": (("t",), "its list of parts that it was cut for differs"),
-    "actuator": (Actuator(kind="servo"), "its actuator differs"),
+    "actuator": (ActuatorRecord(kind="servo"), "its actuator differs"),
     "bom": ({"supplier": "A"}, "its entries in the bill of materials differ: `supplier`"),
     "up": ((0.0, 0.0, 1.0), "its way to lie on a printer differs"),
     "apart": ((1e-6, 5e-7), "its number of bodies, or their volume differs"),

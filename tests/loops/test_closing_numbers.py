@@ -17,7 +17,7 @@ from robot.test_spanning_tree_properties import Tree, build, robots
 from thingc.graph import joints_of
 from thingc.robot import body_poses
 from thingc.robot.dense import solve
-from thingc.robot.loop_solver import Loops, State, orthonormal, rotation_vector
+from thingc.robot.loop_solver import Loops, SolverState, orthonormal, rotation_vector
 from thingc.robot.types import Closure, Robot
 
 numbers = st.floats(-3.0, 3.0, allow_nan=False)
@@ -83,8 +83,8 @@ def held(robot: Robot, body: int, X_WM: np.ndarray, X_LM: np.ndarray) -> Loops:
     return Loops(robot.bodies, (closure,), joints_of(robot.assembly), robot.bodies[0].X_PL)
 
 
-def state(robot: Robot, q: dict[str, float]) -> State:
-    return State(q=q, base=robot.bodies[0].X_PL)
+def state(robot: Robot, q: dict[str, float]) -> SolverState:
+    return SolverState(q=q, base=robot.bodies[0].X_PL)
 
 
 SINGLE = ("revolute", "continuous", "prismatic")

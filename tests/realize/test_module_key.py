@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from thingc.realize.key.build_key import difference
-from thingc.realize.key.module_key import Code, Sources, code_of, defined_in, may_have
+from thingc.realize.key.module_key import CodeIngredients, ModuleSources, code_of, defined_in, may_have
 from thingc.realize.key.modules import MAX_NAME, Finder
 from thingc.realize.store.local import Store
 
@@ -20,8 +20,8 @@ def write(folder: Path, files: dict[str, str]) -> None:
         path.write_text(textwrap.dedent(text))
 
 
-def code(folder: Path, reference: str) -> Code:
-    return code_of(reference, Sources(Finder([str(folder)]), str(folder)))
+def code(folder: Path, reference: str) -> CodeIngredients:
+    return code_of(reference, ModuleSources(Finder([str(folder)]), str(folder)))
 
 
 def changed(folder: Path, before: dict[str, str], after: dict[str, str], *references: str) -> set[str]:
@@ -229,7 +229,7 @@ def test_a_module_that_appears_or_shadows_another(tmp_path: Path) -> None:
     write(tmp_path, {"arm.py": text, "first/unrelated.py": "", "second/fancy.py": "X = 1\n"})
 
     def of(*folders: str) -> tuple[dict[str, str], set[str]]:
-        found = code_of("arm:A", Sources(Finder([str(tmp_path), *(str(tmp_path / folder) for folder in folders)]), str(tmp_path)))
+        found = code_of("arm:A", ModuleSources(Finder([str(tmp_path), *(str(tmp_path / folder) for folder in folders)]), str(tmp_path)))
         return found.ingredients, found.installed
 
     absent, second = of(), of("second")
@@ -264,7 +264,7 @@ def test_a_file_that_cannot_be_read_as_python_counts_by_its_bytes(tmp_path: Path
     write(tmp_path, {"leg.py": "import arm\nclass Leg: pass\n"})
     (tmp_path / "arm.py").write_bytes(text)
     before = code(tmp_path, "leg:Leg").ingredients
-    assert may_have("arm", "A", Sources(Finder([str(tmp_path)]), str(tmp_path)))  # who can tell
+    assert may_have("arm", "A", ModuleSources(Finder([str(tmp_path)]), str(tmp_path)))  # who can tell
     (tmp_path / "arm.py").write_bytes(text + b"# a comment\n")
     assert code(tmp_path, "leg:Leg").ingredients["module arm"] != before["module arm"]
 
@@ -286,7 +286,7 @@ def test_where_a_file_lies_in_the_workspace_counts(tmp_path: Path) -> None:
     write(tmp_path, {"ws/parts/arm.py": "class A: pass\n", "ws/more/leg.py": "class L: pass\n"})
 
     def of(root: str, *folders: str) -> list[dict[str, str]]:
-        sources = Sources(Finder([str(tmp_path / root / folder) for folder in folders]), str(tmp_path / root))
+        sources = ModuleSources(Finder([str(tmp_path / root / folder) for folder in folders]), str(tmp_path / root))
         return [code_of(reference, sources).ingredients for reference in ("arm:A", "leg:L")]
 
     arm, leg = of("ws", "parts", "more")
@@ -308,7 +308,7 @@ def test_links_that_lead_round(tmp_path: Path) -> None:
 
 def test_what_is_not_trusted_is_read_within_bounds(tmp_path: Path) -> None:
     write(tmp_path, {"arm.py": "import far, large, small\n", "far.py": "A = 1\n", "large.py": "#" * 1_000_000, "small.py": "A = 1\n"})
-    sources = Sources(Finder([str(tmp_path)]), str(tmp_path), within=lambda file: not file.endswith("far.py"))
+    sources = ModuleSources(Finder([str(tmp_path)]), str(tmp_path), within=lambda file: not file.endswith("far.py"))
     assert list(code_of("arm:A", sources).ingredients) == ["module arm", "module small"]
 
 
@@ -334,7 +334,7 @@ def test_what_a_module_defines(tmp_path: Path) -> None:
         "open.py": "from build123d import *\nclass A: pass\n",
         "late.py": "def f():\n    global X\n    X = 1\nf()\n",
     })
-    sources = Sources(Finder([str(tmp_path)]), str(tmp_path))
+    sources = ModuleSources(Finder([str(tmp_path)]), str(tmp_path))
     assert defined_in("arm", sources) == defined_in("shapes", sources) == ("A", "make", "plate")
     names = ("plate", "p", "leg", "_x", "_B", "k", "a", "b", "fault", "c", "d", "e")
     assert [name for name in names if not may_have("arm", name, sources)] == []
@@ -347,8 +347,8 @@ def test_facts_kept_in_a_store_give_the_same_key(tmp_path: Path) -> None:
     write(tmp_path / "parts", FILES)
     store = Store(str(tmp_path / "store"))
     fresh = code(tmp_path / "parts", "arm:Derived")
-    first = code_of("arm:Derived", Sources(Finder([str(tmp_path / "parts")]), str(tmp_path / "parts"), store))
-    kept = code_of("arm:Derived", Sources(Finder([str(tmp_path / "parts")]), str(tmp_path / "parts"), store))
+    first = code_of("arm:Derived", ModuleSources(Finder([str(tmp_path / "parts")]), str(tmp_path / "parts"), store))
+    kept = code_of("arm:Derived", ModuleSources(Finder([str(tmp_path / "parts")]), str(tmp_path / "parts"), store))
     assert fresh == first == kept and fresh.place is not None
     assert len(list((tmp_path / "store" / "facts").glob("*/*"))) == 2
 

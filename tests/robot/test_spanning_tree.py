@@ -10,7 +10,7 @@ import pytest
 
 from graph.builder import (
     MATE,
-    Actuator,
+    ActuatorRecord,
     Drive,
     as_matrix,
     as_pose,
@@ -161,7 +161,7 @@ def test_totals_are_the_same_in_every_mode() -> None:
 
 # --- a bigger one --------------------------------------------------------------------------------------------------
 
-SERVO = Actuator(kind="position", stall_torque=4.1, kp=20.0)
+SERVO = ActuatorRecord(kind="position", stall_torque=4.1, kp=20.0)
 HUB = box("p:Hub", mounts={f"m{k}": rz(k * math.pi / 3) @ t(0.1, 0, 0) @ ry(math.pi / 2) for k in range(6)}, actuator=SERVO)
 ROD = box("p:Rod", (0.02, 0.02, 0.2), mounts={"low": t(0, 0, -0.1) @ rx(math.pi), "high": t(0, 0, 0.1)})
 

@@ -20,7 +20,7 @@ import pytest
 
 from thingc.diagnostics import Code
 from thingc.variants import BatchFault, cluster, dask_cluster
-from thingc.variants.slurm_cluster import Settings, settings_of
+from thingc.variants.slurm_cluster import SlurmSettings, settings_of
 from variants.robots import environment, thingc, tree, with_emitter, workspace
 from variants.test_batch import rows, without_run
 from variants.test_faults import assert_gone, assert_whole, descendants, journal, listed, started, table, wait_for_lines
@@ -224,8 +224,8 @@ def test_a_missing_package_is_named(package: str, address: str, monkeypatch: pyt
 
 
 def test_settings_of_slurm() -> None:
-    assert settings_of("") == Settings()
-    assert settings_of("partition=cpu, cpus=8,time=90 s,memory=16") == Settings(
+    assert settings_of("") == SlurmSettings()
+    assert settings_of("partition=cpu, cpus=8,time=90 s,memory=16") == SlurmSettings(
         cpus=8, minutes=2, more=(("mem_gb", "16"), ("slurm_partition", "cpu")),
     )
     for wrong, words in (

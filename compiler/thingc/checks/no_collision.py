@@ -81,7 +81,7 @@ class NoCollisionTest(Model):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Allowance(Brief):
+class AllowedContact(Brief):
     """A pair that may touch: every component of `one` and every component of `other`. `text` names it for people."""
 
     one: tuple[Reference, ...]
@@ -99,7 +99,7 @@ class CollisionCheck(Brief):
     ranges: tuple[JointRange, ...]
     samples: int
     clearance: float
-    allow: tuple[Allowance, ...]
+    allow: tuple[AllowedContact, ...]
 
 
 def read(written: NoCollisionTest, reader: Reader) -> CollisionCheck:
@@ -119,10 +119,10 @@ def read(written: NoCollisionTest, reader: Reader) -> CollisionCheck:
     )
 
 
-def _allowance(said: AllowSpec, reader: Reader, index: int) -> Allowance:
+def _allowance(said: AllowSpec, reader: Reader, index: int) -> AllowedContact:
     """A pair that may touch."""
     one, other = (reader.components(text, ("allow", index, "pair", side)) for side, text in enumerate(said.pair))
-    return Allowance(
+    return AllowedContact(
         one=one, other=other, text=f"`{said.pair[0]}` and `{said.pair[1]}`", reason=said.reason.strip(),
         origin=reader.origin(("allow", index, "pair")),
     )

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from thingc.graph.types import Assembly
 from thingc.pipeline import UnknownChoice
 from thingc.pose import NO_POSE, Pose, Vector, cross, turned_about, turned_x
-from thingc.render.frames import Axis, Frame, Mark
+from thingc.render.frames import Frame, JointAxis, Mark
 from thingc.robot.types import Robot
 from thingc.typos import did_you_mean
 
@@ -47,7 +47,7 @@ def joints(robot: Robot, q: Mapping[str, float]) -> Iterator[Mark]:
         body, pose = _on_link(robot.assembly, mate.parent, mate.X_PJ)
         for number, joint in enumerate(mate.joints):
             label = _dotted(mate.name or joint.path) + (f"[{number}]" if len(mate.joints) > 1 else "")
-            yield Axis(label=label, body=body, pose=pose @ _along(joint.twist.axis), slides=not joint.twist.turns)
+            yield JointAxis(label=label, body=body, pose=pose @ _along(joint.twist.axis), slides=not joint.twist.turns)
             if not joint.kind.at_once:  # what turns at once turns about axes that stay
                 pose = pose @ joint.twist.exponential(q.get(joint.path, 0.0) + joint.offset)
 

@@ -12,7 +12,7 @@ from thingc.cli import common
 from thingc.diagnostics import Code, Report, shown_path
 
 if TYPE_CHECKING:
-    from thingc.editor.refresh import Outcome
+    from thingc.editor.refresh import RefreshOutcome
     from thingc.environment import Options
     from thingc.workspace import Workspace
 
@@ -115,7 +115,7 @@ def _watch(
         signal.signal(number, lambda *_: watch.stop.set())
     known: list[tuple[str, ...]] = []
 
-    def say(outcome: Outcome, seconds: float) -> None:
+    def say(outcome: RefreshOutcome, seconds: float) -> None:
         first = not known
         if first:
             _say_all(workspace, outcome)
@@ -130,7 +130,7 @@ def _watch(
     watch.run(say)
 
 
-def _wire(workspace: Workspace, outcome: Outcome, report: Report) -> None:
+def _wire(workspace: Workspace, outcome: RefreshOutcome, report: Report) -> None:
     from thingc.editor.wiring import wire
 
     documents = common.counted(len(outcome.documents), "document")
@@ -138,7 +138,7 @@ def _wire(workspace: Workspace, outcome: Outcome, report: Report) -> None:
         common.say(f"{shown_path(os.path.join(workspace.root, name))}: names {documents} and their schemas")
 
 
-def _say_all(workspace: Workspace, outcome: Outcome) -> None:
+def _say_all(workspace: Workspace, outcome: RefreshOutcome) -> None:
     from thingc.editor.folder import SCHEMAS
 
     folder = shown_path(os.path.join(workspace.root, SCHEMAS))
@@ -149,7 +149,7 @@ def _say_all(workspace: Workspace, outcome: Outcome) -> None:
     _say_kept(workspace, outcome)
 
 
-def _say_changes(workspace: Workspace, outcome: Outcome, seconds: float) -> None:
+def _say_changes(workspace: Workspace, outcome: RefreshOutcome, seconds: float) -> None:
     for word, names in (("refreshed", outcome.written), ("removed", outcome.removed)):
         if names:
             more = f" and {len(names) - 3} more" if len(names) > 3 else ""
@@ -157,7 +157,7 @@ def _say_changes(workspace: Workspace, outcome: Outcome, seconds: float) -> None
     _say_kept(workspace, outcome)
 
 
-def _say_kept(workspace: Workspace, outcome: Outcome) -> None:
+def _say_kept(workspace: Workspace, outcome: RefreshOutcome) -> None:
     for name in outcome.kept:
         common.say(f"{_shown(workspace, name)}: not well-formed just now; it keeps its last schema")
 

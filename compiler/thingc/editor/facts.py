@@ -27,7 +27,7 @@ Records = Mapping[str, PartRecord | PartFailure]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Piece:
+class WrittenComponent:
     """A component as it is written (a repeated one once): `label` and `what` say what it is, shortly and in words; its mounts by
     name.
 
@@ -53,7 +53,7 @@ class Facts:
     of nested documents included; `parameters` are those of the document with what they come to, `poses` of nested documents
     are by component. `materials_sure`: no other material is in scope."""
 
-    pieces: tuple[Piece, ...] = ()
+    pieces: tuple[WrittenComponent, ...] = ()
     mounts: Names = field(default_factory=dict)
     components: Names = field(default_factory=dict)
     joints: dict[str, JointFacts] = field(default_factory=dict)
@@ -154,7 +154,7 @@ def _by_item(model: AssemblyDefinition) -> dict[str, tuple[Component, ...]]:
 def _piece(
     name: str, node: Node, made: tuple[Component, ...], records: Records, schemas: Mapping[str, PartSchema | PartFailure],
     usual: Mapping[str, Names],
-) -> Piece:
+) -> WrittenComponent:
     entries = node.entries if isinstance(node, MappingNode) else {}
     source = next(((key, _text(entries[key])) for key in ("part", "file", "assembly") if _text(entries.get(key))), None)
     repeated = "repeat" in entries
@@ -172,7 +172,7 @@ def _piece(
         mounts.setdefault(extra, f"Added to `{name}` by this document.")
     schema = schemas.get(source[1]) if source is not None and source[0] == "part" else None
     label = _label(source, made)
-    return Piece(
+    return WrittenComponent(
         name=name, items=items, pattern=rf"{name}_\d+" if repeated else name, source=source, label=label,
         what=_what(label, source, made, schema),
         mounts=_first(mounts), sure=sure, assembly=source is not None and source[0] == "assembly",

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import field
 
 from thingc.editor import things, values
-from thingc.editor.facts import Facts, JointFacts, Names, Piece
+from thingc.editor.facts import Facts, JointFacts, Names, WrittenComponent
 from thingc.editor.symbols import DocumentSymbols, parameters_schema
 from thingc.editor.values import Schema, one_of
 from thingc.frozen import dataclass
@@ -144,7 +144,7 @@ class _Narrowing:
     def _known_mounts(self) -> Iterable[Schema]:
         """One pattern for all components that have the same mounts, as far as those are known: a reference to one of them ends in
         such a mount."""
-        alike: dict[tuple[tuple[str, ...], bool], list[Piece]] = {}
+        alike: dict[tuple[tuple[str, ...], bool], list[WrittenComponent]] = {}
         for piece in self.facts.pieces:
             own = tuple(sorted(name for name in piece.mounts if "." not in name))
             if piece.sure and len(own) <= MAX_CHECKED:
@@ -233,7 +233,7 @@ class _Narrowing:
         section["properties"] = known
         _set_each(section, self._plain("ComponentSpec", "Component"))
 
-    def _component(self, piece: Piece) -> Schema:
+    def _component(self, piece: WrittenComponent) -> Schema:
         if piece.source is None or not piece.sure:
             return _ref("ComponentSpec")
         key, text = piece.source
@@ -244,7 +244,7 @@ class _Narrowing:
             self.definitions[name] = own
         return {**_ref("ComponentSpec"), **_if(key, text, {"properties": {"attach": _ref(name)}})}
 
-    def _of_piece(self, piece: Piece) -> str:
+    def _of_piece(self, piece: WrittenComponent) -> str:
         own = [name for name in piece.mounts if "." not in name]
         return f"{piece.what}\n\nMounts: {values.listed(own, limit=30)}."
 

@@ -28,7 +28,7 @@ MAX_OTHERS = 100
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
+class RefreshOutcome:
     """What a refresh did, by the documents' paths in the workspace: all `documents`, those whose schema was `written` or was
     the `same`, those that are not readable now and `kept` their last schema, and those `removed` because there is no such
     document any more. `missing` is what only workers can tell."""
@@ -81,7 +81,7 @@ class Schemas:
             paths.append(own)
         return {path: stat_of(path) for path in paths}
 
-    def refresh(self) -> Outcome:
+    def refresh(self) -> RefreshOutcome:
         """Read what has changed, and write the schemas that say something else then. Raises OSError where that cannot be."""
         before, self._seen = self._seen, self._scan()
         relatives = {path: self.workspace.relative(path) for path in self._seen}
@@ -108,7 +108,7 @@ class Schemas:
                 written.append(name)
         removed = [] if self.only is not None else folder.remove_others(self.workspace.root, relatives.values())
         chosen = [name for name in relatives.values() if self.only is None or name in self.only]
-        return Outcome(
+        return RefreshOutcome(
             documents=tuple(chosen), written=tuple(written), kept=tuple(kept), removed=tuple(removed),
             missing=self._parts.missing(wanted),
         )

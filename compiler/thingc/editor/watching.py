@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from thingc.diagnostics import Report
 from thingc.editor.parts import Missing, ask
-from thingc.editor.refresh import Outcome, Schemas
+from thingc.editor.refresh import RefreshOutcome, Schemas
 from thingc.editor.workers import EndingWorkers, NoWorkers
 from thingc.workspace import OWN_FILE, Workspace
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 PAUSE = 0.2
 """Between two looks [s]; longer where a look takes long, so that watching stays below a fifth of a core."""
 
-Say = Callable[[Outcome, float], None]
+Say = Callable[[RefreshOutcome, float], None]
 """`say(outcome, seconds)` after every refresh."""
 
 

@@ -23,7 +23,7 @@ _ORDER = {"print": 0, "machine": 1, "buy": 2}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Item:
+class BomRow:
     """One row: `quantity` equal pieces of `mass` [kg] each; `cost` as the document wrote it."""
 
     number: str
@@ -72,7 +72,7 @@ def listed(occurrence: Occurrence) -> bool:
     )
 
 
-def items(assembly: Assembly) -> tuple[Item, ...]:
+def items(assembly: Assembly) -> tuple[BomRow, ...]:
     """The rows: printed, machined, then bought things, each in document order.
 
     Occurrences are one row where nothing that a row says differs. A number comes from the document, else from the Thing; the
@@ -85,7 +85,7 @@ def items(assembly: Assembly) -> tuple[Item, ...]:
     groups = sorted(rows.values(), key=lambda group: (_ORDER.get(make_of(group[0]), len(_ORDER)), group[0].index))
     numbers = _numbers([_said(group[0], "number") for group in groups])
     return tuple(
-        Item(
+        BomRow(
             number=number,
             name=_name(group[0]),
             definition=group[0].definition.text,
@@ -101,7 +101,7 @@ def items(assembly: Assembly) -> tuple[Item, ...]:
     )
 
 
-def csv_text(rows: tuple[Item, ...]) -> str:
+def csv_text(rows: tuple[BomRow, ...]) -> str:
     """RFC 4180 with a header and `\\n` line ends; mass of one piece in kg; empty where nothing is known; text that a
     spreadsheet would compute begins with `'` (see `cell`). No line of totals, so that a column can be summed."""
     stream = io.StringIO()
@@ -112,7 +112,7 @@ def csv_text(rows: tuple[Item, ...]) -> str:
     return stream.getvalue()
 
 
-def json_text(rows: tuple[Item, ...]) -> bytes:
+def json_text(rows: tuple[BomRow, ...]) -> bytes:
     """A list of objects with the keys `COLUMNS`; null where nothing is known."""
     return jsontext.encode([{column: getattr(row, column) for column in COLUMNS} for row in rows])
 

@@ -9,7 +9,7 @@ from thingc.graph.findings import Findings, noted, written_at
 from thingc.graph.types import ActuatorModel, JointEdge
 from thingc.graph.unroll import Instance, Tree
 from thingc.joints import Twist
-from thingc.realize.record import Actuator
+from thingc.realize.record import ActuatorRecord
 from thingc.resolve.model import CoordinateName, Drive, Joint
 from thingc.source import Origin
 from thingc.typos import did_you_mean
@@ -98,7 +98,7 @@ def _written(tree: Tree, instance: Instance, drive: Drive) -> tuple[Note, ...]:
     return written_at(f"`{named.leaf.definition.label}`", named.leaf.record.code)
 
 
-def _over(drive: Drive, actuator: Actuator) -> Drive:
+def _over(drive: Drive, actuator: ActuatorRecord) -> Drive:
     def first(said: float | None, else_: float | None) -> float | None:
         return said if said is not None else else_
 

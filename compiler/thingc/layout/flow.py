@@ -7,7 +7,7 @@ from typing import Any
 from thingc.layout.order import ordered, shape_below, shape_for
 from thingc.layout.pieces import Item, Piece, shifted
 from thingc.layout.quantities import spaced, takes_vectors
-from thingc.spec.shapes import Shape
+from thingc.spec.shapes import AnnotationShape
 
 
 class Inline:
@@ -17,7 +17,7 @@ class Inline:
         self.text = text
         self.separator = separator
 
-    def value(self, piece: Piece, shape: Shape | None, by: int) -> str:
+    def value(self, piece: Piece, shape: AnnotationShape | None, by: int) -> str:
         """The value as it should be written, its further lines moved by `by` columns."""
         written = self.text[piece.start : piece.end]
         if piece.kind == "scalar":
@@ -40,7 +40,7 @@ class Inline:
             body = tidied[0] + "".join(text + after for text, after in zip(texts, tidied[1:], strict=True))
         return f"{head}{' ' if head else ''}{opening}{body}{closing}"
 
-    def entry(self, item: Item, shape: Shape | None, by: int) -> str:
+    def entry(self, item: Item, shape: AnnotationShape | None, by: int) -> str:
         """`key: value`, or an item of a list."""
         if item.key is None:
             vector = shape is not None and takes_vectors(shape)
@@ -48,7 +48,7 @@ class Inline:
         key = self.text[item.key[0] : item.key[1]]
         return key + self.separator + self.value(item.value, shape_below(shape, item.name), by)
 
-    def scalar(self, piece: Piece, written: str, shape: Shape | None, by: int) -> str:
+    def scalar(self, piece: Piece, written: str, shape: AnnotationShape | None, by: int) -> str:
         """A scalar as it is written, with a space before its unit."""
         if "\n" in written:
             return shifted(written, by)
@@ -88,7 +88,7 @@ def outline(piece: Piece) -> Any:
     return [] if piece.kind == "list" else ""
 
 
-def order_of(items: list[Item], shape: Shape | None) -> list[int]:
+def order_of(items: list[Item], shape: AnnotationShape | None) -> list[int]:
     """The canonical order of the entries of a mapping; theirs, where another would part an alias from its anchor."""
     order = ordered([item.name for item in items], shape)
     if order == sorted(order):

@@ -13,7 +13,7 @@ from thingc.layout.quantities import equal_values, takes_vectors
 from thingc.load import read_tree
 from thingc.load.documents import document_kind
 from thingc.source import MappingNode, Node, ScalarNode, SequenceNode
-from thingc.spec.shapes import Shape
+from thingc.spec.shapes import AnnotationShape
 
 MODELINE = "# yaml-language-server: $schema="
 """What begins the comment in which the YAML language server looks for a schema."""
@@ -53,7 +53,7 @@ def format_document(path: str, data: bytes, report: Report, *, schema: str | Non
     return formatted
 
 
-def _layout(path: str, text: str, shape: Shape | None) -> str:
+def _layout(path: str, text: str, shape: AnnotationShape | None) -> str:
     if path.lower().endswith(".toml"):
         from thingc.layout.toml_layout import toml_layout
 
@@ -81,7 +81,7 @@ def schema_path(relative: str) -> str:
     return f"{up}.thingc/schema/{relative}.json"
 
 
-def same(before: Node, after: Node, shape: Shape | None) -> bool:
+def same(before: Node, after: Node, shape: AnnotationShape | None) -> bool:
     """Whether two trees mean the same: equal values and keys, and the keys that a person chooses in the same order.
 
     A quantity may have another space before its unit.

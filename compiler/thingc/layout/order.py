@@ -10,7 +10,7 @@ from pydantic import BaseModel
 
 from thingc.spec.assembly import AssemblySpec, ComponentSpec, JointSpec
 from thingc.spec.modes import ModeSpec
-from thingc.spec.shapes import Shape, branch_of, model_keys, shape_of
+from thingc.spec.shapes import AnnotationShape, branch_of, model_keys, shape_of
 from thingc.spec.validation import model_of
 
 FIRST: dict[type[BaseModel], tuple[str, ...]] = {
@@ -35,7 +35,7 @@ FREE = ("$schema", "thingc")
 
 
 @functools.cache
-def _keys(model: type[BaseModel]) -> tuple[dict[str, int], dict[str, Shape]]:
+def _keys(model: type[BaseModel]) -> tuple[dict[str, int], dict[str, AnnotationShape]]:
     """The rank and the shape of every key of a model."""
     known = model_keys(model)
     first = [key for key in FIRST.get(model, ()) if key in known]
@@ -45,20 +45,20 @@ def _keys(model: type[BaseModel]) -> tuple[dict[str, int], dict[str, Shape]]:
     return {name: rank for rank, name in enumerate(names)}, {key: shape for key, (shape, _) in known.items()}
 
 
-def root_shape(kind: str | None) -> Shape | None:
+def root_shape(kind: str | None) -> AnnotationShape | None:
     """The shape of a document of a kind; None where no model is known."""
     model = model_of(kind or "")
     return None if model is None else shape_of(model)
 
 
-def shape_for(shape: Shape | None, value: Any) -> Shape | None:
+def shape_for(shape: AnnotationShape | None, value: Any) -> AnnotationShape | None:
     """The shape of what is written: of a union the branch that was meant. `value` needs the right type and keys only."""
     if shape is None or shape.kind != "union":
         return shape
     return branch_of(shape, value)
 
 
-def shape_below(shape: Shape | None, key: str | None) -> Shape | None:
+def shape_below(shape: AnnotationShape | None, key: str | None) -> AnnotationShape | None:
     """The shape of an entry (or, without a key, of an item) of a value of this shape, if it is known."""
     if shape is None:
         return None
@@ -70,18 +70,18 @@ def shape_below(shape: Shape | None, key: str | None) -> Shape | None:
 
 
 @functools.lru_cache(maxsize=256)
-def _member_of(annotation: Any) -> Shape:
+def _member_of(annotation: Any) -> AnnotationShape:
     return shape_of(annotation)
 
 
-def _member(annotation: Any) -> Shape:
+def _member(annotation: Any) -> AnnotationShape:
     try:
         return _member_of(annotation)
     except TypeError:  # an annotation that cannot be hashed
         return shape_of(annotation)
 
 
-def ordered(names: Sequence[str], shape: Shape | None) -> list[int]:
+def ordered(names: Sequence[str], shape: AnnotationShape | None) -> list[int]:
     """The canonical order of the keys of a mapping, as indices into `names`.
 
     A key that the model does not know stays behind the key that it stands behind.

@@ -6,14 +6,14 @@ import re
 
 from pydantic_core import PydanticCustomError
 
-from thingc.spec.shapes import Shape
+from thingc.spec.shapes import AnnotationShape
 from thingc.units import UnitError, parse_quantity
 
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _GLUED = re.compile(rf"({_NUMBER}(?: {_NUMBER})*)( *)((?:[^\W\d_]|%).*)", re.ASCII)
 
 
-def spaced(text: str, shape: Shape | None) -> str:
+def spaced(text: str, shape: AnnotationShape | None) -> str:
     """`120mm` as `120 mm`, `0 0 4mm` as `0 0 4 mm`; any other text, and any text that is no quantity here, as it is."""
     found = _GLUED.fullmatch(text)
     if found is None or found.group(2) == " " or shape is None:
@@ -22,7 +22,7 @@ def spaced(text: str, shape: Shape | None) -> str:
     return better if equal_values(text, better, shape) else text
 
 
-def equal_values(text: str, other: str, shape: Shape | None) -> bool:
+def equal_values(text: str, other: str, shape: AnnotationShape | None) -> bool:
     """Whether two texts are one quantity to the field that takes them (no field: None, or an item of a vector)."""
     if shape is not None and shape.kind == "field" and shape.field is not None:
         try:
@@ -38,7 +38,7 @@ def equal_values(text: str, other: str, shape: Shape | None) -> bool:
         return False
 
 
-def takes_vectors(shape: Shape) -> bool:
+def takes_vectors(shape: AnnotationShape) -> bool:
     """Whether a field takes three values, so that the items of a list there are quantities."""
     if shape.kind != "field" or shape.field is None:
         return False

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from thingc.layout.flow import Inline
 from thingc.layout.order import ordered, shape_below, shape_for
 from thingc.layout.pieces import EndComment, Item, Piece, Unusual, gap, tidy
-from thingc.spec.shapes import Shape
+from thingc.spec.shapes import AnnotationShape
 
 if TYPE_CHECKING:
     from tree_sitter import Node as Syntax
@@ -45,7 +45,7 @@ class _Names:
                 table.add((item.name,), item.value)
 
 
-def toml_layout(text: str, shape: Shape | None) -> str:
+def toml_layout(text: str, shape: AnnotationShape | None) -> str:
     """The text in canonical layout (lines end with a line feed, as those of `text` do). Raises Unusual."""
     sections, foot = _Cutter(text).sections()
     names = _Names()
@@ -77,7 +77,7 @@ def _opening(sections: list[_Statement]) -> list[str | None]:
     return lines[:cut]
 
 
-def _section(section: _Statement, text: str, shape: Shape | None, names: _Names, first: bool) -> list[str]:
+def _section(section: _Statement, text: str, shape: AnnotationShape | None, names: _Names, first: bool) -> list[str]:
     """The lines of a section: its header (the first section has none) and its pairs in order."""
     lines: list[str] = []
     if section.end:
@@ -120,7 +120,7 @@ def _alignment(pairs: list[_Statement], text: str) -> list[int]:
     return found
 
 
-def _rank(words: tuple[str, ...], names: _Names, shape: Shape | None) -> tuple[int, ...]:
+def _rank(words: tuple[str, ...], names: _Names, shape: AnnotationShape | None) -> tuple[int, ...]:
     """Where a key stands in canonical order: its rank at every level."""
     rank: list[int] = []
     for word in words:
@@ -132,7 +132,7 @@ def _rank(words: tuple[str, ...], names: _Names, shape: Shape | None) -> tuple[i
     return tuple(rank)
 
 
-def _shape_at(words: tuple[str, ...], names: _Names, shape: Shape | None) -> Shape | None:
+def _shape_at(words: tuple[str, ...], names: _Names, shape: AnnotationShape | None) -> AnnotationShape | None:
     for word in words:
         shape = shape_below(shape_for(shape, dict.fromkeys(names.below)), word)
         names = names.below[word]

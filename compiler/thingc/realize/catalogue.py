@@ -6,12 +6,12 @@ import ast
 import os
 from collections.abc import Sequence
 
-from thingc.realize.key.module_key import Sources
+from thingc.realize.key.module_key import ModuleSources
 from thingc.realize.key.modules import listed
 from thingc.realize.record import PartFailure
 
 
-def classes_in_reach(sources: Sources, packages: Sequence[str]) -> list[str]:
+def classes_in_reach(sources: ModuleSources, packages: Sequence[str]) -> list[str]:
     """`module:Class` of every public class in the part folders and in the allowed packages that are tracked by content.
 
     Sorted. Which of them are Things only `describe` can tell. Packages that are merely installed (bd_warehouse) are not
@@ -26,7 +26,7 @@ def classes_in_reach(sources: Sources, packages: Sequence[str]) -> list[str]:
     return sorted(references)
 
 
-def installed_modules(sources: Sources, packages: Sequence[str]) -> dict[str, str]:
+def installed_modules(sources: ModuleSources, packages: Sequence[str]) -> dict[str, str]:
     """The files of the public modules right in the allowed packages that are merely installed, by module (`bd_warehouse.fastener`)."""
     found: dict[str, str] = {}
     for package in packages:
@@ -50,7 +50,7 @@ def classes_installed(module: str, file: str) -> list[str]:
     return [f"{module}:{node.name}" for node in body if isinstance(node, ast.ClassDef) and not node.name.startswith("_")]
 
 
-def not_python(sources: Sources, packages: Sequence[str]) -> list[PartFailure]:
+def not_python(sources: ModuleSources, packages: Sequence[str]) -> list[PartFailure]:
     """The modules in the same places that are no well-formed Python, in which no class can be found."""
     failures: list[PartFailure] = []
     for module in _modules(sources, packages):
@@ -68,7 +68,7 @@ def not_python(sources: Sources, packages: Sequence[str]) -> list[PartFailure]:
     return failures
 
 
-def _modules(sources: Sources, packages: Sequence[str]) -> list[str]:
+def _modules(sources: ModuleSources, packages: Sequence[str]) -> list[str]:
     finder = sources.finder
     modules = set(finder.part_modules())
     for package in packages:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from thingc.frozen import dataclass
-from thingc.realize.key.module_key import Code
+from thingc.realize.key.module_key import CodeIngredients
 from thingc.realize.key.part_code import PartCode
 from thingc.realize.lock.lock import LOCK_FILE
 
@@ -31,8 +31,8 @@ def part_inputs(references: Iterable[str], workspace: Workspace, store: Store | 
     files = {os.path.join(workspace.root, LOCK_FILE)}
     own = False
     for reference in references:
-        found = code.code(reference)
-        if isinstance(found, Code):
-            files.update(found.files)
+        ingredients = code.code(reference)
+        if isinstance(ingredients, CodeIngredients):
+            files.update(ingredients.files)
         own = own or code.sources.finder.find(reference.partition(":")[0]).workspace
     return PartInputs(files=frozenset(files | code.probed), folders=tuple(workspace.parts) if own else ())

@@ -182,7 +182,7 @@ class Stated(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Actuator(Brief):
+class ActuatorRecord(Brief):
     """A Thing's actuator in SI; `sources` says where a number came from, by field name."""
 
     kind: str
@@ -292,7 +292,7 @@ class PartRecord(Brief):
     mounts: dict[str, MountRecord]
     references: tuple[str, ...]
     expectations: tuple[Expectation, ...]
-    actuator: Actuator | None
+    actuator: ActuatorRecord | None
     mass: Stated | None
     com: Stated | None
     matrix: Stated | None

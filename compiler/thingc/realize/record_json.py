@@ -11,7 +11,7 @@ from typing import Any
 
 from thingc.pose import Matrix, Pose, Vector
 from thingc.realize.record import (
-    Actuator,
+    ActuatorRecord,
     Expectation,
     Mesh,
     MountRecord,
@@ -137,7 +137,7 @@ def record_from_json(value: Any, root: str) -> PartRecord:
         },
         references=tuple(value["references"]),
         expectations=tuple(Expectation(mount=m, text=t, label=n, child_mount=c) for m, t, n, c in value["expectations"]),
-        actuator=None if value["actuator"] is None else Actuator(**value["actuator"]),
+        actuator=None if value["actuator"] is None else ActuatorRecord(**value["actuator"]),
         mass=_read_stated(value["mass"]), com=_read_stated(value["com"]), matrix=_read_stated(value["matrix"]),
         density=_read_stated(value["density"]), bom=value["bom"],
         warnings=tuple(
@@ -221,7 +221,7 @@ def _read_stated(value: Any) -> Stated | None:
     return Stated(value=held, source=source)
 
 
-def _actuator(actuator: Actuator) -> Any:
+def _actuator(actuator: ActuatorRecord) -> Any:
     return {
         "kind": actuator.kind, "stall_torque": actuator.stall_torque, "no_load_speed": actuator.no_load_speed,
         "gear_ratio": actuator.gear_ratio, "rotor_inertia": actuator.rotor_inertia, "kp": actuator.kp, "kv": actuator.kv,

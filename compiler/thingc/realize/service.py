@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from thingc.frozen import dataclass
 from thingc.realize.decisions import Decision, Recent, unchanged, why
 from thingc.realize.key.build_key import BuildKey, record_key, schema_key
-from thingc.realize.key.module_key import Code
+from thingc.realize.key.module_key import CodeIngredients
 from thingc.realize.key.modules import Module
 from thingc.realize.key.part_code import PartCode, file_state
 from thingc.realize.key.results import Kept, Results
@@ -138,10 +138,10 @@ class GeometryService:
         """The code of the parts asked for so far."""
         return self._parts
 
-    def code(self, reference: str) -> Code | None:
+    def code(self, reference: str) -> CodeIngredients | None:
         """The code of a part that was described; None for one of an installed package."""
         found = self._parts.code(reference)
-        return found if isinstance(found, Code) else None
+        return found if isinstance(found, CodeIngredients) else None
 
     def hiding(self, reference: str) -> tuple[Module, ...]:
         """The modules in reach of `module:Class` that hide others of their name."""
@@ -216,11 +216,11 @@ class GeometryService:
                 found[task.subject] = self._schema(task.subject, value, self._parts.code(task.subject))
         self._describe_in_workers(alone, found)
 
-    def _schema(self, reference: str, value: Any, code: Code | None | PartFailure) -> PartSchema | PartFailure:
+    def _schema(self, reference: str, value: Any, code: CodeIngredients | None | PartFailure) -> PartSchema | PartFailure:
         if "failure" in value:
             return failure_from_json(value["failure"], self.workspace.root)
         schema = schema_from_json(value["schema"], self.workspace.root)
-        if isinstance(code, Code) and code.place is not None:  # comments move lines, and rebuild nothing
+        if isinstance(code, CodeIngredients) and code.place is not None:  # comments move lines, and rebuild nothing
             schema = replace(schema, file=code.place[0], line=code.place[1])
         return schema
 
@@ -325,8 +325,8 @@ class GeometryService:
         prepared = self._prepare(definition)
         return not isinstance(prepared, PartFailure) and self._results.find("record", prepared[0].key, self._whole) is not None
 
-    def _prepare(self, definition: PartDefinition) -> tuple[BuildKey, Code | None, dict[str, Any]] | PartFailure:
-        code: Code | None = None
+    def _prepare(self, definition: PartDefinition) -> tuple[BuildKey, CodeIngredients | None, dict[str, Any]] | PartFailure:
+        code: CodeIngredients | None = None
         extra: dict[str, str] = {}
         package = definition.reference
         if definition.kind == "file":
@@ -356,7 +356,7 @@ class GeometryService:
         """Whether everything a kept record speaks of is in the store."""
         return "failure" in value or all(self.store.has(sha256, size) for sha256, size in blobs_of(value["record"]))
 
-    def _record(self, value: Any, code: Code | None) -> PartRecord | PartFailure:
+    def _record(self, value: Any, code: CodeIngredients | None) -> PartRecord | PartFailure:
         if "failure" in value:
             return failure_from_json(value["failure"], self.workspace.root)
         record = record_from_json(value["record"], self.workspace.root)
@@ -440,11 +440,11 @@ class GeometryService:
 
     # --- workers -----------------------------------------------------------------------------------
 
-    def _code_of_definition(self, definition: PartDefinition) -> Code | None:
+    def _code_of_definition(self, definition: PartDefinition) -> CodeIngredients | None:
         code = self._parts.code(definition.reference) if definition.kind != "file" else None
-        return code if isinstance(code, Code) else None
+        return code if isinstance(code, CodeIngredients) else None
 
-    def _around(self, code: Code | None) -> dict[str, Any]:
+    def _around(self, code: CodeIngredients | None) -> dict[str, Any]:
         """What a request says about where it runs."""
         return {**self._parts.around(code), "store": self.store.root, "timeout": self.timeout}
 

@@ -60,7 +60,7 @@ class Frame:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Axis:
+class JointAxis:
     """The axis of a joint, z at `pose` in the frame of the MuJoCo body `body`: an arrow the way that it slides, or round the way that
     it turns, for a growing coordinate."""
 
@@ -85,7 +85,7 @@ class Axis:
         return JOINT
 
 
-Mark = Frame | Axis
+Mark = Frame | JointAxis
 
 
 def length_of(points: Array, camera: Camera) -> float:

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from thingc.load.paths import SUFFIXES_WITH_UNIT, named
 from thingc.realize.record import PartFailure
-from thingc.resolve.repeats import Item
+from thingc.resolve.repeats import Unrolled
 from thingc.resolve.table import Context, Node, Table
 from thingc.source import ScalarNode, node_at
 from thingc.spec.assembly import UNIT_OF_ITS_OWN, AssemblySpec, ComponentDefaults, ComponentSpec, DefaultsSpec
@@ -97,7 +97,7 @@ def with_default_material(context: Context, table: Table) -> AssemblySpec:
     return spec.model_copy(update={"defaults": defaults.model_copy(update={"component": chosen})})
 
 
-def check_names(context: Context, table: Table, items: Sequence[Item[ComponentSpec]]) -> None:
+def check_names(context: Context, table: Table, items: Sequence[Unrolled[ComponentSpec]]) -> None:
     """Report choices for components that the document has not."""
     known = {item.name for item in items} | set(table.spec.components)
     if table.doubts.lacks("components") or table.unbuilt:
@@ -111,7 +111,7 @@ def check_names(context: Context, table: Table, items: Sequence[Item[ComponentSp
             )
 
 
-def chosen(context: Context, table: Table, item: Item[ComponentSpec]) -> tuple[ComponentSpec, frozenset[str]]:
+def chosen(context: Context, table: Table, item: Unrolled[ComponentSpec]) -> tuple[ComponentSpec, frozenset[str]]:
     """A component's model with what is chosen for it, and the keys that are; a choice that cannot be is reported."""
     spec = item.spec
     if not table.choices:

@@ -13,7 +13,7 @@ from thingc.resolve.layers import Layers
 from thingc.resolve.model import At, Attach, Component, Material
 from thingc.resolve.parameters import fitting
 from thingc.resolve.parts import of_code, of_file
-from thingc.resolve.repeats import MAX_OCCURRENCES, Item
+from thingc.resolve.repeats import MAX_OCCURRENCES, Unrolled
 from thingc.resolve.scope import Found
 from thingc.resolve.table import Context, Node, Table, names_in
 from thingc.source import Path
@@ -26,7 +26,7 @@ Nest = Callable[[Context, str, AssemblySpec, Mapping[str, Found], choose.Choices
 """Resolves a nested document with the values set for its parameters, and the choices made inside it."""
 
 
-def nodes(context: Context, table: Table, items: Iterable[Item[ComponentSpec]], nest: Nest) -> None:
+def nodes(context: Context, table: Table, items: Iterable[Unrolled[ComponentSpec]], nest: Nest) -> None:
     """Fill `table.nodes`, with definitions worked out as far as they are sound, and count the occurrences."""
     items = tuple(items)
     if table.choices:

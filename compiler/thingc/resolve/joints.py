@@ -14,7 +14,7 @@ from thingc.resolve import references
 from thingc.resolve.layers import Layers
 from thingc.resolve.model import CoordinateName, Drive, Dynamics, Joint, Limit, Reference
 from thingc.resolve.placement import Places
-from thingc.resolve.repeats import Item
+from thingc.resolve.repeats import Unrolled
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Table
 from thingc.source import MappingNode, Node, Path, ScalarNode, SequenceNode, node_at
@@ -57,7 +57,7 @@ def _values(
     return values
 
 
-def joints(table: Table, items: Iterable[Item[JointSpec]], places: Places) -> bool:
+def joints(table: Table, items: Iterable[Unrolled[JointSpec]], places: Places) -> bool:
     """Fill `table.joints` (without mimics) and note in `places` what each one places.
 
     A joint that is wrong in its kind or references is None there, and its child, where it has one, unplaced.
@@ -107,7 +107,7 @@ def _named(table: Table, scope: Scope, text: str) -> str | None:
 
 
 def _coordinates(
-    table: Table, item: Item[JointSpec], kind: JointKind, parent: Reference, child: Reference, layers: Layers,
+    table: Table, item: Unrolled[JointSpec], kind: JointKind, parent: Reference, child: Reference, layers: Layers,
 ) -> tuple[Joint, ...]:
     """The joint; of one that has several coordinates one for each."""
     scope, path, count = item.scope, item.path, len(kind.twists)
@@ -138,7 +138,9 @@ def _coordinates(
     )
 
 
-def _ball(table: Table, item: Item[JointSpec], kind: JointKind, mounts: tuple[Reference, Reference], layers: Layers) -> tuple[Joint, ...]:
+def _ball(
+    table: Table, item: Unrolled[JointSpec], kind: JointKind, mounts: tuple[Reference, Reference], layers: Layers,
+) -> tuple[Joint, ...]:
     """The coordinates of a ball. Its limit and its dynamics are of all of them; of up to three drives each has its own axis, and stands
     with one of the coordinates."""
     scope, spec, path, name = item.scope, item.spec, item.path, item.name
@@ -162,7 +164,7 @@ def _ball(table: Table, item: Item[JointSpec], kind: JointKind, mounts: tuple[Re
     )
 
 
-def _drives_of_ball(table: Table, item: Item[JointSpec]) -> dict[int, Drive]:
+def _drives_of_ball(table: Table, item: Unrolled[JointSpec]) -> dict[int, Drive]:
     """The drives of a ball by their number; one that is wrong is left out (reported)."""
     scope, written, path, name = item.scope, item.spec.drive, (*item.path, "drive"), item.name
     if written is None:
@@ -202,7 +204,7 @@ def _drives_of_ball(table: Table, item: Item[JointSpec]) -> dict[int, Drive]:
 
 
 def _joint(
-    table: Table, item: Item[JointSpec], kind: JointKind, twist: Twist | None, mounts: tuple[Reference, Reference], layers: Layers,
+    table: Table, item: Unrolled[JointSpec], kind: JointKind, twist: Twist | None, mounts: tuple[Reference, Reference], layers: Layers,
     number: int | None,
 ) -> Joint:
     """A joint, or with a `number` that coordinate of it."""
@@ -297,7 +299,7 @@ def _collect(node: Node | None, prefix: str, nodes: dict[str, Node], number: int
                 _collect(own, f"{prefix}{key}.", nodes, number)
 
 
-def _limit(scope: Scope, item: Item[JointSpec], kind: JointKind, coordinate: Dimension, layers: Layers) -> Limit:
+def _limit(scope: Scope, item: Unrolled[JointSpec], kind: JointKind, coordinate: Dimension, layers: Layers) -> Limit:
     name, path = item.name, item.path
     lower, upper = (_said(scope, layers, key, coordinate) for key in ("lower", "upper"))
     low = high = None
@@ -353,7 +355,7 @@ def _cone(scope: Scope, name: str, layers: Layers) -> Limit:
     return Limit(cone=None if said is None else scope.number(*said, ANGLE, f"`limit.cone` of joint `{name}`", above=0.0))
 
 
-def _type(scope: Scope, item: Item[JointSpec], said: tuple[Any, Path]) -> list[Note]:
+def _type(scope: Scope, item: Unrolled[JointSpec], said: tuple[Any, Path]) -> list[Note]:
     """The note that shows why a value of a joint has the dimension that it should have."""
     return scope.beside(f"`{item.name}` is {item.spec.type} here", (*item.path, "type"), said[1])
 

@@ -9,7 +9,7 @@ from thingc.diagnostics import Code, Note
 from thingc.resolve import references
 from thingc.resolve.layers import Layers
 from thingc.resolve.model import CoordinateName, Joint, Mimic
-from thingc.resolve.repeats import Item
+from thingc.resolve.repeats import Unrolled
 from thingc.resolve.table import Table
 from thingc.source import Path
 from thingc.spec.assembly import JointSpec, MimicSpec
@@ -17,7 +17,7 @@ from thingc.typos import MAX_CIRCLE, circle_words
 from thingc.units import NUMBER, Quantity
 
 
-def mimics(table: Table, items: Iterable[Item[JointSpec]]) -> None:
+def mimics(table: Table, items: Iterable[Unrolled[JointSpec]]) -> None:
     """Add what mimics what to `table.joints`; a mimic that is wrong is reported and left out."""
     items = list(items)
     for item in items:
@@ -30,7 +30,7 @@ def mimics(table: Table, items: Iterable[Item[JointSpec]]) -> None:
     _break_cycles(table, {name: item for item in items for name, joint in table.joints.items() if joint and joint.name.joint == item.name})
 
 
-def _mimic(table: Table, item: Item[JointSpec], joint: Joint, spec: MimicSpec, path: Path) -> Mimic | None:
+def _mimic(table: Table, item: Unrolled[JointSpec], joint: Joint, spec: MimicSpec, path: Path) -> Mimic | None:
     scope = item.scope
     if not isinstance(spec, MimicSpec):
         return None  # a list where there is one coordinate: reported
@@ -107,7 +107,7 @@ def _mimic(table: Table, item: Item[JointSpec], joint: Joint, spec: MimicSpec, p
     return Mimic(joint=name, multiplier=multiplier, offset=offset, origin=scope.origin(path, key=True))
 
 
-def _break_cycles(table: Table, items: dict[str, Item[JointSpec]]) -> None:
+def _break_cycles(table: Table, items: dict[str, Unrolled[JointSpec]]) -> None:
     """Report every circle of mimics once, and take its mimics out."""
     done: set[CoordinateName] = set()
     for start in list(table.joints):

@@ -23,7 +23,7 @@ Spec = TypeVar("Spec", ComponentSpec, JointSpec)
 
 
 @dataclass(frozen=True, slots=True)
-class Item(Generic[Spec]):
+class Unrolled(Generic[Spec]):
     """A component or joint after unrolling, with the scope of its own index."""
 
     name: str
@@ -32,7 +32,7 @@ class Item(Generic[Spec]):
     scope: Scope
 
 
-def unrolled(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: Iterable[str]) -> tuple[list[Item[Spec]],
+def unrolled(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: Iterable[str]) -> tuple[list[Unrolled[Spec]],
 list[str]]:
     """The items of `components` or `joints` in document order, and the prefixes (`leg_`) of those that were too many or wrong
     (of everything: an empty one).
@@ -77,15 +77,15 @@ list[str]]:
         else:
             counts[name] = count
             total += count
-    items: list[Item[Spec]] = []
-    taken: dict[str, Item[Spec]] = {}
+    items: list[Unrolled[Spec]] = []
+    taken: dict[str, Unrolled[Spec]] = {}
     for name, spec in specs.items():
         path = (section, name)
         if spec.repeat is None:
-            made = [Item(name, spec, path, scope)]
+            made = [Unrolled(name, spec, path, scope)]
         else:
             as_ = spec.repeat.as_
-            made = [Item(f"{name}_{k}", spec, path, scope.repeated(as_, k)) for k in range(counts.get(name, 0))]
+            made = [Unrolled(f"{name}_{k}", spec, path, scope.repeated(as_, k)) for k in range(counts.get(name, 0))]
         for item in made:
             first = taken.get(item.name)
             if first is None:

@@ -17,7 +17,7 @@ from thingc.resolve.table import Context
 from thingc.source import Document, MappingNode, Node, ScalarNode, SequenceNode, option_span
 from thingc.spec import validate_one
 from thingc.spec.assembly import AssemblySpec
-from thingc.spec.shapes import Shape, alternatives, model_keys, shape_of
+from thingc.spec.shapes import AnnotationShape, alternatives, model_keys, shape_of
 from thingc.typos import did_you_mean, nearest
 from thingc.units import shortened
 
@@ -135,7 +135,7 @@ def _no_such(
     return f"{here} no `{shortened(key)}`", help
 
 
-def _unfinished(path: str, shape: Shape, node: Node | None) -> tuple[str, str] | None:
+def _unfinished(path: str, shape: AnnotationShape, node: Node | None) -> tuple[str, str] | None:
     """What to say where a path ends before a value: at something that is a mapping, or a list of them, and nothing else."""
     branches = alternatives(shape)
     kinds = {branch.kind for branch in branches}

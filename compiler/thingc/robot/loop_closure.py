@@ -13,7 +13,7 @@ from thingc.joints.bases import stays
 from thingc.pose import MATE, NO_POSE, Pose
 from thingc.resolve.model import NamedPose
 from thingc.robot.kinematics import placed_bodies
-from thingc.robot.loop_solver import Loops, Solution, State
+from thingc.robot.loop_solver import Loops, Solution, SolverState
 from thingc.robot.tree import bodies_from, cut_closures, in_link, placing, root_pose
 from thingc.robot.types import Body, Closure, Keyframe, Unclosed, residual_words
 
@@ -94,7 +94,7 @@ def closed_coordinates(assembly: Assembly, pose: NamedPose | None) -> dict[str, 
     """q [rad or m] of every joint in a pose (None: all at 0), with the loops of joints closed as well as they close."""
     q = coordinates(joints_of(assembly), pose.values if pose is not None else {})
     loops = _doc_loops(assembly)
-    return q if loops is None else _closed(loops, State(q=q, base=NO_POSE), _named(assembly, pose), base_moves=False).state.q
+    return q if loops is None else _closed(loops, SolverState(q=q, base=NO_POSE), _named(assembly, pose), base_moves=False).state.q
 
 
 def _doc_loops(assembly: Assembly) -> Loops | None:
@@ -132,7 +132,7 @@ def keyframes_of(
     unclosed: list[Unclosed] = []
     failed: list[Solution] = []
     for pose in poses:
-        start = State(q=coordinates(joints, pose.values), base=loops.base)
+        start = SolverState(q=coordinates(joints, pose.values), base=loops.base)
         solution = _closed(loops, start, _named(assembly, pose), base_moves=base_moves)
         closure, residual = _worst(loops, solution)
         moved = _moved(loops, start, solution, following - pose.values.keys())
@@ -194,14 +194,14 @@ def _named(assembly: Assembly, pose: NamedPose | None) -> frozenset[str]:
     return frozenset(pose.values) if pose is not None else frozenset()
 
 
-def _moved(loops: Loops, start: State, solution: Solution, following: Collection[str]) -> dict[str, float]:
+def _moved(loops: Loops, start: SolverState, solution: Solution, following: Collection[str]) -> dict[str, float]:
     """How far [rad or m] each joint that moves by itself has left where the pose has it. Those on loops that the pose does not
     name (`following`) have no place there: they go where the loop takes them."""
     moved = {c.path: solution.state.q[c.path] - start.q[c.path] for c in loops.coordinates if c.path not in following}
     return {path: by for path, by in moved.items() if abs(by) > STILL}
 
 
-def _closed(loops: Loops, start: State, named: Collection[str], *, base_moves: bool) -> Solution:
+def _closed(loops: Loops, start: SolverState, named: Collection[str], *, base_moves: bool) -> Solution:
     """The loops closed from a pose, with as little moved as it takes; the best of what was tried where they do not close."""
     as_written = Solution(state=start, residuals=loops.residuals(start))
     inside = all(c.lower - STILL <= start.q[c.path] <= c.upper + STILL for c in loops.coordinates)
@@ -232,7 +232,7 @@ def _tried(loops: Loops, base_moves: bool) -> Iterator[Solution]:
             if number > 0:
                 q[c.path] = low + part * (high - low)
         q = coordinates(loops.joints.values(), {c.path: q[c.path] for c in loops.coordinates})
-        yield loops.close(State(q=q, base=loops.base), None, base_moves=base_moves)
+        yield loops.close(SolverState(q=q, base=loops.base), None, base_moves=base_moves)
 
 
 def _measure(loops: Loops, solution: Solution) -> float:

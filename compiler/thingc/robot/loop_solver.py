@@ -44,7 +44,7 @@ the steepest descent: of two joints that a step takes to their limits, only one 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class State:
+class SolverState:
     """q [rad or m] of every joint by path, and the pose of the root link in the world."""
 
     q: dict[str, float]
@@ -55,7 +55,7 @@ class State:
 class Solution:
     """Where the method ended: the state, and the residual (|p| [m], |w| [rad]) of every closure."""
 
-    state: State
+    state: SolverState
     residuals: tuple[tuple[float, float], ...]
 
     @property
@@ -106,7 +106,7 @@ class Loops:
     def _extent(self) -> float:
         """A length [m] that fits the robot: the farthest of the bodies on its loops from their middle, at q = 0. It does not
         depend on the root, and only sets what counts as much as a radian."""
-        at = self._placed(State(q=dict.fromkeys(self.joints, 0.0), base=NO_POSE))
+        at = self._placed(SolverState(q=dict.fromkeys(self.joints, 0.0), base=NO_POSE))
         places = [at[body].translation for body in self._needed]
         places += [at[c.child].apply(c.X_CB.translation) for c in self.closures]
         if not places:
@@ -115,7 +115,7 @@ class Loops:
         far = max(math.dist(place, middle) for place in places)
         return far if far > 0.0 else 1.0
 
-    def _placed(self, state: State) -> dict[int, Pose]:
+    def _placed(self, state: SolverState) -> dict[int, Pose]:
         at: dict[int, Pose] = {}
         for index in self._needed:
             body = self.bodies[index]
@@ -132,17 +132,17 @@ class Loops:
                 A = A @ twist.exponential(q[joint.path])
         return A, at[closure.child] @ closure.X_CB
 
-    def residuals(self, state: State) -> tuple[tuple[float, float], ...]:
+    def residuals(self, state: SolverState) -> tuple[tuple[float, float], ...]:
         """|p| [m] and |w| [rad] of every closure."""
         return tuple((math.hypot(*p), math.hypot(*w)) for p, w in self._errors(state))
 
-    def _errors(self, state: State) -> list[tuple[Vector, Vector]]:
+    def _errors(self, state: SolverState) -> list[tuple[Vector, Vector]]:
         """p [m] and w [rad] of every closure, in world axes; a ball has no w."""
         at = self._placed(state)
         found = [_error(*self._frames(closure, at, state.q)) for closure in self.closures]
         return [(p, (0.0, 0.0, 0.0) if closure.turns else w) for closure, (p, w) in zip(self.closures, found, strict=True)]
 
-    def linearized(self, state: State, *, base_moves: bool = False) -> tuple[list[float], list[list[float]]]:
+    def linearized(self, state: SolverState, *, base_moves: bool = False) -> tuple[list[float], list[list[float]]]:
         """The residuals of all closures in one list, p [m] then w [rad] of each, and their derivative by each of `coordinates`
         [rad or m], with `base_moves` also by three shifts of the base (in lengths of the robot) and three turns: a list for each, as
         long as that of the residuals.
@@ -159,7 +159,7 @@ class Loops:
             for unit, column in zip(units, columns, strict=True)
         ]
 
-    def close(self, start: State, movable: Collection[str] | None, *, base_moves: bool) -> Solution:
+    def close(self, start: SolverState, movable: Collection[str] | None, *, base_moves: bool) -> Solution:
         """The state nearest to `start`, in the sense of the steps taken, in which the loops are closed; or the best there is.
 
         `movable` are the joints that may move (None: all), by path; with `base_moves` so may the root link.
@@ -189,7 +189,7 @@ class Loops:
             cost = _square(error)
         return Solution(state=state, residuals=self.residuals(state))
 
-    def _stacked(self, state: State) -> list[float]:
+    def _stacked(self, state: SolverState) -> list[float]:
         """All residuals in one list, rotations as the lengths that they make at the robot's size."""
         stacked: list[float] = []
         for p, w in self._errors(state):
@@ -197,7 +197,7 @@ class Loops:
             stacked.extend(self.length * component for component in w)
         return stacked
 
-    def _columns(self, state: State, chosen: Sequence[Coordinate], base_moves: bool) -> list[list[float]]:
+    def _columns(self, state: SolverState, chosen: Sequence[Coordinate], base_moves: bool) -> list[list[float]]:
         """The derivative of the stacked residuals by each coordinate (in its unit), then by the base's three shifts (in lengths
         of the robot) and three turns about the root link's origin."""
         at = self._placed(state)
@@ -243,7 +243,7 @@ class Loops:
             column[6 * closure + 3 + k] += turned * angular[k]
 
     def _step(
-        self, state: State, chosen: Sequence[Coordinate], columns: Sequence[Sequence[float]], error: Sequence[float],
+        self, state: SolverState, chosen: Sequence[Coordinate], columns: Sequence[Sequence[float]], error: Sequence[float],
         damping: float,
     ) -> list[float] | None:
         """The damped step in the units of the coordinates; None where the equations cannot be solved to any digit."""
@@ -274,7 +274,7 @@ class Loops:
         longest = max((abs(value) for value in step), default=0.0)
         return step if longest <= REACH else [value * REACH / longest for value in step]
 
-    def _moved(self, state: State, chosen: Sequence[Coordinate], step: Sequence[float], base_moves: bool) -> State:
+    def _moved(self, state: SolverState, chosen: Sequence[Coordinate], step: Sequence[float], base_moves: bool) -> SolverState:
         q = dict(state.q)
         for coordinate, value in zip(chosen, step):
             target = min(max(q[coordinate.path] + value * coordinate.unit, coordinate.lower), coordinate.upper)
@@ -288,9 +288,9 @@ class Loops:
             t = base.translation
             place = (t[0] + self.length * sx, t[1] + self.length * sy, t[2] + self.length * sz)
             base = Pose(rotation=orthonormal(multiply(_turn((rx, ry, rz)), base.rotation)), translation=place)
-        return State(q=q, base=base)
+        return SolverState(q=q, base=base)
 
-    def _within(self, state: State, chosen: Sequence[Coordinate]) -> State:
+    def _within(self, state: SolverState, chosen: Sequence[Coordinate]) -> SolverState:
         """The state with the coordinates that may move taken to their limits."""
         at_limits = [
             (min(max(state.q[c.path], c.lower), c.upper) - state.q[c.path]) / c.unit for c in chosen

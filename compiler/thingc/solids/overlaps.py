@@ -54,9 +54,9 @@ def check_overlaps(assembly: Assembly, store: Store, report: Report) -> None:
 
 def _look(pairs: Sequence[_Pair], store: Store, report: Report) -> bool:
     """Whether any of the pairs is one too many; each such place of the documents is said once, however often it is used."""
-    from thingc.solids.shapes import Shapes, at, overlap
+    from thingc.solids.shapes import PartSolids, at, overlap
 
-    shapes = Shapes(store)
+    shapes = PartSolids(store)
     found = False
     said: set[tuple[object, object]] = set()
     for pair in pairs:

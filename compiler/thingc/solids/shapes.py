@@ -15,7 +15,7 @@ from thingc.realize.store.local import Store
 _STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("count", "<u2")])
 
 
-class Shapes:
+class PartSolids:
     """Solids by the text of the part's definition, made when first asked for. Metres, the part's own frame."""
 
     def __init__(self, store: Store) -> None:

@@ -24,7 +24,7 @@ from thingc.spec.fields import decimal_point
 from thingc.spec.misplaced import gathered
 from thingc.spec.pruning import ROUNDS, Fault, prune, take_out
 from thingc.spec.saying import KINDS, MAX_FAULTS, dotted, say
-from thingc.spec.shapes import Shape, branch_of, model_keys, shape_of
+from thingc.spec.shapes import AnnotationShape, branch_of, model_keys, shape_of
 from thingc.typos import Hint
 from thingc.units import shortened
 
@@ -110,7 +110,7 @@ def _decimal_comma(document: Document, path: Path) -> tuple[Path, Span, Hint] | 
     return (*path[:-1], keys[keys.index(path[-1]) - 1]), where, decimal_point(f"{before.text},{path[-1]}", before.text, path[-1])
 
 
-def _faults(shape: Shape, value: Any, path: Path, error: ValidationError) -> Iterator[Fault]:
+def _faults(shape: AnnotationShape, value: Any, path: Path, error: ValidationError) -> Iterator[Fault]:
     """The errors of a value of this shape that stands at `path`, unions decided."""
     unions: set[Path] = set()
     for entry in error.errors(include_url=False):
@@ -135,7 +135,7 @@ def _each(kind: str, context: dict[str, Any]) -> Iterator[tuple[str, dict[str, A
         yield other.type, dict(other.context or {})
 
 
-def _union_faults(shape: Shape, value: Any, path: Path) -> Iterator[Fault]:
+def _union_faults(shape: AnnotationShape, value: Any, path: Path) -> Iterator[Fault]:
     """The errors of a value that fits no branch of a union: those of the branch that was meant."""
     branch = branch_of(shape, value)
     if branch is None:
@@ -156,7 +156,7 @@ def _union_faults(shape: Shape, value: Any, path: Path) -> Iterator[Fault]:
             yield from _faults(branch, value, path, error)
 
 
-def _follow(shape: Shape, location: tuple[int | str, ...], kind: str) -> tuple[Path, Shape, bool, bool]:
+def _follow(shape: AnnotationShape, location: tuple[int | str, ...], kind: str) -> tuple[Path, AnnotationShape, bool, bool]:
     """Follow pydantic's location through the annotations.
 
     Returns the path in the document, the shape there, whether the key is meant, and whether a union stopped the way.

@@ -9,7 +9,7 @@ from thingc.source import Document, MappingNode, Path, ScalarNode, node_at
 from thingc.spec.base import Model
 from thingc.spec.elsewhere import key_for
 from thingc.spec.pruning import Fault
-from thingc.spec.shapes import Shape, alternatives, branch_of, likeness, model_keys, one_of, shape_of
+from thingc.spec.shapes import AnnotationShape, alternatives, branch_of, likeness, model_keys, one_of, shape_of
 from thingc.typos import Hint, did_you_mean, meant, near_hint, nearest
 from thingc.units import shortened
 
@@ -103,14 +103,14 @@ class Unknown:
         return None
 
 
-def sections(root: type[Model]) -> Iterator[tuple[str, Shape]]:
+def sections(root: type[Model]) -> Iterator[tuple[str, AnnotationShape]]:
     """The keys of a document under which entries have names of their own, and what an entry is."""
     for name, (shape, _) in model_keys(root).items():
         if shape.kind == "dict":
             yield name, shape_of(shape.members[0])
 
 
-def along(root: type[Model], document: Document, path: Path) -> Iterator[Shape]:
+def along(root: type[Model], document: Document, path: Path) -> Iterator[AnnotationShape]:
     """The shape of the document, and of every value on the way to `path`; it ends where the document leaves the model."""
     shape = shape_of(root)
     yield shape

@@ -12,7 +12,7 @@ from thingc.source import Document, MappingNode, node_at
 from thingc.spec.base import Model
 from thingc.spec.keys import sections
 from thingc.spec.pruning import MISPLACED, Fault
-from thingc.spec.shapes import Shape, alternatives, likeness, model_keys
+from thingc.spec.shapes import AnnotationShape, alternatives, likeness, model_keys
 from thingc.units import shortened
 
 
@@ -63,7 +63,7 @@ def message_of(fault: Fault, *, toml: bool) -> tuple[str, str]:
     return f"{message}, and probably {'belong' if several else 'belongs'} to `{owner}`", help
 
 
-def _is_rather(value: Any, key: Shape, entry: Shape) -> bool:
+def _is_rather(value: Any, key: AnnotationShape, entry: AnnotationShape) -> bool:
     """Whether a value looks like that of a key of an entry rather than like an entry."""
     if not isinstance(value, dict):
         return True

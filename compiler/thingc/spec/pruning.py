@@ -8,7 +8,7 @@ from typing import Any
 from thingc.frozen import dataclass
 from thingc.source import Path
 from thingc.spec.doubts import ANY_NAME
-from thingc.spec.shapes import Shape, model_keys
+from thingc.spec.shapes import AnnotationShape, model_keys
 from thingc.typos import nearest
 
 ROUNDS = 12
@@ -35,7 +35,7 @@ class Fault:
     kind: str
     context: dict[str, Any]
     value: Any
-    shape: Shape
+    shape: AnnotationShape
     key: bool = False
 
 

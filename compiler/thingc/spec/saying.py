@@ -17,7 +17,7 @@ from thingc.spec.joint_values import dimension_at
 from thingc.spec.keys import Unknown
 from thingc.spec.misplaced import message_of as misplaced
 from thingc.spec.pruning import MISPLACED, Fault
-from thingc.spec.shapes import Shape, alternatives, model_keys, one_of, shape_of, spoken
+from thingc.spec.shapes import AnnotationShape, alternatives, model_keys, one_of, shape_of, spoken
 from thingc.typos import Hint, near_hint
 from thingc.units import shortened
 
@@ -182,7 +182,7 @@ def _inside(path: Path) -> str:
     return f" in `{dotted(path)}`" if path else ""
 
 
-def _mapping_hint(document: Document, path: Path, value: Any, shape: Shape) -> str | None:
+def _mapping_hint(document: Document, path: Path, value: Any, shape: AnnotationShape) -> str | None:
     """A hint where a value stands for a mapping that can be told from it."""
     node = node_at(document.tree, path)
     if isinstance(node, SequenceNode):

@@ -18,7 +18,7 @@ from thingc.typos import nearest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Shape:
+class AnnotationShape:
     """One annotation, looked at.
 
     `kind` is `model`, `dict`, `list`, `literal`, `field` (a type of `spec.fields`), `text`, `flag`, `number` or `union`;
@@ -62,34 +62,34 @@ class Shape:
         return {"dict": "a mapping", "list": "a list", "text": "text", "flag": "true or false", "number": "a number"}[self.kind]
 
 
-def shape_of(annotation: Any, metadata: Sequence[Any] = ()) -> Shape:
+def shape_of(annotation: Any, metadata: Sequence[Any] = ()) -> AnnotationShape:
     """The shape of an annotation (of a model's field with its `metadata`); `None` beside a type does not count."""
     for extra in metadata:
         if isinstance(extra, Checked):
-            return Shape(kind="field", annotation=annotation, field=extra)
+            return AnnotationShape(kind="field", annotation=annotation, field=extra)
     origin = get_origin(annotation)
     arguments = get_args(annotation)
     if origin is Annotated:
         inner = shape_of(arguments[0], arguments[1:])
-        return Shape(
+        return AnnotationShape(
             kind=inner.kind, annotation=annotation, model=inner.model, members=inner.members, choices=inner.choices,
             field=inner.field,
         )
     if origin in (Union, types.UnionType):
         members = tuple(argument for argument in arguments if argument is not type(None))
-        return shape_of(members[0]) if len(members) == 1 else Shape(kind="union", annotation=annotation, members=members)
+        return shape_of(members[0]) if len(members) == 1 else AnnotationShape(kind="union", annotation=annotation, members=members)
     if origin is Literal:
-        return Shape(kind="literal", annotation=annotation, choices=arguments)
+        return AnnotationShape(kind="literal", annotation=annotation, choices=arguments)
     if origin is dict:
-        return Shape(kind="dict", annotation=annotation, members=(arguments[1],))
+        return AnnotationShape(kind="dict", annotation=annotation, members=(arguments[1],))
     if origin is list:
-        return Shape(kind="list", annotation=annotation, members=(arguments[0],))
+        return AnnotationShape(kind="list", annotation=annotation, members=(arguments[0],))
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return Shape(kind="model", annotation=annotation, model=annotation)
-    return Shape(kind={str: "text", bool: "flag"}.get(annotation, "number"), annotation=annotation)
+        return AnnotationShape(kind="model", annotation=annotation, model=annotation)
+    return AnnotationShape(kind={str: "text", bool: "flag"}.get(annotation, "number"), annotation=annotation)
 
 
-def model_keys(model: type[BaseModel]) -> dict[str, tuple[Shape, bool]]:
+def model_keys(model: type[BaseModel]) -> dict[str, tuple[AnnotationShape, bool]]:
     """The keys of a mapping that a model describes, in its order: what each takes and whether it is required."""
     return {
         field.alias or name: (shape_of(field.annotation, field.metadata), field.is_required())
@@ -97,12 +97,12 @@ def model_keys(model: type[BaseModel]) -> dict[str, tuple[Shape, bool]]:
     }
 
 
-def alternatives(shape: Shape) -> list[Shape]:
+def alternatives(shape: AnnotationShape) -> list[AnnotationShape]:
     """The branches of a union; of anything else itself alone."""
     return [shape_of(member) for member in shape.members] if shape.kind == "union" else [shape]
 
 
-def branch_of(shape: Shape, value: Any) -> Shape | None:
+def branch_of(shape: AnnotationShape, value: Any) -> AnnotationShape | None:
     """The branch of a union that a person who wrote `value` meant; None where no branch takes such a thing."""
     branches = alternatives(shape)
     if isinstance(value, dict):
@@ -125,11 +125,11 @@ def branch_of(shape: Shape, value: Any) -> Shape | None:
     return next((branch for branch in branches if branch.kind in ("field", "flag", "number")), None)
 
 
-def _takes_no_text(branches: list[Shape]) -> bool:
+def _takes_no_text(branches: list[AnnotationShape]) -> bool:
     return not any(branch.kind in ("field", "text") for branch in branches)
 
 
-def likeness(branch: Shape, value: dict[str, Any]) -> float:
+def likeness(branch: AnnotationShape, value: dict[str, Any]) -> float:
     """How many keys of `value` a shape knows; a near name is half a key, and a mapping of any names a quarter in all."""
     if branch.model is None:
         return 0.25

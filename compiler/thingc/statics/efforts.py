@@ -19,7 +19,7 @@ from thingc.joints import velocities
 from thingc.pose import NO_POSE, Pose, dot
 from thingc.robot.types import Robot
 from thingc.statics.loads import loads
-from thingc.statics.types import Drive, Efforts, answer
+from thingc.statics.types import DriveTransmission, Efforts, answer
 
 
 def static_efforts(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> Efforts:
@@ -33,12 +33,12 @@ def static_efforts(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose])
     return balance_shared(robot, q, bodies, load, drives)
 
 
-def problem(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> tuple[dict[str, float], list[Drive]]:
+def problem(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> tuple[dict[str, float], list[DriveTransmission]]:
     """The load to balance [N m or N], by coordinate, and the mode's drives, in joint order; arguments as of `static_efforts`."""
     joints = joints_of(robot.assembly)
     on_joints = loads(robot, q, bodies)
     load: dict[str, float] = {}
-    drives: list[Drive] = []
+    drives: list[DriveTransmission] = []
     following = leaders(joints)
     for joint in joints:
         path, limit = joint.path, joint.limit.effort
@@ -46,7 +46,7 @@ def problem(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> tup
         load[leader] = load.get(leader, 0.0) + factor * on_joints[path]
         if path in robot.present:
             moves = ((leader, factor),) if joint.actuator is None or joint.actuator.axis is None else _about(joint, joints, q)
-            drives.append(Drive(path, moves, limit, limit or 1.0))
+            drives.append(DriveTransmission(path, moves, limit, limit or 1.0))
     return load, drives
 
 
@@ -59,7 +59,7 @@ def _about(joint: JointEdge, joints: Iterable[JointEdge], q: Mapping[str, float]
     return tuple((ball[number].path, dot(axis, twist.angular)) for number, twist in found)
 
 
-def balance_tree(load: Mapping[str, float], drives: Sequence[Drive]) -> Efforts:
+def balance_tree(load: Mapping[str, float], drives: Sequence[DriveTransmission]) -> Efforts:
     """The efforts on a robot without loops; `load` [N m or N] by coordinate.
 
     Of drives on one coordinate, with factors f and weights l, the least sum of (t / l)^2 with sum f t = -Q is at

@@ -24,10 +24,10 @@ from scipy.optimize import nnls
 
 from thingc.graph import joints_of, leaders
 from thingc.pose import Pose
-from thingc.robot.loop_solver import Loops, State
+from thingc.robot.loop_solver import Loops, SolverState
 from thingc.robot.types import Robot
 from thingc.statics.footing import Stance, outside, stance
-from thingc.statics.types import Drive, Efforts, Fall, answer
+from thingc.statics.types import DriveTransmission, Efforts, Fall, answer
 
 Array = NDArray[np.float64]
 
@@ -45,7 +45,7 @@ MET = 1e-7
 
 
 def balance_shared(
-    robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], load: Mapping[str, float], drives: Sequence[Drive],
+    robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose], load: Mapping[str, float], drives: Sequence[DriveTransmission],
 ) -> Efforts:
     """The efforts at `q`, where the loops are closed; `load` [N m or N] by coordinate. Of a robot without closures and feet it is the
     answer of `balance_tree`, by another way. The base is held, but for one that floats and that feet or holds carry."""
@@ -54,7 +54,7 @@ def balance_shared(
     column = {path: k for k, path in enumerate(paths)}
     stands = stance(robot, q, bodies) if robot.carried else None
     count = len(paths) + (0 if stands is None else 6)
-    closing = np.array(loops.linearized(State(q=dict(q), base=bodies[0]), base_moves=robot.carried)[1], dtype=np.float64)
+    closing = np.array(loops.linearized(SolverState(q=dict(q), base=bodies[0]), base_moves=robot.carried)[1], dtype=np.float64)
     free = _null_space(closing.reshape(count, -1).T)
     known, pushed = np.array([load[path] for path in paths]), np.zeros((count, 0))
     if stands is not None:

@@ -10,7 +10,7 @@ NO_LOAD = 1e-12
 """Static efforts [N m or N] below this are none."""
 
 
-class Drive(NamedTuple):
+class DriveTransmission(NamedTuple):
     """The drive of joint `path`: how fast it moves by the speed of each coordinate, of the one that the joint is or follows, or where it
     turns a ball about an axis of all three. `limit` is its limit of effort [N m or N]; `weight` what its effort is weighed by, 1 without a
     limit above 0."""
@@ -52,7 +52,7 @@ class Efforts(NamedTuple):
 
 
 def answer(
-    drives: Iterable[Drive], efforts: dict[str, float], greatest: float, unheld: float, where: str, choices: int,
+    drives: Iterable[DriveTransmission], efforts: dict[str, float], greatest: float, unheld: float, where: str, choices: int,
     fall: Fall | None = None,
 ) -> Efforts:
     """The efforts found, with their margins; `unheld` [N m or N] of the load, which is `greatest` somewhere, is left at `where`."""

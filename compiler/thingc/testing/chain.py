@@ -12,7 +12,7 @@ from thingc.graph.types import MountAt
 from thingc.pose import Pose
 from thingc.robot import in_link
 from thingc.robot.kinematics import in_world, placed_bodies
-from thingc.robot.loop_solver import Loops, State
+from thingc.robot.loop_solver import Loops, SolverState
 from thingc.robot.types import Robot
 
 Array = NDArray[np.float64]
@@ -85,7 +85,7 @@ class Chain:
 
     def closing(self, q: Mapping[str, float]) -> tuple[Array, Array]:
         """How far the loops are from closed (6 for each: [m] over [rad], in the world), and its derivative by coordinates."""
-        error, columns = self._loops.linearized(State(q=dict(q), base=self.base))
+        error, columns = self._loops.linearized(SolverState(q=dict(q), base=self.base))
         return np.array(error), np.array(columns, dtype=np.float64).reshape(len(self.paths), -1).T
 
 

@@ -12,7 +12,7 @@ from thingc.frozen import dataclass
 from thingc.graph.types import Assembly
 from thingc.pose import Pose
 from thingc.robot.types import Keyframe
-from thingc.solids.shapes import Shapes, at, box, overlap
+from thingc.solids.shapes import PartSolids, at, box, overlap
 
 LOOK = 0.01
 """How far [m] the smallest gap is looked for: beyond it nobody wants to know."""
@@ -43,7 +43,7 @@ class Collisions:
     """The pairs of an assembly that may collide, and their shapes. `tolerance` [m] is how far each tessellated surface may be
     off the true one: an overlap counts from a mean depth of twice that."""
 
-    def __init__(self, assembly: Assembly, shapes: Shapes, tolerance: float) -> None:
+    def __init__(self, assembly: Assembly, shapes: PartSolids, tolerance: float) -> None:
         self.assembly = assembly
         self.deep = 2.0 * tolerance
         self._solids: dict[int, Any] = {}
@@ -100,7 +100,7 @@ def collisions_of(request: EmitRequest) -> Collisions:
     known = request.made.get("collisions")
     if isinstance(known, Collisions):
         return known
-    made = Collisions(request.assembly, Shapes(request.store), request.workspace.mesh.linear)
+    made = Collisions(request.assembly, PartSolids(request.store), request.workspace.mesh.linear)
     request.made["collisions"] = made
     return made
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from thingc.things.construction import Call, family_signature, make
+from thingc.things.construction import InitCall, family_signature, make
 from thingc.things.parameters import NUMERIC, CallError, Parameter, Value, suggestion
 from thingc.things.signature import Signature
 
@@ -76,7 +76,7 @@ def _target(thing: Thing, signature: Signature, key: str) -> tuple[type, Paramet
     )
 
 
-def _parents(thing: Thing) -> list[Call]:
+def _parents(thing: Thing) -> list[InitCall]:
     """The `__init__`s of the chain above the one that has the class's own parameters."""
     return thing._construction.calls[1:]
 

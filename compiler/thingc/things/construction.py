@@ -32,7 +32,7 @@ _files: list[str] = []
 
 
 @dataclass(slots=True, kw_only=True)
-class Call:
+class InitCall:
     """One `__init__` of the chain: what `family` was called with, and `values` after adjustments (what it was run with)."""
 
     family: type[Any]
@@ -47,8 +47,8 @@ class Construction:
 
     parameters: dict[str, Value]
     adjustments: Adjustments
-    calls: list[Call] = field(default_factory=list)
-    running: list[Call] = field(default_factory=list)
+    calls: list[InitCall] = field(default_factory=list)
+    running: list[InitCall] = field(default_factory=list)
     finished: bool = False
     material: str | None = None
     color: str | None = None
@@ -178,7 +178,7 @@ def _recorded(cls: type[Any], init: Callable[..., None]) -> Callable[..., None]:
         if construction.finished:
             raise AttributeError(f"`{cls.__name__}` is immutable: `__init__` runs once")
         given = family_signature(cls).bind(args, kwargs)
-        call = Call(family=cls, given=given, values={**given, **construction.adjustments.get(cls, {})})
+        call = InitCall(family=cls, given=given, values={**given, **construction.adjustments.get(cls, {})})
         construction.calls.append(call)
         construction.running.append(call)
         try:

@@ -48,7 +48,7 @@ class Axis:
         return Quantity(min(low.value + u * (high.value - low.value), high.value) + 0.0, low.dimension)
 
 
-class Reader:
+class ValueReader:
     """Reads the values of one `variants/1` document. `own` are the values of the assembly's parameters, `context` its scope; `fits(path,
     text, at)` says whether a text may stand at one of the `paths` (reported if not)."""
 

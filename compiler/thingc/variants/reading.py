@@ -23,7 +23,7 @@ from thingc.spec.assembly import AssemblySpec
 from thingc.spec.choices import DEFAULT_MATERIAL, parse
 from thingc.spec.variants import AxisSpec, VariantsSpec
 from thingc.variants import by_path
-from thingc.variants.axes import MOST_VALUES, Axis, Reader
+from thingc.variants.axes import MOST_VALUES, Axis, ValueReader
 from thingc.variants.planning import OUTSIDE, Plan, PlanError, Setting, moved
 from thingc.variants.rules import read_rules
 from thingc.variants.values import unit_in
@@ -99,7 +99,7 @@ class _Planner:
         )
         own = declared(context, root, assembly).values
         paths = by_path.read(self.spec, self.sources, own)
-        reader = Reader(self.document, context, assembly, own, self.report, paths, self.fits)
+        reader = ValueReader(self.document, context, assembly, own, self.report, paths, self.fits)
         axes, parameters = self.parameters(reader)
         choice_axes, choices = self.choices(root.relative)
         fixed = Setting(name=None, parameters=parameters, choices=choices)
@@ -130,7 +130,7 @@ class _Planner:
 
     # --- what changes ---------------------------------------------------------------------------------------------
 
-    def parameters(self, reader: Reader) -> tuple[list[Axis], dict[str, Found]]:
+    def parameters(self, reader: ValueReader) -> tuple[list[Axis], dict[str, Found]]:
         """The axes of parameters, and the values that hold for all variants."""
         axes: list[Axis] = []
         fixed: dict[str, Found] = {}
@@ -292,7 +292,7 @@ class _Planner:
                 for text in raw if isinstance(raw, list) else [raw]:
                     yield {other: self.named(other, text, root)}
 
-    def listed(self, reader: Reader, fixed: Setting, root: str) -> tuple[Setting, ...]:
+    def listed(self, reader: ValueReader, fixed: Setting, root: str) -> tuple[Setting, ...]:
         """The variants that are written out."""
         met: dict[str, int] = {}
         made: list[Setting] = []
@@ -330,7 +330,7 @@ class _Planner:
             made.append(setting)
         return tuple(made)
 
-    def sample(self, reader: Reader) -> tuple[str | None, int, int]:
+    def sample(self, reader: ValueReader) -> tuple[str | None, int, int]:
         """Method, count and seed of what is drawn."""
         sample = self.spec.sample
         if sample is None:

@@ -34,7 +34,7 @@ POLL = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
+class SlurmSettings:
     """What follows `slurm:`. `cpus` of each job, which builds as many variants at once; `minutes` is its time limit; `cluster` is
     submitit's name of the engine (`slurm`, `local`); `more` are further parameters of submitit."""
 
@@ -50,7 +50,7 @@ _MORE = {
 """submitit's names of those settings that it takes as they are."""
 
 
-def settings_of(text: str) -> Settings:
+def settings_of(text: str) -> SlurmSettings:
     """The settings `partition=cpu,cpus=8,time=2 h`. Raises `BatchFault` for others."""
     found: dict[str, Any] = {}
     more: dict[str, str] = {}
@@ -74,7 +74,7 @@ def settings_of(text: str) -> Settings:
             found["cluster"] = value
         else:
             more[_MORE[name]] = value
-    return Settings(**found, more=tuple(sorted(more.items())))
+    return SlurmSettings(**found, more=tuple(sorted(more.items())))
 
 
 def _minutes(text: str) -> int:
@@ -105,7 +105,7 @@ class SlurmCluster(Cluster):
     Raises `BatchFault` where there is no SLURM.
     """
 
-    def __init__(self, settings: Settings, *, jobs: int = 0, folder: str) -> None:
+    def __init__(self, settings: SlurmSettings, *, jobs: int = 0, folder: str) -> None:
         try:
             import submitit
         except ImportError:

@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping
 
 from thingc.frozen import dataclass
-from thingc.realize.key.module_key import Code
+from thingc.realize.key.module_key import CodeIngredients
 from thingc.realize.record import PartDefinition, Value
 from thingc.workspace import Workspace
 
@@ -25,13 +25,13 @@ class BuildKey:
         return hashlib.sha256(text.encode()).hexdigest()
 
 
-def schema_key(reference: str, code: Code | None, versions: Mapping[str, str]) -> BuildKey:
+def schema_key(reference: str, code: CodeIngredients | None, versions: Mapping[str, str]) -> BuildKey:
     """Of a part schema: the code with its docstrings, and versions. `code` None: the part of an installed package."""
     return BuildKey(ingredients={"part": reference, **versions, **(code.documented if code is not None else {})})
 
 
 def record_key(
-    definition: PartDefinition, code: Code | None, versions: Mapping[str, str], workspace: Workspace
+    definition: PartDefinition, code: CodeIngredients | None, versions: Mapping[str, str], workspace: Workspace
 ) -> BuildKey:
     """Of a part record; of the workspace it depends on the tessellations."""
     mesh, simulation = workspace.mesh, workspace.simulation

@@ -20,7 +20,7 @@ from thingc.realize.key.modules import Finder, Module
 from thingc.realize.store.local import Store, StoreUnusable
 
 VERSION = 3
-"""Of `Facts`: a change of their meaning must raise it, since they are kept by the content of a file."""
+"""Of `ModuleFacts`: a change of their meaning must raise it, since they are kept by the content of a file."""
 
 MAX_UNTRUSTED = 1_000_000
 """Bytes of source that are read of a workspace that is not trusted: the syntax tree takes a hundred times as much memory."""
@@ -30,7 +30,7 @@ MAX_STEPS = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Facts:
+class ModuleFacts:
     """What a source file says, made by `source_reader` and kept as JSON.
 
     `syntax` is the digest of its syntax tree without positions and docstrings, `documented` that with docstrings; `imports` are the
@@ -49,13 +49,13 @@ class Facts:
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class ModuleSource:
     """A module's source as read. `path` is where it lies in the workspace, since code looks for files beside itself; of what lies
     elsewhere only the file's name, which is the same on every machine."""
 
     module: Module
     sha256: str
-    facts: Facts
+    facts: ModuleFacts
     path: str
 
     @property
@@ -65,7 +65,7 @@ class Source:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Code:
+class CodeIngredients:
     """What a part's code is made of.
 
     `ingredients` are digests and paths by module (`module arm`), `documented` the same with docstrings; `installed` the modules of
@@ -82,7 +82,7 @@ class Code:
     place: tuple[str, int] | None = None
 
 
-class Sources:
+class ModuleSources:
     """Reads the source files of content-tracked modules, each once; their facts are kept in the store by content.
 
     `root` is the folder of the workspace. `within` is for workspaces that are not trusted: only files of part folders for which it holds
@@ -95,9 +95,9 @@ class Sources:
         self.store = store
         self._within = within
         self._left = MAX_UNTRUSTED
-        self._read: dict[str, Source | None] = {}
+        self._read: dict[str, ModuleSource | None] = {}
 
-    def source(self, name: str) -> Source | None:
+    def source(self, name: str) -> ModuleSource | None:
         """The source of the content-tracked module `name`, or None when it has none or is of another kind."""
         if name not in self._read:
             module = self.finder.find(name)
@@ -121,7 +121,7 @@ class Sources:
         self._left -= len(data)  # to -1 at the least
         return data if self._left >= 0 else None
 
-    def _source(self, module: Module, data: bytes) -> Source:
+    def _source(self, module: Module, data: bytes) -> ModuleSource:
         sha256 = hashlib.sha256(data).hexdigest()
         key = f"{VERSION} {sys.version_info[0]}.{sys.version_info[1]} {sha256}"  # syntax trees differ between versions of Python
         facts = self.store.get_json("facts", key) if self.store is not None else None
@@ -135,16 +135,16 @@ class Sources:
         file = module.file or ""
         inside = module.workspace and file.startswith(self.root)
         path = file[len(self.root) :].replace(os.sep, "/") if inside else os.path.basename(file)
-        return Source(module, sha256, Facts(**facts), path)
+        return ModuleSource(module, sha256, ModuleFacts(**facts), path)
 
 
-def code_of(reference: str, sources: Sources) -> Code:
+def code_of(reference: str, sources: ModuleSources) -> CodeIngredients:
     """The code that `module:Class` depends on. The module must be found and content-tracked."""
     module, _, name = reference.partition(":")
     reached = [sources.finder.find(one) for one in reached_from(module, sources)]
     found = [source for one in reached if (source := sources.source(one.name)) is not None]
     texts = any(source.facts.telling for source in found)
-    return Code(
+    return CodeIngredients(
         ingredients={one.label: f"{one.sha256 if texts else one.facts.syntax} {one.path}" for one in found},
         documented={one.label: f"{one.sha256 if texts else one.facts.documented} {one.path}" for one in found},
         installed={one.name for one in reached if one.kind == "installed"},
@@ -155,7 +155,7 @@ def code_of(reference: str, sources: Sources) -> Code:
     )
 
 
-def reached_from(module: str, sources: Sources) -> list[str]:
+def reached_from(module: str, sources: ModuleSources) -> list[str]:
     """The names of `module` and of all that it and those import, with the packages that they lie in, there or not. Sorted."""
     reached: set[str] = set()
     waiting = [module]
@@ -176,12 +176,12 @@ def reached_from(module: str, sources: Sources) -> list[str]:
     return sorted(reached)
 
 
-def may_have(module: str, name: str, sources: Sources) -> bool:
+def may_have(module: str, name: str, sources: ModuleSources) -> bool:
     """Whether `module` may have a `name`, by itself or through stars; reading cannot always be sure that it has not."""
     return any(source is None or source.facts.more or name in source.facts.names for source in _namespaces(module, sources))
 
 
-def defined_in(module: str, sources: Sources) -> tuple[str, ...]:
+def defined_in(module: str, sources: ModuleSources) -> tuple[str, ...]:
     """The public classes and functions that `module` defines or has through stars, sorted."""
     return tuple(sorted({
         name for source in _namespaces(module, sources) if source is not None for name, (kind, _, _) in source.facts.names.items()
@@ -189,10 +189,10 @@ def defined_in(module: str, sources: Sources) -> tuple[str, ...]:
     }))
 
 
-def _namespaces(module: str, sources: Sources) -> list[Source | None]:
+def _namespaces(module: str, sources: ModuleSources) -> list[ModuleSource | None]:
     """The module, and those whose names it has by stars; None stands for one that cannot be read."""
     met = [module]
-    found: list[Source | None] = []
+    found: list[ModuleSource | None] = []
     for name in met:
         source = sources.source(name)
         found.append(source)
@@ -202,7 +202,7 @@ def _namespaces(module: str, sources: Sources) -> list[Source | None]:
     return found
 
 
-def _place(module: str, name: str, sources: Sources) -> tuple[str, int] | None:
+def _place(module: str, name: str, sources: ModuleSources) -> tuple[str, int] | None:
     """Where a name is defined, through imports."""
     for _ in range(MAX_STEPS):
         source = next((one for one in _namespaces(module, sources) if one is not None and name in one.facts.names), None)
@@ -215,7 +215,7 @@ def _place(module: str, name: str, sources: Sources) -> tuple[str, int] | None:
     return None
 
 
-def _absolute(source: Source, origin: str) -> tuple[str, str]:
+def _absolute(source: ModuleSource, origin: str) -> tuple[str, str]:
     """The module that an import in `source` names, and what it takes from it ("" where it takes the module itself). A relative one that
     leads out of its package names no module, which is ""."""
     written, _, inner = origin.partition(":")

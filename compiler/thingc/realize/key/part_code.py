@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Any
 
-from thingc.realize.key.module_key import Code, Sources, code_of, defined_in, may_have
+from thingc.realize.key.module_key import CodeIngredients, ModuleSources, code_of, defined_in, may_have
 from thingc.realize.key.modules import OWN, Finder, Module, listed
 from thingc.realize.key.versions import KERNEL, compiler_version, platform_versions, versions_of
 from thingc.realize.record import PartDefinition, PartFailure
@@ -28,8 +28,8 @@ class PartCode:
         self.workspace = workspace
         self.store = store
         within = None if store is not None else workspace.contains
-        self.sources = Sources(Finder(workspace.parts, workspace.packages), workspace.root, store, within)
-        self._codes: dict[str, Code | None | PartFailure] = {}
+        self.sources = ModuleSources(Finder(workspace.parts, workspace.packages), workspace.root, store, within)
+        self._codes: dict[str, CodeIngredients | None | PartFailure] = {}
         self._known_versions: dict[tuple[str, ...], dict[str, str]] = {}
 
     @property
@@ -37,7 +37,7 @@ class PartCode:
         """Absolute paths that decided which file a module is, there or not."""
         return self.sources.finder.probed
 
-    def code(self, reference: str) -> Code | None | PartFailure:
+    def code(self, reference: str) -> CodeIngredients | None | PartFailure:
         """The code of `module:Class`; None for an installed package; or why it may not or cannot be loaded."""
         if reference not in self._codes:
             self._codes[reference] = self._read_code(reference)
@@ -48,9 +48,9 @@ class PartCode:
         found = self.code(reference)
         if isinstance(found, PartFailure) and found.file is not None:
             return tuple(one for one in (self.sources.finder.find(reference.partition(":")[0]),) if one.hides)
-        return found.hiding if isinstance(found, Code) else ()
+        return found.hiding if isinstance(found, CodeIngredients) else ()
 
-    def _read_code(self, reference: str) -> Code | None | PartFailure:
+    def _read_code(self, reference: str) -> CodeIngredients | None | PartFailure:
         module_name, colon, name = reference.partition(":")
         if not colon or not all(part.isidentifier() for part in (*module_name.split("."), *name.split("."))):
             message = f"`{reference}` is no part reference: expected `module:Class`"
@@ -87,7 +87,7 @@ class PartCode:
             )
         return code_of(reference, self.sources)
 
-    def versions(self, code: Code | None, reference: str = "") -> dict[str, str]:
+    def versions(self, code: CodeIngredients | None, reference: str = "") -> dict[str, str]:
         """Versions of the kernel, of thingc, and of everything installed that the code uses; where the part is of an
         installed package (`code` None), of that."""
         package = reference.partition(":")[0].partition(".")[0]
@@ -105,10 +105,10 @@ class PartCode:
             self.probed.add(file)
         return file
 
-    def around(self, code: Code | None) -> dict[str, Any]:
+    def around(self, code: CodeIngredients | None) -> dict[str, Any]:
         """What a request to the worker says of the code: the workspace's folders and packages, the files that have a key (SHA-256
         by file), part packages without `__init__.py`, and installed packages worth loading before the fork."""
-        code = code or Code()
+        code = code or CodeIngredients()
         return {
             "root": self.workspace.root, "parts": list(self.workspace.parts), "packages": list(self.workspace.packages),
             "hashes": code.files, "plain": sorted(code.plain),
@@ -117,7 +117,7 @@ class PartCode:
 
     def files(self) -> dict[str, str]:
         """The files of all code read so far (in the workspace relative to it) with their states, as `reads` has them."""
-        code = [code for code in self._codes.values() if isinstance(code, Code)]
+        code = [code for code in self._codes.values() if isinstance(code, CodeIngredients)]
         return {
             shortened(file, self.workspace.root) or file: f"file:{sha256}" for one in code for file, sha256 in one.files.items()
         }

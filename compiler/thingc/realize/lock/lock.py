@@ -13,10 +13,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import field
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from thingc.diagnostics import Code as Fault
-from thingc.diagnostics import Report, Severity
+from thingc.diagnostics import Code, Report, Severity
 from thingc.frozen import dataclass
-from thingc.realize.key.module_key import Code
+from thingc.realize.key.module_key import CodeIngredients
 from thingc.realize.lock.values import BadLock, mapping, read_record, read_schema
 from thingc.realize.record import PartDefinition, PartRecord, PartSchema
 from thingc.source import Span
@@ -87,7 +86,7 @@ def lock_path(workspace: Workspace) -> str:
     return os.path.join(workspace.root, LOCK_FILE)
 
 
-def code_hash(code: Code | None, version: str = "") -> str:
+def code_hash(code: CodeIngredients | None, version: str = "") -> str:
     """The hash of everything in a part's code that can change what it is; of a part of an installed package (`code` None) that
     of the package's `version`. Comments, layout and docstrings do not count."""
     ingredients = [["version", version]] if code is None else sorted(code.ingredients.items())
@@ -106,7 +105,7 @@ def read_lock(workspace: Workspace, report: Report) -> Lock | None:
         return None
     if not os.path.isfile(path) or not workspace.contains(path):
         report.add(
-            Fault.LOCK_BROKEN, f"`{LOCK_FILE}` is no file of this workspace", None,
+            Code.LOCK_BROKEN, f"`{LOCK_FILE}` is no file of this workspace", None,
             help="remove it (a link out of the workspace is not followed); then " + REMAKE,
         )
         return None
@@ -114,7 +113,7 @@ def read_lock(workspace: Workspace, report: Report) -> Lock | None:
         with open(path, "rb") as stream:
             data = stream.read(MAX_BYTES + 1)
     except OSError as error:
-        report.add(Fault.UNREADABLE, f"cannot read `{LOCK_FILE}`: {(error.strerror or 'an error').lower()}", None)
+        report.add(Code.UNREADABLE, f"cannot read `{LOCK_FILE}`: {(error.strerror or 'an error').lower()}", None)
         return None
     try:
         return read(path, data)
@@ -127,7 +126,7 @@ def report_missing(workspace: Workspace, report: Report) -> None:
     """Say that there is no lock, unless it has been said that it is broken."""
     if not os.path.lexists(lock_path(workspace)):
         report.add(
-            Fault.NO_LOCK, f"there is no `{LOCK_FILE}` in the folder of the workspace: without it nothing is known of parts unless their "
+            Code.NO_LOCK, f"there is no `{LOCK_FILE}` in the folder of the workspace: without it nothing is known of parts unless their "
             "code is run", workspace.origin, help=REMAKE,
         )
 
@@ -135,7 +134,7 @@ def report_missing(workspace: Workspace, report: Report) -> None:
 def report_bad(path: str, fault: BadLock, report: Report, *, severity: Severity = Severity.ERROR) -> None:
     """Say what cannot be in the lock at `path`."""
     where = f" at `{fault.path[:200]}`" if fault.path else ""
-    report.add(Fault.LOCK_BROKEN, f"`{LOCK_FILE}` is broken{where}: {fault}", top_of(path), help=REMAKE, severity=severity)
+    report.add(Code.LOCK_BROKEN, f"`{LOCK_FILE}` is broken{where}: {fault}", top_of(path), help=REMAKE, severity=severity)
 
 
 def read(path: str, data: bytes) -> Lock:

@@ -9,12 +9,12 @@ from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
 from thingc.realize.key.file_states import state_of
-from thingc.realize.key.module_key import Code
+from thingc.realize.key.module_key import CodeIngredients
 from thingc.realize.key.modules import Module
 from thingc.realize.key.part_code import PartCode
 from thingc.realize.lock.lock import LOCK_FILE, Lock, code_hash, lock_path
 from thingc.realize.lock.values import BadLock
-from thingc.realize.record import Actuator, PartDefinition, PartFailure, PartRecord, PartSchema
+from thingc.realize.record import ActuatorRecord, PartDefinition, PartFailure, PartRecord, PartSchema
 from thingc.realize.slices import Slicing
 from thingc.realize.store.slice_answers import lacking
 
@@ -105,14 +105,14 @@ class LockAnswers:
             text=definition.text, material=schema.material, color=None, volume=_SOME, area=_SOME, centre=(0.0, 0.0, 0.0),
             inertia=((_SOME, 0.0, 0.0), (0.0, _SOME, 0.0), (0.0, 0.0, _SOME)), box=None,
             mounts={name: mount for record in known for name, mount in record.mounts.items()}, references=(), expectations=(),
-            actuator=Actuator(kind="motor") if schema.actuator else None, mass=None, com=None, matrix=None, density=None, bom={},
+            actuator=ActuatorRecord(kind="motor") if schema.actuator else None, mass=None, com=None, matrix=None, density=None, bom={},
             warnings=(), fits={}, meshes={}, pieces=(), convex=(), brep=None, code=place, exact=False,
         )
 
     def place(self, reference: str) -> tuple[str, int] | None:
         """File and line of a class."""
         code = self._parts.code(reference) if ":" in reference else None
-        return code.place if isinstance(code, Code) else None
+        return code.place if isinstance(code, CodeIngredients) else None
 
 
 class LockBeside:
@@ -157,7 +157,7 @@ class LockBeside:
             return None
 
 
-def hash_of(reference: str, code: Code | None, parts: PartCode) -> str:
+def hash_of(reference: str, code: CodeIngredients | None, parts: PartCode) -> str:
     """`code_hash` of a part of the workspace or of an installed package."""
     package = reference.partition(":")[0].partition(".")[0]
     return code_hash(code, "" if code is not None else parts.versions(None, reference).get(f"version {package}", "unknown"))

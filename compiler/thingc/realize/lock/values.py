@@ -13,7 +13,7 @@ from thingc.inertia import physical_fault
 from thingc.pose import Pose, Vector
 from thingc.realize.record import (
     WHOLE,
-    Actuator,
+    ActuatorRecord,
     Expectation,
     MountRecord,
     Outside,
@@ -123,7 +123,7 @@ def _mount_values(mount: MountRecord) -> dict[str, Any]:
 _NUMBERS = ("stall_torque", "no_load_speed", "gear_ratio", "rotor_inertia", "kp", "kv")
 
 
-def _actuator_values(actuator: Actuator) -> dict[str, Any]:
+def _actuator_values(actuator: ActuatorRecord) -> dict[str, Any]:
     numbers = {key: getattr(actuator, key) for key in _NUMBERS}
     return {
         "kind": actuator.kind, **{key: value for key, value in numbers.items() if value is not None},
@@ -286,11 +286,11 @@ def _question(value: Any, path: str) -> PartWarning:
     return PartWarning(message=texts[1], asked=Outside(texts[0]))
 
 
-def _actuator(value: Any, path: str) -> Actuator:
+def _actuator(value: Any, path: str) -> ActuatorRecord:
     table = mapping(value, path)
     found = {key: _maybe(table, key, path) for key in _NUMBERS}
     gear_ratio = found.pop("gear_ratio")
-    return Actuator(
+    return ActuatorRecord(
         kind=_one_of({"position", "velocity", "motor"}, table, "kind", path), gear_ratio=1.0 if gear_ratio is None else gear_ratio,
         sources=_words(table.get("sources", {}), f"{path}.sources"), **found,
     )

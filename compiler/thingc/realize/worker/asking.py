@@ -231,7 +231,7 @@ def _telling_time(real: Any, names: Sequence[str]) -> type:
 def _stand_in(real: Any, new: Callable[..., Any], body: Mapping[str, Any]) -> type:
     """A class in the place of the class `real`, whose instances count as its own: `new` makes them."""
 
-    class Kind(type):
+    class _ClockClass(type):
         def __instancecheck__(cls, value: Any) -> bool:
             return isinstance(value, real) if cls is stand_in else type.__instancecheck__(cls, value)
 
@@ -239,7 +239,7 @@ def _stand_in(real: Any, new: Callable[..., Any], body: Mapping[str, Any]) -> ty
             return issubclass(other, real) if cls is stand_in else type.__subclasscheck__(cls, other)
 
     own = {"__new__": new, "__doc__": real.__doc__, "__module__": real.__module__, **body}
-    stand_in: type = Kind(real.__name__, (real,), own)
+    stand_in: type = _ClockClass(real.__name__, (real,), own)
     return stand_in
 
 

@@ -11,14 +11,14 @@ from typing import Any
 from thingc.realize.record import ParameterSchema, PartSchema
 from thingc.realize.record_json import failure_to_json, schema_to_json
 from thingc.realize.worker.kernel import convert
-from thingc.realize.worker.session import NoPart, Session, Surroundings, kind_of
+from thingc.realize.worker.session import NoPart, PartSession, RequestContext, kind_of
 
 
-def describe(references: Sequence[str], around: Surroundings) -> dict[str, Any]:
+def describe(references: Sequence[str], around: RequestContext) -> dict[str, Any]:
     """Schemas (or failures) of part classes of one module: `{"answers": {reference: ...}, "reads": [...]}`."""
     answers: dict[str, Any] = {}
     mentioned: list[str | None] = []
-    with Session(around) as session:
+    with PartSession(around) as session:
         for reference in references:
             try:
                 schema = _schema(session, reference)
@@ -31,7 +31,7 @@ def describe(references: Sequence[str], around: Surroundings) -> dict[str, Any]:
         return {"answers": answers, "reads": session.reads(*mentioned)}
 
 
-def _schema(session: Session, reference: str) -> PartSchema:
+def _schema(session: PartSession, reference: str) -> PartSchema:
     from thingc.things.inspection import actuator_of, lacking_result, parameters_of
 
     part = session.part(reference)

@@ -151,7 +151,7 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
         from thingc.realize.worker.kernel.assembling import assemble
 
         return assemble(request["name"], request["instances"], store)
-    from thingc.realize.worker.session import Surroundings
+    from thingc.realize.worker.session import RequestContext
 
     if operation == "decompose":
         from thingc.realize.worker.kernel.decomposing import decompose
@@ -162,7 +162,7 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
         from thingc.realize.worker.kernel.slicing import slice_stored
 
         return slice_stored(request["mesh"], Slicing(**request["slicing"]), store)
-    around = Surroundings(
+    around = RequestContext(
         root=request["root"], parts=tuple(request["parts"]), packages=tuple(request["packages"]), hashes=dict(request["hashes"]),
         plain=tuple(request["plain"]), store=request["store"], scratch=request["scratch"],
     )

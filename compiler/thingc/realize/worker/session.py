@@ -33,7 +33,7 @@ class NoPart(Exception):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Surroundings:
+class RequestContext:
     """What a request says about where it runs: the workspace's `root`, part folders and packages, the files of the code that has
     a key (`hashes`: SHA-256 by file), part packages without `__init__.py`, the store, and the part's own folder `scratch`."""
 
@@ -47,11 +47,11 @@ class Surroundings:
 
 
 @dataclass(slots=True)
-class Session:
+class PartSession:
     """One request in its process, in the workspace's folder: the importer, the recorder of reads, and who notes what the part asks
     and prints, installed while it lasts."""
 
-    around: Surroundings
+    around: RequestContext
     recorder: Recorder = field(init=False)
     importer: PartImporter = field(init=False)
     asking: Asking = field(init=False)
@@ -63,7 +63,7 @@ class Session:
         self.recorder = Recorder(self.around.root, (self.around.store, self.around.scratch), self.around.hashes)
         self.asking = Asking(self.is_own)
 
-    def __enter__(self) -> Session:
+    def __enter__(self) -> PartSession:
         from thingc.things import assets
 
         self._before = os.getcwd()

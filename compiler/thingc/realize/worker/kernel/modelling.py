@@ -15,7 +15,7 @@ from thingc.frozen import dataclass
 from thingc.realize.record import (
     FILE_UNIT,
     LABEL_DIGITS,
-    Actuator,
+    ActuatorRecord,
     Expectation,
     Mesh,
     MountRecord,
@@ -36,7 +36,7 @@ from thingc.realize.worker.kernel.measure import Measures, bodies_of, explored, 
 from thingc.realize.worker.kernel.mirroring import Mirror
 from thingc.realize.worker.kernel.part_files import kernel_shape, read_part
 from thingc.realize.worker.kernel.primitives import primitive_of
-from thingc.realize.worker.session import NoPart, Session, Surroundings, kind_of
+from thingc.realize.worker.session import NoPart, PartSession, RequestContext, kind_of
 from thingc.units import parse_quantity
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ class Made:
     mounts: dict[str, MountRecord] = field(default_factory=dict)
     references: tuple[str, ...] = ()
     expectations: tuple[Expectation, ...] = ()
-    actuator: Actuator | None = None
+    actuator: ActuatorRecord | None = None
     mass: Stated | None = None
     com: Stated | None = None
     matrix: Stated | None = None
@@ -92,14 +92,14 @@ class Made:
     own_image: bool = False
 
 
-def model(definition: dict[str, Any], tessellations: Tessellations, around: Surroundings, store: Store) -> dict[str, Any]:
+def model(definition: dict[str, Any], tessellations: Tessellations, around: RequestContext, store: Store) -> dict[str, Any]:
     """The record (or failure) of one part definition and what it read: `{"record" | "failure": ..., "reads": [...]}`.
 
     `definition` has `kind`, `reference`, `text`, the canonical `parameters` (SI) and `mirror`, and whether it is known where its class is
     written (`placed`): to find that out takes long. Blobs go to the store. Raises `StoreUnusable`.
     """
     text = definition["text"]
-    with Session(around) as session, warnings.catch_warnings(record=True) as caught:
+    with PartSession(around) as session, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
             made = _made_of_file(definition, around) if definition["kind"] == "file" else _made_of_code(definition, session)
@@ -120,7 +120,7 @@ def model(definition: dict[str, Any], tessellations: Tessellations, around: Surr
             return {"failure": failure_to_json(failure, around.root), "reads": session.reads(failure.file)}
 
 
-def _place(reference: str, session: Session) -> dict[str, Any]:
+def _place(reference: str, session: PartSession) -> dict[str, Any]:
     """The `file` and `line` of a class of the authors' own, for a fault without a line: of what its methods return, for instance."""
     import inspect
 
@@ -140,7 +140,7 @@ def _warnings(caught: list[warnings.WarningMessage], is_own: Callable[[str], boo
     return list(dict.fromkeys(found))
 
 
-def _made_of_code(definition: dict[str, Any], session: Session) -> Made:
+def _made_of_code(definition: dict[str, Any], session: PartSession) -> Made:
     import inspect
 
     from thingc.things import inspection
@@ -175,7 +175,7 @@ def _made_of_code(definition: dict[str, Any], session: Session) -> Made:
         },
         references=inspection.references_of(thing),
         expectations=tuple(_expectation(expected) for expected in inspection.expectations_of(thing)),
-        actuator=None if actuator is None else Actuator(
+        actuator=None if actuator is None else ActuatorRecord(
             kind=actuator.kind, stall_torque=actuator.stall_torque, no_load_speed=actuator.no_load_speed,
             gear_ratio=actuator.gear_ratio, rotor_inertia=actuator.rotor_inertia, kp=actuator.kp, kv=actuator.kv,
             sources=dict(actuator.sources),
@@ -187,7 +187,7 @@ def _made_of_code(definition: dict[str, Any], session: Session) -> Made:
     )
 
 
-def _made_of_file(definition: dict[str, Any], around: Surroundings) -> Made:
+def _made_of_file(definition: dict[str, Any], around: RequestContext) -> Made:
     unit = parse_quantity(f"1 {definition['parameters'].get('unit', FILE_UNIT)}").value * convert.MM
     shapes, color, mended = read_part(os.path.join(around.root, definition["reference"]), unit)
     return Made(shapes=shapes, color=color, warnings=tuple(PartWarning(message=words) for words in mended))
