@@ -125,7 +125,7 @@ def test_what_is_set_by_path_is_a_column_and_the_command_builds_the_same(tmp_pat
     units = {one["name"]: one["unit"] for one in described["columns"]}
     assert (units["joints.swing.limit.upper"], units["joints.twist.dynamics.damping"]) == ("rad", "kg*m^2/rad/s")
     words = shlex.split(table[1]["command"])[1:]
-    assert "joints.swing.limit.upper=1.0471975511965976 rad" in words
+    assert "joints.swing.limit.upper=60 deg" in words
     assert thingc(*words, "-o", "alone", cwd=here, env=environment(shared_store)).stderr.startswith("alone/pendulum: ")
     assert tree(here / "alone" / "pendulum") == tree(here / "build" / "paths" / table[1]["path"])
 
@@ -243,6 +243,25 @@ def test_a_variant_with_an_error_is_refused_and_the_rest_goes_on(tmp_path: Path,
     ]
     assert done.returncode == 1 and "1 refused" in done.stderr and Code.POSE_LIMITS.code in done.stderr
     assert table[1]["message"] and table[1]["path"] == ""
+
+
+def test_what_is_said_of_a_refused_variant_is_in_the_units_of_the_documents(tmp_path: Path, shared_store: str) -> None:
+    here = workspace(tmp_path, limits="""
+        thingc: variants/1
+        assembly: pendulum.yaml
+        name: limits
+        parameters:
+          joints.swing.limit.lower: [-90 deg, 80 deg]
+          joints.swing.limit.upper: [60 deg, 97.4 deg]
+    """)
+    assert batch(here, shared_store, "limits").statuses == {"built": 2, "refused": 2}
+    refused = rows(here / "build" / "limits")[2]
+    assert (refused["code"], refused["message"]) == (
+        "TC809", "limits of joint `swing` are reversed: expected lower < upper, found `80 deg` and `60 deg`",
+    )
+    assert refused["command"] == (
+        "thingc build pendulum.yaml --set 'joints.swing.limit.lower=80 deg' --set 'joints.swing.limit.upper=60 deg' --emit mjcf"
+    )
 
 
 # --- folders ---------------------------------------------------------------------------------------------------------

@@ -128,7 +128,7 @@ def test_paths_are_axes_like_parameters(tmp_path: Path, shared_store: str) -> No
     assert damping not in plain.values  # the document says nothing there
     margin = {"raw.mjcf.joint.swing.margin": "0.5"}
     assert plain.choices == margin and found[2].parameters == {}
-    assert found[2].choices == {damping: "0.0 kg*m^2/rad/s", mass: "1.0 kg", **margin}  # 90 deg is what the document says
+    assert found[2].choices == {damping: "0.0 kg*m^2/rad/s", mass: "1 kg", **margin}  # 90 deg is what the document says
     assert {v.failed for v in found if v.values[upper] < 1.1} == {"joints.swing.limit.upper > 1.1 rad"}
     assert {v.failed for v in found if v.values[upper] > 1.1} == {None}
 
@@ -236,6 +236,21 @@ def test_texts_say_the_same_value_to_the_last_bit(value: float, dimension: Dimen
     found = evaluate(parse_expression(text), {}) if text.startswith("=") else parse_quantity(text)
     assert isinstance(found, Quantity)
     assert found.value == value and found.dimension == dimension
+
+
+@given(st.floats(-1e6, 1e6).map(lambda x: x + 0.0), st.sampled_from(["mm", "g", "in", "deg", "N*m/rad", "%", "rpm", "kHz"]))
+def test_texts_in_a_unit_say_the_same_value_to_the_last_bit(value: float, unit: str) -> None:
+    found = Quantity(value, parse_quantity(f"1 {unit}").dimension)
+    text = text_of(found, unit)
+    assert parse_quantity(text) == found
+    assert unit == "deg" or text.endswith(f" {unit}")  # a double in radians may have no double in degrees
+    assert text_of(found, "V") == text_of(found, "h") == text_of(found)
+
+
+@given(st.integers(-10**8, 10**8), st.integers(0, 6), st.sampled_from(["mm", "g", "in", "deg", "N*m/rad", "%", "rpm", "kHz"]))
+def test_what_was_written_in_few_digits_is_written_in_them(digits: int, decimals: int, unit: str) -> None:
+    written = f"{digits / 10**decimals:.15g} {unit}"
+    assert text_of(parse_quantity(written), unit) == written
 
 
 def test_a_wrong_document_raises_with_every_place(tmp_path: Path, shared_store: str) -> None:

@@ -283,7 +283,6 @@ def _adopt(arguments: argparse.Namespace, options: Options) -> int:
     from thingc.cli.set import write
     from thingc.variants.adopting import meant
     from thingc.variants.reading import plan
-    from thingc.variants.values import in_unit
 
     planned = plan(arguments.document, options=options)
     found = meant(planned, arguments.adopt, planned.folder_in(arguments.output))
@@ -295,9 +294,7 @@ def _adopt(arguments: argparse.Namespace, options: Options) -> int:
     variant, rule = found
     if rule is not None:
         common.say(f"{variant.name} does not keep the rule `{rule}`", stream=sys.stderr)
-    settings = {
-        name: in_unit(text, planned.written_in.get(name, "")) for name, text in {**variant.parameters, **variant.choices}.items()
-    }
+    settings = {**variant.parameters, **variant.choices}
     if not settings:
         common.say(f"{variant.id} is what {planned.assembly_relative} says")
         return 0

@@ -44,8 +44,8 @@ class PlanError(Exception):
 class Variant(Brief):
     """One member of the family. `index` is its place in the plan, `id` 12 hex of the SHA-256 of its settings.
 
-    `parameters` and `choices` are the settings as `thingc build -p` and `--set` take them (without those that say what the
-    documents say anyway); `values` every parameter of the assembly, and what is set by path, SI. `failed`
+    `parameters` and `choices` are the settings as `thingc build -p` and `--set` take them, in the units of the documents (without those
+    that say what the documents say anyway); `values` every parameter of the assembly, and what is set by path, SI. `failed`
     is the rule that the parameters do not keep.
     """
 
@@ -114,11 +114,12 @@ class Plan(Brief):
         rules = [rule for rule in self.rules if not rule.needs_results]
         for index, (id, setting, parameters, choices) in enumerate(self._unique()):
             values = self.values(setting.parameters)
+            texts = {name: text_of(parameters[name], self.written_in.get(name, "")) for name in sorted(parameters)}
             failed = next((rule.text for rule in rules if not _holds(rule, values)), None)
             yield Variant(
                 index=index, id=id, name=setting.name or f"{self.name}_{index:0{width}d}",
-                parameters={name: text_of(parameters[name]) for name in sorted(parameters) if "." not in name},
-                choices=dict(sorted({**choices, **{path: text_of(found) for path, found in parameters.items() if "." in path}}.items())),
+                parameters={name: text for name, text in texts.items() if "." not in name},
+                choices=dict(sorted({**choices, **{path: text for path, text in texts.items() if "." in path}}.items())),
                 values={name: plain(found) for name, found in values.items()}, failed=failed,
             )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import json
 import math
@@ -12,7 +13,19 @@ from fractions import Fraction
 
 from thingc.resolve.parameters import plain
 from thingc.resolve.scope import Found
-from thingc.units import FREQUENCY, NUMBER, Dimension, Quantity, UnitError, exact, parse_quantity, scan_number, scan_unit
+from thingc.units import (
+    FREQUENCY,
+    NUMBER,
+    Dimension,
+    Quantity,
+    Unit,
+    UnitError,
+    converted,
+    exact,
+    parse_quantity,
+    scan_number,
+    scan_unit,
+)
 
 ID_DIGITS = 12
 """Hexadecimal digits of a variant's id."""
@@ -37,13 +50,16 @@ def size_of(unit: str) -> float | None:
         return None
 
 
-def text_of(found: Found) -> str:
-    """A value as `-p NAME=VALUE` reads it back to the last bit: `0.0955 m`, `true`, a text as it is."""
+def text_of(found: Found, unit: str = "") -> str:
+    """A value as `-p NAME=VALUE` reads it back to the last bit: in `unit`, where it can be said so, else in SI (`95.5 mm`, `0.0955 m`);
+    `true`, a text as it is."""
     if isinstance(found, bool):
         return "true" if found else "false"
     if isinstance(found, str):
         return found
     value = plain(found)
+    if unit and (short := _in_unit(found, unit)) is not None:
+        return short
     if found.dimension == NUMBER:
         return repr(value)
     if found.dimension == FREQUENCY:
@@ -53,17 +69,31 @@ def text_of(found: Found) -> str:
     return f"={value!r} / (1 {below})" if above == "1" else f"{value!r} {symbol}"
 
 
-def in_unit(text: str, unit: str) -> str:
-    """What `text_of` says in another unit, in as few digits as say the same value to the last bit (`0.09 m` in `mm` is `90 mm`); the
-    text as it is where there is no such unit."""
+def _in_unit(found: Quantity, unit: str) -> str | None:
+    """A quantity in a unit, in as few digits as say the same value to the last bit; None where no digits do (in degrees, which are rounded
+    twice, some are missing), or it is no unit of that dimension."""
+    known = _scanned(unit)
+    if known is None or known[2] != found.dimension:
+        return None
+    number = Decimal(found.value + 0.0) * known[1] / known[0]
+    double = float(number)
+    if not math.isfinite(double):
+        return None
+    near = (double + ulps * math.ulp(double) for ulps in (0, 1, -1))  # for degrees
+    texts = (f"{double:.15g}", f"{number:.16g}", *(f"{one:.17g}" for one in (number, *near)))
     try:
-        value, size = parse_quantity(text), parse_quantity(f"1 {unit}")
+        return next((f"{text} {unit}" for text in texts if converted(text, known) == found.value), None)
     except UnitError:
-        return text
-    if value.dimension != size.dimension or not unit:
-        return text
-    written = (f"{value.value / size.value:.{digits}g} {unit}" for digits in (6, 9, 12, 15, 16, 17))
-    return next((one for one in written if parse_quantity(one) == value), text)
+        return None
+
+
+@functools.cache
+def _scanned(unit: str) -> Unit | None:
+    """What a word for a unit means; None where it is no unit."""
+    try:
+        return scan_unit(unit, 0)[0]
+    except UnitError:
+        return None
 
 
 def spaced(first: str, last: str, count: int) -> list[Quantity] | None:
