@@ -15,6 +15,7 @@ from thingc.memo import Memo
 
 if TYPE_CHECKING:
     from thingc.realize.answers import PartAnswers
+    from thingc.realize.client import Workers
     from thingc.realize.lock.lock import Lock
     from thingc.realize.service import GeometryService
     from thingc.realize.store.local import Store
@@ -149,9 +150,10 @@ def store_of(options: Options) -> Store:
 
 def geometry_of(
     workspace: Workspace, options: Options, store: Store | None = None, lock: Callable[[], Lock | None] | None = None, *, seed: int = 0,
+    workers: Workers | None = None,
 ) -> GeometryService:
     """The geometry service of a workspace; close it. `lock` reads the lock that may answer beside the store; `seed` is that of the
-    workers' hashes."""
+    workers' hashes; `workers` are somebody else's, who also ends them."""
     from thingc.realize.service import GeometryService
 
     return GeometryService(
@@ -161,6 +163,7 @@ def geometry_of(
         timeout=options.part_timeout or workspace.part_timeout,
         on_progress=options.progress,
         on_printed=options.printed,
+        workers=workers,
         lock=lock,
         seed=seed,
     )

@@ -63,10 +63,21 @@ ROOMS: dict[str, set[str]] = {
 # The door: what satellites may import, besides themselves and what stands below all rooms: the driver, what the `__init__` of a room
 # exports, and modules of types that passes hand over. ARCHITECTURE.md says so too, under "The door".
 DRIVER = {"environment", "pipeline", "session", "output", "stamp"}
-TYPES = {"realize.record"}
+TYPES = {"realize.record", "resolve.model"}
 SATELLITES: dict[str, dict[str, set[str]]] = {
     "render": {},
     "reporting": {},
+    "editor": {
+        "environment": {"Options", "Progress", "geometry_of"},
+        "load": {"Documents", "Source", "documents_in", "load", "read_tree"},
+        "realize": {"ABSENT", "EndingWorkers", "GeometryService", "NoWorkers", "Store", "Workers", "read_lock"},
+        "realize.record": {
+            "DIMENSIONS", "WHOLE", "ParameterSchema", "PartDefinition", "PartFailure", "PartRecord", "PartSchema", "Value",
+        },
+        "resolve": {"part_definitions", "resolve"},
+        "resolve.model": {"AssemblyDefinition", "Component", "Joint"},
+        "spec": {"REFERENCE_PATTERN", "Specs", "json_schema", "part_references", "validate"},
+    },
     "affected": {"load": {"Documents", "documents_in", "load", "named"}, "realize": {"Store", "part_inputs"}},
 }
 OF_EXTRAS = {"variants.dask_worker", "variants.learning"}

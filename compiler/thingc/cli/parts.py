@@ -77,7 +77,6 @@ def _listed(
     if not wanted:
         report.diagnostics.extend(_failed(failure.subject, failure) for failure in geometry.not_python())
     from thingc.realize.answers import report_hidden
-    from thingc.realize.lock.locking import default_of
 
     report_hidden(geometry, ((reference, None) for reference in references), report)
     schemas: list[PartSchema] = []
@@ -89,7 +88,7 @@ def _listed(
                 schemas.append(answer)
         elif answer.kind not in NO_PARTS or reference in wanted:
             report.diagnostics.append(_failed(reference, answer))
-    definitions = {schema.reference: default_of(schema) for schema in schemas}
+    definitions = {schema.reference: schema.default for schema in schemas}
     records = geometry.realize([definition for definition in definitions.values() if definition is not None])
     listed: list[tuple[PartSchema, PartRecord | None]] = []
     for schema in schemas:

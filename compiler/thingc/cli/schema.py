@@ -88,8 +88,8 @@ def _once(
 ) -> None:
     from thingc.editor.parts import ask
     from thingc.editor.refresh import Schemas
-    from thingc.editor.workers import NoWorkers
     from thingc.environment import store_of
+    from thingc.realize import NoWorkers
 
     with ask(
         workspace, store_of(options), jobs=options.jobs or os.cpu_count() or 1, timeout=options.part_timeout or workspace.part_timeout,

@@ -18,7 +18,7 @@ from thingc.editor.symbols import DocumentSymbols, parameters_schema
 from thingc.editor.values import Schema, one_of
 from thingc.frozen import dataclass
 from thingc.realize.record import PartSchema
-from thingc.spec.fields import REFERENCE_PATTERN
+from thingc.spec import REFERENCE_PATTERN
 from thingc.units import ANGLE, LENGTH
 
 OPEN = r"[*?\[$]"

@@ -9,15 +9,12 @@ from typing import TYPE_CHECKING
 from thingc.diagnostics import Report
 from thingc.editor.facts import Names, Records, usual_mounts
 from thingc.editor.reading import Stat, stat_of
-from thingc.editor.workers import ABSENT
-from thingc.realize.lock.locking import default_of
+from thingc.realize import ABSENT
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema
 
 if TYPE_CHECKING:
     from thingc.environment import Progress
-    from thingc.realize.client import Workers
-    from thingc.realize.service import GeometryService
-    from thingc.realize.store.local import Store
+    from thingc.realize import GeometryService, Store, Workers
     from thingc.workspace import Workspace
 
 
@@ -69,7 +66,7 @@ class Parts:
 
     def defaults(self) -> dict[str, PartDefinition]:
         """The member of every Thing's family with every parameter at its default, for those that have one."""
-        return {name: made for name, one in self.things().items() if (made := default_of(one)) is not None}
+        return {name: made for name, one in self.things().items() if (made := one.default) is not None}
 
     def usual(self, definitions: Iterable[PartDefinition]) -> dict[str, Names]:
         """The mounts that a part has as a rule: those of its default member, else of the first that is known."""
@@ -121,7 +118,8 @@ def ask(
     workers: Workers | None = None,
 ) -> GeometryService:
     """A geometry service that may answer from the workspace's lock, too: mounts are wanted, and no mesh."""
-    from thingc.realize.lock.lock import read_lock
-    from thingc.realize.service import GeometryService
+    from thingc.environment import Options, geometry_of
+    from thingc.realize import read_lock
 
-    return GeometryService(workspace, store, jobs, timeout, progress, workers, lambda: read_lock(workspace, Report()))
+    options = Options(jobs=jobs, part_timeout=timeout, progress=progress)
+    return geometry_of(workspace, options, store, lambda: read_lock(workspace, Report()), workers=workers)

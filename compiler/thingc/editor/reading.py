@@ -13,7 +13,7 @@ from thingc.realize.record import PartFailure, PartSchema
 if TYPE_CHECKING:
     from thingc.load import Documents
     from thingc.resolve.model import AssemblyDefinition
-    from thingc.spec.doubts import Specs
+    from thingc.spec import Specs
     from thingc.workspace import Workspace
 
 KINDS = ("assembly", "materials", "variants", "workspace")
@@ -70,8 +70,7 @@ def read(path: str, workspace: Workspace, seen: Mapping[str, Stat]) -> Reading |
     `seen` are the documents of the workspace as they were before.
     """
     from thingc.load import load
-    from thingc.spec import part_references, validate
-    from thingc.spec.doubts import Specs
+    from thingc.spec import Specs, part_references, validate
 
     report = Report()
     documents = load(path, workspace, report, kinds=KINDS)

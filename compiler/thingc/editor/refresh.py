@@ -11,7 +11,7 @@ from thingc.editor import folder
 from thingc.editor.facts import Facts, facts_of
 from thingc.editor.narrowing import Surroundings, narrowed, remembered
 from thingc.editor.parts import Missing, Parts
-from thingc.editor.reading import Reading, Stat, read, stat_of
+from thingc.editor.reading import KINDS, Reading, Stat, read, stat_of
 from thingc.editor.symbols import DocumentSymbols, near, of_variants, read_symbols
 from thingc.frozen import dataclass
 from thingc.load import documents_in
@@ -20,7 +20,7 @@ from thingc.source import ScalarNode
 from thingc.workspace import OWN_FILE, Workspace
 
 if TYPE_CHECKING:
-    from thingc.realize.service import GeometryService
+    from thingc.realize import GeometryService
     from thingc.resolve.model import AssemblyDefinition
 
 MAX_OTHERS = 100
@@ -190,8 +190,7 @@ class Schemas:
 
     def _schema(self, kind: str) -> dict[str, Any] | None:
         """The general schema of a kind; None where there is none."""
-        from thingc.spec.schema import json_schema
-        from thingc.spec.validation import KINDS
+        from thingc.spec import json_schema
 
         if kind not in KINDS:
             return None

@@ -12,7 +12,7 @@ from thingc.diagnostics import Report
 from thingc.editor import values
 from thingc.editor.values import Schema
 from thingc.frozen import dataclass
-from thingc.load.documents import read_tree
+from thingc.load import read_tree
 from thingc.source import MappingNode, Node, ScalarNode
 
 

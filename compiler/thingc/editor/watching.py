@@ -14,12 +14,11 @@ from typing import TYPE_CHECKING
 from thingc.diagnostics import Report
 from thingc.editor.parts import Missing, ask
 from thingc.editor.refresh import RefreshOutcome, Schemas
-from thingc.editor.workers import EndingWorkers, NoWorkers
+from thingc.realize import EndingWorkers, NoWorkers
 from thingc.workspace import OWN_FILE, Workspace
 
 if TYPE_CHECKING:
-    from thingc.realize.service import GeometryService
-    from thingc.realize.store.local import Store
+    from thingc.realize import GeometryService, Store
 
 PAUSE = 0.2
 """Between two looks [s]; longer where a look takes long, so that watching stays below a fifth of a core."""

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from thingc.diagnostics import Code, Report
 from thingc.editor import folder, jsonc
-from thingc.load.text import Source
+from thingc.load import Source
 
 VSCODE = ".vscode/settings.json"
 TAPLO = ".taplo.toml"

@@ -5,13 +5,21 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from thingc.realize.client import ABSENT, EndingWorkers, NoWorkers, Workers
     from thingc.realize.inputs import PartInputs, part_inputs
+    from thingc.realize.lock.lock import read_lock
+    from thingc.realize.service import GeometryService
     from thingc.realize.store.local import Store
 
-_EXPORTS = {"PartInputs": "inputs", "Store": "store.local", "part_inputs": "inputs"}
+_EXPORTS = {
+    "ABSENT": "client", "EndingWorkers": "client", "GeometryService": "service", "NoWorkers": "client", "PartInputs": "inputs",
+    "Store": "store.local", "Workers": "client", "part_inputs": "inputs", "read_lock": "lock.lock",
+}
 """Exported name to the module that has it: whoever imports a module of this room needs few of the others."""
 
-__all__ = ["PartInputs", "Store", "part_inputs"]
+__all__ = [
+    "ABSENT", "EndingWorkers", "GeometryService", "NoWorkers", "PartInputs", "Store", "Workers", "part_inputs", "read_lock",
+]
 
 
 def __getattr__(name: str) -> Any:

@@ -26,6 +26,9 @@ LOADING = 120.0
 
 CAN_FORK = hasattr(os, "fork")
 
+ABSENT = "absent"
+"""The kind of failure of a part of which the store knows nothing."""
+
 
 class WorkerBroken(Exception):
     """No worker starts: the kernel does not load (`detail` has the traceback), or the system has no process for it."""
@@ -196,6 +199,38 @@ class Workers:
         worker = _Process(process=process, capacity=capacity, deadline=time.monotonic() + LOADING)
         threading.Thread(target=_gather, args=(worker, self._answers.put), daemon=True).start()
         return worker
+
+
+class NoWorkers(Workers):
+    """None at all: what is not in the store is `ABSENT`."""
+
+    def __init__(self) -> None:
+        super().__init__(1)
+
+    def warm(self) -> None:
+        """Nothing to start."""
+
+    def run(self, requests: Iterable[Mapping[str, Any]]) -> Iterator[tuple[Mapping[str, Any], dict[str, Any]]]:
+        """Every request fails."""
+        for request in requests:
+            yield request, {"failed": ABSENT, "words": "the store does not have it", "detail": ""}
+
+
+class EndingWorkers(Workers):
+    """Workers that stay ended: after `end` whoever still waits for an answer gets failures, and none is started again."""
+
+    ended = False
+
+    def ensure(self) -> None:
+        """Start those that are missing. Raises `WorkerBroken` after the end."""
+        if self.ended:
+            raise WorkerBroken("the workers have been ended for good")
+        super().ensure()
+
+    def end(self) -> None:
+        """End them for good."""
+        self.ended = True
+        self.close()
 
 
 def _gather(worker: _Process, put: Callable[[tuple[_Process, bytes]], None]) -> None:

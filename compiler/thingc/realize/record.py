@@ -78,6 +78,18 @@ class PartSchema(Brief):
     file: str
     line: int
 
+    @property
+    def default(self) -> PartDefinition | None:
+        """The definition with every parameter at its default; None where one has none."""
+        values: list[tuple[str, Value]] = []
+        for parameter in self.parameters:
+            if parameter.default is None:
+                return None
+            values.append((parameter.name, parameter.default))
+        return PartDefinition(
+            reference=self.reference, kind="code", parameters=tuple(sorted(values)), text=self.reference, label=self.reference,
+        )
+
 
 FILE_UNIT = "mm"
 """What the numbers of a mesh file are in unless the document says otherwise."""

@@ -11,7 +11,7 @@ from typing import Any
 from thingc.realize.lock.lock import VERSION
 from thingc.realize.lock.locked import hash_of
 from thingc.realize.lock.values import record_values, schema_values
-from thingc.realize.record import NO_PARTS, PartDefinition, PartFailure, PartRecord, PartSchema, Value
+from thingc.realize.record import NO_PARTS, PartDefinition, PartFailure, PartRecord, PartSchema
 from thingc.realize.service import GeometryService
 from thingc.realize.slices import Slicing
 from thingc.shown import json_text
@@ -45,7 +45,7 @@ def locked(
         reference: schema for reference, schema in schemas.items()
         if isinstance(schema, PartSchema) and (schema.kind == "thing" or reference in references)
     }
-    defaults = [definition for schema in things.values() if (definition := default_of(schema)) is not None]
+    defaults = [definition for schema in things.values() if (definition := schema.default) is not None]
     used = {definition.text: definition for definition in definitions}
     wanted = {**{definition.text: definition for definition in defaults}, **used}
     modelled = [wanted[text] for text in sorted(wanted)]
@@ -82,18 +82,6 @@ def _thing(
     if reads:
         found["reads"] = dict(sorted(reads.items()))
     return {**found, **schema_values(schema), "records": {text: record_values(records[text]) for text in texts}}
-
-
-def default_of(schema: PartSchema) -> PartDefinition | None:
-    """The definition with every parameter at its default; None where one has none."""
-    values: list[tuple[str, Value]] = []
-    for parameter in schema.parameters:
-        if parameter.default is None:
-            return None
-        values.append((parameter.name, parameter.default))
-    return PartDefinition(
-        reference=schema.reference, kind="code", parameters=tuple(sorted(values)), text=schema.reference, label=schema.reference,
-    )
 
 
 def lock_text(values: Mapping[str, Any]) -> str:
