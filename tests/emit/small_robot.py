@@ -50,11 +50,23 @@ def span(line: int) -> Span:
     return where(line, DOCUMENT)[0]
 
 
+QUADS = ((0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5))
+TRIANGLES = [t for a, b, c, d in QUADS for t in ((a, b, c), (a, c, d))]
+
+
+def box_corners(x: float, y: float, z: float) -> list[tuple[float, float, float]]:
+    return [(x * (k & 1), y * (k >> 1 & 1), z * (k >> 2)) for k in range(8)]
+
+
 def box_stl(x: float, y: float, z: float) -> bytes:
     """A closed box as binary STL (12 triangles, outward), from the origin."""
-    corners = [(x * (k & 1), y * (k >> 1 & 1), z * (k >> 2)) for k in range(8)]
-    quads = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
-    return binary_stl(corners, [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
+    return binary_stl(box_corners(x, y, z), TRIANGLES)
+
+
+def box_obj(x: float, y: float, z: float) -> bytes:
+    """The same as OBJ."""
+    vertices = "".join(f"v {a!r} {b!r} {c!r}\n" for a, b, c in box_corners(x, y, z))
+    return (vertices + "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in TRIANGLES)).encode()
 
 
 def part(
@@ -72,8 +84,8 @@ def record(store: Store, text: str, size: tuple[float, float, float] | None, bom
     if size is None:
         return builder.record(text, **said)
     x, y, z = (v / 1000 for v in size)
-    mesh = kept(store, box_stl(*size), 8, 12)
-    shape = {"meshes": {"print": mesh, "visual": mesh}, "brep": store.put(b"brep of " + text.encode())}
+    meshes = {"print": kept(store, box_stl(*size), 8, 12), "visual": kept(store, box_obj(x, y, z), 8, 12)}
+    shape = {"meshes": meshes, "brep": store.put(b"brep of " + text.encode())}
     return builder.box(text, (x, y, z), centre=(x / 2, y / 2, z / 2), **said, **shape)
 
 

@@ -14,7 +14,7 @@ from typing import Any
 from thingc import pipeline, stamp
 from thingc.cli import common
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, Stage, shown_path
-from thingc.emit import targets
+from thingc.emit import ON_REQUEST, targets
 from thingc.emit.artifact import Content, Loss
 from thingc.environment import Environment, Options, attempted, store_of
 from thingc.output import OutputError, build_folder, unswept, verify, write_build
@@ -24,7 +24,7 @@ from thingc.typos import did_you_mean
 EPILOG = """\
 Everything appears at once in build/NAME/ (or DIR/NAME/), or nothing does. Targets: mjcf (MuJoCo models and scenes, one per
 mode), mjz (each model in one file with its meshes), stl (print files), step (the whole robot), bom (bill of materials), hag
-(assembly graph).
+(assembly graph); and, only where it is named, glb (each mode for viewers of glTF).
 
   thingc build assemblies/arm.yaml
   thingc build assemblies/arm.yaml --mode bench --mode drawing --emit mjcf
@@ -38,7 +38,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     common.add_document(parser)
     parser.add_argument("-o", "--output", metavar="DIR", help="write DIR/NAME/ (default: the workspace's build folder)")
     parser.add_argument("--mode", metavar="M", action="append", default=[], help="only this mode (may be repeated; default: all)")
-    parser.add_argument("--emit", metavar="T", action="append", default=[], help="only this target (may be repeated; default: all)")
+    parser.add_argument(
+        "--emit", metavar="T", action="append", default=[], help="only this target (may be repeated; default: all but glb)"
+    )
     parser.add_argument(
         "--force", action="store_true", help="give up files in the build folder that no build wrote, or that were changed since"
     )
@@ -81,7 +83,7 @@ def _targets(words: Sequence[str]) -> tuple[str, ...]:
     for word in wanted:
         if word not in known:
             raise UnknownChoice(f"there is no target `{word}`", did_you_mean(word, known, what="targets"))
-    return tuple(target for target in known if not wanted or target in wanted)
+    return tuple(target for target in known if (target in wanted if wanted else target not in ON_REQUEST))
 
 
 def _build(

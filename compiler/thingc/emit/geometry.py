@@ -82,6 +82,20 @@ class Geometry:
         return {mesh.file: mesh.stored for mesh in self.meshes}
 
 
+def material_name(material: Material | None, color: str | None) -> str | None:
+    """`petg_e6e6fa`: material and colour, because a document may colour one material differently; None without a colour."""
+    if color is None:
+        return None
+    return f"{material.name if material is not None else 'color'}_{color.removeprefix('#')}"
+
+
+def channels(color: str) -> tuple[float, float, float, float]:
+    """Red, green, blue and opacity of `#rrggbb` or `#rrggbbaa`, from 0 to 1."""
+    digits = color.removeprefix("#")
+    red, green, blue, alpha = (int(digits[k : k + 2] or "ff", 16) / 255.0 for k in range(0, 8, 2))
+    return red, green, blue, alpha
+
+
 def inputs_of(assembly: Assembly) -> tuple[object, ...]:
     """What of an assembly its geometry depends on: for a `Memo`."""
     return tuple(
@@ -116,7 +130,7 @@ class _Collector:
         drawn: Shape | None = None
         touching: tuple[Shape, ...] = ()
         if record is not None and record.meshes and isinstance(definition, PartDefinition):
-            visual = record.meshes.get("visual") if occurrence.overrides.visual else None
+            visual = occurrence.drawn
             drawn = self.mesh(occurrence, definition.stem, "", "obj", visual) if visual is not None else None
             touching = self.collision(occurrence, definition.stem)
         return Shapes(

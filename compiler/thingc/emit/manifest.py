@@ -20,7 +20,7 @@ from thingc.graph.types import Assembly
 if TYPE_CHECKING:
     from thingc.workspace import Workspace
 
-DISTRIBUTIONS = ("build123d", "cadquery-ocp-novtk", "cadquery-ocp", "mujoco")
+DISTRIBUTIONS = ("build123d", "cadquery-ocp-novtk", "cadquery-ocp", "mujoco", "trimesh")
 """Installed distributions whose version changes what a build holds, besides our own; one that is not installed is left out."""
 
 

@@ -64,6 +64,11 @@ class Occurrence(Brief):
     estimate: str | None = None
 
     @property
+    def drawn(self) -> Mesh | None:
+        """The mesh that simulators and viewers draw, in its own frame; None where the document wants none, and without geometry."""
+        return self.record.meshes.get("visual") if self.record is not None and self.overrides.visual else None
+
+    @property
     def touching(self) -> tuple[Mesh | Primitive, ...]:
         """The shapes that simulators collide, in its own frame, as its `collision` chooses: of a mesh the convex hull. Empty for
         `none`, without geometry, and where there is no such shape of the part."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from thingc.emit.geometry import MeshAsset, Shape, Shapes
+from thingc.emit.geometry import MeshAsset, Shape, Shapes, channels, material_name
 from thingc.emit.mjcf.drives import both_ways, drive_attributes, joint_range
 from thingc.emit.mjcf.inertial import inertial
 from thingc.emit.mjcf.limits import is_shell
@@ -42,10 +42,10 @@ def materials(shapes: tuple[Shapes, ...]) -> tuple[Element, ...]:
     """The materials of what is drawn, in the order first met."""
     found: dict[str, Element] = {}
     for one in shapes:
-        name = _material_name(one)
+        name = material_name(one.material, one.color)
         if name is not None and name not in found and one.visual is not None:
             origin = one.material.origin if one.material is not None else one.origin
-            found[name] = Element(tag="material", attributes={"name": name, "rgba": _rgba(one.color or "")}, origin=origin)
+            found[name] = Element(tag="material", attributes={"name": name, "rgba": numbers(channels(one.color or ""))}, origin=origin)
     return tuple(found.values())
 
 
@@ -102,7 +102,7 @@ def geoms(poses: tuple[Pose, ...], shapes: tuple[Shapes, ...]) -> tuple[Element,
     for pose, one in zip(poses, shapes, strict=True):
         if one.visual is not None:
             attributes = {"name": one.path, "class": "visual", **_shape(one.visual, pose)}
-            material = _material_name(one)
+            material = material_name(one.material, one.color)
             if material is not None:
                 attributes["material"] = material
             made.append(Element(tag="geom", attributes=attributes, origin=one.origin))
@@ -155,18 +155,3 @@ def _friction(material: Material | None) -> dict[str, str]:
     elif material.torsion is not None:
         attributes["condim"] = "4"
     return attributes
-
-
-def _material_name(one: Shapes) -> str | None:
-    """`petg_e6e6fa`: material and colour, because a document may colour one material differently."""
-    if one.color is None:
-        return None
-    name = one.material.name if one.material is not None else "color"
-    return f"{name}_{one.color.removeprefix('#')}"
-
-
-def _rgba(color: str) -> str:
-    """`#rrggbb` or `#rrggbbaa` as four numbers from 0 to 1."""
-    digits = color.removeprefix("#")
-    channels = [int(digits[k : k + 2], 16) / 255.0 for k in range(0, len(digits), 2)]
-    return numbers(channels if len(channels) == 4 else [*channels, 1.0])

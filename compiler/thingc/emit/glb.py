@@ -1,0 +1,200 @@
+"""`glb/<name>_<mode>.glb`: a mode where it starts, for whatever shows glTF 2.0, as a tree of links whose joints can be turned.
+
+    arm_bench:world  ->  base_link  ->  plate:visual (a mesh)
+                                    ->  yaw:joint  ->  bracket  ->  ...
+
+A link's node is the frame that MJCF and `modes.json` have of it. A coordinate's lies on its axis, z along it: turning, or shifting, the
+node along its z is what a change of q does. Metres; glTF has y up, and linear colours (glTF 2.0, sections 3.4 and 3.9.2).
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Mapping
+from dataclasses import field
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from thingc.emit.artifact import Artifacts, Loss
+from thingc.emit.geometry import channels, material_name
+from thingc.emit.request import EmitRequest
+from thingc.frozen import dataclass
+from thingc.graph import coordinates, joints_of
+from thingc.graph.types import Occurrence
+from thingc.joints import Twist, moved
+from thingc.pose import IDENTITY, Pose, cross, dot, shifted, transpose
+from thingc.realize.record import Mesh
+from thingc.realize.store.local import Store
+from thingc.robot.types import Body, Robot
+
+Y_UP = Pose(rotation=((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)))
+"""The world, whose z is up, as glTF has it, whose y is up."""
+
+ROUGHNESS = 0.6
+"""Of every surface: what a part is made of says its colour, not how it shines."""
+
+
+def emit(request: EmitRequest) -> Artifacts:
+    """A file for each chosen mode; none, which is a loss, of a robot of which nothing is drawn. Every mesh is in it once for each colour,
+    its numbers once, however often it occurs."""
+    if not any(occurrence.drawn is not None for occurrence in request.assembly.occurrences):
+        origin = request.assembly.definition.origin
+        what = "nothing in the robot is drawn"
+        whole = Loss(target="glb", mode=None, path=request.assembly.name, what=what, how="omitted", span=next(iter(origin), None))
+        return Artifacts(files={}, losses=(whole,))
+    drawn = _Drawn(request.store)
+    files = {f"glb/{robot.name}_{robot.mode.name}.glb": _written(robot, drawn) for robot in request.robots}
+    return Artifacts(files=dict(sorted(files.items())), losses=tuple(dict.fromkeys(_losses(request))))
+
+
+def _losses(request: EmitRequest) -> Iterator[Loss]:
+    """What does not follow when the nodes of joints are turned. Neither masses nor drives are what a picture is asked for."""
+    for robot in request.robots:
+        for joint in (joint for body in robot.bodies for joint in body.joints):
+            span = next(iter(joint.origin), None)
+            if joint.mimic is not None:
+                what = f"that it follows `{joint.mimic.joint.path}`: its node stays when that one is turned"
+                yield Loss(target="glb", mode=None, path=joint.path, what=what, how="omitted", span=span)
+            if joint.twist.pitch:
+                what = "its thread: its node slides only if it is shifted, too, when it is turned"
+                yield Loss(target="glb", mode=None, path=joint.path, what=what, how="omitted", span=span)
+        for closure in robot.closures:
+            what = "what it holds: turned joints move it" if closure.hold else "its loop: turned joints open it"
+            span = next(iter(closure.origin), None)
+            yield Loss(target="glb", mode=robot.mode.name, path=closure.path, what=what, how="omitted", span=span)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Node:
+    """A node below `parent`, at a pose in it; `shown` is the occurrence that it shows, `extras` data of its own."""
+
+    name: str
+    parent: str
+    pose: Pose
+    shown: Occurrence | None = None
+    extras: Mapping[str, object] = field(default_factory=dict)
+
+
+def _nodes(robot: Robot) -> Iterator[_Node]:
+    """All nodes of a mode where it starts, parents first."""
+    assembly = robot.assembly
+    frame = next((frame for frame in robot.keyframes if frame.name == robot.mode.pose), None)
+    q = coordinates(joints_of(assembly), frame.q if frame is not None else {})
+    names = [assembly.links[body.link].name for body in robot.bodies]
+    top = f"{robot.name}_{robot.mode.name}:world"
+    yield _Node(name=top, parent="", pose=Y_UP)
+    for body, name in zip(robot.bodies, names, strict=True):
+        parent, pose = (top if body.parent is None else names[body.parent]), body.X_PL
+        if body.parent is None and frame is not None and frame.base is not None:
+            pose = frame.base
+        for node in _joints(robot, body, parent, pose, q):
+            yield node
+            parent = node.name
+        if body.parent is not None and body.joints:
+            pose = _axis(body.joints[-1].twist, at_once=body.at_once).inverse()
+        yield _Node(name=name, parent=parent, pose=pose)
+        link = assembly.links[body.link]
+        for member, place in zip(link.members, link.poses, strict=True):
+            shown = assembly.occurrences[member]
+            if shown.drawn is not None:
+                yield _Node(name=f"{shown.path}:visual", parent=name, pose=place, shown=shown)
+
+
+def _joints(robot: Robot, body: Body, parent: str, pose: Pose, q: Mapping[str, float]) -> Iterator[_Node]:
+    """The nodes of the coordinates by which a body moves, one below the other, of a ball one; `pose` is the body's at 0 of them."""
+    if body.parent is None or not body.joints:
+        return
+    first = body.joints[0]
+    if body.at_once:
+        values = tuple(q[joint.path] for joint in body.joints)
+        name = f"{robot.assembly.mates[first.mate].name or first.path}:joint"
+        at = pose @ moved(body.twists, values, at_once=True) @ _axis(first.twist, at_once=True)
+        yield _Node(name=name, parent=parent, pose=at, extras={"kind": first.kind.name, "q": list(values)})
+        return
+    for joint in body.joints:
+        name, axis = f"{joint.path}:joint", _axis(joint.twist)
+        bounds = (("lower", joint.limit.lower), ("upper", joint.limit.upper))
+        extras = {"kind": joint.kind.name, "q": q[joint.path], **{end: value for end, value in bounds if value is not None}}
+        yield _Node(name=name, parent=parent, pose=pose @ joint.twist.exponential(q[joint.path]) @ axis, extras=extras)
+        parent, pose = name, axis.inverse()
+
+
+def _axis(twist: Twist, *, at_once: bool = False) -> Pose:
+    """The frame on a twist's axis, its z along it; of a ball the axes stay, at its centre."""
+    if at_once:
+        return shifted(*twist.anchor)
+    z = twist.axis
+    least = min(range(3), key=lambda k: abs(z[k]))
+    y = cross(z, IDENTITY[least])
+    size = dot(y, y) ** 0.5
+    y = (y[0] / size, y[1] / size, y[2] / size)
+    return Pose(rotation=transpose((cross(y, z), y, z)), translation=twist.anchor)
+
+
+class _Drawn:
+    """The meshes that are drawn, read when first asked for."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._known: dict[str, Any] = {}
+
+    def __call__(self, mesh: Mesh) -> Any:
+        """A mesh of the store (OBJ, metres) as trimesh has it, vertices and faces as they are."""
+        if mesh.sha256 not in self._known:
+            stream = io.BytesIO(self._store.read(mesh.sha256))
+            self._known[mesh.sha256] = trimesh.load_mesh(stream, file_type="obj", process=False, maintain_order=True)
+        return self._known[mesh.sha256]
+
+
+def _written(robot: Robot, drawn: _Drawn) -> bytes:
+    scene: Any = trimesh.Scene(base_frame="")
+    materials: dict[str, dict[str, object]] = {}
+    of_mesh: dict[str, tuple[str, str]] = {}
+    for node in _nodes(robot):
+        place = {"frame_to": node.name, "frame_from": node.parent, "matrix": np.array(node.pose.rows()), "metadata": dict(node.extras)}
+        if node.shown is None or node.shown.drawn is None:
+            scene.graph.update(**place)
+            continue
+        material = _material(node.shown)
+        key = f"{node.shown.definition.text} in {material['name']}"
+        if key not in of_mesh:
+            of_mesh[key] = (node.shown.definition.text, str(material["name"]))
+            materials.setdefault(str(material["name"]), material)
+            scene.geometry[key] = drawn(node.shown.drawn)
+        scene.graph.update(**place, geometry=key)
+
+    def finish(tree: dict[str, Any]) -> None:
+        """What trimesh has no words for: who made it, colours as exact as they are, and what meshes are called."""
+        tree["asset"]["generator"] = "thingc"
+        tree["materials"] = list(materials.values())
+        numbers = {name: number for number, name in enumerate(materials)}
+        for mesh in tree["meshes"]:
+            mesh["name"], material = of_mesh[mesh["name"]]
+            del mesh["extras"]  # of the file that it was read from
+            mesh["primitives"][0]["material"] = numbers[material]
+
+    written: bytes = scene.export(file_type="glb", include_normals=False, tree_postprocessor=finish)
+    return written
+
+
+def _material(occurrence: Occurrence) -> dict[str, object]:
+    """The material of an occurrence, named as in MJCF; what has no colour is light grey. Sides that a viewer leaves out are those of the
+    inside, which nobody sees of a closed surface."""
+    red, green, blue, alpha = channels(occurrence.color or "#bfbfbf")
+    name = material_name(occurrence.material, occurrence.color) or "color"
+    open_ = occurrence.drawn is not None and not occurrence.drawn.closed
+    return {
+        "name": f"{name}:open" if open_ else name,
+        "pbrMetallicRoughness": {
+            "baseColorFactor": [_linear(red), _linear(green), _linear(blue), alpha], "metallicFactor": 0.0, "roughnessFactor": ROUGHNESS,
+        },
+        **({"doubleSided": True} if open_ else {}),
+        **({"alphaMode": "BLEND"} if alpha < 1.0 else {}),
+    }
+
+
+def _linear(channel: float) -> float:
+    """A channel of an sRGB colour from 0 to 1 as linear light (IEC 61966-2-1)."""
+    return round(channel / 12.92 if channel <= 0.04045 else ((channel + 0.055) / 1.055) ** 2.4, 6)
