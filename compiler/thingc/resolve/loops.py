@@ -36,30 +36,35 @@ def holds(table: Table, scope: Scope, layers: Layers) -> tuple[Hold, ...]:
 
 
 def cuts(table: Table, scope: Scope, layers: Layers) -> tuple[Cut, ...]:
-    """The joints that a mode wants loops cut at, in document order."""
+    """The joints that a mode wants loops cut at, in the order in which it names them; fixed ones only where they close a loop. One that is
+    wrong is left out (reported)."""
     said = layers.pick("cut")
     if said is None:
         return ()
     patterns, path = said
     joints = dict(table.all_joints())
-    chosen: dict[CoordinateName, Path] = {}
+    chosen: dict[str, Path] = {}
     for index, pattern in enumerate(patterns):
         at = (*path, index)
-        if pattern in joints:
-            chosen.setdefault(CoordinateName(pattern), at)
+        if pattern in patterns[:index]:
+            scope.error(Code.CUT, f"`{pattern}` stands twice in `cut`", at, help="take one of the two out: a joint is cut once")
             continue
-        fitting = [name for name, joint in joints.items() if joint is not None and fnmatchcase(name.joint, pattern)]
-        for name in fitting:
+        fitting = [CoordinateName(pattern)] if pattern in joints else [name for name in joints if fnmatchcase(name.joint, pattern)]
+        known = [(name.joint, joint) for name in fitting if (joint := joints[name]) is not None]
+        cuttable = [name for name, joint in known if joint.twist is not None or joint.loop]
+        for name in cuttable:
             chosen.setdefault(name, at)
-        if fitting or table.unsure_joints():
-            continue
         moving = [name for name, joint in joints.items() if joint is not None and joint.twist is not None]
         help = suggested(pattern, moving, what="joints")
-        if GLOB.search(pattern):
+        if cuttable or (fitting and not known):
+            continue
+        if known:
+            fixed = "is fixed: it makes" if pattern in joints else "fits fixed joints alone: they make"
+            scope.error(Code.CUT, f"`{pattern}` {fixed} one link of two components, and no loop is cut there", at, help=help)
+        elif table.unsure_joints():
+            continue
+        elif GLOB.search(pattern):
             scope.error(Code.NO_MATCH, f"pattern `{pattern}` fits no joint", at, help=help)
         else:
             scope.error(Code.UNKNOWN_JOINT, f"there is no joint `{pattern}`", at, help=help)
-    return tuple(
-        Cut(joint=CoordinateName(name.joint).path, origin=scope.origin(chosen[name]))
-        for name, joint in joints.items() if name in chosen and joint is not None and not name.number
-    )
+    return tuple(Cut(joint=CoordinateName(name).path, origin=scope.origin(at)) for name, at in chosen.items())

@@ -12,10 +12,12 @@ from thingc.graph.types import Assembly, LinkedHold, LinkedMode
 from thingc.joints.bases import stays
 from thingc.pose import MATE, NO_POSE, Pose
 from thingc.resolve.model import NamedPose
+from thingc.robot.cuts import closing
 from thingc.robot.kinematics import placed_bodies
 from thingc.robot.loop_solver import Loops, Solution, SolverState
 from thingc.robot.tree import bodies_from, cut_closures, in_link, placing, root_pose
 from thingc.robot.types import Body, Closure, Keyframe, Unclosed, residual_words
+from thingc.typos import did_you_mean
 
 MET = 1e-12
 """A pose whose loops are closed to within this [m, rad] as it is written is taken as it is written."""
@@ -65,16 +67,27 @@ def closures_of(
 
 
 def _check_cuts(assembly: Assembly, mode: LinkedMode, taken: Taken, report: Report) -> bool:
-    open_ = {m.name or m.loop for n, m in enumerate(assembly.mates) if n not in taken}
-    sound = True
-    for one in mode.cut:
-        if one.joint not in open_:
-            report.add(
-                Code.CUT, f"mode `{mode.name}` cuts joint `{one.joint}`, which is on no loop that is left to cut", one.origin,
-                path=one.joint, help="name a joint of a loop, and one for each loop",
-            )
-            sound = False
-    return sound
+    """Whether each joint that the mode names is cut. One that is not is on no loop, or on one that is cut elsewhere (said in `report`)."""
+    joints = {mate.name: number for number, mate in enumerate(assembly.mates) if mate.name is not None}
+    wrong = [one for one in mode.cut if joints.get(one.joint) in taken]
+    for one in wrong:
+        closed = closing(assembly, taken, joints[one.joint])
+        fixed = next((mate for mate in closed if not mate.joints), None)
+        notes: list[Note] = []
+        if fixed is not None:
+            why = f"whose loop is cut at the fixed joint `{fixed.loop}`"
+            help = "take it out: a loop that a fixed joint closes is cut at that joint"
+            notes = [Note(message=f"`{fixed.loop}` is here", span=fixed.origin[0])]
+        elif closed:
+            other = next(cut for cut in mode.cut if cut.joint == closed[0].name)
+            why, help = f"whose loop is cut at `{other.joint}` already", "take one of the two out: a loop is cut once"
+            notes = [Note(message=f"`{other.joint}` is cut here", span=other.origin[0])]
+        else:
+            on_loops = [name for name, number in joints.items() if number not in taken or closing(assembly, taken, number)]
+            why = "which is on no loop"
+            help = did_you_mean(one.joint, on_loops, what="joints on loops") if on_loops else "take it out: no joints make a loop here"
+        report.add(Code.CUT, f"mode `{mode.name}` cuts joint `{one.joint}`, {why}", one.origin, path=one.joint, help=help, notes=notes)
+    return not wrong
 
 
 def _target(hold: LinkedHold, where: Mapping[int, Pose] | None, body: int, X_LM: Pose) -> Pose:
