@@ -100,8 +100,8 @@ def entries(folder: Path, only: str) -> Iterator[tuple[str, Entry]]:
         if fnmatch(f"docs/{page.name}", only) and any(not pages.meant_to_be_wrong(block) for block in pages.documents(page)):
             yield from documents(f"docs/{page.name}", pages.unpack(page, fresh(folder / "docs" / page.stem)))
     examples = shutil.copytree(ROOT / "tests" / "cases", folder / "cases") / "codes"
-    for document in sorted([*examples.glob("*.right.*"), *examples.glob("*/right/*")]):
-        name = f"codes/{document.relative_to(examples)}"
+    for document in sorted([*examples.glob("*/*.right.*"), *examples.glob("*/*/right/*")]):
+        name = f"codes/{document.relative_to(examples).as_posix().partition('/')[2]}"
         if document.suffix in (".yaml", ".toml") and ASSEMBLY.search(document.read_text()) and fnmatch(name, only):
             yield name, build(document.parent, document)
     designs = folder / "designs"

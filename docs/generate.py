@@ -96,14 +96,14 @@ class Example:
 def example(code: Code, side: str) -> Example | None:
     """The `wrong` or the `right` example of a code, or None where `tests/cases/codes` has none."""
     stem = code.code if side == "wrong" else f"{code.code}.right"
-    candidates = [CASES / f"{stem}.{suffix}" for suffix in SUFFIXES] + [CASES / code.code / side / "robot.yaml"]
-    document = next((path for path in candidates if path.exists()), None)
+    names = (*(f"{stem}.{suffix}" for suffix in SUFFIXES), f"{code.code}/{side}/robot.yaml")
+    document = next((path for name in names for path in CASES.glob(f"*/{name}")), None)
     if document is None or not document.with_suffix(".txt").exists():
         return None
     text = _read(document)
     files = {document.name: text}
     for path in sorted(document.parent.iterdir()):
-        own = document.parent != CASES and path.suffix in (".py", ".toml")
+        own = document.parent.name == side and path.suffix in (".py", ".toml")
         if own or (path.name.startswith("_") and path.name in text):
             files[path.name] = _read(path)
     first = re.match(r"# \$ (thingc .*)", text)

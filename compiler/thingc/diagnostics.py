@@ -305,7 +305,7 @@ class Allowance:
         return code is self.code and any(key.holds(place) or stands_in(node, place) for key, node in self.nodes for place in places)
 
 
-def meant_so(code: Code) -> str:
+def allow_hint(code: Code) -> str:
     """What to type where a warning is no mistake."""
     return f'if that is meant so, write `allow: {{{code.code}: "the reason"}}`'
 

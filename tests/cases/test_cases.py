@@ -4,7 +4,8 @@ Every document `<area>/<name>.yaml` (or `.toml`) is a case, unless its name begi
 it `<name>.txt` holds what `thingc check <name>.yaml` prints when it is run in the document's folder, and the exit code.
 A first line `# $ thingc build bad.yaml -p 'reach=3 kg'` gives another command.
 
-`codes/` has the examples that `thingc explain` shows: `TC302.yaml` is wrong, `TC302.right.yaml` is the same document mended.
+`codes/ROOM/` has the examples that `thingc explain` shows, by the room that says them: `TC302.yaml` is wrong, `TC302.right.yaml` is
+the same document mended.
 
 `REGENERATE=1 pytest tests/cases` writes the texts anew: read the difference as the person at the keyboard would.
 """

@@ -39,8 +39,8 @@ AGAIN = "run `python docs/generate.py`"
 def of(code: Code, side: str) -> tuple[Path, str]:
     """The document of an example, and what is said of it with the exit code."""
     stem = code.code if side == "wrong" else f"{code.code}.right"
-    paths = [CASES / f"{stem}.yaml", CASES / f"{stem}.toml", CASES / code.code / side / "robot.yaml"]
-    there = [path for path in paths if path.exists()]
+    names = (f"{stem}.yaml", f"{stem}.toml", f"{code.code}/{side}/robot.yaml")
+    there = [path for name in names for path in CASES.glob(f"*/{name}")]
     assert len(there) == 1, f"{code.code} has no {side} example in tests/cases/codes, see CONTRIBUTING.md, `A new check`"
     return there[0], there[0].with_suffix(".txt").read_text()
 
@@ -104,7 +104,7 @@ def test_the_right_example_builds_where_the_wrong_one_does_not(
 
 
 def test_codes_in_words_are_those_without_an_example() -> None:
-    with_example = {path.name[:5] for path in CASES.iterdir() if path.name.startswith("TC")}
+    with_example = {path.name[:5] for path in CASES.glob("*/TC*")}
     assert with_example == {code.code for code in SHOWN}
 
 

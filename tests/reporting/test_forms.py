@@ -61,10 +61,12 @@ def said(capsys: pytest.CaptureFixture[str], words: Sequence[str]) -> tuple[int,
 
 
 @pytest.mark.parametrize(("words", "code"), [
-    (["check", "names/mount.yaml"], 1), (["check", "names/mount.yaml", "codes/TC302.yaml"], 1), (["check", "codes/TC302.right.yaml"], 0),
-    (["check", "codes/TC406/wrong/robot.yaml"], 0), (["build", "names/mount.yaml", "-o", "out"], 1), (["check", "nothing.yaml"], 2),
-    (["check", "codes/TC302.yaml", "-p", "x"], 2), (["check", "--speed", "3"], 2), (["chek", "codes/TC302.yaml"], 2),
-    (["build", "codes/TC302.right.yaml", "--mode", "nmae"], 2), (["build", "codes/TC302.right.yaml", "--emit", "bom", "-o", "out"], 0),
+    (["check", "names/mount.yaml"], 1), (["check", "names/mount.yaml", "codes/resolve/TC302.yaml"], 1),
+    (["check", "codes/resolve/TC302.right.yaml"], 0),
+    (["check", "codes/realize/TC406/wrong/robot.yaml"], 0), (["build", "names/mount.yaml", "-o", "out"], 1), (["check", "nothing.yaml"], 2),
+    (["check", "codes/resolve/TC302.yaml", "-p", "x"], 2), (["check", "--speed", "3"], 2), (["chek", "codes/resolve/TC302.yaml"], 2),
+    (["build", "codes/resolve/TC302.right.yaml", "--mode", "nmae"], 2),
+    (["build", "codes/resolve/TC302.right.yaml", "--emit", "bom", "-o", "out"], 0),
 ])
 def test_every_form_says_the_same(words: list[str], code: int, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     exit_code, forms, _ = said(capsys, words)
@@ -77,7 +79,7 @@ def test_an_unchanged_document_answers_in_every_form(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """A warning is remembered with the stamp; the second run answers from it, in whatever form."""
-    words = ["check", "codes/TC406/wrong/robot.yaml"]
+    words = ["check", "codes/realize/TC406/wrong/robot.yaml"]
     assert main(words) == 0
     monkeypatch.setattr("thingc.pipeline.check", lambda *_, **__: pytest.fail("the stamp should have answered"))
     exit_code, forms, _ = said(capsys, words)
@@ -92,13 +94,13 @@ def test_a_defect_is_told_in_the_form_that_was_asked_for(
         raise ZeroDivisionError("division by zero")
 
     monkeypatch.setattr("thingc.pipeline.check", defect)
-    (folder / "codes" / "TC302.yaml").write_text("thingc: assembly/1\nname: never_seen_before\ncomponents: {}\n")
-    exit_code, forms, _ = said(capsys, ["check", "codes/TC302.yaml"])
+    (folder / "codes" / "resolve" / "TC302.yaml").write_text("thingc: assembly/1\nname: never_seen_before\ncomponents: {}\n")
+    exit_code, forms, _ = said(capsys, ["check", "codes/resolve/TC302.yaml"])
     assert exit_code == 1 and list(forms.values()) == [["TC899"]] * 4
 
 
 def test_a_form_that_a_command_has_not_is_refused_in_text(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["info", "codes/TC302.right.yaml", "--format", "sarif"]) == 2
+    assert main(["info", "codes/resolve/TC302.right.yaml", "--format", "sarif"]) == 2
     printed = capsys.readouterr()
     assert printed.out == "" and "expected `text` or `json`, found `sarif`" in printed.err
 
@@ -126,7 +128,7 @@ PLAIN = "error[TC302]: this document has no component `plaet`\n"
 
 def test_colour_is_for_terminals(folder: Path) -> None:
     environment = {key: value for key, value in os.environ.items() if key != "NO_COLOR"}
-    words = ["check", "codes/TC302.yaml"]
+    words = ["check", "codes/resolve/TC302.yaml"]
     colored = printed_on_terminal(words, environment)
     assert "\x1b[1;31merror[TC302]\x1b[0m" in colored
     plain = re.sub(r"\x1b\[[\d;]*[mK]", "", colored)
@@ -139,4 +141,4 @@ def test_colour_is_for_terminals(folder: Path) -> None:
 @pytest.mark.parametrize("form", ["json", "github", "sarif"])
 def test_no_machine_gets_colours(form: str, folder: Path) -> None:
     environment = {key: value for key, value in os.environ.items() if key != "NO_COLOR"}
-    assert "\x1b[1;31m" not in printed_on_terminal(["check", "codes/TC302.yaml", "--format", form], environment)
+    assert "\x1b[1;31m" not in printed_on_terminal(["check", "codes/resolve/TC302.yaml", "--format", form], environment)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Sequence
 
-from thingc.diagnostics import Code, meant_so
+from thingc.diagnostics import Code, allow_hint
 from thingc.graph.findings import Findings, noted
 from thingc.graph.types import Mate, Occurrence
 from thingc.realize.record import Expectation
@@ -61,7 +61,7 @@ def _warn(owner: Occurrence, one: Expectation, strangers: Sequence[tuple[Occurre
     if other is not None and found == wanted:  # they differ in digits that labels do not show
         wanted, found = one.text, other.definition.text
     cut = f"`{name}.{one.mount}` was cut for `{wanted}`"
-    help = f"put `{wanted}` there by its mount `{one.child_mount}`; {meant_so(Code.EXPECTATION)}"
+    help = f"put `{wanted}` there by its mount `{one.child_mount}`; {allow_hint(Code.EXPECTATION)}"
     if other is None:
         findings.warn(Code.EXPECTATION, f"{cut}, and nothing sits there", owner.origin, path=owner.path, help=help)
         return

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from typing import cast
 
-from thingc.diagnostics import Code, Note, meant_so
+from thingc.diagnostics import Code, Note, allow_hint
 from thingc.frozen import dataclass
 from thingc.graph.findings import Findings, line_of, noted, written_at
 from thingc.graph.hag import FRAME, Definition
@@ -227,7 +227,7 @@ class PartInstances:
             more = ", ..." if len(record.apart) > _SHOWN_PLACES else ""
             if said not in self._warned and findings.warn(
                 Code.APART, f"{of} is {len(record.apart)} solids that do not touch ({volumes}{more} cm^3)", origin, path=path,
-                notes=place, help=f"let them overlap; several on purpose are a list: `return [a, b]`; {meant_so(Code.APART)}",
+                notes=place, help=f"let them overlap; several on purpose are a list: `return [a, b]`; {allow_hint(Code.APART)}",
             ):
                 self._warned.add(said)
 
@@ -241,11 +241,11 @@ class PartInstances:
         if record.own_image:
             code = Code.OWN_IMAGE
             message = f"`{component.name}` is the mirror image of `{plain.label}`, which is the same part, and counts as another"
-            help = f"take `mirror` out; {meant_so(code)}"
+            help = f"take `mirror` out; {allow_hint(code)}"
         elif bought and bom.number is None:
             code = Code.MIRRORED_BOUGHT
             message = f"`{component.name}` is the mirror image of `{plain.label}`, which is bought: is there one to buy?"
-            help = f"take `mirror` out, or write the order number of the mirror image: `bom: {{number: ...}}`; {meant_so(code)}"
+            help = f"take `mirror` out, or write the order number of the mirror image: `bom: {{number: ...}}`; {allow_hint(code)}"
         else:
             return
         if (record.text, code.code) not in self._warned and self._findings.warn(code, message, origin, path=path, help=help):
@@ -434,7 +434,7 @@ class PartInstances:
 
 def doubted(help: str | None) -> str:
     """What to do about a density that no solid has."""
-    return f"{help}; {meant_so(Code.DENSITY)}" if help is not None else meant_so(Code.DENSITY)
+    return f"{help}; {allow_hint(Code.DENSITY)}" if help is not None else allow_hint(Code.DENSITY)
 
 
 def _bom(component: Component, record: PartRecord | None) -> BomEntry:

@@ -9,7 +9,7 @@ import math
 import re
 from collections.abc import Collection, Iterator, Sequence
 
-from thingc.diagnostics import Code, Note, meant_so
+from thingc.diagnostics import Code, Note, allow_hint
 from thingc.frozen import dataclass
 from thingc.graph.findings import Findings, noted, written_at
 from thingc.graph.part_instances import doubted
@@ -98,7 +98,7 @@ def _check_sizes(occurrences: Sequence[Occurrence], findings: Findings) -> bool:
         if findings.warn(
             Code.SIZE, f"`{one.component.name}` (`{one.definition.label}`) is {bound} long: it measures {measures(one.record.box)}",
             one.origin, path=one.path, notes=written_at(f"`{one.definition.label}`", one.record.code),
-            help=f"{unit_meant(one.component.definition, max(sides))}; {meant_so(Code.SIZE)}",
+            help=f"{unit_meant(one.component.definition, max(sides))}; {allow_hint(Code.SIZE)}",
         ):
             found.add(one.definition.text)
     return bool(found)
@@ -116,7 +116,7 @@ def _check_stated(occurrences: Sequence[Occurrence], findings: Findings) -> None
         where = stated.origin + one.origin[len(one.component.origin) :] if stated is not None else one.origin
         notes = () if stated is not None or one.record is None else written_at(f"`{one.definition.label}`", one.record.code)
         if where not in said and findings.warn(
-            Code.STATED, what, where, path=one.path, help=f"{help}; {meant_so(Code.STATED)}", notes=notes
+            Code.STATED, what, where, path=one.path, help=f"{help}; {allow_hint(Code.STATED)}", notes=notes
         ):
             said.add(where)
 
@@ -165,7 +165,7 @@ def _check_mass(top: Instance, mass: float, findings: Findings) -> None:
         return
     findings.warn(
         Code.ROBOT_MASS, f"`{definition.name}` weighs {mass_words(mass)} as a whole", definition.origin, path="name",
-        help=f"`thingc info` shows what each part weighs: check units of densities, masses and files; {meant_so(Code.ROBOT_MASS)}",
+        help=f"`thingc info` shows what each part weighs: check units of densities, masses and files; {allow_hint(Code.ROBOT_MASS)}",
     )
 
 
@@ -186,7 +186,7 @@ def _check_limits(instance: Instance, joint: Joint, findings: Findings) -> None:
         findings.warn(
             Code.LIMIT_TURNS, f"`limit.{key}` of joint `{joint.name}` is {times_words(abs(ends[key]) / (2.0 * math.pi))} turns (`{text}`)",
             _place(joint, f"limit.{key}", here), path=path, notes=_elsewhere(joint, f"limit.{key}"),
-            help=f"probably {cause}; a joint that turns without end is `continuous`; {meant_so(Code.LIMIT_TURNS)}",
+            help=f"probably {cause}; a joint that turns without end is `continuous`; {allow_hint(Code.LIMIT_TURNS)}",
         )
     if wide or len(ends) < 2 or not all(ends.values()):
         return
@@ -198,7 +198,7 @@ def _check_limits(instance: Instance, joint: Joint, findings: Findings) -> None:
             Code.LIMIT_UNITS,
             f"of joint `{joint.name}` the lower limit is in {low_unit} (`{lower}`), the upper one in {high_unit} (`{upper}`)",
             _place(joint, f"limit.{key}", here), path=path, notes=_elsewhere(joint, f"limit.{key}"),
-            help=f"write both in one unit: `{value}` is `{twist.shown(ends[key])}`; {meant_so(Code.LIMIT_UNITS)}",
+            help=f"write both in one unit: `{value}` is `{twist.shown(ends[key])}`; {allow_hint(Code.LIMIT_UNITS)}",
         )
 
 
@@ -243,7 +243,7 @@ def _check_drive(instance: Instance, joint: Joint, edge: JointEdge | None, findi
         return
     findings.warn(
         Code.STUCK, f"joint `{joint.name}` has {said}", _place(joint, key, joint.origin + instance.origin), path=edge.path,
-        notes=_elsewhere(joint, key), help=f"mind the unit (`m{force}`, `{force}`); {meant_so(Code.STUCK)}",
+        notes=_elsewhere(joint, key), help=f"mind the unit (`m{force}`, `{force}`); {allow_hint(Code.STUCK)}",
     )
 
 
@@ -280,7 +280,7 @@ def _check_actuators(
             help = f"if it moves joint `{still[0].path}`, write `drive: {name}` there"
         findings.warn(
             Code.IDLE_ACTUATOR, f"`{name}` (`{one.definition.label}`) has an actuator, and no joint is driven by it", one.origin,
-            path=one.path, help=f"{help}; {meant_so(Code.IDLE_ACTUATOR)}",
+            path=one.path, help=f"{help}; {allow_hint(Code.IDLE_ACTUATOR)}",
             notes=[
                 note for edge in nearby
                 for note in noted(f"joint `{edge.path}` is on it, " + ("without a drive" if still else "with another drive"), edge.origin)
@@ -305,7 +305,7 @@ def _check_mounts(tree: Tree, mates: Sequence[Mate], findings: Findings) -> None
             findings.warn(
                 Code.OTHER_MOUNT, f"the mount `{name}` of `{definition.name}` is `{reference.text}`, and there is a `{meant}`, too",
                 reference.origin + instance.origin, path=instance.within(name),
-                help=f"write `{name}: {meant}`, or give it another name; {meant_so(Code.OTHER_MOUNT)}",
+                help=f"write `{name}: {meant}`, or give it another name; {allow_hint(Code.OTHER_MOUNT)}",
             )
 
 
@@ -333,7 +333,7 @@ def _check_offsets(tree: Tree, largest: Occurrence, size: float, findings: Findi
                 findings.warn(
                     Code.FAR, f"{offset.words} {length_words(offset.length)}, {times_words(times)} times the size of the largest part "
                     f"(`{largest.path}`, {length_words(size, 3)} across)", offset.origin + instance.origin,
-                    path=instance.within(offset.path), notes=offset.notes, help=f"mind the {offset.mind}; {meant_so(Code.FAR)}",
+                    path=instance.within(offset.path), notes=offset.notes, help=f"mind the {offset.mind}; {allow_hint(Code.FAR)}",
                 )
 
 
@@ -380,7 +380,7 @@ def _check_roots(modes: Sequence[LinkedMode], reach: float, findings: Findings) 
             findings.warn(
                 Code.FAR, f"mode `{mode.name}` puts its root {length_words(offset)} from the origin of the world, "
                 f"{times_words(offset / reach)} times the robot's reach ({length_words(reach, 3)})", mode.origin,
-                path=mode.name, help=f"mind the unit (`mm`, `m`); {meant_so(Code.FAR)}",
+                path=mode.name, help=f"mind the unit (`mm`, `m`); {allow_hint(Code.FAR)}",
             )
 
 
@@ -400,7 +400,7 @@ def _check_bare_masses(occurrences: Sequence[Occurrence], links: Sequence[Link],
                 findings.warn(
                     Code.BARE_MASS, f"`{one.component.name}` weighs {mass_words(mass)}, {times_words(mass / rest)} times all the rest "
                     f"of the robot ({mass_words(rest)})", stated.origin + one.origin[len(one.component.origin):],
-                    path=one.path, help=f"mind the unit (`g`, `kg`); {meant_so(Code.BARE_MASS)}",
+                    path=one.path, help=f"mind the unit (`g`, `kg`); {allow_hint(Code.BARE_MASS)}",
                 )
             elif boxes and not findings.has_said(Code.FAR):
                 _check_place(one, pose.apply(one.properties.centre), boxes, findings)
@@ -417,7 +417,7 @@ def _check_place(one: Occurrence, at: Vector, boxes: Sequence[tuple[tuple[Vector
         place = placement.origin + one.origin[len(one.component.origin):] if isinstance(placement, At) else one.origin
         findings.warn(
             Code.BARE_MASS, f"the mass of `{one.component.name}` is {length_words(away, 3)} away from the parts of its link, "
-            f"which measure {length_words(size, 3)}", place, path=one.path, help=f"mind the unit (`mm`, `m`); {meant_so(Code.BARE_MASS)}",
+            f"which measure {length_words(size, 3)}", place, path=one.path, help=f"mind the unit (`mm`, `m`); {allow_hint(Code.BARE_MASS)}",
         )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from thingc.diagnostics import Code, meant_so
+from thingc.diagnostics import Code, allow_hint
 from thingc.graph.findings import Findings, noted
 from thingc.graph.types import Adhesion, LinkedMode
 from thingc.resolve.model import AssemblyDefinition, Mode
@@ -39,7 +39,7 @@ def _check_steps(top: AssemblyDefinition, findings: Findings) -> None:
         if isinstance(step, float) and step >= LONG_STEP:
             findings.warn(
                 Code.LONG_STEP, f"a time step of {1e3 * step:g} ms is too long for contacts: parts sink into each other, or bounce",
-                owner.step_origin, path=path, help=f"1 to 5 ms are usual, 2 ms is MuJoCo's own; {meant_so(Code.LONG_STEP)}",
+                owner.step_origin, path=path, help=f"1 to 5 ms are usual, 2 ms is MuJoCo's own; {allow_hint(Code.LONG_STEP)}",
             )
 
 
@@ -51,7 +51,7 @@ def _check_gravity(modes: Sequence[Mode], findings: Findings) -> None:
             findings.warn(
                 Code.GRAVITY_UP, f"gravity points up: what is loose falls away from the floor, with {z:.6g} m/s^2", mode.gravity_origin,
                 path=mode.name, help="write `gravity: floor` for -9.81 m/s^2 along z, and `gravity: ceiling` for a robot that hangs "
-                f"from one; {meant_so(Code.GRAVITY_UP)}",
+                f"from one; {allow_hint(Code.GRAVITY_UP)}",
             )
 
 
@@ -71,7 +71,7 @@ def _check_magnets(top: AssemblyDefinition, modes: Sequence[LinkedMode], mass: f
                 Code.MAGNET, f"the magnet `{reference.text}` pulls with {Quantity(force, FORCE)}, {times} what the robot weighs "
                 f"({Quantity(float(f'{weight:.3g}'), FORCE)})", reference.origin, path=mode.name,
                 notes=noted(f"mode `{mode.name}` is here", mode.origin),
-                help=f"mind the unit (`mN`, `N`, `kN`); {meant_so(Code.MAGNET)}",
+                help=f"mind the unit (`mN`, `N`, `kN`); {allow_hint(Code.MAGNET)}",
             )
 
 
@@ -89,7 +89,7 @@ def _check_held(top: AssemblyDefinition, modes: Sequence[LinkedMode], magnets: C
         findings.warn(
             Code.HELD_OFF, f"mode `{mode.name}` is held at `{shown}`, whose magnet is off in it, and that of `{other}` is on", mode.origin,
             path=mode.name, notes=noted(f"that of `{other}` pulls here", written[mode.name].get(other, ())),
-            help=f"write `root: {other}`, or let the magnet at `{shown}` pull, too; {meant_so(Code.HELD_OFF)}",
+            help=f"write `root: {other}`, or let the magnet at `{shown}` pull, too; {allow_hint(Code.HELD_OFF)}",
         )
 
 
@@ -102,7 +102,7 @@ def _check_alike(modes: Sequence[LinkedMode], findings: Findings) -> None:
             findings.warn(
                 Code.ALIKE, f"mode `{mode.name}` is the same as mode `{first.name}` in everything", mode.origin, path=mode.name,
                 notes=noted(f"mode `{first.name}` is here", first.origin),
-                help=f"write what is to be different in it (check its `extends`), or take one of them out; {meant_so(Code.ALIKE)}",
+                help=f"write what is to be different in it (check its `extends`), or take one of them out; {allow_hint(Code.ALIKE)}",
             )
 
 

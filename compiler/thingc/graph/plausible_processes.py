@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 
-from thingc.diagnostics import Code, Note, meant_so
+from thingc.diagnostics import Code, Note, allow_hint
 from thingc.frozen import dataclass
 from thingc.graph.findings import Findings, noted
 from thingc.graph.mass import merged
@@ -70,7 +70,7 @@ def check_processes(tree: Tree, occurrences: Sequence[Occurrence], findings: Fin
 
 def _warn(doubt: _Doubt, process: Process, outer: Sequence[Span], path: str, notes: Sequence[Note], findings: Findings) -> None:
     findings.warn(
-        Code.PROCESS, doubt.words, (*process.origins[doubt.key], *outer), path=path, help=f"{doubt.help}; {meant_so(Code.PROCESS)}",
+        Code.PROCESS, doubt.words, (*process.origins[doubt.key], *outer), path=path, help=f"{doubt.help}; {allow_hint(Code.PROCESS)}",
         notes=notes,
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
 
-from thingc.diagnostics import Code, Note, Report, Severity, meant_so
+from thingc.diagnostics import Code, Note, Report, Severity, allow_hint
 from thingc.realize.lock.lock import LOCK_FILE, REMAKE, lock_path, report_bad, top_of
 from thingc.realize.lock.values import BadLock
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema
@@ -72,7 +72,7 @@ def report_hidden(parts: PartAnswers, references: Iterable[tuple[str, Span | Non
                 report.warn(
                     Code.HIDDEN, f"`{reference}` takes the module `{module.name}` from `{parts.workspace.relative(module.file)}`, which "
                     f"hides {hidden}", where or Span(file=module.file, line=1, column=1, end_line=1, end_column=1),
-                    help="call one of the files otherwise" + (f"; {meant_so(Code.HIDDEN)}" if where is not None else ""),
+                    help="call one of the files otherwise" + (f"; {allow_hint(Code.HIDDEN)}" if where is not None else ""),
                 )
 
 

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Sequence
 from functools import partial
 
-from thingc.diagnostics import Code, Note, Report, meant_so
+from thingc.diagnostics import Code, Note, Report, allow_hint
 from thingc.graph.types import Assembly, Link, LinkedMode, Occurrence
 from thingc.memo import Memo
 from thingc.pose import Pose, Vector
@@ -64,7 +64,7 @@ def _warn(mode: LinkedMode, others: Sequence[str], part: Occurrence, depth: floa
     report.warn(
         Code.START_BELOW,
         f"mode `{mode.name}` starts with `{part.path}` {'at least ' if bound else ''}{shown} under the plane z = 0 of its scene",
-        mode.origin, path=mode.name, help=f"{help}; {meant_so(Code.START_BELOW)}", notes=notes,
+        mode.origin, path=mode.name, help=f"{help}; {allow_hint(Code.START_BELOW)}", notes=notes,
     )
 
 
@@ -85,7 +85,7 @@ def _check_feet(robots: Sequence[Robot], report: Report) -> None:
             f"mode `{mode.name}` stands on {feet}, and `{part.path}` is at least {Quantity(float(f'{depth:.3g}'), LENGTH)} lower "
             + (f"in pose `{mode.pose}`" if mode.pose is not None else "with all joints at 0"),
             mode.origin, path=mode.name, notes=[*notes, *([Note(message=f"so it is in {others}")] if others else [])],
-            help=f"start in a pose that puts the feet down, or mend how the legs are put together; {meant_so(Code.OFF_FEET)}",
+            help=f"start in a pose that puts the feet down, or mend how the legs are put together; {allow_hint(Code.OFF_FEET)}",
         )
 
 
@@ -131,7 +131,7 @@ def _check_limits(robots: Sequence[Robot], report: Report) -> None:
                 *(Note(message=f"so it is with `{joint.path}`") for joint in more[:3]),
                 *([Note(message=f"so it is in {others}")] if others else []),
             ],
-            help=f"give the mode a `pose` that sets `{first.path.replace('/', '.')}`; {meant_so(Code.START_LIMITS)}",
+            help=f"give the mode a `pose` that sets `{first.path.replace('/', '.')}`; {allow_hint(Code.START_LIMITS)}",
         )
 
 

@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Iterator, Sequence
 
-from thingc.diagnostics import Code, Note, Report, meant_so
+from thingc.diagnostics import Code, Note, Report, allow_hint
 from thingc.frozen import dataclass
 from thingc.graph.types import Assembly, Link, Occurrence
 from thingc.pose import Pose, Vector
@@ -83,7 +83,7 @@ def _warn(pair: _Pair, shared: float, report: Report) -> bool:
         Code.OVERLAP,
         f"`{pair.other.path}` and `{pair.one.path}` are in one place: {share} of `{smaller.path}` is inside `{larger.path}` "
         f"({_cubic(shared)})" + (f", which is a `{larger.definition.label}`, too" if twice else ""),
-        pair.other.origin, path=pair.other.path, help=f"{help}; {meant_so(Code.OVERLAP)}",
+        pair.other.origin, path=pair.other.path, help=f"{help}; {allow_hint(Code.OVERLAP)}",
         notes=[Note(message=f"`{pair.one.path}` is here", span=span) for span in pair.one.origin[:1]],
     )
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
-from thingc.diagnostics import Code, Note, Report, meant_so
+from thingc.diagnostics import Code, Note, Report, allow_hint
 from thingc.frozen import dataclass
 from thingc.robot.types import CoreJoint, Robot
 from thingc.source import Origin
@@ -273,7 +273,7 @@ def _say_inside(start: Start, others: Sequence[str], report: Report) -> None:
         f"mode `{robot.mode.name}` starts{pose} with `{first.one}` {depth} deep in `{first.other}`, as their collision shapes are",
         robot.mode.origin, path=robot.mode.name, notes=notes,
         help=f"change the pose, choose another `collision` for one of them, or write `contacts: {{exclude: [[{pair}]]}}`; "
-        + meant_so(Code.START_CONTACT),
+        + allow_hint(Code.START_CONTACT),
     )
 
 
@@ -291,7 +291,7 @@ def _say_gains(gains: Gains, joint: CoreJoint, robot: Robot, others: Sequence[st
         Code.CHATTER,
         f"{what}: what it moves has {gains.inertia:.2g} {weight} (mode `{robot.mode.name}`) and a step takes {1e3 * gains.dt:g} ms",
         where, path=joint.path, notes=notes,
-        help=f"{cure}; so is a rotor with `armature: {_up(needed)} {weight}`, or a shorter `timestep`; {meant_so(Code.CHATTER)}",
+        help=f"{cure}; so is a rotor with `armature: {_up(needed)} {weight}`, or a shorter `timestep`; {allow_hint(Code.CHATTER)}",
     )
 
 
