@@ -16,7 +16,7 @@ from thingc.resolve.joints import joints
 from thingc.resolve.layers import Layers
 from thingc.resolve.materials import in_scope, unreadable
 from thingc.resolve.mimics import mimics
-from thingc.resolve.model import AssemblyDefinition, LinkName
+from thingc.resolve.model import AssemblyDefinition, Component, LinkName
 from thingc.resolve.modes import modes, simulation, step_origin
 from thingc.resolve.parameters import canonical, check_bounds, declared, worked_out
 from thingc.resolve.placement import Places, check, own_placements
@@ -64,7 +64,6 @@ def resolved(
         )
     if given:
         check_bounds(scope, spec, [name for name in values if name not in given])
-    doubts = scope.doubts
     named = (spec.name, dict(parameters), dict(canonical(own.values)))
     table = Table(
         document=document, spec=spec, scope=scope, parameters=parameters, text=definition_text(*named),
@@ -73,7 +72,7 @@ def resolved(
     context.tables[key] = table
     _check_names(scope, spec)
     table.materials = in_scope(context, scope, spec)
-    lacking = table.materials_unreadable = unreadable(context, scope, spec)
+    table.materials_unreadable = unreadable(context, scope, spec)
     if choices:
         spec = table.spec = chosen.with_default_material(context, table)
     parts, table.unbuilt = unrolled(scope, "components", spec.components, spec.parameters)
@@ -95,23 +94,31 @@ def resolved(
     _exports(table, scope)
     links = tuple(_links(table, scope))
     poses(table, scope)
-    made = components(context, table, placements, unreadable=lacking)
+    made = components(context, table, placements, unreadable=table.materials_unreadable)
+    table.definition = _definition(context, table, made, links, top)
+    return table
+
+
+def _definition(
+    context: Context, table: Table, made: tuple[Component, ...], links: tuple[LinkName, ...], top: bool,
+) -> AssemblyDefinition:
+    """What a table that is filled in says, as later passes see it."""
+    scope, spec = table.scope, table.spec
     stated = (spec.modes, context.values(scope, "modes", spec.modes), *context.around(table))
     own_modes = context.sound("modes", stated, lambda: modes(table, scope)) if top else ()
     stepped = Layers(((spec.simulation, ("simulation",)),)) if top and spec.simulation else Layers(())
-    table.definition = AssemblyDefinition(
-        document=relative, name=spec.name, description=spec.description, parameters=parameters, text=table.text,
+    return AssemblyDefinition(
+        document=table.document.relative, name=spec.name, description=spec.description, parameters=table.parameters, text=table.text,
         label=table.label,
         materials={name: one for name, one in table.materials.items() if one is not None}, components=made,
-        joints=context.same("joint", relative, [joint for joint in table.joints.values() if joint is not None]), links=links,
+        joints=context.same("joint", table.document.relative, [joint for joint in table.joints.values() if joint is not None]), links=links,
         mounts={name: one for name, one in table.exports.items() if one is not None},
         poses=tuple(pose for pose in table.poses.values() if pose is not None), modes=own_modes,
         simulation=simulation(scope, stepped), step_origin=step_origin(scope, stepped),
         raw=raw(scope, spec.raw), sensors=tuple(sensors(table, scope)),
         tests=tuple(tests(context, table, scope, own_modes)) if top and spec.tests else (),
-        origin=scope.origin(("name",)), materials_known=not lacking, whole=not doubts, loose=tuple(table.loose),
+        origin=scope.origin(("name",)), materials_known=not table.materials_unreadable, whole=not scope.doubts, loose=tuple(table.loose),
     )
-    return table
 
 
 def _check_names(scope: Scope, spec: AssemblySpec) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from thingc.diagnostics import Code, Note
+from thingc.frozen import dataclass
 from thingc.resolve import references
 from thingc.resolve.layers import Layers
 from thingc.resolve.model import CoordinateName, Joint, Mimic
@@ -14,7 +15,7 @@ from thingc.resolve.table import Table
 from thingc.source import Path
 from thingc.spec.assembly import JointSpec, MimicSpec
 from thingc.typos import MAX_CIRCLE, circle_words
-from thingc.units import NUMBER, Quantity
+from thingc.units import NUMBER, Dimension, Quantity
 
 
 def mimics(table: Table, items: Iterable[Unrolled[JointSpec]]) -> None:
@@ -44,8 +45,45 @@ def _mimic(table: Table, item: Unrolled[JointSpec], joint: Joint, spec: MimicSpe
             help="take it out", notes=scope.beside(f"it is {joint.kind.name} here", (*item.path, "type"), path),
         )
         return None
+    followed = _followed(table, item, spec, path)
+    if followed is None:
+        return None
+    name, there = followed.name, [Note(message=f"`{followed.name}` is written here", span=followed.joint.origin[0])]
+    ratio = coordinate / followed.coordinate
+    what = f"`mimic.multiplier` of joint `{item.name}`"
+    if "multiplier" not in spec.model_fields_set and ratio != NUMBER:
+        scope.error(
+            Code.DIMENSION,
+            f"joint `{item.name}` and `{name}` differ in kind: `mimic` needs a `multiplier` that is {ratio.words}", path,
+            key=True,
+            help=f"write for example `multiplier: {ratio.example}`", notes=there,
+        )
+        return None
+    raw = spec.multiplier
+    multiplier = scope.number(raw, (*path, "multiplier"), ratio, what, notes=there)
+    if multiplier is not None and isinstance(raw, Quantity) and raw.value == 0.0:
+        scope.error(Code.MIMIC, f"{what} is 0: the joint would never move", (*path, "multiplier"), help="make it `type: fixed`")
+        return None
+    offset = scope.number(spec.offset, (*path, "offset"), coordinate, f"`mimic.offset` of joint `{item.name}`")
+    if multiplier is None or offset is None:
+        return None
+    return Mimic(joint=name, multiplier=multiplier, offset=offset, origin=scope.origin(path, key=True))
+
+
+@dataclass(frozen=True, slots=True)
+class _Followed:
+    """A coordinate that may be followed: its name, its joint and what it is measured in."""
+
+    name: CoordinateName
+    joint: Joint
+    coordinate: Dimension
+
+
+def _followed(table: Table, item: Unrolled[JointSpec], spec: MimicSpec, path: Path) -> _Followed | None:
+    """What `mimic.joint` names; reported, and None, where that is nothing that can be followed."""
+    scope, place = item.scope, (*path, "joint")
     said = CoordinateName(spec.joint)
-    parts = references.words(scope, said.joint, (*path, "joint"))
+    parts = references.words(scope, said.joint, place)
     if parts is None:
         return None
     name = CoordinateName(".".join(parts))
@@ -55,56 +93,29 @@ def _mimic(table: Table, item: Unrolled[JointSpec], joint: Joint, spec: MimicSpe
         others = [one for one in table.joints if one != item.name]
         hint = references.suggested(name, others, what="joints") if others else "there is no other joint in this document"
         if len(parts) > 1:
-            scope.error(
-                Code.MIMIC, f"`mimic.joint` names a joint of the same document, found `{name}`", (*path, "joint"),
-                help=hint,
-            )
+            scope.error(Code.MIMIC, f"`mimic.joint` names a joint of the same document, found `{name}`", place, help=hint)
         elif not any(f"{name}_".startswith(prefix) for prefix in table.unbuilt_joints):
-            scope.error(
-                Code.UNKNOWN_JOINT, f"this document has no joint `{name}`", (*path, "joint"),
-                help=hint,
-            )
+            scope.error(Code.UNKNOWN_JOINT, f"this document has no joint `{name}`", place, help=hint)
         return None
     if name == item.name:
-        scope.error(Code.MIMIC, f"joint `{name}` cannot mimic itself", (*path, "joint"), help="name the joint that it follows")
+        scope.error(Code.MIMIC, f"joint `{name}` cannot mimic itself", place, help="name the joint that it follows")
         return None
     other = table.joints[name]
     if other is None:
         return None
     if other.kind.at_once:
         scope.error(
-            Code.MIMIC, f"joint `{item.name}` cannot mimic `{name}`: `{name.joint}` is a ball, whose turn is no number", (*path, "joint"),
+            Code.MIMIC, f"joint `{item.name}` cannot mimic `{name}`: `{name.joint}` is a ball, whose turn is no number", place,
             notes=[Note(message=f"`{name.joint}` is written here", span=other.origin[0])],
         )
         return None
-    followed = other.twist.coordinate if other.twist is not None else None
-    if followed is None:
+    if other.twist is None:
         scope.error(
-            Code.MIMIC, f"joint `{item.name}` cannot mimic `{name}`, which is {other.kind.name} and does not move", (*path, "joint"),
+            Code.MIMIC, f"joint `{item.name}` cannot mimic `{name}`, which is {other.kind.name} and does not move", place,
             notes=[Note(message=f"`{name}` is written here", span=other.origin[0])],
         )
         return None
-    ratio = coordinate / followed
-    what = f"`mimic.multiplier` of joint `{item.name}`"
-    if "multiplier" not in spec.model_fields_set and ratio != NUMBER:
-        scope.error(
-            Code.DIMENSION,
-            f"joint `{item.name}` and `{name}` differ in kind: `mimic` needs a `multiplier` that is {ratio.words}", path,
-            key=True,
-            help=f"write for example `multiplier: {ratio.example}`",
-            notes=[Note(message=f"`{name}` is written here", span=other.origin[0])],
-        )
-        return None
-    raw = spec.multiplier
-    there = [Note(message=f"`{name}` is written here", span=other.origin[0])]
-    multiplier = scope.number(raw, (*path, "multiplier"), ratio, what, notes=there)
-    if multiplier is not None and isinstance(raw, Quantity) and raw.value == 0.0:
-        scope.error(Code.MIMIC, f"{what} is 0: the joint would never move", (*path, "multiplier"), help="make it `type: fixed`")
-        return None
-    offset = scope.number(spec.offset, (*path, "offset"), coordinate, f"`mimic.offset` of joint `{item.name}`")
-    if multiplier is None or offset is None:
-        return None
-    return Mimic(joint=name, multiplier=multiplier, offset=offset, origin=scope.origin(path, key=True))
+    return _Followed(name, other, other.twist.coordinate)
 
 
 def _break_cycles(table: Table, items: dict[str, Unrolled[JointSpec]]) -> None:

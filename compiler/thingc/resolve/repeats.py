@@ -39,14 +39,42 @@ list[str]]:
 
     Names that clash are reported, and the first one stays.
     """
-    counts: dict[str, int] = {}
     unbuilt: list[str] = []
-    total = 0
     in_doubt: list[str] = [name for name in specs if scope.doubts.touch((section, name, "repeat"))]
     unbuilt.extend(f"{name}_" for name in dict.fromkeys((*in_doubt, *scope.doubts.names(section))))
     if scope.doubts.lacks(section):
         unbuilt.append("")
     specs = {name: spec for name, spec in specs.items() if name not in in_doubt}
+    counts = _counts(scope, section, specs, parameters)
+    if counts is None:
+        return [], [""]
+    unbuilt.extend(f"{name}_" for name, count in counts.items() if count is None)
+    items: list[Unrolled[Spec]] = []
+    taken: dict[str, Unrolled[Spec]] = {}
+    for name, spec in specs.items():
+        path = (section, name)
+        if spec.repeat is None:
+            made = [Unrolled(name, spec, path, scope)]
+        else:
+            as_ = spec.repeat.as_
+            made = [Unrolled(f"{name}_{k}", spec, path, scope.repeated(as_, k)) for k in range(counts[name] or 0)]
+        for item in made:
+            first = taken.get(item.name)
+            if first is None:
+                taken[item.name] = item
+                items.append(item)
+            else:
+                scope.error(
+                    Code.NAME_CLASH, f"two {section} are called `{item.name}`", path, key=True, help="rename one of them",
+                    notes=[Note(message="the other one", span=scope.span(first.path, key=True))],
+                )
+    return items, unbuilt
+
+
+def _counts(scope: Scope, section: str, specs: Mapping[str, Spec], parameters: Iterable[str]) -> dict[str, int | None] | None:
+    """How often each of the `specs` that are repeated is, None where that is wrong; None for all of them where they are too many."""
+    counts: dict[str, int | None] = {}
+    total = 0
     for name, spec in specs.items():
         if spec.repeat is None:
             total += 1
@@ -71,32 +99,10 @@ list[str]]:
                 f"with `{name}` the {section} of this document are {total + count}; at most {MAX_OCCURRENCES} are possible",
                 (*path, "count"),
             )
-            return [], [""]
-        if count is None:
-            unbuilt.append(f"{name}_")
-        else:
-            counts[name] = count
-            total += count
-    items: list[Unrolled[Spec]] = []
-    taken: dict[str, Unrolled[Spec]] = {}
-    for name, spec in specs.items():
-        path = (section, name)
-        if spec.repeat is None:
-            made = [Unrolled(name, spec, path, scope)]
-        else:
-            as_ = spec.repeat.as_
-            made = [Unrolled(f"{name}_{k}", spec, path, scope.repeated(as_, k)) for k in range(counts.get(name, 0))]
-        for item in made:
-            first = taken.get(item.name)
-            if first is None:
-                taken[item.name] = item
-                items.append(item)
-            else:
-                scope.error(
-                    Code.NAME_CLASH, f"two {section} are called `{item.name}`", path, key=True, help="rename one of them",
-                    notes=[Note(message="the other one", span=scope.span(first.path, key=True))],
-                )
-    return items, unbuilt
+            return None
+        counts[name] = count
+        total += count or 0
+    return counts
 
 
 def check_names(scope: Scope, names: Iterable[tuple[str, Path, str]], *, reserved: bool = True) -> None:
