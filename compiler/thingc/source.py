@@ -114,6 +114,14 @@ Node = Union[ScalarNode, SequenceNode, MappingNode]
 Path = tuple[Union[str, int], ...]
 
 
+def dotted(path: Path) -> str:
+    """A key path as a person reads it: `components.hand.at.xyz[0]`."""
+    text = ""
+    for step in path:
+        text += f"[{step}]" if isinstance(step, int) else f".{step}" if text else step
+    return text
+
+
 def node_at(root: Node, path: Path) -> Node | None:
     """The node at `path` (keys and indices from the root), or None where the document has none."""
     node: Node | None = root

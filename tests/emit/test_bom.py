@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from emit.small_robot import assembly, petg, request
+from thingc.csvcell import cell
 from thingc.emit.bom import COLUMNS, emit, items, make_of
-from thingc.emit.csvcell import cell
 from thingc.graph.hag import Definition
 from thingc.graph.types import Assembly
 from thingc.realize.record import PartDefinition

@@ -11,13 +11,16 @@ import re
 import sys
 from collections.abc import Callable, Collection
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from thingc.emit.artifact import Artifacts
+    from thingc.emit.manifest import versions
     from thingc.emit.request import EmitRequest
 
     Emitter = Callable[[EmitRequest], Artifacts]
+
+__all__ = ["EMITTERS", "WRITES", "emitter", "modules_of", "targets", "versions", "written"]
 
 GROUP = "thingc.emitters"
 
@@ -41,6 +44,15 @@ WRITES = (
     "hag.dot", "hag.mmd", "hag.svg", "modes.json",
 )
 """What our own targets call their files. A package that adds a target says the same of its own in `WRITES` of the module."""
+
+
+def __getattr__(name: str) -> Any:
+    """What those ask for who write no target."""
+    if name == "versions":
+        from thingc.emit.manifest import versions
+
+        return versions
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def written() -> re.Pattern[str]:

@@ -6,9 +6,9 @@ import csv
 import io
 from itertools import count
 
+from thingc.csvcell import cell
 from thingc.emit import jsontext
 from thingc.emit.artifact import Artifacts
-from thingc.emit.csvcell import cell
 from thingc.emit.request import EmitRequest
 from thingc.frozen import dataclass
 from thingc.graph.types import Assembly, Occurrence

@@ -13,11 +13,11 @@ Nothing else can be written, and working out is bounded by the length of the tex
 
 from __future__ import annotations
 
-from thingc.expressions.evaluation import Value, evaluate
+from thingc.expressions.evaluation import Found, evaluate, kind_of, plain, words_of
 from thingc.expressions.parsing import expression_hint, parse_expression
 from thingc.expressions.terms import CONSTANTS, FUNCTIONS, Expression, ExpressionError, NameUse, zero_literal
 
 __all__ = [
-    "CONSTANTS", "FUNCTIONS", "Expression", "ExpressionError", "NameUse", "Value", "evaluate", "expression_hint", "parse_expression",
-    "zero_literal",
+    "CONSTANTS", "FUNCTIONS", "Expression", "ExpressionError", "Found", "NameUse", "evaluate", "expression_hint", "kind_of",
+    "parse_expression", "plain", "words_of", "zero_literal",
 ]

@@ -10,10 +10,11 @@ from thingc.expressions.terms import CONSTANTS, Binary, Call, Expression, Expres
 from thingc.typos import did_you_mean
 from thingc.units import ANGLE, NUMBER, UNITS, Dimension, Quantity, fits, shortened
 
-Value = Union[Quantity, bool, str]
+Found = Union[Quantity, bool, str]
+"""What a value of a document comes to."""
 
 
-def evaluate(expression: Expression, names: Mapping[str, Value]) -> Value:
+def evaluate(expression: Expression, names: Mapping[str, Found]) -> Found:
     """Work an expression out. `names` are the parameters and the repeat index (a Quantity of dimension NUMBER).
 
     A name alone passes a flag or a text through; a comparison gives a flag; everything else gives a finite Quantity.
@@ -25,11 +26,11 @@ def evaluate(expression: Expression, names: Mapping[str, Value]) -> Value:
 class _Evaluator:
     """Walks a tree; the text is for messages."""
 
-    def __init__(self, text: str, names: Mapping[str, Value]) -> None:
+    def __init__(self, text: str, names: Mapping[str, Found]) -> None:
         self.text = text
         self.names = names
 
-    def value(self, term: Term) -> Value:
+    def value(self, term: Term) -> Found:
         if isinstance(term, Literal):
             return term.value
         if isinstance(term, NameUse):
@@ -45,7 +46,7 @@ class _Evaluator:
             return self.power(term)
         return self.compare(term)
 
-    def lookup(self, term: NameUse) -> Value:
+    def lookup(self, term: NameUse) -> Found:
         if term.name in self.names:
             return self.names[term.name]
         if term.name in CONSTANTS:
@@ -185,3 +186,26 @@ class _Evaluator:
 
 def _zero(term: Term) -> bool:
     return isinstance(term, Literal) and term.zero
+
+
+def kind_of(found: Found) -> str:
+    """What a value is, with its article: `an angle`, `a text`, `true or false`."""
+    if isinstance(found, Quantity):
+        return found.dimension.words
+    return "true or false" if isinstance(found, bool) else "a text"
+
+
+def words_of(found: Found) -> str:
+    """A value as a document writes it."""
+    if isinstance(found, bool):
+        return "true" if found else "false"
+    return str(found)
+
+
+def plain(found: Found) -> float | bool | str:
+    """A value without its dimension."""
+    if not isinstance(found, Quantity):
+        return found
+    if found.dimension == NUMBER and found.value == int(found.value):
+        return int(found.value)
+    return found.value + 0.0

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from itertools import chain
 
 from thingc.diagnostics import Code
-from thingc.expressions import CONSTANTS, FUNCTIONS, Expression
+from thingc.expressions import CONSTANTS, FUNCTIONS, Expression, Found, words_of
 from thingc.joints import coordinates_of
 from thingc.realize.record import definition_label, definition_text
 from thingc.resolve import choices as chosen
@@ -23,7 +23,7 @@ from thingc.resolve.placement import Places, check, own_placements
 from thingc.resolve.poses import poses
 from thingc.resolve.raw import raw
 from thingc.resolve.repeats import check_names, unrolled
-from thingc.resolve.scope import Found, Scope, words_of
+from thingc.resolve.scope import Scope
 from thingc.resolve.sensors import sensors
 from thingc.resolve.substituting import substituted
 from thingc.resolve.table import Context, Table

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 
 from thingc.diagnostics import Code, Note
+from thingc.expressions import Found
 from thingc.realize.record import PartDefinition
 from thingc.resolve import choices as choose
 from thingc.resolve import overrides as said
@@ -14,7 +15,6 @@ from thingc.resolve.model import At, Attach, Component, Material
 from thingc.resolve.parameters import fitting
 from thingc.resolve.parts import of_code, of_file
 from thingc.resolve.repeats import MAX_OCCURRENCES, Unrolled
-from thingc.resolve.scope import Found
 from thingc.resolve.table import Context, Node, Table, names_in
 from thingc.source import Path
 from thingc.spec.assembly import AssemblySpec, ComponentSpec

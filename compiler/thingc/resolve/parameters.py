@@ -6,9 +6,9 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 from thingc.diagnostics import Code, Note, Report
-from thingc.expressions import Expression, ExpressionError, parse_expression
+from thingc.expressions import Expression, ExpressionError, Found, kind_of, parse_expression, plain, words_of
 from thingc.realize.record import Value
-from thingc.resolve.scope import Found, Scope, dimension_message, kind_of, words_of
+from thingc.resolve.scope import Scope, dimension_message
 from thingc.resolve.table import Context, Declared
 from thingc.source import Document, Path
 from thingc.spec.assembly import AssemblySpec, ParameterSpec
@@ -101,15 +101,6 @@ def _report_cycle(document: Document, spec: AssemblySpec, chain: list[str], plac
 def canonical(values: Mapping[str, Found]) -> tuple[tuple[str, Value], ...]:
     """Parameters sorted by name: SI floats, whole numbers as ints, flags and texts as they are."""
     return tuple((name, plain(values[name])) for name in sorted(values))
-
-
-def plain(found: Found) -> Value:
-    """A value without its dimension."""
-    if not isinstance(found, Quantity):
-        return found
-    if found.dimension == NUMBER and found.value == int(found.value):
-        return int(found.value)
-    return found.value + 0.0
 
 
 def fitting(

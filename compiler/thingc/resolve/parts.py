@@ -7,6 +7,7 @@ import re
 from collections.abc import Collection
 
 from thingc.diagnostics import MAX_FAULTS, Code, Note
+from thingc.expressions import Found, kind_of, words_of
 from thingc.load.paths import PART_SUFFIXES, named
 from thingc.realize.record import (
     DIMENSIONS,
@@ -22,7 +23,7 @@ from thingc.realize.record import (
     definition_text,
     written,
 )
-from thingc.resolve.scope import Enough, Found, Scope, dimension_message, kind_of, words_of
+from thingc.resolve.scope import Enough, Scope, dimension_message
 from thingc.resolve.table import Context, Node
 from thingc.source import Path, Span
 from thingc.typos import did_you_mean, near_hint, nearest

@@ -7,27 +7,16 @@ from dataclasses import field, replace
 from typing import Any
 
 from thingc.diagnostics import MAX_FAULTS, Code, Note, Report
-from thingc.expressions import Expression, ExpressionError, evaluate, expression_hint
+from thingc.expressions import Expression, ExpressionError, Found, evaluate, expression_hint, kind_of, words_of
 from thingc.frozen import dataclass
 from thingc.pose import Pose, Vector, placed
-from thingc.source import Document, Origin, Path, ScalarNode, Span, node_at, walk
+from thingc.source import Document, Origin, Path, ScalarNode, Span, dotted, node_at, walk
 from thingc.spec.doubts import NO_DOUBTS, Doubts
 from thingc.units import ANGLE, LENGTH, NUMBER, Dimension, Quantity, shortened
-
-Found = Quantity | bool | str
-"""What a value of a document comes to."""
 
 NOTHING: frozenset[str] = frozenset()
 
 _EXPRESSION_CODES = {"dimension": Code.DIMENSION, "unit": Code.DIMENSION, "value": Code.OUT_OF_RANGE}
-
-
-def dotted(path: Path) -> str:
-    """A key path as a person reads it: `components.hand.at.xyz[0]`."""
-    text = ""
-    for step in path:
-        text += f"[{step}]" if isinstance(step, int) else f".{step}" if text else step
-    return text
 
 
 class Enough(Exception):
@@ -217,20 +206,6 @@ def dimension_message(
         unit = expected[0].example.partition(" ")[2]
         help = f"write `{text} {unit}`" if unit else None
     return f"{what} is {wanted}, found {kind_of(found)} (`{text}`)", help
-
-
-def kind_of(found: Found) -> str:
-    """What a value is, with its article: `an angle`, `a text`, `true or false`."""
-    if isinstance(found, Quantity):
-        return found.dimension.words
-    return "true or false" if isinstance(found, bool) else "a text"
-
-
-def words_of(found: Found) -> str:
-    """A value as a document writes it."""
-    if isinstance(found, bool):
-        return "true" if found else "false"
-    return str(found)
 
 
 def _bound(value: float, dimension: Dimension) -> str:

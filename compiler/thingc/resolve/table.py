@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, TypeVar
 from pydantic import BaseModel
 
 from thingc.diagnostics import Code, Report
-from thingc.expressions import Expression
+from thingc.expressions import Expression, Found
 from thingc.memo import Memo
 from thingc.realize.record import PartDefinition, PartFailure, PartSchema, Value
 from thingc.resolve.model import AssemblyDefinition, Component, CoordinateName, ExtraMount, Joint, Material, NamedPose, Reference
-from thingc.resolve.scope import NOTHING, Found, Scope
+from thingc.resolve.scope import NOTHING, Scope
 from thingc.source import SET, Document, Path
 from thingc.spec.doubts import NO_DOUBTS, Doubts
 

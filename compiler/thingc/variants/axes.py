@@ -6,13 +6,12 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from thingc.diagnostics import Code, Note, Report
-from thingc.expressions import Expression
+from thingc.expressions import Expression, Found, kind_of, plain, words_of
 from thingc.frozen import dataclass
 from thingc.realize.record import Value
-from thingc.resolve.parameters import fitting, plain
-from thingc.resolve.scope import Found, dotted, kind_of, words_of
+from thingc.resolve.parameters import fitting
 from thingc.resolve.table import Context
-from thingc.source import Document, Path, ScalarNode, node_at
+from thingc.source import Document, Path, ScalarNode, dotted, node_at
 from thingc.spec.assembly import AssemblySpec
 from thingc.spec.variants import AxisSpec
 from thingc.units import NUMBER, Quantity, shortened

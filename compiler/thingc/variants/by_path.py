@@ -6,10 +6,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from typing import Any
 
-from thingc.expressions import Expression, ExpressionError, evaluate
+from thingc.expressions import Expression, ExpressionError, Found, evaluate
 from thingc.frozen import dataclass
 from thingc.pipeline import Sources
-from thingc.resolve.scope import Found
 from thingc.source import Document, ScalarNode, node_at
 from thingc.spec.choices import nested
 from thingc.spec.fields import any_value

@@ -15,7 +15,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from thingc.diagnostics import Code
-from thingc.emit.manifest import versions
+from thingc.emit import versions
 from thingc.stamp import state_of
 from thingc.variants.executors import PATIENCE, Carrier, WorkerLost, missing
 from thingc.variants.folder import BatchFault

@@ -7,7 +7,7 @@ import os
 from collections.abc import Sequence
 from typing import Any
 
-from thingc.emit.manifest import versions
+from thingc.emit import versions
 from thingc.environment import Options
 from thingc.variants import places
 from thingc.variants.job import Job

@@ -144,7 +144,7 @@ def write(source: str | os.PathLike[str] | Family, path: str | os.PathLike[str],
     """
     import numpy as np
 
-    from thingc.emit.mjcf.archive import MODEL, deflate, zipped
+    from thingc.archives import MODEL, zipped
 
     target = os.fspath(path)
     if not target.endswith(".npz"):
@@ -162,7 +162,7 @@ def write(source: str | os.PathLike[str] | Family, path: str | os.PathLike[str],
     model = f"{target.removesuffix('.npz')}.mjz"
     for place, entries in ((model, contents), (target, arrays)):
         with open(f"{place}.new", "wb") as file:
-            file.write(zipped({name: deflate(data) for name, data in entries.items()}))
+            file.write(zipped(entries))
     os.replace(f"{model}.new", model)
     os.replace(f"{target}.new", target)
     return model

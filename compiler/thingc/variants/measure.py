@@ -18,8 +18,7 @@ from thingc.graph import coordinates, joints_of
 from thingc.graph.types import Assembly
 from thingc.inertia import total
 from thingc.pose import Pose, Vector
-from thingc.robot.kinematics import placed_bodies
-from thingc.robot.tree import in_link
+from thingc.robot import in_link, placed_bodies
 from thingc.robot.types import Robot
 from thingc.statics import lifted, stance, static_efforts
 

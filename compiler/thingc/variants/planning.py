@@ -13,12 +13,10 @@ from functools import cached_property
 
 from thingc.brief import Brief
 from thingc.diagnostics import Diagnostic
-from thingc.expressions import Expression, ExpressionError, evaluate
+from thingc.expressions import Expression, ExpressionError, Found, evaluate, plain
 from thingc.printing import as_text
 from thingc.realize.record import Value
 from thingc.resolve.model import AssemblyDefinition
-from thingc.resolve.parameters import plain
-from thingc.resolve.scope import Found
 from thingc.spec.assembly import AssemblySpec, ParameterSpec
 from thingc.units import Dimension, Quantity
 from thingc.variants.axes import Axis

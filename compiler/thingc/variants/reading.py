@@ -9,15 +9,15 @@ from collections.abc import Iterable, Iterator, Mapping
 from thingc import pipeline
 from thingc.diagnostics import Code, Diagnostic, Note, Report, Severity
 from thingc.environment import Environment, Options
+from thingc.expressions import Found
 from thingc.load import load
 from thingc.load.paths import DOCUMENT_SUFFIXES, find_file
 from thingc.pipeline import Sources
 from thingc.resolve import resolve
 from thingc.resolve.parameters import declared
-from thingc.resolve.scope import Found, dotted
 from thingc.resolve.substituting import closest
 from thingc.resolve.table import Context
-from thingc.source import SET, Document, Path, ScalarNode, node_at
+from thingc.source import SET, Document, Path, ScalarNode, dotted, node_at
 from thingc.spec import validate_one
 from thingc.spec.assembly import AssemblySpec
 from thingc.spec.choices import DEFAULT_MATERIAL, parse

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from thingc.diagnostics import Code, Report
-from thingc.expressions import Expression, ExpressionError, evaluate
+from thingc.expressions import Expression, ExpressionError, Found, evaluate
 from thingc.frozen import dataclass
-from thingc.resolve.scope import Found
 from thingc.source import Document, Path
 from thingc.spec import within
 from thingc.typos import did_you_mean

@@ -19,10 +19,9 @@ from typing import TYPE_CHECKING, Any
 
 from thingc.diagnostics import Code, Diagnostic, Report, Severity
 from thingc.environment import Options
-from thingc.expressions import ExpressionError, parse_expression
+from thingc.expressions import ExpressionError, Found, parse_expression
 from thingc.pipeline import Settings
 from thingc.printing import as_json
-from thingc.resolve.scope import Found
 from thingc.session import Session
 from thingc.typos import did_you_mean
 from thingc.units import Dimension, Quantity

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
-from thingc.emit.csvcell import cell
+from thingc.csvcell import cell
 from thingc.frozen import dataclass
 from thingc.variants import places
 from thingc.variants.journal import Line, in_order

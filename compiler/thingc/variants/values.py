@@ -11,8 +11,7 @@ from collections.abc import Mapping
 from decimal import Decimal
 from fractions import Fraction
 
-from thingc.resolve.parameters import plain
-from thingc.resolve.scope import Found
+from thingc.expressions import Found, plain
 from thingc.units import (
     FREQUENCY,
     NUMBER,
