@@ -42,7 +42,8 @@ def merged(over: Process | None, under: Process | None) -> Process | None:
     if over is None or under is None:
         return over if over is not None else under
     said = {name: value for name in Process.__dataclass_fields__ if (value := getattr(over, name)) is not None}
-    return replace(under, **{**said, "origins": {**under.origins, **over.origins}})
+    wrong = over.wrong | (under.wrong - said.keys())
+    return replace(under, **{**said, "origins": {**under.origins, **over.origins}, "wrong": wrong})
 
 
 _NEEDED = {"skin": ("walls", "line_width"), "layers": ("walls", "line_width", "layer", "top", "bottom")}
@@ -58,6 +59,14 @@ def estimate_of(process: Process | None) -> str | None:
 def missing_keys(process: Process | None) -> tuple[str, ...]:
     """The keys of a process that the estimate misses: `("walls",)`."""
     return tuple(key for key in _NEEDED.get(estimate_of(process) or "", ()) if getattr(process, key) is None)
+
+
+def unsaid_keys(process: Process | None) -> tuple[str, ...]:
+    """Those of the `missing_keys` that nothing is written for: of one that is wrong it has been said, and none may be missing where what
+    the estimate goes by is wrong."""
+    if process is None or not process.wrong.isdisjoint(("kind", "estimate")):
+        return ()
+    return tuple(key for key in missing_keys(process) if key not in process.wrong)
 
 
 def layers_too_high(process: Process) -> bool:

@@ -19,6 +19,7 @@ from thingc.graph.mass import (
     missing_keys,
     slicing_of,
     stated_inertia,
+    unsaid_keys,
     weigh,
 )
 from thingc.graph.prints import material_of, process_of
@@ -294,9 +295,11 @@ class PartInstances:
                 help=f"add `density:` to `{material.name}`, or `mass:` to `{component.name}`",
                 notes=noted(f"`{material.name}` is written here", material.origin),
             )
-        missing = missing_keys(process)
-        if needs_density and weighed is not None and missing:
-            self._incomplete(component, material, missing, path, origin)
+        if needs_density and weighed is not None and missing_keys(process):
+            if unsaid := unsaid_keys(process):
+                self._incomplete(component, material, unsaid, path, origin)
+            else:
+                findings.leave_out()
             return None
         if needs_density and weighed is not None and estimate_of(process) == "layers" and process is not None:
             if layers_too_high(process):
@@ -373,8 +376,8 @@ class PartInstances:
         self, component: Component, material: Material | None, missing: tuple[str, ...], path: str, origin: Origin,
     ) -> None:
         """Say what the estimate misses: once of a material that does not have it, else of the component."""
-        of_material = material.process if material is not None and missing_keys(material.process) else None
-        keys = missing_keys(of_material) if of_material is not None else missing
+        of_material = material.process if material is not None and unsaid_keys(material.process) else None
+        keys = unsaid_keys(of_material) or missing
         listed = " and ".join(filter(None, (", ".join(f"`{key}`" for key in keys[:-1]), f"`{keys[-1]}`")))
         needed = {"walls", "line_width"} & set(keys)
         instead = "`infill: 100 %`" if needed else "`estimate: skin`, which needs `walls` and `line_width` only"

@@ -143,12 +143,14 @@ def process(scope: Scope, layers: Layers) -> Process:
         raw, path = read(key)
         return None if raw is None else _share(scope, raw, path, key, least, most)
 
-    return Process(
-        kind=read("kind")[0], walls=count("walls"), line_width=length("line_width"), layer=length("layer"), top=count("top"),
-        bottom=count("bottom"), infill=share("infill", 0.0, 1.0), overlap=share("overlap", 0.0, 1.0),
-        bridge_flow=share("bridge_flow", *BRIDGE_FLOWS), estimate=read("estimate")[0],
-        origins=origins,
-    )
+    values: dict[str, Any] = {
+        "kind": read("kind")[0], "walls": count("walls"), "line_width": length("line_width"), "layer": length("layer"),
+        "top": count("top"), "bottom": count("bottom"), "infill": share("infill", 0.0, 1.0), "overlap": share("overlap", 0.0, 1.0),
+        "bridge_flow": share("bridge_flow", *BRIDGE_FLOWS), "estimate": read("estimate")[0],
+    }
+    left_out = {key for key in values for _, path in layers.items if scope.doubts.touch((*path, key))}
+    wrong = frozenset(key for key, value in values.items() if value is None and (key in origins or key in left_out))
+    return Process(**values, origins=origins, wrong=wrong)
 
 
 def _share(scope: Scope, raw: Any, path: Path, key: str, least: float, most: float) -> float | None:

@@ -45,7 +45,8 @@ class Reference(Brief):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Process(Brief):
     """How a part is made. `kind` such as `fdm`; widths and layer [m]; infill and overlap 0..1, bridge flow a ratio; `estimate` is how
-    the mass of a part with an infill is worked out, `layers | skin` (None: by the kind). `origins` are where the keys are written."""
+    the mass of a part with an infill is worked out, `layers | skin` (None: by the kind). `origins` are where the keys are written; those in
+    `wrong` are written, and what is wrong with them has been said."""
 
     kind: str | None = None
     walls: int | None = None
@@ -58,6 +59,7 @@ class Process(Brief):
     bridge_flow: float | None = None
     estimate: str | None = None
     origins: dict[str, Origin] = field(default_factory=dict)
+    wrong: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
