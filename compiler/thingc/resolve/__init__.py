@@ -68,18 +68,18 @@ def resolve_materials(
     from thingc.resolve.table import Context
 
     context = Context(documents=documents, specs=specs, workspace=workspace, schemas={}, report=report)
-    for found in of_document(context, documents.root).values():
-        doubt = None if found is None or found.density is None else density_doubt(found.density)
-        if found is not None and doubt is not None:
+    for material in of_document(context, documents.root).values():
+        doubt = None if material is None or material.density is None else density_doubt(material.density)
+        if material is not None and doubt is not None:
             report.warn(
-                Code.DENSITY, f"`{found.name}` {doubt.words}", found.density_origin, path=f"materials.{found.name}.density",
+                Code.DENSITY, f"`{material.name}` {doubt.words}", material.density_origin, path=f"materials.{material.name}.density",
                 help=density_cure(doubt),
             )
 
 
 def part_definitions(model: AssemblyDefinition) -> tuple[PartDefinition, ...]:
     """Every part definition of a model once, in document order (nested documents where they first stand)."""
-    found: dict[PartDefinition, None] = {}
+    definitions: dict[PartDefinition, None] = {}
     seen: set[tuple[str, object]] = set()
     waiting = [iter(model.components)]
     while waiting:
@@ -89,8 +89,8 @@ def part_definitions(model: AssemblyDefinition) -> tuple[PartDefinition, ...]:
             continue
         definition = component.definition
         if isinstance(definition, PartDefinition):
-            found.setdefault(definition)
+            definitions.setdefault(definition)
         elif definition is not None and (definition.document, definition.parameters) not in seen:
             seen.add((definition.document, definition.parameters))
             waiting.append(iter(definition.components))
-    return tuple(found)
+    return tuple(definitions)

@@ -149,6 +149,6 @@ def _exports(table: Table, scope: Scope) -> None:
 def _links(table: Table, scope: Scope) -> Iterator[LinkName]:
     for name, text in table.spec.links.items():
         path: Path = ("links", name)
-        found = references.component(table, scope, text, path)
-        if found is not None:
-            yield LinkName(name=name, component=found[0], origin=scope.origin(path, key=True))
+        component = references.component(table, scope, text, path)
+        if component is not None:
+            yield LinkName(name=name, component=component[0], origin=scope.origin(path, key=True))

@@ -42,17 +42,17 @@ def that_say_more(context: Context, relative: str, spec: AssemblySpec, choices: 
 
 
 def _written(context: Context, relative: str, spec: AssemblySpec, path: str, text: str) -> bool:
-    found = parse(path)
-    if found is None:
+    choice = parse(path)
+    if choice is None:
         node = node_at(context.documents.by_path[relative].tree, tuple(path.split(".")))
         return isinstance(node, ScalarNode) and node.text == text
-    if found.key == DEFAULT_MATERIAL and not found.components:
+    if choice.key == DEFAULT_MATERIAL and not choice.components:
         default = spec.defaults.component if spec.defaults is not None else None
         return default is not None and default.material == text
-    if len(found.components) != 1 or found.components[0] not in spec.components:
+    if len(choice.components) != 1 or choice.components[0] not in spec.components:
         return False
-    own = getattr(spec.components[found.components[0]], found.key, None)
-    if found.key not in ("assembly", "file") or own is None:
+    own = getattr(spec.components[choice.components[0]], choice.key, None)
+    if choice.key not in ("assembly", "file") or own is None:
         return bool(own == text)
     return _place(context, relative, own) == _place(context, context.documents.root.relative, text)
 
@@ -68,8 +68,8 @@ def below(choices: Choices, *names: str) -> Choices:
     """The choices inside the nested document of a component, by paths from there on; `names` are those that it goes by, and
     a later one is the more exact."""
     inside = [(through, text) for path, text in choices if (through := nested(path)) is not None]
-    found = {path: text for name in names for (component, path), text in inside if component == name}
-    return tuple(sorted(found.items()))
+    by_path = {path: text for name in names for (component, path), text in inside if component == name}
+    return tuple(sorted(by_path.items()))
 
 
 def values(choices: Choices) -> dict[str, str]:
@@ -79,10 +79,10 @@ def values(choices: Choices) -> dict[str, str]:
 
 def own(choices: Choices, *names: str) -> dict[str, str]:
     """What is chosen for a component itself, by key; `names` as of `below`."""
-    found: dict[str, str] = {}
+    by_key: dict[str, str] = {}
     for name in names:
-        found.update({key: text for key in KEYS for path, text in choices if path == f"components.{name}.{key}"})
-    return found
+        by_key.update({key: text for key in KEYS for path, text in choices if path == f"components.{name}.{key}"})
+    return by_key
 
 
 def with_default_material(context: Context, table: Table) -> AssemblySpec:
@@ -103,8 +103,8 @@ def check_names(context: Context, table: Table, items: Sequence[Unrolled[Compone
     if table.doubts.lacks("components") or table.unbuilt:
         return
     for path, _ in table.choices:
-        found, through = parse(path), nested(path)
-        name = through[0] if through is not None else next(iter(found.components), None) if found is not None else None
+        choice, through = parse(path), nested(path)
+        name = through[0] if through is not None else next(iter(choice.components), None) if choice is not None else None
         if name is not None and name not in known:
             context.say_of_option(
                 path, f"`{table.spec.name}` has no component `{name}`", did_you_mean(name, table.spec.components, what="components"),
@@ -196,4 +196,4 @@ def chosen_files(choices: Mapping[str, str], document: str) -> list[str]:
 
 def _named(choices: Mapping[str, str], key: str) -> list[str]:
     paths: Iterable[tuple[ChoicePath | None, str]] = ((parse(path), text) for path, text in choices.items())
-    return list(dict.fromkeys(text for found, text in paths if found is not None and found.key == key))
+    return list(dict.fromkeys(text for choice, text in paths if choice is not None and choice.key == key))

@@ -110,9 +110,9 @@ def _given(context: Context, node: Node, relative: str, spec: AssemblySpec) -> d
     scope, path = node.scope, (*node.path, "parameters")
     values: dict[str, Found] = {}
     for name, raw in node.spec.parameters.items():
-        found = scope.value(raw, (*path, name))
-        if found is not None:
-            values[name] = found
+        value = scope.value(raw, (*path, name))
+        if value is not None:
+            values[name] = value
 
     def complain(name: str, code: Code, message: str, *, help: str | None = None, notes: Iterable[Note] = ()) -> None:
         scope.error(code, message, (*path, name), help=help, notes=notes, key=code is Code.UNKNOWN_PARAMETER)

@@ -41,8 +41,8 @@ def _said(scope: Scope, layers: Layers, key: str, coordinate: Dimension) -> tupl
 def _of_others(scope: Scope, raw: Any, path: Path, key: str, coordinate: Dimension) -> bool:
     """Whether a value is one for turns where the joint slides, or the other way round."""
     own, other = (TURN, SLIDE) if coordinate == ANGLE else (SLIDE, TURN)
-    found = scope.value(raw, path)
-    return isinstance(found, Quantity) and not found.fits(own[key]) and found.fits(other[key])
+    value = scope.value(raw, path)
+    return isinstance(value, Quantity) and not value.fits(own[key]) and value.fits(other[key])
 
 
 def _values(
@@ -175,7 +175,7 @@ def _drives_of_ball(table: Table, item: Unrolled[JointSpec]) -> dict[int, Drive]
             help="write for example `[{axis: [1, 0, 0], kind: motor, effort: 2 N*m}]`",
         )
         return {}
-    found: dict[int, Drive] = {}
+    drives: dict[int, Drive] = {}
     for number, spec in enumerate(written):
         if not isinstance(spec, DriveSpec) or spec.axis is None:
             scope.error(
@@ -194,13 +194,13 @@ def _drives_of_ball(table: Table, item: Unrolled[JointSpec]) -> dict[int, Drive]
         axis = scope.vector(spec.axis, place, NUMBER, f"the axis of drive {number} of joint `{name}`")
         size = 0.0 if axis is None else math.hypot(*axis)
         if size > 0.0 and axis is not None and drive is not None:
-            found[number] = replace(drive, axis=(axis[0] / size, axis[1] / size, axis[2] / size))
+            drives[number] = replace(drive, axis=(axis[0] / size, axis[1] / size, axis[2] / size))
         elif axis is not None and size == 0.0:
             scope.error(
                 Code.DRIVE, f"the axis of drive {number} of joint `{name}` is 0 long: it has no direction", place,
                 help="write for example `[1, 0, 0]`",
             )
-    return found
+    return drives
 
 
 def _joint(
@@ -393,10 +393,10 @@ def _drive(table: Table, scope: Scope, name: str, coordinate: Dimension, said: t
             help=f"write `{{kind: {kind}{gain}}}`",
         )
         return None
-    found = references.component(table, scope, spec, path)
-    if found is None:
+    component = references.component(table, scope, spec, path)
+    if component is None:
         return None
-    reference, node = found
+    reference, node = component
     if node.frame or node.spec.assembly is not None:
         what = "a frame" if node.frame else "an assembly"
         scope.error(

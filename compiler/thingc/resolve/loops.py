@@ -21,7 +21,7 @@ def holds(table: Table, scope: Scope, layers: Layers) -> tuple[Hold, ...]:
     for model, path in reversed(layers.items):
         for text, said in (getattr(model, "hold", None) or {}).items():
             merged[text] = (said, (*path, "hold", text))
-    found: list[Hold] = []
+    held: list[Hold] = []
     for text, (said, path) in merged.items():
         reference = references.root(table, scope, text, path, key=True)
         pose, turns = None, False
@@ -31,8 +31,8 @@ def holds(table: Table, scope: Scope, layers: Layers) -> tuple[Hold, ...]:
             if said.at is None and pose is None:
                 continue
         if reference is not None:
-            found.append(Hold(mount=reference, pose=pose, origin=scope.origin(path, key=True), turns=turns))
-    return tuple(found)
+            held.append(Hold(mount=reference, pose=pose, origin=scope.origin(path, key=True), turns=turns))
+    return tuple(held)
 
 
 def cuts(table: Table, scope: Scope, layers: Layers) -> tuple[Cut, ...]:

@@ -77,15 +77,15 @@ def of_document(context: Context, document: Document) -> dict[str, Material | No
 
 def _read(scope: Scope, specs: Mapping[str, MaterialSpec]) -> dict[str, Material | None]:
     """The materials of one document, those that validation has left out with a stand-in for their density."""
-    found: dict[str, Material | None] = {
+    materials: dict[str, Material | None] = {
         name: material(scope, name, entry, ("materials", name)) for name, entry in specs.items()
     }
     for name in scope.doubts.names("materials"):
-        found.setdefault(name, Material(
+        materials.setdefault(name, Material(
             name=name, density=_STAND_IN, color=None, slide=None, torsion=None, roll=None, process=None,
             origin=scope.origin(("materials", name), key=True),
         ))
-    return found
+    return materials
 
 
 def material(scope: Scope, name: str, spec: MaterialSpec, path: Path) -> Material:
@@ -170,8 +170,8 @@ _BASE = re.compile(r"bd_materials:(.*)")
 
 def _library(scope: Scope, text: str, path: Path) -> tuple[float, str | None] | None:
     """Density [kg/m^3] and colour of `bd_materials:NAME`; None where there is none (reported). Imports the library."""
-    found = _BASE.fullmatch(text.strip())
-    if found is None:
+    match = _BASE.fullmatch(text.strip())
+    if match is None:
         scope.error(
             Code.REFERENCE, f"a library material is written `bd_materials:NAME`, found `{shortened(text)}`", path,
             help=f"write for example `bd_materials:{shortened(text.strip().rpartition(':')[2]) or 'abs'}`",
@@ -183,7 +183,7 @@ def _library(scope: Scope, text: str, path: Path) -> tuple[float, str | None] | 
         scope.error(Code.LIBRARY, f"`{shortened(text)}` needs the package `bd_materials`, which is not installed", path,
                     help="install it, or write `density` and `color` instead of `base`")
         return None
-    name = found.group(1).strip()
+    name = match.group(1).strip()
     try:
         known = bd_materials.resolve(name)
     except ValueError:

@@ -25,9 +25,9 @@ def mimics(table: Table, items: Iterable[Unrolled[JointSpec]]) -> None:
         own = [joint for joint in table.joints.values() if joint is not None and joint.name.joint == item.name]
         for number, joint in enumerate(own):
             said = Layers(((item.spec, item.path),)).pick("mimic", None if len(own) == 1 else number)
-            found = _mimic(table, replace(item, name=joint.name), joint, *said) if said is not None else None
-            if found is not None:
-                table.joints[joint.name] = replace(joint, mimic=found)
+            mimic = _mimic(table, replace(item, name=joint.name), joint, *said) if said is not None else None
+            if mimic is not None:
+                table.joints[joint.name] = replace(joint, mimic=mimic)
     _break_cycles(table, {name: item for item in items for name, joint in table.joints.items() if joint and joint.name.joint == item.name})
 
 

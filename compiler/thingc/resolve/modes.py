@@ -46,9 +46,9 @@ def modes(table: Table, scope: Scope) -> tuple[Mode, ...]:
     made: list[Mode] = []
     for name in spec.modes:
         layers = _layers(scope, spec.modes, name, circular)
-        found = _mode(table, scope, name, layers)
-        if found is not None:
-            made.append(found)
+        mode = _mode(table, scope, name, layers)
+        if mode is not None:
+            made.append(mode)
     return tuple(made)
 
 
@@ -191,8 +191,8 @@ def _gravity(scope: Scope, layers: Layers) -> tuple[Vector, Origin]:
         return GRAVITY["floor"], ()
     if isinstance(said[0], str):
         return GRAVITY[said[0]], ()
-    found = scope.vector(*said, ACCELERATION, "`gravity`")
-    return (GRAVITY["floor"], ()) if found is None else (found, scope.origin(said[1]))
+    gravity = scope.vector(*said, ACCELERATION, "`gravity`")
+    return (GRAVITY["floor"], ()) if gravity is None else (gravity, scope.origin(said[1]))
 
 
 def _pose(table: Table, scope: Scope, layers: Layers) -> str | None:
@@ -213,7 +213,7 @@ def _poses(table: Table, scope: Scope, layers: Layers) -> tuple[str, ...]:
     if said is None:
         return tuple(table.poses)
     names, path = said
-    found: list[str] = []
+    poses: list[str] = []
     for index, name in enumerate(names):
         if name not in table.poses and scope.doubts.lacks("poses"):
             continue
@@ -222,9 +222,9 @@ def _poses(table: Table, scope: Scope, layers: Layers) -> tuple[str, ...]:
                 Code.UNKNOWN_POSE, f"there is no pose `{name}`", (*path, index),
                 help=suggested(name, table.poses, what="poses"),
             )
-        elif name not in found:
-            found.append(name)
-    return tuple(found)
+        elif name not in poses:
+            poses.append(name)
+    return tuple(poses)
 
 
 def _actuators(table: Table, scope: Scope, layers: Layers) -> tuple[str, ...] | None:
@@ -295,8 +295,8 @@ def _exclude(table: Table, scope: Scope, contacts: Layers) -> tuple[tuple[Refere
 def components_fitting(table: Table, scope: Scope, text: str, path: Path) -> list[str]:
     """The components that a name or pattern fits."""
     if not GLOB.search(text):
-        found = references.component(table, scope, text, path)
-        return [".".join(found[0].path)] if found is not None else []
+        component = references.component(table, scope, text, path)
+        return [".".join(component[0].path)] if component is not None else []
     names = [name for name, _ in references.matching(table, text)]
     if not names and not table.unbuilt:
         scope.error(
@@ -311,13 +311,13 @@ def _adhesion(table: Table, scope: Scope, contacts: Layers) -> tuple[tuple[Refer
     for model, path in reversed(contacts.items):
         for text, raw in getattr(model, "adhesion", {}).items():
             merged[text] = (raw, (*path, "adhesion", text))
-    found: list[tuple[Reference, float]] = []
+    forces: list[tuple[Reference, float]] = []
     for text, (raw, path) in merged.items():
         reference = references.shown_mount(table, scope, text, path, key=True)
         force = scope.number(raw, path, FORCE, "an adhesion", above=0.0)
         if reference is not None and force is not None:
-            found.append((reference, force))
-    return tuple(found)
+            forces.append((reference, force))
+    return tuple(forces)
 
 
 def simulation(scope: Scope, layers: Layers) -> dict[str, float | str]:

@@ -55,11 +55,11 @@ def worked_out(
         if isinstance(raw, Expression) and any(use.name not in spec.parameters for use in raw.names):
             names = {other: values.get(other, False) for other in spec.parameters if other != name}  # to be suggested for the unknown name
         scope = Scope(document=document, report=report, names=names, broken=broken, doubts=doubts)
-        found = scope.value(raw, path)
-        if found is None:
+        value = scope.value(raw, path)
+        if value is None:
             broken.add(name)
         else:
-            values[name] = found
+            values[name] = value
 
     for first in spec.parameters:
         open_: dict[str, Iterator[str]] = {first: _used(own(first)[0], spec)}  # a stack, so that long chains need no deep one
@@ -113,7 +113,7 @@ def fitting(
     table = declared(context, document, spec)
     scope = context.scope(document, table.values, table.broken)
     sound: dict[str, Found] = {}
-    for name, found in given.items():
+    for name, value in given.items():
         if name not in spec.parameters:
             if context.doubts(document).lacks("parameters"):
                 continue
@@ -127,11 +127,11 @@ def fitting(
         if own is None:
             continue
         note = [Note(message=f"`{name}` is declared here", span=document.span(("parameters", name), key=True))]
-        if not _same_kind(own, found, scope, spec, name):
-            _complain_kind(name, own, found, what, complain, note, names)
+        if not _same_kind(own, value, scope, spec, name):
+            _complain_kind(name, own, value, what, complain, note, names)
             continue
-        if _within(scope, spec, name, found, complain):
-            sound[name] = found
+        if _within(scope, spec, name, value, complain):
+            sound[name] = value
     return sound
 
 
@@ -165,9 +165,9 @@ def _bounds(scope: Scope, spec: AssemblySpec, name: str) -> dict[str, Quantity]:
     if isinstance(entry, ParameterSpec):
         for key in ("min", "max"):
             raw = getattr(entry, key)
-            found = scope.value(raw, ("parameters", name, key)) if raw is not None else None
-            if isinstance(found, Quantity):
-                bounds[key] = found
+            bound = scope.value(raw, ("parameters", name, key)) if raw is not None else None
+            if isinstance(bound, Quantity):
+                bounds[key] = bound
     return bounds
 
 
@@ -229,10 +229,10 @@ def _own_within(scope: Scope, spec: AssemblySpec, name: str, value: Found) -> No
     bounds = _bounds(scope, spec, name)
     for key in ("min", "max"):
         raw = getattr(entry, key) if isinstance(entry, ParameterSpec) else None
-        found = scope.value(raw, (*path, key)) if raw is not None else None
-        if found is not None and not isinstance(found, Quantity):
+        bound = scope.value(raw, (*path, key)) if raw is not None else None
+        if bound is not None and not isinstance(bound, Quantity):
             at = (*path, key)
-            message, help = dimension_message(found, (value.dimension,), f"`{key}` of parameter `{name}`", scope.written(at))
+            message, help = dimension_message(bound, (value.dimension,), f"`{key}` of parameter `{name}`", scope.written(at))
             scope.error(Code.VALUE_KIND, message, at, help=help, notes=scope.beside(f"`{name}` is set here", (*path, "value"), at))
     for key, bound in list(bounds.items()):
         if not bound.fits(value.dimension) and not value.fits(bound.dimension):
@@ -271,12 +271,12 @@ def from_command_line(
     expressions: dict[str, Expression] = {}
     for name, text in texts.items():
         try:
-            found = _read(text, table.values.get(name))
+            value = _read(text, table.values.get(name))
         except (UnitError, ExpressionError) as error:
             complain(name, Code.PARAMETER_OPTION, f"parameter `{name}`: {error.message}", help=error.help)
             continue
-        if isinstance(found, Expression):
-            unknown = next((use.name for use in found.names if use.name not in spec.parameters), None)
+        if isinstance(value, Expression):
+            unknown = next((use.name for use in value.names if use.name not in spec.parameters), None)
             if unknown is not None and context.doubts(document).lacks("parameters"):
                 continue
             if unknown is not None:
@@ -285,9 +285,9 @@ def from_command_line(
                     help=did_you_mean(unknown, spec.parameters, what="parameters"),
                 )
                 continue
-            expressions[name] = found
+            expressions[name] = value
         else:
-            given[name] = found
+            given[name] = value
     sound: dict[str, Found | Expression] = dict(fitting(context, document, spec, given, f"`{spec.name}`", complain))
     if expressions:
         # What they come to depends on the other options: work everything out quietly, then judge the results.

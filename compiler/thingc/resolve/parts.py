@@ -86,12 +86,12 @@ def _given(node: Node, schema: PartSchema) -> dict[str, Value] | None:
             )
             sound = False
             continue
-        found = scope.value(raw, (*path, name))
-        value = None if found is None else _checked(scope, schema, parameter, found, (*path, name))
-        if value is None:
+        value = scope.value(raw, (*path, name))
+        canonical = None if value is None else _checked(scope, schema, parameter, value, (*path, name))
+        if canonical is None:
             sound = False
         else:
-            values[name] = value
+            values[name] = canonical
     missing = [parameter for parameter in schema.parameters if parameter.required and parameter.name not in node.spec.params]
     if missing and not scope.doubts.touch(path):
         named = " and ".join(f"`{parameter.name}`" for parameter in missing)

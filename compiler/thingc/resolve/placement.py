@@ -18,7 +18,7 @@ Places = dict[str, list[tuple[str, Span]]]
 
 def own_placements(context: Context, table: Table, places: Places) -> dict[str, Attach | At | None]:
     """The placements that components write themselves; those that are wrong are reported and leave the component unplaced."""
-    found: dict[str, Attach | At | None] = {}
+    placements: dict[str, Attach | At | None] = {}
     there = context.there(table)
     for node in table.nodes.values():
         if node.spec.attach is None and node.spec.at is None:
@@ -26,12 +26,12 @@ def own_placements(context: Context, table: Table, places: Places) -> dict[str, 
         key = "attach" if node.spec.attach is not None else "at"
         place = ("placement", table.document.relative, *context.route, node.name)
         stated = (context.values(node.scope, f"{key} {node.name}", getattr(node.spec, key)), there)
-        made: Attach | At | None = context.sound(place, stated, partial(_attach if key == "attach" else _at, table, node))
+        placement: Attach | At | None = context.sound(place, stated, partial(_attach if key == "attach" else _at, table, node))
         places.setdefault(node.name, []).append((f"`{key}`", node.scope.span((*node.path, key), key=True)))
-        found[node.name] = made
-        if made is None:
+        placements[node.name] = placement
+        if placement is None:
             node.unplaced = True
-    return found
+    return placements
 
 
 def _attach(table: Table, node: Node) -> Attach | None:

@@ -109,15 +109,15 @@ def _turn_ball(scope: Scope, key: str, names: list[CoordinateName], ball: Joint,
 def _stand_ins(known: Joints, origin: Origin) -> Settings:
     """Values for the joints whose limits exclude 0, where something in a pose was wrong and has been reported: what was
     meant for them may be missing, and that they are not at 0 would be said in vain. Nothing is built with them."""
-    found: Settings = {}
+    settings: Settings = {}
     for name, joint in known.items():
         if joint is None or not _movable(joint):
             continue
         if joint.limit.lower is not None and joint.limit.lower > 0.0:
-            found[name.path] = (joint.limit.lower, origin)
+            settings[name.path] = (joint.limit.lower, origin)
         elif joint.limit.upper is not None and joint.limit.upper < 0.0:
-            found[name.path] = (joint.limit.upper, origin)
-    return found
+            settings[name.path] = (joint.limit.upper, origin)
+    return settings
 
 
 def _set(scope: Scope, known: Joints, names: list[CoordinateName], raw: Any, path: Path, into: Settings, *, exact: bool) -> None:
@@ -246,12 +246,12 @@ def _use(table: Table, scope: Scope, key: str, pose: str, path: Path, into: Sett
                     help=suggested(pose, inner.spec.poses, what="poses"), notes=references.defined(inner),
                 )
             continue
-        found = inner.poses.get(pose)
-        if found is None:
+        inner_pose = inner.poses.get(pose)
+        if inner_pose is None:
             continue
         prefix = name.replace(".", "/")
-        for joint, q in found.values.items():
-            into[f"{prefix}/{joint}"] = (q, (*found.origins[joint], *scope.origin(path)))
+        for joint, q in inner_pose.values.items():
+            into[f"{prefix}/{joint}"] = (q, (*inner_pose.origins[joint], *scope.origin(path)))
 
 
 def _report_unknown(table: Table, scope: Scope, known: Joints, key: str, path: Path) -> None:

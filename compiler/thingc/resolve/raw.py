@@ -20,7 +20,7 @@ _LATER = ("sdf", "urdf", "usd")
 
 def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:
     """Every attribute under `raw:`, in document order; those of an unknown target and those that are not to be set are reported."""
-    found: list[RawAttribute] = []
+    flattened: list[RawAttribute] = []
     for target, attributes in written.items():
         path: Path = ("raw", target)
         if target not in TARGETS:
@@ -41,8 +41,8 @@ def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:
                 help=f"write for example `{target}: {{joint: {{yaw: {{solreflimit: 0.01 1}}}}}}`",
             )
             continue
-        found.extend(_flattened(scope, target, attributes, path, ()))
-    return tuple(found)
+        flattened.extend(_flattened(scope, target, attributes, path, ()))
+    return tuple(flattened)
 
 
 def _flattened(scope: Scope, target: str, node: Any, path: Path, keys: tuple[str, ...]) -> Iterator[RawAttribute]:

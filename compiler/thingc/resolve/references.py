@@ -227,11 +227,11 @@ def _descend(table: Table, scope: Scope, parts: tuple[str, ...], path: Path, key
             if node is not None and not node.unsound:
                 _report_leaf(node, scope, parts, depth, path, key)
             return None
-        found = inner.nodes.get(part)
-        if found is None:
+        child = inner.nodes.get(part)
+        if child is None:
             _report_component(table, inner, scope, parts, depth, path, key)
             return None
-        node, inner = found, found.table
+        node, inner = child, child.table
         if node.unsound and inner is None and node.spec.assembly is not None:
             return node if depth == len(parts) - 1 else None
     return node

@@ -137,25 +137,25 @@ class Scope:
         `what` names the field for messages with its article or name: "the mass", "`limit.lower` of joint `yaw`"; `notes`
         show where it is said that the dimension is this one.
         """
-        found = self.value(raw, path)
-        if found is None:
+        quantity = self.value(raw, path)
+        if quantity is None:
             return None
         dimensions = dimension if isinstance(dimension, tuple) else (dimension,)
-        if not isinstance(found, Quantity) or not any(found.fits(one) for one in dimensions):
-            self.wrong_dimension(found, dimensions, what, path, notes)
+        if not isinstance(quantity, Quantity) or not any(quantity.fits(one) for one in dimensions):
+            self.wrong_dimension(quantity, dimensions, what, path, notes)
             return None
-        value = found.value + 0.0
+        value = quantity.value + 0.0
         rule = None
         if above is not None and not value > above:
-            rule = f"above {Quantity(above, found.dimension)}" if above else "above 0"
+            rule = f"above {Quantity(above, quantity.dimension)}" if above else "above 0"
         elif least is not None and most is not None and not least <= value <= most:
-            rule = f"between {_bound(least, found.dimension)} and {_bound(most, found.dimension)}"
+            rule = f"between {_bound(least, quantity.dimension)} and {_bound(most, quantity.dimension)}"
         elif least is not None and not value >= least:
-            rule = f"at least {_bound(least, found.dimension)}"
+            rule = f"at least {_bound(least, quantity.dimension)}"
         elif most is not None and not value <= most:
-            rule = f"at most {_bound(most, found.dimension)}"
+            rule = f"at most {_bound(most, quantity.dimension)}"
         if rule is not None:
-            self.error(Code.OUT_OF_RANGE, f"{what} must be {rule}, found {self.shown(found, path)}", path)
+            self.error(Code.OUT_OF_RANGE, f"{what} must be {rule}, found {self.shown(quantity, path)}", path)
             return None
         return value
 

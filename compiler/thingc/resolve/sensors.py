@@ -40,8 +40,8 @@ def _fovy(scope: Scope, name: str, spec: SensorSpec, path: Path) -> float | None
         return FOVY
     fovy = scope.number(spec.fovy, (*path, "fovy"), ANGLE, f"`fovy` of camera `{name}`", above=0.0)
     if fovy is not None and fovy >= math.pi:
-        found = scope.shown(Quantity(fovy, ANGLE), (*path, "fovy"))
-        scope.error(Code.OUT_OF_RANGE, f"`fovy` of camera `{name}` must be below 180 deg, found {found}", (*path, "fovy"))
+        shown = scope.shown(Quantity(fovy, ANGLE), (*path, "fovy"))
+        scope.error(Code.OUT_OF_RANGE, f"`fovy` of camera `{name}` must be below 180 deg, found {shown}", (*path, "fovy"))
         return None
     return fovy
 

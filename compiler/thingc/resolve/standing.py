@@ -34,18 +34,18 @@ def standing(table: Table, scope: Scope, name: str, layers: Layers, base: BaseTy
         if written.friction is not None:
             friction = scope.number(written.friction, (*path, "friction"), NUMBER, "the friction", least=0.0)
         path = (*path, "mounts")
-    found: dict[tuple[tuple[str, ...], str | None], Reference] = {}
+    mounts: dict[tuple[tuple[str, ...], str | None], Reference] = {}
     for index, text in enumerate(texts):
         for reference in mounts_fitting(table, scope, text, (*path, index)):
-            found.setdefault((reference.path, reference.mount), reference)
-    return Standing(mounts=tuple(found.values()), friction=friction, origin=scope.origin(path))
+            mounts.setdefault((reference.path, reference.mount), reference)
+    return Standing(mounts=tuple(mounts.values()), friction=friction, origin=scope.origin(path))
 
 
 def mounts_fitting(table: Table, scope: Scope, text: str, path: Path) -> list[Reference]:
     """The mounts that a name or pattern fits: those that the document exports by their names, else `components.mount`."""
     if not GLOB.search(text):
-        found = references.shown_mount(table, scope, text, path)
-        return [found] if found is not None else []
+        reference = references.shown_mount(table, scope, text, path)
+        return [reference] if reference is not None else []
     components, _, mount = text.rpartition(".")
     fitting = [f"{name}.{mount}" for name, _ in references.matching(table, components)]
     if not fitting and not table.unbuilt:

@@ -233,16 +233,16 @@ class Context:
 
 def names_in(*models: object) -> tuple[str, ...]:
     """The names that expressions anywhere in these models use: all that what is made of them depends on besides."""
-    found: set[str] = set()
+    names: set[str] = set()
     waiting = list(models)
     while waiting:
         value = waiting.pop()
         if isinstance(value, Expression):
-            found.update(use.name for use in value.names)
+            names.update(use.name for use in value.names)
         elif isinstance(value, BaseModel):
             waiting.extend(vars(value).values())
         elif isinstance(value, Mapping):
             waiting.extend(value.values())
         elif isinstance(value, (list, tuple)):
             waiting.extend(value)
-    return tuple(sorted(found))
+    return tuple(sorted(names))

@@ -34,9 +34,9 @@ def tests(context: Context, table: Table, scope: Scope, modes: Sequence[Mode]) -
     for name, written in table.spec.tests.items():
         limits = [joint and joint.limit for joint in table.joints.values()] if kinds()[written.kind].of_limits else None
         stated = (written, context.values(scope, f"tests {name}", written), modes, limits, *around)
-        found = context.sound(("test", name), stated, partial(_test, table, scope, by_name, name, written))
-        if found is not None:
-            yield found
+        test = context.sound(("test", name), stated, partial(_test, table, scope, by_name, name, written))
+        if test is not None:
+            yield test
 
 
 def _test(table: Table, scope: Scope, modes: Mapping[str, Mode], name: str, written: TestSpec) -> Test | None:
@@ -107,9 +107,9 @@ class Reader:
 
     def vector(self, raw: Any, key: str, dimension: Dimension) -> Vector | None:
         """Three SI values; None where one was wrong (reported)."""
-        found = self.scope.vector(raw, self.at(key), dimension, f"`{key}`")
-        self.sound = self.sound and found is not None
-        return found
+        vector = self.scope.vector(raw, self.at(key), dimension, f"`{key}`")
+        self.sound = self.sound and vector is not None
+        return vector
 
     def interval(self, said: Sequence[Any], key: Path, dimension: Dimension, what: str) -> tuple[float, float]:
         """Two values in order."""
@@ -139,9 +139,9 @@ class Reader:
         """A mount of a component, or one that the document exports."""
         if text is None:
             return None
-        found = references.shown_mount(self.table, self.scope, text, self.at(key))
-        self.sound = self.sound and found is not None
-        return found
+        mount = references.shown_mount(self.table, self.scope, text, self.at(key))
+        self.sound = self.sound and mount is not None
+        return mount
 
     def components(self, text: str | None, key: Key) -> tuple[Reference, ...]:
         """The components that a name or pattern fits."""
@@ -154,9 +154,9 @@ class Reader:
 
     def drives(self, said: str | list[str], key: Key) -> tuple[str, ...]:
         """The paths of the driven joints that names and patterns fit."""
-        found = driven(self.table, self.scope, _each(said, self.at(key)))
-        self.sound = self.sound and bool(found)
-        return found
+        paths = driven(self.table, self.scope, _each(said, self.at(key)))
+        self.sound = self.sound and bool(paths)
+        return paths
 
     def choose(self, written: Any) -> None:
         """The modes and poses that a test is run in, if it is run in any."""
@@ -185,10 +185,10 @@ class Reader:
     def _named(self, said: str | list[str], path: Path, known: Sequence[str], section: str, code: Code) -> tuple[str, ...]:
         """The names of a section that names and patterns fit, in its order."""
         what = section.removesuffix("s")
-        found: set[str] = set()
+        names: set[str] = set()
         for text, at in _each(said, path):
             fitting = [text] if text in known else [name for name in known if text == ALL or fnmatchcase(name, text)]
-            found.update(fitting)
+            names.update(fitting)
             if fitting:
                 continue
             self.sound = False
@@ -199,7 +199,7 @@ class Reader:
                 self.scope.error(Code.NO_MATCH, f"pattern `{text}` fits no {what}", at, help=help)
             else:
                 self.scope.error(code, f"there is no {what} `{text}`", at, help=help)
-        return tuple(name for name in known if name in found)
+        return tuple(name for name in known if name in names)
 
     def ranges(self, said: dict[str, Any], key: str) -> Iterator[JointRange]:
         """The joints of a sweep and how far each goes; an exact name goes before a pattern."""
