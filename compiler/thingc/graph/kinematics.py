@@ -44,7 +44,7 @@ def leaders(joints: Iterable[JointEdge]) -> dict[str, tuple[str, float, float]]:
     """Of every joint, by path in the order of `joints`: the one that it follows in the end (itself, where it mimics none), and
     the multiplier and offset [rad or m] by which, q = offset + multiplier q(leader)."""
     by_path = {joint.path: joint for joint in joints}
-    found: dict[str, tuple[str, float, float]] = {}
+    followed: dict[str, tuple[str, float, float]] = {}
     for path, joint in by_path.items():
         leader, multiplier, offset, mimic = path, 1.0, 0.0, joint.mimic
         met = [path]
@@ -54,8 +54,8 @@ def leaders(joints: Iterable[JointEdge]) -> dict[str, tuple[str, float, float]]:
             leader = mimic.joint.path
             met.append(leader)
             mimic = by_path[leader].mimic
-        found[path] = leader, multiplier, offset
-    return found
+        followed[path] = leader, multiplier, offset
+    return followed
 
 
 def across(mate: Mate, q: Mapping[str, float]) -> Pose:
@@ -74,13 +74,13 @@ def balls(joints: Iterable[JointEdge]) -> Iterator[tuple[JointEdge, ...]]:
 
 def in_cones(balls: Iterable[tuple[JointEdge, ...]], q: Mapping[str, float]) -> dict[str, float]:
     """The coordinates of balls [rad] by path: within half a turn, and where they leave the cone of theirs the nearest within it."""
-    found: dict[str, float] = {}
+    angles: dict[str, float] = {}
     for ball in balls:
         x, y, z = within_turn((q[ball[0].path], q[ball[1].path], q[ball[2].path]))
         cone, angle = ball[0].limit.cone, math.hypot(x, y, z)
         scale = cone / angle if cone is not None and angle > cone else 1.0
-        found.update({ball[0].path: scale * x, ball[1].path: scale * y, ball[2].path: scale * z})
-    return found
+        angles.update({ball[0].path: scale * x, ball[1].path: scale * y, ball[2].path: scale * z})
+    return angles
 
 
 def neighbourhood(count: int, mates: Sequence[Mate]) -> list[list[int]]:
@@ -115,9 +115,9 @@ def on_loops(count: int, mates: Sequence[Mate]) -> frozenset[str]:
                 if there not in above:
                     above[there] = (here, number, above[here][2] + 1)
                     waiting.append(there)
-    found: set[str] = set()
+    paths: set[str] = set()
     for mate in closing:
-        found.update(joint.path for joint in mate.joints)
+        paths.update(joint.path for joint in mate.joints)
         one, other = mate.parent, mate.child
         while one != other:
             if above[one][2] < above[other][2]:
@@ -125,8 +125,8 @@ def on_loops(count: int, mates: Sequence[Mate]) -> frozenset[str]:
             one, number, _ = above[one]
             if number < 0:
                 break
-            found.update(joint.path for joint in mates[number].joints)
-    return frozenset(found)
+            paths.update(joint.path for joint in mates[number].joints)
+    return frozenset(paths)
 
 
 def forward_kinematics(

@@ -71,14 +71,14 @@ def links_of(
             at = forward_kinematics(mates, neighbours, frame, NO_POSE, {}, rigid=True)
             return tuple(at[k] for k in inside)
 
-        found = memo(("poses", name), lie, rigid, frame, tuple(inside))
+        poses = memo(("poses", name), lie, rigid, frame, tuple(inside))
         link = memo.same(("link", name), Link(
             name=name,
             index=index,
             frame=frame,
             members=tuple(inside),
-            poses=found,
-            properties=memo(("weight", name), _summed, tuple(occurrences[k].properties for k in inside), found),
+            poses=poses,
+            properties=memo(("weight", name), _summed, tuple(occurrences[k].properties for k in inside), poses),
             origin=naming.origin if naming is not None else first.origin,
         ))
         other = taken.setdefault(link.name, link)

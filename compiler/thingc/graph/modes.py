@@ -28,10 +28,10 @@ def exported_of(tree: Tree, findings: Findings) -> tuple[ExportedMount, ...]:
     exported: list[ExportedMount] = []
     for instance, definition in tree.assemblies:
         for name, reference in definition.mounts.items():
-            found = tree.find(instance, reference)
-            if found is not None:
+            mount = tree.find(instance, reference)
+            if mount is not None:
                 exported.append(ExportedMount(
-                    path=instance.within(name), occurrence=found.occurrence, mount=found.mount,
+                    path=instance.within(name), occurrence=mount.occurrence, mount=mount.mount,
                     origin=reference.origin + instance.origin,
                 ))
     return tuple(exported)
@@ -68,12 +68,12 @@ def _mode(tree: Tree, mode: Mode, link_of: Sequence[int], findings: Findings) ->
 
 def _root(tree: Tree, reference: Reference) -> RootChoice | None:
     """`body` and `body.origin` are a component root, anything else with a mount is a mount root."""
-    found = tree.find(tree.top, reference)
-    if found is None:
+    mount = tree.find(tree.top, reference)
+    if mount is None:
         return None
     if reference.mount in (None, "origin"):
-        return RootChoice(occurrence=found.occurrence, mount=None, path="/".join((*reference.path, "origin")))
-    return RootChoice(occurrence=found.occurrence, mount=found.mount, path=_path(reference))
+        return RootChoice(occurrence=mount.occurrence, mount=None, path="/".join((*reference.path, "origin")))
+    return RootChoice(occurrence=mount.occurrence, mount=mount.mount, path=_path(reference))
 
 
 def _holds(tree: Tree, mode: Mode, findings: Findings) -> Iterator[LinkedHold]:
@@ -83,15 +83,15 @@ def _holds(tree: Tree, mode: Mode, findings: Findings) -> Iterator[LinkedHold]:
         choice = _root(tree, hold.mount)
         if choice is None:
             continue
-        found = LinkedHold(mount=choice, pose=hold.pose, origin=hold.origin, turns=hold.turns)
-        other = met.setdefault((choice.occurrence, choice.mount or "origin"), found)
-        if other is not found:
+        linked = LinkedHold(mount=choice, pose=hold.pose, origin=hold.origin, turns=hold.turns)
+        other = met.setdefault((choice.occurrence, choice.mount or "origin"), linked)
+        if other is not linked:
             findings.error(
                 Code.HOLD, f"mode `{mode.name}` holds `{choice.path}` twice", hold.origin, path=choice.path,
                 help="keep one of the two", notes=noted("the other one is here", other.origin),
             )
             continue
-        yield found
+        yield linked
 
 
 def _feet(tree: Tree, mode: Mode, findings: Findings) -> Iterator[Foot]:
@@ -120,20 +120,20 @@ def _feet(tree: Tree, mode: Mode, findings: Findings) -> Iterator[Foot]:
 
 def sensors_of(tree: Tree) -> tuple[LinkedSensor, ...]:
     """Every sensor of every document, an assembly's before those of what is nested in it."""
-    found: list[LinkedSensor] = []
+    sensors: list[LinkedSensor] = []
     for instance, definition in tree.assemblies:
         for sensor in definition.sensors:
-            there = tree.find(instance, sensor.mount) if sensor.mount is not None else None
-            if sensor.mount is not None and there is None:
+            mount = tree.find(instance, sensor.mount) if sensor.mount is not None else None
+            if sensor.mount is not None and mount is None:
                 continue
-            found.append(LinkedSensor(
+            sensors.append(LinkedSensor(
                 path=instance.within(sensor.name), kind=sensor.kind,
                 site=instance.within(_path(sensor.mount)) if sensor.mount is not None else None,
-                occurrence=there.occurrence if there is not None else None, mount=there.mount if there is not None else None,
+                occurrence=mount.occurrence if mount is not None else None, mount=mount.mount if mount is not None else None,
                 joint=instance.within(sensor.joint) if sensor.joint is not None else None, fovy=sensor.fovy,
                 origin=sensor.origin + instance.origin,
             ))
-    return tuple(found)
+    return tuple(sensors)
 
 
 def _path(reference: Reference) -> str:
@@ -143,8 +143,8 @@ def _path(reference: Reference) -> str:
 def _links_named(tree: Tree, reference: Reference, link_of: Sequence[int]) -> Iterator[int]:
     """The links of a component: of an assembly all that it has part in, through a mount the one that carries it."""
     if reference.mount is not None:
-        found = tree.find(tree.top, reference)
-        return iter(() if found is None else (link_of[found.occurrence],))
+        mount = tree.find(tree.top, reference)
+        return iter(() if mount is None else (link_of[mount.occurrence],))
     place = tree.component(tree.top, reference)
     if place is None:
         return iter(())
@@ -156,26 +156,26 @@ def adhesions_of(tree: Tree, model: AssemblyDefinition) -> tuple[Adhesion, ...]:
     largest: dict[str, Adhesion] = {}
     for mode in model.modes:
         for reference, force in mode.adhesion:
-            found = tree.find(tree.top, reference)
-            if found is None:
+            mount = tree.find(tree.top, reference)
+            if mount is None:
                 continue
             path = _path(reference)
             known = largest.get(path)
             if known is None or force > known.force:
-                largest[path] = Adhesion(path=path, occurrence=found.occurrence, mount=found.mount, force=force)
+                largest[path] = Adhesion(path=path, occurrence=mount.occurrence, mount=mount.mount, force=force)
     return tuple(largest.values())
 
 
 def raw_of(tree: Tree) -> tuple[RawAttribute, ...]:
     """Raw attributes of every document, the names in them made paths of the robot: `yaw` of `hand` is `hand/yaw`."""
-    found: list[RawAttribute] = []
+    attributes: list[RawAttribute] = []
     for instance, definition in tree.assemblies:
         for raw in definition.raw:
             path = raw.path
             if len(path) > 2:  # element, name, attribute; `option` and the like have no name
                 path = (path[0], instance.within(path[1].replace(".", "/")), *path[2:])
-            found.append(replace(raw, path=path, origin=raw.origin + instance.origin))
-    return tuple(found)
+            attributes.append(replace(raw, path=path, origin=raw.origin + instance.origin))
+    return tuple(attributes)
 
 
 def check_poses(

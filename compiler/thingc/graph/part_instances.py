@@ -170,13 +170,13 @@ class PartInstances:
         definition = FRAME
         if isinstance(component.definition, PartDefinition):
             part = component.definition
-            found = self._records.get(part.text)
-            if isinstance(found, PartFailure):
+            answer = self._records.get(part.text)
+            if isinstance(answer, PartFailure):
                 self._failures.setdefault(part.text, []).append((component, path, origin))
                 return None
-            if found is None:
+            if answer is None:
                 return None
-            record = found
+            record = answer
             if not record.exact:  # its numbers are those of a relative: nothing that follows from them is said
                 self._findings.leave_out()
                 self.unknown = True
@@ -363,12 +363,12 @@ class PartInstances:
     def _unsliced(self, component: Component, record: PartRecord | None, process: Process, path: str, origin: Origin) -> None:
         """Say why a part is not estimated by its layers: once of a part, however often it occurs."""
         slicing = slicing_of(process, component.overrides, record) if record is not None else None
-        found = record.slices.get(slicing) if record is not None and slicing is not None else None
-        if record is None or not isinstance(found, Unsliced) or (record.text, found) in self._told:
+        slices = record.slices.get(slicing) if record is not None and slicing is not None else None
+        if record is None or not isinstance(slices, Unsliced) or (record.text, slices) in self._told:
             return
-        self._told.add((record.text, found))
+        self._told.add((record.text, slices))
         self._findings.warn(
-            Code.UNSLICED, f"`{component.name}` (`{component.label}`) cannot be cut into layers: it {found.reason}; its mass is estimated "
+            Code.UNSLICED, f"`{component.name}` (`{component.label}`) cannot be cut into layers: it {slices.reason}; its mass is estimated "
             "by its skin", origin, path=path, help="mend the part, or write `process: {estimate: skin}` here",
         )
 

@@ -86,9 +86,9 @@ def check_plausible(
 
 def _check_sizes(occurrences: Sequence[Occurrence], findings: Findings) -> bool:
     """Parts that are smaller or larger than parts are, each at the first component that it is; whether there are any."""
-    found: set[str] = set()
+    warned: set[str] = set()
     for one in occurrences:
-        if one.record is None or one.record.box is None or not one.record.exact or one.definition.text in found:
+        if one.record is None or one.record.box is None or not one.record.exact or one.definition.text in warned:
             continue
         low, high = one.record.box
         sides = [above - below for below, above in zip(low, high)]
@@ -100,8 +100,8 @@ def _check_sizes(occurrences: Sequence[Occurrence], findings: Findings) -> bool:
             one.origin, path=one.path, notes=written_at(f"`{one.definition.label}`", one.record.code),
             help=f"{unit_meant(one.component.definition, max(sides))}; {allow_hint(Code.SIZE)}",
         ):
-            found.add(one.definition.text)
-    return bool(found)
+            warned.add(one.definition.text)
+    return bool(warned)
 
 
 def _check_stated(occurrences: Sequence[Occurrence], findings: Findings) -> None:
@@ -296,10 +296,10 @@ def _check_mounts(tree: Tree, mates: Sequence[Mate], findings: Findings) -> None
         for name, reference in definition.mounts.items():
             on = tree.component(instance, reference)
             namesake = tree.shown(on, name) if on is not None else None
-            found = tree.find(instance, reference)
-            if namesake is None or found is None or (namesake.occurrence, namesake.mount) in used:
+            mount = tree.find(instance, reference)
+            if namesake is None or mount is None or (namesake.occurrence, namesake.mount) in used:
                 continue
-            if (namesake.occurrence, namesake.pose) == (found.occurrence, found.pose):
+            if (namesake.occurrence, namesake.pose) == (mount.occurrence, mount.pose):
                 continue
             meant = ".".join((*reference.path, name))
             findings.warn(

@@ -27,7 +27,7 @@ def slicings_of(
 ) -> dict[str, set[Slicing]]:
     """The ways in which parts of a model are cut into layers, by the text of their definition. Equal copies of a part are one;
     a part that is printed in two ways has two."""
-    found: dict[str, set[Slicing]] = {}
+    slicings: dict[str, set[Slicing]] = {}
     waiting, met = [model], {id(model)}
     while waiting:
         scope = waiting.pop()
@@ -44,5 +44,5 @@ def slicings_of(
                 process = process_of(component, material_of(component, record, scope))
                 slicing = slicing_of(process, component.overrides, record)
                 if slicing is not None:
-                    found.setdefault(definition.text, set()).add(slicing)
-    return found
+                    slicings.setdefault(definition.text, set()).add(slicing)
+    return slicings

@@ -15,7 +15,7 @@ from thingc.resolve.model import Reference, Test
 def tests_of(tree: Tree, tests: Sequence[Test], joints: Sequence[JointEdge], findings: Findings) -> tuple[LinkedTest, ...]:
     """The tests whose mounts and components are there; the others have been reported."""
     by_path = {joint.path: joint for joint in joints}
-    found: list[LinkedTest] = []
+    linked: list[LinkedTest] = []
     for test in tests:
         mounts: dict[Reference, MountAt] = {}
         components: dict[Reference, tuple[int, ...]] = {}
@@ -26,17 +26,17 @@ def tests_of(tree: Tree, tests: Sequence[Test], joints: Sequence[JointEdge], fin
                 components[reference] = () if place is None else tuple(leaf.index for leaf in place.leaves() if leaf.index is not None)
                 lacking = lacking or place is None
                 continue
-            there = tree.find(tree.top, reference)
-            if there is None:
+            mount = tree.find(tree.top, reference)
+            if mount is None:
                 lacking = True
             else:
-                mounts[reference] = MountAt(occurrence=there.occurrence, mount=there.mount)
+                mounts[reference] = MountAt(occurrence=mount.occurrence, mount=mount.mount)
         link = kinds()[test.kind].link
         if link is not None:
             link(test, test.check, by_path, findings)
         if not lacking:
-            found.append(LinkedTest(test=test, mounts=mounts, components=components))
-    return tuple(found)
+            linked.append(LinkedTest(test=test, mounts=mounts, components=components))
+    return tuple(linked)
 
 
 def _references(stated: object) -> Iterator[Reference]:

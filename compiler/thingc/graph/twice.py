@@ -105,8 +105,8 @@ LEFT_OUT = frozenset({"text", "code", "own_image", "warnings", "convex", "slices
 
 def differences(first: PartRecord, second: PartRecord) -> list[Difference]:
     """Everything that two records do not agree on, to the last bit; the most telling first."""
-    found = (field.difference(getattr(first, name), getattr(second, name)) for name, field in FIELDS.items())
-    return [difference for difference in found if difference is not None]
+    compared = (field.difference(getattr(first, name), getattr(second, name)) for name, field in FIELDS.items())
+    return [difference for difference in compared if difference is not None]
 
 
 def definitions_of(assembly: Assembly) -> tuple[PartDefinition, ...]:
@@ -130,12 +130,12 @@ def compare(assembly: Assembly, again: Mapping[str, PartRecord | PartFailure], r
             if second.file is not None:
                 notes = [Note(message="in the part file, here", span=line_of(second.file, second.line or 1))]
         else:
-            found = differences(occurrence.record, second)
-            if not found:
+            differing = differences(occurrence.record, second)
+            if not differing:
                 continue
-            words = found[0].words
-            if len(found) > 1:
-                notes.append(Note(message=f"what differs, too: {', '.join(other.name for other in found[1:])}"))
+            words = differing[0].words
+            if len(differing) > 1:
+                notes.append(Note(message=f"what differs, too: {', '.join(other.name for other in differing[1:])}"))
         report.add(
             Code.NOT_TWICE, f"{of} is not the same twice: {words}", occurrence.origin, path=occurrence.path, notes=notes, help=_HELP,
         )

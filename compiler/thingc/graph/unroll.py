@@ -149,25 +149,25 @@ class Tree:
 
     def find(self, instance: Instance, reference: Reference) -> Found | None:
         """The mount that `reference` names, read in the document of `instance`; None where it is wrong (reported)."""
-        found: Found | Instance | _Fault = self._walk(instance, reference.path)
-        if isinstance(found, Instance):
-            found = self._mount(found, reference.mount or "origin", ".".join(reference.path), instance)
-        if isinstance(found, Found):
-            return found
-        self._say(found, reference, instance)
+        place: Found | Instance | _Fault = self._walk(instance, reference.path)
+        if isinstance(place, Instance):
+            place = self._mount(place, reference.mount or "origin", ".".join(reference.path), instance)
+        if isinstance(place, Found):
+            return place
+        self._say(place, reference, instance)
         return None
 
     def shown(self, instance: Instance, name: str) -> Found | None:
         """The mount called `name` that a component shows; None where it has none of that name."""
-        found = self._mount(instance, name, "", self.top)
-        return found if isinstance(found, Found) else None
+        mount = self._mount(instance, name, "", self.top)
+        return mount if isinstance(mount, Found) else None
 
     def component(self, instance: Instance, reference: Reference) -> Instance | None:
         """The component that `reference` names (its mount, if it has one, is not looked at)."""
-        found = self._walk(instance, reference.path)
-        if isinstance(found, Instance):
-            return found
-        self._say(found, reference, instance)
+        place = self._walk(instance, reference.path)
+        if isinstance(place, Instance):
+            return place
+        self._say(place, reference, instance)
         return None
 
     def _say(self, fault: _Fault, reference: Reference, instance: Instance) -> None:
