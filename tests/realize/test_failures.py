@@ -90,12 +90,16 @@ class Annotated(Thing):
     def __init__(self, *many):
         super().__init__()
 
+class Misses(Thing):
+    def result(self):
+        return open(__file__.replace(".py", ".txt"))
+
 not_a_part = 5
 """
 HELPER = "def check(width):\n    if width > 2:\n        raise ValueError(f'{width} mm is too wide')\n"
 NAMES = (
     "Good", "Raises", "RaisesInResult", "Segfaults", "Leaves", "Exits", "Flat", "Nothing", "Number", "Kernel", "Warns", "BadMass",
-    "Recursion",
+    "Recursion", "Misses",
 )
 EXPECTED = {
     # class: kind, message, file, line (None: of no importance)
@@ -111,6 +115,7 @@ EXPECTED = {
     ),
     "Kernel": ("raised", None, "bad.py", 55),
     "BadMass": ("raised", "ValueError: mass() of `BadMass` must be positive, found -1", None, None),
+    "Misses": ("raised", "FileNotFoundError: [Errno 2] No such file or directory: 'parts/bad.txt'", "bad.py", 81),
     "Recursion": ("raised", "RecursionError: maximum recursion depth exceeded", "bad.py", 73),
 }
 

@@ -174,6 +174,37 @@ def test_a_triangle_that_stands_there_twice_counts_once(name: str, change: Any, 
     assert [warning.message for warning in record.warnings] == [f"triangles that stand in it more than once, left out: {count}"]
 
 
+@pytest.mark.parametrize("change", [
+    lambda faces: [*faces, *(face[::-1] for face in faces)],
+    lambda faces: [one for face in faces for one in (face[::-1], face)],
+])
+def test_a_surface_with_two_sides_is_one(change: Any, module_place: Any) -> None:
+    written(module_place.root / "sides.stl", change(triangles()))
+    with module_place.service() as service:
+        record = service.realize([filed("sides.stl", None)])["sides.stl"]
+    assert isinstance(record, PartRecord), record
+    assert record.volume == pytest.approx(24e-6, rel=1e-6)
+    assert [warning.message for warning in record.warnings] == ["triangles that are the other side of one that it has, left out: 12"]
+
+
+def test_solids_of_a_file_that_overlap_are_united_where_it_is_made(module_place: Any) -> None:
+    written(module_place.root / "two.stl", [*triangles(), *([(x + 5, y + 5, z + 5) for x, y, z in face] for face in triangles())])
+    with module_place.service() as service:
+        record = service.realize([filed("two.stl", None)])["two.stl"]
+    assert isinstance(record, PartRecord), record
+    assert [warning.message for warning in record.warnings] == [
+        "its 2 solids overlap: 13120 of 48000 mm^3 are counted twice, in volume and mass; unite them where the file is made"
+    ]
+
+
+BOX = triangles()
+
+
+def binary(faces: list[list[tuple[float, ...]]], count: int) -> bytes:
+    """A binary STL file that says that it has `count` triangles."""
+    return bytes(80) + struct.pack("<I", count) + b"".join(struct.pack("<12fH", 0, 0, 0, *sum(face, ()), 0) for face in faces)
+
+
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
@@ -182,6 +213,15 @@ def test_a_triangle_that_stands_there_twice_counts_once(name: str, change: Any, 
         ("words.ply", b"no triangles at all", "not PLY that trimesh can read"),
         ("words.glb", b"no triangles at all", "not GLB that trimesh can read"),
         ("beyond.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "not OBJ that trimesh can read"),
+        ("short.stl", binary(BOX, 50), "the file is cut off: it says that it has 50 triangles, and there are bytes for 12"),
+        ("long.stl", binary(BOX, 5), "the file goes on behind its end: it says that it has 5 triangles, and there are"),
+        ("cut.stl", binary(BOX, 12)[:-80], "the file is cut off: it says that it has 12 triangles, and there are bytes for 10.4"),
+        ("head.stl", bytes(50), "the file is cut off: it has 50 bytes, and a binary STL file begins with 84"),
+        ("text.stl", b"solid box\nfacet normal 0 0 0\nouter loop\nvertex 0 0 0\n", "the file is cut off: it has no `endsolid`"),
+        ("far.stl", binary([[(1e38, 0.0, 0.0), *BOX[0][1:]], *BOX[1:]], 12), "a coordinate is 1e+38 mm: no part is so large"),
+        ("words.brep", b"no shape at all", "not a BREP file that the kernel can read"),
+        ("words.step", b"no shape at all", "the STEP file holds no shape"),
+        ("gone.gltf", b'{"asset": {"version": "2.0"}, "buffers": [{"uri": "gone", "byteLength": 9}]}', "not GLTF that trimesh can read"),
         ("endless.off", b"OFF\n3 1 0\n0 0 nan\n1 0 0\n0 1 0\n3 0 1 2\n", "a coordinate is not finite"),
     ],
 )
@@ -195,3 +235,4 @@ def test_what_makes_no_solid_is_said_in_words(name: str, content: bytes | None, 
         failure = service.realize([filed(name, None)])[name]
     assert isinstance(failure, PartFailure), failure
     assert failure.message.startswith(words), failure.message
+    assert str(module_place.root) not in failure.message

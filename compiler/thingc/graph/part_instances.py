@@ -158,7 +158,7 @@ class PartInstances:
             message = f"`{path}` (`{component.label}`) {what}: {failure.message}"
             if failure.candidates:
                 help = did_you_mean(failure.subject, failure.candidates, what="parts")
-            elif component.definition.kind == "file" and code is Code.PART_INVALID:
+            elif component.definition.kind == "file" and code in (Code.PART_INVALID, Code.PART_RAISED, Code.PART_CRASHED):
                 help = "open the file in a CAD program and export it anew as a solid"
             elif component.definition.kind == "file" and code is Code.PART_EMPTY:
                 unit = "" if said_by_file(component.definition) else "say what its numbers are in (`unit: m`; mm unless given), or "

@@ -146,6 +146,7 @@ class PartSession:
             kind, message = "trespassed", f"`{self.recorder.relative(fault.filename)}`"
         elif isinstance(fault, (SignatureError, BadPartFile)) or isinstance(fault, ParameterError) and not places:
             kind, message = "invalid", str(fault)
+        message = message.replace(os.path.join(self.around.root, ""), "")  # other machines have another
         return PartFailure(
             subject=subject, kind=kind, message=message, file=file, line=line, candidates=candidates, detail=detail
         )

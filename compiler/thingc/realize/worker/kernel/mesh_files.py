@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+import os
 import zipfile
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
@@ -25,6 +26,12 @@ SUFFIXES = (*PLAIN, *GLTF, ".3mf")
 
 NEAR = 1e-6
 """Corners that are this part of the whole size apart are one, where the surface is not closed otherwise."""
+
+_STL_HEAD, _STL_TRIANGLE = 84, 50
+"""Bytes of a binary STL file: a text of 80 and the number of triangles, then the triangles."""
+
+FARTHEST = 1e9
+"""Coordinates [mm] beyond are a slip: the kernel leaves gaps between faces of that size."""
 
 _UNITS_3MF = {"micron": 1e-3, "millimeter": 1.0, "centimeter": 10.0, "inch": 25.4, "foot": 304.8, "meter": 1000.0}
 _CORE_3MF = "{http://schemas.microsoft.com/3dmanufacturing/core/2015/02}"
@@ -47,6 +54,9 @@ def read_mesh(path: str, suffix: str, unit: float) -> tuple[Triangles, tuple[str
         mesh = _from_trimesh(path, suffix).scaled(unit)
     if len(mesh.faces) == 0:
         raise BadPartFile("the file holds no triangles")
+    farthest = float(np.abs(mesh.vertices).max())
+    if farthest > FARTHEST:
+        raise BadPartFile(f"a coordinate is {farthest:.3g} mm: no part is so large")
     once, again = _once(mesh)
     closed, mended = _closed(once)
     return closed, (*again, *mended)
@@ -60,12 +70,33 @@ def reads_with_trimesh(path: str) -> bool:
 def _from_trimesh(path: str, suffix: str) -> Triangles:
     import trimesh
 
+    if suffix == ".stl":
+        _whole_stl(path)
     try:
         scene = trimesh.load_scene(path, file_type=suffix[1:], process=False)
         corners = np.asarray(scene.triangles if scene.geometry else (), dtype=np.float64)
     except Exception as fault:
-        raise BadPartFile(f"not {suffix[1:].upper()} that trimesh can read ({type(fault).__name__}: {fault})") from fault
+        said = f"{type(fault).__name__}: {fault}".replace(path, os.path.basename(path))
+        raise BadPartFile(f"not {suffix[1:].upper()} that trimesh can read ({said})") from fault
     return _welded(_finite(corners.reshape(-1, 3)))
+
+
+def _whole_stl(path: str) -> None:
+    """Raises `BadPartFile` for an STL file that is cut off, of which trimesh says that it holds no triangles."""
+    with open(path, "rb") as stream:
+        head = stream.read(_STL_HEAD)
+        text = (head + stream.read()).lower() if b"\0" not in head else None
+        size = stream.seek(0, os.SEEK_END)
+    if text is not None:
+        if b"facet" in text and b"endsolid" not in text:
+            raise BadPartFile("the file is cut off: it has no `endsolid`")
+    elif size < _STL_HEAD:
+        raise BadPartFile(f"the file is cut off: it has {size} bytes, and a binary STL file begins with {_STL_HEAD}")
+    else:
+        told, there = int.from_bytes(head[-4:], "little"), (size - _STL_HEAD) / _STL_TRIANGLE
+        if told != there:
+            what = "is cut off" if told > there else "goes on behind its end"
+            raise BadPartFile(f"the file {what}: it says that it has {told} triangles, and there are bytes for {there:.6g}")
 
 
 def _welded(corners: NDArray[np.float64]) -> Triangles:
@@ -85,13 +116,18 @@ def _finite(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _once(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
     """The mesh with every triangle once, and what was left out: a surface that stands there twice is closed, and has twice the volume.
-    Two that look opposite ways are where two bodies touch, and stay."""
+    Two that look opposite ways are where two bodies touch, and stay, unless all do: then it is one surface with two sides."""
+    said: list[str] = []
     turns = (np.argmin(mesh.faces, axis=1)[:, None] + np.arange(3)) % 3
     _, first = np.unique(np.take_along_axis(mesh.faces, turns, axis=1), axis=0, return_index=True)
-    more = len(mesh.faces) - len(first)
-    if not more:
-        return mesh, ()
-    return Triangles(mesh.vertices, mesh.faces[np.sort(first)]), (f"triangles that stand in it more than once, left out: {more}",)
+    if more := len(mesh.faces) - len(first):
+        mesh = Triangles(mesh.vertices, mesh.faces[np.sort(first)])
+        said.append(f"triangles that stand in it more than once, left out: {more}")
+    _, first = np.unique(np.sort(mesh.faces, axis=1), axis=0, return_index=True)
+    if 2 * len(first) == len(mesh.faces):
+        mesh = Triangles(mesh.vertices, mesh.faces[np.sort(first)])
+        said.append(f"triangles that are the other side of one that it has, left out: {len(first)}")
+    return mesh, tuple(said)
 
 
 def _closed(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:

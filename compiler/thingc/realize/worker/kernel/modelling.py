@@ -69,7 +69,7 @@ class Tessellations:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Made:
     """What part code or a file gives, before it is measured: shapes of the kernel [mm] (none: a part without geometry), the rest as
-    in `PartRecord`. `one`: the solids are meant to hang together."""
+    in `PartRecord`. `one`: the solids are meant to hang together; `file`: they are from a file."""
 
     shapes: Sequence[TopoDS_Shape]
     visual: Sequence[TopoDS_Shape] = ()
@@ -89,6 +89,7 @@ class Made:
     warnings: tuple[PartWarning, ...] = ()
     code: tuple[str, int] | None = None
     one: bool = False
+    file: bool = False
     own_image: bool = False
 
 
@@ -190,7 +191,7 @@ def _made_of_code(definition: dict[str, Any], session: PartSession) -> Made:
 def _made_of_file(definition: dict[str, Any], around: RequestContext) -> Made:
     unit = parse_quantity(f"1 {definition['parameters'].get('unit', FILE_UNIT)}").value * convert.MM
     shapes, color, mended = read_part(os.path.join(around.root, definition["reference"]), unit)
-    return Made(shapes=shapes, color=color, warnings=tuple(PartWarning(message=words) for words in mended))
+    return Made(shapes=shapes, color=color, warnings=tuple(PartWarning(message=words) for words in mended), file=True)
 
 
 def _mirrored(made: Made, mirror: Mirror) -> Made:
@@ -205,7 +206,7 @@ def _mirrored(made: Made, mirror: Mirror) -> Made:
         matrix=None if made.matrix is None else replace(made.matrix, value=mirror.matrix(made.matrix.value)),
         up=None if made.up is None else mirror.vector(made.up),
         bom={key: value for key, value in made.bom.items() if key != "number"},
-        own_image=bool(made.shapes) and stays and mirror.is_image_of_itself(solid_part(made.shapes)),
+        own_image=bool(made.shapes) and stays and mirror.is_image_of_itself(solid_part(made)),
     )
 
 
@@ -275,7 +276,7 @@ def _record(text: str, made: Made, tessellations: Tessellations, store: Store) -
     brep = None
     extra = made.warnings
     if made.shapes:
-        solid = solid_part(made.shapes)
+        solid = solid_part(made)
         measures = measure(solid)
         if not measures.volume > NOTHING:
             raise NoPart("empty", f"it holds {measures.volume:.3g} mm^3")
@@ -295,7 +296,7 @@ def _record(text: str, made: Made, tessellations: Tessellations, store: Store) -
         meshes["print"] = stored_stl(mesh, store)
         if not meshes["print"].closed:
             extra = (*extra, PartWarning(message="its mesh is not closed: the kernel left gaps between faces"))
-        extra = (*extra, *_overlap(solids))
+        extra = (*extra, *_overlap(solids, file=made.file))
         fits = fit_all(round_about.vertices, convert.unit_inertia(measures.inertia))
     return PartRecord(
         text=text, material=made.material, color=made.color,
@@ -320,25 +321,25 @@ def _apart(solid: TopoDS_Shape) -> tuple[float, ...]:
     return tuple(sorted((convert.volume(math.fsum(measure(one).volume for one in body)) for body in bodies), reverse=True))
 
 
-def _overlap(solids: Sequence[meshing.Triangles]) -> tuple[PartWarning, ...]:
+def _overlap(solids: Sequence[meshing.Triangles], *, file: bool) -> tuple[PartWarning, ...]:
     """A warning where solids of a part overlap: integrals are sums over solids. What a thread bites into its hole is no overlap."""
     common, whole = meshing.counted_twice(solids) if len(solids) > 1 else 0.0, math.fsum(mesh.volume for mesh in solids)
     if common <= max(OVERLAP * whole, 1.0):
         return ()
     shared, all_of_it = (f"{float(f'{volume:.4g}'):g}" for volume in (common, whole))  # 1000, not 1e+03
     twice = f"its {len(solids)} solids overlap: {shared} of {all_of_it} mm^3 are counted twice, in volume and mass"
-    return (PartWarning(message=f"{twice}; fuse them (`a + b`)"),)
+    return (PartWarning(message=f"{twice}; {'unite them where the file is made' if file else 'fuse them (`a + b`)'}"),)
 
 
-def solid_part(shapes: Sequence[TopoDS_Shape]) -> TopoDS_Shape:
-    """The solids of shapes: one by itself, several as a compound; none of them with a location of its own (in a STEP file
+def solid_part(made: Made) -> TopoDS_Shape:
+    """The solids of a part: one by itself, several as a compound; none of them with a location of its own (in a STEP file
     that would be one more assembly around each). Raises `NoPart` where there are none."""
     from OCP.BRep import BRep_Builder
     from OCP.TopoDS import TopoDS_Compound
 
-    solids = [_at_origin(solid) for shape in shapes for solid in solids_of(shape)]
+    solids = [_at_origin(solid) for shape in made.shapes for solid in solids_of(shape)]
     if not solids:
-        raise NoPart("empty", f"result() holds no solid, {_instead(shapes)}")
+        raise NoPart("empty", f"{'it' if made.file else 'result()'} holds no solid, {_instead(made.shapes)}")
     if len(solids) == 1:
         return solids[0]
     builder = BRep_Builder()

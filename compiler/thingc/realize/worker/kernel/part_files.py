@@ -45,7 +45,7 @@ def _from_step(path: str) -> tuple[list[TopoDS_Shape], str | None]:
     try:
         whole = import_step(path)
     except Exception as fault:
-        raise BadPartFile(f"not a STEP file that the kernel can read ({fault})") from fault
+        raise BadPartFile("not a STEP file that the kernel can read") from fault
     shape = kernel_shape(whole)
     if shape is None:
         raise BadPartFile("the STEP file holds no shape")
@@ -59,7 +59,7 @@ def _from_brep(path: str) -> TopoDS_Shape:
     try:
         shape = kernel_shape(import_brep(path))
     except Exception as fault:
-        raise BadPartFile(f"not a BREP file that the kernel can read ({fault})") from fault
+        raise BadPartFile("not a BREP file that the kernel can read") from fault
     if shape is None:
         raise BadPartFile("the BREP file holds no shape")
     return shape
