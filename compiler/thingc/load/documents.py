@@ -95,9 +95,9 @@ def load_more(documents: Documents, texts: Iterable[str], workspace: Workspace, 
     reader.broken.update(documents.broken)
     reader.files.update(documents.files)
     for text in texts:
-        found = reader.named(documents.root, text, None, "assembly")
-        if found is not None:
-            reader.follow(found, [])
+        document = reader.named(documents.root, text, None, "assembly")
+        if document is not None:
+            reader.follow(document, [])
     return reader.documents(documents.root)
 
 
@@ -265,18 +265,18 @@ class _Reader:
     def named(self, document: Document, text: str, where: Span | None, kind: str) -> Document | None:
         what = "an assembly document" if kind == "assembly" else "a materials document"
         path = self.find(text, document, where, DOCUMENT_SUFFIXES, what)
-        found = None if path is None else self.read(path)
-        if found is None:
+        target = None if path is None else self.read(path)
+        if target is None:
             return None
-        if found.kind != kind:
+        if target.kind != kind:
             wanted = "an assembly" if kind == "assembly" else "a materials"
             self.report.add(
-                Code.WRONG_KIND, f"expected {wanted} document, found `{shortened(text)}` of kind `{found.kind}`", where,
-                notes=[Note(message="its kind is written here", span=found.span(("thingc",)))],
+                Code.WRONG_KIND, f"expected {wanted} document, found `{shortened(text)}` of kind `{target.kind}`", where,
+                notes=[Note(message="its kind is written here", span=target.span(("thingc",)))],
             )
             return None
-        self.links[document.relative, text] = found.relative
-        return found
+        self.links[document.relative, text] = target.relative
+        return target
 
 
 def _content(path: str) -> bytes:

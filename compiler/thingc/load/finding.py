@@ -28,18 +28,18 @@ def documents_in(folder: str, workspace: Workspace | None = None) -> list[str]:
     environments always are; links to folders are not followed. A file that cannot be read is no document here: whoever
     names it hears why.
     """
-    found: list[str] = []
+    paths: list[str] = []
     build = os.path.realpath(workspace.build) if workspace is not None else None
     for path, folders, files in os.walk(os.path.abspath(folder)):
         folders[:] = sorted(
             name for name in folders
             if not name.startswith(".") and name not in _OTHERS and _belongs(os.path.join(path, name), build)
         )
-        found += [
+        paths += [
             os.path.join(path, name) for name in sorted(files)
             if name.lower().endswith(DOCUMENT_SUFFIXES) and not name.startswith(".") and is_document(os.path.join(path, name))
         ]
-    return sorted(found)
+    return sorted(paths)
 
 
 def is_document(path: str) -> bool:

@@ -89,10 +89,10 @@ def _near(path: str, text: str, beside: str, suffixes: tuple[str, ...]) -> str:
     folder = os.path.dirname(path)
     prefix = text[: len(text) - len(os.path.basename(text))]
     try:
-        found = [entry.name for entry in os.scandir(folder) if entry.is_file() and entry.name.lower().endswith(suffixes)]
+        files = [entry.name for entry in os.scandir(folder) if entry.is_file() and entry.name.lower().endswith(suffixes)]
     except OSError:
         return f"there is no folder `{shortened(prefix)}` here" if prefix else "paths are relative to this document"
-    names = [prefix + name for name in found if os.path.join(folder, name) != os.path.normpath(beside)]
+    names = [prefix + name for name in files if os.path.join(folder, name) != os.path.normpath(beside)]
     if not names:
         return "paths are relative to this document, and there is no such file in that folder"
     return file_meant(text, names)

@@ -37,7 +37,7 @@ class Source:
     def __init__(self, file: str, text: str) -> None:
         self.file = file
         self.text = text
-        self.starts = [0, *(found.end() for found in _BREAK.finditer(text))]
+        self.starts = [0, *(match.end() for match in _BREAK.finditer(text))]
 
     def span(self, start: int, end: int) -> Span:
         """The characters from `start` to before `end` (indices into `text`)."""

@@ -114,18 +114,18 @@ class _Statements:
         if table is None or not parts:
             return
         name, place = parts[-1]
-        found = table.entries.get(name)
+        entry = table.entries.get(name)
         if statement.type == "table_array_element":
-            if not isinstance(found, _Array):
+            if not isinstance(entry, _Array):
                 if self.twice(table, name, place):
                     return
-                found = _Array(start, end, True)
-                table.entries[name], table.keys[name] = found, place
+                entry = _Array(start, end, True)
+                table.entries[name], table.keys[name] = entry, place
             inner = _Table(start, end)
-            found.items.append(inner)
-            found.end = end
-        elif isinstance(found, _Table) and not found.declared:
-            inner = found
+            entry.items.append(inner)
+            entry.end = end
+        elif isinstance(entry, _Table) and not entry.declared:
+            inner = entry
             inner.start, inner.end, inner.declared = min(inner.start, start), max(inner.end, end), True
         elif self.twice(table, name, place):
             return
@@ -163,18 +163,18 @@ class _Statements:
     def descend(self, table: _Table, parts: list[tuple[str, tuple[int, int]]], start: int, end: int) -> _Table | None:
         """The table at a dotted key, made where it is not there; of an array of tables the last."""
         for name, place in parts:
-            found = table.entries.get(name)
-            if isinstance(found, _Array) and found.items:
-                found.end = max(found.end, end)
-                found = found.items[-1]
-            if found is None:
-                found = _Table(start, end)
-                table.entries[name], table.keys[name] = found, place
-            if not isinstance(found, _Table):
+            entry = table.entries.get(name)
+            if isinstance(entry, _Array) and entry.items:
+                entry.end = max(entry.end, end)
+                entry = entry.items[-1]
+            if entry is None:
+                entry = _Table(start, end)
+                table.entries[name], table.keys[name] = entry, place
+            if not isinstance(entry, _Table):
                 self.twice(table, name, place)
                 return None
-            found.end = max(found.end, end)
-            table = found
+            entry.end = max(entry.end, end)
+            table = entry
         return table
 
     def parts(self, key: Syntax) -> list[tuple[str, tuple[int, int]]]:
@@ -298,11 +298,11 @@ def _report_error(error: Exception, root: Syntax, places: _Places, report: Repor
         start = _bracket_beyond(source.text)
         report.add(Code.TOO_LARGE, f"more than {MAX_LEVELS} levels of nesting", source.span(start, start + 1))
         return
-    found = _PLACE.search(str(error))
-    words = str(error)[: found.start()] if found else str(error)
+    match = _PLACE.search(str(error))
+    words = str(error)[: match.start()] if match else str(error)
     index = len(source.text.rstrip())
-    if found and found.group(1):
-        index = min(source.starts[int(found.group(1)) - 1] + int(found.group(2)) - 1, len(source.text))
+    if match and match.group(1):
+        index = min(source.starts[int(match.group(1)) - 1] + int(match.group(2)) - 1, len(source.text))
     if any(word in words for word in _TWICE):
         before = len(report.diagnostics)
         _Statements(places, report).read(root)
@@ -342,11 +342,11 @@ def _unquoted(source: Source, index: int) -> tuple[int, int, str] | None:
     number = source.line_at(min(index, max(0, len(source.text) - 1)))
     line, begin = source.line(number), source.starts[number]
     start = max(line.rfind(mark, 0, max(0, index - begin)) for mark in "=[,{") + 1
-    found = re.compile(r"\s*([^\s\"'\[\]{}=,#][^\"'\[\]{}=,#]*?)\s*(?=[,\]}#]|$)").match(line, start)
-    if found is None or re.fullmatch(r"[-+]?[0-9_.]+(?:[eE][-+]?[0-9]+)?|true|false", found.group(1)):
+    match = re.compile(r"\s*([^\s\"'\[\]{}=,#][^\"'\[\]{}=,#]*?)\s*(?=[,\]}#]|$)").match(line, start)
+    if match is None or re.fullmatch(r"[-+]?[0-9_.]+(?:[eE][-+]?[0-9]+)?|true|false", match.group(1)):
         return None
     key = re.search(r"([\w.-]+)\s*=\s*$", line[:start])
-    return begin + found.start(1), begin + found.end(1), key.group(1) if key else ""
+    return begin + match.start(1), begin + match.end(1), key.group(1) if key else ""
 
 
 def _in_words(words: str) -> tuple[str, str | None]:

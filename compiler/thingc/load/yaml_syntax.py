@@ -69,8 +69,8 @@ def explain(source: Source, *, problem: str, at: int, context: str, began: int) 
             help="a `:` and a space come after a key",
         )
     if "cannot start any token" in problem:
-        found = text[at : at + 1]
-        return SyntaxFault(message=f"`{found}` cannot begin a value", start=at, end=at + 1, help="put the value in quotes")
+        character = text[at : at + 1]
+        return SyntaxFault(message=f"`{character}` cannot begin a value", start=at, end=at + 1, help="put the value in quotes")
     if "alphabetic or numeric" in problem:
         return SyntaxFault(
             message=f"`{text[began : began + 1]}` cannot begin a value", start=began, end=began + 1,
@@ -208,7 +208,7 @@ def _missing_space(source: Source, at: int) -> tuple[str, str, int] | None:
     """`key:value` on the line of the fault or on one of the two lines above it: key, value, where."""
     line = source.line_at(min(at, len(source.text)))
     for number in range(line, max(-1, line - 3), -1):
-        found = _NO_SPACE.fullmatch(source.line(number))
-        if found is not None:
-            return found.group("key"), found.group("value").rstrip(), source.starts[number] + found.start("key")
+        match = _NO_SPACE.fullmatch(source.line(number))
+        if match is not None:
+            return match.group("key"), match.group("value").rstrip(), source.starts[number] + match.start("key")
     return None

@@ -332,14 +332,14 @@ class _Builder:
     def numbers(self, following: Any) -> tuple[list[tuple[Any, Any]], Any]:
         """Up to two keys of a mapping that are values of a vector, without a value of their own, from the event `following` on, and the
         event behind them; with None for that the last of them has a value."""
-        found: list[tuple[Any, Any]] = []
-        while len(found) < 2 and _is_value(following):
+        pairs: list[tuple[Any, Any]] = []
+        while len(pairs) < 2 and _is_value(following):
             value = next(self.events)
-            found.append((following, value))
+            pairs.append((following, value))
             if type(value).__name__ != "ScalarEvent" or value.value or value.style:
-                return found, None
+                return pairs, None
             following = next(self.events)
-        return found, following
+        return pairs, following
 
     def vector(self, first: Any, more: list[Any]) -> ScalarNode:
         """Three values in a mapping, as in `{xyz: 0, 0, 4 mm}`, as the vector that was meant."""
