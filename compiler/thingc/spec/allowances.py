@@ -97,11 +97,11 @@ def _place(document: Document, path: Path) -> tuple[Span, Node]:
 
 def _with_heirs(extending: Mapping[str, list[str]], name: str) -> list[str]:
     """A mode and those that extend it, one through the other; `extending` are the modes that extend one directly."""
-    found = {name: None}
+    modes = {name: None}
     waiting = [name]
     while waiting:
         for heir in extending.get(waiting.pop(), ()):
-            if heir not in found:
-                found[heir] = None
+            if heir not in modes:
+                modes[heir] = None
                 waiting.append(heir)
-    return list(found)
+    return list(modes)

@@ -210,9 +210,9 @@ def key_for(model: type[BaseModel], key: str) -> str | None:
 def choice_hint(word: str, choices: list[str]) -> str | None:
     """What to write for a word of elsewhere that is none of the choices; None where nobody knows it."""
     plain = word.lower().replace("-", "_").replace(" ", "_")
-    found = [one for one in WORDS.get(plain, ()) if one in choices]
-    if found:
-        return Hint(f"here it is called {one_of(found)}", (word, found[0]) if len(found) == 1 else None)
+    names = [one for one in WORDS.get(plain, ()) if one in choices]
+    if names:
+        return Hint(f"here it is called {one_of(names)}", (word, names[0]) if len(names) == 1 else None)
     return FREE if plain in FLOATING and "revolute" in choices else None
 
 

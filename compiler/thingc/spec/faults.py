@@ -49,20 +49,20 @@ def sound_rest(
 def _rest(model: type[Model], plain: dict[str, Any], faults: list[Fault], wrong: frozenset[Path]) -> tuple[Model | None, Doubts]:
     """The model of a document without its faults and without the values at the paths `wrong`, and what is in doubt then."""
     doubts: set[Path] = set()
-    found = prune(plain, faults)
+    pruned = prune(plain, faults)
     for path in wrong:
         taken = take_out(plain, path)
-        if found is None or taken is None:
+        if pruned is None or taken is None:
             return None, Doubts()
-        found.add(taken)
+        pruned.add(taken)
     for _ in range(ROUNDS):
-        if found is None:
+        if pruned is None:
             break
-        doubts |= found
+        doubts |= pruned
         try:
             return model.model_validate(plain, strict=True), Doubts(paths=frozenset(doubts))
         except ValidationError as error:
-            found = prune(plain, list(_faults(shape_of(model), plain, (), error)))
+            pruned = prune(plain, list(_faults(shape_of(model), plain, (), error)))
     return None, Doubts()
 
 

@@ -37,5 +37,5 @@ def _joints(document: Document, path: Path) -> tuple[Iterator[str], str]:
 
 def _coordinate(document: Document, name: str) -> Dimension | None:
     kind = node_at(document.tree, ("joints", name, "type"))
-    found = KINDS.get(str(kind.value)) if isinstance(kind, ScalarNode) else None
-    return found.coordinate if found is not None else None
+    joint_kind = KINDS.get(str(kind.value)) if isinstance(kind, ScalarNode) else None
+    return joint_kind.coordinate if joint_kind is not None else None

@@ -18,7 +18,7 @@ from thingc.units import shortened
 
 def gathered(document: Document, root: type[Model], faults: list[Fault]) -> list[Fault]:
     """The faults, with those of the keys that stand beside their entry as one, and without those of the entry that misses them."""
-    found: list[Fault] = []
+    misplaced: list[Fault] = []
     for section, entry in sections(root):
         around = node_at(document.tree, (section,))
         if entry.model is None or not isinstance(around, MappingNode):
@@ -31,22 +31,22 @@ def gathered(document: Document, root: type[Model], faults: list[Fault]) -> list
             if key is None or not wrong or not _is_rather(node.plain(), key[0], entry):
                 owner = last = name
                 continue
-            if found and last == found[-1].value[-1] and found[-1].path[0] == section:
-                found[-1].value.append(name)
+            if misplaced and last == misplaced[-1].value[-1] and misplaced[-1].path[0] == section:
+                misplaced[-1].value.append(name)
             else:
-                found.append(Fault(path=(section, name), kind=MISPLACED, context={"owner": owner}, value=[name], shape=entry, key=True))
+                misplaced.append(Fault(path=(section, name), kind=MISPLACED, context={"owner": owner}, value=[name], shape=entry, key=True))
             last = name
-    if not found:
+    if not misplaced:
         return faults
-    beside = {(one.path[0], name) for one in found for name in one.value}
-    owned = {(one.path[0], one.context["owner"], name) for one in found for name in one.value}
-    owners = {(one.path[0], one.context["owner"]) for one in found}
+    beside = {(one.path[0], name) for one in misplaced for name in one.value}
+    owned = {(one.path[0], one.context["owner"], name) for one in misplaced for name in one.value}
+    owners = {(one.path[0], one.context["owner"]) for one in misplaced}
     rest = [
         fault for fault in faults
         if fault.path[:2] not in beside and not (fault.kind == "missing" and fault.path in owned)
         and not (fault.kind == "rule" and fault.path in owners)
     ]
-    return [*rest, *found]
+    return [*rest, *misplaced]
 
 
 def message_of(fault: Fault, *, toml: bool) -> tuple[str, str]:

@@ -22,7 +22,7 @@ ANY_VALUE = rf"^(\s*{EXPRESSION}|\s*{_DIGITS}(\s*{_UNITS})?\s*|(?!\s*(=|[-+]?\.?
 def _units_of(*dimensions: Dimension) -> str:
     """The pattern of a unit: no single one that is of none of the dimensions (`0 %` is a bare 0, which has every one)."""
     single = {unit: dimension for unit, (_, _, dimension) in UNITS.items() if dimension != NUMBER}
-    wrong = sorted(unit for unit, found in single.items() if not any(fits(found, one) for one in dimensions))
+    wrong = sorted(unit for unit, dimension in single.items() if not any(fits(dimension, one) for one in dimensions))
     return rf"(?!({'|'.join(wrong)})\s*$){_UNITS}"
 
 

@@ -223,8 +223,8 @@ def _unwrapped_hint(path: Path, fault: Fault) -> str | None:
 
 def _space_hint(value: Any) -> str | None:
     """A hint where `key:value` was meant as a mapping."""
-    found = re.fullmatch(r"([A-Za-z_]\w*):(\S.*)", value) if isinstance(value, str) else None
-    return f"a space is missing after the `:`: `{found.group(1)}: {shortened(found.group(2))}`" if found else None
+    match = re.fullmatch(r"([A-Za-z_]\w*):(\S.*)", value) if isinstance(value, str) else None
+    return f"a space is missing after the `:`: `{match.group(1)}: {shortened(match.group(2))}`" if match else None
 
 
 def dotted(path: Path) -> str:

@@ -50,28 +50,28 @@ class _Generator(GenerateJsonSchema):
 
     def dict_schema(self, schema: Any) -> dict[str, Any]:
         """A mapping; the pattern of its keys, which pydantic leaves out for checked types."""
-        found: dict[str, Any] = super().dict_schema(schema)
+        mapping: dict[str, Any] = super().dict_schema(schema)
         keys = schema.get("keys_schema")
         if keys is not None and keys.get("metadata"):
             names = self.generate_inner(keys)
             if "pattern" in names:
-                found["propertyNames"] = {"pattern": names["pattern"]}
-        return found
+                mapping["propertyNames"] = {"pattern": names["pattern"]}
+        return mapping
 
 
 def _documentation(*modules: types.ModuleType) -> dict[str, dict[str, str]]:
     """The docstring under every field: class name to field name to text; bases' fields are in their own class."""
-    found: dict[str, dict[str, str]] = {}
+    texts: dict[str, dict[str, str]] = {}
     for module in modules:
         for node in ast.parse(inspect.getsource(module)).body:
             if isinstance(node, ast.ClassDef):
                 bases = [base.id for base in node.bases if isinstance(base, ast.Name)]
-                fields = {name: text for base in bases for name, text in found.get(base, {}).items()}
+                fields = {name: text for base in bases for name, text in texts.get(base, {}).items()}
                 for statement, following in zip(node.body, node.body[1:], strict=False):
                     if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name) and _is_text(following):
                         fields[statement.target.id] = inspect.cleandoc(following.value.value)  # type: ignore[attr-defined]
-                found[node.name] = fields
-    return found
+                texts[node.name] = fields
+    return texts
 
 
 def _is_text(node: ast.stmt) -> bool:
