@@ -63,7 +63,7 @@ def located(edit: Edit, text: str) -> tuple[int, int] | None:
     start = source.starts[edit.span.line - 1] + edit.span.column - 1
     end = source.starts[edit.span.end_line - 1] + edit.span.end_column - 1
     stretch = text[start:end]
-    places = [found.start() for found in re.finditer(rf"(?<![^\W\d]){re.escape(edit.written)}(?!\w)", stretch)]
+    places = [match.start() for match in re.finditer(rf"(?<![^\W\d]){re.escape(edit.written)}(?!\w)", stretch)]
     if len(places) != 1:
         return None
     return start + places[0], start + places[0] + len(edit.written)
@@ -112,7 +112,7 @@ def _autofix(
 def _chosen(now: Looked, texts: Mapping[str, bytes], allowed: Callable[[str], bool], read: Callable[[str], bytes | None]) -> list[TextEdit]:
     """The sure fixes that do not overlap."""
     words, given = _words(now.documents)
-    found: list[TextEdit] = []
+    edits: list[TextEdit] = []
     decoded: dict[str, str | None] = {}
     for diagnostic in now.found:
         for edit in diagnostic.fixes:
@@ -128,11 +128,11 @@ def _chosen(now: Looked, texts: Mapping[str, bytes], allowed: Callable[[str], bo
             text_edit = TextEdit(
                 file=file, line=at.line, column=at.column, start=place[0], end=place[1], written=edit.written, replacement=edit.replacement,
             )
-            if any(other.file == file and other.start < place[1] and place[0] < other.end for other in found):
+            if any(other.file == file and other.start < place[1] and place[0] < other.end for other in edits):
                 continue
-            if text_edit not in found:
-                found.append(text_edit)
-    return found
+            if text_edit not in edits:
+                edits.append(text_edit)
+    return edits
 
 
 def _base(word: str) -> str:

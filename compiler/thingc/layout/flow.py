@@ -65,11 +65,11 @@ class Inline:
     def gaps(self, piece: Piece) -> list[str]:
         """What stands before, between and behind the entries."""
         at = piece.body + 1
-        found: list[str] = []
+        gaps: list[str] = []
         for item in piece.items:
-            found.append(self.text[at : item.start])
+            gaps.append(self.text[at : item.start])
             at = item.value.end
-        return [*found, self.text[at : piece.end - 1]]
+        return [*gaps, self.text[at : piece.end - 1]]
 
     def tidied(self, gap: str, outer: bool, by: int) -> str:
         """A gap of a value over several lines: its lines stay, with no spaces at their ends."""

@@ -145,5 +145,5 @@ _PROPERTY = re.compile(r"&[^\s\[\]{},]+\s+")
 
 def body_of(text: str, start: int) -> int:
     """Where a value begins behind its `&anchor`, if it stands on the same line."""
-    found = _PROPERTY.match(text, start)
-    return found.end() if found is not None else start
+    match = _PROPERTY.match(text, start)
+    return match.end() if match is not None else start

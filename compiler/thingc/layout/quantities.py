@@ -15,10 +15,10 @@ _GLUED = re.compile(rf"({_NUMBER}(?: {_NUMBER})*)( *)((?:[^\W\d_]|%).*)", re.ASC
 
 def spaced(text: str, shape: AnnotationShape | None) -> str:
     """`120mm` as `120 mm`, `0 0 4mm` as `0 0 4 mm`; any other text, and any text that is no quantity here, as it is."""
-    found = _GLUED.fullmatch(text)
-    if found is None or found.group(2) == " " or shape is None:
+    match = _GLUED.fullmatch(text)
+    if match is None or match.group(2) == " " or shape is None:
         return text
-    better = f"{found.group(1)} {found.group(3)}"
+    better = f"{match.group(1)} {match.group(3)}"
     return better if equal_values(text, better, shape) else text
 
 

@@ -112,12 +112,12 @@ def _alignment(pairs: list[_Statement], text: str) -> list[int]:
         equals = text.index("=", pair.key[1])
         widths.append(max(1, equals - pair.key[1]))
         columns.append(pair.key[1] - pair.key[0] + widths[-1])
-    found = []
+    spaces = []
     for at, width in enumerate(widths):
         near = {columns[other] for other in (at - 1, at + 1) if 0 <= other < len(columns)}
         between = text[pairs[at].key[1] : text.index("=", pairs[at].key[1])]
-        found.append(width if columns[at] in near and not between.strip(" ") else 1)
-    return found
+        spaces.append(width if columns[at] in near and not between.strip(" ") else 1)
+    return spaces
 
 
 def _rank(words: tuple[str, ...], names: _Names, shape: AnnotationShape | None) -> tuple[int, ...]:

@@ -70,12 +70,12 @@ class _Printer:
                 written.append(None)
             else:
                 written.append((len(between) - 1, item.value.start - item.key[0]))
-        found: list[int] = []
+        spaces: list[int] = []
         for at, own in enumerate(written):
             near = [other for other in (written[at - 1] if at else None, written[at + 1] if at + 1 < len(written) else None) if other]
             aligned = own is not None and any(other[1] == own[1] for other in near)
-            found.append(own[0] if own is not None and aligned else 1)
-        return found
+            spaces.append(own[0] if own is not None and aligned else 1)
+        return spaces
 
     def entry(self, item: Item, shape: AnnotationShape | None, indent: int, column: int, spaces: int) -> list[str]:
         assert item.key is not None

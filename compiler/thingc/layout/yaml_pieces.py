@@ -128,10 +128,10 @@ class _Cutter:
             raise Unusual
         body = start
         if own:
-            found = _BLOCK_ANCHOR.match(self.text, start)
-            if found is None:
+            match = _BLOCK_ANCHOR.match(self.text, start)
+            if match is None:
                 raise Unusual
-            body = found.end()
+            body = match.end()
         at = items[0].start if kind == "map" else start
         if kind == "list" and own:
             raise Unusual
@@ -262,8 +262,8 @@ def is_modeline(line: str) -> bool:
 
 def _chain(piece: Piece) -> list[Piece]:
     """The blocks that end where this value ends, outermost first."""
-    found: list[Piece] = []
+    blocks: list[Piece] = []
     while piece.block:
-        found.append(piece)
+        blocks.append(piece)
         piece = piece.items[-1].value
-    return found
+    return blocks
