@@ -48,8 +48,8 @@ class Ball(Brief):
     def qvel(self, q: Mapping[str, float], v: Mapping[str, float]) -> Array:
         """(3,): MuJoCo's velocity."""
         spin = self.vector(v)
-        found: Array = self.R @ (rotation(self.vector(q)) @ spin if self.reversed else spin)
-        return found
+        qvel: Array = self.R @ (rotation(self.vector(q)) @ spin if self.reversed else spin)
+        return qvel
 
     def read(self, qpos: Array, qvel: Array) -> tuple[dict[str, float], dict[str, float]]:
         """(q, v) by coordinate of what MuJoCo has; q is no longer than pi."""

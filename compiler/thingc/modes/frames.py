@@ -10,9 +10,9 @@ Array = NDArray[np.float64]
 
 def pose(rotation: ArrayLike, position: ArrayLike) -> Array:
     """The 4 x 4 matrix of a rotation (3, 3) and a position (3,)."""
-    found = np.eye(4)
-    found[:3, :3], found[:3, 3] = rotation, position
-    return found
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rotation, position
+    return matrix
 
 
 def inverse(X: Array) -> Array:
@@ -81,10 +81,10 @@ def logarithm(X: Array) -> Array:
 def adjoint(X: Array) -> Array:
     """(6, 6): twists (angular over linear) given in B to those seen from A, of X_AB (4, 4)."""
     R = X[:3, :3]
-    found = np.zeros((6, 6))
-    found[:3, :3] = found[3:, 3:] = R
-    found[3:, :3] = cross_matrix(X[:3, 3]) @ R
-    return found
+    matrix = np.zeros((6, 6))
+    matrix[:3, :3] = matrix[3:, 3:] = R
+    matrix[3:, :3] = cross_matrix(X[:3, 3]) @ R
+    return matrix
 
 
 def cross_matrix(v: Array) -> Array:

@@ -22,22 +22,22 @@ FREE_JOINT = "root"
 def check(mode: Mode, data: Any) -> None:
     """Raises `WrongData` where the model of `data` is not that of `mode`: other links, other parents, another base."""
     model = data.model
-    found = _bodies(model)
-    missing = next((link.name for link in mode.links if link.name not in found), None)
+    body_of = _bodies(model)
+    missing = next((link.name for link in mode.links if link.name not in body_of), None)
     if missing is not None:
         raise WrongData(f"the data given for mode `{mode.name}` is of a model without a link `{missing}`")
-    root = found[mode.root_link]
+    root = body_of[mode.root_link]
     joints = {model.joint(number).name: number for number in range(model.njnt)}
     free = "ball" if model.body_dofnum[root] == 3 else "free"
     base = "held" if model.body_mocapid[root] >= 0 else "fixed" if model.body_dofnum[root] == 0 else (
         "planar" if "root_0" in joints else free)
     trees = all(
-        joint.in_data in joints and model.jnt_bodyid[joints[joint.in_data]] == found[mode.links[joint.child].name]
-        and model.body_parentid[found[mode.links[joint.child].name]] == found[mode.links[joint.parent].name]
+        joint.in_data in joints and model.jnt_bodyid[joints[joint.in_data]] == body_of[mode.links[joint.child].name]
+        and model.body_parentid[body_of[mode.links[joint.child].name]] == body_of[mode.links[joint.parent].name]
         for joint in mode.joints
     )
     if base != mode.base or not trees or (base == "free" and joints.get(FREE_JOINT) != model.body_jntadr[root]):
-        stands = next((name for name, number in found.items() if number and model.body_parentid[number] == 0), "nothing")
+        stands = next((name for name, number in body_of.items() if number and model.body_parentid[number] == 0), "nothing")
         raise WrongData(
             f"the data given for mode `{mode.name}` is of another mode's model: expected a {mode.base} `{mode.root_link}`, found "
             f"`{stands}` under the world"
@@ -154,8 +154,8 @@ def bolted(mode: Mode, data: Any) -> Array:
 def inertias(mode: Mode, data: Any) -> Inertias:
     """The masses of the model of `data` as they are now, in the order of `mode`'s tree; it may be any mode's data."""
     model = data.model
-    found = _bodies(model)
-    bodies = [found[link.name] for link in mode.links]
+    body_of = _bodies(model)
+    bodies = [body_of[link.name] for link in mode.links]
     turns = [rotation_of(model.body_iquat[body]) for body in bodies]
     return Inertias(
         mass=model.body_mass[bodies],

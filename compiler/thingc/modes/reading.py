@@ -34,8 +34,8 @@ def read(path: str | os.PathLike[str]) -> dict[str, Mode]:
 def parse(text: str | bytes, name: str = FILE) -> dict[str, Mode]:
     """The modes that a `modes.json` describes; `name` is how errors call it. Raises `ModesError`."""
     try:
-        found: Mapping[str, Any] = json.loads(text)
-        return {mode: _mode(mode, described) for mode, described in found.items()}
+        modes: Mapping[str, Any] = json.loads(text)
+        return {mode: _mode(mode, described) for mode, described in modes.items()}
     except (ValueError, AttributeError, TypeError, IndexError) as fault:
         if isinstance(fault, ModesError):
             raise

@@ -125,12 +125,12 @@ class Modes(Mapping[str, Mode]):
         old, new = self[state.mode], self[name]
         if into_data is not None:
             mjdata.check(new, into_data)
-        found = _seen_from(state, old, new)
+        new_state = _seen_from(state, old, new)
         if new.base == "fixed":
-            found = _bolted(found, new, new.X_world_root if into_data is None else mjdata.bolted(new, into_data), tolerance)
+            new_state = _bolted(new_state, new, new.X_world_root if into_data is None else mjdata.bolted(new, into_data), tolerance)
         if new.part is not None:
-            found = _in_part(found, new, new.part, tolerance)
-        removed = _removed(found, new)
+            new_state = _in_part(new_state, new, new.part, tolerance)
+        removed = _removed(new_state, new)
         impulse: Array = np.zeros(6)
         impulses: Mapping[str, Array] = {hold.path: np.zeros(6) for hold in new.holds}
         moving = next((link for link, twist in removed.values() if _speed(twist) > at_rest), None)
@@ -141,17 +141,17 @@ class Modes(Mapping[str, Mode]):
             if known is None:
                 data = into_data if into_data is not None else from_data
                 known = new.inertias if data is None else mjdata.inertias(new, data)
-            found, impulse, impulses = caught(new, found, known)
+            new_state, impulse, impulses = caught(new, new_state, known)
         if new.base != "free":
-            found = replace(found, base_twist=_kept(found, new))
+            new_state = replace(new_state, base_twist=_kept(new_state, new))
         uncommanded: tuple[str, ...] = ()
         if into_data is not None:
-            mjdata.write(new, found, into_data)
-            mjdata.hold_here(new, found, into_data)
+            mjdata.write(new, new_state, into_data)
+            mjdata.hold_here(new, new_state, into_data)
             if from_data is not None:
                 uncommanded = mjdata.carry((old, new), from_data, into_data)
         return Switched(
-            state=found,
+            state=new_state,
             removed=np.zeros(6) if new.base == "free" else removed[new.root][1],
             impulse=impulse,
             holds={hold.path: Caught(removed=removed[hold.path][1], impulse=impulses[hold.path]) for hold in new.holds},
@@ -164,8 +164,8 @@ def _seen_from(state: State, old: Mode, new: Mode) -> State:
     poses, twists = old.poses(state), old.twists(state)
     q, v = dict(state.q), dict(state.v)
     for cut in old.cuts:
-        for name, *found in zip(cut.coordinates, *_across(old, cut, poses, twists), strict=True):
-            q[name], v[name] = map(float, found)
+        for name, *values in zip(cut.coordinates, *_across(old, cut, poses, twists), strict=True):
+            q[name], v[name] = map(float, values)
     return State(
         mode=new.name, base_pose=poses[new.root_link], base_twist=twists[new.root_link],
         q={joint.name: q[joint.name] for joint in new.joints}, v={joint.name: v[joint.name] for joint in new.joints},
@@ -192,11 +192,11 @@ def _removed(state: State, mode: Mode) -> dict[str, tuple[str, Array]]:
     of the mount's origin, and no turn. The root first."""
     twists = mode.twists(state)
     poses = mode.poses(state)
-    found = {} if mode.base == "free" else {mode.root: (mode.root_link, twists[mode.root_link] - _kept(state, mode))}
+    removed = {} if mode.base == "free" else {mode.root: (mode.root_link, twists[mode.root_link] - _kept(state, mode))}
     for hold in mode.holds:
         link = mode.links[hold.link].name
-        found[hold.path] = (link, at_point(hold, poses[link], twists[link]) if hold.turns else twists[link])
-    return found
+        removed[hold.path] = (link, at_point(hold, poses[link], twists[link]) if hold.turns else twists[link])
+    return removed
 
 
 def _kept(state: State, mode: Mode) -> Array:

@@ -191,11 +191,11 @@ class Mode(Brief):
         [rad/s] in its own axes."""
         placed = self._placed(state)
         u = self.velocity(state)
-        found = {}
+        twists = {}
         for link, X, J in zip(self.links, placed, self._jacobians(state, placed), strict=True):
             twist = J @ u
-            found[link.name] = np.concatenate([twist[:3], X[:3, :3].T @ twist[3:]])
-        return found
+            twists[link.name] = np.concatenate([twist[:3], X[:3, :3].T @ twist[3:]])
+        return twists
 
     def velocity(self, state: State) -> Array:
         """The generalized velocity (6 + m,) of the robot with a free base: `base_twist`, then v in the order of the joints."""
@@ -243,13 +243,13 @@ class Mode(Brief):
         """(m, k): v of all m joints from v of the k that follow none of this tree, both in the order of the model."""
         known = {joint.name: joint for joint in self.joints}
         free = [joint.name for joint in self.joints if joint.mimic is None or joint.mimic.joint not in known]
-        found = np.zeros((len(self.joints), len(free)))
+        matrix = np.zeros((len(self.joints), len(free)))
         for row, joint in enumerate(self.joints):
             ratio, leader = 1.0, joint
             while leader.mimic is not None and leader.name not in free:
                 ratio, leader = ratio * leader.mimic.multiplier, known[leader.mimic.joint]
-            found[row, free.index(leader.name)] = ratio
-        return found
+            matrix[row, free.index(leader.name)] = ratio
+        return matrix
 
     def _index(self, path: str) -> int:
         for index, joint in enumerate(self.joints):
@@ -269,29 +269,29 @@ class Mode(Brief):
     def _placed(self, state: State) -> list[Array]:
         """Poses in the world, by link: `X_WL = X_WP X_PJ exp(twist (q + offset)) X_JL`, for one coordinate after the other."""
         self._check(state)
-        found = [state.base_pose] * len(self.links)
+        poses = [state.base_pose] * len(self.links)
         for joint in self.joints:
-            start = found[joint.parent if joint.first else joint.child]
-            found[joint.child] = start @ joint.X_PJ @ joint.step(state.q) @ joint.X_JL
-        return found
+            start = poses[joint.parent if joint.first else joint.child]
+            poses[joint.child] = start @ joint.X_PJ @ joint.step(state.q) @ joint.X_JL
+        return poses
 
     def _jacobians(self, state: State, placed: list[Array]) -> list[Array]:
         """As of `jacobians`, at poses that are known."""
         count = 6 + len(self.joints)
         root, here = np.zeros((6, count)), np.zeros(3)
         root[:3, :3], root[3:, 3:6] = np.eye(3), state.base_pose[:3, :3]
-        found, J = [root] * len(self.links), root
+        jacobians, J = [root] * len(self.links), root
         frame = state.base_pose
         for column, joint in enumerate(self.joints, start=6):
             if joint.first:
-                frame, J = placed[joint.parent], found[joint.parent].copy()
+                frame, J = placed[joint.parent], jacobians[joint.parent].copy()
                 here = placed[joint.child][:3, 3]
                 J[:3] -= cross_matrix(here - frame[:3, 3]) @ J[3:]
-                found[joint.child] = J
+                jacobians[joint.child] = J
             X_WJ, step = frame @ joint.X_PJ, joint.step(state.q)
             if joint.ball is not None and not joint.reversed:  # about axes of the document's child, which turn with it
                 X_WJ, step = X_WJ @ step, np.eye(4)
             angular, linear = X_WJ[:3, :3] @ joint.twist[:3], X_WJ[:3, :3] @ joint.twist[3:]
             J[:3, column], J[3:, column] = linear + np.cross(angular, here - X_WJ[:3, 3]), angular
             frame = X_WJ @ step @ joint.X_JL
-        return found
+        return jacobians
