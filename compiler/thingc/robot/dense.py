@@ -27,8 +27,8 @@ def solve(columns: Sequence[Sequence[float]], error: Sequence[float], damping: f
     if tall:
         right = [-sum(a * b for a, b in zip(column, error, strict=True)) for column in columns]
         return _cholesky_solve(gram, right)
-    found = _cholesky_solve(gram, [-value for value in error])
-    return None if found is None else [sum(a * b for a, b in zip(column, found, strict=True)) for column in columns]
+    y = _cholesky_solve(gram, [-value for value in error])
+    return None if y is None else [sum(a * b for a, b in zip(column, y, strict=True)) for column in columns]
 
 
 def _cholesky_solve(matrix: Sequence[Sequence[float]], right: Sequence[float]) -> list[float] | None:

@@ -41,10 +41,10 @@ def body_poses(robot: Robot, q: Mapping[str, float], root: Pose | None = None) -
 
 def placed_bodies(bodies: Sequence[Body], q: Mapping[str, float], root: Pose) -> tuple[Pose, ...]:
     """The pose of every body of a tree in the world, its root at `root`; `q` [rad or m] of every joint by path."""
-    found: list[Pose] = []
+    poses: list[Pose] = []
     for body in bodies:
-        found.append(root if body.parent is None else carried(body, found[body.parent], q))
-    return tuple(found)
+        poses.append(root if body.parent is None else carried(body, poses[body.parent], q))
+    return tuple(poses)
 
 
 def occurrence_poses(robot: Robot, q: Mapping[str, float], root: Pose | None = None) -> tuple[Pose, ...]:

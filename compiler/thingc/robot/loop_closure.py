@@ -141,7 +141,7 @@ def keyframes_of(
         raise ValueError("a tree without holds has closures only where the documents have loops")
     base_moves = held and mode.base == "free"
     following = on_loops(len(assembly.occurrences), assembly.mates)
-    found: list[Keyframe] = []
+    keyframes: list[Keyframe] = []
     unclosed: list[Unclosed] = []
     failed: list[Solution] = []
     for pose in poses:
@@ -156,14 +156,14 @@ def keyframes_of(
             unclosed.append(Unclosed(name=pose.name, path=closure.path, residual=residual, origin=pose.origin, moved=moved))
         else:
             base = solution.state.base if base_moves else stands.get(pose.name)
-            found.append(Keyframe(
+            keyframes.append(Keyframe(
                 name=pose.name, q=solution.state.q, origin=pose.origin, base=base, moved=moved, residual=solution.residual,
             ))
     own = next((one for one in unclosed if one.name == mode.pose), None)
     best = None if len(failed) < len(poses) else _least(loops, failed, base_moves)
     if own is None and best is None:
-        return tuple(found), tuple(unclosed)
-    _report(mode, loops, own, best, found, report)
+        return tuple(keyframes), tuple(unclosed)
+    _report(mode, loops, own, best, keyframes, report)
     return None
 
 

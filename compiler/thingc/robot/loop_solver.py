@@ -139,8 +139,8 @@ class Loops:
     def _errors(self, state: SolverState) -> list[tuple[Vector, Vector]]:
         """p [m] and w [rad] of every closure, in world axes; a ball has no w."""
         at = self._placed(state)
-        found = [_error(*self._frames(closure, at, state.q)) for closure in self.closures]
-        return [(p, (0.0, 0.0, 0.0) if closure.turns else w) for closure, (p, w) in zip(self.closures, found, strict=True)]
+        errors = [_error(*self._frames(closure, at, state.q)) for closure in self.closures]
+        return [(p, (0.0, 0.0, 0.0) if closure.turns else w) for closure, (p, w) in zip(self.closures, errors, strict=True)]
 
     def linearized(self, state: SolverState, *, base_moves: bool = False) -> tuple[list[float], list[list[float]]]:
         """The residuals of all closures in one list, p [m] then w [rad] of each, and their derivative by each of `coordinates`
@@ -251,11 +251,11 @@ class Loops:
         free = [k for k, column in enumerate(columns) if any(column)]
         left = list(error)
         while free:
-            found = solve([columns[k] for k in free], left, damping)
-            if found is None:
+            changes = solve([columns[k] for k in free], left, damping)
+            if changes is None:
                 return None
             past: list[tuple[int, float]] = []
-            for k, value in zip(free, found, strict=True):
+            for k, value in zip(free, changes, strict=True):
                 if k < len(chosen):
                     coordinate = chosen[k]
                     q = state.q[coordinate.path]
@@ -263,7 +263,7 @@ class Loops:
                     if value < low or value > high:
                         past.append((k, low if value < low else high))
             if not past:
-                for k, value in zip(free, found, strict=True):
+                for k, value in zip(free, changes, strict=True):
                     step[k] = value
                 break
             for k, value in past:
@@ -303,7 +303,7 @@ def _coordinates(joints: Mapping[str, JointEdge], length: float) -> tuple[Coordi
     followers: dict[str, list[tuple[str, float, float]]] = {}
     for path, (leader, multiplier, offset) in leaders(joints.values()).items():
         followers.setdefault(leader, []).append((path, multiplier, offset))
-    found: list[Coordinate] = []
+    coordinates: list[Coordinate] = []
     for path in joints:
         if path not in followers:
             continue
@@ -318,8 +318,8 @@ def _coordinates(joints: Mapping[str, JointEdge], length: float) -> tuple[Coordi
             lower, upper = max(lower, ends[0]), min(upper, ends[1])
         moves = tuple((follower, multiplier) for follower, multiplier, _ in followers[path])
         unit = 1.0 if joints[path].twist.turns else length
-        found.append(Coordinate(path=path, moves=moves, lower=lower, upper=max(lower, upper), unit=unit))
-    return tuple(found)
+        coordinates.append(Coordinate(path=path, moves=moves, lower=lower, upper=max(lower, upper), unit=unit))
+    return tuple(coordinates)
 
 
 def _error(A: Pose, B: Pose) -> tuple[Vector, Vector]:

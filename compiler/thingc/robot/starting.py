@@ -45,9 +45,9 @@ def check_starts(robots: Sequence[Robot], mesh_vertices: MeshVertices | None, re
             deepest = min(_lowest(robot, spheres, mesh_vertices, memo), default=None)
             if deepest is not None and deepest[0] < -DEEP and not report.allows(Code.START_BELOW, robot.mode.origin):
                 alike.setdefault((deepest[1], round(-deepest[0], 6)), []).append(robot)
-    for (number, depth), found in alike.items():
-        others = [robot.mode.name for robot in found[1:]]
-        _warn(found[0].mode, others, found[0].assembly.occurrences[number], depth, mesh_vertices is None, report)
+    for (number, depth), group in alike.items():
+        others = [robot.mode.name for robot in group[1:]]
+        _warn(group[0].mode, others, group[0].assembly.occurrences[number], depth, mesh_vertices is None, report)
 
 
 def _warn(mode: LinkedMode, others: Sequence[str], part: Occurrence, depth: float, bound: bool, report: Report) -> None:
@@ -72,9 +72,9 @@ def _check_feet(robots: Sequence[Robot], report: Report) -> None:
     """A warning for each mode in which something is lower than all that its feet belong to, as certain as boxes tell it."""
     alike: dict[tuple[int, float], list[Robot]] = {}
     for robot in robots:
-        found = _under_feet(robot) if robot.mode.feet and not report.allows(Code.OFF_FEET, robot.mode.origin) else None
-        if found is not None:
-            alike.setdefault(found, []).append(robot)
+        lowest = _under_feet(robot) if robot.mode.feet and not report.allows(Code.OFF_FEET, robot.mode.origin) else None
+        if lowest is not None:
+            alike.setdefault(lowest, []).append(robot)
     for (number, depth), modes in alike.items():
         mode, part = modes[0].mode, modes[0].assembly.occurrences[number]
         notes = [Note(message=f"`{part.path}` is here", span=part.origin[0])] if part.origin else []

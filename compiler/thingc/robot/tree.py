@@ -18,8 +18,8 @@ BASE = "root"
 
 def in_link(assembly: Assembly) -> tuple[Pose, ...]:
     """The pose of every occurrence in the frame of its link, in document order."""
-    found = {member: pose for link in assembly.links for member, pose in zip(link.members, link.poses)}
-    return tuple(found[index] for index in range(len(assembly.occurrences)))
+    pose_of = {member: pose for link in assembly.links for member, pose in zip(link.members, link.poses)}
+    return tuple(pose_of[index] for index in range(len(assembly.occurrences)))
 
 
 def placing(assembly: Assembly) -> frozenset[int]:
@@ -85,19 +85,19 @@ def cut_closures(assembly: Assembly, bodies: tuple[Body, ...], taken: Collection
     """The loops that a tree leaves open: every joint that it does not cross, and `fixed` ones that close a loop."""
     placed = in_link(assembly)
     body_of = {body.link: index for index, body in enumerate(bodies)}
-    found: list[Closure] = []
+    closures: list[Closure] = []
     for number, mate in enumerate(assembly.mates):
         if number in taken or not (mate.joints or mate.loop is not None):
             continue
         twists, offsets = tuple(joint.twist for joint in mate.joints), tuple(joint.offset for joint in mate.joints)
         A = placed[mate.parent] @ mate.X_PJ
-        found.append(Closure(
+        closures.append(Closure(
             path=mate.name or mate.loop or "", hold=False,
             parent=body_of[assembly.link_of[mate.parent]], child=body_of[assembly.link_of[mate.child]],
             X_PA=A @ moved(twists, offsets) if twists else A, X_CB=placed[mate.child] @ mate.X_JC.inverse(),
             joints=mate.joints, twists=seen_at_zero(twists, offsets, NO_POSE), origin=mate.origin,
         ))
-    return tuple(found)
+    return tuple(closures)
 
 
 def _across(
