@@ -78,8 +78,8 @@ class _Evaluator:
         if _zero(left):
             return b.dimension
         help = None
-        for term, found, other in ((right, b, a), (left, a, b)):
-            if found.dimension == NUMBER and isinstance(term, Literal):
+        for term, quantity, other in ((right, b, a), (left, a, b)):
+            if quantity.dimension == NUMBER and isinstance(term, Literal):
                 unit = other.dimension.example.partition(" ")[2]
                 help = f"write `{self.written(term)} {unit}`"
         raise ExpressionError(
@@ -178,8 +178,8 @@ class _Evaluator:
     def extreme(self, term: Call, arguments: list[Quantity]) -> Quantity:
         """`min` and `max`: the dimension is that of the first argument that is no bare 0."""
         lead = next((k for k, argument in enumerate(term.arguments) if not _zero(argument)), 0)
-        for argument, found in zip(term.arguments, arguments, strict=True):
-            self.same(term.arguments[lead], arguments[lead], argument, found)
+        for argument, quantity in zip(term.arguments, arguments, strict=True):
+            self.same(term.arguments[lead], arguments[lead], argument, quantity)
         values = [argument.value for argument in arguments]
         return Quantity(min(values) if term.function == "min" else max(values), arguments[lead].dimension)
 

@@ -73,15 +73,15 @@ class _Parser:
     def peek(self) -> str:
         """The operator that comes next, or an empty text."""
         self.spaces()
-        found = _OPERATOR.match(self.text, self.at)
-        return found.group() if found else ""
+        match = _OPERATOR.match(self.text, self.at)
+        return match.group() if match else ""
 
     def unexpected(self, wanted: str) -> ExpressionError:
         self.spaces()
         if self.at >= len(self.text):
             return ExpressionError(f"expected {wanted}, found the end", max(0, len(self.text) - 1), len(self.text))
-        found = _OPERATOR.match(self.text, self.at) or _NAME.match(self.text, self.at)
-        shown = found.group() if found else self.text[self.at]
+        match = _OPERATOR.match(self.text, self.at) or _NAME.match(self.text, self.at)
+        shown = match.group() if match else self.text[self.at]
         number = scan_number(self.text, self.at)
         if number is not None and shown[0] not in "+-":
             shown = number[0]
@@ -237,9 +237,9 @@ def expression_hint(text: str, names: Collection[str] | None = None) -> Hint | N
     marked = _MARKED.fullmatch(text)
     inside = (marked.group(1) or marked.group(2) or "") if marked is not None else text
     try:
-        found = parse_expression(f"={inside}")
+        expression = parse_expression(f"={inside}")
     except ExpressionError:
         return None
-    if names is not None and any(use.name not in names for use in found.names):
+    if names is not None and any(use.name not in names for use in expression.names):
         return None
     return Hint(f"an expression begins with `=`: `={shortened(inside)}`", (text, f"={inside}") if "\n" not in text else None)
