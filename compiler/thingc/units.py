@@ -275,8 +275,8 @@ def converted(number: str, unit: Unit) -> float:
 
 def scan_number(text: str, at: int = 0) -> tuple[str, int] | None:
     """The number that begins at `at` with its sign, and where it ends; None where none does."""
-    found = _NUMBER.match(text, at)
-    return (found.group(), found.end()) if found else None
+    match = _NUMBER.match(text, at)
+    return (match.group(), match.end()) if match else None
 
 
 def scan_unit(text: str, at: int, *, compact: bool = False) -> tuple[Unit, int]:
@@ -294,9 +294,9 @@ def scan_unit(text: str, at: int, *, compact: bool = False) -> tuple[Unit, int]:
             raise UnitError(f"a unit of more than {MAX_FACTORS} factors", kind="unit", offset=start, end=at)
         word = _UNIT_WORD.match(text, at)
         if word is None:
-            found = text[at : at + 1]
+            character = text[at : at + 1]
             raise UnitError(
-                f"expected a unit after `{text[start:at].strip()}`, found {f'`{found}`' if found else 'nothing'}",
+                f"expected a unit after `{text[start:at].strip()}`, found {f'`{character}`' if character else 'nothing'}",
                 kind="unit", offset=at, end=at + 1,
             )
         base = UNITS.get(word.group())
@@ -363,10 +363,10 @@ def parse_quantity(text: str) -> Quantity:
     if len(text) > MAX_TEXT:
         raise UnitError(f"a quantity of {len(text)} characters is too long (at most {MAX_TEXT})")
     at = len(text) - len(text.lstrip())
-    found = scan_number(text, at)
-    if found is None:
+    scanned = scan_number(text, at)
+    if scanned is None:
         raise UnitError(f"expected a number with a unit, found `{shortened(text.strip())}`", help="write for example `120 mm`")
-    number, at = found
+    number, at = scanned
     return _with_unit(text, number, at)
 
 
@@ -404,10 +404,10 @@ def parse_vector(text: str) -> tuple[Quantity, Quantity, Quantity]:
     while True:
         while at < len(text) and text[at].isspace():
             at += 1
-        found = scan_number(text, at)
-        if found is None:
+        scanned = scan_number(text, at)
+        if scanned is None:
             break
-        number, at = found
+        number, at = scanned
         numbers.append(number)
     count = {1: "one number", 2: "two numbers"}.get(len(numbers), f"{len(numbers)} numbers")
     how = "write for example `0 120 30 mm` or `[0, 120 mm, 30 mm]`"
