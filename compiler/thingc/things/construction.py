@@ -156,9 +156,9 @@ def wrapped(cls: type[Any], parameters: dict[str, Value], **attributes: object) 
 
 def family_signature(cls: type[Any]) -> Signature:
     """The parameters of a Thing class; raises `SignatureError` where an argument of `__init__` cannot be one."""
-    found = cls.__dict__.get("_signature")
-    if isinstance(found, Signature):
-        return found
+    signature = cls.__dict__.get("_signature")
+    if isinstance(signature, Signature):
+        return signature
     init: Callable[..., Any] = cls.__init__
     if getattr(init, "_base_of_all_things", False):
         signature = Signature(owner=cls.__name__, parameters=(), positional=0)

@@ -15,14 +15,14 @@ def argument_docs(docstring: str | None) -> dict[str, str]:
     if not docstring:
         return {}
     lines = inspect.cleandoc(docstring).split("\n")
-    found: dict[str, list[str]] = {}
+    texts: dict[str, list[str]] = {}
     for start, line in enumerate(lines):
         if line.strip() in ("Args:", "Arguments:", "Parameters:"):
-            _indented(lines[start + 1:], found)
+            _indented(lines[start + 1:], texts)
         elif line.strip() == "Parameters" and start + 1 < len(lines) and re.fullmatch(r"-{3,}", lines[start + 1].strip()):
-            _numpy(lines[start + 2:], found)
-    _fields(lines, found)
-    return {name: " ".join(" ".join(words).split()) for name, words in found.items()}
+            _numpy(lines[start + 2:], texts)
+    _fields(lines, texts)
+    return {name: " ".join(" ".join(words).split()) for name, words in texts.items()}
 
 
 def _indented(lines: list[str], found: dict[str, list[str]]) -> None:

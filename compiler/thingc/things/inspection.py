@@ -202,15 +202,15 @@ def shapes_of(geometry: Geometry) -> tuple[Shape[Any], ...]:
     """What `result()` and its like returned, as a tuple of shapes; raises `TypeError` where it is something else."""
     if geometry is None:
         return ()
-    found: tuple[Any, ...]
+    shapes: tuple[Any, ...]
     if isinstance(geometry, (Shape, str)) or not isinstance(geometry, Iterable):
-        found = (geometry,)
+        shapes = (geometry,)
     else:
-        found = tuple(geometry)
-    for item in found:
+        shapes = tuple(geometry)
+    for item in shapes:
         if not isinstance(item, Shape):
             raise TypeError(f"expected a build123d shape, found {item!r}")
-    return found
+    return shapes
 
 
 def is_one_solid(geometry: Geometry) -> bool:
@@ -265,10 +265,10 @@ def up_of(thing: Thing) -> Vector | None:
 
 def actuator_of(part: Thing | PartLike) -> Actuator | None:
     """The actuator of a Thing, or the one that its class declares; raises `TypeError` where it is something else."""
-    found: object = getattr(part, "actuator", None) if isinstance(part, (Thing, type(Thing))) else None
-    if found is None or isinstance(found, Actuator):
-        return found
-    raise TypeError(f"`actuator` must be an Actuator, found {found!r}")
+    actuator: object = getattr(part, "actuator", None) if isinstance(part, (Thing, type(Thing))) else None
+    if actuator is None or isinstance(actuator, Actuator):
+        return actuator
+    raise TypeError(f"`actuator` must be an Actuator, found {actuator!r}")
 
 
 class _ShapePart(Thing):

@@ -111,17 +111,17 @@ class Parameter:
         Raises `ParameterError` for a wrong type, a number that is not finite, one out of bounds, or none of the choices;
         `owner` names the part in the message.
         """
-        found = self._typed(value)
-        if found is None:
+        typed = self._typed(value)
+        if typed is None:
             raise self.error(f"must be {self.noun}, found {value!r}", owner)
-        if isinstance(found, (int, float)) and not isinstance(found, bool) and self.kind != "choice":
-            if not math.isfinite(found):
+        if isinstance(typed, (int, float)) and not isinstance(typed, bool) and self.kind != "choice":
+            if not math.isfinite(typed):
                 raise self.error(f"must be finite, found {value!r}", owner)
-            if self.minimum is not None and found < self.minimum:
-                raise self.error(f"must be at least {self._shown(self.minimum)}, found {self._shown(found)}", owner)
-            if self.maximum is not None and found > self.maximum:
-                raise self.error(f"must be at most {self._shown(self.maximum)}, found {self._shown(found)}", owner)
-        return found
+            if self.minimum is not None and typed < self.minimum:
+                raise self.error(f"must be at least {self._shown(self.minimum)}, found {self._shown(typed)}", owner)
+            if self.maximum is not None and typed > self.maximum:
+                raise self.error(f"must be at most {self._shown(self.maximum)}, found {self._shown(typed)}", owner)
+        return typed
 
     def error(self, problem: str, owner: str) -> ParameterError:
         """A `ParameterError` that names the parameter and its owner, then the problem."""

@@ -78,18 +78,18 @@ def signature_of(
     for docstring in docs:
         described |= argument_docs(docstring)
     arguments = list(inspect.signature(function).parameters.values())[1 if method else 0:]
-    found: list[Parameter] = []
+    parameters: list[Parameter] = []
     positional = 0
     for argument in arguments:
         try:
-            found.append(_parameter(function, argument, owner, described.get(argument.name, "")))
+            parameters.append(_parameter(function, argument, owner, described.get(argument.name, "")))
         except SignatureError:
             starred = argument.kind in (argument.VAR_POSITIONAL, argument.VAR_KEYWORD)
             if strict or (argument.default is argument.empty and not starred):
                 raise
             continue
-        positional += argument.kind is argument.POSITIONAL_OR_KEYWORD and positional == len(found) - 1
-    return Signature(owner=owner, parameters=tuple(found), positional=positional)
+        positional += argument.kind is argument.POSITIONAL_OR_KEYWORD and positional == len(parameters) - 1
+    return Signature(owner=owner, parameters=tuple(parameters), positional=positional)
 
 
 def _parameter(function: Callable[..., Any], argument: inspect.Parameter, owner: str, doc: str) -> Parameter:
