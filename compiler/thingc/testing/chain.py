@@ -74,14 +74,14 @@ class Chain:
         """At `q`, where the bodies are `at`, the velocity of a point (3, in the world) of a body by coordinates: 6 x n, linear over
         angular; 0 of the world (None)."""
         x, y, z = (float(one) for one in point)
-        found = np.zeros((6, len(self.paths)))
+        J = np.zeros((6, len(self.paths)))
         while body is not None:
             link = self.robot.bodies[body]
             for joint, twist in in_world(link, at[body], q):
                 path, factor = self._follows[joint.path]
-                found[:, self._column[path]] += factor * np.concatenate(twist.velocity((x, y, z)))
+                J[:, self._column[path]] += factor * np.concatenate(twist.velocity((x, y, z)))
             body = link.parent
-        return found
+        return J
 
     def closing(self, q: Mapping[str, float]) -> tuple[Array, Array]:
         """How far the loops are from closed (6 for each: [m] over [rad], in the world), and its derivative by coordinates."""

@@ -36,13 +36,13 @@ def starting_pose(assembly: Assembly, mode: LinkedMode) -> NamedPose:
 
 def swept(pose: NamedPose, ranges: tuple[JointRange, ...], samples: int) -> list[NamedPose]:
     """A pose with joints moved through ranges: `samples` of them, named by their number."""
-    found: list[NamedPose] = []
+    poses: list[NamedPose] = []
     for number, place in enumerate(quasi_random(samples, len(ranges))):
         moved = {r.joint: r.lower + float(part) * (r.upper - r.lower) for r, part in zip(ranges, place, strict=True)}
-        found.append(NamedPose(
+        poses.append(NamedPose(
             name=f"{pose.name}:{number}", values={**pose.values, **moved}, origins=pose.origins, origin=pose.origin,
         ))
-    return found
+    return poses
 
 
 def keyframe(robot: Robot, pose: NamedPose) -> Keyframe | None:

@@ -36,12 +36,12 @@ def farthest(robot: Robot, of: MountAt, base: MountAt, origin: Origin) -> tuple[
     chain = Chain(robot)
     ends = chain.mount(of), chain.mount(base)
     best, at = -1.0, np.zeros(len(chain.paths))
-    found: list[tuple[float, Array]] = []
+    starts: list[tuple[float, Array]] = []
     for x in _starts(chain, origin):
         distance, _ = _distance(chain, ends, x)
-        found.append((distance, x))
-    found.sort(key=lambda pair: -pair[0])
-    for distance, x in found[:CLIMBED]:
+        starts.append((distance, x))
+    starts.sort(key=lambda pair: -pair[0])
+    for distance, x in starts[:CLIMBED]:
         if distance > best:
             best, at = distance, x
         climbed = _climb(chain, ends, x)
@@ -98,11 +98,11 @@ def _climb(chain: Chain, ends: Ends, start: Array) -> tuple[float, Array] | None
         loops.append({"type": "ineq", "fun": lambda x: chain.cones(x)[0], "jac": lambda x: chain.cones(x)[1]})
     if not len(start):
         return None
-    found = minimize(
+    optimum = minimize(
         down, start, jac=True, method="SLSQP", bounds=list(zip(chain.lower, chain.upper, strict=True)), constraints=loops,
         options={"maxiter": 200, "ftol": 1e-12},
     )
-    x = chain.x(chain.q(np.clip(np.asarray(found.x, dtype=np.float64), chain.lower, chain.upper)))
+    x = chain.x(chain.q(np.clip(np.asarray(optimum.x, dtype=np.float64), chain.lower, chain.upper)))
     if chain.robot.closures and float(np.abs(closing(x)[0]).max()) > CLOSED:
         return None
     return _distance(chain, ends, x)[0], x
@@ -189,11 +189,11 @@ def _approach(chain: Chain, mount: tuple[int, Pose], frame: tuple[int, Pose] | N
     if not len(start):
         return start
     inside = 1e-9 * (chain.upper - chain.lower)
-    found = least_squares(
+    solution = least_squares(
         residual, np.clip(start, chain.lower + inside, chain.upper - inside), jac=slope, bounds=(chain.lower, chain.upper),
         xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=200,
     )
-    return np.asarray(found.x, dtype=np.float64)
+    return np.asarray(solution.x, dtype=np.float64)
 
 
 def _missed(

@@ -46,8 +46,8 @@ class Motion:
         return float(np.linalg.norm(self.path[-1] - self.path[0], axis=1).max())
 
     def _off(self) -> Array:
-        found: Array = np.linalg.norm(self.path - self.path[-1], axis=2).max(axis=1)
-        return found
+        distances: Array = np.linalg.norm(self.path - self.path[-1], axis=2).max(axis=1)
+        return distances
 
 
 def simulated(
@@ -93,7 +93,7 @@ def _model(scene: str, files: Mapping[str, bytes], *, floor: bool) -> mujoco.MjM
 
 def _points(robot: Robot, model: mujoco.MjModel) -> list[tuple[int, Array]]:
     """For each link its body in the model, and points in its frame (n x 3): its origin and the corners of its parts' boxes."""
-    found = []
+    per_link = []
     for body in robot.bodies:
         link = robot.assembly.links[body.link]
         points = [(0.0, 0.0, 0.0)]
@@ -101,8 +101,8 @@ def _points(robot: Robot, model: mujoco.MjModel) -> list[tuple[int, Array]]:
             record = robot.assembly.occurrences[member].record
             if record is not None and record.box is not None:
                 points += [_corner(pose, record.box, which) for which in product((0, 1), repeat=3)]
-        found.append((model.body(link.name).id, np.array(points)))
-    return found
+        per_link.append((model.body(link.name).id, np.array(points)))
+    return per_link
 
 
 def _corner(pose: Pose, box: tuple[Vector, Vector], which: tuple[int, ...]) -> Vector:
