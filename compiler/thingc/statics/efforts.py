@@ -55,8 +55,8 @@ def _about(joint: JointEdge, joints: Iterable[JointEdge], q: Mapping[str, float]
     ball = tuple(one for one in joints if one.name.joint == joint.name.joint)
     values = tuple(q[one.path] for one in ball)
     axis = (joint.actuator.axis if joint.actuator is not None else None) or (0.0, 0.0, 0.0)
-    found = velocities(tuple(one.twist for one in ball), values, NO_POSE, at_once=True)
-    return tuple((ball[number].path, dot(axis, twist.angular)) for number, twist in found)
+    twists = velocities(tuple(one.twist for one in ball), values, NO_POSE, at_once=True)
+    return tuple((ball[number].path, dot(axis, twist.angular)) for number, twist in twists)
 
 
 def balance_tree(load: Mapping[str, float], drives: Sequence[DriveTransmission]) -> Efforts:

@@ -57,7 +57,7 @@ def _footings(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> l
     assembly, placed = robot.assembly, in_link(robot.assembly)
     body_of = {body.link: index for index, body in enumerate(robot.bodies)}
     pulls = {(one.occurrence, one.mount): robot.adhesion.get(one.path, 0.0) for one in assembly.adhesions}
-    found: list[Footing] = []
+    footings: list[Footing] = []
     for foot in robot.mode.feet:
         choice = foot.mount
         mount = assembly.occurrences[choice.occurrence].mounts[choice.mount or "origin"]
@@ -69,8 +69,8 @@ def _footings(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> l
                 moves[joint.path] = twist.velocity(point)[0]
             body = robot.bodies[body].parent
         pull = pulls.get((choice.occurrence, choice.mount or "origin"), 0.0)
-        found.append(Footing(choice.path, point, moves, foot.friction, pull))
-    return found
+        footings.append(Footing(choice.path, point, moves, foot.friction, pull))
+    return footings
 
 
 def lifted(feet: Sequence[Footing]) -> dict[str, float]:

@@ -32,15 +32,15 @@ def loads(robot: Robot, q: Mapping[str, float], bodies: Sequence[Pose]) -> dict[
             masses[body.parent] += mass
             px, py, pz = moments[body.parent]
             moments[body.parent] = (px + moment[0], py + moment[1], pz + moment[2])
-    found: dict[str, float] = {}
+    load_of: dict[str, float] = {}
     for index, body in enumerate(robot.bodies):
         for joint, twist in in_world(body, bodies[index], q):
             p, s, m = twist.anchor, moments[index], masses[index]
             arm = (s[0] - m * p[0], s[1] - m * p[1], s[2] - m * p[2])
             weight = dot(twist.angular, cross(arm, robot.gravity)) + m * dot(twist.linear, robot.gravity)
             stiffness = joint.dynamics.stiffness
-            found[joint.path] = weight if stiffness is None else weight - stiffness * q[joint.path]
+            load_of[joint.path] = weight if stiffness is None else weight - stiffness * q[joint.path]
     for closure in robot.closures:
         for cut in closure.joints:
-            found[cut.path] = -(cut.dynamics.stiffness or 0.0) * q[cut.path]
-    return found
+            load_of[cut.path] = -(cut.dynamics.stiffness or 0.0) * q[cut.path]
+    return load_of

@@ -82,7 +82,7 @@ def _feet(robot: Robot, stands: Stance, column: Mapping[str, int], size: float) 
     """How each foot moves [m] with the coordinates (3 x n): the joints', then the base's, three shifts (in lengths of `size` [m]) and
     three turns about its origin."""
     following = leaders(joints_of(robot.assembly))
-    found: list[Array] = []
+    jacobians: list[Array] = []
     for foot in stands.feet:
         J = np.zeros((3, len(column) + 6))
         for path, velocity in foot.moves.items():
@@ -91,8 +91,8 @@ def _feet(robot: Robot, stands: Stance, column: Mapping[str, int], size: float) 
         x, y, z = np.array(foot.point) - np.array(stands.origin)
         J[:, -6:-3] = np.eye(3) * size
         J[:, -3:] = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
-        found.append(J)
-    return found
+        jacobians.append(J)
+    return jacobians
 
 
 def _fall(robot: Robot, stands: Stance) -> Fall | None:
