@@ -19,5 +19,5 @@ def kinds() -> dict[str, CheckKind[Any, Any]]:
     """Every kind by its name, in the order of the documentation."""
     files = (name.removesuffix(".py") for name in os.listdir(os.path.dirname(__file__)) if name.endswith(".py"))
     modules = [import_module(f"{__name__}.{stem}") for stem in files if stem != "__init__"]
-    found: list[CheckKind[Any, Any]] = [module.KIND for module in modules if hasattr(module, "KIND")]
-    return {kind.name: kind for kind in sorted(found, key=lambda kind: (kind.position, kind.name))}
+    unsorted: list[CheckKind[Any, Any]] = [module.KIND for module in modules if hasattr(module, "KIND")]
+    return {kind.name: kind for kind in sorted(unsorted, key=lambda kind: (kind.position, kind.name))}

@@ -57,7 +57,7 @@ def read(written: GroundClearanceTest, reader: Reader) -> GroundClearance:
     """A plane and a height over it."""
     plane = 0.0 if written.plane is None else reader.number(written.plane, "plane", LENGTH)
     least = reader.number(written.at_least, "at_least", LENGTH, least=0.0)
-    spared = [found for index, text in enumerate(written.except_) for found in reader.components(text, ("except", index))]
+    spared = [reference for index, text in enumerate(written.except_) for reference in reader.components(text, ("except", index))]
     return GroundClearance(plane=plane, least=least, spared=tuple(spared))
 
 

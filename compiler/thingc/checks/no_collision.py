@@ -194,15 +194,15 @@ def finish(linked: LinkedTest, outcomes: Sequence[Outcome], report: Report) -> N
 
 def _allowed(linked: LinkedTest, check: CollisionCheck) -> dict[tuple[int, int], int]:
     """By pair of occurrences the number of the first allowance that it falls under."""
-    found: dict[tuple[int, int], int] = {}
+    allowed: dict[tuple[int, int], int] = {}
     for number, allowance in enumerate(check.allow):
         ones, others = (
             [index for reference in side for index in linked.components[reference]] for side in (allowance.one, allowance.other)
         )
         for a in ones:
             for b in others:
-                found.setdefault((min(a, b), max(a, b)), number)
-    return found
+                allowed.setdefault((min(a, b), max(a, b)), number)
+    return allowed
 
 
 def _failure(case: Case, check: CollisionCheck, worst: Sequence[Near], collisions: Collisions) -> Failure:

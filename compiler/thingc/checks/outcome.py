@@ -51,7 +51,7 @@ def bounded(
     name: str, what: str, value: float, minimum: float | None, maximum: float | None, dimension: Dimension, code: Code,
 ) -> Outcome:
     """A value [SI] between two bounds, either of which may be missing."""
-    found = shown(value, dimension)
+    measured = shown(value, dimension)
     expected = {key: bound for key, bound in (("min", minimum), ("max", maximum)) if bound is not None}
     words = [f"{word} {Quantity(bound, dimension)}" for word, bound in (("at least", minimum), ("at most", maximum))
              if bound is not None]
@@ -64,9 +64,9 @@ def bounded(
         share = f" ({float(f'{100.0 * off / bound:.3g}'):g} %)" if bound else ""
         failure = Failure(
             code=code, key=key,
-            message=f"{what} is {found}, {word} {Quantity(bound, dimension)} by {shown(off, dimension)}{share}",
+            message=f"{what} is {measured}, {word} {Quantity(bound, dimension)} by {shown(off, dimension)}{share}",
         )
-    return Outcome(measured={name: value}, expected=expected, said=f"{name} {found} ({', '.join(words)})", failure=failure)
+    return Outcome(measured={name: value}, expected=expected, said=f"{name} {measured} ({', '.join(words)})", failure=failure)
 
 
 def unclosed() -> Outcome:
