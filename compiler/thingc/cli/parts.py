@@ -109,6 +109,12 @@ def _named(geometry: GeometryService, words: list[str]) -> list[str]:
         named = [one for one in references if word in (one, one.partition(":")[0]) or one.startswith(f"{word}.")]
         if not named and ":" in word and not isinstance(geometry.part_code.code(word), PartFailure):
             named = [word]  # a function, or what an installed package takes from elsewhere
+        modules = [module for module in installed if module.startswith(f"{word}.")]
+        if not named and modules:
+            raise common.WrongCommandLine(
+                f"`{word}` is a package of {len(modules)} modules, more than is listed at once",
+                f"name modules of it, or classes in them: {', '.join(f'`{module}`' for module in modules)}",
+            )
         if not named:
             known = {*references, *(one.partition(":")[0] for one in references), *installed}
             raise common.WrongCommandLine(f"there is no part `{word}` in reach", did_you_mean(word, known, what="parts"))
