@@ -181,9 +181,9 @@ class Quantity:
             return f"{self.value:.{digits}g} kg"
         for dimension, unit, scale in _SHOWN:
             if dimension == self.dimension:
-                return f"{self.value * scale:.{digits}g} {unit}"
+                return f"{self.value * scale:z.{digits}g} {unit}"
         symbol = self.dimension.symbol
-        return f"{self.value:.{digits}g} {symbol}" if symbol else f"{self.value:.{digits}g}"
+        return f"{self.value:z.{digits}g} {symbol}" if symbol else f"{self.value:z.{digits}g}"
 
 
 _SHOWN = (

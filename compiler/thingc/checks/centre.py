@@ -106,7 +106,7 @@ def run(case: Case, check: CentreCheck) -> Outcome:
             message=f"{axis} of the centre of mass is {shown(value, LENGTH)}, {word} {Quantity(bound, LENGTH)} by "
             f"{shown(abs(value - bound), LENGTH)}",
         ))
-    text = "  ".join(f"{round(1000.0 * v, 1) + 0.0:.1f}" for v in place)
+    text = "  ".join(f"{1000.0 * v:z.1f}" for v in place)
     failure = None
     if failures:
         failure = Failure(code=Code.TEST_CENTRE, key=failures[0].key, message="; ".join(one.message for one in failures))

@@ -98,11 +98,11 @@ def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
     lines = [
         f"{assembly.name}: {_grams(whole.mass)} in {len(assembly.occurrences)} occurrences, {len(assembly.links)} links, "
         f"{sum(1 for mate in assembly.mates if mate.joints)} joints",
-        "centre of mass  " + "  ".join(f"{1000.0 * x:.3f}" for x in whole.centre) + "  mm, in the frame of "
+        "centre of mass  " + "  ".join(f"{1000.0 * x:z.3f}" for x in whole.centre) + "  mm, in the frame of "
         f"`{assembly.occurrences[assembly.base].path}` at q = 0",
         "inertia         "
         + "  ".join(
-            f"{name} {1e6 * whole.inertia[i][j]:.2f}"
+            f"{name} {1e6 * whole.inertia[i][j]:z.2f}"
             for name, i, j in (("ixx", 0, 0), ("iyy", 1, 1), ("izz", 2, 2), ("ixy", 0, 1), ("ixz", 0, 2), ("iyz", 1, 2))
         )
         + "  kg mm^2, about the centre",

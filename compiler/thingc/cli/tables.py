@@ -32,4 +32,4 @@ def _axis(v: Vector) -> str:
     for k, name in enumerate("xyz"):
         if abs(abs(v[k]) - 1.0) < 1e-9:
             return f"{'+' if v[k] > 0 else '-'}{name}"
-    return "(" + " ".join(f"{round(x, 3) + 0.0:.3f}" for x in v) + ")"
+    return "(" + " ".join(f"{x:z.3f}" for x in v) + ")"

@@ -60,7 +60,7 @@ class Twist:
 
     def shown(self, q: float) -> str:
         """A coordinate [rad or m] as a person would write it: `30 deg`, `20 mm`."""
-        return f"{math.degrees(q):.6g} deg" if self.turns else f"{q * 1000.0:.6g} mm"
+        return f"{math.degrees(q):z.6g} deg" if self.turns else f"{q * 1000.0:z.6g} mm"
 
     def exponential(self, q: float) -> Pose:
         """The pose at `q` [rad or m] of what was at the frame at q = 0. Turns about x, y and z through the origin are exact at
