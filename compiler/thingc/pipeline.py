@@ -199,6 +199,18 @@ def _widened(environment: Environment, own: Sources, assemblies: Sequence[str], 
     return Sources(workspace=own.workspace, documents=documents, specs=specs, schemas=schemas), report
 
 
+def model(environment: Environment, own: Sources, settings: Settings, report: Report) -> AssemblyDefinition | None:
+    """`resolve` alone: what the documents say with these settings before a part is modelled. What is wrong with them is in `report`; None
+    where nothing is sound."""
+    from thingc.resolve import resolve
+
+    sources = choose(environment, own, settings.choices, report)
+    return resolve(
+        sources.documents, sources.specs, sources.workspace, sources.schemas, settings.parameters, report, settings.choices,
+        environment.memo,
+    )
+
+
 def _passes(environment: Environment, own: Sources | None, settings: Settings, modes: Sequence[str]) -> Compilation:
     """From what was read to the robots."""
     from thingc.graph import link, slicings_of

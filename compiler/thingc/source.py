@@ -8,8 +8,9 @@ line of the parent document that nested it, and so on).
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import field
+from itertools import takewhile
 from typing import Union
 
 from thingc.frozen import dataclass
@@ -120,6 +121,15 @@ def dotted(path: Path) -> str:
     for step in path:
         text += f"[{step}]" if isinstance(step, int) else f".{step}" if text else step
     return text
+
+
+def closest(paths: Iterable[str], place: str) -> str:
+    """That one of the paths at which values are set which shares most of its keys, from the first on, with the path `place`."""
+
+    def shared(path: str) -> int:
+        return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(path.split("."), place.split("."))))
+
+    return max(paths, key=shared)
 
 
 def node_at(root: Node, path: Path) -> Node | None:

@@ -12,10 +12,11 @@ import pytest
 
 from conformance.harness import ROOT
 from thingc import pipeline
-from thingc.diagnostics import Code, Diagnostic
+from thingc.diagnostics import Code, Diagnostic, Report
 from thingc.emit.artifact import Loss, Stored
 from thingc.environment import Environment, Options
 from thingc.pipeline import Compilation, Settings, UnknownChoice
+from thingc.resolve import part_definitions
 from thingc.session import Session
 
 TARGETS = ("mjcf", "mjz", "stl", "bom", "hag")
@@ -230,6 +231,20 @@ def test_faults_of_the_documents_are_those_of_the_session_and_of_each_compilatio
 
 def test_no_document(tmp_path: Path, shared_store: str) -> None:
     assert check(tmp_path / "nothing.yaml", shared_store, [Settings(), Settings()]) == 0
+
+
+def test_what_documents_say_is_known_before_a_part_is_modelled(rig: Path, tmp_path: Path) -> None:
+    """`pipeline.model` with any settings, with a store in which nothing is."""
+    with Session(str(rig), Options(store=str(tmp_path / "store"), jobs=1)) as session:
+        assert session.sources is not None
+        for width, message in (("40 mm", None), ("5 mm", "parameter `width` must be at least 10 mm, found `5 mm`"), ("40 mm", None)):
+            report = Report()
+            model = pipeline.model(session.environment, session.sources, Settings(parameters={"width": width}), report)
+            assert [one.message for one in report.diagnostics] == ([] if message is None else [message])
+            assert message is not None or model is not None and "blocks:Block(width=0.04)" in {
+                one.text for one in part_definitions(model)
+            }
+        assert session.environment.geometry.modelled == [] == session.environment.geometry.reused
 
 
 def test_modes_are_chosen_for_each(rig: Path, shared_store: str) -> None:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from thingc.load.documents import Documents, load, load_more, read_tree
-from thingc.load.paths import named
+from thingc.load.paths import find_assembly, named
 from thingc.load.text import Source
 
 if TYPE_CHECKING:
     from thingc.load.finding import documents_in, is_document
 
-__all__ = ["Documents", "Source", "documents_in", "is_document", "load", "load_more", "named", "read_tree"]
+__all__ = ["Documents", "Source", "documents_in", "find_assembly", "is_document", "load", "load_more", "named", "read_tree"]
 
 
 def __getattr__(name: str) -> Any:

@@ -69,6 +69,13 @@ def find_file(
     return path
 
 
+def find_assembly(text: str, *, beside: str, where: Span | None, workspace: Workspace, report: Report) -> str | None:
+    """`find_file` of an assembly document."""
+    return find_file(
+        text, beside=beside, where=where, workspace=workspace, suffixes=DOCUMENT_SUFFIXES, what="an assembly document", report=report,
+    )
+
+
 def named(text: str, beside: str) -> str | None:
     """The absolute path of what a document at the path `beside` calls `text`, be it there or not; None where nothing can be called
     so."""

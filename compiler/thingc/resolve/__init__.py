@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from thingc.diagnostics import MAX_FAULTS, Code, Report
 from thingc.memo import Memo
@@ -12,10 +12,20 @@ from thingc.resolve.model import AssemblyDefinition
 
 if TYPE_CHECKING:
     from thingc.load import Documents
+    from thingc.resolve.parameters import AssemblyParameters
     from thingc.spec.doubts import Specs
     from thingc.workspace import Workspace
 
-__all__ = ["part_definitions", "resolve", "resolve_materials"]
+__all__ = ["AssemblyParameters", "part_definitions", "resolve", "resolve_materials"]
+
+
+def __getattr__(name: str) -> Any:
+    """What those ask for who set something, imported then."""
+    if name == "AssemblyParameters":
+        from thingc.resolve.parameters import AssemblyParameters
+
+        return AssemblyParameters
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def resolve(

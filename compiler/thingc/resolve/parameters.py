@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from thingc.diagnostics import Code, Note, Report
 from thingc.expressions import Expression, ExpressionError, Found, kind_of, parse_expression, plain, words_of
@@ -15,6 +15,11 @@ from thingc.spec.assembly import AssemblySpec, ParameterSpec
 from thingc.spec.doubts import Doubts
 from thingc.typos import MAX_CIRCLE, circle_words, did_you_mean
 from thingc.units import NUMBER, Quantity, UnitError, parse_quantity, shortened
+
+if TYPE_CHECKING:
+    from thingc.load import Documents
+    from thingc.spec import Specs
+    from thingc.workspace import Workspace
 
 Complain = Callable[..., None]
 """`complain(name, code, message, help=None, notes=())`: reports where a value was set."""
@@ -133,6 +138,23 @@ def fitting(
         if _within(scope, spec, name, value, complain):
             sound[name] = value
     return sound
+
+
+class AssemblyParameters:
+    """The parameters of an assembly, for whoever sets them from outside: the `name` of the assembly, and their own `values` (without those
+    that are wrong, which is said when the assembly is resolved)."""
+
+    def __init__(self, documents: Documents, specs: Specs, workspace: Workspace) -> None:
+        spec = specs[documents.root.relative]
+        assert isinstance(spec, AssemblySpec)
+        self._spec = spec
+        self._context = Context(documents=documents, specs=specs, workspace=workspace, schemas={}, report=Report())
+        self.name = spec.name
+        self.values = declared(self._context, documents.root, spec).values
+
+    def fitting(self, name: str, found: Found, complain: Complain) -> Found | None:
+        """A value for a parameter; None where it does not fit (said by `complain`), or where the assembly's own is wrong."""
+        return fitting(self._context, self._context.documents.root, self._spec, {name: found}, f"`{self.name}`", complain).get(name)
 
 
 def _same_kind(own: Found, found: Found, scope: Scope, spec: AssemblySpec, name: str) -> bool:

@@ -9,12 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from itertools import takewhile
 
 from thingc.diagnostics import Code, Report
 from thingc.load.scalars import core_value
 from thingc.resolve.table import Context
-from thingc.source import Document, MappingNode, Node, ScalarNode, SequenceNode, option_span
+from thingc.source import Document, MappingNode, Node, ScalarNode, SequenceNode, closest, option_span
 from thingc.spec import validate_one
 from thingc.spec.assembly import AssemblySpec
 from thingc.spec.shapes import AnnotationShape, alternatives, model_keys, shape_of
@@ -63,14 +62,6 @@ def substituted(
         else:  # the document has no faults: a value makes something else wrong
             context.say_of_option(closest(values, fault.path or ""), fault.message, fault.help)
     return (changed, sound) if isinstance(sound, AssemblySpec) else (document, spec)
-
-
-def closest(paths: Iterable[str], place: str) -> str:
-    """That one of the paths at which values are set which shares most of its keys, from the first on, with the path `place`."""
-    def shared(path: str) -> int:
-        return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], zip(path.split("."), place.split("."), strict=False)))
-
-    return max(paths, key=shared)
 
 
 def _with(node: Node | None, keys: tuple[str, ...], leaf: ScalarNode) -> Node:

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from thingc.diagnostics import Code, Note, Report
 from thingc.expressions import Expression, Found, kind_of, plain, words_of
 from thingc.frozen import dataclass
 from thingc.realize.record import Value
-from thingc.resolve.parameters import fitting
-from thingc.resolve.table import Context
+from thingc.resolve import AssemblyParameters
 from thingc.source import Document, Path, ScalarNode, dotted, node_at
-from thingc.spec.assembly import AssemblySpec
 from thingc.spec.variants import AxisSpec
 from thingc.units import NUMBER, Quantity, shortened
 from thingc.variants.by_path import Paths, as_value, of_kind
@@ -48,17 +46,14 @@ class Axis:
 
 
 class ValueReader:
-    """Reads the values of one `variants/1` document. `own` are the values of the assembly's parameters, `context` its scope; `fits(path,
-    text, at)` says whether a text may stand at one of the `paths` (reported if not)."""
+    """Reads the values of one `variants/1` document. `parameters` are the assembly's; `fits(path, text, at)`
+    says whether a text may stand at one of the `paths` (reported if not)."""
 
     def __init__(
-        self, document: Document, context: Context, assembly: AssemblySpec, own: Mapping[str, Found], report: Report,
-        paths: Paths, fits: Callable[[str, str, Path], bool],
+        self, document: Document, parameters: AssemblyParameters, report: Report, paths: Paths, fits: Callable[[str, str, Path], bool],
     ) -> None:
         self.document = document
-        self.context = context
-        self.assembly = assembly
-        self.own = own
+        self.parameters = parameters
         self.report = report
         self.paths = paths
         self.fits = fits
@@ -69,7 +64,7 @@ class ValueReader:
         if isinstance(raw, Expression):
             self._error(
                 Code.VARIANT_VALUE, "a variant states values; an expression stands in the assembly", path,
-                help=f"write a value, or a parameter of `{self.assembly.name}` that is worked out",
+                help=f"write a value, or a parameter of `{self.parameters.name}` that is worked out",
             )
             return None
         found = as_value(raw)
@@ -82,12 +77,7 @@ class ValueReader:
             where = self._key(path) if key else path
             self.report.add(code, message, self.document.span(where, key=key), help=help, notes=notes, path=dotted(where))
 
-        sound = fitting(
-            self.context, self.context.documents.root, self.assembly, {name: found}, f"`{self.assembly.name}`", complain,
-        )
-        if name not in sound:
-            return None
-        value, own = sound[name], self.own.get(name)
+        value, own = self.parameters.fitting(name, found, complain), self.parameters.values.get(name)
         if isinstance(value, Quantity) and value.dimension == NUMBER and value.value == 0.0 and isinstance(own, Quantity):
             return Quantity(0.0, own.dimension)  # a bare 0
         return value

@@ -8,10 +8,8 @@ from typing import Any
 
 from thingc.expressions import Expression, ExpressionError, Found, evaluate
 from thingc.frozen import dataclass
-from thingc.pipeline import Sources
-from thingc.source import Document, ScalarNode, node_at
-from thingc.spec.choices import nested
-from thingc.spec.fields import any_value
+from thingc.load import Documents
+from thingc.spec import stated_value
 from thingc.spec.variants import AxisSpec, VariantsSpec
 from thingc.units import Quantity
 
@@ -26,13 +24,13 @@ class Paths:
     expressions: Mapping[str, Expression]
 
 
-def read(spec: VariantsSpec, sources: Sources, parameters: Mapping[str, Found]) -> Paths:
+def read(spec: VariantsSpec, documents: Documents, parameters: Mapping[str, Found]) -> Paths:
     """The paths of a document; `parameters` are the values of the assembly's."""
     given: dict[str, list[Found]] = {}
     for name, raw in _entries(spec):
         if "." in name:
             given.setdefault(name, []).extend(value for one in _each(raw) if (value := as_value(one)) is not None)
-    stated = {path: _own_value(sources, path) for path in given}
+    stated = {path: stated_value(documents, path) for path in given}
     own = {path: value for path, value in stated.items() if value is not None and not isinstance(value, Expression)}
     expressions = {path: value for path, value in stated.items() if isinstance(value, Expression)}
     for path, expression in expressions.items():
@@ -61,25 +59,6 @@ def as_value(raw: Any) -> Found | None:
     if isinstance(raw, Expression):
         return None
     return Quantity(float(raw)) if isinstance(raw, (int, float)) and not isinstance(raw, bool) else raw
-
-
-def _own_value(sources: Sources, path: str) -> Found | Expression | None:
-    """What an assembly says at a path; None where it says nothing there, or nothing that a variant could say."""
-    document: Document | None = sources.documents.root
-    while document is not None and (through := nested(path)) is not None:
-        component, path = through
-        text = node_at(document.tree, ("components", component, "assembly"))
-        document = sources.documents.named(document, text.text) if isinstance(text, ScalarNode) else None
-    node = None if document is None else node_at(document.tree, tuple(path.split(".")))
-    if not isinstance(node, ScalarNode):
-        return None
-    try:
-        raw = any_value(node.value)
-    except ValueError:  # such as the three values of a vector
-        return node.text
-    if isinstance(raw, Expression) and document is not sources.documents.root:
-        return None
-    return raw if isinstance(raw, Expression) else as_value(raw)
 
 
 def _kind(own: Found | None, given: Iterable[Found]) -> Found | None:

@@ -14,9 +14,9 @@ from thingc import pipeline
 from thingc.diagnostics import Diagnostic, Report, Severity
 from thingc.environment import Environment, Options
 from thingc.graph import link
-from thingc.pipeline import Sources
+from thingc.pipeline import Settings, Sources
 from thingc.realize.record import PartDefinition
-from thingc.resolve import part_definitions, resolve
+from thingc.resolve import part_definitions
 from thingc.variants.planning import Plan, Variant
 
 SHOWN = 5
@@ -73,10 +73,7 @@ def forecast(plan: Plan, options: Options, limit: int | None = None) -> Forecast
 def _look(environment: Environment, own: Sources, variant: Variant, found: Forecast, parts: dict[str, PartDefinition]) -> None:
     """Work out what the documents say of a variant: its parts, or the first error."""
     report = Report()
-    sources = pipeline.choose(environment, own, variant.choices, report)
-    model = resolve(
-        sources.documents, sources.specs, sources.workspace, sources.schemas, variant.parameters, report, variant.choices, environment.memo,
-    )
+    model = pipeline.model(environment, own, Settings(parameters=variant.parameters, choices=variant.choices), report)
     if model is not None:
         link(model, {}, report, unmodelled=True)
     wrong = next((one for one in report.ordered() if one.severity is Severity.ERROR), None)

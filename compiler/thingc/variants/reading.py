@@ -10,17 +10,12 @@ from thingc import pipeline
 from thingc.diagnostics import Code, Diagnostic, Note, Report, Severity
 from thingc.environment import Environment, Options
 from thingc.expressions import Found
-from thingc.load import load
-from thingc.load.paths import DOCUMENT_SUFFIXES, find_file
-from thingc.pipeline import Sources
-from thingc.resolve import resolve
-from thingc.resolve.parameters import declared
-from thingc.resolve.substituting import closest
-from thingc.resolve.table import Context
-from thingc.source import SET, Document, Path, ScalarNode, dotted, node_at
-from thingc.spec import validate_one
+from thingc.load import find_assembly, load
+from thingc.pipeline import Settings, Sources
+from thingc.resolve import AssemblyParameters
+from thingc.source import SET, Document, Path, ScalarNode, closest, dotted, node_at
+from thingc.spec import stated_choices, validate_one
 from thingc.spec.assembly import AssemblySpec
-from thingc.spec.choices import DEFAULT_MATERIAL, parse
 from thingc.spec.variants import AxisSpec, VariantsSpec
 from thingc.variants import by_path
 from thingc.variants.axes import MOST_VALUES, Axis, ValueReader
@@ -56,9 +51,8 @@ def read_plan(path: str, options: Options, report: Report) -> Plan | None:
     spec = validate_one(document, report)
     if not isinstance(spec, VariantsSpec):
         return None
-    assembly = find_file(
-        spec.assembly, beside=document.path, where=document.span(("assembly",)), workspace=workspace, suffixes=DOCUMENT_SUFFIXES,
-        what="an assembly document", report=report,
+    assembly = find_assembly(
+        spec.assembly, beside=document.path, where=document.span(("assembly",)), workspace=workspace, report=report,
     )
     if assembly is None:
         return None
@@ -88,18 +82,15 @@ class _Planner:
     def plan(self) -> Plan | None:
         root = self.sources.documents.root
         assembly = self.sources.specs.get(root.relative)
-        model = resolve(self.sources.documents, self.sources.specs, self.workspace, self.sources.schemas, {}, self.report)
+        model = pipeline.model(self.environment, self.sources, Settings(), self.report)
         if not isinstance(assembly, AssemblySpec) or model is None:
             return None
         if not self.grid_fits():
             return None
-        context = Context(
-            documents=self.sources.documents, specs=self.sources.specs, workspace=self.workspace, schemas=self.sources.schemas,
-            report=Report(),
-        )
-        own = declared(context, root, assembly).values
-        paths = by_path.read(self.spec, self.sources, own)
-        reader = ValueReader(self.document, context, assembly, own, self.report, paths, self.fits)
+        declared = AssemblyParameters(self.sources.documents, self.sources.specs, self.workspace)
+        own = declared.values
+        paths = by_path.read(self.spec, self.sources.documents, own)
+        reader = ValueReader(self.document, declared, self.report, paths, self.fits)
         axes, parameters = self.parameters(reader)
         choice_axes, choices = self.choices(root.relative)
         fixed = Setting(name=None, parameters=parameters, choices=choices)
@@ -121,7 +112,7 @@ class _Planner:
             name=self.spec.name, assembly=root.path,
             assembly_relative=root.relative, assembly_spec=assembly, model=model, workspace=self.workspace, own=own, paths=paths,
             written_in=dict(self.units((*own, *paths.kinds))),
-            own_choices=dict(_written(assembly)), fixed=fixed, listed=listed,
+            own_choices=stated_choices(assembly), fixed=fixed, listed=listed,
             axes=(*drawn_axes, *axes, *choice_axes), method=method, drawn=drawn, seed=seed, rules=tuple(rules),
             modes=tuple(self.spec.modes or (mode.name for mode in model.modes)), chosen_modes=tuple(self.spec.modes),
             pose=self.spec.pose, reach=(self.spec.reach.of, self.spec.reach.from_) if self.spec.reach is not None else None,
@@ -164,10 +155,9 @@ class _Planner:
         for path, raw in self.spec.choices.items():
             texts: dict[str, Path] = {}
             missing = False
-            kind = parse(path)
             for index, text in enumerate(raw if isinstance(raw, list) else [raw]):
                 at: Path = ("choices", path, index) if isinstance(raw, list) else ("choices", path)
-                if kind is None or kind.key != "assembly" or self.there(text, at):
+                if _key(path) != "assembly" or self.there(text, at):
                     texts[self.named(path, text, root)] = at
                 else:
                     missing = True
@@ -183,14 +173,12 @@ class _Planner:
 
     def named(self, path: str, text: str, root: str) -> str:
         """A chosen file or document as the assembly would name it; other texts as they are."""
-        found = parse(path)
-        return moved(text, self.document.relative, root) if found is not None and found.key in ("assembly", "file") else text
+        return moved(text, self.document.relative, root) if _key(path) in ("assembly", "file") else text
 
     def there(self, text: str, at: Path) -> bool:
         """Whether a document that is chosen is there; reported if not."""
-        return find_file(
-            text, beside=self.document.path, where=self.document.span(at), workspace=self.workspace, suffixes=DOCUMENT_SUFFIXES,
-            what="an assembly document", report=self.report,
+        return find_assembly(
+            text, beside=self.document.path, where=self.document.span(at), workspace=self.workspace, report=self.report,
         ) is not None
 
     def possible(self, path: str, text: str, at: Path) -> bool:
@@ -253,9 +241,7 @@ class _Planner:
         first: list[Diagnostic] | None = None
         for around in self.around(own):
             trial = Report()
-            choices = {**around, **own}
-            sources = pipeline.choose(self.environment, self.sources, choices, trial)
-            resolve(sources.documents, sources.specs, self.workspace, sources.schemas, parameters, trial, choices)
+            pipeline.model(self.environment, self.sources, Settings(parameters=parameters, choices={**around, **own}), trial)
             wrong = [
                 one for one in trial.diagnostics
                 if one.severity is Severity.ERROR and one.code is not Code.PARAMETER_OPTION and one not in self.report.diagnostics
@@ -301,8 +287,8 @@ class _Planner:
             said = len(self.report.diagnostics)
             chosen = dict(fixed.choices)
             for path, text in entry.choices.items():
-                named, kind = self.named(path, text, root), parse(path)
-                if kind is not None and kind.key == "assembly" and not self.there(text, (*at, "choices", path)):
+                named = self.named(path, text, root)
+                if _key(path) == "assembly" and not self.there(text, (*at, "choices", path)):
                     continue
                 if self.possible(path, named, (*at, "choices", path)):
                     chosen[path] = named
@@ -377,13 +363,6 @@ class _Planner:
         self.report.add(code, message, self.document.span(path), help=help, path=dotted(path), severity=Severity.ERROR)
 
 
-def _written(assembly: AssemblySpec) -> Iterator[tuple[str, str]]:
-    """What a document says at the paths of choices of its own components: choosing it says nothing."""
-    default = assembly.defaults.component if assembly.defaults is not None else None
-    if default is not None and default.material is not None:
-        yield DEFAULT_MATERIAL, default.material
-    for name, component in assembly.components.items():
-        for key in ("part", "file", "assembly", "material"):
-            text = getattr(component, key)
-            if text is not None:
-                yield f"components.{name}.{key}", text
+def _key(path: str) -> str:
+    """What the path of a choice ends in: `part`, `file`, `assembly` or `material`."""
+    return path.rpartition(".")[2]

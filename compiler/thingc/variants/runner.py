@@ -58,7 +58,7 @@ class Runner:
     def build(self, task: Task) -> Row:
         """Build one variant. What is wrong with it is in the row; so is an exception of thingc itself, and a system that
         refuses to write."""
-        from thingc.realize.store.local import BlobMissing, StoreUnusable
+        from thingc.realize import BlobMissing, StoreUnusable
 
         started = time.perf_counter()
         try:

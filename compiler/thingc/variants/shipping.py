@@ -30,7 +30,7 @@ from typing import Any, TypeVar
 from thingc.diagnostics import Code, shown_path
 from thingc.emit.artifact import MANIFEST, Content, Stored
 from thingc.frozen import dataclass
-from thingc.realize.store.local import BlobMissing, Store, StoreUnusable
+from thingc.realize import BlobMissing, Store, StoreUnusable
 from thingc.variants import places
 from thingc.variants.engine import RUNNERS, Cancelled, RunnersBroken, evaluate
 from thingc.variants.executors import Carrier, Cluster, WorkerLost

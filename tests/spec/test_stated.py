@@ -1,0 +1,71 @@
+"""What an assembly says at the paths at which something may be set or chosen."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from thingc.diagnostics import Report
+from thingc.expressions import Expression
+from thingc.load import Documents, load
+from thingc.spec import stated_choices, stated_value, validate
+from thingc.spec.assembly import AssemblySpec
+from thingc.units import LENGTH, MASS, NUMBER, Quantity
+from thingc.workspace import Workspace
+
+ROBOT = """
+thingc: assembly/1
+name: robot
+defaults: {component: {material: PLA}}
+parameters: {reach: 120 mm}
+components:
+  plate: {part: "arm:Plate", mass: 82 g, at: {in: world.origin, xyz: 0 0 10 mm}}
+  leg: {assembly: leg.yaml, material: PETG}
+joints:
+  hip: {limit: {upper: =reach / 2}, dynamics: {damping: 0.5}}
+"""
+LEG = """
+thingc: assembly/1
+name: leg
+components:
+  foot: {part: "feet:Wide", mass: =weight}
+  shin: {part: "feet:Shin", at: {xyz: 0 0 1 m}}
+joints:
+  knee: {limit: {upper: 30 mm}, label: a text}
+"""
+
+
+def documents(folder: Path) -> Documents:
+    (folder / "robot.yaml").write_text(ROBOT)
+    (folder / "leg.yaml").write_text(LEG)
+    workspace = Workspace.find(str(folder / "robot.yaml"), Report())
+    assert workspace is not None
+    found = load(str(folder / "robot.yaml"), workspace, Report())
+    assert found is not None
+    return found
+
+
+def test_values_are_found_in_nested_documents(tmp_path: Path) -> None:
+    found = documents(tmp_path)
+    assert stated_value(found, "components.plate.mass") == Quantity(0.082, MASS)
+    assert stated_value(found, "joints.hip.dynamics.damping") == Quantity(0.5, NUMBER)
+    assert stated_value(found, "components.leg.joints.knee.limit.upper") == Quantity(0.03, LENGTH)
+    assert stated_value(found, "components.leg.joints.knee.label") == "a text"
+    assert stated_value(found, "components.leg.components.shin.at.xyz") == "0 0 1 m"  # no value by itself
+    own = stated_value(found, "joints.hip.limit.upper")
+    assert isinstance(own, Expression) and own.text == "=reach / 2"
+
+
+def test_what_is_said_nowhere_is_none(tmp_path: Path) -> None:
+    found = documents(tmp_path)
+    for path in ("joints.hip.limit.lower", "joints.hip.limit", "components.plate.joints.knee.limit.upper", "joints.elbow.limit.upper"):
+        assert stated_value(found, path) is None
+    assert stated_value(found, "components.leg.components.foot.mass") is None  # its parameters are not those of the root
+
+
+def test_choices_are_those_of_the_documents_own_components(tmp_path: Path) -> None:
+    spec = validate(documents(tmp_path), Report())["robot.yaml"]
+    assert isinstance(spec, AssemblySpec)
+    assert stated_choices(spec) == {
+        "defaults.component.material": "PLA", "components.plate.part": "arm:Plate",
+        "components.leg.assembly": "leg.yaml", "components.leg.material": "PETG",
+    }
