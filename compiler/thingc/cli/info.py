@@ -194,4 +194,7 @@ def mates_text(assembly: Assembly) -> list[str]:
 
 
 def _grams(mass: float) -> str:
+    """To a hundredth of a gram; what is lighter, to two digits: it is not nothing."""
+    if 0.0 < mass < 1e-5:
+        return f"{1000.0 * mass:.2g} g"
     return f"{1000.0 * mass:.2f} g" if mass < 1.0 else f"{mass:.4f} kg"
