@@ -269,12 +269,17 @@ def emit(environment: Environment, compilation: Compilation, targets: Sequence[s
 
 
 def _emitted(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts]:
-    from thingc.emit import emitter
+    from thingc.emit import emitter, module_of, unstated
 
     artifacts: dict[str, Artifacts] = {}
     told: dict[Loss, None] = {}
     for target in targets:
         made = emitter(target)(request)
+        if astray := unstated(target, made.files):
+            request.report.add(
+                Code.UNSTATED, f"the target `{target}` writes `{astray[0]}`, which `{module_of(target)}.WRITES` does not name", None,
+                path=target, help=f'tell its author: by `WRITES = ("{astray[0]}",)` in that module the next build knows whose the file is',
+            )
         artifacts[target] = replace(made, losses=tuple(loss for loss in made.losses if loss not in told))
         told |= dict.fromkeys(made.losses)
     return artifacts

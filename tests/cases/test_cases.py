@@ -49,6 +49,7 @@ ELSEWHERE = {
     "MESH_TOO_LARGE": "tests/mjcf/test_mjcf_check.py",  # 200 001 faces
     "SAME_FILE": "tests/emit/test_stl.py",  # two part files of one name on one file system
     "STEP_FAILED": "tests/emit/test_step.py",  # a kernel that fails
+    "UNSTATED": "tests/cases/test_folders.py",  # a package that is installed
     "UNREADABLE": "tests/cases/test_folders.py",  # files and folders that no repository keeps
     "OUTPUT": "tests/cases/test_folders.py",
     "VARIANT_DIED": "tests/variants/test_faults.py",  # what happens while variants are built

@@ -396,3 +396,40 @@ def test_every_target_writes_what_it_says(folder: Path, capsys: pytest.CaptureFi
     assert used == set(WRITES)
     for targets in ("bom", "mjcf", "hag,stl"):
         assert said(capsys, "build", "robot.yaml", "-o", "out", "--emit", targets)[0] == 0
+
+
+WEIGHTS = """
+from thingc.emit.artifact import Artifacts
+
+{states}
+
+
+def emit(request):
+    return Artifacts(files={{"weights.csv": b"link,mass"}})
+"""
+
+
+@pytest.mark.parametrize(("states", "sound"), [
+    ("", False), ('WRITES = ("other.csv", "weights.*/x")', False), ('WRITES = "weights.csv"', True), ('WRITES = ("w*.csv",)', True),
+])
+def test_a_target_of_another_package_says_what_it_writes(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, states: str, sound: bool
+) -> None:
+    """Else what it writes would be taken for a stranger's by the next build."""
+    installed = folder.parent / "installed"
+    (installed / "weights-1.0.dist-info").mkdir(parents=True)
+    (installed / "weights-1.0.dist-info" / "entry_points.txt").write_text("[thingc.emitters]\nweights = weights_of_links:emit\n")
+    (installed / "weights_of_links.py").write_text(WEIGHTS.format(states=states))
+    monkeypatch.syspath_prepend(str(installed))
+    monkeypatch.delitem(sys.modules, "weights_of_links", raising=False)
+    words = ["build", "robot.yaml", "-o", "out", "--emit", "weights"]
+    if sound:
+        for _ in range(2):
+            assert said(capsys, *words)[0] == 0
+            (folder / "robot.yaml").write_text(GOOD.replace("-90 deg", "-80 deg"))
+    else:
+        assert said(capsys, *words) == (1, [
+            f"error[{Code.UNSTATED.code}]: the target `weights` writes `weights.csv`, which `weights_of_links.WRITES` does not name",
+            '  help: tell its author: by `WRITES = ("weights.csv",)` in that module the next build knows whose the file is', "", "1 error",
+        ])
+        assert not (folder / "out").exists()

@@ -26,7 +26,7 @@ CASES = ROOT / "tests" / "cases" / "codes"
 GENERATE = runpy.run_path(str(ROOT / "docs" / "generate.py"))
 IN_WORDS = {
     "UNREADABLE", "LIBRARY", "INCOMPLETE", "UNREACHED", "MJCF_WARNING", "MESH_TOO_LARGE", "STEP_FAILED", "SAME_FILE", "UNEXPECTED",
-    "OUTPUT", "NO_GRAPHICS", "INTERNAL", "VARIANT_DIED", "VARIANT_HUNG", "VARIANT_RAISED", "RUNNERS", "CLUSTER", "BATCH_LOCKED",
+    "UNSTATED", "OUTPUT", "NO_GRAPHICS", "INTERNAL", "VARIANT_DIED", "VARIANT_HUNG", "VARIANT_RAISED", "RUNNERS", "CLUSTER", "BATCH_LOCKED",
     "BATCH_UNFINISHED", "BATCH_CHANGED", "TOO_COSTLY", "EDITOR_SETTINGS", "WORKING_FOLDER",
 }
 """Codes that no document on a healthy machine brings about: their pages say in words when it happens."""

@@ -9,7 +9,7 @@ import contextlib
 import os
 import re
 import sys
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     Emitter = Callable[[EmitRequest], Artifacts]
 
-__all__ = ["EMITTERS", "WRITES", "emitter", "modules_of", "targets", "versions", "written"]
+__all__ = ["EMITTERS", "WRITES", "emitter", "module_of", "modules_of", "targets", "unstated", "versions", "written"]
 
 GROUP = "thingc.emitters"
 
@@ -57,13 +57,36 @@ def __getattr__(name: str) -> Any:
 
 def written() -> re.Pattern[str]:
     """Fits every path in a build folder that a target, ours or an installed one's, may write."""
-    from importlib import import_module
-
     patterns = [*WRITES]
-    for name, value in _installed().items():
+    for name in targets():
         if name not in EMITTERS:
             with contextlib.suppress(ImportError):
-                patterns += getattr(import_module(value.partition(":")[0]), "WRITES", ())
+                patterns += _stated(name)
+    return _fitting(patterns)
+
+
+def unstated(target: str, paths: Iterable[str]) -> list[str]:
+    """Those of the paths that a target of an installed package does not state, so that the next build would take them for a stranger's."""
+    if target in EMITTERS:
+        return []
+    own = _fitting(_stated(target))
+    return sorted(path for path in paths if own.fullmatch(path) is None)
+
+
+def module_of(target: str) -> str:
+    """The module of a target of an installed package."""
+    return _installed()[target].partition(":")[0]
+
+
+def _stated(target: str) -> tuple[str, ...]:
+    """What the module of an installed target says that its files are called. Raises `ImportError`."""
+    from importlib import import_module
+
+    stated = getattr(import_module(module_of(target)), "WRITES", ())
+    return (stated,) if isinstance(stated, str) else tuple(stated)
+
+
+def _fitting(patterns: Iterable[str]) -> re.Pattern[str]:
     return re.compile("|".join(re.escape(pattern).replace(r"\*", "[^/]+") for pattern in patterns))
 
 
