@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -284,14 +285,22 @@ def test_a_killed_job_is_done_again(tmp_path: Path, shared_store: str) -> None:
 
 
 @pytest.mark.slow
-def test_an_interrupt_cancels_the_jobs(tmp_path: Path, shared_store: str) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupt_cancels_the_jobs(tmp_path: Path, shared_store: str, number: signal.Signals) -> None:
+    """SIGINT as a terminal sends it: to the jobs, too."""
     here = workspace(tmp_path, faults=listed(dict.fromkeys(range(24), "slow")))
     env = environment(shared_store, with_emitter(tmp_path))
     process = started(here, env, "--cluster", "slurm:cluster=local", "--jobs", "2")
     wait_for_lines(here, 1, process)
     running_job(process)
     running = descendants(process.pid)
-    process.send_signal(signal.SIGTERM)
+    if number is signal.SIGINT:
+        os.killpg(process.pid, number)
+    else:
+        process.send_signal(number)
     _, err = process.communicate(timeout=60)
-    assert process.returncode == 130 and "--resume" in err and running
+    done = len(journal(here))
+    again = "thingc batch faults.yaml --cluster slurm:cluster=local --jobs 2 --resume"
+    assert err == f"interrupted: {done} of 24 variants are done; go on with: {again}\n"
+    assert process.returncode == 130 and running
     assert_gone(running)

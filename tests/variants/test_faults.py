@@ -64,7 +64,7 @@ def journal(folder: Path) -> list[dict[str, object]]:
 def started(folder: Path, env: dict[str, str], *more: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
         [sys.executable, "-m", "thingc", "batch", "faults.yaml", *more], cwd=folder, env=env, stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE, text=True,
+        stderr=subprocess.PIPE, text=True, start_new_session=True,
     )
 
 

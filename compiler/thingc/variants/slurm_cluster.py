@@ -9,8 +9,9 @@ import contextlib
 import math
 import os
 import shutil
+import sys
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from typing import Any, TypeVar
 
@@ -99,6 +100,21 @@ def spread(width: int, job: str, tasks: Sequence[Task], timeout: float) -> dict[
             return {"broken": str(fault), "detail": fault.detail}
 
 
+@contextlib.contextmanager
+def _silent() -> Iterator[None]:
+    """Processes that are started meanwhile have no standard error: those that submitit starts for jobs of this machine end with a traceback
+    when they are cancelled, or when somebody interrupts the batch at the terminal."""
+    sys.stderr.flush()
+    kept = os.dup(2)
+    try:
+        with open(os.devnull, "wb") as nowhere:
+            os.dup2(nowhere.fileno(), 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+
+
 class SlurmCluster(Cluster):
     """Jobs of SLURM, at most `jobs` in the queue at once (0: `JOBS`). `folder` is where submitit keeps theirs; all nodes see it.
 
@@ -141,7 +157,8 @@ class SlurmCluster(Cluster):
             raise TypeError("jobs of SLURM evaluate chunks, and nothing else")
         future: Future[T] = Future()
         try:
-            job = self._executor.submit(spread, self.settings.cpus, *arguments)
+            with _silent() if self.settings.cluster == "local" else contextlib.nullcontext():
+                job = self._executor.submit(spread, self.settings.cpus, *arguments)
         except Exception as fault:  # what sbatch says of a partition that is not there, or of too many jobs
             words = " ".join(str(fault).split())
             self._fault = BatchFault(Code.CLUSTER, f"SLURM takes no job: {words}", "mend that, and go on with --resume")
