@@ -129,3 +129,18 @@ def moments_fault(low: float, middle: float, high: float) -> str | None:
             f"({low:.6g} + {middle:.6g}), which no solid can have"
         )
     return None
+
+
+def within_triangle(a: Matrix) -> Matrix:
+    """The same inertia, of a flat body lifted by a 1e-12 part: MuJoCo demands A + B >= C of the principal moments to the
+    last bit after finding them, and a plate has A + B = C."""
+    low, middle, high = principal_moments(a)
+    short = high - low - middle
+    if short < -1e-12 * high:
+        return a
+    lift = max(short, 0.0) + 1e-12 * high
+    return (
+        (a[0][0] + lift, a[0][1], a[0][2]),
+        (a[1][0], a[1][1] + lift, a[1][2]),
+        (a[2][0], a[2][1], a[2][2] + lift),
+    )

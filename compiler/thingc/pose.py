@@ -204,3 +204,12 @@ def placed(xyz: Vector, rpy: Vector) -> Pose:
     roll, pitch, yaw = rpy
     turned = turned_z(yaw) @ turned_y(pitch) @ turned_x(roll)
     return Pose(rotation=turned.rotation, translation=xyz)
+
+
+def rpy_of(rotation: Matrix) -> Vector:
+    """Roll, pitch and yaw [rad] of a rotation, as `placed` takes them. Where the pitch is a quarter turn yaw and roll are one
+    turn: the yaw is whatever it comes to, and the roll what that leaves, so that the rotation is what it was to the last digits."""
+    (xx, xy, xz), (yx, yy, yz), (zx, _, _) = rotation
+    yaw = math.atan2(yx, xx)
+    c, s = math.cos(yaw), math.sin(yaw)
+    return (math.atan2(s * xz - c * yz, c * yy - s * xy), math.atan2(-zx, c * xx + s * yx), yaw)

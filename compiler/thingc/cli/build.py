@@ -24,7 +24,7 @@ from thingc.typos import did_you_mean
 EPILOG = """\
 Everything appears at once in build/NAME/ (or DIR/NAME/), or nothing does. Targets: mjcf (MuJoCo models and scenes, one per
 mode), mjz (each model in one file with its meshes), stl (print files), step (the whole robot), bom (bill of materials), hag
-(assembly graph); and, only where it is named, glb (each mode for viewers of glTF).
+(assembly graph); and, only where they are named, glb (each mode for viewers of glTF) and urdf (each mode for ROS).
 
   thingc build assemblies/arm.yaml
   thingc build assemblies/arm.yaml --mode bench --mode drawing --emit mjcf
@@ -39,7 +39,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", metavar="DIR", help="write DIR/NAME/ (default: the workspace's build folder)")
     parser.add_argument("--mode", metavar="M", action="append", default=[], help="only this mode (may be repeated; default: all)")
     parser.add_argument(
-        "--emit", metavar="T", action="append", default=[], help="only this target (may be repeated; default: all but glb)"
+        "--emit", metavar="T", action="append", default=[], help="only this target (may be repeated; default: all but glb and urdf)"
     )
     parser.add_argument(
         "--force", action="store_true", help="give up files in the build folder that no build wrote, or that were changed since"

@@ -30,18 +30,19 @@ EMITTERS: dict[str, tuple[str, ...]] = {
     "stl": ("thingc.emit.stl:emit",),
     "step": ("thingc.emit.step:emit",),
     "glb": ("thingc.emit.glb:emit",),
+    "urdf": ("thingc.emit.urdf.target:emit",),
     "bom": ("thingc.emit.bom:emit",),
     "hag": ("thingc.emit.hag.target:emit",),
 }
 """Our own targets, in the order in which a build writes them, each with what writes it, `module:function`: `modes.json` states addresses
 in the MJCF models, so the two go together."""
 
-ON_REQUEST = frozenset({"glb"})
-"""Those of our own that a build writes only where they are named: what reads and writes them takes longer to import than all else takes."""
+ON_REQUEST = frozenset({"glb", "urdf"})
+"""Those of our own that a build writes only where they are named: not everybody wants them, and they cost time."""
 
 WRITES = (
-    "mjcf/*.xml", "mjcf/*.mjz", "mjcf/assets/*.obj", "mjcf/assets/*.stl", "stl/*.stl", "step/*.step", "glb/*.glb", "bom.csv", "bom.json",
-    "hag.dot", "hag.mmd", "hag.svg", "modes.json",
+    "mjcf/*.xml", "mjcf/*.mjz", "mjcf/assets/*.obj", "mjcf/assets/*.stl", "stl/*.stl", "step/*.step", "glb/*.glb", "urdf/*.urdf",
+    "urdf/meshes/*.obj", "bom.csv", "bom.json", "hag.dot", "hag.mmd", "hag.svg", "modes.json",
 )
 """What our own targets call their files. A package that adds a target says the same of its own in `WRITES` of the module."""
 

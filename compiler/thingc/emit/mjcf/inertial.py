@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from thingc.emit.xml import number, numbers
-from thingc.inertia import LEAST_MOMENT, ZERO, MassProperties, physical_fault, principal_moments
-from thingc.pose import Matrix
+from thingc.inertia import LEAST_MOMENT, ZERO, MassProperties, physical_fault, principal_moments, within_triangle
 
 
 def inertial(properties: MassProperties) -> dict[str, str]:
@@ -17,20 +16,5 @@ def inertial(properties: MassProperties) -> dict[str, str]:
     attributes = {"pos": numbers(properties.centre), "mass": number(properties.mass)}
     if inertia == ZERO or physical_fault(inertia) is not None or principal_moments(inertia)[0] < LEAST_MOMENT * (1.0 + 1e-9):
         return {**attributes, "diaginertia": "0 0 0"}
-    i = _within_triangle(inertia)
+    i = within_triangle(inertia)
     return {**attributes, "fullinertia": numbers((i[0][0], i[1][1], i[2][2], i[0][1], i[0][2], i[1][2]))}
-
-
-def _within_triangle(a: Matrix) -> Matrix:
-    """The same inertia, of a flat body lifted by a 1e-12 part: MuJoCo demands A + B >= C of the principal moments to the
-    last bit after finding them, and a plate has A + B = C."""
-    low, middle, high = principal_moments(a)
-    short = high - low - middle
-    if short < -1e-12 * high:
-        return a
-    lift = max(short, 0.0) + 1e-12 * high
-    return (
-        (a[0][0] + lift, a[0][1], a[0][2]),
-        (a[1][0], a[1][1] + lift, a[1][2]),
-        (a[2][0], a[2][1], a[2][2] + lift),
-    )

@@ -1,0 +1,58 @@
+"""`urdf/<name>_<mode>.urdf`: URDF 1.0 of each chosen mode, and `urdf/meshes/`, which all of them share."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+
+from thingc.emit.artifact import Artifacts, Content, Loss
+from thingc.emit.geometry import MeshAsset, geometry
+from thingc.emit.request import EmitRequest
+from thingc.emit.urdf.losses import losses
+from thingc.emit.urdf.model import MESHES, model
+from thingc.emit.xml import number, write
+from thingc.graph.types import Occurrence
+from thingc.realize.record import Mesh, Primitive
+from thingc.realize.store.local import Store
+
+FOLDER = f"urdf/{MESHES}"
+
+
+def emit(request: EmitRequest) -> Artifacts:
+    """A file for each chosen mode. Meshes are OBJ: not every reader takes STL, and none takes more than triangles from it."""
+    assembly = request.assembly
+    flat: list[Loss] = []
+
+    def takes(occurrence: Occurrence, piece: Mesh | Primitive) -> bool:
+        if (min(piece.size) > 0.0) if isinstance(piece, Primitive) else not piece.flat:
+            return True
+        what = "its contacts: what it would touch with has no volume"
+        span = next(iter(occurrence.origin), None)
+        flat.append(Loss(target="urdf", mode=None, path=occurrence.path, what=what, how="omitted", span=span))
+        return False
+
+    shapes = geometry(assembly, FOLDER, takes, request.report)
+    files: dict[str, Content] = {f"{FOLDER}/{mesh.name}.obj": _as_obj(mesh, request.store) for mesh in shapes.meshes}
+    lost: dict[Loss, None] = dict.fromkeys(flat)
+    for robot in request.robots:
+        heading = f"Written by thingc from {assembly.definition.document}, mode {robot.mode.name}."
+        files[f"urdf/{assembly.name}_{robot.mode.name}.urdf"] = write(model(robot, shapes, request.report), heading).text.encode()
+        lost |= dict.fromkeys(losses(robot))
+    return Artifacts(files=dict(sorted(files.items())), losses=tuple(lost))
+
+
+def _as_obj(mesh: MeshAsset, store: Store) -> Content:
+    """A mesh as OBJ: as it is in the store, or made of a binary STL file of it, equal vertices joined."""
+    if mesh.file.endswith(".obj"):
+        return mesh.stored
+    vertices: dict[tuple[float, float, float], int] = {}
+    faces = [[vertices.setdefault(corner, len(vertices) + 1) for corner in facet] for facet in _facets(store.read(mesh.mesh.sha256))]
+    lines = [f"v {number(x)} {number(y)} {number(z)}" for x, y, z in vertices]
+    lines += [f"f {a} {b} {c}" for a, b, c in faces]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _facets(data: bytes) -> Iterator[tuple[tuple[float, float, float], ...]]:
+    """The three corners of each triangle of a binary STL file."""
+    for _, _, _, ax, ay, az, bx, by, bz, cx, cy, cz, _ in struct.iter_unpack("<12fH", data[84:]):
+        yield (ax, ay, az), (bx, by, bz), (cx, cy, cz)

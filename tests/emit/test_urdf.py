@@ -1,0 +1,336 @@
+"""URDF files as others read them: MuJoCo is the one that is asked, chains of matrices and MJCF say what it must answer."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from emit import small_robot
+from graph.builder import (
+    as_matrix,
+    box,
+    component,
+    coordinates_of,
+    inv,
+    linked,
+    mimic,
+    mode,
+    ref,
+    rx,
+    t,
+    where,
+)
+from graph.builder import assembly as document
+from robot.test_spanning_tree_properties import Tree, build, robots, world_of
+from thingc.cli.main import main
+from thingc.diagnostics import Code, Report
+from thingc.emit.artifact import Artifacts
+from thingc.emit.geometry import Shape
+from thingc.emit.mjcf.target import emit as emit_mjcf
+from thingc.emit.request import EmitRequest
+from thingc.emit.urdf.model import without_capsules
+from thingc.emit.urdf.names import Names
+from thingc.emit.urdf.target import emit
+from thingc.graph.types import Assembly
+from thingc.pose import Pose, placed, rpy_of
+from thingc.realize.store.local import Store
+from thingc.resolve.model import Limit
+from thingc.robot import in_link
+from thingc.robot import root as rooted
+
+MOVING = ("revolute", "continuous", "prismatic", "cylindrical", "universal", "planar")
+trees = st.builds(build, st.integers(0, 2**32 - 1), st.integers(2, 6), st.just((*MOVING, "screw")))
+PITCH = 0.008 / (2.0 * math.pi)
+
+
+def asked(assembly: Assembly, folder: str) -> EmitRequest:
+    report = Report()
+    chosen = tuple(robot for robot in (rooted(assembly, m, report) for m in assembly.modes) if robot is not None)
+    assert report.diagnostics == []
+    return EmitRequest(
+        assembly=assembly, robots=chosen, store=Store(folder), report=report, geometry=None,  # type: ignore[arg-type]
+        workspace=None,  # type: ignore[arg-type]
+    )
+
+
+def read(made: Artifacts, name: str) -> mujoco.MjModel:
+    """A file as MuJoCo reads it, with what else lies beside it."""
+    assets = {path.removeprefix("urdf/"): data for path, data in made.files.items() if path.endswith(".obj")}
+    text = made.files[f"urdf/{name}.urdf"]
+    assert isinstance(text, bytes)
+    return mujoco.MjModel.from_xml_string(text.decode(), assets)  # type: ignore[arg-type]
+
+
+def tree_of(made: Artifacts, name: str) -> ElementTree.Element:
+    text = made.files[f"urdf/{name}.urdf"]
+    assert isinstance(text, bytes)
+    return ElementTree.fromstring(text)
+
+
+def at(model: mujoco.MjModel, q: dict[str, float]) -> mujoco.MjData:
+    data = mujoco.MjData(model)
+    for path, value in q.items():
+        data.joint(path).qpos = value
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def body_pose(data: mujoco.MjData, name: str) -> Any:
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = data.body(name).xmat.reshape(3, 3), data.body(name).xpos
+    return matrix
+
+
+def link_frame(model: mujoco.MjModel, data: mujoco.MjData, link: str) -> Any:
+    """The frame that MJCF has of a link."""
+    names = {model.body(k).name for k in range(model.nbody)}
+    return body_pose(data, f"{link}_frame" if f"{link}_frame" in names else link)
+
+
+def with_slides(made: Artifacts, name: str, q: dict[str, float]) -> dict[str, float]:
+    """q with what follows it, which MuJoCo lets loose: a screw's slide by its thread."""
+    q = dict(q)
+    for joint in tree_of(made, name).iter("joint"):
+        follows = joint.find("mimic")
+        if follows is not None:
+            q[joint.attrib["name"]] = float(follows.attrib["multiplier"]) * q[follows.attrib["joint"]] + float(follows.attrib["offset"])
+    return q
+
+
+@settings(max_examples=40)
+@given(trees)
+def test_mujoco_puts_every_occurrence_and_frame_where_the_matrices_say(tree: Tree) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        made = emit(asked(tree.assembly, folder))
+    inside = in_link(tree.assembly)
+    for name, robot in robots(tree.assembly).items():
+        model = read(made, f"tree_{name}")
+        data = at(model, with_slides(made, f"tree_{name}", tree.q))
+        expected = world_of(tree, name)
+        first = tree.assembly.links[robot.bodies[0].link]
+        # A floating base begins where the reader puts it.
+        start = next(expected[k] @ inv(as_matrix(inside[p])) for p, k in enumerate(tree.order) if tree.assembly.link_of[p] == first.index)
+        moved = np.eye(4) if robot.base == "fixed" else inv(start)
+        for position, k in enumerate(tree.order):
+            link = tree.assembly.links[tree.assembly.link_of[position]].name
+            assert link_frame(model, data, link) @ as_matrix(inside[position]) == pytest.approx(moved @ expected[k], abs=1e-9)
+            assert body_pose(data, f"c{k}_origin") == pytest.approx(moved @ expected[k], abs=1e-9)
+
+
+@settings(max_examples=30)
+@given(st.builds(build, st.integers(0, 2**32 - 1), st.integers(2, 6), st.just(MOVING)))
+def test_masses_mass_matrix_and_gravity_are_those_of_mjcf(tree: Tree) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        request = asked(tree.assembly, folder)
+        made, other = emit(request), emit_mjcf(request)
+    between = sum(1 for loss in made.losses if loss.what.startswith("that it is one joint"))
+    for robot in request.robots:
+        name = f"tree_{robot.mode.name}"
+        model = read(made, name)
+        text = other.files[f"mjcf/{name}.xml"]
+        assert isinstance(text, bytes)
+        reference = mujoco.MjModel.from_xml_string(text.decode())
+        data, expected = at(model, tree.q), at(reference, tree.q)
+        assert model.body_mass.sum() == pytest.approx(reference.body_mass.sum(), abs=2.5e-9 * max(1, between))
+        if robot.base != "fixed" or not tree.q:
+            continue
+        joints = [model.joint(path).dofadr[0] for path in tree.q], [reference.joint(path).dofadr[0] for path in tree.q]
+        full, wanted = np.zeros((model.nv, model.nv)), np.zeros((reference.nv, reference.nv))
+        mujoco.mj_fullM(model, data, full)
+        mujoco.mj_fullM(reference, expected, wanted)
+        wanted = wanted[np.ix_(joints[1], joints[1])]
+        assert full[np.ix_(joints[0], joints[0])] == pytest.approx(wanted, rel=1e-6, abs=1e-6 * np.abs(wanted).max())
+        torque = expected.qfrc_bias[joints[1]]
+        assert data.qfrc_bias[joints[0]] == pytest.approx(torque, rel=1e-6, abs=1e-6 * max(np.abs(torque).max(), 1e-3))
+
+
+@settings(max_examples=300)
+@given(*[st.floats(-math.pi, math.pi) | st.sampled_from([0.0, math.pi / 2, -math.pi / 2, math.pi / 2 - 1e-9, math.pi])] * 3)
+def test_roll_pitch_and_yaw_are_the_rotation(roll: float, pitch: float, yaw: float) -> None:
+    rotation = placed((0.0, 0.0, 0.0), (roll, pitch, yaw)).rotation
+    assert np.array(placed((0.0, 0.0, 0.0), rpy_of(rotation)).rotation) == pytest.approx(np.array(rotation), abs=1e-15)
+
+
+# --- the small robot, by hand -----------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    return Store(str(tmp_path / "store"))
+
+
+def test_what_the_small_robot_shows(store: Store) -> None:
+    whole = small_robot.assembly(store)
+    bare = tuple(replace(one, overrides=replace(one.overrides, collision="none")) for one in whole.occurrences)
+    request = small_robot.request(replace(whole, occurrences=bare), store)
+    made = emit(request)
+    assert request.report.diagnostics == []
+    bench = tree_of(made, "arm_bench")
+    drawn = {visual.attrib["name"] for visual in bench.iter("visual")}
+    assert drawn and drawn == {o.path for o in request.assembly.occurrences if o.drawn is not None}
+    files = {mesh.attrib["filename"] for mesh in bench.iter("mesh")}
+    assert files == {path.removeprefix("urdf/") for path in made.files if path.endswith(".obj")}
+    colours = {one.attrib["name"] for one in bench.findall("material")}
+    assert colours and {one.attrib["name"] for one in bench.iterfind("link/visual/material")} <= colours
+    assert emit(request).files == made.files
+
+
+@pytest.mark.parametrize("document", ["assemblies/arm.yaml", "assemblies/minchw/minchw.yaml"])
+def test_both_robots_are_what_they_are_in_mjcf(
+    root: Path, tmp_path: Path, shared_store: str, document: str, capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Frames, masses, mass matrix, gravity, limits, meshes and shapes of every mode, at 20 random configurations."""
+    assert main(["build", str(root / document), "--emit", "urdf,mjcf", "-o", str(tmp_path), "--store", shared_store]) == 0
+    folder = tmp_path / Path(document).stem
+    files = sorted((folder / "urdf").glob("*.urdf"))
+    assert len(files) >= 3
+    for file in files:
+        model, reference = (mujoco.MjModel.from_xml_path(str(path)) for path in (file, folder / "mjcf" / f"{file.stem}.xml"))
+        compare(model, reference)
+    for path in (folder / "mjcf" / "assets").glob("*.stl"):
+        before, after = trimesh.load_mesh(path), trimesh.load_mesh(folder / "urdf" / "meshes" / f"{path.stem}.obj")
+        assert len(after.faces) == len(before.faces) and after.is_watertight == before.is_watertight
+        assert after.volume == pytest.approx(before.volume, rel=1e-9)
+
+
+def compare(model: mujoco.MjModel, reference: mujoco.MjModel) -> None:
+    """One robot in both; the followers of mimics are where they are put, and a floating base where it is welded."""
+    assert model.ngeom == reference.ngeom and (model.opt.gravity == reference.opt.gravity).all()
+    assert model.body_mass.sum() == pytest.approx(reference.body_mass.sum(), rel=1e-12)
+    paths = [reference.joint(k).name for k in range(reference.njnt) if reference.jnt_type[k] != mujoco.mjtJoint.mjJNT_FREE]
+    names = [path.replace("/", "_") for path in paths]
+    assert {model.joint(k).name for k in range(model.njnt)} == set(names)
+    rows = [[one.joint(name).dofadr[0] for name in of] for one, of in ((model, names), (reference, paths))]
+    for path, name in zip(paths, names):
+        assert model.joint(name).range == pytest.approx(reference.joint(path).range, abs=1e-15)
+        assert model.joint(name).damping == pytest.approx(reference.joint(path).damping)
+        assert model.joint(name).frictionloss == pytest.approx(reference.joint(path).frictionloss)
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        q = rng.uniform(-1.0, 1.0, len(paths))
+        data, expected = mujoco.MjData(model), mujoco.MjData(reference)
+        for path, name, value in zip(paths, names, q):
+            data.joint(name).qpos, expected.joint(path).qpos = value, value
+        if reference.njnt > len(paths):
+            expected.qpos[:7] = (0, 0, 0, 1, 0, 0, 0)
+        mujoco.mj_forward(model, data)
+        mujoco.mj_forward(reference, expected)
+        for k in range(1, reference.nbody):
+            link = reference.body(k).name
+            assert link_frame(model, data, link.replace("/", "_")) == pytest.approx(body_pose(expected, link), abs=1e-12)
+        for k in range(reference.nsite):
+            site = reference.site(k).name
+            assert data.body(site.replace("/", "_")).xpos == pytest.approx(expected.site(site).xpos, abs=1e-12)
+            assert data.body(site.replace("/", "_")).xmat == pytest.approx(expected.site(site).xmat, abs=1e-12)
+        full, wanted = np.zeros((model.nv, model.nv)), np.zeros((reference.nv, reference.nv))
+        mujoco.mj_fullM(model, data, full)
+        mujoco.mj_fullM(reference, expected, wanted)
+        wanted -= np.diag(reference.dof_armature)  # URDF has none, which is a loss
+        largest = np.abs(wanted[np.ix_(rows[1], rows[1])]).max()
+        assert full[np.ix_(rows[0], rows[0])] == pytest.approx(wanted[np.ix_(rows[1], rows[1])], abs=1e-12 * largest)
+        torque = expected.qfrc_bias[rows[1]]
+        assert data.qfrc_bias[rows[0]] == pytest.approx(torque, abs=1e-12 * max(1e-3, np.abs(torque).max()))
+
+
+# --- joints, limits, names --------------------------------------------------------------------------------------------
+
+MOUNTS = {"a": t(0.1, 0, 0), "b": t(-0.1, 0, 0.02) @ rx(0.3)}
+
+
+def robot_of(joints: list[Any], **over: Any) -> EmitRequest:
+    """A base and, at each joint `jK`, one more box behind it."""
+    count = 1 + len({joint.name.joint for joint in joints})
+    records = [box(f"p:B{k}", (0.1, 0.04, 0.03), mounts=MOUNTS) for k in range(count)]
+    components = [component(f"c{k}", f"p:B{k}") for k in range(count)]
+    made = document("robot", components, joints, modes=[mode("m", ref("c0.b"))], **over)
+    return asked(linked(made, *records), tempfile.mkdtemp())
+
+
+def element(made: Artifacts, name: str) -> ElementTree.Element:
+    return next(joint for joint in tree_of(made, "robot_m").iter("joint") if joint.attrib["name"] == name)
+
+
+def said(made: Artifacts) -> Iterator[tuple[str, str, str]]:
+    return ((loss.path, loss.what, loss.how) for loss in made.losses)
+
+
+def test_a_follower_stands_behind_whom_it_follows() -> None:
+    joints = [
+        *coordinates_of("j1", "c0.a", "c1.b", "revolute", mimic=mimic("j2", 2.0, 0.1)),
+        *coordinates_of("j2", "c1.a", "c2.b", "revolute", lower=-1, upper=1),
+    ]
+    made = emit(robot_of(joints))
+    moving = [joint.attrib["name"] for joint in tree_of(made, "robot_m").iter("joint") if joint.attrib["type"] != "fixed"]
+    follows = element(made, "j1").find("mimic")
+    assert moving == ["j2", "j1"] and follows is not None
+    assert follows.attrib == {"joint": "j2", "multiplier": "2", "offset": "0.1"}
+
+
+def test_a_screw_is_a_turn_and_a_slide_that_follows() -> None:
+    screw = [replace(one, limit=Limit(lower=-1.0, upper=2.0)) for one in coordinates_of("j1", "c0.a", "c1.b", "screw")]
+    made = emit(robot_of(screw))
+    turn, slide = element(made, "j1"), element(made, "j1_slide")
+    assert (turn.attrib["type"], slide.attrib["type"]) == ("revolute", "prismatic")
+    follows, ends = slide.find("mimic"), slide.find("limit")
+    assert follows is not None and ends is not None and follows.attrib["joint"] == "j1"
+    thread = float(follows.attrib["multiplier"])
+    assert sorted([-thread, 2 * thread]) == [float(ends.attrib["lower"]), float(ends.attrib["upper"])]
+    assert ("j1", "its thread: a slide mimics the turn, and readers without mimics leave it loose", "approximated") in set(said(made))
+
+
+def test_a_ball_is_three_turns_and_says_so() -> None:
+    made = emit(robot_of(coordinates_of("j1", "c0.a", "c1.b", "ball")))
+    model = read(made, "robot_m")
+    assert [model.joint(k).name for k in range(model.njnt)] == ["j1_0", "j1_1", "j1_2"]
+    axes = np.array([model.joint(k).axis for k in range(3)])
+    assert np.abs(axes @ axes.T) == pytest.approx(np.eye(3), abs=1e-12)
+    assert ("j1", "its ball: three turns, one after the other, whose angles are no coordinates of it", "approximated") in set(said(made))
+
+
+def test_limits_are_those_of_the_document_and_what_is_absent_is_wide() -> None:
+    joints = [
+        replace(one, limit=limit) for one, limit in (
+            (*coordinates_of("j1", "c0.a", "c1.b", "revolute"), Limit(lower=-1.0, effort=3.0, velocity=2.0)),
+            (*coordinates_of("j2", "c1.a", "c2.b", "continuous"), Limit()),
+            (*coordinates_of("j3", "c2.a", "c3.b", "prismatic"), Limit(lower=0.0, upper=0.1)),
+        )
+    ]
+    made = emit(robot_of(joints))
+    ends = {name: element(made, name).find("limit") for name in ("j1", "j2", "j3")}
+    assert {name: limit.attrib for name, limit in ends.items() if limit is not None} == {
+        "j1": {"lower": "-1", "upper": "1000000000", "effort": "3", "velocity": "2"},
+        "j2": {"effort": "0", "velocity": "1000000000"},
+        "j3": {"lower": "0", "upper": "0.1", "effort": "0", "velocity": "1000000000"},
+    }
+    assert element(made, "j2").attrib["type"] == "continuous"
+
+
+def test_a_capsule_is_a_cylinder_between_two_balls() -> None:
+    at = Pose(translation=(0.01, 0.0, 0.0), rotation=placed((0, 0, 0), (0.0, math.pi / 2, 0.0)).rotation)
+    shapes = without_capsules(Shape(kind="capsule", size=(0.01, 0.05), pose=at))
+    assert [shape.kind for shape in shapes] == ["cylinder", "sphere", "sphere"]
+    ends = [shape.pose.translation for shape in shapes[1:]]
+    assert np.array(ends) == pytest.approx(np.array([(-0.04, 0, 0), (0.06, 0, 0)]), abs=1e-15)
+
+
+def test_names_that_urdf_cannot_tell_apart_are_told() -> None:
+    """A joint `a_b` beside one `a/b`, and a frame that is called as the world."""
+    report = Report()
+    names = Names("the joints", report)
+    origin, other = (where(line) for line in (3, 7))
+    assert [names.take("a/b", origin), names.take("a_b", other), names.take("a/b", origin)] == ["a_b"] * 3
+    assert [(one.code, one.message) for one in report.diagnostics] == [
+        (Code.SAME_NAME, "the joints `a_b` and `a/b` would both be called `a_b` in URDF"),
+    ]
