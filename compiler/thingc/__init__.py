@@ -64,9 +64,9 @@ def __getattr__(name: str) -> object:
     module = _EXPORTS.get(name)
     if module is None:
         raise AttributeError(f"module `thingc` has no attribute `{name}`")
-    found = getattr(import_module(module), name)
-    globals()[name] = found
-    return found
+    exported = getattr(import_module(module), name)
+    globals()[name] = exported
+    return exported
 
 
 def __dir__() -> list[str]:

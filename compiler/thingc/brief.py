@@ -47,8 +47,8 @@ def _line(self: Any) -> str:
 
 def _called(value: object) -> str | None:
     """What an object is known by; None where it has no name."""
-    found = (getattr(value, attribute, None) for attribute in ("name", "path", "text", "code"))
-    return next((one for one in found if isinstance(one, str) and one), None)
+    names = (getattr(value, attribute, None) for attribute in ("name", "path", "text", "code"))
+    return next((one for one in names if isinstance(one, str) and one), None)
 
 
 def _shown(value: Any) -> str:

@@ -348,21 +348,21 @@ class Report:
         else:
             span = where[0] if where else None
             extra.extend(Note(message="nested from here", span=outer) for outer in where[1:])
-        found = Diagnostic(
+        diagnostic = Diagnostic(
             code=code, severity=severity, message=message, span=span, path=path, help=help, notes=tuple(extra),
             detail=detail, fixes=_fixes(span, message, help),
         )
-        return self.say(found)
+        return self.say(diagnostic)
 
-    def say(self, found: Diagnostic) -> bool:
+    def say(self, diagnostic: Diagnostic) -> bool:
         """Say what was put together elsewhere; what has been said already is not said again. False where it is allowed."""
-        found = _of_option(found)
-        places = [place for place in (found.span, *(note.span for note in found.notes)) if place is not None]
-        if found.severity is Severity.WARNING and self.allows(found.code, places):
+        diagnostic = _of_option(diagnostic)
+        places = [place for place in (diagnostic.span, *(note.span for note in diagnostic.notes)) if place is not None]
+        if diagnostic.severity is Severity.WARNING and self.allows(diagnostic.code, places):
             return False
-        if found not in self._known:
-            self._known.add(found)
-            self.diagnostics.append(found)
+        if diagnostic not in self._known:
+            self._known.add(diagnostic)
+            self.diagnostics.append(diagnostic)
         return True
 
     def allows(self, code: Code, places: Collection[Span]) -> bool:
@@ -419,17 +419,17 @@ class Report:
         ])
 
 
-def _of_option(found: Diagnostic) -> Diagnostic:
+def _of_option(diagnostic: Diagnostic) -> Diagnostic:
     """What shows a value that `--set` has put into a document is said of that option: there is no file to show."""
     notes = tuple(
         Note(message=f"{note.message}: `{note.span.option}`") if note.span is not None and note.span.option is not None else note
-        for note in found.notes
+        for note in diagnostic.notes
     )
-    option = found.span.option if found.span is not None else None
+    option = diagnostic.span.option if diagnostic.span is not None else None
     if option is None:
-        return replace(found, notes=notes) if notes != found.notes else found
-    code = Code.CHOICE_OPTION if found.severity is Severity.ERROR else found.code
-    return replace(found, code=code, span=None, path=option, notes=notes, fixes=())
+        return replace(diagnostic, notes=notes) if notes != diagnostic.notes else diagnostic
+    code = Code.CHOICE_OPTION if diagnostic.severity is Severity.ERROR else diagnostic.code
+    return replace(diagnostic, code=code, span=None, path=option, notes=notes, fixes=())
 
 
 MAX_FAULTS = 200

@@ -111,11 +111,11 @@ def write_build(
         with _locked(folder, on_wait):
             _mend(folder)
             known: dict[Signature, str] = {}
-            found = _refuse_strangers(folder, document, files, known, force=force)
+            unexpected = _refuse_strangers(folder, document, files, known, force=force)
             fresh = _beside(folder, "new")
             try:
                 _write_files(fresh, files, store)
-                _swap(fresh, folder, document, files, known, given_up=found.names)
+                _swap(fresh, folder, document, files, known, given_up=unexpected.names)
             finally:
                 _delete(fresh)
     except OSError as fault:
@@ -166,14 +166,14 @@ def unexpected_files(
 
     Raises `OSError` when the folder cannot be read.
     """
-    found = _listing(folder)
+    names = _listing(folder)
     manifest = _manifest(folder)
     if manifest is None or manifest["document"] != document:
-        return UnexpectedFiles(None if manifest is None else manifest["document"], tuple(sorted(found)))
+        return UnexpectedFiles(None if manifest is None else manifest["document"], tuple(sorted(names)))
     listed: dict[str, str] = manifest["files"]
     ours = written()
-    others = [name for name in found if name != MANIFEST and not (name in listed and (name in also or ours.fullmatch(name)))]
-    own = sorted(set(found) - {MANIFEST, *others})
+    others = [name for name in names if name != MANIFEST and not (name in listed and (name in also or ours.fullmatch(name)))]
+    own = sorted(set(names) - {MANIFEST, *others})
     known = {} if known is None else known
     changed = [name for name in own if _content_of(os.path.join(folder, name), known) not in (listed[name], NOTHING)]
     return UnexpectedFiles(document, tuple(sorted(others)), tuple(changed))
@@ -269,10 +269,10 @@ def _refuse_strangers(
     if not os.path.isdir(folder):
         message = f"`{shown_path(folder)}` is a file, and the build needs a folder there"
         raise OutputError(message, "move it away, or build into another folder with -o")
-    found = unexpected_files(folder, document, also=also, known=known)
-    if found.names and not (force and found.owner == document):
-        raise _accusation(folder, found, document)
-    return found
+    unexpected = unexpected_files(folder, document, also=also, known=known)
+    if unexpected.names and not (force and unexpected.owner == document):
+        raise _accusation(folder, unexpected, document)
+    return unexpected
 
 
 def _accusation(folder: str, found: UnexpectedFiles, document: str) -> UnexpectedFilesError:
@@ -410,15 +410,15 @@ def _manifest(folder: str) -> dict[str, Any] | None:
         if not _is_plain(path):
             return None
         with open(path, "rb") as stream:
-            found = json.load(stream)
+            manifest = json.load(stream)
     except (OSError, ValueError, RecursionError):
         return None
-    if not isinstance(found, dict) or not isinstance(found.get("document"), str) or not isinstance(found.get("name"), str):
+    if not isinstance(manifest, dict) or not isinstance(manifest.get("document"), str) or not isinstance(manifest.get("name"), str):
         return None
-    files = found.get("files")
+    files = manifest.get("files")
     if not isinstance(files, dict) or not all(isinstance(sha256, str) for sha256 in files.values()):
         return None
-    return found
+    return manifest
 
 
 def _is_plain(path: str) -> bool:
@@ -428,7 +428,7 @@ def _is_plain(path: str) -> bool:
 
 def _listing(folder: str) -> list[str]:
     """Every file below `folder`, with `/`; links are not followed."""
-    found: list[str] = []
+    files: list[str] = []
     waiting = [""]
     while waiting:
         prefix = waiting.pop()
@@ -437,8 +437,8 @@ def _listing(folder: str) -> list[str]:
                 if entry.is_dir(follow_symlinks=False):
                     waiting.append(f"{prefix}{entry.name}/")
                 else:
-                    found.append(f"{prefix}{entry.name}")
-    return found
+                    files.append(f"{prefix}{entry.name}")
+    return files
 
 
 def _words(folder: str, fault: OSError) -> str:

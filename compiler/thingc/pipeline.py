@@ -329,11 +329,11 @@ def inputs(environment: Environment, compilation: Compilation) -> dict[str, str 
 
     workspace, documents = environment.workspace, compilation.documents
     assert workspace is not None and documents is not None
-    found = {**workspace.inputs, **{document.path: document.sha256 for document in documents.by_path.values()}}
+    states = {**workspace.inputs, **{document.path: document.sha256 for document in documents.by_path.values()}}
     others = {*chosen_files(compilation.settings.choices, environment.document), *environment.parts.inputs, *documents.files}
-    found.update({path: state_of(path) for path in others if path not in found})
-    changed = any(state is not None and os.stat(path).st_mtime_ns >= environment.started for path, state in found.items())
-    return None if changed else found
+    states.update({path: state_of(path) for path in others if path not in states})
+    changed = any(state is not None and os.stat(path).st_mtime_ns >= environment.started for path, state in states.items())
+    return None if changed else states
 
 
 def say_unneeded(compilation: Compilation, stages: Collection[Stage]) -> None:
@@ -386,15 +386,15 @@ def _decomposed(model: AssemblyDefinition) -> frozenset[str]:
     """The texts of the part definitions of which some component asks for `collision: decompose`."""
     from thingc.realize.record import PartDefinition
 
-    found: set[str] = set()
+    texts: set[str] = set()
     waiting, met = [model], {id(model)}
     while waiting:
         for component in waiting.pop().components:
             definition = component.definition
             if isinstance(definition, PartDefinition):
                 if component.overrides.collision == "decompose":
-                    found.add(definition.text)
+                    texts.add(definition.text)
             elif definition is not None and id(definition) not in met:
                 met.add(id(definition))
                 waiting.append(definition)
-    return frozenset(found)
+    return frozenset(texts)

@@ -211,7 +211,7 @@ class Document:
 
     def span(self, path: Path = (), *, key: bool = False) -> Span:
         """The span at `path` in this document, see `span_at`."""
-        found = self._spans.get((path, key))
-        if found is None:  # a document that is compiled again is asked for the same places
-            found = self._spans[path, key] = span_at(self.tree, path, key=key)
-        return found
+        span = self._spans.get((path, key))
+        if span is None:  # a document that is compiled again is asked for the same places
+            span = self._spans[path, key] = span_at(self.tree, path, key=key)
+        return span

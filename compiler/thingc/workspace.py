@@ -185,9 +185,9 @@ def _read(path: str, data: bytes, root: str, inputs: dict[str, str | None], repo
         settings = None
     span: Span | None = Span(file=path, line=1, column=1, end_line=1, end_column=1)
     if settings is not None:
-        found = _workspace(settings, root, span, inputs)
-        if found is not None:
-            return found
+        workspace = _workspace(settings, root, span, inputs)
+        if workspace is not None:
+            return workspace
     return _explained(path, data, root, prefix, inputs, report)
 
 

@@ -110,8 +110,8 @@ def _texts(document: Document, key: str) -> Iterator[str]:
         node = waiting.pop()
         if isinstance(node, MappingNode):
             waiting += node.entries.values()
-            found = [value for name, value in node.entries.items() if name == key or name.endswith(f".{key}")]
-            for value in found:
+            values = [value for name, value in node.entries.items() if name == key or name.endswith(f".{key}")]
+            for value in values:
                 for one in value.items if isinstance(value, SequenceNode) else [value]:
                     if isinstance(one, ScalarNode) and isinstance(one.value, str):
                         yield one.value

@@ -111,8 +111,8 @@ def drawn(image: Any, marks: Sequence[Mark], data: Any, camera: Camera, length: 
     pen = ImageDraw.Draw(sheet)
     half = np.array([sheet.width, sheet.height]) / 2.0
     lines = [
-        [(stroke.colour, half + camera.project(points) * half * (1.0, -1.0)) for stroke, points in zip(mark.strokes, found)]
-        for mark, found in ((mark, placed(mark, data, length)) for mark in marks)
+        [(stroke.colour, half + camera.project(points) * half * (1.0, -1.0)) for stroke, points in zip(mark.strokes, curves)]
+        for mark, curves in ((mark, placed(mark, data, length)) for mark in marks)
     ]
     for colour, widening in ((None, 2.0 * scale), (True, 0.0)):
         for strokes in lines:

@@ -134,7 +134,7 @@ def points_of(model: Any, data: Any) -> Array:
     around other shapes."""
     import numpy as np
 
-    found = [np.zeros((0, 3))]
+    points = [np.zeros((0, 3))]
     for geom in np.flatnonzero(model.geom_group <= 2):
         mesh = int(model.geom_dataid[geom])
         if mesh >= 0:
@@ -143,8 +143,8 @@ def points_of(model: Any, data: Any) -> Array:
         else:
             middle, half = model.geom_aabb[geom][:3], model.geom_aabb[geom][3:]
             local = middle + half * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-        found.append(local @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom])
-    return np.concatenate(found)
+        points.append(local @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom])
+    return np.concatenate(points)
 
 
 def encoded(image: Any) -> bytes:

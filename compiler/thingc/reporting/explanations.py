@@ -18,8 +18,8 @@ _FILE = os.path.join(os.path.dirname(__file__), "examples.json")
 
 def _data() -> dict[str, Any]:
     with open(_FILE, encoding="utf-8") as stream:
-        found: dict[str, Any] = json.load(stream)
-    return found
+        explanations: dict[str, Any] = json.load(stream)
+    return explanations
 
 
 def find(word: str) -> Code | None:

@@ -60,7 +60,7 @@ def as_sarif(diagnostics: Sequence[Diagnostic], *, base: str, version: str, docu
 
 def _descriptor(code: Code, documentation: str | None) -> dict[str, Any]:
     """A code as a rule: its name, what it is, and its cure."""
-    found: dict[str, Any] = {
+    descriptor: dict[str, Any] = {
         "id": code.code,
         "name": "".join(word.capitalize() for word in code.name.split("_")),
         "shortDescription": {"text": code.title[0].upper() + code.title[1:]},
@@ -68,8 +68,8 @@ def _descriptor(code: Code, documentation: str | None) -> dict[str, Any]:
         "help": {"text": f"{code.cure} `thingc explain {code.code}` shows an example."},
     }
     if documentation is not None:
-        found["helpUri"] = f"{documentation.rstrip('/')}/{code.code}.md"
-    return found
+        descriptor["helpUri"] = f"{documentation.rstrip('/')}/{code.code}.md"
+    return descriptor
 
 
 def _results(placed: Iterable[Diagnostic], rules: Sequence[Code], base: str) -> list[dict[str, Any]]:

@@ -57,7 +57,7 @@ def _look(pairs: Sequence[_Pair], store: Store, report: Report) -> bool:
     from thingc.solids.shapes import PartSolids, at, overlap
 
     shapes = PartSolids(store)
-    found = False
+    overlapping = False
     said: set[tuple[object, object]] = set()
     for pair in pairs:
         solids = [shapes.solid(part.record) for part in (pair.one, pair.other) if part.record is not None]
@@ -66,11 +66,11 @@ def _look(pairs: Sequence[_Pair], store: Store, report: Report) -> bool:
         shared = overlap(at(solids[0], pair.at_one), at(solids[1], pair.at_other))[0]
         if shared <= max(LEAST, SHARE * _volume(pair.smaller)):
             continue
-        found = True
+        overlapping = True
         place = (pair.one.origin[:1], pair.other.origin[:1])
         if place not in said and _warn(pair, shared, report):
             said.add(place)
-    return found
+    return overlapping
 
 
 def _warn(pair: _Pair, shared: float, report: Report) -> bool:
