@@ -121,8 +121,8 @@ def _function(name: str) -> Emitter:
     from importlib import import_module
 
     module, _, function = name.partition(":")
-    found: Emitter = getattr(import_module(module), function)
-    return found
+    emit: Emitter = getattr(import_module(module), function)
+    return emit
 
 
 def _installed() -> dict[str, str]:
@@ -131,7 +131,7 @@ def _installed() -> dict[str, str]:
     `importlib.metadata` finds the same and costs 40 ms, a third of a build in which nothing has changed. Of two packages
     with one name the first on the path wins, as there.
     """
-    found: dict[str, str] = {}
+    entry_points: dict[str, str] = {}
     for folder in sys.path:
         try:
             names = sorted(os.listdir(folder or "."))
@@ -140,8 +140,8 @@ def _installed() -> dict[str, str]:
         for name in names:
             if name.endswith((".dist-info", ".egg-info")):
                 for target, value in _entries(os.path.join(folder, name, "entry_points.txt")):
-                    found.setdefault(target, value)
-    return found
+                    entry_points.setdefault(target, value)
+    return entry_points
 
 
 def _entries(path: str) -> list[tuple[str, str]]:

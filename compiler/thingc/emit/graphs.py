@@ -88,8 +88,8 @@ def _shown(attributes: dict[str, Any]) -> dict[str, Any]:
 
 def plain(graph: Graph) -> dict[str, Any]:
     """The graph as JSON has it, which `networkx.node_link_graph` reads."""
-    found: dict[str, Any] = networkx.node_link_data(graph, edges="edges")
-    return found
+    node_link: dict[str, Any] = networkx.node_link_data(graph, edges="edges")
+    return node_link
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,10 +108,10 @@ def loops_of(robot: Robot) -> tuple[Loop, ...]:
     graph = link_graph(assembly)
     tree = graph.edge_subgraph([edge for edge in graph.edges if edge[2] not in cuts]).to_undirected()
     worth = {assembly.mates[number].name: value for number, value in worths(assembly, robot.mode)}
-    found = []
+    loops = []
     for parent, child, cut in graph.edges:
         if cut in cuts:
             way = networkx.shortest_path(tree, parent, child)
             through = [key for pair in zip(way, way[1:]) for key in tree[pair[0]][pair[1]]]
-            found.append(Loop(cut=cut, through={one: worth[one].over(worth[cut]) if cut in worth else "" for one in through}))
-    return tuple(found)
+            loops.append(Loop(cut=cut, through={one: worth[one].over(worth[cut]) if cut in worth else "" for one in through}))
+    return tuple(loops)

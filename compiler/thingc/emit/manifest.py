@@ -108,7 +108,7 @@ def versions() -> Mapping[str, str]:
     `importlib.metadata` finds the same, but importing it takes longer than writing everything else.
     """
     wanted = {_normal(name): name for name in DISTRIBUTIONS}
-    found: dict[str, str] = {}
+    version_of: dict[str, str] = {}
     for folder in sys.path:
         try:
             entries = sorted(os.listdir(folder or "."))
@@ -117,10 +117,10 @@ def versions() -> Mapping[str, str]:
         for entry in entries:
             name, dash, version = entry.removesuffix(".dist-info").rpartition("-")
             if dash and entry.endswith(".dist-info") and _normal(name) in wanted:
-                found.setdefault(wanted[_normal(name)], version)
-    found["thingc"] = __version__
-    found["python"] = ".".join(map(str, sys.version_info[:3]))
-    return dict(sorted(found.items()))
+                version_of.setdefault(wanted[_normal(name)], version)
+    version_of["thingc"] = __version__
+    version_of["python"] = ".".join(map(str, sys.version_info[:3]))
+    return dict(sorted(version_of.items()))
 
 
 def _normal(name: str) -> str:

@@ -132,16 +132,16 @@ def _label_words(strand: Bundle) -> list[_Words]:
     """What a line says: components, each followed by how it is placed."""
     words: list[_Words] = []
     baseline = 11.0
-    found = entries(strand.edges)
-    for name, placed in found[: MOST if len(found) <= MOST else MOST - 1]:
+    placements = entries(strand.edges)
+    for name, placed in placements[: MOST if len(placements) <= MOST else MOST - 1]:
         words.append(_Words(text=_cut(name), kind="name", baseline=baseline))
         if placed:
             kind = "joint" if placed.startswith("joint ") else "place"
             baseline += LEAD - 2.0
             words.append(_Words(text=_cut(placed), kind=kind, baseline=baseline))
         baseline += LEAD + 3.0
-    if len(found) > MOST:
-        words.append(_Words(text=f"and {len(found) - MOST + 1} more", kind="place", baseline=baseline))
+    if len(placements) > MOST:
+        words.append(_Words(text=f"and {len(placements) - MOST + 1} more", kind="place", baseline=baseline))
     return words
 
 

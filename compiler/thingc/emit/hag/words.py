@@ -65,22 +65,22 @@ def total(hag: Hag) -> str:
 def entries(edges: Sequence[DefinitionEdge]) -> list[tuple[str, str]]:
     """Edges of one bundle as `(component, how it is placed)`; three or more that a `repeat` made (`leg_0`, `leg_1`, ...) are
     one entry: `leg_0 ... leg_5`, placed as the first with each number that counts along written as `*`."""
-    found: list[tuple[str, str]] = []
+    placements: list[tuple[str, str]] = []
     position = 0
     while position < len(edges):
         run = _run(edges, position)
         first, last = edges[position], edges[position + run - 1]
         if run < 3:
-            found.append((first.component, how(first)))
+            placements.append((first.component, how(first)))
             position += 1
             continue
         placed = how(first)
         if any(how(edge) != placed for edge in edges[position : position + run]):
             number = first.component.rpartition("_")[2]
             placed = re.sub(rf"(?<=_){number}(?![0-9A-Za-z_])", "*", placed)
-        found.append((f"{first.component} ... {last.component}", placed))
+        placements.append((f"{first.component} ... {last.component}", placed))
         position += run
-    return found
+    return placements
 
 def short(definition: Definition) -> tuple[str, str, str]:
     """`(name, where, parameters)` of a definition, for a box: `("RotorBrace", "arm", "length=100 mm")`."""

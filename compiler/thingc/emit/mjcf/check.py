@@ -64,7 +64,7 @@ def check(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store: S
         return
     fresh = {one.mode for one in waiting if starts and not known.start(start.key(one.model.text), meshes)}
     data = known.data([candidate.root for candidate in waiting], meshes, whole=bool(fresh))
-    found: list[start.Start] = []
+    instants: list[start.Start] = []
     for candidate in waiting:
         # The scene holds all that the model holds, so one compilation serves both files.
         verdict = attempt(candidate.scene.text, {**data, candidate.file: candidate.model.text.encode()})
@@ -72,14 +72,14 @@ def check(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store: S
             _explain(candidate, data, report, scene_error=verdict.error)
             continue
         if candidate.mode in fresh:
-            found.append(start.look(verdict.model, candidate.robot))
-            if found[-1].in_order:
+            instants.append(start.look(verdict.model, candidate.robot))
+            if instants[-1].in_order:
                 known.accept_start(start.key(candidate.model.text), meshes)
-        if not verdict.warnings and (candidate.mode not in fresh or found[-1].in_order):
+        if not verdict.warnings and (candidate.mode not in fresh or instants[-1].in_order):
             known.accept(candidate.texts, meshes, started=starts)
         for warning in verdict.warnings:
             _say(Code.MJCF_WARNING, "warns of", warning, candidate, candidate.model, report, severity=Severity.WARNING)
-    start.say(found, report)
+    start.say(instants, report)
 
 
 def passes(candidate: Candidate, meshes: Sequence[MeshAsset], store: Store, memo: Memo) -> bool:

@@ -102,20 +102,20 @@ def _lever(robot: Robot, closure: Closure) -> float:
 
 def losses(robot: Robot) -> list[Loss]:
     """Poses that do not close or had to be moved, and what a joint that was cut cannot have."""
-    found: list[Loss] = []
+    losses: list[Loss] = []
     mode = robot.mode.name
     turns = {joint.path for mate in robot.assembly.mates for joint in mate.joints if joint.twist.turns}
     for frame in robot.keyframes:
         if frame.moved:
             what = f"its values as written: the loops close with {_moved(frame.moved, turns)}"
             span = _first(frame.origin)
-            found.append(Loss(target="mjcf", mode=mode, path=frame.name, what=what, how="approximated", span=span))
+            losses.append(Loss(target="mjcf", mode=mode, path=frame.name, what=what, how="approximated", span=span))
     for one in robot.unclosed:
         if one.moved:
             what = f"its keyframe: the loops close only with {_moved(one.moved, turns)}"
         else:
             what = f"its keyframe: `{one.path}` does not close, at best it is {residual_words(one.residual)} off"
-        found.append(Loss(target="mjcf", mode=mode, path=one.name, what=what, how="omitted", span=_first(one.origin)))
+        losses.append(Loss(target="mjcf", mode=mode, path=one.name, what=what, how="omitted", span=_first(one.origin)))
     for closure in robot.closures:
         if not closure.joints:
             continue
@@ -134,8 +134,8 @@ def losses(robot: Robot) -> list[Loss]:
             lost = [f"the loop through it: MuJoCo has no equality that {opened}"]
         if lost:
             what = ", ".join(lost) + (": a loop is cut here" if opened is None else "")
-            found.append(Loss(target="mjcf", mode=mode, path=closure.path, what=what, how="omitted", span=_first(closure.origin)))
-    return found
+            losses.append(Loss(target="mjcf", mode=mode, path=closure.path, what=what, how="omitted", span=_first(closure.origin)))
+    return losses
 
 
 def _opened(kind: ClosureKind) -> str | None:

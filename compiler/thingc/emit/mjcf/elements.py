@@ -40,13 +40,13 @@ def meshes(meshes: tuple[MeshAsset, ...]) -> tuple[Element, ...]:
 
 def materials(shapes: tuple[Shapes, ...]) -> tuple[Element, ...]:
     """The materials of what is drawn, in the order first met."""
-    found: dict[str, Element] = {}
+    by_name: dict[str, Element] = {}
     for one in shapes:
         name = material_name(one.material, one.color)
-        if name is not None and name not in found and one.visual is not None:
+        if name is not None and name not in by_name and one.visual is not None:
             origin = one.material.origin if one.material is not None else one.origin
-            found[name] = Element(tag="material", attributes={"name": name, "rgba": numbers(channels(one.color or ""))}, origin=origin)
-    return tuple(found.values())
+            by_name[name] = Element(tag="material", attributes={"name": name, "rgba": numbers(channels(one.color or ""))}, origin=origin)
+    return tuple(by_name.values())
 
 
 def inertial_of(properties: MassProperties, origin: Origin) -> tuple[Element, ...]:

@@ -93,9 +93,9 @@ def mujoco_version() -> str:
     spec = find_spec("mujoco")
     for place in (spec.submodule_search_locations or ()) if spec is not None else ():
         for name in sorted(os.listdir(os.path.dirname(place))):
-            found = re.fullmatch(r"mujoco-(.+)\.dist-info", name)
-            if found:
-                return found[1]
+            match = re.fullmatch(r"mujoco-(.+)\.dist-info", name)
+            if match:
+                return match[1]
     from importlib.metadata import version
 
     return version("mujoco")

@@ -21,10 +21,10 @@ FOLDER = "mjcf/assets"
 
 def taken(assembly: Assembly, report: Report, memo: Memo) -> tuple[Geometry, tuple[Loss, ...]]:
     """The geometry of every occurrence; what MuJoCo cannot take is reported, what it takes differently is a loss."""
-    found, losses, said = memo("geometry", lambda _: _collected(assembly), inputs_of(assembly))
+    shapes, losses, said = memo("geometry", lambda _: _collected(assembly), inputs_of(assembly))
     for diagnostic in said.diagnostics:
         report.say(diagnostic)
-    return found, losses
+    return shapes, losses
 
 
 def is_shell(mesh: MeshAsset) -> bool:
@@ -34,8 +34,8 @@ def is_shell(mesh: MeshAsset) -> bool:
 
 def _collected(assembly: Assembly) -> tuple[Geometry, tuple[Loss, ...], Report]:
     limits = _Limits()
-    found = geometry(assembly, FOLDER, limits.takes, limits.report)
-    return found, tuple(limits.losses), limits.report
+    shapes = geometry(assembly, FOLDER, limits.takes, limits.report)
+    return shapes, tuple(limits.losses), limits.report
 
 
 class _Limits:

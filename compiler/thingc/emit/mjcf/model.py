@@ -36,24 +36,24 @@ def model(robot: Robot, geometry: Geometry, memo: Memo | None = None) -> Element
 
 def losses(robot: Robot) -> tuple[Loss, ...]:
     """What MJCF cannot say of this mode beyond its geometry. Velocity limits are of no mode: every one has them."""
-    found: list[Loss] = []
+    losses: list[Loss] = []
     for joint in _joints(robot):
         if joint.reversed and joint.kind.at_once and joint.dynamics.friction and joint.path.endswith("_0"):
             what = "its dry friction: MuJoCo has a box of torques about the axes of the tree's child, which is the document's parent"
             span = next(iter(joint.origin), None)
             path = robot.assembly.mates[joint.mate].name or joint.path
-            found.append(Loss(target="mjcf", mode=robot.mode.name, path=path, what=what, how="approximated", span=span))
+            losses.append(Loss(target="mjcf", mode=robot.mode.name, path=path, what=what, how="approximated", span=span))
         if joint.twist.pitch:
             what = "its thread: MuJoCo turns and slides it, and ties the two by an equality, which gives way by a little"
             span = next(iter(joint.origin), None)
-            found.append(Loss(target="mjcf", mode=robot.mode.name, path=joint.path, what=what, how="approximated", span=span))
+            losses.append(Loss(target="mjcf", mode=robot.mode.name, path=joint.path, what=what, how="approximated", span=span))
         if joint.limit.velocity is not None:
             what = f"its velocity limit of {joint.limit.velocity:.6g} {'rad/s' if joint.twist.turns else 'm/s'}"
             span = next(iter(joint.origin), None)
-            found.append(
+            losses.append(
                 Loss(target="mjcf", mode=None, path=joint.path, what=what, how="carried as custom data", span=span)
             )
-    return (*found, *closures.losses(robot), *sensors.losses(robot))
+    return (*losses, *closures.losses(robot), *sensors.losses(robot))
 
 
 def class_name(robot: Robot) -> str:
@@ -90,11 +90,11 @@ class _Builder:
 
     def grow(self, parent: Element, place: tuple[str, ...], make: Callable[..., tuple[Element, ...]], *inputs: Any) -> None:
         """Add the elements that `make(*inputs)` gives, which are none of this model alone, unless raw attributes name them."""
-        found, names = self.memo(place, elements.made, make, *inputs)
+        grown, names = self.memo(place, elements.made, make, *inputs)
         if self.raw.isdisjoint(names):
-            parent.children.extend(found)
+            parent.children.extend(grown)
         else:
-            parent.children.extend(element.copy() for element in found)
+            parent.children.extend(element.copy() for element in grown)
 
     def build(self) -> Element:
         """The sections in the order of the Menagerie."""

@@ -15,9 +15,9 @@ def pose_attributes(pose: Pose) -> dict[str, str]:
 
 @lru_cache(maxsize=4096)
 def _pose_texts(pose: Pose) -> tuple[tuple[str, str], ...]:
-    found: list[tuple[str, str]] = []
+    attributes: list[tuple[str, str]] = []
     if any(component != 0.0 for component in pose.translation):
-        found.append(("pos", numbers(pose.translation)))
+        attributes.append(("pos", numbers(pose.translation)))
     if pose.rotation != IDENTITY:
-        found.append(("quat", numbers(pose.quaternion())))
-    return tuple(found)
+        attributes.append(("quat", numbers(pose.quaternion())))
+    return tuple(attributes)

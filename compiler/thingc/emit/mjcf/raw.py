@@ -50,15 +50,15 @@ def lay(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
             message, hint = fault
             report.add(Code.RAW_UNKNOWN, message, _key(attribute, 0), help=hint, path=_dotted(attribute))
             continue
-        found = [
+        elements = [
             element
             for robot, model in zip(robots, models, strict=True)
             for element in [_element(attribute, robot, model)]
             if element is not None
         ]
-        for element in found:
+        for element in elements:
             element.lay(attribute.path[-1], attribute)
-        if not found and robots and not _elsewhere(attribute, assembly):
+        if not elements and robots and not _elsewhere(attribute, assembly):
             _report_unknown(attribute, robots, models, report)
 
 
@@ -137,8 +137,8 @@ def _classes(robot: Robot, model: Element) -> dict[str, Element]:
     """Default classes by name; the document's own name is the robot's class."""
     section = model.find("default")
     elements = section.walk() if section is not None else iter(())
-    found = {element.attributes["class"]: element for element in elements if "class" in element.attributes}
-    return {robot.assembly.name: found[class_name(robot)], **found} if class_name(robot) in found else found
+    classes = {element.attributes["class"]: element for element in elements if "class" in element.attributes}
+    return {robot.assembly.name: classes[class_name(robot)], **classes} if class_name(robot) in classes else classes
 
 
 def _named(kind: str, model: Element) -> Iterable[Element]:

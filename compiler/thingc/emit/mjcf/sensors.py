@@ -52,7 +52,7 @@ def sensors(robot: Robot, section: Element) -> None:
 def losses(robot: Robot) -> list[Loss]:
     """Sensors that this mode cannot have, forces that it measures elsewhere than at the mount, and accelerations of what stands
     still (there MuJoCo's accelerometer reads 0, not the 9.81 m/s^2 of any that rests)."""
-    found: list[Loss] = []
+    losses: list[Loss] = []
     cut = {joint.path for closure in robot.closures for joint in closure.joints}
     for sensor in robot.assembly.sensors:
         what, how = "", "omitted"
@@ -69,8 +69,8 @@ def losses(robot: Robot) -> list[Loss]:
             what = f"it: a loop is cut at joint `{sensor.joint}`"
         if what:
             span = next(iter(sensor.origin), None)
-            found.append(Loss(target="mjcf", mode=robot.mode.name, path=sensor.path, what=what, how=how, span=span))
-    return found
+            losses.append(Loss(target="mjcf", mode=robot.mode.name, path=sensor.path, what=what, how=how, span=span))
+    return losses
 
 
 def _body_of(robot: Robot, sensor: LinkedSensor) -> int:

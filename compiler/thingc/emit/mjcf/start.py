@@ -230,8 +230,8 @@ def say(starts: Sequence[Start], report: Report) -> None:
     for start in starts:
         if start.inside and not report.allows(Code.START_CONTACT, start.robot.mode.origin):
             alike.setdefault(tuple((one.one, one.other, round(one.depth, 5)) for one in start.inside), []).append(start)
-    for found in alike.values():
-        _say_inside(found[0], [start.robot.mode.name for start in found[1:]], report)
+    for group in alike.values():
+        _say_inside(group[0], [start.robot.mode.name for start in group[1:]], report)
     worst: dict[str, tuple[Gains, CoreJoint, Robot]] = {}
     for start in starts:
         joints = {joint.path: joint for body in start.robot.bodies for joint in body.joints}
