@@ -28,16 +28,16 @@ def classes_in_reach(sources: ModuleSources, packages: Sequence[str]) -> list[st
 
 def installed_modules(sources: ModuleSources, packages: Sequence[str]) -> dict[str, str]:
     """The files of the public modules right in the allowed packages that are merely installed, by module (`bd_warehouse.fastener`)."""
-    found: dict[str, str] = {}
+    files: dict[str, str] = {}
     for package in packages:
         module = sources.finder.find(package)
         if module.kind == "installed" and module.file is not None and os.path.basename(module.file) == "__init__.py":
             folder = os.path.dirname(module.file)
             names = [name[:-3] for name in listed(folder) if name.endswith(".py") and not name.startswith("_")]
-            found.update((f"{package}.{name}", os.path.join(folder, f"{name}.py")) for name in names if name.isidentifier())
+            files.update((f"{package}.{name}", os.path.join(folder, f"{name}.py")) for name in names if name.isidentifier())
         elif module.kind == "installed" and module.file is not None:
-            found[package] = module.file
-    return found
+            files[package] = module.file
+    return files
 
 
 def classes_installed(module: str, file: str) -> list[str]:
@@ -72,10 +72,10 @@ def _modules(sources: ModuleSources, packages: Sequence[str]) -> list[str]:
     finder = sources.finder
     modules = set(finder.part_modules())
     for package in packages:
-        found = finder.find(package)
-        if found.kind == "content":
+        module = finder.find(package)
+        if module.kind == "content":
             modules.add(package)
-            for folder in found.folders:
+            for folder in module.folders:
                 names = [name[:-3] for name in listed(folder) if name.endswith(".py") and name != "__init__.py"]
                 modules.update(f"{package}.{name}" for name in names if name.isidentifier())
     return sorted(modules)

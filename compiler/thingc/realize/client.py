@@ -267,7 +267,7 @@ def _no_process(fault: OSError) -> str:
 
 def _answer(line: bytes) -> dict[str, Any]:
     """What a worker says. Halves of characters, which a part may say and no file can hold, become question marks."""
-    found: dict[str, Any] = json.loads(line)
+    answer: dict[str, Any] = json.loads(line)
     if b"\\ud" in line:
-        found = json.loads(json.dumps(found, ensure_ascii=False).encode("utf-8", "replace"))
-    return found
+        answer = json.loads(json.dumps(answer, ensure_ascii=False).encode("utf-8", "replace"))
+    return answer

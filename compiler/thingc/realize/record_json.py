@@ -157,8 +157,8 @@ def record_from_json(value: Any, root: str) -> PartRecord:
 def blobs_of(value: Any) -> list[tuple[str, int | None]]:
     """The blobs that a record's JSON needs: `(sha256, size)`, the size None where it is not known."""
     pieces = [piece["mesh"] for piece in value["pieces"] if "mesh" in piece]
-    found: list[tuple[str, int | None]] = [(mesh[0], mesh[1]) for mesh in (*value["meshes"].values(), *pieces)]
-    return found if value["brep"] is None else [*found, (value["brep"], None)]
+    blobs: list[tuple[str, int | None]] = [(mesh[0], mesh[1]) for mesh in (*value["meshes"].values(), *pieces)]
+    return blobs if value["brep"] is None else [*blobs, (value["brep"], None)]
 
 
 def mesh_to_json(mesh: Mesh) -> Any:

@@ -140,8 +140,8 @@ class GeometryService:
 
     def code(self, reference: str) -> CodeIngredients | None:
         """The code of a part that was described; None for one of an installed package."""
-        found = self._parts.code(reference)
-        return found if isinstance(found, CodeIngredients) else None
+        code = self._parts.code(reference)
+        return code if isinstance(code, CodeIngredients) else None
 
     def hiding(self, reference: str) -> tuple[Module, ...]:
         """The modules in reach of `module:Class` that hide others of their name."""
@@ -165,28 +165,28 @@ class GeometryService:
 
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
         """What each `module:Class` takes, by reference."""
-        found: dict[str, PartSchema | PartFailure] = {}
+        answers: dict[str, PartSchema | PartFailure] = {}
         tasks: dict[str, list[_Task]] = {}
         for reference in dict.fromkeys(references):
             code = self._parts.code(reference)
             if isinstance(code, PartFailure):
-                found[reference] = code
+                answers[reference] = code
                 continue
             build_key = schema_key(reference, code, self._parts.versions(code, reference))
             kept = self._results.find("schema", build_key.key)
             if kept is not None:
-                found[reference] = self._schema(reference, kept.value, code)
+                answers[reference] = self._schema(reference, kept.value, code)
                 self.reads[reference] = dict(kept.reads)
                 continue
             locked = self._locked.schema(reference)
             if locked is not None:
-                found[reference] = locked
+                answers[reference] = locked
                 continue
             request = {"op": "describe", "references": [reference], **self._around(code)}
             tasks.setdefault(reference.partition(":")[0], []).append(_Task(subject=reference, build_key=build_key, request=request))
         # one child per module: what the classes of a file share is loaded once
-        self._describe_in_workers(list(tasks.values()), found)
-        return found
+        self._describe_in_workers(list(tasks.values()), answers)
+        return answers
 
     def _describe_in_workers(self, groups: list[list[_Task]], found: dict[str, PartSchema | PartFailure]) -> None:
         if not groups:
@@ -232,47 +232,47 @@ class GeometryService:
         """The record of each definition, by text; with convex pieces for the texts in `convex`. Unless it may be `locked`, it has
         its meshes."""
         self.decisions = {}
-        found: dict[str, PartRecord | PartFailure] = {}
+        answers: dict[str, PartRecord | PartFailure] = {}
         tasks: list[_Task] = []
         unique = {definition.text: definition for definition in definitions}
         build_keys: dict[str, BuildKey] = {}
         for text, definition in unique.items():
             recent = self._recent.get(definition, text in convex)
             if recent is not None and (locked or recent[0].meshes):
-                found[text], reason = recent
+                answers[text], reason = recent
                 self._decide(text, True, reason)
                 continue
             prepared = self._prepare(definition)
             if isinstance(prepared, PartFailure):
-                found[text] = prepared
+                answers[text] = prepared
                 continue
             build_key, code, request = prepared
             build_keys[text] = build_key
             kept = self._results.find("record", build_key.key, self._whole)
             if kept is not None:
                 self._decide(text, True, unchanged(kept.reason))
-                found[text] = self._record(kept.value, code)
+                answers[text] = self._record(kept.value, code)
                 self.reads[text] = dict(kept.reads)
             elif locked and (held := self._locked.record(definition)) is not None:
                 self._decide(text, True, f"{LOCK_FILE} holds it")
-                found[text] = held
+                answers[text] = held
                 del build_keys[text]  # nothing was modelled, which is what `thingc why` would say of it
             else:
                 reason = why(definition, build_key, self._results)
                 tasks.append(_Task(subject=text, build_key=build_key, request=request, reason=reason))
         with self._build_locks.given_back():
-            self._model(tasks, unique, found)
+            self._model(tasks, unique, answers)
         self._results.remember(
             (definition.reference, text, build_keys[text])
-            for text, definition in unique.items() if text in build_keys and isinstance(found[text], PartRecord)
+            for text, definition in unique.items() if text in build_keys and isinstance(answers[text], PartRecord)
         )
         if build_keys:
             self._results.note_files({**self._parts.files(), **self._results.met})
-        new = {text: record for text, record in found.items() if self._recent.get(unique[text], text in convex) is None}
+        new = {text: record for text, record in answers.items() if self._recent.get(unique[text], text in convex) is None}
         self._decompose(new, convex)
-        found |= new
-        self._recent.keep(unique, found, convex, self.decisions)
-        return {text: found[text] for text in unique}
+        answers |= new
+        self._recent.keep(unique, answers, convex, self.decisions)
+        return {text: answers[text] for text in unique}
 
     def _model(
         self, tasks: Sequence[_Task], definitions: Mapping[str, PartDefinition], found: dict[str, PartRecord | PartFailure],

@@ -57,11 +57,11 @@ def difference(old: Mapping[str, str], new: Mapping[str, str]) -> str:
         # what an edited module newly imports, or imports no longer, says less than the edit
         changed = [label for label in changed if label in old and label in new]
     changed.sort(key=lambda label: (not label.startswith("module "), label))
-    found = list(dict.fromkeys(_phrase(label, old, new) for label in changed))
-    if not found:
+    phrases = list(dict.fromkeys(_phrase(label, old, new) for label in changed))
+    if not phrases:
         return "nothing that it depends on changed"
-    more = f" and {len(found) - 3} more" if len(found) > 3 else ""
-    return "; ".join(found[:3]) + more
+    more = f" and {len(phrases) - 3} more" if len(phrases) > 3 else ""
+    return "; ".join(phrases[:3]) + more
 
 
 def _phrase(label: str, old: Mapping[str, str], new: Mapping[str, str]) -> str:

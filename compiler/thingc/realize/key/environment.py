@@ -26,13 +26,13 @@ def passed() -> dict[str, str]:
 def environment(seed: int = 0) -> dict[str, str]:
     """The environment of a worker, with the hash seed `seed`. Where temporary files go is for the worker alone: a part gets a folder
     of its own there."""
-    found = {name: os.environ[name] for name in TEMPORARY if name in os.environ}
-    found.update(passed())
-    found.update(FIXED)
-    found["PYTHONHASHSEED"] = str(seed)
+    variables = {name: os.environ[name] for name in TEMPORARY if name in os.environ}
+    variables.update(passed())
+    variables.update(FIXED)
+    variables["PYTHONHASHSEED"] = str(seed)
     from thingc.realize.key.modules import OWN_FOLDER, own_roots
 
     own = os.path.dirname(OWN_FOLDER)
     if not (os.path.realpath(own) + os.sep).startswith(own_roots()):
-        found["PYTHONPATH"] = own
-    return found
+        variables["PYTHONPATH"] = own
+    return variables

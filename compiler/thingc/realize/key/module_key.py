@@ -142,13 +142,13 @@ def code_of(reference: str, sources: ModuleSources) -> CodeIngredients:
     """The code that `module:Class` depends on. The module must be found and content-tracked."""
     module, _, name = reference.partition(":")
     reached = [sources.finder.find(one) for one in reached_from(module, sources)]
-    found = [source for one in reached if (source := sources.source(one.name)) is not None]
-    texts = any(source.facts.telling for source in found)
+    tracked = [source for one in reached if (source := sources.source(one.name)) is not None]
+    texts = any(source.facts.telling for source in tracked)
     return CodeIngredients(
-        ingredients={one.label: f"{one.sha256 if texts else one.facts.syntax} {one.path}" for one in found},
-        documented={one.label: f"{one.sha256 if texts else one.facts.documented} {one.path}" for one in found},
+        ingredients={one.label: f"{one.sha256 if texts else one.facts.syntax} {one.path}" for one in tracked},
+        documented={one.label: f"{one.sha256 if texts else one.facts.documented} {one.path}" for one in tracked},
         installed={one.name for one in reached if one.kind == "installed"},
-        files={one.module.file: one.sha256 for one in found if one.module.file is not None},
+        files={one.module.file: one.sha256 for one in tracked if one.module.file is not None},
         plain={one.name for one in reached if one.kind == "content" and one.file is None},
         hiding=tuple(one for one in reached if one.hides),
         place=_place(module, name.partition(".")[0], sources),
@@ -192,14 +192,14 @@ def defined_in(module: str, sources: ModuleSources) -> tuple[str, ...]:
 def _namespaces(module: str, sources: ModuleSources) -> list[ModuleSource | None]:
     """The module, and those whose names it has by stars; None stands for one that cannot be read."""
     met = [module]
-    found: list[ModuleSource | None] = []
+    namespaces: list[ModuleSource | None] = []
     for name in met:
         source = sources.source(name)
-        found.append(source)
+        namespaces.append(source)
         if source is not None:
             stars = [origin for origin in source.facts.imports if origin.endswith(":*")]
             met += [target for origin in stars if (target := _absolute(source, origin)[0]) not in met]
-    return found
+    return namespaces
 
 
 def _place(module: str, name: str, sources: ModuleSources) -> tuple[str, int] | None:

@@ -65,11 +65,11 @@ class Module:
 def own_roots() -> tuple[str, ...]:
     """The interpreter's own folders, as they are named and as they really are: the standard library and site-packages."""
     named = sysconfig.get_paths()
-    found = {named[key] for key in ("stdlib", "platstdlib", "purelib", "platlib")}
-    found.update(site.getsitepackages() if hasattr(site, "getsitepackages") else ())
+    roots = {named[key] for key in ("stdlib", "platstdlib", "purelib", "platlib")}
+    roots.update(site.getsitepackages() if hasattr(site, "getsitepackages") else ())
     if site.ENABLE_USER_SITE:
-        found.add(site.getusersitepackages())
-    return _in_both_forms(found)
+        roots.add(site.getusersitepackages())
+    return _in_both_forms(roots)
 
 
 @cache
@@ -116,10 +116,10 @@ class Finder:
 
     def find(self, name: str) -> Module:
         """The module `name` (dotted, absolute)."""
-        found = self._found.get(name)
-        if found is None:
-            found = self._found[name] = self._find(name)
-        return found
+        module = self._found.get(name)
+        if module is None:
+            module = self._found[name] = self._find(name)
+        return module
 
     def _find(self, name: str) -> Module:
         if len(name) > MAX_NAME:
@@ -133,37 +133,37 @@ class Finder:
         if name in sys.builtin_module_names or name in OWN:
             return Module(name=name, kind="installed")
         if name not in PROTECTED:
-            found = self._in_folders(name, name, self.parts, True, plain_folders=False)
-            if found is not None:
-                return found
-        found = _on_path(name, self.followed)
-        if found is not None and found.kind == "content" and found.file is not None:
-            self.probed.add(found.file)
-        if found is None and name not in PROTECTED:
-            found = self._in_folders(name, name, self.parts, True)
-        return found or Module(name=name, kind="absent")
+            module = self._in_folders(name, name, self.parts, True, plain_folders=False)
+            if module is not None:
+                return module
+        module = _on_path(name, self.followed)
+        if module is not None and module.kind == "content" and module.file is not None:
+            self.probed.add(module.file)
+        if module is None and name not in PROTECTED:
+            module = self._in_folders(name, name, self.parts, True)
+        return module or Module(name=name, kind="absent")
 
     def hidden(self, name: str) -> str | None:
         """The file in a part folder that would be the top-level module `name`, were that not one of `PROTECTED`."""
-        found = self._in_folders(name, name, self.parts, True, plain_folders=False) if name in PROTECTED else None
-        return found.file if found is not None else None
+        module = self._in_folders(name, name, self.parts, True, plain_folders=False) if name in PROTECTED else None
+        return module.file if module is not None else None
 
     def _in_folders(
         self, name: str, last: str, folders: Iterable[str], workspace: bool, *, plain_folders: bool = True
     ) -> Module | None:
         """As Python's path finder does: a package, else a module, else (where allowed) a folder without `__init__.py`."""
-        found: list[tuple[str, tuple[str, ...]]] = []
+        candidates: list[tuple[str, tuple[str, ...]]] = []
         plain: list[str] = []
         for folder in folders:
             path = os.path.join(folder, last)
             initial = os.path.join(path, "__init__.py")
             self.probed.update((initial, path + ".py"))
-            found += [one for one in ((initial, (path,)), (path + ".py", ())) if os.path.isfile(one[0])]
+            candidates += [one for one in ((initial, (path,)), (path + ".py", ())) if os.path.isfile(one[0])]
             if os.path.isdir(path):
                 plain.append(path)
-        if found:
-            file, inside = found[0]
-            others = (one for one, _ in found[1:] if workspace and not os.path.samefile(one, file))
+        if candidates:
+            file, inside = candidates[0]
+            others = (one for one, _ in candidates[1:] if workspace and not os.path.samefile(one, file))
             return Module(name=name, kind="content", file=file, folders=inside, workspace=workspace, hides=tuple(others))
         if plain and plain_folders:
             return Module(name=name, kind="content", folders=tuple(plain), workspace=workspace)
@@ -176,19 +176,19 @@ class Finder:
         return self._part_modules
 
     def _list_modules(self) -> list[str]:
-        found: set[str] = set()
+        modules: set[str] = set()
         for folder in self.parts:
             for name in listed(folder):
                 path = os.path.join(folder, name)
                 if name.endswith(".py") and name[:-3].isidentifier():
-                    found.add(name[:-3])
+                    modules.add(name[:-3])
                 elif name.isidentifier() and os.path.isdir(path):
                     inner = [entry for entry in listed(path) if entry.endswith(".py")]
                     if "__init__.py" in inner:
-                        found.add(name)
+                        modules.add(name)
                     own = [entry[:-3] for entry in inner if entry[:-3].isidentifier() and entry != "__init__.py"]
-                    found.update(f"{name}.{entry}" for entry in own)
-        return sorted(name for name in found if name.partition(".")[0] not in PROTECTED)
+                    modules.update(f"{name}.{entry}" for entry in own)
+        return sorted(name for name in modules if name.partition(".")[0] not in PROTECTED)
 
 
 _PYTHONS_OWN = (importlib.machinery.PathFinder, importlib.machinery.BuiltinImporter, importlib.machinery.FrozenImporter)

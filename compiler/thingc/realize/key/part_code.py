@@ -45,10 +45,10 @@ class PartCode:
 
     def hiding(self, reference: str) -> tuple[Module, ...]:
         """The modules in reach of `module:Class` that hide others of their name; where there is no such class, its module alone."""
-        found = self.code(reference)
-        if isinstance(found, PartFailure) and found.file is not None:
+        code = self.code(reference)
+        if isinstance(code, PartFailure) and code.file is not None:
             return tuple(one for one in (self.sources.finder.find(reference.partition(":")[0]),) if one.hides)
-        return found.hiding if isinstance(found, CodeIngredients) else ()
+        return code.hiding if isinstance(code, CodeIngredients) else ()
 
     def _read_code(self, reference: str) -> CodeIngredients | None | PartFailure:
         module_name, colon, name = reference.partition(":")

@@ -73,8 +73,8 @@ class Results:
         self.store.put_json(kind, build_key.key, [{"reads": plain, "value": value, "reason": reason}, *others[: CANDIDATES - 1]])
 
     def _candidates(self, kind: str, key: str) -> list[Any]:
-        found = self.store.get_json(kind, key)
-        return found if isinstance(found, list) else []
+        candidates = self.store.get_json(kind, key)
+        return candidates if isinstance(candidates, list) else []
 
     def note_files(self, files: Mapping[str, str]) -> None:
         """Remember what the files that parts depend on were like (`path` in the workspace or absolute: state)."""

@@ -28,20 +28,20 @@ _METADATA = re.compile(r"(?P<name>[^-]+)-(?P<version>.+)\.(dist-info|egg-info)$"
 def versions_of(names: Iterable[str], file_of: Callable[[str], str | None], store: Store | None = None) -> dict[str, str]:
     """`{"version build123d": "0.13.0"}` for top-level packages of the environment: the version of their distribution, else a hash
     of the file `file_of(name)`. The standard library counts with Python."""
-    found: dict[str, str] = {}
+    ingredients: dict[str, str] = {}
     unknown: list[str] = []
     for name in sorted(set(names) - sys.stdlib_module_names):
         candidates = _DISTRIBUTIONS.get(name, (name.lower().replace("-", "_").replace(".", "_"),))
         held = [one for one in candidates if one in _installed()]
         versions = [f"{one} {_installed()[one]}" if len(candidates) > 1 else _installed()[one] for one in held]
         if versions:
-            found[f"version {name}"] = ", ".join(versions)
+            ingredients[f"version {name}"] = ", ".join(versions)
         else:
             unknown.append(name)
     if unknown:
         table = _by_import_name(store)
-        found.update({f"version {name}": table.get(name) or _file_version(file_of(name)) for name in unknown})
-    return found
+        ingredients.update({f"version {name}": table.get(name) or _file_version(file_of(name)) for name in unknown})
+    return ingredients
 
 
 def _file_version(file: str | None) -> str:
@@ -77,7 +77,7 @@ def compiler_version() -> dict[str, str]:
 @cache
 def _installed() -> dict[str, str]:
     """Versions by normalised distribution name, read off the names of the metadata folders."""
-    found: dict[str, str] = {}
+    versions: dict[str, str] = {}
     for folder in reversed(import_path()):
         if not is_installed(os.path.join(folder, "")):
             continue
@@ -88,8 +88,8 @@ def _installed() -> dict[str, str]:
         for name in names:
             match = _METADATA.match(name)
             if match is not None:
-                found[re.sub(r"[-.]+", "_", match["name"]).lower()] = match["version"]
-    return found
+                versions[re.sub(r"[-.]+", "_", match["name"]).lower()] = match["version"]
+    return versions
 
 
 def _by_import_name(store: Store | None) -> dict[str, str]:

@@ -142,7 +142,7 @@ def read(path: str, data: bytes) -> Lock:
     if len(data) > MAX_BYTES:
         raise BadLock("", f"it has more than {MAX_BYTES} bytes")
     try:
-        found = json.loads(data.decode("utf-8"), object_pairs_hook=_once, parse_constant=_refuse)
+        value = json.loads(data.decode("utf-8"), object_pairs_hook=_once, parse_constant=_refuse)
     except UnicodeDecodeError:
         raise BadLock("", "it is not UTF-8") from None
     except RecursionError:
@@ -151,7 +151,7 @@ def read(path: str, data: bytes) -> Lock:
         raise BadLock("", f"line {fault.lineno}, column {fault.colno} is no JSON") from None
     except ValueError:
         raise BadLock("", "a whole number in it has too many digits") from None
-    table = mapping(found, "")
+    table = mapping(value, "")
     if table.get("thingc") != VERSION:
         raise BadLock("thingc", f'expected "{VERSION}"')
     things: dict[str, LockedThing] = {}
@@ -173,10 +173,10 @@ def read(path: str, data: bytes) -> Lock:
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) != len(pairs):
+    table = dict(pairs)
+    if len(table) != len(pairs):
         raise BadLock("", "a key stands twice in one mapping")
-    return found
+    return table
 
 
 def _refuse(word: str) -> NoReturn:
@@ -184,15 +184,15 @@ def _refuse(word: str) -> NoReturn:
 
 
 def _word(table: Mapping[str, Any], key: str, path: str) -> str:
-    found = table.get(key)
-    if not isinstance(found, str):
+    word = table.get(key)
+    if not isinstance(word, str):
         raise BadLock(f"{path}.{key}", "expected a text")
-    return found
+    return word
 
 
 def _states(value: Any, path: str) -> dict[str, str]:
-    found = mapping(value, path)
-    for file, state in found.items():
+    states = mapping(value, path)
+    for file, state in states.items():
         if not isinstance(state, str) or os.path.isabs(file) or ".." in file.split("/") or "\0" in file:
             raise BadLock(path, "expected paths inside the workspace, and what lies there")
-    return dict(found)
+    return dict(states)

@@ -77,9 +77,9 @@ class LockAnswers:
         """What `module:Class` takes, with the place of its class; None where the lock cannot say. Raises `BadLock`."""
         if not self.current(reference):
             return None
-        found = self.lock.schema(reference)
+        schema = self.lock.schema(reference)
         place = self.place(reference)
-        return replace(found, file=place[0], line=place[1]) if found is not None and place is not None else found
+        return replace(schema, file=place[0], line=place[1]) if schema is not None and place is not None else schema
 
     def record(self, definition: PartDefinition) -> PartRecord | None:
         """The record of a definition; None where the lock cannot say. Raises `BadLock`."""
@@ -192,8 +192,8 @@ class LockedGeometry:
 
     def describe(self, references: Sequence[str]) -> dict[str, PartSchema | PartFailure]:
         """What each `module:Class` takes, by reference."""
-        found = {reference: self._described(reference) for reference in dict.fromkeys(references)}
-        return {reference: answer for reference, answer in found.items() if answer is not None}
+        answers = {reference: self._described(reference) for reference in dict.fromkeys(references)}
+        return {reference: answer for reference, answer in answers.items() if answer is not None}
 
     def _described(self, reference: str) -> PartSchema | PartFailure | None:
         code, answers = self._parts.code(reference), self._answers
@@ -209,9 +209,9 @@ class LockedGeometry:
             return PartFailure(
                 subject=reference, kind="unlocked", message=f"`{LOCK_FILE}` does not hold it", file=file, line=line
             )
-        found = self._tried(partial(answers.schema, reference))
-        if found is not None:
-            return found
+        schema = self._tried(partial(answers.schema, reference))
+        if schema is not None:
+            return schema
         if answers.current(reference):
             return PartFailure(subject=reference, kind="unlocked", message=f"what `{LOCK_FILE}` says of it is broken")
         what = "its code" if thing.code != hash_of(reference, code, self._parts) else "a file that it reads"
@@ -228,34 +228,34 @@ class LockedGeometry:
     ) -> dict[str, PartRecord | PartFailure]:
         """The record of each definition, by text. Of a definition that the lock does not hold only the names of its mounts are
         answered, where they are sure, else nothing."""
-        found: dict[str, PartRecord | PartFailure] = {}
+        records: dict[str, PartRecord | PartFailure] = {}
         answers = self._answers
         for definition in definitions if answers is not None else ():
             assert answers is not None
             before = len(self.broken)
             record = self._tried(partial(answers.record, definition))
             if record is None and definition.kind == "file":
-                found[definition.text] = _unlocked_file(definition, answers.lock)
+                records[definition.text] = _unlocked_file(definition, answers.lock)
                 continue
             if record is None and len(self.broken) == before:
                 self.unknown.append(definition.text)
                 record = self._tried(partial(answers.relative, definition))
             if record is not None:
-                found[definition.text] = record
-        return found
+                records[definition.text] = record
+        return records
 
     def slice(
         self, definitions: Sequence[PartDefinition], records: Mapping[str, PartRecord | PartFailure],
         wanted: Mapping[str, Collection[Slicing]],
     ) -> dict[str, PartRecord | PartFailure]:
         """The same records; one whose slices the lock does not hold stands for what nobody may know."""
-        found = dict(records)
+        sliced = dict(records)
         for text in lacking(records, wanted):
-            record = found[text]
+            record = sliced[text]
             if isinstance(record, PartRecord) and record.exact:
                 self.unknown.append(text)
-                found[text] = replace(record, exact=False)
-        return found
+                sliced[text] = replace(record, exact=False)
+        return sliced
 
     def _tried(self, ask: Callable[[], _T | None]) -> _T | None:
         try:

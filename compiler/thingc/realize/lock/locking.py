@@ -78,10 +78,10 @@ def _thing(
         if not os.path.isabs(path) and not path.startswith("..")
     }
     code = geometry.code(schema.reference)
-    found: dict[str, Any] = {"code": hash_of(schema.reference, code, geometry.part_code)}
+    thing: dict[str, Any] = {"code": hash_of(schema.reference, code, geometry.part_code)}
     if reads:
-        found["reads"] = dict(sorted(reads.items()))
-    return {**found, **schema_values(schema), "records": {text: record_values(records[text]) for text in texts}}
+        thing["reads"] = dict(sorted(reads.items()))
+    return {**thing, **schema_values(schema), "records": {text: record_values(records[text]) for text in texts}}
 
 
 def lock_text(values: Mapping[str, Any]) -> str:
@@ -106,39 +106,39 @@ def _long(value: Any) -> bool:
 
 def differences(held: Mapping[str, Any], made: Mapping[str, Any]) -> list[tuple[str, str]]:
     """What a lock (`held`) says otherwise than one that was made now: `(key in it, in words)`, in the order of the lock."""
-    found: list[tuple[str, str]] = []
+    differing: list[tuple[str, str]] = []
     for section, what in (("things", "part"), ("files", "file")):
         old, new = held.get(section, {}), made.get(section, {})
         for name in sorted({*old, *new}):
             if name not in old:
-                found.append((name, f"the {what} `{name}` is not in it"))
+                differing.append((name, f"the {what} `{name}` is not in it"))
             elif name not in new:
-                found.append((name, f"there is no {what} `{name}` any more, or no document uses it"))
+                differing.append((name, f"there is no {what} `{name}` any more, or no document uses it"))
             else:
-                found += [(name, words) for words in _thing_differences(name, old[name], new[name])]
+                differing += [(name, words) for words in _thing_differences(name, old[name], new[name])]
     if sorted(held.get("others", [])) != made.get("others", []):
-        found.append(("others", "other classes that are no parts are in the part folders"))
-    return found
+        differing.append(("others", "other classes that are no parts are in the part folders"))
+    return differing
 
 
 def _thing_differences(name: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
-    found = []
+    phrases = []
     old_records, new_records = _records(old), _records(new)
     missing = sorted(set(new_records) - set(old_records))
     gone = sorted(set(old_records) - set(new_records))
-    found += [f"`{text}`, which a document uses, is not in it" for text in missing]
-    found += [f"no document uses `{text}` any more" for text in gone]
+    phrases += [f"`{text}`, which a document uses, is not in it" for text in missing]
+    phrases += [f"no document uses `{text}` any more" for text in gone]
     for text in sorted(set(old_records) & set(new_records)):
         path = _first_difference(old_records[text], new_records[text], "")
         if path is not None:
-            found.append(f"`{path}` of `{text}` is another now")
+            phrases.append(f"`{path}` of `{text}` is another now")
     path = _first_difference({k: v for k, v in old.items() if k not in ("code", "record", "records")},
                              {k: v for k, v in new.items() if k not in ("code", "record", "records")}, "")
     if path is not None:
-        found.append(f"`{path}` of `{name}` is another now")
-    if old.get("code") != new.get("code") and not found:
-        found.append(f"the code of `{name}` has changed")
-    return found
+        phrases.append(f"`{path}` of `{name}` is another now")
+    if old.get("code") != new.get("code") and not phrases:
+        phrases.append(f"the code of `{name}` has changed")
+    return phrases
 
 
 def _records(values: Mapping[str, Any]) -> Mapping[str, Any]:

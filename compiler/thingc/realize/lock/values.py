@@ -60,24 +60,24 @@ def schema_values(schema: PartSchema) -> dict[str, Any]:
 
 
 def _parameter_values(parameter: ParameterSchema) -> dict[str, Any]:
-    found: dict[str, Any] = {"kind": parameter.kind}
+    values: dict[str, Any] = {"kind": parameter.kind}
     if parameter.kind in UNITS and UNITS[parameter.kind] != "1":
-        found["unit"] = UNITS[parameter.kind]
+        values["unit"] = UNITS[parameter.kind]
     if not parameter.required:
-        found["default"] = parameter.default
+        values["default"] = parameter.default
     for key, value in (("minimum", parameter.minimum), ("maximum", parameter.maximum)):
         if value is not None:
-            found[key] = value
+            values[key] = value
     if parameter.choices:
-        found["choices"] = list(parameter.choices)
+        values["choices"] = list(parameter.choices)
     if parameter.doc:
-        found["doc"] = parameter.doc
-    return found
+        values["doc"] = parameter.doc
+    return values
 
 
 def record_values(record: PartRecord) -> dict[str, Any]:
     """The inverse of `read_record`: what assemblies are checked with, without meshes and without places in part files."""
-    found: dict[str, Any] = {
+    values: dict[str, Any] = {
         "material": record.material, "color": record.color, "volume": _rounded(record.volume), "area": _rounded(record.area),
         "centre": [_rounded(entry) for entry in record.centre],
         "inertia": [_rounded(entry) for row in record.inertia for entry in row],
@@ -95,7 +95,7 @@ def record_values(record: PartRecord) -> dict[str, Any]:
         "asks": [[warning.asked.value, warning.message] for warning in record.warnings if warning.asked is not None],
         "apart": [_rounded(volume) for volume in record.apart], "own_image": record.own_image,
     }
-    return {**found, **{key: value for key, value in optional.items() if value}}
+    return {**values, **{key: value for key, value in optional.items() if value}}
 
 
 def _rounded(value: float) -> float:
@@ -112,12 +112,12 @@ def _sliced_values(slicing: Slicing, sliced: Sliced | Unsliced) -> dict[str, Any
 
 def _mount_values(mount: MountRecord) -> dict[str, Any]:
     rotation = [entry for row in mount.pose.rotation for entry in row]
-    found: dict[str, Any] = {"pose": [_rounded(entry) for entry in (*rotation, *mount.pose.translation)]}
+    values: dict[str, Any] = {"pose": [_rounded(entry) for entry in (*rotation, *mount.pose.translation)]}
     if mount.interface is not None:
-        found["interface"] = mount.interface
+        values["interface"] = mount.interface
     if mount.tolerance is not None:
-        found["tolerance"] = mount.tolerance
-    return found
+        values["tolerance"] = mount.tolerance
+    return values
 
 
 _NUMBERS = ("stall_torque", "no_load_speed", "gear_ratio", "rotor_inertia", "kp", "kv")
@@ -236,11 +236,11 @@ def _sliced(value: Any, path: str) -> tuple[Slicing, Sliced | Unsliced]:
 
 def _matter(value: Any, path: str) -> Moments:
     """Moments that some matter can have."""
-    found = Moments.of(numbers(value, _MOMENTS, path))
-    of = found.properties
-    if found.volume < 0.0 or found.volume > 0.0 and physical_fault(of.inertia) is not None:
+    moments = Moments.of(numbers(value, _MOMENTS, path))
+    of = moments.properties
+    if moments.volume < 0.0 or moments.volume > 0.0 and physical_fault(of.inertia) is not None:
         raise BadLock(path, "expected the integrals of 1, x, y, z, xx, yy, zz, xy, xz, yz over something")
-    return found
+    return moments
 
 
 def _direction(value: Any, path: str) -> Vector:
@@ -251,22 +251,22 @@ def _direction(value: Any, path: str) -> Vector:
 
 
 def _whole(table: Mapping[str, Any], key: str, path: str) -> int:
-    found = _least(table, key, path)
-    if found != int(found):
+    value = _least(table, key, path)
+    if value != int(value):
         raise BadLock(f"{path}.{key}", "expected a whole number")
-    return int(found)
+    return int(value)
 
 
 def _mount(value: Any, path: str) -> MountRecord:
     table = mapping(value, path)
-    found = numbers(table.get("pose"), _POSE, f"{path}.pose")
-    rows = (found[:3], found[3:6], found[6:9])
+    entries = numbers(table.get("pose"), _POSE, f"{path}.pose")
+    rows = (entries[:3], entries[3:6], entries[6:9])
     for i, row in enumerate(rows):
         for j, other in enumerate(rows):
             if abs(sum(a * b for a, b in zip(row, other, strict=True)) - (i == j)) > _ORTHOGONAL:
                 raise BadLock(f"{path}.pose", "expected a rotation (nine numbers, rows of a rotation matrix) and a place")
     return MountRecord(
-        pose=Pose(rotation=rows, translation=found[9:]),  # type: ignore[arg-type]
+        pose=Pose(rotation=rows, translation=entries[9:]),  # type: ignore[arg-type]
         interface=_text(table, "interface", path), tolerance=_maybe(table, "tolerance", path),
     )
 
@@ -288,11 +288,11 @@ def _question(value: Any, path: str) -> PartWarning:
 
 def _actuator(value: Any, path: str) -> ActuatorRecord:
     table = mapping(value, path)
-    found = {key: _maybe(table, key, path) for key in _NUMBERS}
-    gear_ratio = found.pop("gear_ratio")
+    quantities = {key: _maybe(table, key, path) for key in _NUMBERS}
+    gear_ratio = quantities.pop("gear_ratio")
     return ActuatorRecord(
         kind=_one_of({"position", "velocity", "motor"}, table, "kind", path), gear_ratio=1.0 if gear_ratio is None else gear_ratio,
-        sources=_words(table.get("sources", {}), f"{path}.sources"), **found,
+        sources=_words(table.get("sources", {}), f"{path}.sources"), **quantities,
     )
 
 
@@ -304,8 +304,8 @@ def _stated(table: Mapping[str, Any], key: str, count: int, path: str) -> Stated
     source = _one_of(SOURCES, inner, "source", path)
     if count == 1:
         return Stated(value=number(inner.get("value"), f"{path}.value"), source=source)
-    found: Any = numbers(inner.get("value"), count, f"{path}.value")
-    return Stated(value=found if count == 3 else (found[:3], found[3:6], found[6:]), source=source)
+    entries: Any = numbers(inner.get("value"), count, f"{path}.value")
+    return Stated(value=entries if count == 3 else (entries[:3], entries[3:6], entries[6:]), source=source)
 
 
 # --- small readers -----------------------------------------------------------------------------------------------------
@@ -329,20 +329,20 @@ def number(value: Any, path: str) -> float:
     """The value, which must be a finite number."""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         try:
-            found = float(value)
+            as_float = float(value)
         except OverflowError:
-            found = math.inf
-        if math.isfinite(found):
-            return found
+            as_float = math.inf
+        if math.isfinite(as_float):
+            return as_float
     raise BadLock(path, "expected a finite number")
 
 
 def numbers(value: Any, count: int, path: str) -> tuple[float, ...]:
     """The value, which must be a list of so many finite numbers."""
-    found = sequence(value, path)
-    if len(found) != count:
+    entries = sequence(value, path)
+    if len(entries) != count:
         raise BadLock(path, f"expected {count} numbers")
-    return tuple(number(one, path) for one in found)
+    return tuple(number(one, path) for one in entries)
 
 
 def _value(value: Any, path: str) -> Value:
@@ -356,44 +356,44 @@ def _maybe(table: Mapping[str, Any], key: str, path: str) -> float | None:
 
 
 def _least(table: Mapping[str, Any], key: str, path: str) -> float:
-    found = number(table.get(key), f"{path}.{key}")
-    if found < 0.0:
+    value = number(table.get(key), f"{path}.{key}")
+    if value < 0.0:
         raise BadLock(f"{path}.{key}", "expected a number of at least 0")
-    return found
+    return value
 
 
 def _text(table: Mapping[str, Any], key: str, path: str) -> str | None:
-    found = table.get(key)
-    if found is not None and not isinstance(found, str):
+    text = table.get(key)
+    if text is not None and not isinstance(text, str):
         raise BadLock(f"{path}.{key}", "expected a text")
-    return found
+    return text
 
 
 def _flag(table: Mapping[str, Any], key: str, path: str) -> bool:
-    found = table.get(key)
-    if not isinstance(found, bool):
+    flag = table.get(key)
+    if not isinstance(flag, bool):
         raise BadLock(f"{path}.{key}", "expected true or false")
-    return found
+    return flag
 
 
 def _one_of(known: set[str] | frozenset[str], table: Mapping[str, Any], key: str, path: str) -> str:
-    found = table.get(key)
-    if not isinstance(found, str) or found not in known:
+    word = table.get(key)
+    if not isinstance(word, str) or word not in known:
         raise BadLock(f"{path}.{key}", f"expected one of {', '.join(sorted(known))}")
-    return found
+    return word
 
 
 def _texts(value: Any, path: str) -> list[str]:
-    found = sequence(value, path)
-    if not all(isinstance(one, str) for one in found):
+    texts = sequence(value, path)
+    if not all(isinstance(one, str) for one in texts):
         raise BadLock(path, "expected a list of texts")
-    return found
+    return texts
 
 
 def _words(value: Any, path: str) -> dict[str, str]:
-    found = mapping(value, path)
-    if not all(isinstance(one, str) for one in found.values()):
+    words = mapping(value, path)
+    if not all(isinstance(one, str) for one in words.values()):
         raise BadLock(path, "expected texts by name")
-    return dict(found)
+    return dict(words)
 
 

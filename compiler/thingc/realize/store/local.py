@@ -92,13 +92,13 @@ class Store:
         """
         path = self.path(sha256)
         try:
-            found = os.stat(path)
+            status = os.stat(path)
         except OSError:
             return False
-        if size is not None and found.st_size != size:
+        if size is not None and status.st_size != size:
             self._discard(path)
             return False
-        if int(found.st_mtime) == SEALED:
+        if int(status.st_mtime) == SEALED:
             return True
         try:
             self.read(sha256)
@@ -226,8 +226,8 @@ class Outbox(Store):
         """Put everything that lies in the folder into the store, by its content: whatever its name says, nothing can come into the
         place of something else. Nobody may be at work there any more. Raises `StoreUnusable`."""
         try:
-            with os.scandir(self.folder) as found:
-                files = [entry.path for entry in found if entry.is_file(follow_symlinks=False)]
+            with os.scandir(self.folder) as entries:
+                files = [entry.path for entry in entries if entry.is_file(follow_symlinks=False)]
         except OSError:  # nothing was laid down
             return
         for path in files:

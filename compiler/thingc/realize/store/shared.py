@@ -78,14 +78,14 @@ class SharedStore(Store):
 
     def get_json(self, kind: str, key: str) -> Any | None:
         """The value kept here, else at the URL, or None."""
-        found = super().get_json(kind, key)
-        if found is None and kind in SHARED:
+        value = super().get_json(kind, key)
+        if value is None and kind in SHARED:
             path = self._document(kind, key)
             data = self._fetch(path)
             if data is not None:
                 self._write(path, data)
-                found = super().get_json(kind, key)
-        return found
+                value = super().get_json(kind, key)
+        return value
 
     def _fetched(self, sha256: str) -> bool:
         data = self._fetch(self.path(sha256))

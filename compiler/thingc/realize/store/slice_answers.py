@@ -33,7 +33,7 @@ class SliceAnswers:
     ) -> Records:
         """The records with what is wanted of each by its text, as far as they have a mesh. `run` asks the workers, `broken` puts
         an answer that failed into words."""
-        found: Records = dict(records)
+        sliced: Records = dict(records)
         texts = {text: frozenset(slicings) for text, slicings in wanted.items() if slicings and _lacks(records.get(text), slicings)}
         missing: dict[tuple[str, Slicing], list[str]] = {}
         for text, slicings in texts.items():
@@ -41,12 +41,12 @@ class SliceAnswers:
                 key = (_mesh(records[text]), slicing)
                 if key[0] and self._kept(*key) is None:
                     missing.setdefault(key, []).append(text)
-        self._ask(missing, found, run, timeout, broken)
+        self._ask(missing, sliced, run, timeout, broken)
         for text, slicings in texts.items():
-            record = found[text]
+            record = sliced[text]
             if isinstance(record, PartRecord) and _mesh(record):
-                found[text] = self._with(text, record, slicings)
-        return found
+                sliced[text] = self._with(text, record, slicings)
+        return sliced
 
     def _ask(
         self, missing: Mapping[tuple[str, Slicing], list[str]], found: Records, run: Run, timeout: float,

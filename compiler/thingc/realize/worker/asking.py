@@ -205,8 +205,8 @@ def _builtins() -> Mapping[str, Any]:
     telling.datetime = _telling_time(datetime.datetime, ("now", "utcnow", "today"))  # type: ignore[attr-defined]
 
     def import_(*arguments: Any, **options: Any) -> Any:
-        found = builtins.__import__(*arguments, **options)
-        return telling if found is datetime else found
+        module = builtins.__import__(*arguments, **options)
+        return telling if module is datetime else module
 
     return {**vars(builtins), "__import__": import_}
 
@@ -315,9 +315,9 @@ def _wrap_numpy(module: types.ModuleType) -> None:
             return real(seed)
 
     def look_up(self: Any, name: str) -> Any:
-        found = real.__getattribute__(self, name)
-        plain = name.startswith("_") or name in _LOOKING or not callable(found)
-        return found if plain else _of_global(module.__name__, name, found)
+        attribute = real.__getattribute__(self, name)
+        plain = name.startswith("_") or name in _LOOKING or not callable(attribute)
+        return attribute if plain else _of_global(module.__name__, name, attribute)
 
     stand_in = _stand_in(real, new, {})
     watched = type(real.__name__, (real,), {"__getattribute__": look_up})
@@ -335,13 +335,13 @@ class _NumpysRandom(importlib.abc.MetaPathFinder):
         if fullname != "numpy.random":
             return None
         sys.meta_path.remove(self)
-        found = importlib.machinery.PathFinder.find_spec(fullname, path)
-        if found is not None and found.loader is not None:
-            run = found.loader.exec_module
+        spec = importlib.machinery.PathFinder.find_spec(fullname, path)
+        if spec is not None and spec.loader is not None:
+            run = spec.loader.exec_module
 
             def exec_module(module: types.ModuleType) -> None:
                 run(module)
                 _wrap_numpy(module)
 
-            found.loader.exec_module = exec_module  # type: ignore[method-assign]
-        return found
+            spec.loader.exec_module = exec_module  # type: ignore[method-assign]
+        return spec

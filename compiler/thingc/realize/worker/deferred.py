@@ -102,15 +102,15 @@ def real(value: Any) -> Any:
     if type(value) is not Deferred:
         return value
     value._session.settle(value._module.partition(".")[0])
-    found: Any = importlib.import_module(value._module)
+    imported: Any = importlib.import_module(value._module)
     path = value._module
     for name in value._names:
         path = f"{path}.{name}"
         try:
-            found = getattr(found, name)
+            imported = getattr(imported, name)
         except AttributeError:
-            found = importlib.import_module(path)  # `from ezdxf import zoom`: a submodule
-    return found
+            imported = importlib.import_module(path)  # `from ezdxf import zoom`: a submodule
+    return imported
 
 
 class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):

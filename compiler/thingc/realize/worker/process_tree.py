@@ -44,20 +44,20 @@ def give_priority(nice: int) -> int:
 
 def children(process: int) -> list[int]:
     """The children of a process, dead ones that nobody has asked after among them."""
-    found: list[int] = []
+    processes: list[int] = []
     with contextlib.suppress(OSError):
         for thread in os.listdir(f"/proc/{process}/task"):
             with contextlib.suppress(OSError), open(f"/proc/{process}/task/{thread}/children", "rb") as stream:
-                found.extend(map(int, stream.read().split()))
-    return found
+                processes.extend(map(int, stream.read().split()))
+    return processes
 
 
 def descendants(process: int) -> list[int]:
     """Everything that a process has started, and what that has."""
-    found = children(process)
-    for one in found:
-        found.extend(children(one))
-    return found
+    processes = children(process)
+    for one in processes:
+        processes.extend(children(one))
+    return processes
 
 
 def alive(processes: Iterable[int]) -> list[int]:

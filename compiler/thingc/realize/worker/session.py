@@ -98,12 +98,12 @@ class PartSession:
     def reads(self, *mentioned: str | None) -> list[tuple[str, str]]:
         """What was read: files, modules that no version stands for, and the files that an answer mentions by line (whose layout
         counts for that answer)."""
-        found = dict(self.recorder.reads())
+        states = dict(self.recorder.reads())
         loaded = [file for file in loaded_files() if file not in self.around.hashes and not self.recorder.leaves_out(file)]
         for file in (*loaded, *mentioned):
             if file is not None:
-                found[self.recorder.relative(file)] = state_of(file)
-        return sorted(found.items())
+                states[self.recorder.relative(file)] = state_of(file)
+        return sorted(states.items())
 
     def part(self, reference: str) -> Any:
         """The object that `module:Class` names. Raises `NoPart` when there is none, and whatever its module raises."""
@@ -114,10 +114,10 @@ class PartSession:
             if fault.name is not None and (module_name == fault.name or module_name.startswith(fault.name + ".")):
                 raise NoPart("missing", f"there is no module `{module_name}`") from None
             raise
-        found: Any = module
+        named: Any = module
         for step in name.split("."):
             try:
-                found = getattr(found, step)
+                named = getattr(named, step)
             except AttributeError:
                 from thingc.things.inspection import is_part
 
@@ -126,7 +126,7 @@ class PartSession:
                     if not own.startswith("_") and getattr(value, "__module__", None) == module_name and is_part(value)
                 )
                 raise NoPart("missing", f"`{module_name}` has no `{name}`", known) from None
-        return found
+        return named
 
     def failure(self, subject: str, fault: BaseException) -> PartFailure:
         """What went wrong, in words, with the innermost place in the authors' files."""
@@ -164,8 +164,8 @@ def _python_suggests(fault: BaseException) -> str | None:
     """`Did you mean: 'MountPoint'?`, which Python works out where it prints an exception that nobody catches, and nowhere else."""
     with contextlib.redirect_stderr(io.StringIO()) as printed:
         sys.__excepthook__(type(fault), fault, fault.__traceback__)
-    found = re.search(r"\. (Did you (?:mean|forget)\b.*\?)\s*\Z", printed.getvalue())
-    return found.group(1) if found is not None else None
+    match = re.search(r"\. (Did you (?:mean|forget)\b.*\?)\s*\Z", printed.getvalue())
+    return match.group(1) if match is not None else None
 
 
 def kind_of(part: Any, reference: str) -> str:

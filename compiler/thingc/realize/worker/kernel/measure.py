@@ -62,7 +62,7 @@ def bodies_of(solids: Sequence[TopoDS_Shape]) -> list[list[TopoDS_Shape]]:
     """Solids by what hangs together: two are of one body where they touch, or are of one with a third."""
     boxes = [bounding_box(solid) for solid in solids]
     waiting = list(range(len(solids)))
-    found: list[list[TopoDS_Shape]] = []
+    bodies: list[list[TopoDS_Shape]] = []
     while waiting:
         body = [waiting.pop(0)]
         for member in body:
@@ -70,8 +70,8 @@ def bodies_of(solids: Sequence[TopoDS_Shape]) -> list[list[TopoDS_Shape]]:
             joined = [other for other in near if BRepExtrema_DistShapeShape(solids[member], solids[other]).Value() <= TOUCHING]
             body += joined
             waiting = [other for other in waiting if other not in joined]
-        found.append([solids[member] for member in sorted(body)])
-    return found
+        bodies.append([solids[member] for member in sorted(body)])
+    return bodies
 
 
 def _boxes_touch(one: tuple[Vector, Vector], other: tuple[Vector, Vector]) -> bool:
@@ -134,8 +134,8 @@ def _faces(solid: TopoDS_Shape) -> _Faces:
     exact: list[TopoDS_Face] = []
     extruded: list[TopoDS_Face] = []
     rest: list[TopoDS_Face] = []
-    for found in explored(solid, TopAbs_FACE):
-        face = TopoDS.Face(found)
+    for subshape in explored(solid, TopAbs_FACE):
+        face = TopoDS.Face(subshape)
         kind = BRepAdaptor_Surface(face, False).GetType()
         if kind == GeomAbs_SurfaceOfExtrusion:
             extruded.append(face)
@@ -152,7 +152,7 @@ def _within_lines_and_circles(face: TopoDS_Face) -> bool:
 def _integral(kind: Any, faces: tuple[TopoDS_Face, ...], apex: gp_Pnt, *accuracy: float) -> GProp_GProps:
     """Over faces, as `BRepGProp` goes through those of a shape. `kind` is its class for one face: of a volume or of a surface. What
     lies between a face and the `apex` is its part of a volume."""
-    found = GProp_GProps(apex)
+    total = GProp_GProps(apex)
     for face in faces:
         part = kind()
         part.SetLocation(apex)
@@ -160,8 +160,8 @@ def _integral(kind: Any, faces: tuple[TopoDS_Face, ...], apex: gp_Pnt, *accuracy
             part.Perform(BRepGProp_Face(face), *accuracy)
         else:
             part.Perform(BRepGProp_Face(face), BRepGProp_Domain(face), *accuracy)
-        found.Add(part)
-    return found
+        total.Add(part)
+    return total
 
 
 def _better(kind: Any, once: tuple[TopoDS_Face, ...], twice: tuple[TopoDS_Face, ...], apex: gp_Pnt) -> GProp_GProps:

@@ -47,9 +47,9 @@ def read_mesh(path: str, suffix: str, unit: float) -> tuple[Triangles, tuple[str
     if suffix == ".3mf":
         mesh = _from_3mf(path)
     elif suffix in GLTF:
-        found = _from_trimesh(path, suffix)
-        x, y, z = found.vertices.T
-        mesh = Triangles(1000.0 * np.column_stack([x, -z, y]) + 0.0, found.faces)
+        surface = _from_trimesh(path, suffix)
+        x, y, z = surface.vertices.T
+        mesh = Triangles(1000.0 * np.column_stack([x, -z, y]) + 0.0, surface.faces)
     else:
         mesh = _from_trimesh(path, suffix).scaled(unit)
     if len(mesh.faces) == 0:
@@ -207,7 +207,7 @@ def _object_3mf(objects: dict[Any, Any], name: str | None, transform: NDArray[np
     item = objects.get(name)
     if item is None or depth > 50:
         raise BadPartFile(f"the 3MF file names an object `{name}` that is not there")
-    found: list[Triangles] = []
+    surfaces: list[Triangles] = []
     mesh = item.find(_CORE_3MF + "mesh")
     if mesh is not None:
         points = _numbers([[v.get("x"), v.get("y"), v.get("z")] for v in mesh.iter(_CORE_3MF + "vertex")])
@@ -219,12 +219,12 @@ def _object_3mf(objects: dict[Any, Any], name: str | None, transform: NDArray[np
         moved = points @ transform[:3] + transform[3]
         if np.linalg.det(transform[:3]) < 0.0:
             faces = faces[:, ::-1]
-        found.append(_welded(moved[faces.ravel()]))
+        surfaces.append(_welded(moved[faces.ravel()]))
     for component in item.iter(_CORE_3MF + "component"):
         own = _affine(component.get("transform"))
         combined = np.vstack([own[:3] @ transform[:3], own[3] @ transform[:3] + transform[3]])
-        found.extend(_object_3mf(objects, component.get("objectid"), combined, depth + 1))
-    return found
+        surfaces.extend(_object_3mf(objects, component.get("objectid"), combined, depth + 1))
+    return surfaces
 
 
 def _affine(text: str | None) -> NDArray[np.float64]:
@@ -239,7 +239,7 @@ def _affine(text: str | None) -> NDArray[np.float64]:
 
 def _numbers(rows: list[Any]) -> NDArray[np.float64]:
     try:
-        found = np.array(rows, dtype=np.float64).reshape(-1, 3)
+        coordinates = np.array(rows, dtype=np.float64).reshape(-1, 3)
     except (TypeError, ValueError) as fault:
         raise BadPartFile(f"a coordinate is no number ({fault})") from None
-    return _finite(found)
+    return _finite(coordinates)

@@ -81,8 +81,8 @@ def tessellate(shape: TopoDS_Shape, linear: float, angular: float) -> Triangles:
     others: list[int] = []
     edges = _ShapeIndex()
     along: dict[int, list[int]] = {}
-    for found in explored(shape, TopAbs_FACE):
-        face = TopoDS.Face(found)
+    for subshape in explored(shape, TopAbs_FACE):
+        face = TopoDS.Face(subshape)
         location = TopLoc_Location()
         mesh = BRep_Tool.Triangulation_s(face, location)
         if mesh is None:

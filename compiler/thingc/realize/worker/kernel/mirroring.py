@@ -85,9 +85,9 @@ def _integrals(solid: TopoDS_Shape, size: float) -> NDArray[np.float64]:
 
     rows: list[list[float]] = []
     for face in explored(solid, TopAbs_FACE):
-        found = GProp_GProps()
-        BRepGProp.SurfaceProperties_s(face, found)
-        area, centre, inertia = found.Mass(), found.CentreOfMass(), found.MatrixOfInertia()
+        properties = GProp_GProps()
+        BRepGProp.SurfaceProperties_s(face, properties)
+        area, centre, inertia = properties.Mass(), properties.CentreOfMass(), properties.MatrixOfInertia()
         about = [inertia.Value(i, j) for i, j in ((1, 1), (2, 2), (3, 3), (1, 2), (1, 3), (2, 3))]
         first = [area * value for value in (centre.X(), centre.Y(), centre.Z())]
         rows.append([area / size**2, *(value / size**3 for value in first), *(value / size**4 for value in about)])

@@ -108,9 +108,9 @@ def model(definition: dict[str, Any], tessellations: Tessellations, around: Requ
                 made = _mirrored(made, Mirror(definition["mirror"]))
             record = _record(definition["text"], made, tessellations, store)
             session.stop()
-            found = (*record.warnings, *_warnings(caught, session.is_own), *session.asking.found)
-            answer = {"record": record_to_json(replace(record, warnings=found), around.root)}
-            return {**answer, "reads": session.reads(*(warning.file for warning in found))}
+            part_warnings = (*record.warnings, *_warnings(caught, session.is_own), *session.asking.found)
+            answer = {"record": record_to_json(replace(record, warnings=part_warnings), around.root)}
+            return {**answer, "reads": session.reads(*(warning.file for warning in part_warnings))}
         except StoreUnusable:
             raise
         except BaseException as fault:
@@ -135,10 +135,10 @@ def _place(reference: str, session: PartSession) -> dict[str, Any]:
 
 def _warnings(caught: list[warnings.WarningMessage], is_own: Callable[[str], bool]) -> list[PartWarning]:
     """Warnings about the authors' own lines: what libraries say about themselves is none of their business."""
-    found = [
+    part_warnings = [
         PartWarning(message=str(one.message), file=one.filename, line=one.lineno) for one in caught if is_own(one.filename)
     ]
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys(part_warnings))
 
 
 def _made_of_code(definition: dict[str, Any], session: PartSession) -> Made:
@@ -231,8 +231,8 @@ def _rounded(shape: TopoDS_Shape) -> TopoDS_Shape:
     from OCP.TopoDS import TopoDS
 
     builder = BRep_Builder()
-    for found in explored(shape, TopAbs_VERTEX):
-        corner = TopoDS.Vertex(found)
+    for subshape in explored(shape, TopAbs_VERTEX):
+        corner = TopoDS.Vertex(subshape)
         at = BRep_Tool.Pnt_s(corner).Coord()
         rounded = [round(coordinate, DECIMALS) + 0.0 for coordinate in at]
         if any(new != old for new, old in zip(rounded, at, strict=True)):

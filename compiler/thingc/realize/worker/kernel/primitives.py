@@ -67,16 +67,16 @@ def primitive_of(solid: TopoDS_Shape) -> Primitive | None:
     size = math.dist(*bounding_box(solid))
     match bool(planes), bool(cylinders), bool(spheres):
         case True, False, False:
-            found = _box(planes, size)
+            primitive = _box(planes, size)
         case True, True, False:
-            found = _cylinder(cylinders, planes, size)
+            primitive = _cylinder(cylinders, planes, size)
         case False, True, True:
-            found = _capsule(cylinders, spheres, size)
+            primitive = _capsule(cylinders, spheres, size)
         case False, False, True:
-            found = _sphere(spheres, size)
+            primitive = _sphere(spheres, size)
         case _:
-            found = None
-    return found if found is not None and _filled(found, solid) else None
+            primitive = None
+    return primitive if primitive is not None and _filled(primitive, solid) else None
 
 
 def _filled(primitive: Primitive, solid: TopoDS_Shape) -> bool:
@@ -179,13 +179,13 @@ def _made(shape: str, size: tuple[float, ...], rotation: Matrix, centre: Vector)
 
 def _least_turned(axes: Matrix) -> tuple[Matrix, tuple[int, ...]]:
     """Of the 24 rotations with these axes (the rows) as columns the one with the largest trace, and which axis each column is."""
-    found: list[tuple[Matrix, tuple[int, ...]]] = []
+    rotations: list[tuple[Matrix, tuple[int, ...]]] = []
     for order in itertools.permutations(range(3)):
         for one, other in itertools.product((1.0, -1.0), repeat=2):
             x, y = _scaled(axes[order[0]], one), _scaled(axes[order[1]], other)
-            found.append((transpose((x, y, _unit(cross(x, y)))), order))
+            rotations.append((transpose((x, y, _unit(cross(x, y)))), order))
     # of several that are turned as little the one with the largest entries, so that rounding does not choose
-    return max(found, key=lambda one: (
+    return max(rotations, key=lambda one: (
         round(sum(one[0][k][k] for k in range(3)), 9), [round(entry, 9) for row in one[0] for entry in row]
     ))
 

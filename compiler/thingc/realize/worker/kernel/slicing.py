@@ -73,10 +73,10 @@ class NotSliced(Exception):
 def slice_stored(sha256: str, how: Slicing, store: Store) -> dict[str, Any]:
     """What is printed of a mesh in the store (STL, mm): `{"solid", "joins", "sparse": Moments.numbers}`, or `{"unsliced": reason}`."""
     try:
-        found = slice_part(read_stl(store.read(sha256)), how)
+        sliced = slice_part(read_stl(store.read(sha256)), how)
     except NotSliced as fault:
         return {"unsliced": str(fault)}
-    return {"solid": found.solid.numbers, "joins": found.joins.numbers, "sparse": found.sparse.numbers}
+    return {"solid": sliced.solid.numbers, "joins": sliced.joins.numbers, "sparse": sliced.sparse.numbers}
 
 
 def slice_part(mesh: Triangles, how: Slicing) -> Sliced:
@@ -87,9 +87,9 @@ def slice_part(mesh: Triangles, how: Slicing) -> Sliced:
     outlines, heights = _outlines(vertices, mesh.faces, lengths.layer)
     sums = [np.zeros(_TERMS) for _ in range(3)]
     for height, laid in zip(heights, _Slicer(how, lengths).layers(outlines), strict=True):
-        for found, flat in zip(sums, laid, strict=True):
-            found += _raised(flat, height, lengths.layer)
-    solid, joins, sparse = (_moments(found, turn) for found in sums)
+        for total, flat in zip(sums, laid, strict=True):
+            total += _raised(flat, height, lengths.layer)
+    solid, joins, sparse = (_moments(total, turn) for total in sums)
     if not solid.volume > 0.0:
         raise NotSliced("is thinner than a line")
     return Sliced(solid=solid, joins=joins, sparse=sparse)
@@ -249,12 +249,12 @@ class _Slicer:
     def shells(self, inside: Region, small: Region, *lids: Region) -> Region:
         """What of the inside is solid: small pieces, and what is below or above one of these lids."""
         margin = 3.0 * self.lengths.width
-        found = [small]
+        regions = [small]
         for lid in lids:
             new = _both(lid, inside)
             narrow = _without(new, _opened(new, margin, miter=5.0))
-            found += [new, _both(_grown(narrow, margin, JoinType.Round), inside)]
-        return CrossSection.batch_boolean(found, OpType.Add) if len(found) > 1 else small
+            regions += [new, _both(_grown(narrow, margin, JoinType.Round), inside)]
+        return CrossSection.batch_boolean(regions, OpType.Add) if len(regions) > 1 else small
 
     def bridge(self, solid: Region, *below: Region) -> Region:
         """What of the solid inside lies over sparse infill in all layers that its strands sink into."""
