@@ -10,7 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from resolve.resolving import Outcome, run
+from thingc.diagnostics import Code, Report
+from thingc.load import load
+from thingc.resolve import AssemblyParameters
 from thingc.resolve.model import AssemblyDefinition
+from thingc.spec import validate
+from thingc.units import LENGTH, Quantity
+from thingc.workspace import Workspace
 
 DOCUMENT = """
 thingc: assembly/1
@@ -142,3 +148,29 @@ def test_the_order_of_parameters_changes_nothing(
     lines = "".join(f"  p{k}: {factors[k]}\n" if k == 0 else f"  p{k}: =p{k - 1} + {factors[k]}\n" for k in order)
     text = f"thingc: assembly/1\nname: arm\nparameters:\n{lines}components:\n  plate: {{part: \"arm:Plate\"}}\n"
     assert values(run(tmp_path_factory.mktemp("order"), text)) == expected
+
+
+def test_parameters_are_asked_for_from_outside(tmp_path: Path) -> None:
+    """What a value may be is what `-p` says of it, and nothing is said of the document itself."""
+    path = tmp_path / "arm.yaml"
+    path.write_text(DOCUMENT + "  unknown: 1\n")
+    workspace = Workspace.find(str(path), Report())
+    assert workspace is not None
+    documents = load(str(path), workspace, Report())
+    assert documents is not None
+    parameters = AssemblyParameters(documents, validate(documents, Report()), workspace)
+    said: list[tuple[str, Code, str]] = []
+
+    def complain(name: str, code: Code, message: str, **_: object) -> None:
+        said.append((name, code, message))
+
+    assert parameters.name == "arm" and parameters.values["half"] == Quantity(0.05, LENGTH)
+    assert parameters.fitting("reach", Quantity(0.06, LENGTH), complain) == Quantity(0.06, LENGTH) and not said
+    assert parameters.fitting("reach", Quantity(0.05, LENGTH), complain) is None
+    assert parameters.fitting("open", "wide", complain) is None
+    assert parameters.fitting("reech", Quantity(0.06, LENGTH), complain) is None
+    assert said == [
+        ("reach", Code.OUT_OF_RANGE, "parameter `reach` must be at least 60 mm, found `50 mm`"),
+        ("open", Code.VALUE_KIND, "parameter `open` of `arm` is `true` or `false`, found a text (`wide`)"),
+        ("reech", Code.UNKNOWN_PARAMETER, "`arm` has no parameter `reech`"),
+    ]

@@ -1,0 +1,27 @@
+"""What parts depend on is known without running any of their code."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import pytest
+
+from thingc.realize import part_inputs
+
+
+@pytest.mark.parametrize("trusted", [True, False])
+def test_code_its_imports_and_what_is_not_there(place: Any, trusted: bool) -> None:
+    arm = place.write("parts/arm.py", "import sizes\nfrom thingc import Thing\nraise SystemExit('run')\nclass Arm(Thing): ...\n")
+    sizes = place.write("parts/sizes.py", "A = 1\n")
+    other = place.write("parts/other.py", "B = 1\n")
+    found = part_inputs(["arm:Arm", "gone:Gone"], place.workspace, place.store if trusted else None)
+    assert {str(arm), str(sizes), str(place.root / "parts.lock.json"), str(place.parts / "gone.py")} <= found.files
+    assert str(other) not in found.files
+    assert found.folders == (str(place.parts),)
+
+
+def test_parts_of_packages_read_no_folder_of_the_workspace(place: Any) -> None:
+    found = part_inputs(["thingc_stock.fasteners:Screw"], place.workspace, place.store)
+    assert found.folders == ()
+    assert part_inputs([], place.workspace, None).files == {os.path.join(place.workspace.root, "parts.lock.json")}
