@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from thingc import pipeline
 from thingc.brief import Brief
 from thingc.diagnostics import Diagnostic, Report
-from thingc.environment import Environment, Options, attempted
+from thingc.environment import Environment, Options, Printed, attempted
 from thingc.frozen import dataclass
 from thingc.inertia import MassProperties
 from thingc.printing import as_text
@@ -105,15 +105,17 @@ def compile(
     store: str | None = None,
     jobs: int = 0,
     strict: bool = False,
+    printed: Printed | None = None,
 ) -> Compiled:
     """Compile an assembly document.
 
     `parameters` are texts as a document would have them (`{"reach": "120 mm"}`), `choices` texts by path
     (`{"components.foot.part": "feet:Wide"}`), `modes` the names wanted (none: all), `store` the folder of modelled parts (None: the
-    user's cache), `jobs` how many parts are modelled at once (0: one per core).
+    user's cache), `jobs` how many parts are modelled at once (0: one per core). `printed(part, lines)` hears of what parts print
+    when they are modelled.
     Raises `CompileError` with every diagnostic; with `strict` for warnings, too. Writes nothing but the store.
     """
-    options = Options(parameters=dict(parameters or {}), choices=dict(choices or {}), store=store, jobs=jobs)
+    options = Options(parameters=dict(parameters or {}), choices=dict(choices or {}), store=store, jobs=jobs, printed=printed)
     return attempted(document, options, partial(_compiled, modes=modes, strict=strict))
 
 

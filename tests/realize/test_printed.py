@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+import thingc
 from thingc.cli.common import show_printed
 from thingc.cli.main import main
 from thingc.realize.client import Workers
@@ -97,6 +98,13 @@ def test_a_module_that_does_not_load_is_heard_of_when_it_is_asked_for(place: Any
         found = service.describe(["broken:A"])
     assert isinstance(found["broken:A"], PartFailure)
     assert heard == [("broken:A", ["this far"])]
+
+
+def test_what_a_part_prints_is_heard_of_from_python(place: Any, heard: list[Any]) -> None:
+    place.write("parts/talking.py", TALKING)
+    place.write("robot.yaml", "thingc: assembly/1\nname: one\ncomponents:\n  it: {part: talking:Talks, mass: 1 kg}\n")
+    thingc.compile(str(place.root / "robot.yaml"), store=str(place.root / "store"), printed=lambda *said: heard.append(said))
+    assert heard == [("talking:Talks", ["width 3.0", "on standard error", "bytes \ufffd", "never ended"])]
 
 
 def test_a_flood_is_bounded(place: Any, define: Callable[..., Any], heard: list[Any]) -> None:

@@ -245,6 +245,32 @@ def test_a_variant_with_an_error_is_refused_and_the_rest_goes_on(tmp_path: Path,
     assert table[1]["message"] and table[1]["path"] == ""
 
 
+def test_what_a_part_prints_is_in_the_journal(tmp_path: Path) -> None:
+    """Once: of the variant for which it was modelled."""
+    here = workspace(
+        tmp_path, prints="""
+        thingc: variants/1
+        assembly: talker.yaml
+        name: prints
+        parameters: {weight: [1 kg, 2 kg]}
+        """,
+        talker="""
+        thingc: assembly/1
+        name: talker
+        parameters: {weight: 1 kg}
+        components:
+          it: {part: talking:Talks, mass: =weight}
+        """,
+    )
+    (here / "parts" / "talking.py").write_text(
+        "from build123d import Box\nfrom thingc import Thing\nclass Talks(Thing):\n    def result(self):\n"
+        "        print('hello')\n        return Box(10, 10, 10)\n"
+    )
+    assert batch(here, str(tmp_path / "store"), "prints", jobs=2, pictures=0).statuses == {"built": 2}
+    journal = (here / "build" / "prints" / "journal.jsonl").read_text().splitlines()
+    assert [line["printed"] for line in map(json.loads, journal) if "printed" in line] == [{"talking:Talks": ["hello"]}]
+
+
 def test_what_is_said_of_a_refused_variant_is_in_the_units_of_the_documents(tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path, limits="""
         thingc: variants/1

@@ -15,6 +15,7 @@ import sys
 import threading
 import time
 import traceback
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from thingc.diagnostics import Code, Diagnostic, Report, Severity
@@ -42,7 +43,9 @@ class Runner:
 
     def __init__(self, job: Job) -> None:
         self.job = job
-        self.session = Session(job.assembly, Options(store=job.store, jobs=1, part_timeout=job.part_timeout))
+        self.printed: dict[str, list[str]] = {}
+        options = Options(store=job.store, jobs=1, part_timeout=job.part_timeout, printed=self._hear)
+        self.session = Session(job.assembly, options)
         self.dimensions = {name: Dimension(*exponents) for name, exponents in job.dimensions.items()}
         self.rules = [
             Rule(text=text, expression=parse_expression(text, dotted=True), names=names)
@@ -75,8 +78,13 @@ class Runner:
                 found = row(task, STOPPED, code=Code.OUTPUT.code, message=refusal(fault))
         except Exception as fault:
             found = _raised(task, fault)
+        if self.printed:
+            found["printed"], self.printed = self.printed, {}
         found["seconds"] = round(time.perf_counter() - started, 6)
         return found
+
+    def _hear(self, part: str, lines: Sequence[str]) -> None:
+        self.printed.setdefault(part, []).extend(lines)
 
     def _attempt(self, task: Task) -> Row:
         compilation = self.session.compile(Settings(parameters=task.parameters, choices=task.choices), self.job.modes)
