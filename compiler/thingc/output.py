@@ -301,12 +301,12 @@ def _write_files(fresh: str, files: Mapping[str, Content], store: Blobs) -> None
     """Everything into a new folder `fresh`, the manifest last and down to the disk: after a power failure it tells
     which files did not get there."""
     os.mkdir(fresh)
-    made = {""}
+    folders = {""}
     for path in sorted(files, key=lambda path: (path == MANIFEST, path)):
         above = os.path.dirname(path)
-        if above not in made:
+        if above not in folders:
             os.makedirs(os.path.join(fresh, above), exist_ok=True)
-            made.add(above)
+            folders.add(above)
         content = files[path]
         data = store.read(content.sha256) if isinstance(content, Stored) else content
         with open(os.path.join(fresh, path), "xb") as stream:

@@ -178,9 +178,9 @@ def choose(environment: Environment, sources: Sources, choices: Mapping[str, str
     assemblies, parts = documents_and_parts(choices)
     place = ("choices", frozenset(assemblies), frozenset(parts))
     widened, faults = environment.memo(place, lambda: _widened(environment, sources, assemblies, parts))
-    for said in faults.diagnostics:  # what has no place in a document is said of the choice
-        code, path = (said.code, said.path) if said.span is not None else (Code.CHOICE_OPTION, "--set")
-        report.add(code, said.message, said.span, help=said.help, path=path, notes=said.notes, severity=said.severity)
+    for fault in faults.diagnostics:  # what has no place in a document is said of the choice
+        code, path = (fault.code, fault.path) if fault.span is not None else (Code.CHOICE_OPTION, "--set")
+        report.add(code, fault.message, fault.span, help=fault.help, path=path, notes=fault.notes, severity=fault.severity)
     return widened
 
 
@@ -376,10 +376,10 @@ def _corners(environment: Environment) -> Callable[[Mesh], tuple[Vector, ...]] |
 
 
 def _require_modes(wanted: Sequence[str], model: AssemblyDefinition, documents: Documents) -> None:
-    known = [mode.name for mode in model.modes]
+    names = [mode.name for mode in model.modes]
     for name in wanted:
-        if name not in known:
-            raise UnknownChoice(f"`{shown_path(documents.root.path)}` has no mode `{name}`", did_you_mean(name, known, what="modes"))
+        if name not in names:
+            raise UnknownChoice(f"`{shown_path(documents.root.path)}` has no mode `{name}`", did_you_mean(name, names, what="modes"))
 
 
 def _decomposed(model: AssemblyDefinition) -> frozenset[str]:

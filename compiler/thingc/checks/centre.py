@@ -72,9 +72,9 @@ def read(written: CentreTest, reader: Reader) -> CentreCheck:
     """A box for the centre of mass."""
     box: dict[str, tuple[float, float]] = {}
     for axis in ("x", "y", "z"):
-        said = getattr(written.within, axis)
-        if said is not None:
-            box[axis] = reader.interval(said, ("within", axis), LENGTH, f"a bound on {axis}")
+        bounds = getattr(written.within, axis)
+        if bounds is not None:
+            box[axis] = reader.interval(bounds, ("within", axis), LENGTH, f"a bound on {axis}")
     return CentreCheck(of=reader.components(written.of, "of"), frame=reader.mount(written.in_, "in"), box=box)
 
 

@@ -112,9 +112,9 @@ def _emitted(emitters: list[Emitter], request: EmitRequest) -> Artifacts:
     """What all of them give."""
     from thingc.emit.artifact import Artifacts
 
-    made = [emit(request) for emit in emitters]
-    files = {path: content for one in made for path, content in one.files.items()}
-    return Artifacts(files=files, losses=tuple(loss for one in made for loss in one.losses))
+    artifacts = [emit(request) for emit in emitters]
+    files = {path: content for one in artifacts for path, content in one.files.items()}
+    return Artifacts(files=files, losses=tuple(loss for one in artifacts for loss in one.losses))
 
 
 def _function(name: str) -> Emitter:

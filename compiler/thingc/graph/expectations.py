@@ -32,21 +32,21 @@ def check_expectations(
             continue
         expected = owner.record.expectations
         for one in expected:
-            there = [(occurrences[other], mount) for other, mount in on.get((owner.index, one.mount), ())]
-            if any(_is(other, one, owner) and mount == one.child_mount for other, mount in there):
+            sitting = [(occurrences[other], mount) for other, mount in on.get((owner.index, one.mount), ())]
+            if any(_is(other, one, owner) and mount == one.child_mount for other, mount in sitting):
                 continue
-            if not there and (owner.index, one.mount) in open_mounts:
+            if not sitting and (owner.index, one.mount) in open_mounts:
                 continue
             spoken_for = [e for e in expected if e.mount == one.mount]
-            strangers = [(o, m) for o, m in there if not any(_is(o, e, owner) and m == e.child_mount for e in spoken_for)]
+            strangers = [(o, m) for o, m in sitting if not any(_is(o, e, owner) and m == e.child_mount for e in spoken_for)]
             _warn(owner, one, strangers, findings)
 
 
 def _is(other: Occurrence, expected: Expectation, owner: Occurrence) -> bool:
     """Whether `other` is what was expected. In a mirror image its mirror image fits, and it itself if that is no other part."""
     plain = other.definition.plain if owner.definition.mirror is not None else None
-    there = (other.definition.text,) if plain is None else (other.definition.text, plain.text)
-    return other.record is not None and _rounded(expected.text) in map(_rounded, there)
+    texts = (other.definition.text,) if plain is None else (other.definition.text, plain.text)
+    return other.record is not None and _rounded(expected.text) in map(_rounded, texts)
 
 
 def _rounded(definition: str) -> str:

@@ -71,16 +71,16 @@ def hag_of(model: AssemblyDefinition) -> Hag:
     met: dict[Definition, None] = {}
     waiting: list[AssemblyDefinition | PartDefinition | None] = [model]
     while waiting:
-        made = waiting.pop()
-        node = names.of(made)
+        definition = waiting.pop()
+        node = names.of(definition)
         if node in met:
             continue
         met[node] = None
-        if not isinstance(made, AssemblyDefinition):
+        if not isinstance(definition, AssemblyDefinition):
             continue
-        joints = {joint.child.path[0]: joint for joint in made.joints if joint.child.path and not joint.loop}
+        joints = {joint.child.path[0]: joint for joint in definition.joints if joint.child.path and not joint.loop}
         inner: list[AssemblyDefinition | PartDefinition | None] = []
-        for component in made.components:
+        for component in definition.components:
             if component.definition is None and not component.frame:
                 continue
             joint = joints.get(component.name)

@@ -41,9 +41,9 @@ def merged(over: Process | None, under: Process | None) -> Process | None:
     """`over` key by key on top of `under`."""
     if over is None or under is None:
         return over if over is not None else under
-    said = {name: value for name in Process.__dataclass_fields__ if (value := getattr(over, name)) is not None}
-    wrong = over.wrong | (under.wrong - said.keys())
-    return replace(under, **{**said, "origins": {**under.origins, **over.origins}, "wrong": wrong})
+    stated = {name: value for name in Process.__dataclass_fields__ if (value := getattr(over, name)) is not None}
+    wrong = over.wrong | (under.wrong - stated.keys())
+    return replace(under, **{**stated, "origins": {**under.origins, **over.origins}, "wrong": wrong})
 
 
 _NEEDED = {"skin": ("walls", "line_width"), "layers": ("walls", "line_width", "layer", "top", "bottom")}

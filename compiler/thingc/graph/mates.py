@@ -91,13 +91,13 @@ def _jointed(tree: Tree, instance: Instance, coordinates: Sequence[Joint], findi
 
 def stated_joints(tree: Tree, joints: Sequence[JointEdge]) -> tuple[JointEdge, ...]:
     """The `joints`, and those whose mounts are not known, because nobody knows the parts: their limits stand in documents."""
-    known = {joint.path: joint for joint in joints}
+    edges = {joint.path: joint for joint in joints}
     for instance, definition in tree.assemblies:
         for joint in definition.joints:
             path = instance.within(joint.path)
-            if joint.twist is not None and path not in known:
-                known[path] = stated_edge(instance, joint, joint.twist)
-    return tuple(known.values())
+            if joint.twist is not None and path not in edges:
+                edges[path] = stated_edge(instance, joint, joint.twist)
+    return tuple(edges.values())
 
 
 def loops_in(tree: Tree) -> Iterator[Joint]:

@@ -186,13 +186,13 @@ def check_poses(
     that are at 0 because the pose does not name them, and those that mimic (where not `unset` joints were left out: what is
     there may follow one of those). A joint on a loop, one of `loops`, goes where the loop takes it."""
     used = {name for mode in modes for name in mode.poses}
-    known = {pose.name for pose in poses}
+    names = {pose.name for pose in poses}
     for mode in modes:
         for name in mode.poses:
-            if name not in known and not findings.earlier:
+            if name not in names and not findings.earlier:
                 findings.error(
                     Code.UNKNOWN_POSE, f"mode `{mode.name}` uses a pose `{name}` that the document does not have", mode.origin,
-                    path=mode.name, help=did_you_mean(name, known, what="poses"),
+                    path=mode.name, help=did_you_mean(name, names, what="poses"),
                 )
     by_path = {joint.path: joint for joint in joints}
     for pose in poses:

@@ -108,13 +108,13 @@ class PartInstances:
         record = self._records.get(component.definition.text) if isinstance(component.definition, PartDefinition) else None
         material = scope.materials.get(record.material) if isinstance(record, PartRecord) and record.material else None
         inputs = (component, record, material, scope.materials_known)
-        known: PartInstance | None = self._memo.last(("leaf", path), inputs)
-        if known is None:
-            known = self._work_out(component, scope, path, origin)
+        instance: PartInstance | None = self._memo.last(("leaf", path), inputs)
+        if instance is None:
+            instance = self._work_out(component, scope, path, origin)
             told = self._findings.incomplete or self._findings.report.diagnostics or self._unknown
-            if known is not None and not told:
-                self._memo.keep(("leaf", path), inputs, known)
-        return known
+            if instance is not None and not told:
+                self._memo.keep(("leaf", path), inputs, instance)
+        return instance
 
     def report_materials(self) -> None:
         """One finding per default material that a document lacks: at its first component, the others as notes."""
@@ -208,11 +208,11 @@ class PartInstances:
         of = f"`{component.label}`"
         findings, place = self._findings, written_at(of, record.code)
         for warning in record.warnings:
-            said = (record.text, warning.message)
-            if warning.asked is None and said not in self._warned and findings.warn(
+            key = (record.text, warning.message)
+            if warning.asked is None and key not in self._warned and findings.warn(
                 Code.PART_WARNING, f"{of}: {warning.message}", origin, path=path, notes=_places([warning]),
             ):
-                self._warned.add(said)
+                self._warned.add(key)
         asked: dict[tuple[Outside, str], list[PartWarning]] = {}
         for warning in record.warnings:
             # a line outside of any class is met by every part of its module
@@ -223,14 +223,14 @@ class PartInstances:
             if findings.warn(code, f"{of} {message}", origin, path=path, notes=_places(where), help=_INSTEAD[what]):
                 self._warned.update((_line(warning) or record.text, message) for warning in where)
         if record.apart:
-            said = (record.text, Code.APART.code)
+            key = (record.text, Code.APART.code)
             volumes = ", ".join(f"{float(f'{1e6 * volume:.3g}'):g}" for volume in record.apart[:_SHOWN_PLACES])
             more = ", ..." if len(record.apart) > _SHOWN_PLACES else ""
-            if said not in self._warned and findings.warn(
+            if key not in self._warned and findings.warn(
                 Code.APART, f"{of} is {len(record.apart)} solids that do not touch ({volumes}{more} cm^3)", origin, path=path,
                 notes=place, help=f"let them overlap; several on purpose are a list: `return [a, b]`; {allow_hint(Code.APART)}",
             ):
-                self._warned.add(said)
+                self._warned.add(key)
 
     def _warn_mirrored(self, component: Component, record: PartRecord, material: Material | None, path: str, origin: Origin) -> None:
         """What is to be said of a mirror image that is no other part, or one that nobody may sell: once of each."""
@@ -336,17 +336,17 @@ class PartInstances:
 
     def _doubt_thing(self, component: Component, record: PartRecord, path: str, origin: Origin) -> None:
         """The same of what a Thing states itself: at the first component that it is."""
-        said = (record.text, Code.DENSITY.code)
+        key = (record.text, Code.DENSITY.code)
         method, unit, doubt = "mass", "kg", None
         if record.mass is not None:
             doubt = mass_doubt(cast("float", record.mass.value), record.volume)
         elif record.density is not None:
             method, unit, doubt = "density", "kg/m^3", density_doubt(cast("float", record.density.value))
-        if doubt is not None and said not in self._warned and self._findings.warn(
+        if doubt is not None and key not in self._warned and self._findings.warn(
             Code.DENSITY, f"`{component.label}` {doubt.words}", origin, path=path, notes=written_at(f"`{component.label}`", record.code),
             help=doubted(f"`{method}()` returns {unit}" + ("" if doubt.meant is None else f": return {doubt.meant:.6g} if that is meant")),
         ):
-            self._warned.add(said)
+            self._warned.add(key)
 
     def _high_layers(self, component: Component, material: Material | None, process: Process, path: str, origin: Origin) -> None:
         """Say that no line can be as high as that: once of a material that says so, else of the component."""
@@ -446,8 +446,8 @@ def _bom(component: Component, record: PartRecord | None) -> BomEntry:
         return component.bom
     names = {field.name for field in fields(BomEntry)}
     thing = BomEntry(**{key: value for key, value in record.bom.items() if key in names})
-    said = {name: value for name in names if (value := getattr(component.bom, name)) is not None}
-    return replace(thing, **said)
+    stated = {name: value for name in names if (value := getattr(component.bom, name)) is not None}
+    return replace(thing, **stated)
 
 
 def _line(warning: PartWarning) -> str:

@@ -40,12 +40,12 @@ class _Doubt:
 
 def check_processes(tree: Tree, occurrences: Sequence[Occurrence], findings: Findings) -> None:
     """A warning at every such number: of what components say, of the materials that they are made of, and of those that none is made of."""
-    known: dict[int, Sequence[_Doubt]] = {}
+    doubts_of: dict[int, Sequence[_Doubt]] = {}
 
     def doubts(process: Process) -> Sequence[_Doubt]:
-        if id(process) not in known:
-            known[id(process)] = list(_doubts(process, process.origins))
-        return known[id(process)]
+        if id(process) not in doubts_of:
+            doubts_of[id(process)] = list(_doubts(process, process.origins))
+        return doubts_of[id(process)]
 
     used = set()
     for one in occurrences:

@@ -37,12 +37,12 @@ FREE = ("$schema", "thingc")
 @functools.cache
 def _keys(model: type[BaseModel]) -> tuple[dict[str, int], dict[str, AnnotationShape]]:
     """The rank and the shape of every key of a model."""
-    known = model_keys(model)
-    first = [key for key in FIRST.get(model, ()) if key in known]
-    names = [*first, *(key for key in known if key not in first)]
-    if "thingc" in known:
+    keys = model_keys(model)
+    first = [key for key in FIRST.get(model, ()) if key in keys]
+    names = [*first, *(key for key in keys if key not in first)]
+    if "thingc" in keys:
         names = [*FREE, *(name for name in names if name != "thingc")]
-    return {name: rank for rank, name in enumerate(names)}, {key: shape for key, (shape, _) in known.items()}
+    return {name: rank for rank, name in enumerate(names)}, {key: shape for key, (shape, _) in keys.items()}
 
 
 def root_shape(kind: str | None) -> AnnotationShape | None:

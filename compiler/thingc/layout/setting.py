@@ -70,20 +70,20 @@ def _in_yaml(path: str, text: str, keys: Keys, value: str) -> str:
     source = Source(path, text)
     tree: Node = _tree(path, text)
     depth = next((k for k in range(len(keys), 0, -1) if node_at(tree, keys[:k]) is not None), 0)
-    there, rest = node_at(tree, keys[:depth]), keys[depth:]
-    assert there is not None
-    start, end = _place(source, there.span)
-    if not rest or not isinstance(there, MappingNode):  # instead of what is there, which may be nothing: `limit:`
-        if isinstance(there, (MappingNode, SequenceNode)) and text[start] not in "{[":
+    node, rest = node_at(tree, keys[:depth]), keys[depth:]
+    assert node is not None
+    start, end = _place(source, node.span)
+    if not rest or not isinstance(node, MappingNode):  # instead of what is there, which may be nothing: `limit:`
+        if isinstance(node, (MappingNode, SequenceNode)) and text[start] not in "{[":
             raise Unsettable(f"`{'.'.join(keys)}` is written over several lines: set the values in it")
         space = "" if end > start or text[start - 1 : start].isspace() else " "
         written = _scalar(value) if not rest else "{" + _entry(rest, value) + "}"
         return text[:start] + space + written + text[end:]
     if text[start] == "{":
-        at = max((_place(source, one.span)[1] for one in there.entries.values()), default=start + 1)
-        return text[:at] + (", " if there.entries else "") + _entry(rest, value) + text[at:]
-    indent = next(iter(there.keys.values())).column - 1
-    line = _last_line(source, there)
+        at = max((_place(source, one.span)[1] for one in node.entries.values()), default=start + 1)
+        return text[:at] + (", " if node.entries else "") + _entry(rest, value) + text[at:]
+    indent = next(iter(node.keys.values())).column - 1
+    line = _last_line(source, node)
     at = source.starts[line - 1] + len(source.line(line - 1))
     return text[:at] + ("\r\n" if "\r\n" in text else "\n") + " " * indent + _entry(rest, value) + text[at:]
 

@@ -118,10 +118,10 @@ def _warm_start(modes: tuple[Mode, Mode], source: Any, target: Any) -> None:
         target.joint(FREE_JOINT).qacc_warmstart = np.zeros(6)
     for name in () if new.part is None else new.part.joints:
         target.joint(name).qacc_warmstart = 0.0
-    known = {joint.name for joint in old.joints}
+    names = {joint.name for joint in old.joints}
     for joint in new.joints:
         for name in joint.in_model:
-            here = source.joint(name).qacc_warmstart if joint.name in known and joint.ball is None else 0.0
+            here = source.joint(name).qacc_warmstart if joint.name in names and joint.ball is None else 0.0
             target.joint(name).qacc_warmstart = here
 
 

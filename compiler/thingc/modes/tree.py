@@ -241,13 +241,13 @@ class Mode(Brief):
 
     def coupling(self) -> Array:
         """(m, k): v of all m joints from v of the k that follow none of this tree, both in the order of the model."""
-        known = {joint.name: joint for joint in self.joints}
-        free = [joint.name for joint in self.joints if joint.mimic is None or joint.mimic.joint not in known]
+        by_name = {joint.name: joint for joint in self.joints}
+        free = [joint.name for joint in self.joints if joint.mimic is None or joint.mimic.joint not in by_name]
         matrix = np.zeros((len(self.joints), len(free)))
         for row, joint in enumerate(self.joints):
             ratio, leader = 1.0, joint
             while leader.mimic is not None and leader.name not in free:
-                ratio, leader = ratio * leader.mimic.multiplier, known[leader.mimic.joint]
+                ratio, leader = ratio * leader.mimic.multiplier, by_name[leader.mimic.joint]
             matrix[row, free.index(leader.name)] = ratio
         return matrix
 
@@ -255,8 +255,8 @@ class Mode(Brief):
         for index, joint in enumerate(self.joints):
             if joint.name == path:
                 return index
-        known = [joint.name for joint in self.joints]
-        raise ModesError(f"the robot has no joint `{path}`: {did_you_mean(path, known, what='joints')}")
+        names = [joint.name for joint in self.joints]
+        raise ModesError(f"the robot has no joint `{path}`: {did_you_mean(path, names, what='joints')}")
 
     def _check(self, state: State) -> None:
         if state.mode != self.name:

@@ -52,22 +52,22 @@ def explained(code: Code) -> dict[str, Any]:
     The examples are `{"files": {name: text}, "command", "said"}`, the document first among the files; None where no
     document on a healthy machine brings the code about.
     """
-    known = _data()["codes"].get(code.code, {})
+    entry = _data()["codes"].get(code.code, {})
     return {
-        "code": code.code, "title": code.title, "meaning": known.get("meaning"), "cure": code.cure,
-        "wrong": known.get("wrong"), "right": known.get("right"),
+        "code": code.code, "title": code.title, "meaning": entry.get("meaning"), "cure": code.cure,
+        "wrong": entry.get("wrong"), "right": entry.get("right"),
     }
 
 
 def as_page(code: Code) -> str:
     """What is known of a code, for people."""
-    known = explained(code)
+    explanation = explained(code)
     lines = [f"{code.code}: {code.title}", ""]
-    if known["meaning"]:
-        lines += [known["meaning"], ""]
+    if explanation["meaning"]:
+        lines += [explanation["meaning"], ""]
     lines += [f"Cure: {code.cure}", ""]
     for side in ("wrong", "right"):
-        example = known[side]
+        example = explanation[side]
         if example is None:
             continue
         lines += [f"{side.capitalize()}:", ""]

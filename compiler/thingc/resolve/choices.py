@@ -99,13 +99,13 @@ def with_default_material(context: Context, table: Table) -> AssemblySpec:
 
 def check_names(context: Context, table: Table, items: Sequence[Unrolled[ComponentSpec]]) -> None:
     """Report choices for components that the document has not."""
-    known = {item.name for item in items} | set(table.spec.components)
+    names = {item.name for item in items} | set(table.spec.components)
     if table.doubts.lacks("components") or table.unbuilt:
         return
     for path, _ in table.choices:
         choice, through = parse(path), nested(path)
         name = through[0] if through is not None else next(iter(choice.components), None) if choice is not None else None
-        if name is not None and name not in known:
+        if name is not None and name not in names:
             context.say_of_option(
                 path, f"`{table.spec.name}` has no component `{name}`", did_you_mean(name, table.spec.components, what="components"),
             )

@@ -86,10 +86,10 @@ def joints(table: Table, items: Iterable[Unrolled[JointSpec]], places: Places) -
             if placed is not None:
                 table.nodes[placed].unplaced = True
             continue
-        made = _coordinates(table, item, kind, parent, child, layers)
-        table.joints.update((joint.name, joint) for joint in made)
+        coordinates = _coordinates(table, item, kind, parent, child, layers)
+        table.joints.update((joint.name, joint) for joint in coordinates)
         if doubtful:
-            for joint in made:
+            for joint in coordinates:
                 del table.joints[joint.name]
             table.joints[CoordinateName(item.name)] = None
             if placed is not None:

@@ -29,7 +29,7 @@ def in_scope(context: Context, scope: Scope, spec: AssemblySpec) -> dict[str, Ma
     """Every material by name; None for names that must not be complained about (their document was wrong)."""
     if isinstance(spec.materials, Mapping):
         return _read(scope, spec.materials)
-    known: dict[str, Material | None] = {}
+    materials: dict[str, Material | None] = {}
     seen: set[str] = set()
     for text in spec.materials:
         document = context.documents.named(scope.document, text)
@@ -37,7 +37,7 @@ def in_scope(context: Context, scope: Scope, spec: AssemblySpec) -> dict[str, Ma
             continue
         seen.add(document.relative)
         for name, entry in of_document(context, document).items():
-            first = known.setdefault(name, entry)
+            first = materials.setdefault(name, entry)
             if first is not None and entry is not None and first is not entry:
                 context.report.add(
                     Code.NAME_CLASH, f"material `{name}` is defined in two documents in scope", entry.origin,
@@ -47,7 +47,7 @@ def in_scope(context: Context, scope: Scope, spec: AssemblySpec) -> dict[str, Ma
                         Note(message="both are listed here", span=scope.span(("materials",))),
                     ],
                 )
-    return known
+    return materials
 
 
 def unreadable(context: Context, scope: Scope, spec: AssemblySpec) -> bool:
@@ -65,14 +65,14 @@ def unreadable(context: Context, scope: Scope, spec: AssemblySpec) -> bool:
 
 def of_document(context: Context, document: Document) -> dict[str, Material | None]:
     """The materials of a `materials/1` document by name, worked out once per run; none where the document was wrong."""
-    known = context.materials.get(document.relative)
-    if known is None:
-        known = context.materials[document.relative] = {}
+    materials = context.materials.get(document.relative)
+    if materials is None:
+        materials = context.materials[document.relative] = {}
         spec = context.specs.get(document.relative)
         if isinstance(spec, MaterialsSpec):
             scope = context.scope(document, {})
-            known.update(_read(scope, spec.materials))
-    return known
+            materials.update(_read(scope, spec.materials))
+    return materials
 
 
 def _read(scope: Scope, specs: Mapping[str, MaterialSpec]) -> dict[str, Material | None]:
@@ -185,14 +185,14 @@ def _library(scope: Scope, text: str, path: Path) -> tuple[float, str | None] | 
         return None
     name = match.group(1).strip()
     try:
-        known = bd_materials.resolve(name)
+        entry = bd_materials.resolve(name)
     except ValueError:
         scope.error(
             Code.UNKNOWN_MATERIAL, f"the library bd_materials has no material `{shortened(name)}`", path,
             help=did_you_mean(name, bd_materials.material_names(), what="library materials"),
         )
         return None
-    color = known.color
-    return float(known.material.density), color if isinstance(color, str) and re.fullmatch("#[0-9a-f]{6}", color) else None
+    color = entry.color
+    return float(entry.material.density), color if isinstance(color, str) and re.fullmatch("#[0-9a-f]{6}", color) else None
 
 

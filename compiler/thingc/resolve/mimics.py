@@ -48,7 +48,7 @@ def _mimic(table: Table, item: Unrolled[JointSpec], joint: Joint, spec: MimicSpe
     followed = _followed(table, item, spec, path)
     if followed is None:
         return None
-    name, there = followed.name, [Note(message=f"`{followed.name}` is written here", span=followed.joint.origin[0])]
+    name, notes = followed.name, [Note(message=f"`{followed.name}` is written here", span=followed.joint.origin[0])]
     ratio = coordinate / followed.coordinate
     what = f"`mimic.multiplier` of joint `{item.name}`"
     if "multiplier" not in spec.model_fields_set and ratio != NUMBER:
@@ -56,11 +56,11 @@ def _mimic(table: Table, item: Unrolled[JointSpec], joint: Joint, spec: MimicSpe
             Code.DIMENSION,
             f"joint `{item.name}` and `{name}` differ in kind: `mimic` needs a `multiplier` that is {ratio.words}", path,
             key=True,
-            help=f"write for example `multiplier: {ratio.example}`", notes=there,
+            help=f"write for example `multiplier: {ratio.example}`", notes=notes,
         )
         return None
     raw = spec.multiplier
-    multiplier = scope.number(raw, (*path, "multiplier"), ratio, what, notes=there)
+    multiplier = scope.number(raw, (*path, "multiplier"), ratio, what, notes=notes)
     if multiplier is not None and isinstance(raw, Quantity) and raw.value == 0.0:
         scope.error(Code.MIMIC, f"{what} is 0: the joint would never move", (*path, "multiplier"), help="make it `type: fixed`")
         return None

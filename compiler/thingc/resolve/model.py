@@ -231,11 +231,11 @@ class CoordinateName(str):
 
     def __new__(cls, text: str) -> CoordinateName:
         """Of a text that a document has; what is no number in brackets at its end belongs to the name."""
-        made = super().__new__(cls, text)
+        name = super().__new__(cls, text)
         numbered = _NUMBERED.fullmatch(text)
-        made.joint, made.number = (numbered[1], int(numbered[2])) if numbered is not None else (text, None)
-        made.path = made.joint.replace(".", "/") + ("" if made.number is None else f"_{made.number}")
-        return made
+        name.joint, name.number = (numbered[1], int(numbered[2])) if numbered is not None else (text, None)
+        name.path = name.joint.replace(".", "/") + ("" if name.number is None else f"_{name.number}")
+        return name
 
     def numbered(self, number: int) -> CoordinateName:
         """The coordinate with this number of the joint of this name."""

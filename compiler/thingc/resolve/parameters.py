@@ -318,12 +318,12 @@ def from_command_line(
         values, _ = worked_out(document, spec, {**sound, **known}, quiet, context.doubts(document))
         for name, expression in expressions.items():
             if name in known and name not in values:
-                said = quiet.diagnostics[0] if quiet.diagnostics else None
-                if said is None and context.doubts(document):
+                fault = quiet.diagnostics[0] if quiet.diagnostics else None
+                if fault is None and context.doubts(document):
                     continue
                 complain(
-                    name, Code.PARAMETER_OPTION, said.message if said else f"`{shortened(expression.text)}` cannot be worked out",
-                    help=said.help if said else None,
+                    name, Code.PARAMETER_OPTION, fault.message if fault else f"`{shortened(expression.text)}` cannot be worked out",
+                    help=fault.help if fault else None,
                 )
                 continue
             checked = fitting(

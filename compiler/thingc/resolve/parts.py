@@ -57,31 +57,31 @@ def of_code(context: Context, node: Node, reference: str) -> PartDefinition | No
         if value is not None:
             values[parameter.name] = value
     key = (reference, tuple(sorted(values.items())))
-    known = context.parts.get(key)
+    definition = context.parts.get(key)
     # 1, 1.0 and True are equal keys; their texts are not.
     text = definition_text(reference, values, defaults)
-    if known is None or known.text != text:
+    if definition is None or definition.text != text:
         kinds = {parameter.name: parameter.kind for parameter in schema.parameters}
         words = {name: written(kinds[name], value, LABEL_DIGITS) for name, value in key[1]}
-        known = context.parts[key] = PartDefinition(
+        definition = context.parts[key] = PartDefinition(
             reference=reference, kind="code", parameters=key[1], text=text, words=tuple(words.values()),
             label=definition_label(reference, values, defaults, words),
         )
-    return known
+    return definition
 
 
 def _given(node: Node, schema: PartSchema) -> dict[str, Value] | None:
     """The parameters that the document sets, canonical; None where one is unknown, wrong or missing (all reported)."""
     scope, path = node.scope, (*node.path, "params")
-    known = {parameter.name: parameter for parameter in schema.parameters}
+    by_name = {parameter.name: parameter for parameter in schema.parameters}
     values: dict[str, Value] = {}
     sound = True
     for name, raw in node.spec.params.items():
-        parameter = known.get(name)
+        parameter = by_name.get(name)
         if parameter is None:
             scope.error(
                 Code.UNKNOWN_PARAMETER, f"`{schema.reference}` has no parameter `{name}`", (*path, name), key=True,
-                help=did_you_mean(name, known, what="parameters"),
+                help=did_you_mean(name, by_name, what="parameters"),
                 notes=[*scope.beside("the part is named here", (*node.path, "part"), (*path, name)), *_declared_at(schema)],
             )
             sound = False
@@ -247,8 +247,8 @@ def _module_hint(context: Context, reference: str, known: Collection[str]) -> st
         hint += ", which is not there yet"
     if "." not in module:
         hint += f": write a class `{shortened(name)}` into `{folders[0]}/{shortened(module)}.py`"
-    there = sorted(set(known) - set(context.workspace.packages))
-    return f"{hint}; {did_you_mean('', there, what='modules')}" if there else hint
+    modules = sorted(set(known) - set(context.workspace.packages))
+    return f"{hint}; {did_you_mean('', modules, what='modules')}" if modules else hint
 
 
 def of_file(context: Context, node: Node, text: str) -> PartDefinition | None:
@@ -262,10 +262,10 @@ def of_file(context: Context, node: Node, text: str) -> PartDefinition | None:
     reference = workspace.relative(absolute)
     unit = node.spec.unit or FILE_UNIT
     given: tuple[tuple[str, Value], ...] = () if unit == FILE_UNIT else (("unit", unit),)
-    known = context.parts.get((reference, given))
-    if known is None and os.path.isfile(absolute):
-        known = context.parts[reference, given] = PartDefinition(
+    definition = context.parts.get((reference, given))
+    if definition is None and os.path.isfile(absolute):
+        definition = context.parts[reference, given] = PartDefinition(
             reference=reference, kind="file", parameters=given, text=definition_text(reference, dict(given), {}),
             label=f"{reference} in {unit}" if given else reference, words=tuple(unit for _ in given),
         )
-    return known
+    return definition

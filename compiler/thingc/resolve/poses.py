@@ -30,30 +30,30 @@ def poses(table: Table, scope: Scope) -> None:
     """Fill `table.poses`; keys that are wrong are reported and left out."""
     if not table.spec.poses:
         return
-    known: Joints = dict(table.all_joints())
+    joints: Joints = dict(table.all_joints())
     for name, entries in table.spec.poses.items():
         path: Path = ("poses", name)
         layers: tuple[Settings, Settings, Settings] = ({}, {}, {})  # nested poses, patterns, exact names
         for key, raw in entries.items():
             at = (*path, key)
-            several = [one for one in known if one.number is not None and one.joint == key]
-            if several or (key in known and isinstance(raw, (list, dict, TurnSpec))):
-                _several(scope, known, key, several, raw, at, layers[2])
-            elif key in known:
-                _set(scope, known, [CoordinateName(key)], raw, at, layers[2], exact=True)
+            several = [one for one in joints if one.number is not None and one.joint == key]
+            if several or (key in joints and isinstance(raw, (list, dict, TurnSpec))):
+                _several(scope, joints, key, several, raw, at, layers[2])
+            elif key in joints:
+                _set(scope, joints, [CoordinateName(key)], raw, at, layers[2], exact=True)
             elif isinstance(raw, str):
                 _use(table, scope, key, raw, at, layers[0])
             elif GLOB.search(key) and isinstance(raw, (list, dict, TurnSpec)):
-                _pattern_of_several(scope, known, key, raw, at, layers[1])
+                _pattern_of_several(scope, joints, key, raw, at, layers[1])
             elif GLOB.search(key):
-                _pattern(table, scope, known, key, raw, at, layers[1])
+                _pattern(table, scope, joints, key, raw, at, layers[1])
             else:
-                _report_unknown(table, scope, known, key, at)
+                _report_unknown(table, scope, joints, key, at)
         merged: Settings = {**layers[0], **layers[1], **layers[2]}
         said_of_it = (said[0] == scope.document.relative and said[2][:2] == path for said in scope.said)
         if scope.doubts.touch(path) or any(said_of_it):
-            merged = {**_stand_ins(known, scope.origin(path, key=True)), **merged}
-        in_order = {one.path: merged[one.path] for one in known if one.path in merged}
+            merged = {**_stand_ins(joints, scope.origin(path, key=True)), **merged}
+        in_order = {one.path: merged[one.path] for one in joints if one.path in merged}
         table.poses[name] = NamedPose(
             name=name, values={joint: q for joint, (q, _) in in_order.items()},
             origins={joint: origin for joint, (_, origin) in in_order.items()}, origin=scope.origin(path, key=True),

@@ -354,8 +354,8 @@ def _report_component(
         return
     repeated = inner.spec.components.get(name)
     if repeated is not None and repeated.repeat is not None:
-        made = [one for one in inner.nodes.values() if one.path == ("components", name)]
-        help = f"`{name}` is repeated: `{made[0].name}` to `{made[-1].name}`" if made else f"`{name}` is repeated 0 times"
+        copies = [one for one in inner.nodes.values() if one.path == ("components", name)]
+        help = f"`{name}` is repeated: `{copies[0].name}` to `{copies[-1].name}`" if copies else f"`{name}` is repeated 0 times"
         scope.error(
             Code.UNKNOWN_COMPONENT, f"{what} has no component `{name}`", path, help=help, key=key,
             notes=[Note(message=f"`{name}` is repeated here", span=inner.scope.span(("components", name, "repeat")))],

@@ -54,11 +54,11 @@ list[str]]:
     for name, spec in specs.items():
         path = (section, name)
         if spec.repeat is None:
-            made = [Unrolled(name, spec, path, scope)]
+            copies = [Unrolled(name, spec, path, scope)]
         else:
             as_ = spec.repeat.as_
-            made = [Unrolled(f"{name}_{k}", spec, path, scope.repeated(as_, k)) for k in range(counts[name] or 0)]
-        for item in made:
+            copies = [Unrolled(f"{name}_{k}", spec, path, scope.repeated(as_, k)) for k in range(counts[name] or 0)]
+        for item in copies:
             first = taken.get(item.name)
             if first is None:
                 taken[item.name] = item

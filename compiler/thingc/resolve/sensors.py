@@ -50,22 +50,22 @@ def _joint(table: Table, scope: Scope, name: str, spec: SensorSpec, path: Path) 
     """The path of the joint that a sensor measures: the one it names, else the one that has its own name."""
     wanted = CoordinateName(spec.joint if spec.joint is not None else name)
     place: Path = (*path, "joint") if spec.joint is not None else path
-    known = dict(table.all_joints())
-    moving = [one for one, joint in known.items() if joint is not None and joint.twist is not None]
-    if any(one.joint == wanted.joint and joint is not None and joint.kind.at_once for one, joint in known.items()):
+    joints = dict(table.all_joints())
+    moving = [one for one, joint in joints.items() if joint is not None and joint.twist is not None]
+    if any(one.joint == wanted.joint and joint is not None and joint.kind.at_once for one, joint in joints.items()):
         scope.error(
             Code.JOINT_FIELD, f"joint `{wanted.joint}` is a ball: it has no coordinate to measure", place, key=spec.joint is None,
             help="measure a joint of one coordinate, or put an `imu` on its child",
         )
         return None
-    if wanted not in known:
+    if wanted not in joints:
         if not table.unsure_joints():
             help = suggested(wanted, moving, what="joints")
             if spec.joint is None and moving:
                 help += "; name it with `joint: ...`"
             scope.error(Code.UNKNOWN_JOINT, f"there is no joint `{wanted}`", place, key=spec.joint is None, help=help)
         return None
-    joint = known[wanted]
+    joint = joints[wanted]
     if joint is None:
         return None
     if joint.twist is None:

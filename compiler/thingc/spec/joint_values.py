@@ -23,15 +23,15 @@ def dimension_at(document: Document, path: Path) -> Dimension | None:
 def _joints(document: Document, path: Path) -> tuple[Iterator[str], str]:
     """The joints that a value may be of, and the key that says which value it is."""
     every = node_at(document.tree, ("joints",))
-    known = list(every.entries) if isinstance(every, MappingNode) else []
+    names = list(every.entries) if isinstance(every, MappingNode) else []
     key = str(path[-1]) if path else ""
     if len(path) > 2 and path[0] == "joints":
         return iter((str(path[1]),)), key
     if path[:2] == ("defaults", "joint"):
-        return iter(known), key
+        return iter(names), key
     if len(path) == 3 and path[0] == "poses":
         made_by = re.sub(r"_\d+$", "", key)  # a repeat
-        return (name for name in known if name in (key, made_by) or fnmatchcase(name, key)), "offset"
+        return (name for name in names if name in (key, made_by) or fnmatchcase(name, key)), "offset"
     return iter(()), key
 
 

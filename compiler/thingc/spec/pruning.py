@@ -46,8 +46,8 @@ def prune(plain: dict[str, Any], faults: Sequence[Fault]) -> set[Path] | None:
         path = fault.path
         if fault.kind == "extra_forbidden":
             mapping = _at(plain, path[:-1])
-            known = model_keys(fault.shape.model) if fault.shape.model is not None else {}
-            absent = [key for key in known if not isinstance(mapping, dict) or key not in mapping]
+            keys = model_keys(fault.shape.model) if fault.shape.model is not None else {}
+            absent = [key for key in keys if not isinstance(mapping, dict) or key not in mapping]
             close = nearest(str(path[-1]), absent)
             doubts.update((*path[:-1], key) for key in ([close] if close else absent))
             doubts.add(path)

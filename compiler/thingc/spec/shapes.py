@@ -133,8 +133,8 @@ def likeness(branch: AnnotationShape, value: dict[str, Any]) -> float:
     """How many keys of `value` a shape knows; a near name is half a key, and a mapping of any names a quarter in all."""
     if branch.model is None:
         return 0.25
-    known = model_keys(branch.model)
-    return sum(1.0 if key in known else 0.5 if nearest(key, known) else 0.0 for key in value)
+    keys = model_keys(branch.model)
+    return sum(1.0 if key in keys else 0.5 if nearest(key, keys) else 0.0 for key in value)
 
 
 def one_of(words: Sequence[str]) -> str:

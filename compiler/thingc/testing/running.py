@@ -99,11 +99,11 @@ def _attempts(request: EmitRequest, linked: LinkedTest, modes: Sequence[LinkedMo
 def _poses(request: EmitRequest, linked: LinkedTest, mode: LinkedMode) -> list[NamedPose]:
     """The poses of a test in a mode: those named, where the mode starts, or all of its keyframes."""
     assembly: Assembly = request.assembly
-    known = {pose.name: pose for pose in assembly.poses}
+    by_name = {pose.name: pose for pose in assembly.poses}
     if linked.test.every_pose:
         robot = next(robot for robot in request.robots if robot.mode.name == mode.name)
-        return [known[frame.name] for frame in robot.keyframes] or [starting_pose(assembly, mode)]
-    return [starting_pose(assembly, mode) if name is None else known[name] for name in linked.test.poses]
+        return [by_name[frame.name] for frame in robot.keyframes] or [starting_pose(assembly, mode)]
+    return [starting_pose(assembly, mode) if name is None else by_name[name] for name in linked.test.poses]
 
 
 def _in_pose(request: EmitRequest, linked: LinkedTest, mode: LinkedMode, pose: NamedPose) -> Callable[[], Outcome]:

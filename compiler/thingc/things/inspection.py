@@ -250,16 +250,16 @@ def bom_of(thing: Thing) -> dict[str, str]:
 def up_of(thing: Thing) -> Vector | None:
     """The direction away from the bed in which the part wants to be printed, a unit vector; None where it does not say. Raises
     `TypeError` or `ValueError` where `print` is something else."""
-    said = thing.print
-    if not said:
+    stated = thing.print
+    if not stated:
         return None
     what = f"`print` of `{type(thing).__name__}`"
-    if not isinstance(said, Mapping) or set(said) != {"up"}:
-        raise TypeError(f"{what} has one key, `up`: write for example {{\"up\": (0, 0, 1)}}; found {said!r}")
-    up = _vector(what, said["up"])
+    if not isinstance(stated, Mapping) or set(stated) != {"up"}:
+        raise TypeError(f"{what} has one key, `up`: write for example {{\"up\": (0, 0, 1)}}; found {stated!r}")
+    up = _vector(what, stated["up"])
     length = math.hypot(*up)
     if not length > 0.0:
-        raise ValueError(f"`up` in {what} must have a direction, found {said['up']!r}")
+        raise ValueError(f"`up` in {what} must have a direction, found {stated['up']!r}")
     return up[0] / length + 0.0, up[1] / length + 0.0, up[2] / length + 0.0
 
 

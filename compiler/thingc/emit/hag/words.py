@@ -54,8 +54,8 @@ def how(edge: DefinitionEdge) -> str:
 
 def mirrors(hag: Hag) -> list[tuple[Definition, str]]:
     """Every mirror image of a definition that stands in the graph as well, with the text of that."""
-    there = {definition.text for definition in hag.definitions}
-    return [(one, one.plain.text) for one in hag.definitions if one.plain is not None and one.plain.text in there]
+    texts = {definition.text for definition in hag.definitions}
+    return [(one, one.plain.text) for one in hag.definitions if one.plain is not None and one.plain.text in texts]
 
 def total(hag: Hag) -> str:
     """`12 definitions, 18 components`: the size of the graph and of the tree that it unrolls to (without its root)."""

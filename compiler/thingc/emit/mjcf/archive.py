@@ -36,10 +36,10 @@ def archive(model: bytes, assets: Mapping[str, Stored], store: Store) -> bytes:
 
 def _asset(stored: Stored, store: Store) -> Deflated:
     """An asset, compressed now or earlier."""
-    known = store.get_json("deflated", stored.sha256)
-    if known is not None:
+    deflated = store.get_json("deflated", stored.sha256)
+    if deflated is not None:
         try:
-            return Deflated(data=store.read(known["sha256"]), crc=known["crc"], size=known["size"])
+            return Deflated(data=store.read(deflated["sha256"]), crc=deflated["crc"], size=deflated["size"])
         except BlobMissing:
             pass
     entry = deflate(store.read(stored.sha256))

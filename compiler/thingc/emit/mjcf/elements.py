@@ -98,19 +98,19 @@ def _axis(one: ModelJoint, twist: Twist) -> dict[str, str]:
 
 def geoms(poses: tuple[Pose, ...], shapes: tuple[Shapes, ...]) -> tuple[Element, ...]:
     """What the occurrences of a link show and what they touch with; `poses` are their own in the link."""
-    made: list[Element] = []
+    elements: list[Element] = []
     for pose, one in zip(poses, shapes, strict=True):
         if one.visual is not None:
             attributes = {"name": one.path, "class": "visual", **_shape(one.visual, pose)}
             material = material_name(one.material, one.color)
             if material is not None:
                 attributes["material"] = material
-            made.append(Element(tag="geom", attributes=attributes, origin=one.origin))
+            elements.append(Element(tag="geom", attributes=attributes, origin=one.origin))
         for index, shape in enumerate(one.collision):
             name = f"{one.path}:collision" + (f"_{index}" if index else "")
             attributes = {"name": name, "class": "collision", **_shape(shape, pose), **_friction(one.material)}
-            made.append(Element(tag="geom", attributes=attributes, origin=one.origin))
-    return tuple(made)
+            elements.append(Element(tag="geom", attributes=attributes, origin=one.origin))
+    return tuple(elements)
 
 
 def drive(joint: CoreJoint, drive: ActuatorModel) -> tuple[Element, ...]:

@@ -100,11 +100,11 @@ class LockAnswers:
         given = dict(definition.parameters)
         sizes = all(one.kind in _CONTINUOUS or given.get(one.name) == one.default for one in schema.parameters)
         place = self.place(definition.reference)
-        known = list(self.lock.relatives(definition.reference, place)) if sizes else []
+        relatives = list(self.lock.relatives(definition.reference, place)) if sizes else []
         return PartRecord(
             text=definition.text, material=schema.material, color=None, volume=_SOME, area=_SOME, centre=(0.0, 0.0, 0.0),
             inertia=((_SOME, 0.0, 0.0), (0.0, _SOME, 0.0), (0.0, 0.0, _SOME)), box=None,
-            mounts={name: mount for record in known for name, mount in record.mounts.items()}, references=(), expectations=(),
+            mounts={name: mount for record in relatives for name, mount in record.mounts.items()}, references=(), expectations=(),
             actuator=ActuatorRecord(kind="motor") if schema.actuator else None, mass=None, com=None, matrix=None, density=None, bom={},
             warnings=(), fits={}, meshes={}, pieces=(), convex=(), brep=None, code=place, exact=False,
         )

@@ -121,11 +121,11 @@ class PartSession:
             except AttributeError:
                 from thingc.things.inspection import is_part
 
-                known = sorted(
+                names = sorted(
                     own for own, value in vars(module).items()
                     if not own.startswith("_") and getattr(value, "__module__", None) == module_name and is_part(value)
                 )
-                raise NoPart("missing", f"`{module_name}` has no `{name}`", known) from None
+                raise NoPart("missing", f"`{module_name}` has no `{name}`", names) from None
         return named
 
     def failure(self, subject: str, fault: BaseException) -> PartFailure:

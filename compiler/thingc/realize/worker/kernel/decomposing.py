@@ -37,5 +37,5 @@ def _by_coacd(mesh: Triangles) -> list[Triangles]:
     import coacd
 
     coacd.set_log_level("off")
-    made = (meshing.hull(vertices) for vertices, _ in coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces), seed=0))
-    return [piece for piece in made if piece is not None]
+    hulls = (meshing.hull(vertices) for vertices, _ in coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces), seed=0))
+    return [piece for piece in hulls if piece is not None]

@@ -117,17 +117,17 @@ def _finite(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 def _once(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
     """The mesh with every triangle once, and what was left out: a surface that stands there twice is closed, and has twice the volume.
     Two that look opposite ways are where two bodies touch, and stay, unless all do: then it is one surface with two sides."""
-    said: list[str] = []
+    mended: list[str] = []
     turns = (np.argmin(mesh.faces, axis=1)[:, None] + np.arange(3)) % 3
     _, first = np.unique(np.take_along_axis(mesh.faces, turns, axis=1), axis=0, return_index=True)
     if more := len(mesh.faces) - len(first):
         mesh = Triangles(mesh.vertices, mesh.faces[np.sort(first)])
-        said.append(f"triangles that stand in it more than once, left out: {more}")
+        mended.append(f"triangles that stand in it more than once, left out: {more}")
     _, first = np.unique(np.sort(mesh.faces, axis=1), axis=0, return_index=True)
     if 2 * len(first) == len(mesh.faces):
         mesh = Triangles(mesh.vertices, mesh.faces[np.sort(first)])
-        said.append(f"triangles that are the other side of one that it has, left out: {len(first)}")
-    return mesh, tuple(said)
+        mended.append(f"triangles that are the other side of one that it has, left out: {len(first)}")
+    return mesh, tuple(mended)
 
 
 def _closed(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
@@ -138,29 +138,29 @@ def _closed(mesh: Triangles) -> tuple[Triangles, tuple[str, ...]]:
     if not first:
         return mesh, ()
     size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
-    said: list[str] = []
+    mended: list[str] = []
     digits = -math.floor(math.log10(NEAR * size)) if size > 0.0 else 9
     _, first_of, inverse = np.unique(np.round(mesh.vertices, digits) + 0.0, axis=0, return_index=True, return_inverse=True)
     lost = len(mesh.vertices) - len(first_of)
     if lost:
         mesh = without_slivers(mesh.vertices[first_of], np.asarray(inverse).reshape(-1)[mesh.faces])
-        said.append(f"corners joined within {10.0**-digits:.1g} mm: {lost}")
+        mended.append(f"corners joined within {10.0**-digits:.1g} mm: {lost}")
     whole = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     if open_edges(mesh):
         trimesh.repair.fix_winding(whole)  # type: ignore[no-untyped-call]
         turned = int((np.asarray(whole.faces) != mesh.faces).any(axis=1).sum())
         mesh = _of(whole)
-        said += [f"triangles turned round: {turned}"] if turned else []
+        mended += [f"triangles turned round: {turned}"] if turned else []
     if open_edges(mesh):
         count = len(whole.faces)
         trimesh.repair.fill_holes(whole)
         filled = len(whole.faces) - count
         mesh = _of(whole)
-        said += [f"triangles put into holes: {filled}"] if filled else []
+        mended += [f"triangles put into holes: {filled}"] if filled else []
     if left := open_edges(mesh):
         rest = "" if left == first else f" ({left} after trimesh has mended what it can)"
         raise BadPartFile(f"its surface is not closed: {first} edges have no neighbour{rest}, so that it has no volume")
-    return mesh, (f"its surface was not closed, and was mended ({', '.join(said)})",)
+    return mesh, (f"its surface was not closed, and was mended ({', '.join(mended)})",)
 
 
 def _of(mesh: Any) -> Triangles:
