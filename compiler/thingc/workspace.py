@@ -57,7 +57,8 @@ class Workspace:
 
     `root` absolute; `parts` absolute folders whose modules may be named in `part:`; `packages` installed packages that
     may be, too; `build` the absolute folder of outputs; `part_timeout` [s] for one part; `mesh` the tessellation that
-    is printed and checked, `simulation` that for simulators; `origin` the file that says so, None where the defaults stand.
+    is printed and checked, `simulation` that for simulators; `emit` the targets of a build that names none;
+    `origin` the file that says so, None where the defaults stand.
     `inputs` are the files that were looked at on the way, by absolute path, with the SHA-256 of their bytes (None: not there).
     """
 
@@ -68,6 +69,7 @@ class Workspace:
     part_timeout: float
     mesh: Tessellation
     simulation: Tessellation
+    emit: tuple[str, ...] = ()
     origin: Span | None = None
     inputs: dict[str, str | None] = field(default_factory=dict, compare=False, repr=False)
 
@@ -101,6 +103,18 @@ class Workspace:
     def relative(self, path: str) -> str:
         """The path inside the workspace with `/`, links resolved: the name of a file that all artifacts use."""
         return os.path.relpath(os.path.realpath(path), os.path.realpath(self.root)).replace(os.sep, "/")
+
+    def span(self, path: Path) -> Span | None:
+        """Where the workspace's own file says something: `("emit", 1)`. Reads the file again; None where there is none."""
+        if self.origin is None:
+            return None
+        from thingc.load.documents import read_tree
+        from thingc.source import node_at
+
+        prefix: Path = () if os.path.basename(self.origin.file) == OWN_FILE else ("tool", "thingc")
+        tree = read_tree(self.origin.file, _bytes(self.origin.file) or b"", Report())
+        node = node_at(tree, (*prefix, *path)) if tree is not None else None
+        return node.span if node is not None else self.origin
 
     def contains(self, path: str) -> bool:
         """Whether a path, links resolved, is inside the workspace (it need not exist)."""
@@ -201,11 +215,12 @@ class _Settings:
     part_timeout: float
     mesh: Tessellation
     simulation: Tessellation
+    emit: tuple[str, ...]
 
     @staticmethod
     def plain(table: dict[str, Any]) -> _Settings | None:
         """The settings of a table in which nothing is unusual; None (or ValueError, TypeError) where anything is."""
-        known = {"thingc", "parts", "packages", "build", "part_timeout", "mesh", "$schema"}
+        known = {"thingc", "parts", "packages", "build", "part_timeout", "mesh", "emit", "$schema"}
         mesh = table.get("mesh", {})
         if table["thingc"] != "workspace/1" or not known.issuperset(table) or not isinstance(mesh, dict):
             return None
@@ -223,6 +238,7 @@ class _Settings:
             part_timeout=_plain_value(table, "part_timeout", TIME, DEFAULT_TIMEOUT),
             mesh=fine,
             simulation=_plain_tessellation(simulation, DEFAULT_SIMULATION.coarser(fine)),
+            emit=_plain_texts(table.get("emit", [])),
         )
 
 
@@ -265,7 +281,8 @@ def _workspace(settings: _Settings, root: str, span: Span | None, inputs: dict[s
         return None
     return Workspace(
         root=root, parts=parts, packages=settings.packages, build=os.path.normpath(os.path.join(root, settings.build)),
-        part_timeout=settings.part_timeout, mesh=settings.mesh, simulation=settings.simulation, origin=span, inputs=inputs,
+        part_timeout=settings.part_timeout, mesh=settings.mesh, simulation=settings.simulation, emit=settings.emit, origin=span,
+        inputs=inputs,
     )
 
 
@@ -345,6 +362,7 @@ def _from_spec(spec: Any, document: Document, report: Report) -> _Settings:
         part_timeout=value(spec.part_timeout, ("part_timeout",), DEFAULT_TIMEOUT),
         mesh=mesh,
         simulation=tessellation(spec.mesh.simulation if spec.mesh else None, ("mesh", "simulation"), DEFAULT_SIMULATION.coarser(mesh)),
+        emit=tuple(spec.emit),
     )
 
 

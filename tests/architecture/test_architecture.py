@@ -99,7 +99,7 @@ SATELLITES: dict[str, dict[str, set[str]]] = {
         "robot": {"in_link", "placed_bodies"},
         "robot.types": ANY,
         "statics": {"lifted", "stance", "static_efforts"},
-        "emit": {"targets", "versions"},
+        "emit": {"chosen", "unknown", "versions"},
         "emit.artifact": ANY,
         "modes": {"Modes"},
         "render": {"NoGraphics", "extent", "ready", "small_picture"},

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 from thingc.cli import common
 from thingc.diagnostics import Diagnostic, shown_path
 from thingc.environment import Options
-from thingc.typos import did_you_mean
 from thingc.variants.pictures import ALL, MANY, MOST
 
 if TYPE_CHECKING:
@@ -116,15 +115,12 @@ def _again(arguments: argparse.Namespace) -> str:
 
 
 def _targets(words: Sequence[str]) -> tuple[str, ...]:
-    """The targets chosen, in the order in which a build writes them. Raises `WrongCommandLine`."""
-    from thingc.emit import targets
+    """The targets chosen, none where none is named. Raises `WrongCommandLine`."""
+    from thingc.emit import chosen, unknown
 
-    known = targets()
-    wanted = [part for word in words for part in word.split(",") if part]
-    for word in wanted:
-        if word not in known:
-            raise common.WrongCommandLine(f"there is no target `{word}`", did_you_mean(word, known, what="targets"))
-    return tuple(target for target in known if target in wanted)
+    for _, message, hint in unknown(words):
+        raise common.WrongCommandLine(message, hint)
+    return chosen(words) if words else ()
 
 
 def _build(

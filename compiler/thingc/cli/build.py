@@ -14,12 +14,12 @@ from typing import Any
 from thingc import pipeline, stamp
 from thingc.cli import common
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, Stage, shown_path
-from thingc.emit import ON_REQUEST, targets
+from thingc.emit import chosen, unknown
 from thingc.emit.artifact import Content, Loss
 from thingc.environment import Environment, Options, attempted, store_of
 from thingc.output import OutputError, build_folder, unswept, verify, write_build
 from thingc.pipeline import Compilation, UnknownChoice
-from thingc.typos import did_you_mean
+from thingc.workspace import Workspace
 
 EPILOG = """\
 Everything appears at once in build/NAME/ (or DIR/NAME/), or nothing does. Targets: mjcf (MuJoCo models and scenes, one per
@@ -39,7 +39,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", metavar="DIR", help="write DIR/NAME/ (default: the workspace's build folder)")
     parser.add_argument("--mode", metavar="M", action="append", default=[], help="only this mode (may be repeated; default: all)")
     parser.add_argument(
-        "--emit", metavar="T", action="append", default=[], help="only this target (may be repeated; default: all but glb and urdf)"
+        "--emit", metavar="T", action="append", default=[],
+        help="only this target, or `all` (may be repeated; default: those of the workspace, else all but glb and urdf)",
     )
     parser.add_argument(
         "--force", action="store_true", help="give up files in the build folder that no build wrote, or that were changed since"
@@ -57,9 +58,11 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         common.require_document(arguments.document)
         options = common.options_of(arguments)
-        targets = _targets(arguments.emit)
-        options = replace(options, ahead=pipeline.modules_of_build(targets))
-        found, answer = _build(arguments, options, targets)
+        targets, found = _targets(arguments)
+        answer = None
+        if not found:
+            options = replace(options, ahead=pipeline.modules_of_build(targets))
+            found, answer = _build(arguments, options, targets)
     except (UnknownChoice, OutputError) as fault:
         code = fault.code if isinstance(fault, OutputError) else Code.COMMAND_LINE
         found = [Diagnostic(code=code, severity=Severity.ERROR, message=fault.message, help=fault.hint)]
@@ -76,14 +79,20 @@ def run(arguments: argparse.Namespace) -> int:
     return common.exit_code(found)
 
 
-def _targets(words: Sequence[str]) -> tuple[str, ...]:
-    """The targets chosen, in the order in which a build writes them. Raises `UnknownChoice`."""
-    known = targets()
-    wanted = [part for word in words for part in word.split(",") if part]
-    for word in wanted:
-        if word not in known:
-            raise UnknownChoice(f"there is no target `{word}`", did_you_mean(word, known, what="targets"))
-    return tuple(target for target in known if (target in wanted if wanted else target not in ON_REQUEST))
+def _targets(arguments: argparse.Namespace) -> tuple[tuple[str, ...], list[Diagnostic]]:
+    """The targets that the command line names, else the workspace, else those that are written unasked; and what is wrong with the
+    workspace's. Raises `UnknownChoice` for those of the command line."""
+    for _, message, hint in unknown(arguments.emit):
+        raise UnknownChoice(message, hint)
+    if arguments.emit:
+        return chosen(arguments.emit), []
+    workspace = Workspace.find(arguments.document, Report())
+    if workspace is None:  # what is wrong with it is said by who reads the document
+        return chosen(()), []
+    return chosen(workspace.emit), [
+        Diagnostic(code=Code.UNKNOWN_CHOICE, severity=Severity.ERROR, message=message, help=hint, span=workspace.span(("emit", index)))
+        for index, message, hint in unknown(workspace.emit)
+    ]
 
 
 def _build(

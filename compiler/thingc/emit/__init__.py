@@ -9,9 +9,12 @@ import contextlib
 import os
 import re
 import sys
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
+
+from thingc.shown import shortened
+from thingc.typos import did_you_mean
 
 if TYPE_CHECKING:
     from thingc.emit.artifact import Artifacts
@@ -20,7 +23,9 @@ if TYPE_CHECKING:
 
     Emitter = Callable[[EmitRequest], Artifacts]
 
-__all__ = ["EMITTERS", "WRITES", "emitter", "module_of", "modules_of", "targets", "unstated", "versions", "written"]
+__all__ = [
+    "EMITTERS", "WRITES", "chosen", "emitter", "module_of", "modules_of", "targets", "unknown", "unstated", "versions", "written",
+]
 
 GROUP = "thingc.emitters"
 
@@ -39,6 +44,9 @@ in the MJCF models, so the two go together."""
 
 ON_REQUEST = frozenset({"glb", "urdf"})
 """Those of our own that a build writes only where they are named: not everybody wants them, and they cost time."""
+
+ALL = "all"
+"""The word for every target."""
 
 WRITES = (
     "mjcf/*.xml", "mjcf/*.mjz", "mjcf/assets/*.obj", "mjcf/assets/*.stl", "stl/*.stl", "step/*.step", "glb/*.glb", "urdf/*.urdf",
@@ -94,6 +102,20 @@ def _fitting(patterns: Iterable[str]) -> re.Pattern[str]:
 def targets() -> tuple[str, ...]:
     """Every target there is: ours first, then those of installed packages by name."""
     return (*EMITTERS, *sorted(name for name in _installed() if name not in EMITTERS))
+
+
+def unknown(words: Sequence[str]) -> tuple[tuple[int, str, str], ...]:
+    """What names no target, in a message and a hint, with the index of the word that does."""
+    known = [*targets(), ALL]
+    wrong = [(index, word) for index, text in enumerate(words) for word in text.split(",") if word not in ("", *known)]
+    return tuple((index, f"there is no target `{shortened(word)}`", did_you_mean(word, known, what="targets")) for index, word in wrong)
+
+
+def chosen(words: Sequence[str]) -> tuple[str, ...]:
+    """The targets that words name (`mjcf`, `mjcf,urdf`, `all`), in the order in which a build writes them; of no words those that are
+    written unasked."""
+    wanted = {word for text in words for word in text.split(",")}
+    return tuple(target for target in targets() if (wanted & {target, ALL} if words else target not in ON_REQUEST))
 
 
 def modules_of(wanted: Collection[str]) -> tuple[str, ...]:

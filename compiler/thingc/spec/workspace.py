@@ -41,6 +41,8 @@ class WorkspaceSpec(Model):
     """Installed packages that may be, too."""
     build: str = Field(default="build", examples=["build"])
     """The folder that builds go to."""
+    emit: list[str] = Field(default=[], examples=[["mjcf", "step", "urdf"], ["all"]])
+    """What `thingc build` writes unless `--emit` says so; unless written, all that is not only written where it is named."""
     part_timeout: TimeField | None = None
     """Longest time for one part; 120 s unless written."""
     mesh: MeshSpec | None = Field(default=None, examples=[{"linear": "0.1 mm", "angular": "10 deg"}])

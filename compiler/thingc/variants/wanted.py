@@ -17,16 +17,11 @@ from thingc.variants.rules import Rule
 
 def targets_of(document: Document, spec: VariantsSpec, report: Report) -> tuple[str, ...]:
     """The targets that are written, in the order of a build."""
-    from thingc.emit import targets
+    from thingc.emit import chosen, unknown
 
-    known = targets()
-    for index, word in enumerate(spec.emit):
-        if word not in known:
-            report.add(
-                Code.VARIANT_TARGET, f"there is no target `{shortened(word)}`", document.span(("emit", index)),
-                help=did_you_mean(word, known, what="targets"), path=f"emit[{index}]",
-            )
-    return tuple(target for target in known if target in spec.emit)
+    for index, message, hint in unknown(spec.emit):
+        report.add(Code.VARIANT_TARGET, message, document.span(("emit", index)), help=hint, path=f"emit[{index}]")
+    return chosen(spec.emit) if spec.emit else ()
 
 
 def check_names(document: Document, spec: VariantsSpec, model: AssemblyDefinition, report: Report) -> None:

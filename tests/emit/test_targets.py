@@ -1,0 +1,51 @@
+"""Which targets a build writes: those of the command line, else of the workspace, else those that are written unasked."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from thingc.cli.main import main
+from thingc.emit import EMITTERS, ON_REQUEST, chosen, unknown
+
+ROBOT = """\
+thingc: assembly/1
+name: r
+components:
+  base: {frame: true, mass: 1 kg, inertia: {ixx: 1 kg*mm^2, iyy: 1 kg*mm^2, izz: 1 kg*mm^2}}
+modes: {m: {root: base, base: fixed}}
+"""
+
+
+def test_words_name_targets_in_the_order_of_a_build() -> None:
+    assert chosen(["urdf,mjcf", "bom"]) == ("mjcf", "urdf", "bom")
+    assert chosen(["all"]) == chosen(["bom", "all"]) and {*chosen(["all"])} >= {*EMITTERS}
+    assert {*chosen([])} == {*chosen(["all"])} - ON_REQUEST
+
+
+def test_every_word_that_is_none_is_told_with_its_place() -> None:
+    wrong = unknown(["mjcf", "stl,mjfc", "al"])
+    assert [(index, message) for index, message, _ in wrong] == [(1, "there is no target `mjfc`"), (2, "there is no target `al`")]
+    assert ["`mjcf`" in wrong[0][2], "`all`" in wrong[1][2]] == [True, True]
+
+
+@pytest.mark.parametrize(("line", "words", "expected"), [
+    ("", [], {"mjcf", "bom"}), ('emit = ["urdf"]', [], {"urdf"}), ('emit = ["urdf"]', ["--emit", "bom"], {"bom"}),
+    ('emit = ["bom", "urdf"]', [], {"bom", "urdf"}), ('emit = ["all"]', [], {"mjcf", "urdf", "bom"}),
+])
+def test_the_command_line_counts_before_the_workspace(
+    tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str], line: str, words: list[str], expected: set[str],
+) -> None:
+    (tmp_path / "thingc.toml").write_text(f'thingc = "workspace/1"\n{line}\n')
+    (tmp_path / "r.yaml").write_text(ROBOT)
+    command = ["build", str(tmp_path / "r.yaml"), "--store", shared_store, *words]
+    assert main(command) == 0
+    files = json.loads((tmp_path / "build" / "r" / "manifest.json").read_text())["files"]
+    assert expected == {path.partition("/")[0].partition(".")[0] for path in files} & {"mjcf", "urdf", "bom"}
+    assert main(command) == 0 and "nothing changed" in capsys.readouterr().err
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\nemit = ["hag"]\n')
+    assert main(command) == 0
+    now = json.loads((tmp_path / "build" / "r" / "manifest.json").read_text())["files"]
+    assert (now == files) == bool(words)
