@@ -34,20 +34,21 @@ def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Op
     disk = _Disk()
     texts: dict[str, bytes] = {}
     mended: list[TextEdit] = []
-    found: list[Diagnostic] = []
-    for document in common.present(documents, found):
+    diagnostics: list[Diagnostic] = []
+    for document in common.present(documents, diagnostics):
         done, texts, left = _autofix(document, replace(options, lock=True), texts, disk, report_of, strict=arguments.strict)
         mended += done
-        found.extend(d for d in left if d not in found)
+        diagnostics.extend(d for d in left if d not in diagnostics)
     if not arguments.diff:
         refused = disk.write(texts)
         if refused is not None:
             return _say(arguments, [refused], [])
     elif arguments.format == "text":
         _print_diff(texts, disk)
-        common.say(f"{common.counted(len(mended), 'place')} would be mended, {common.counted(len(found), 'diagnostic')} would be left")
-        return common.exit_code(found)
-    return _say(arguments, found, mended)
+        places = common.counted(len(mended), "place")
+        common.say(f"{places} would be mended, {common.counted(len(diagnostics), 'diagnostic')} would be left")
+        return common.exit_code(diagnostics)
+    return _say(arguments, diagnostics, mended)
 
 
 def _autofix(

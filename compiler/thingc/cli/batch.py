@@ -179,11 +179,11 @@ def _page(arguments: argparse.Namespace, options: Options) -> int:
         on_picture=_draw if arguments.format == "text" else None,
     )
     common.say_in_place()
-    found = [warning] if warning is not None else []
+    diagnostics = [warning] if warning is not None else []
     if arguments.format == "json":
-        common.print_json(found, page=shown_path(path))
+        common.print_json(diagnostics, page=shown_path(path))
     else:
-        common.print_text(found, stream=sys.stderr, debug=False)
+        common.print_text(diagnostics, stream=sys.stderr, debug=False)
         common.say(shown_path(path), stream=sys.stderr)
     return 0
 
@@ -259,18 +259,19 @@ def _forecast(arguments: argparse.Namespace, options: Options, targets: tuple[st
     planned = plan(arguments.document, options=options)
     if targets:
         planned = replace(planned, emit=targets)
-    found = forecast(planned, options, arguments.limit)
+    foreseen = forecast(planned, options, arguments.limit)
     if arguments.format == "json":
         common.print_json(
-            planned.notes, count=found.count, of=planned.count, duplicates=planned.written - planned.count,
-            axes=[{"name": axis.key, "values": len(axis.values) or None} for axis in planned.axes], failing=found.failing,
-            looked_at=found.looked_at, unsound=found.unsound, parts=found.parts, modelled=found.parts - found.known, reused=found.known,
+            planned.notes, count=foreseen.count, of=planned.count, duplicates=planned.written - planned.count,
+            axes=[{"name": axis.key, "values": len(axis.values) or None} for axis in planned.axes], failing=foreseen.failing,
+            looked_at=foreseen.looked_at, unsound=foreseen.unsound, parts=foreseen.parts, modelled=foreseen.parts - foreseen.known,
+            reused=foreseen.known,
             first=[{"index": one.index, "id": one.id, "name": one.name, "parameters": one.parameters, "choices": one.choices}
-                   for one in found.first],
+                   for one in foreseen.first],
         )
         return 0
     common.print_text(list(planned.notes), stream=sys.stderr, debug=False)
-    common.say(*_told(planned, found))
+    common.say(*_told(planned, foreseen))
     return 0
 
 
@@ -281,13 +282,13 @@ def _adopt(arguments: argparse.Namespace, options: Options) -> int:
     from thingc.variants.reading import plan
 
     planned = plan(arguments.document, options=options)
-    found = meant(planned, arguments.adopt, planned.folder_in(arguments.output))
-    if found is None:
+    adopted = meant(planned, arguments.adopt, planned.folder_in(arguments.output))
+    if adopted is None:
         raise common.WrongCommandLine(
             f"`{planned.name}` has no variant `{arguments.adopt}`",
             "the identifiers stand in results.csv, and `--dry-run` says the first of them",
         )
-    variant, rule = found
+    variant, rule = adopted
     if rule is not None:
         common.say(f"{variant.name} does not keep the rule `{rule}`", stream=sys.stderr)
     settings = {**variant.parameters, **variant.choices}

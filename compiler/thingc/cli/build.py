@@ -58,25 +58,25 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         common.require_document(arguments.document)
         options = common.options_of(arguments)
-        targets, found = _targets(arguments)
+        targets, diagnostics = _targets(arguments)
         answer = None
-        if not found:
+        if not diagnostics:
             options = replace(options, ahead=pipeline.modules_of_build(targets))
-            found, answer = _build(arguments, options, targets)
+            diagnostics, answer = _build(arguments, options, targets)
     except (UnknownChoice, OutputError) as fault:
         code = fault.code if isinstance(fault, OutputError) else Code.COMMAND_LINE
-        found = [Diagnostic(code=code, severity=Severity.ERROR, message=fault.message, help=fault.hint)]
+        diagnostics = [Diagnostic(code=code, severity=Severity.ERROR, message=fault.message, help=fault.hint)]
         answer = None
     except common.WrongCommandLine as fault:
-        found, answer = [fault.diagnostic], None
+        diagnostics, answer = [fault.diagnostic], None
     more: dict[str, list[str]] = {"artifacts": [], "modelled": [], "reused": []}
     if answer is not None:
         artifacts = [shown_path(os.path.join(answer["folder"], path)) for path in answer["artifacts"]]
         more = {"artifacts": artifacts, "modelled": answer["modelled"], "reused": answer["reused"]}
-    common.print_found(found, arguments.format, stream=sys.stderr, debug=arguments.debug, **more)
+    common.print_found(diagnostics, arguments.format, stream=sys.stderr, debug=arguments.debug, **more)
     if answer is not None and arguments.format != "json":
         _tell(answer, arguments.document)
-    return common.exit_code(found)
+    return common.exit_code(diagnostics)
 
 
 def _targets(arguments: argparse.Namespace) -> tuple[tuple[str, ...], list[Diagnostic]]:
@@ -120,9 +120,9 @@ def _built(
     """Build, write, and remember it under `key`."""
     compilation = pipeline.compile(environment, arguments.mode)
     report = compilation.report
-    found = common.final(report, strict=arguments.strict)
-    if common.exit_code(found):
-        return found, None
+    diagnostics = common.final(report, strict=arguments.strict)
+    if common.exit_code(diagnostics):
+        return diagnostics, None
     twice = pipeline.model_again(environment, compilation) if arguments.twice else 0
     if report.failed:
         return common.final(report, strict=arguments.strict), None
@@ -132,15 +132,15 @@ def _built(
         _deny(losses, report)
     if not arguments.mode:
         pipeline.say_unneeded(compilation, [Stage.CHECK, Stage.BUILD] if "mjcf" in targets else [Stage.CHECK])
-    found = common.final(report, strict=arguments.strict)
-    if common.exit_code(found):
-        return found, None
+    diagnostics = common.final(report, strict=arguments.strict)
+    if common.exit_code(diagnostics):
+        return diagnostics, None
     answer = {
         **_written(arguments, environment, compilation, pipeline.files(environment, compilation, artifacts)),
         "modelled": compilation.modelled, "reused": compilation.reused, "losses": dict(Counter(loss.target for loss in losses)),
     }
-    stamp.save(environment.store, key, pipeline.inputs(environment, compilation), found, answer)
-    return found, {**answer, "twice": twice}
+    stamp.save(environment.store, key, pipeline.inputs(environment, compilation), diagnostics, answer)
+    return diagnostics, {**answer, "twice": twice}
 
 
 def _stands(answer: Mapping[str, Any]) -> bool:

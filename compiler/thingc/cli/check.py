@@ -52,7 +52,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Exit code 0 when nothing is wrong with any of the documents."""
-    found: list[Diagnostic] = []
+    diagnostics: list[Diagnostic] = []
     good: list[str] = []
     try:
         options = common.options_of(arguments)
@@ -69,19 +69,19 @@ def run(arguments: argparse.Namespace) -> int:
         return run_fix(arguments, documents, options, report_of)
     if arguments.no_code:
         return _answer(arguments, *_untrusted(arguments, documents, options), of=len(documents) if folders else None)
-    for document in common.present(documents, found):
+    for document in common.present(documents, diagnostics):
         said = check(document, options, strict=arguments.strict)
-        found.extend(d for d in said if d not in found)
+        diagnostics.extend(d for d in said if d not in diagnostics)
         if not said:
             good.append(document)
-    return _answer(arguments, found, good, of=len(documents) if folders else None)
+    return _answer(arguments, diagnostics, good, of=len(documents) if folders else None)
 
 
 def _untrusted(arguments: argparse.Namespace, documents: Sequence[str], options: Options) -> tuple[list[Diagnostic], list[str]]:
     """The findings, and the documents without any, of documents that nobody trusts: each is looked at in a process of its own."""
     from thingc.cli.confined import confined
 
-    found: list[Diagnostic] = []
+    diagnostics: list[Diagnostic] = []
     good: list[str] = []
     try:
         if "" in sys.path or os.getcwd() in sys.path and not sys.flags.safe_path:
@@ -96,13 +96,13 @@ def _untrusted(arguments: argparse.Namespace, documents: Sequence[str], options:
         if isinstance(names, Diagnostic):
             return [names], []
         documents = names
-    for document in common.present(documents, found):
+    for document in common.present(documents, diagnostics):
         answer = confined(partial(_packed, document, options, arguments.strict), seconds)
         said = [replace(answer, path=document)] if isinstance(answer, Diagnostic) else [stamp.unpacked(one) for one in answer]
-        found.extend(d for d in said if d not in found)
+        diagnostics.extend(d for d in said if d not in diagnostics)
         if all(d.severity is Severity.NOTE for d in said):
             good.append(document)
-    return found, good
+    return diagnostics, good
 
 
 def _concerned_without_code(files: Sequence[str]) -> list[str]:
@@ -152,10 +152,10 @@ def check(document: str, options: Options, *, strict: bool = False) -> list[Diag
     def work(environment: Environment) -> list[Diagnostic]:
         compilation = pipeline.check(environment)
         report = report_of(environment, compilation)
-        found = common.final(report, strict=strict)
+        diagnostics = common.final(report, strict=strict)
         if not report.failed and report is compilation.report:
-            stamp.save(store, key, pipeline.inputs(environment, compilation), found, {})
-        return found
+            stamp.save(store, key, pipeline.inputs(environment, compilation), diagnostics, {})
+        return diagnostics
 
     return attempted(document, replace(options, lock=True), work)
 

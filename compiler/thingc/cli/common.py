@@ -84,7 +84,7 @@ def positive(text: str) -> int:
 
 def parameters(words: Sequence[str]) -> Mapping[str, str]:
     """`NAME=VALUE` words to a mapping. Raises `WrongCommandLine`."""
-    found: dict[str, str] = {}
+    values: dict[str, str] = {}
     for word in words:
         name, equals, value = word.partition("=")
         name, value = name.strip(), value.strip()
@@ -94,23 +94,23 @@ def parameters(words: Sequence[str]) -> Mapping[str, str]:
                 f"expected -p NAME=VALUE, found `{word}`",
                 f"a value is set by its path with --set '{name}={value}'" if by_path else "write for example -p 'reach=120 mm'",
             )
-        if name in found:
+        if name in values:
             raise WrongCommandLine(f"-p sets `{name}` twice", "keep one of them")
-        found[name] = value
-    return found
+        values[name] = value
+    return values
 
 
 def choices(words: Sequence[str]) -> Mapping[str, str]:
     """`PATH=TEXT` words to a mapping. Raises `WrongCommandLine`."""
-    found: dict[str, str] = {}
+    texts: dict[str, str] = {}
     for word in words:
         path, equals, text = (piece.strip() for piece in word.partition("="))
         if not equals or not path or not text:
             raise WrongCommandLine(f"expected --set PATH=TEXT, found `{word}`", "write for example --set components.foot.part=feet:Wide")
-        if path in found:
+        if path in texts:
             raise WrongCommandLine(f"--set chooses `{path}` twice", "keep one of them")
-        found[path] = text
-    return found
+        texts[path] = text
+    return texts
 
 
 def time_of(option: str, text: str) -> float:
@@ -170,7 +170,7 @@ def expanded(words: Iterable[str]) -> list[str]:
     folder that has none."""
     from thingc.load import documents_in
 
-    found: dict[str, str] = {}
+    paths: dict[str, str] = {}
     for word in words:
         inside = [word]
         if os.path.isdir(word):
@@ -180,8 +180,8 @@ def expanded(words: Iterable[str]) -> list[str]:
                     f"there is no document below `{word}`", "a document begins with `thingc: assembly/1` or another kind", Code.NO_DOCUMENT,
                 )
         for path in inside:
-            found.setdefault(os.path.realpath(path), path)
-    return list(found.values())
+            paths.setdefault(os.path.realpath(path), path)
+    return list(paths.values())
 
 
 def present(documents: Iterable[str], found: list[Diagnostic]) -> Iterator[str]:

@@ -123,8 +123,8 @@ def _in_child(work: Callable[[], Any], seconds: float, memory: int, writing: int
         sys.dont_write_bytecode = True
         _bound(seconds, memory)
         sys.addaudithook(_refuse)
-        found = _done(work)
-        data = json.dumps(["failed", packed(found)] if isinstance(found, Diagnostic) else ["done", found]).encode()
+        answer = _done(work)
+        data = json.dumps(["failed", packed(answer)] if isinstance(answer, Diagnostic) else ["done", answer]).encode()
         view = memoryview(data)
         while view:
             view = view[os.write(writing, view):]

@@ -31,8 +31,8 @@ def run(arguments: argparse.Namespace) -> int:
         return 0
     code = find(arguments.code)
     if code is None:
-        found = [common.WrongCommandLine(f"there is no code `{arguments.code}`", _hint(near(arguments.code))).diagnostic]
-        common.print_found(found, arguments.format, stream=sys.stderr, debug=False)
+        diagnostics = [common.WrongCommandLine(f"there is no code `{arguments.code}`", _hint(near(arguments.code))).diagnostic]
+        common.print_found(diagnostics, arguments.format, stream=sys.stderr, debug=False)
         return common.USAGE
     if arguments.format == "json":
         common.print_data(explained(code))

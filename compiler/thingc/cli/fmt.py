@@ -70,15 +70,15 @@ def _documents(arguments: argparse.Namespace) -> Iterator[str]:
     for word in arguments.document:
         if os.path.isdir(word) and not arguments.touched:
             own = os.path.join(word, OWN_FILE)
-            found = [*([own] if os.path.isfile(own) else []), *(shown_path(path) for path in documents_in(word))]
+            paths = [*([own] if os.path.isfile(own) else []), *(shown_path(path) for path in documents_in(word))]
         elif arguments.touched:
-            found = [word] if is_document(word) or os.path.basename(word) == OWN_FILE and os.path.isfile(word) else []
+            paths = [word] if is_document(word) or os.path.basename(word) == OWN_FILE and os.path.isfile(word) else []
         else:
             if word == STANDARD_INPUT:
                 raise common.WrongCommandLine("`-` stands alone", "name documents, or only `-` for standard input")
             common.require_document(word)
-            found = [word]
-        for path in found:
+            paths = [word]
+        for path in paths:
             if os.path.realpath(path) not in seen:
                 seen.add(os.path.realpath(path))
                 yield path

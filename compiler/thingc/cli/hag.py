@@ -37,9 +37,9 @@ def run(arguments: argparse.Namespace) -> int:
         common.print_text([fault.diagnostic], stream=sys.stderr, debug=False)
         return common.USAGE
     compilation = attempted(arguments.document, options, compile)
-    found = common.final(compilation.report, strict=arguments.strict)
-    common.print_text(found, stream=sys.stderr, debug=arguments.debug)
-    code = common.exit_code(found)
+    diagnostics = common.final(compilation.report, strict=arguments.strict)
+    common.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
+    code = common.exit_code(diagnostics)
     if code == 0 and compilation.assembly is not None:
         from thingc.emit.hag import target as hag
 

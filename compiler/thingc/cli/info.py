@@ -44,13 +44,13 @@ def run(arguments: argparse.Namespace) -> int:
         common.print_found([fault.diagnostic], arguments.format, stream=sys.stderr, debug=False)
         return common.USAGE
     compilation = attempted(arguments.document, options, compile)
-    found = common.final(compilation.report, strict=arguments.strict)
-    code = common.exit_code(found)
+    diagnostics = common.final(compilation.report, strict=arguments.strict)
+    code = common.exit_code(diagnostics)
     assembly = compilation.assembly if code == 0 else None
     if arguments.format == "json":
-        common.print_json(found, **(as_data(assembly, compilation.robots) if assembly is not None else {}))
+        common.print_json(diagnostics, **(as_data(assembly, compilation.robots) if assembly is not None else {}))
         return code
-    common.print_text(found, stream=sys.stderr, debug=arguments.debug)
+    common.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
     if assembly is not None:
         common.say(*as_text(assembly, compilation.robots))
         if arguments.mates:

@@ -50,13 +50,13 @@ def run(arguments: argparse.Namespace) -> int:
         if not os.path.isdir(arguments.folder):
             raise common.WrongCommandLine(f"`{arguments.folder}` is no folder", "name the folder of a workspace")
         written = _lock(arguments.folder, options, report, check=arguments.check)
-        found = report.ordered()
+        diagnostics = report.ordered()
     except common.WrongCommandLine as fault:
-        found = [fault.diagnostic]
-    common.print_found(found, arguments.format, stream=sys.stdout if arguments.check else sys.stderr, debug=arguments.debug)
+        diagnostics = [fault.diagnostic]
+    common.print_found(diagnostics, arguments.format, stream=sys.stdout if arguments.check else sys.stderr, debug=arguments.debug)
     if written is not None and arguments.format == "text":
         common.say(written)
-    return common.exit_code(found)
+    return common.exit_code(diagnostics)
 
 
 def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str | None:
@@ -118,8 +118,8 @@ def _used(
             if model is not None:
                 used = {definition.text: definition for definition in part_definitions(model)}
                 definitions = {**used, **definitions}
-                for text, found in slicings_of(model, geometry.realize(list(used.values()))).items():
-                    slicings.setdefault(text, set()).update(found)
+                for text, ways in slicings_of(model, geometry.realize(list(used.values()))).items():
+                    slicings.setdefault(text, set()).update(ways)
         if environment.report.failed or own.failed:
             report.warn(
                 Code.LOCK_DOCUMENT, f"`{shown_path(document)}` has errors: what it uses may be missing from `{LOCK_FILE}`",

@@ -157,12 +157,12 @@ def _refuse(fault: WrongUsage, words: Sequence[str]) -> int:
     """Say what is wrong with the command line."""
     from thingc.cli import common
 
-    found = [common.WrongCommandLine(str(fault), fault.hint).diagnostic]
+    diagnostics = [common.WrongCommandLine(str(fault), fault.hint).diagnostic]
     asked = [after for word, after in zip(words, words[1:]) if word == "--format"]
     asked += [word.removeprefix("--format=") for word in words if word.startswith("--format=")]
     # Who asks for a form that the command has not, is told so in text.
     form = _form(asked[-1]) if asked and not str(fault).startswith("--format") else "text"
-    common.print_found(found, form, stream=sys.stderr, debug=False)
+    common.print_found(diagnostics, form, stream=sys.stderr, debug=False)
     return common.USAGE
 
 

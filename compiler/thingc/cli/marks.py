@@ -32,11 +32,11 @@ def mounts_of(robot: Robot, wanted: Sequence[str]) -> Iterator[Mark]:
     assembly = robot.assembly
     for name in wanted:
         path = name.replace(".", "/")
-        found = [one for one in assembly.occurrences if one.path == path or one.path.startswith(f"{path}/")]
-        if not found:
+        occurrences = [one for one in assembly.occurrences if one.path == path or one.path.startswith(f"{path}/")]
+        if not occurrences:
             known = {one.path[:end] for one in assembly.occurrences for end in _ends(one.path)}
             raise UnknownChoice(f"there is no component `{name}`", did_you_mean(path, known, what="components"))
-        for one in found:
+        for one in occurrences:
             yield from (_mount(assembly, one.index, mount) for mount in one.mounts)
 
 

@@ -55,19 +55,19 @@ def run(arguments: argparse.Namespace) -> int:
         if workspace is not None:
             with geometry_of(workspace, options) as geometry:
                 listed = _listed(geometry, arguments.part, report)
-        found = report.ordered()
+        diagnostics = report.ordered()
     except common.WrongCommandLine as fault:
-        found = [fault.diagnostic]
+        diagnostics = [fault.diagnostic]
     if arguments.format == "json":
-        common.print_json(found, parts=[_as_data(schema, record) for schema, record in listed])
+        common.print_json(diagnostics, parts=[_as_data(schema, record) for schema, record in listed])
     else:
-        common.print_text(found, stream=sys.stderr, debug=arguments.debug)
+        common.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
         if listed:
             whole = bool(arguments.part)
             common.say(*[line for schema, record in listed for line in ("", *_as_text(schema, record, whole=whole))][1:])
-        elif not found:
+        elif not diagnostics:
             common.say("no parts in reach; they are looked for in the `parts` folders of the workspace", stream=sys.stderr)
-    return common.exit_code(found)
+    return common.exit_code(diagnostics)
 
 
 def _listed(
@@ -104,7 +104,7 @@ def _named(geometry: GeometryService, words: list[str]) -> list[str]:
     installed = installed_modules(geometry.part_code.sources, geometry.workspace.packages)
     for module in {word.partition(":")[0] for word in words} & installed.keys():
         references += classes_installed(module, installed[module])
-    found: dict[str, None] = {}
+    chosen: dict[str, None] = {}
     for word in words:
         named = [one for one in references if word in (one, one.partition(":")[0]) or one.startswith(f"{word}.")]
         if not named and ":" in word and not isinstance(geometry.part_code.code(word), PartFailure):
@@ -118,8 +118,8 @@ def _named(geometry: GeometryService, words: list[str]) -> list[str]:
         if not named:
             known = {*references, *(one.partition(":")[0] for one in references), *installed}
             raise common.WrongCommandLine(f"there is no part `{word}` in reach", did_you_mean(word, known, what="parts"))
-        found.update(dict.fromkeys(named))
-    return sorted(found)
+        chosen.update(dict.fromkeys(named))
+    return sorted(chosen)
 
 
 def _failed(reference: str, failure: PartFailure) -> Diagnostic:

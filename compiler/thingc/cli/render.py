@@ -69,15 +69,15 @@ def run(arguments: argparse.Namespace) -> int:
         common.require_document(arguments.document)
         options = common.options_of(arguments)
         _check_output(arguments.output)
-        found = attempted(arguments.document, options, partial(_render, arguments))
+        diagnostics = attempted(arguments.document, options, partial(_render, arguments))
     except common.WrongCommandLine as fault:
-        found = [fault.diagnostic]
+        diagnostics = [fault.diagnostic]
     except UnknownChoice as fault:
-        found = [Diagnostic(code=Code.COMMAND_LINE, severity=Severity.ERROR, message=fault.message, help=fault.hint)]
+        diagnostics = [Diagnostic(code=Code.COMMAND_LINE, severity=Severity.ERROR, message=fault.message, help=fault.hint)]
     except NoGraphics as fault:
-        found = [Diagnostic(code=Code.NO_GRAPHICS, severity=Severity.ERROR, message=fault.message, help=fault.hint)]
-    common.print_text(found, stream=sys.stderr, debug=arguments.debug)
-    return common.exit_code(found)
+        diagnostics = [Diagnostic(code=Code.NO_GRAPHICS, severity=Severity.ERROR, message=fault.message, help=fault.hint)]
+    common.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
+    return common.exit_code(diagnostics)
 
 
 def _check_output(path: str | None) -> None:
@@ -94,17 +94,17 @@ def _check_output(path: str | None) -> None:
 def _render(arguments: argparse.Namespace, environment: Environment) -> list[Diagnostic]:
     """What there is to say; the picture is written where that is no error. Raises `UnknownChoice` and `NoGraphics`."""
     compilation = pipeline.compile(environment, [arguments.mode] if arguments.mode is not None else [])
-    found = common.final(compilation.report, strict=arguments.strict)
-    if common.exit_code(found):
-        return found
+    diagnostics = common.final(compilation.report, strict=arguments.strict)
+    if common.exit_code(diagnostics):
+        return diagnostics
     robot = compilation.robots[0]
     pose = _pose(robot, arguments.pose, environment.document)
     marks = _marks(robot, arguments, next((frame.q for frame in robot.keyframes if frame.name == pose), {}))
     ready()
     artifacts = pipeline.build(environment, replace(compilation, robots=(robot,)), ["mjcf"])["mjcf"]
-    found = common.final(compilation.report, strict=arguments.strict)
-    if common.exit_code(found):
-        return found
+    diagnostics = common.final(compilation.report, strict=arguments.strict)
+    if common.exit_code(diagnostics):
+        return diagnostics
     read = {
         path: content if isinstance(content, bytes) else environment.store.read(content.sha256)
         for path, content in artifacts.files.items()
@@ -123,7 +123,7 @@ def _render(arguments: argparse.Namespace, environment: Environment) -> list[Dia
     _write(path, png)
     posed = f", pose {pose}" if pose is not None else ""
     common.say(f"{shown_path(os.path.abspath(path))}: mode {robot.mode.name}{posed}", stream=sys.stderr)
-    return found
+    return diagnostics
 
 
 def _marks(robot: Robot, arguments: argparse.Namespace, q: Mapping[str, float]) -> list[Mark]:
@@ -132,11 +132,11 @@ def _marks(robot: Robot, arguments: argparse.Namespace, q: Mapping[str, float]) 
         return []
     from thingc.cli import marks
 
-    found = [
+    drawn = [
         *(marks.root(robot) if arguments.root else ()), *(marks.joints(robot, q) if arguments.joints else ()),
         *(marks.mounts(robot) if arguments.mounts else ()), *marks.mounts_of(robot, arguments.mounts_of),
     ]
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys(drawn))
 
 
 def _pose(robot: Robot, wanted: str | None, document: str) -> str | None:
@@ -170,8 +170,8 @@ def _write(path: str, data: bytes) -> None:
 
 
 def _size(text: str) -> tuple[int, int]:
-    found = re.fullmatch(r"([0-9]{1,5})x([0-9]{1,5})", text)
-    width, height = (int(found[1]), int(found[2])) if found else (0, 0)
+    match = re.fullmatch(r"([0-9]{1,5})x([0-9]{1,5})", text)
+    width, height = (int(match[1]), int(match[2])) if match else (0, 0)
     if not (16 <= width <= LARGEST and 16 <= height <= LARGEST):
         raise argparse.ArgumentTypeError(f"expected WIDTHxHEIGHT from 16x16 to {LARGEST}x{LARGEST}, found `{text}`")
     return width, height

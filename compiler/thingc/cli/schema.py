@@ -55,9 +55,9 @@ def run(arguments: argparse.Namespace) -> int:
             _watch(workspace, only, arguments, options, report)
         else:
             _once(workspace, only, arguments, options, report)
-    found = report.ordered()
-    common.print_text(found, stream=sys.stderr, debug=arguments.debug)
-    return common.exit_code(found)
+    diagnostics = report.ordered()
+    common.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
+    return common.exit_code(diagnostics)
 
 
 def _workspaces(places: list[str], report: Report) -> list[tuple[Workspace, list[str] | None]]:
@@ -65,7 +65,7 @@ def _workspaces(places: list[str], report: Report) -> list[tuple[Workspace, list
     from thingc.editor.refresh import workspace_of
     from thingc.load import is_document
 
-    found: dict[str, tuple[Workspace, list[str] | None]] = {}
+    by_root: dict[str, tuple[Workspace, list[str] | None]] = {}
     for place in places:
         if not os.path.isdir(place):
             common.require_document(place)
@@ -77,10 +77,10 @@ def _workspaces(places: list[str], report: Report) -> list[tuple[Workspace, list
         workspace = workspace_of(place, report)
         if workspace is None:
             continue
-        _, only = found.get(workspace.root, (workspace, []))
+        _, only = by_root.get(workspace.root, (workspace, []))
         everything = os.path.isdir(place) or only is None
-        found[workspace.root] = (workspace, None if everything else [*(only or []), os.path.abspath(place)])
-    return list(found.values())
+        by_root[workspace.root] = (workspace, None if everything else [*(only or []), os.path.abspath(place)])
+    return list(by_root.values())
 
 
 def _once(

@@ -54,15 +54,15 @@ def run(arguments: argparse.Namespace) -> int:
 
 def settings(words: Sequence[str]) -> dict[str, str]:
     """`PATH=VALUE` words to a mapping. Raises `WrongCommandLine`."""
-    found: dict[str, str] = {}
+    values: dict[str, str] = {}
     for word in words:
         path, equals, value = (piece.strip() for piece in word.partition("="))
         if not equals or not path or not value:
             raise common.WrongCommandLine(f"expected PATH=VALUE, found `{word}`", "write for example 'joints.elbow.limit.upper=90 deg'")
-        if _named(path) in map(_named, found):
+        if _named(path) in map(_named, values):
             raise common.WrongCommandLine(f"`{path}` is set twice", "keep one of them")
-        found[path] = value
-    return found
+        values[path] = value
+    return values
 
 
 def write(document: str, given: Mapping[str, str], options: Options, arguments: argparse.Namespace, *, diff: bool = False) -> int:
@@ -73,9 +73,9 @@ def write(document: str, given: Mapping[str, str], options: Options, arguments: 
     parameters = {path: text for path, text in given.items() if "." not in path}
     choices = {path: text for path, text in given.items() if "." in path}
     strict = getattr(arguments, "strict", False)
-    root, found = _checked(document, replace(options, parameters=parameters, choices=choices), strict=strict)
-    if root is None or any(d.code in (Code.CHOICE_OPTION, Code.PARAMETER_OPTION) for d in found):
-        return _say(arguments, [_as_typed(one, typed) for one in found])
+    root, diagnostics = _checked(document, replace(options, parameters=parameters, choices=choices), strict=strict)
+    if root is None or any(d.code in (Code.CHOICE_OPTION, Code.PARAMETER_OPTION) for d in diagnostics):
+        return _say(arguments, [_as_typed(one, typed) for one in diagnostics])
     elsewhere = [fault for path in choices if (fault := _elsewhere(root, path)) is not None]
     if elsewhere:
         return _say(arguments, elsewhere)
@@ -87,17 +87,17 @@ def write(document: str, given: Mapping[str, str], options: Options, arguments: 
     with open(root.path, "rb") as stream:
         before = stream.read()
     after = (b"\xef\xbb\xbf" if before.startswith(b"\xef\xbb\xbf") else b"") + text.encode()
-    _, found = _checked(document, replace(options, texts={root.path: after}), strict=strict)
-    if any(d.severity is Severity.ERROR for d in found):
-        return _say(arguments, found, texts={root.path: text})
+    _, diagnostics = _checked(document, replace(options, texts={root.path: after}), strict=strict)
+    if any(d.severity is Severity.ERROR for d in diagnostics):
+        return _say(arguments, diagnostics, texts={root.path: text})
     if diff:
         name = shown_path(root.path)
         common.say_lines_of_documents(difflib.unified_diff(root.text.splitlines(), text.splitlines(), name, name, lineterm=""))
-        return common.exit_code(found)
+        return common.exit_code(diagnostics)
     refused = _put(root, before, after)
     if refused is not None:
         return _say(arguments, [refused])
-    return _say(arguments, found, done=list(changes(root, values)))
+    return _say(arguments, diagnostics, done=list(changes(root, values)))
 
 
 def _named(path: str) -> str:

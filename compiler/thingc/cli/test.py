@@ -51,23 +51,23 @@ def run(arguments: argparse.Namespace) -> int:
     name = "thingc"
     try:
         common.require_document(arguments.document)
-        found, name = attempted(arguments.document, common.options_of(arguments), partial(_run, arguments, results))
+        diagnostics, name = attempted(arguments.document, common.options_of(arguments), partial(_run, arguments, results))
     except UnknownChoice as fault:
-        found = [Diagnostic(code=Code.COMMAND_LINE, severity=Severity.ERROR, message=fault.message, help=fault.hint)]
+        diagnostics = [Diagnostic(code=Code.COMMAND_LINE, severity=Severity.ERROR, message=fault.message, help=fault.hint)]
     except common.WrongCommandLine as fault:
-        found = [fault.diagnostic]
-    _tell(arguments, name, results, found)
-    return common.exit_code(found)
+        diagnostics = [fault.diagnostic]
+    _tell(arguments, name, results, diagnostics)
+    return common.exit_code(diagnostics)
 
 
 def _run(arguments: argparse.Namespace, results: list[Result], environment: Environment) -> tuple[list[Diagnostic], str]:
     """Compile and run; what there is to say, and the robot's name. Raises `UnknownChoice`."""
     results.clear()
     compilation = pipeline.compile(environment)
-    found = common.final(compilation.report, strict=arguments.strict)
+    diagnostics = common.final(compilation.report, strict=arguments.strict)
     assembly = compilation.assembly
-    if common.exit_code(found) or assembly is None:
-        return found, "thingc"
+    if common.exit_code(diagnostics) or assembly is None:
+        return diagnostics, "thingc"
     from thingc.testing import run as run_tests
 
     selection = _selection(arguments, assembly)

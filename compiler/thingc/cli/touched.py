@@ -40,13 +40,13 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         if arguments.null and arguments.format == "json":
             raise common.WrongCommandLine("-0 and --format json are two forms of one answer", "leave one of them out")
-        found = documents(
+        paths = documents(
             arguments.files, arguments.since, everything=arguments.all, roots=arguments.roots, store=arguments.store
         )
     except common.WrongCommandLine as fault:
         common.print_found([fault.diagnostic], arguments.format, stream=sys.stderr, debug=False)
         return common.USAGE
-    shown = [shown_path(path) for path in found]
+    shown = [shown_path(path) for path in paths]
     if arguments.format == "json":
         common.print_json([], documents=shown)
     elif arguments.null:
@@ -79,5 +79,5 @@ def documents(
         except NotARepository as fault:
             hint = "name a branch, a tag or a commit of this repository; a shallow clone may not have it (git fetch --unshallow)"
             raise common.WrongCommandLine(f"--since {since}: {fault}", hint) from fault
-    found = touched(None if everything else changed, os.getcwd(), store_of(Options(store=store)))
-    return found.roots if roots else found.documents
+    affected = touched(None if everything else changed, os.getcwd(), store_of(Options(store=store)))
+    return affected.roots if roots else affected.documents

@@ -37,25 +37,25 @@ def run(arguments: argparse.Namespace) -> int:
             )
         common.require_document(arguments.document)
         options = common.options_of(arguments)
-        found = attempted(arguments.document, options, partial(_answered, arguments))
-        code = common.exit_code(found)
+        diagnostics = attempted(arguments.document, options, partial(_answered, arguments))
+        code = common.exit_code(diagnostics)
     except common.WrongCommandLine as fault:
-        found, code = [fault.diagnostic], common.USAGE
-    common.print_text(found, stream=sys.stderr, debug=arguments.debug)
+        diagnostics, code = [fault.diagnostic], common.USAGE
+    common.print_text(diagnostics, stream=sys.stderr, debug=arguments.debug)
     return code
 
 
 def _answered(arguments: argparse.Namespace, environment: Environment) -> list[Diagnostic]:
     """Print the answer; what there is to say."""
     compilation = pipeline.compile(environment)
-    found = common.final(compilation.report, strict=arguments.strict)
-    if common.exit_code(found):
-        return found
+    diagnostics = common.final(compilation.report, strict=arguments.strict)
+    if common.exit_code(diagnostics):
+        return diagnostics
     if arguments.losses:
         _losses(environment, compilation)
         return common.final(compilation.report, strict=False)
     _reason(compilation, arguments.occurrence)
-    return found
+    return diagnostics
 
 
 def _reason(compilation: Compilation, wanted: str) -> None:
