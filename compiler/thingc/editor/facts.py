@@ -138,12 +138,12 @@ def _summary(node: Node) -> str:
 
 def _by_item(model: AssemblyDefinition) -> dict[str, tuple[Component, ...]]:
     """The components of a model by the name under which they are written: those of a repeat together."""
-    found: dict[tuple[int, int], list[Component]] = {}
+    by_place: dict[tuple[int, int], list[Component]] = {}
     for component in model.components:
         span = component.origin[0]
-        found.setdefault((span.line, span.column), []).append(component)
+        by_place.setdefault((span.line, span.column), []).append(component)
     by_name: dict[str, tuple[Component, ...]] = {}
-    for items in found.values():
+    for items in by_place.values():
         name = items[0].name
         by_name[name] = tuple(items)
         if name.rpartition("_")[2].isdigit():
@@ -162,9 +162,9 @@ def _piece(
     mounts: Names = {}
     sure = bool(made)
     for component in made:
-        found = _mounts_of(component, records)
-        sure = sure and found is not None and _exact(component, records)
-        mounts.update(found or {})
+        names = _mounts_of(component, records)
+        sure = sure and names is not None and _exact(component, records)
+        mounts.update(names or {})
     if not sure and source is not None:
         mounts = {**usual.get(source[1], {}), **mounts}
     mounts.setdefault(ORIGIN, f"The frame of `{name}` itself.")
@@ -207,25 +207,25 @@ def _exact(component: Component, records: Records) -> bool:
 
 def _mounts_of(component: Component, records: Records) -> Names | None:
     """The mounts of a component, those inside a nested assembly as `cap.pen`; None where they are not known."""
-    found: Names = {}
+    mounts: Names = {}
     definition = component.definition
     if isinstance(definition, PartDefinition):
         record = records.get(definition.text)
         if not isinstance(record, PartRecord):
             return None
-        found = {name: _of_mount(definition.label, mount.interface) for name, mount in sorted(record.mounts.items())}
+        mounts = {name: _of_mount(definition.label, mount.interface) for name, mount in sorted(record.mounts.items())}
     elif definition is not None:
         if not definition.whole:
             return None
-        found = {name: f"Shown by `{definition.document}`: `{shown.text}`." for name, shown in definition.mounts.items()}
+        mounts = {name: f"Shown by `{definition.document}`: `{shown.text}`." for name, shown in definition.mounts.items()}
         for inner in definition.components:
             below = _mounts_of(inner, records)
-            found.update({f"{inner.name}.{name}": text for name, text in (below or {}).items()})
-            found[f"{inner.name}.{ORIGIN}"] = f"The frame of `{inner.name}`."
+            mounts.update({f"{inner.name}.{name}": text for name, text in (below or {}).items()})
+            mounts[f"{inner.name}.{ORIGIN}"] = f"The frame of `{inner.name}`."
     elif not component.frame:
         return None
-    found.update(dict.fromkeys(component.mounts, f"Added to `{component.name}`."))
-    return found
+    mounts.update(dict.fromkeys(component.mounts, f"Added to `{component.name}`."))
+    return mounts
 
 
 def usual_mounts(record: PartRecord) -> Names:
@@ -238,37 +238,37 @@ def _of_mount(label: str, interface: str | None) -> str:
 
 
 def _inner_components(model: AssemblyDefinition, prefix: str) -> Names:
-    found: Names = {}
+    names: Names = {}
     for component in model.components:
         definition = component.definition
         if isinstance(definition, AssemblyDefinition):
             for inner in definition.components:
                 label = inner.definition.label if inner.definition is not None else "a frame"
-                found[f"{prefix}{component.name}.{inner.name}"] = f"`{label}` in `{definition.document}`."
-            found.update(_inner_components(definition, f"{prefix}{component.name}."))
-    return found
+                names[f"{prefix}{component.name}.{inner.name}"] = f"`{label}` in `{definition.document}`."
+            names.update(_inner_components(definition, f"{prefix}{component.name}."))
+    return names
 
 
 def _joints(tree: MappingNode, model: AssemblyDefinition | None) -> dict[str, JointFacts]:
-    found: dict[str, JointFacts] = {}
+    joints: dict[str, JointFacts] = {}
     if model is not None:
-        found.update(_joints_of(model, ""))
-    written = {name for joint in found for name in (joint, joint.rpartition("_")[0])}
+        joints.update(_joints_of(model, ""))
+    written = {name for joint in joints for name in (joint, joint.rpartition("_")[0])}
     for name, node in _entries(tree, "joints").items():
         if name not in written:
             kind = _text(node.entries.get("type")) if isinstance(node, MappingNode) else ""
-            found[name] = JointFacts(what=f"A {kind} joint." if kind else "A joint.", angle=None, settable=True, own=True)
-    return found
+            joints[name] = JointFacts(what=f"A {kind} joint." if kind else "A joint.", angle=None, settable=True, own=True)
+    return joints
 
 
 def _joints_of(model: AssemblyDefinition, prefix: str) -> dict[str, JointFacts]:
-    found = {f"{prefix}{joint.name}": _joint(joint, own=not prefix) for joint in model.joints}
+    joints = {f"{prefix}{joint.name}": _joint(joint, own=not prefix) for joint in model.joints}
     for component in model.components:
         if isinstance(component.definition, AssemblyDefinition):
-            found.update(_joints_of(component.definition, f"{prefix}{component.name}."))
-        if len(found) > MAX_NAMES:
+            joints.update(_joints_of(component.definition, f"{prefix}{component.name}."))
+        if len(joints) > MAX_NAMES:
             break
-    return found
+    return joints
 
 
 def _joint(joint: Joint, *, own: bool) -> JointFacts:

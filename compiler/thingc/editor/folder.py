@@ -30,10 +30,10 @@ def read(root: str, relative: str) -> dict[str, Any]:
     """The schema of a document as it was last written; empty where there is none."""
     try:
         with open(os.path.join(root, schema_path(relative)), encoding="utf-8") as stream:
-            found = json.load(stream)
+            schema = json.load(stream)
     except (OSError, ValueError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return schema if isinstance(schema, dict) else {}
 
 
 def write(root: str, relative: str, schema: dict[str, Any]) -> bool:

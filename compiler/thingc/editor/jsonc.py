@@ -44,8 +44,8 @@ def read(text: str) -> Value:
 
 
 def _skip(text: str, at: int) -> int:
-    found = _SPACE.match(text, at)
-    return found.end() if found else at
+    match = _SPACE.match(text, at)
+    return match.end() if match else at
 
 
 def _value(text: str, at: int, level: int) -> Value:
@@ -55,11 +55,11 @@ def _value(text: str, at: int, level: int) -> Value:
         return _object(text, at, level)
     if text[at : at + 1] == "[":
         return _list(text, at, level)
-    found = _STRING.match(text, at) or _PLAIN.match(text, at)
-    if found is None:
+    match = _STRING.match(text, at) or _PLAIN.match(text, at)
+    if match is None:
         raise NotJson("expected a value", at)
     try:
-        return Value(json.loads(found.group()), at, found.end())
+        return Value(json.loads(match.group()), at, match.end())
     except ValueError:
         raise NotJson("no text that JSON allows", at) from None
 

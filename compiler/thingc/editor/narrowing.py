@@ -68,9 +68,9 @@ def remembered(schema: Schema, references: Iterable[str]) -> tuple[dict[str, Sch
             lost[reference] = definitions[params_name(reference)]
         attach = definitions.get(mounts_name(reference), {})
         mounts = attach.get("else", attach).get("properties", {})
-        found = {name: str(one.get("description", "")) for name, one in mounts.items() if "$ref" in one}
-        if found:
-            usual[reference] = found
+        names = {name: str(one.get("description", "")) for name, one in mounts.items() if "$ref" in one}
+        if names:
+            usual[reference] = names
     return lost, usual
 
 
@@ -104,8 +104,8 @@ class _Narrowing:
     # --- helpers -----------------------------------------------------------------------------------------------
 
     def _field(self, model: str, key: str) -> Schema:
-        found: Schema = self.definitions[model]["properties"][key]
-        return found
+        schema: Schema = self.definitions[model]["properties"][key]
+        return schema
 
     def _put(self, model: str, key: str, new: Schema) -> None:
         """Another schema for a field, with the title and description that it has."""
@@ -322,8 +322,9 @@ def _texts(schema: Schema) -> Schema:
 
 def _each(section: Schema) -> Schema:
     """The schema of every value of a mapping with names of its own."""
-    found: Schema = next(iter(section["patternProperties"].values())) if "patternProperties" in section else section["additionalProperties"]
-    return found
+    named = section.get("patternProperties")
+    schema: Schema = section["additionalProperties"] if named is None else next(iter(named.values()))
+    return schema
 
 
 def _set_each(section: Schema, value: Schema) -> None:

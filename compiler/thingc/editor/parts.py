@@ -70,23 +70,23 @@ class Parts:
 
     def usual(self, definitions: Iterable[PartDefinition]) -> dict[str, Names]:
         """The mounts that a part has as a rule: those of its default member, else of the first that is known."""
-        found: dict[str, Names] = {}
+        mounts: dict[str, Names] = {}
         defaults = self.defaults()
         for one in (*defaults.values(), *sorted(definitions, key=lambda one: one.text)):
             record = self.records.get(one.text)
             if isinstance(record, PartRecord):
-                found.setdefault(one.reference, usual_mounts(record))
-        return found
+                mounts.setdefault(one.reference, usual_mounts(record))
+        return mounts
 
     def unsure(self, references: Iterable[str]) -> list[str]:
         """Those that cannot be described now, but could be a moment ago: their file is being edited."""
-        found = []
+        unsure = []
         for reference in references:
             answer = self.schemas.get(reference)
             gone = answer is None and reference.partition(":")[0] in self.unreadable
             if gone or (isinstance(answer, PartFailure) and (answer.kind not in ("missing", "refused") or self._broken(reference))):
-                found.append(reference)
-        return found
+                unsure.append(reference)
+        return unsure
 
     def _broken(self, reference: str) -> bool:
         return reference.partition(":")[0] in self.unreadable
@@ -97,7 +97,7 @@ class Parts:
             references=tuple(sorted(name for name, one in self.schemas.items() if isinstance(one, PartFailure) and one.kind == ABSENT)),
             definitions=tuple({
                 one.text: one for one in definitions
-                if isinstance(found := self.records.get(one.text), PartFailure) and found.kind == ABSENT
+                if isinstance(failure := self.records.get(one.text), PartFailure) and failure.kind == ABSENT
             }.values()),
         )
 

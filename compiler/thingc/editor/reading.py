@@ -58,10 +58,10 @@ class Reading:
 def stat_of(path: str) -> Stat:
     """What a file is like, without reading it."""
     try:
-        found = os.stat(path)
+        status = os.stat(path)
     except OSError:
         return None
-    return found.st_mtime_ns, found.st_size
+    return status.st_mtime_ns, status.st_size
 
 
 def read(path: str, workspace: Workspace, seen: Mapping[str, Stat]) -> Reading | None:

@@ -134,8 +134,8 @@ class Schemas:
     def _definitions(self, readings: Iterable[str]) -> tuple[PartDefinition, ...]:
         from thingc.resolve import part_definitions
 
-        found = (part_definitions(model) for name in readings if (model := self._models.get(name)) is not None)
-        return tuple(dict.fromkeys(definition for one in found for definition in one))
+        per_model = (part_definitions(model) for name in readings if (model := self._models.get(name)) is not None)
+        return tuple(dict.fromkeys(definition for one in per_model for definition in one))
 
     def _write(self, name: str, reading: Reading | None, usual: Mapping[str, Any]) -> bool | None:
         """Whether the schema of a document was written; None where it keeps its last one."""
@@ -200,9 +200,9 @@ class Schemas:
 
     def _others(self, name: str, kind: str) -> dict[str, DocumentSymbols]:
         """The other documents of a kind by what this one would call them, the nearest first."""
-        found = {near(name, other): one for other, one in self._symbols.items() if one.kind == kind and other != name}
-        order = sorted(found, key=lambda text: (text.count("/"), text))[:MAX_OTHERS]
-        return {text: found[text] for text in order}
+        others = {near(name, other): one for other, one in self._symbols.items() if one.kind == kind and other != name}
+        order = sorted(others, key=lambda text: (text.count("/"), text))[:MAX_OTHERS]
+        return {text: others[text] for text in order}
 
 
 def _same(one: Any, other: Any) -> bool:

@@ -20,7 +20,7 @@ _KINDS = {
 
 def parameters(part: PartSchema, own: Mapping[str, Quantity]) -> Schema:
     """The schema of the `params:` of a part; `own` are the document's parameters, which expressions may use."""
-    found: Schema = {
+    schema: Schema = {
         "type": "object",
         "title": f"Parameters of {part.reference}",
         "description": first_line(part.doc) or f"What `{part.reference}` takes.",
@@ -29,8 +29,8 @@ def parameters(part: PartSchema, own: Mapping[str, Quantity]) -> Schema:
     }
     required = [one.name for one in part.parameters if one.required]
     if required:
-        found["required"] = required
-    return found
+        schema["required"] = required
+    return schema
 
 
 def documentation(part: PartSchema) -> str:

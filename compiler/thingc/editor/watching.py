@@ -88,7 +88,7 @@ class Watch:
 
     def _move(self) -> None:
         """The workspace's own file has changed; one that is wrong changes nothing."""
-        found = Workspace.find(f"{self.workspace.root}/{OWN_FILE}", Report())
-        if found is not None and found.root == self.workspace.root:
-            self.workspace = found
+        workspace = Workspace.find(f"{self.workspace.root}/{OWN_FILE}", Report())
+        if workspace is not None and workspace.root == self.workspace.root:
+            self.workspace = workspace
         self._schemas = Schemas(self.workspace, self._at_hand(), self._only)
