@@ -26,16 +26,16 @@ def stated_value(documents: Documents, path: str) -> Found | Expression | None:
     if not isinstance(node, ScalarNode):
         return None
     try:
-        found = any_value(node.value)
+        value = any_value(node.value)
     except ValueError:
         return node.text
-    return None if isinstance(found, Expression) and document is not documents.root else found
+    return None if isinstance(value, Expression) and document is not documents.root else value
 
 
 def stated_choices(assembly: AssemblySpec) -> dict[str, str]:
     """What a document says at the paths of choices of its own components: choosing it says nothing."""
     default = assembly.defaults.component if assembly.defaults is not None else None
-    found = {DEFAULT_MATERIAL: default.material} if default is not None and default.material is not None else {}
+    choices = {DEFAULT_MATERIAL: default.material} if default is not None and default.material is not None else {}
     for name, component in assembly.components.items():
-        found.update({f"components.{name}.{key}": text for key in KEYS if (text := getattr(component, key)) is not None})
-    return found
+        choices.update({f"components.{name}.{key}": text for key in KEYS if (text := getattr(component, key)) is not None})
+    return choices
