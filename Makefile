@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # Of two cores: many tests wait for processes that they have started.
 JOBS ?= 3
 
-.PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-weld print-masses walk bridge-search mutants slips fuzz kills schemas docs pictures freeze frozen clean
+.PHONY: demo test lint bench bench-naming bench-designs bench-variants conformance bench-weld print-masses walk bridge-search mutants slips fuzz kills schemas docs pictures freeze frozen clean
 
 demo: $(VENV)/.thingc
 	$(BIN)/thingc build assemblies/arm.yaml
@@ -55,6 +55,9 @@ slips: $(VENV)/.thingc-dev
 
 bench-naming: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/naming/study.py
+
+conformance: $(VENV)/.thingc-dev
+	$(BIN)/python benchmarks/conformance/study.py
 
 bench-designs: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/designs/study.py

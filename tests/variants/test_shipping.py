@@ -364,7 +364,7 @@ def test_a_workspace_that_a_worker_cannot_unpack(beside: Apart, tmp_path: Path) 
 @pytest.mark.slow
 def test_a_worker_that_comes_and_has_no_room_ends_the_batch_in_words(tmp_path: Path, shared_store: str) -> None:
     """It would otherwise take chunk after chunk, and nobody would know why variants fail."""
-    here = workspace(tmp_path / "here", faults=listed(dict.fromkeys(range(16), "slow"), 16))
+    here = workspace(tmp_path / "here", faults=listed(dict.fromkeys(range(80), "slow"), 80))  # not done before the worker comes
     (here / "large.stl").write_bytes(bytes(1_000_000))
     env = environment(shared_store, with_emitter(tmp_path))
     small = tmp_path / "small"

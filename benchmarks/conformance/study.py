@@ -1,0 +1,198 @@
+"""`make conformance`: do readers that others wrote find one robot in every file?
+
+Builds both robots and random ones in all modes, has each reader load every file in an environment and a process of its own, and compares
+what it answers at 50 random configurations with MuJoCo's answers to the MJCF of the same mode. Writes `docs/conformance.md`; exits with 1
+where a reader answers something else. Environments are kept in `build/conformance/`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import subprocess
+import sys
+import venv
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from reference import Question, question
+from robots import document
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parents[1]
+PAGE = ROOT / "docs" / "conformance.md"
+RANDOM = 20
+ROBOTS = ("assemblies/arm.yaml", "assemblies/minchw/minchw.yaml")
+BOUNDS = {"frames": 1e-9, "mass": 1e-6, "centre": 1e-6, "mass_matrix": 1e-6, "torque": 1e-6, "range": 1e-9, "mimic": 1e-12}
+"""How far answers may be apart: frames [m and 1], ranges [rad, m] and numbers of mimics absolutely, all else by the largest of its kind."""
+WORDS = {
+    "frames": "frames", "mass": "total mass", "centre": "centre of mass", "mass_matrix": "mass matrix", "torque": "gravity torque",
+    "range": "limits", "mimic": "mimics",
+}
+
+
+@dataclass(frozen=True)
+class Reader:
+    """Who reads: the name of its script, `ask_NAME.py`, and what its environment is made of (empty: this one)."""
+
+    name: str
+    packages: tuple[str, ...] = ()
+    note: str = ""
+
+
+READERS = (
+    Reader("mujoco", note="reads no mimics, so that followers are put where they belong, and welds a base that is free to the world"),
+    Reader(
+        "pinocchio", ("pin==4.1.0",),
+        "is asked with mimics off, and followers put where they belong; masses of all its links are summed, because its own total leaves "
+        "out what is fixed to the world",
+    ),
+    Reader("yourdfpy", ("yourdfpy==0.0.60",), "kinematics alone; it is given the leaders, and puts followers itself"),
+)
+
+
+@dataclass
+class Judged:
+    """What a reader made of a number of files: the worst difference by quantity, and what was wrong, by file."""
+
+    files: int = 0
+    worst: dict[str, float] = field(default_factory=dict)
+    faults: list[str] = field(default_factory=list)
+
+    def add(self, name: str, answer: Mapping[str, Any], expected: Mapping[str, Any], joints: Sequence[str]) -> None:
+        """Compare one file's answers."""
+        self.files += 1
+        if "cannot" in answer:
+            self.faults.append(f"{name}: reader cannot: {answer['cannot']}")
+            return
+        for key in [key for key in BOUNDS if key in answer]:
+            apart = difference(key, answer[key], expected[key], joints)
+            self.worst[key] = max(self.worst.get(key, 0.0), apart)
+            if not apart <= BOUNDS[key]:
+                self.faults.append(f"{name}: {WORDS[key]} are {apart:.3g} apart")
+
+
+def difference(key: str, answer: Any, expected: Any, joints: Sequence[str]) -> float:
+    """How far two answers are apart: absolute for frames and ranges, else by the largest entry of what is expected."""
+    if key == "range":
+        both = [(_ends(a), _ends(b)) for name, a, b in zip(joints, answer, expected, strict=True) if not name.endswith("_slide")]
+        return max((abs(x - y) for a, b in both for x, y in zip(a, b, strict=True) if x != y), default=0.0)
+    if key == "mimic":
+        if [one and one[0] for one in answer] != [one and one[0] for one in expected]:
+            return math.inf
+        answer, expected = ([one[1:] for one in side if one] for side in (answer, expected))
+    a, b = np.array(answer), np.array(expected)
+    if a.shape != b.shape:
+        return math.inf
+    apart = float(np.abs(a - b).max(initial=0.0))
+    return apart if key in ("frames", "mimic") else apart / max(float(np.abs(b).max(initial=0.0)), 1e-6)
+
+
+def _ends(ends: Sequence[float] | None) -> tuple[float, float]:
+    """Both ends of a range; as far away as a format writes what has no end they are infinite."""
+    low, high = (-math.inf, math.inf) if ends is None else ends
+    return (-math.inf if low <= -1e6 else low, math.inf if high >= 1e6 else high)
+
+
+def main() -> int:
+    """Build, ask, compare, write; 1 where anything is apart."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--random", type=int, default=RANDOM, help="how many random robots")
+    parser.add_argument("--reader", action="append", default=[], choices=[one.name for one in READERS], help="only this one")
+    parser.add_argument("--print", action="store_true", help="only print, leave the page as it is")
+    arguments = parser.parse_args()
+    folder = ROOT / "build" / "conformance"
+    asked = list(questions(folder, arguments.random))
+    rows: dict[str, tuple[str, dict[str, Judged]]] = {}
+    for reader in READERS:
+        if not arguments.reader or reader.name in arguments.reader:
+            rows[reader.name] = judged(reader, folder, asked)
+            print(f"{reader.name} {rows[reader.name][0]}", file=sys.stderr)
+    page = "\n".join(table(rows))
+    print(page)
+    faults = [f"{name}: {fault}" for name, (_, groups) in rows.items() for one in groups.values() for fault in one.faults]
+    print("\n".join(faults), file=sys.stderr)
+    if not arguments.print:
+        head, _, rest = PAGE.read_text(encoding="utf-8").partition("<!-- conformance -->\n")
+        _, end, foot = rest.partition("<!-- end of conformance -->")
+        PAGE.write_text(f"{head}<!-- conformance -->\n{page}\n{end}{foot}", encoding="utf-8")
+    return 1 if faults else 0
+
+
+def questions(folder: Path, count: int) -> Iterator[tuple[str, Question]]:
+    """Of every mode of both robots, and of the random ones, by group."""
+    documents = folder / "documents"
+    documents.mkdir(parents=True, exist_ok=True)
+    for seed in range(count):
+        (documents / f"random_{seed}.yaml").write_text(document(seed), encoding="utf-8")
+    robots = [(Path(path).stem, ROOT / path) for path in ROBOTS]
+    robots += [("random", documents / f"random_{seed}.yaml") for seed in range(count)]
+    for group, path in robots:
+        built(path, folder / "robots")
+        out = folder / "robots" / path.stem
+        for urdf in sorted((out / "urdf").glob("*.urdf")):
+            yield group, question(urdf, out / "mjcf" / f"{urdf.stem}.xml")
+
+
+def built(path: Path, folder: Path) -> None:
+    """Have a document built."""
+    words = [sys.executable, "-m", "thingc", "build", str(path), "--emit", "mjcf,urdf", "-o", str(folder)]
+    subprocess.run(words, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def judged(reader: Reader, folder: Path, asked: Sequence[tuple[str, Question]]) -> tuple[str, dict[str, Judged]]:
+    """A reader's version and what it made of each group; where it cannot be had the words for that, and nothing."""
+    python = environment(reader, folder)
+    if python is None:
+        return f"cannot be had here ({' '.join(reader.packages)})", {}
+    requests, answers = folder / "requests.json", folder / f"{reader.name}.json"
+    requests.write_text(json.dumps([one.request for _, one in asked]))
+    subprocess.run([str(python), str(HERE / f"ask_{reader.name}.py"), str(requests), str(answers)], check=True, cwd=HERE)
+    read = json.loads(answers.read_text())
+    groups: dict[str, Judged] = {}
+    for (group, one), answer in zip(asked, read["answers"], strict=True):
+        groups.setdefault(group, Judged()).add(one.name, answer, one.answer, one.request["joints"])
+    return read["version"], groups
+
+
+def environment(reader: Reader, folder: Path) -> Path | None:
+    """The interpreter of an environment with a reader's packages, made once; None where they cannot be installed."""
+    if not reader.packages:
+        return Path(sys.executable)
+    place = folder / f"env-{'-'.join(reader.packages).replace('==', '-')}"
+    python = place / "bin" / "python"
+    if not (place / "complete").exists():
+        venv.create(place, with_pip=True, clear=True)
+        done = subprocess.run([str(python), "-m", "pip", "install", "--quiet", *reader.packages], check=False, stdout=subprocess.DEVNULL)
+        if done.returncode:
+            return None
+        (place / "complete").touch()
+    return python
+
+
+def table(rows: Mapping[str, tuple[str, dict[str, Judged]]]) -> Iterator[str]:
+    """The page's table: a row for each reader and group, with the worst differences."""
+    yield "| reader | robots | files | " + " | ".join(WORDS.values()) + " | |"
+    yield "|---" * (len(WORDS) + 4) + "|"
+    for name, (version, groups) in rows.items():
+        if not groups:
+            yield f"| {name} | {version} |" + " |" * (len(WORDS) + 2)
+        for group, one in groups.items():
+            cells = [f"{one.worst[key]:.0e}" if key in one.worst else "-" for key in WORDS]
+            state = "all alike" if not one.faults else f"{len(one.faults)} apart"
+            yield f"| {name} {version} | {group} | {one.files} | " + " | ".join(cells) + f" | {state} |"
+    yield ""
+    for reader in READERS:
+        if reader.name in rows:
+            yield f"- {reader.name}: {reader.note}."
+
+
+if __name__ == "__main__":
+    sys.exit(main())
