@@ -143,8 +143,10 @@ def scenarios(workspace: Workspace) -> list[Scenario]:
     leg = edited("assemblies/minchw/minchw.yaml", r"(  leg_length: \{value: )[\d.]+", lambda n: f"{64 + n / 100.0:.2f}")
     return [
         Scenario("arm: cold build, empty store", ("build", arm), workspace.empty, 1.0, 480.0),
+        Scenario("arm: cold build, all targets", ("build", "--emit", "all", arm), workspace.empty, 0.95, 480.0),
         Scenario("arm: build, nothing changed", ("build", arm), lambda: None, 0.05, 60.0),
         Scenario("arm: build, a limit edited", ("build", arm), limit, 0.20),
+        Scenario("arm: a limit edited, text targets", ("build", "--emit", "mjcf,bom,hag,urdf", arm), limit, 0.35),
         Scenario("arm: build, a colour edited", ("build", arm), color, 0.65),
         Scenario("arm: build, one part's dimension", ("build", arm), dimension, 0.9),
         Scenario("arm: check, one value edited", ("check", arm), value, 0.11),

@@ -364,7 +364,7 @@ def test_a_workspace_that_a_worker_cannot_unpack(beside: Apart, tmp_path: Path) 
 @pytest.mark.slow
 def test_a_worker_that_comes_and_has_no_room_ends_the_batch_in_words(tmp_path: Path, shared_store: str) -> None:
     """It would otherwise take chunk after chunk, and nobody would know why variants fail."""
-    here = workspace(tmp_path / "here", faults=listed(dict.fromkeys(range(64), "slow"), 64))  # not done before the worker comes
+    here = workspace(tmp_path / "here", faults=listed(dict.fromkeys(range(32), "slow"), 32))  # not done before the worker comes
     (here / "large.stl").write_bytes(bytes(1_000_000))
     env = environment(shared_store, with_emitter(tmp_path))
     small = tmp_path / "small"
@@ -377,11 +377,11 @@ def test_a_worker_that_comes_and_has_no_room_ends_the_batch_in_words(tmp_path: P
         _, err = process.communicate(timeout=60)
         assert process.returncode == 1 and f"error[{Code.RUNNERS.code}]: a worker cannot unpack the workspace: " in err, err
         assert "No space left on device" in err and "--resume" in err and "Traceback" not in err
-        assert {line["status"] for line in journal(here)} == {"built"} and len(journal(here)) < 64
+        assert {line["status"] for line in journal(here)} == {"built"} and len(journal(here)) < 32
         one.workers[1].kill()
         one.workers[1].wait()
-        assert "64 built" in shipped(here, env, one.address, "--resume")[-1]
-    assert_whole(here, 64)
+        assert "32 built" in shipped(here, env, one.address, "--resume")[-1]
+    assert_whole(here, 32)
 
 
 @pytest.mark.slow
