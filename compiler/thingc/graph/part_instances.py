@@ -45,6 +45,7 @@ _FAILED = {
     "refused": (Code.PART_REFUSED, "is refused", "take a part from the workspace's `parts` folders or its `packages`"),
     "missing": (Code.PART_MISSING, "is not there", "write `module:Class` with a module on the part path and a class in it"),
     "invalid": (Code.PART_INVALID, "is not valid", "mend the part file"),
+    "unbounded": (Code.PART_INVALID, "cannot have so few triangles", "allow more `faces`"),
     "stale": (Code.LOCK_STALE, "has changed", "run `thingc lock`, and keep what it writes with the documents"),
     "unlocked": (Code.NOT_LOCKED, "is not locked", "run `thingc lock`, and keep what it writes with the documents"),
 }
@@ -158,7 +159,7 @@ class PartInstances:
             message = f"`{path}` (`{component.label}`) {what}: {failure.message}"
             if failure.candidates:
                 help = did_you_mean(failure.subject, failure.candidates, what="parts")
-            elif component.definition.kind == "file" and code in (Code.PART_INVALID, Code.PART_RAISED, Code.PART_CRASHED):
+            elif component.definition.kind == "file" and failure.kind in ("invalid", "raised", "crashed"):
                 help = "open the file in a CAD program and export it anew as a solid"
             elif component.definition.kind == "file" and code is Code.PART_EMPTY:
                 unit = "" if said_by_file(component.definition) else "say what its numbers are in (`unit: m`; mm unless given), or "

@@ -79,7 +79,7 @@ class Occurrence(Brief):
             return record.pieces
         if choice == "decompose":
             return record.convex
-        shape = record.fits.get(choice) or record.meshes.get(choice)
+        shape = record.simulated if choice == "mesh" else record.fits.get(choice) or record.meshes.get(choice)
         return () if shape is None else (shape,)
 
 

@@ -99,12 +99,12 @@ FILE_UNIT = "mm"
 class PartDefinition(Brief):
     """A part class with its complete canonical parameters: equal definitions are one node of the HAG.
 
-    `reference` is `module:Class`, or for a part of a file its path in the workspace (`kind` says which:
-    `code | file`). `parameters` holds every parameter, sorted by name (of a file its `unit`, where that is not `FILE_UNIT`); `text`
-    prints only those that differ from their default, exactly (`arm:RotorBrace(length=0.1)`): programs know it by that. `label` is the
-    same for people (`arm:RotorBrace(length=100 mm)`), which two definitions that hardly differ may share, and `words` the values of
-    all parameters for them. A mirror image is a definition of its own (`arm:RotorBrace(length=0.1, mirror=y)`): `mirror` is the axis of
-    the part's frame that it is mirrored along, `plain` the definition that it mirrors.
+    `reference` is `module:Class`, or for a part of a file its path in the workspace (`kind` says which: `code | file`). `parameters`
+    holds every parameter, sorted by name (of a file its `faces`, and its `unit` where that is not `FILE_UNIT`); `text` prints only
+    those that differ from their default, exactly (`arm:RotorBrace(length=0.1)`): programs know it by that. `label` is the same for
+    people (`arm:RotorBrace(length=100 mm)`), which two definitions that hardly differ may share, and `words` the values of all
+    parameters for them. A mirror image is a definition of its own (`arm:RotorBrace(length=0.1, mirror=y)`): `mirror` is the axis of the
+    part's frame that it is mirrored along, `plain` the definition that it mirrors.
     """
 
     reference: str
@@ -282,9 +282,10 @@ class PartRecord(Brief):
 
     `volume` [m^3], `area` [m^2], `centre` [m] and `inertia` [m^5, at density 1, about the centre] are exact integrals
     over the B-rep; all zero for a Thing without geometry (`box` None). `meshes`: `visual` (OBJ, metres), `hull` and
-    `mesh` (binary STL, metres), `print` (binary STL, millimetres), absent without geometry; `fits` the
-    smallest primitives that enclose the part, by shape; `pieces` the solids of the Thing's own `collision()`, primitives where
-    they are exactly that, else STL files; `convex` the STL files of the convex decomposition where it was asked for.
+    `mesh` (binary STL, metres), `print` (binary STL, millimetres), absent without geometry; `simulation` (binary STL, metres) where the
+    definition bounds the triangles of what simulators draw and touch; `fits` the smallest primitives that enclose the part, by shape;
+    `pieces` the solids of the Thing's own `collision()`, primitives where they are exactly that, else STL files; `convex` the STL files
+    of the convex decomposition where it was asked for.
     `up` is how the Thing wants to lie on a printer (a unit vector); `slices` what it holds when printed, as far as that was asked for.
     `apart` are the volumes [m^3] of the bodies of a part that should be one solid, the largest first; empty where they hang
     together, or are meant to be several. `own_image` is True of a mirror image that is the same as what it mirrors: solid, and place
@@ -323,14 +324,19 @@ class PartRecord(Brief):
     slices: dict[Slicing, Sliced | Unsliced] = field(default_factory=dict)
     exact: bool = True
 
+    @property
+    def simulated(self) -> Mesh | None:
+        """The mesh that simulators touch, whole or in convex pieces; None without geometry."""
+        return self.meshes.get("simulation") or self.meshes.get("mesh")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartFailure(Brief):
     """Why a part could not be described or modelled.
 
-    `kind` is `refused | missing | raised | trespassed | hung | crashed | swarmed | empty | invalid | resultless | stale | unlocked`;
-    `message` the exception's words; `file`, `line` the place in the part file; `candidates` near names for `missing`; `detail` the
-    traceback, for `--debug` only.
+    `kind` is `refused | missing | raised | trespassed | hung | crashed | swarmed | empty | invalid | unbounded | resultless | stale |
+    unlocked`; `message` the exception's words; `file`, `line` the place in the part file; `candidates` near names for `missing`;
+    `detail` the traceback, for `--debug` only.
     """
 
     subject: str

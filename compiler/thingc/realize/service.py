@@ -17,7 +17,7 @@ from thingc.realize.key.module_key import CodeIngredients
 from thingc.realize.key.modules import Module
 from thingc.realize.key.part_code import PartCode, file_state
 from thingc.realize.key.results import Kept, Results
-from thingc.realize.key.versions import versions_of
+from thingc.realize.key.versions import OF_FILES, versions_of
 from thingc.realize.lock.lock import LOCK_FILE, Lock
 from thingc.realize.lock.locked import LockBeside
 from thingc.realize.record import AssemblyFailed, PartDefinition, PartFailure, PartRecord, PartSchema, Placed, StoredFile
@@ -333,7 +333,7 @@ class GeometryService:
             state = file_state(definition, self.workspace, self._results)
             if isinstance(state, PartFailure):
                 return state
-            extra["file"] = state
+            extra = {"file": state, **versions_of(OF_FILES, self._parts.file_of, self.store)}
             package = ""
         else:
             checked = self._parts.code(definition.reference)
@@ -370,8 +370,8 @@ class GeometryService:
         wanted: dict[str, list[str]] = {}
         for text in sorted(convex):
             record = found.get(text)
-            if isinstance(record, PartRecord) and "mesh" in record.meshes:
-                wanted.setdefault(record.meshes["mesh"].sha256, []).append(text)
+            if isinstance(record, PartRecord) and record.simulated is not None:
+                wanted.setdefault(record.simulated.sha256, []).append(text)
         version = "".join(versions_of(["coacd", "manifold3d"], self._parts.file_of, self.store).values()) if wanted else ""
         pieces: dict[str, Any] = {}
         requests = []

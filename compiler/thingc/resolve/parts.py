@@ -251,9 +251,13 @@ def _module_hint(context: Context, reference: str, known: Collection[str]) -> st
     return f"{hint}; {did_you_mean('', modules, what='modules')}" if modules else hint
 
 
+FEWEST_FACES = 4
+"""Of a closed surface: those of a tetrahedron."""
+
+
 def of_file(context: Context, node: Node, text: str) -> PartDefinition | None:
-    """The definition of a component that is a `file:`, with the unit of its numbers where that is not mm; None where the file cannot
-    be used (which `load` has reported, unless it was chosen)."""
+    """The definition of a component that is a `file:`, with the unit of its numbers where that is not mm, and its `faces`; None where the
+    file cannot be used (which `load` has reported, unless it was chosen)."""
     beside = context.documents.root.path if "file" in node.chosen else node.scope.document.path
     absolute = named(text, beside)
     workspace = context.workspace
@@ -261,11 +265,19 @@ def of_file(context: Context, node: Node, text: str) -> PartDefinition | None:
         return None
     reference = workspace.relative(absolute)
     unit = node.spec.unit or FILE_UNIT
-    given: tuple[tuple[str, Value], ...] = () if unit == FILE_UNIT else (("unit", unit),)
+    faces = None
+    if node.spec.faces is not None:
+        faces = node.scope.count(node.spec.faces, (*node.path, "faces"), "`faces`", least=FEWEST_FACES)
+        if faces is None:
+            return None
+    said: dict[str, Value] = {} if faces is None else {"faces": faces}
+    said |= {} if unit == FILE_UNIT else {"unit": unit}
+    given = tuple(said.items())
     definition = context.parts.get((reference, given))
     if definition is None and os.path.isfile(absolute):
         definition = context.parts[reference, given] = PartDefinition(
-            reference=reference, kind="file", parameters=given, text=definition_text(reference, dict(given), {}),
-            label=f"{reference} in {unit}" if given else reference, words=tuple(unit for _ in given),
+            reference=reference, kind="file", parameters=given, text=definition_text(reference, said, {}),
+            label=reference + (f" in {unit}" if "unit" in said else "") + (f", {faces} faces" if "faces" in said else ""),
+            words=tuple(str(value) for value in said.values()),
         )
     return definition

@@ -200,7 +200,10 @@ def _component_rules(schema: dict[str, Any]) -> None:
     schema["dependentSchemas"] = {
         key: {"anyOf": [{"required": [of]}, {"properties": {key: {"maxProperties": 0}}}]}
         for key, of in (("params", "part"), ("parameters", "assembly"))
-    } | {"unit": {"required": ["file"]}, "mirror": {"anyOf": [{"required": ["part"]}, {"required": ["file"]}]}}
+    } | {
+        "unit": {"required": ["file"]}, "faces": {"required": ["file"]},
+        "mirror": {"anyOf": [{"required": ["part"]}, {"required": ["file"]}]},
+    }
     for branch in schema["properties"]["attach"]["anyOf"]:
         if "additionalProperties" in branch:
             branch |= {"minProperties": 1, "maxProperties": 1}
@@ -221,6 +224,8 @@ class ComponentSpec(ComponentDefaults):
     """A component without geometry."""
     unit: Literal["um", "mm", "cm", "m", "in", "ft"] | None = None
     """The unit of the numbers in an STL, OBJ or BREP file, which does not say it; mm unless written."""
+    faces: CountField | None = Field(default=None, examples=[5000])
+    """The most triangles that simulators draw and touch of a file; prints, masses and STEP are of all of it."""
     params: dict[str, AnyQuantityField] = Field(default={}, examples=[{"length": "120 mm", "holes": 4}])
     """The part's parameters."""
     parameters: dict[str, AnyQuantityField] = Field(default={}, examples=[{"pen_diameter": "15 mm"}])
@@ -259,6 +264,8 @@ class ComponentSpec(ComponentDefaults):
             raise rule("`unit` belongs to a `file`", "take it out: only files of numbers without a unit need it", "unit")
         if self.unit is not None and self.file is not None and self.file.lower().endswith(SUFFIXES_WITH_UNIT):
             raise rule(f"`{self.file}` says its unit itself: {UNIT_OF_ITS_OWN}", "take `unit` out", "unit")
+        if self.faces is not None and self.file is None:
+            raise rule("`faces` belongs to a `file`", "take it out: how finely parts of code are meshed is the workspace's `mesh`", "faces")
         if self.mirror is not None and self.assembly is not None:
             raise rule(
                 "a nested `assembly` cannot be mirrored as a whole: a joint about a mirrored axis turns the other way, and nobody says "

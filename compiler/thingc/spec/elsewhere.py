@@ -72,6 +72,7 @@ KEYS: Mapping[type[BaseModel], Mapping[str, str]] = {
     },
     assembly.ComponentSpec: {
         **dict.fromkeys(("class", "thing", "module"), "part"), **dict.fromkeys(("mesh", "stl", "step", "cad", "filename", "path"), "file"),
+        **dict.fromkeys(("triangles", "max_faces", "decimate", "simplify"), "faces"),
         **dict.fromkeys(("include", "document", "subassembly", "sub_assembly", "robot"), "assembly"),
         **dict.fromkeys(("args", "arguments", "kwargs"), "params"), **dict.fromkeys(("count", "copies", "instances"), "repeat"),
         **dict.fromkeys(("geometry", "box", "cylinder", "sphere", "shape", "size", "dimensions", "type", "kind"), _SHAPE),

@@ -61,7 +61,9 @@ class _Limits:
                 f"reads at most {STL_FACES}",
                 occurrence.origin,
                 path=occurrence.path,
-                help="write `collision: hull`, or give the workspace a coarser `mesh`",
+                help="write `collision: hull`, " + (
+                    "or bound them (`faces: 5000`)" if occurrence.definition.kind == "file" else "or give the workspace a coarser `mesh`"
+                ),
             )
         else:
             return True

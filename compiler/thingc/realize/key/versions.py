@@ -19,6 +19,9 @@ from thingc.realize.store.local import Store, StoreUnusable
 KERNEL = ("build123d", "OCP", "numpy", "manifold3d")
 """Top-level packages that every record depends on."""
 
+OF_FILES = ("fast_simplification", "trimesh")
+"""Those that read meshes and make fewer triangles of them."""
+
 _DISTRIBUTIONS = {
     "OCP": ("cadquery_ocp", "cadquery_ocp_novtk"), "sklearn": ("scikit_learn",), "yaml": ("pyyaml",), "PIL": ("pillow",),
 }

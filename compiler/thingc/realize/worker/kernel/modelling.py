@@ -11,6 +11,8 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from thingc.frozen import dataclass
 from thingc.realize.record import (
     FILE_UNIT,
@@ -33,9 +35,11 @@ from thingc.realize.worker.kernel import convert, meshing
 from thingc.realize.worker.kernel.colors import hexadecimal, named
 from thingc.realize.worker.kernel.fits import fit_all
 from thingc.realize.worker.kernel.measure import Measures, bodies_of, explored, measure, solids_of
+from thingc.realize.worker.kernel.mesh_files import SUFFIXES
 from thingc.realize.worker.kernel.mirroring import Mirror
 from thingc.realize.worker.kernel.part_files import kernel_shape, read_part
 from thingc.realize.worker.kernel.primitives import primitive_of
+from thingc.realize.worker.kernel.simplifying import deviation, simplified
 from thingc.realize.worker.session import NoPart, PartSession, RequestContext, kind_of
 from thingc.units import parse_quantity
 
@@ -50,6 +54,9 @@ NOTHING = 1e-9
 
 OVERLAP = 0.01
 """The part of the volume of a part that two of its solids may have in common (and 1 mm^3) before it is said that it counts twice."""
+
+DEVIATION = 0.01
+"""How far what simulators draw and touch may be off the part's surface, of its longest side, before that is said."""
 
 DECIMALS = 9
 """Corners [mm] are rounded to these. Of two that a boolean makes one, the kernel takes that with the lower address: one may have 0 where
@@ -69,7 +76,8 @@ class Tessellations:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Made:
     """What part code or a file gives, before it is measured: shapes of the kernel [mm] (none: a part without geometry), the rest as
-    in `PartRecord`. `one`: the solids are meant to hang together; `file`: they are from a file."""
+    in `PartRecord`. `one`: the solids are meant to hang together; `file`: they are from a file, `faceted`: all triangles; `faces`:
+    the most triangles of what simulators draw and touch."""
 
     shapes: Sequence[TopoDS_Shape]
     visual: Sequence[TopoDS_Shape] = ()
@@ -90,6 +98,8 @@ class Made:
     code: tuple[str, int] | None = None
     one: bool = False
     file: bool = False
+    faceted: bool = False
+    faces: int | None = None
     own_image: bool = False
 
 
@@ -191,7 +201,10 @@ def _made_of_code(definition: dict[str, Any], session: PartSession) -> Made:
 def _made_of_file(definition: dict[str, Any], around: RequestContext) -> Made:
     unit = parse_quantity(f"1 {definition['parameters'].get('unit', FILE_UNIT)}").value * convert.MM
     shapes, color, mended = read_part(os.path.join(around.root, definition["reference"]), unit)
-    return Made(shapes=shapes, color=color, warnings=tuple(PartWarning(message=words) for words in mended), file=True)
+    return Made(
+        shapes=shapes, color=color, warnings=tuple(PartWarning(message=words) for words in mended), file=True,
+        faceted=definition["reference"].lower().endswith(SUFFIXES), faces=definition["parameters"].get("faces"),
+    )
 
 
 def _mirrored(made: Made, mirror: Mirror) -> Made:
@@ -286,9 +299,15 @@ def _record(text: str, made: Made, tessellations: Tessellations, store: Store) -
         metres = mesh.scaled(1.0 / convert.MM)
         round_about = meshing.hull(metres.vertices) or metres
         coarse, hull = metres, round_about
-        if tessellations.simulation != tessellations.fine:
+        if tessellations.simulation != tessellations.fine and not made.faceted:
             coarse = meshing.together(_meshes(solid, tessellations.simulation)).scaled(1.0 / convert.MM)
             hull = meshing.hull(coarse.vertices) or coarse
+        if made.faces is not None and len(coarse.faces) > made.faces:
+            fewer = simplified(coarse, made.faces)
+            extra = (*extra, *_off(coarse, fewer))
+            coarse, hull = fewer, meshing.hull(fewer.vertices) or fewer
+        if made.faces is not None:
+            meshes["simulation"] = stored_stl(coarse, store)
         shown = _visual(made.visual, tessellations.simulation).scaled(1.0 / convert.MM) if made.visual else coarse
         meshes["visual"] = _stored(shown, meshing.obj(shown), store)
         meshes["mesh"] = stored_stl(metres, store)
@@ -319,6 +338,15 @@ def _apart(solid: TopoDS_Shape) -> tuple[float, ...]:
     if len(bodies) < 2:
         return ()
     return tuple(sorted((convert.volume(math.fsum(measure(one).volume for one in body)) for body in bodies), reverse=True))
+
+
+def _off(mesh: meshing.Triangles, fewer: meshing.Triangles) -> tuple[PartWarning, ...]:
+    """A warning where a mesh for simulators is far from the one that it was made of; both in metres."""
+    away, size = deviation(mesh, fewer), float(np.ptp(mesh.vertices, axis=0).max())
+    if away <= DEVIATION * size:
+        return ()
+    off = f"up to {away * convert.MM:.2g} mm off its surface ({100.0 * away / size:.2g} % of its size)"
+    return (PartWarning(message=f"the {len(fewer.faces)} triangles that simulators have of it are {off}; allow more `faces`"),)
 
 
 def _overlap(solids: Sequence[meshing.Triangles], *, file: bool) -> tuple[PartWarning, ...]:

@@ -1,0 +1,218 @@
+"""A bound on the triangles that simulators have of a file: what they get, how far it is off, and that all else is of the whole file."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+from build123d import Cylinder, export_step
+
+from graph import builder
+from thingc.realize.key import versions
+from thingc.realize.record import Mesh, PartDefinition, PartFailure, PartRecord, definition_text
+from thingc.realize.worker.kernel.meshing import Triangles
+from thingc.realize.worker.kernel.simplifying import deviation, simplified
+from thingc.realize.worker.session import NoPart
+from thingc.resolve.model import Overrides
+
+
+def filed(name: str, faces: int | None) -> PartDefinition:
+    given = {} if faces is None else {"faces": faces}
+    return PartDefinition(
+        reference=name, kind="file", parameters=tuple(given.items()), text=definition_text(name, dict(given), {}), label=name,
+    )
+
+
+def bumpy() -> Any:
+    """A sphere of 50 mm with bumps, 5120 triangles."""
+    sphere = trimesh.creation.icosphere(subdivisions=4, radius=50.0)
+    x, y, z = (sphere.vertices / 50.0).T
+    return trimesh.Trimesh(sphere.vertices * (1.0 + 0.1 * np.sin(5 * x) * np.cos(4 * y) + 0.05 * np.sin(7 * z))[:, None], sphere.faces)
+
+
+def plate() -> Any:
+    """A box of 100 mm by 60 mm by 20 mm whose sides are cut into 12 288 triangles."""
+    found = trimesh.creation.box((100.0, 60.0, 20.0))
+    for _ in range(5):
+        found = found.subdivide()
+    return found
+
+
+def ring() -> Any:
+    """Of an outer radius of 40 mm: 1600 triangles, many of them long and thin."""
+    return trimesh.creation.annulus(20.0, 40.0, 10.0, sections=200)
+
+
+def of(mesh: Any) -> Triangles:
+    return Triangles(np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces, dtype=np.int64))
+
+
+def read(store: Any, mesh: Mesh, kind: str = "stl") -> Any:
+    """A file of the store as trimesh reads it."""
+    return trimesh.load_mesh(io.BytesIO(store.read(mesh.sha256)), file_type=kind)
+
+
+@pytest.fixture(scope="module")
+def records(module_place: Any) -> dict[str, PartRecord | PartFailure]:
+    bumpy().export(module_place.root / "scan.stl")
+    export_step(Cylinder(10.0, 40.0), module_place.root / "rod.step")
+    wanted = [
+        filed("scan.stl", None), filed("scan.stl", 1000), filed("scan.stl", 60), filed("scan.stl", 6000), filed("rod.step", 60),
+        filed("scan.stl", 1000).mirrored("x"),
+    ]
+    with module_place.service() as service:
+        found: dict[str, PartRecord | PartFailure] = service.realize(wanted, convex={"scan.stl(faces=1000)"})
+    return found
+
+
+def record(records: dict[str, PartRecord | PartFailure], text: str) -> PartRecord:
+    found = records[text]
+    assert isinstance(found, PartRecord), found
+    return found
+
+
+def test_what_simulators_have_is_bounded_and_closed(records: dict[str, PartRecord | PartFailure], module_place: Any) -> None:
+    scan = record(records, "scan.stl(faces=1000)")
+    assert scan.warnings == ()
+    for name, kind in (("visual", "obj"), ("simulation", "stl"), ("hull", "stl")):
+        mesh = read(module_place.store, scan.meshes[name], kind)
+        assert mesh.is_watertight and mesh.is_winding_consistent and len(mesh.faces) == scan.meshes[name].faces <= 1000
+    coarse = read(module_place.store, scan.meshes["simulation"])
+    assert coarse.volume == pytest.approx(bumpy().volume * 1e-9, rel=0.02) and len(coarse.faces) > 900
+    near = trimesh.triangles.closest_point  # every corner of the file to every triangle of these
+    corners, triangles = bumpy().vertices / 1000.0, coarse.triangles
+    apart = [np.linalg.norm(near(triangles, np.tile(corner, (len(triangles), 1))) - corner, axis=1).min() for corner in corners[::10]]
+    assert max(apart) < 0.01 * 0.11
+
+
+def test_all_else_is_of_the_whole_file(records: dict[str, PartRecord | PartFailure], module_place: Any) -> None:
+    whole, fewer = record(records, "scan.stl"), record(records, "scan.stl(faces=1000)")
+    assert fewer.volume == pytest.approx(bumpy().volume * 1e-9, rel=1e-6)
+    for name in ("print", "mesh"):
+        assert fewer.meshes[name] == whole.meshes[name] and fewer.meshes[name].faces == 5120
+    assert (fewer.brep, fewer.inertia, fewer.box, fewer.fits) == (whole.brep, whole.inertia, whole.box, whole.fits)
+    assert "simulation" not in whole.meshes and whole.meshes["visual"].faces == 5120
+
+
+def test_a_bound_that_is_kept_anyway_changes_no_mesh(records: dict[str, PartRecord | PartFailure]) -> None:
+    whole, same = record(records, "scan.stl"), record(records, "scan.stl(faces=6000)")
+    assert same.meshes == {**whole.meshes, "simulation": whole.meshes["mesh"]}
+
+
+def test_contacts_are_made_with_it(records: dict[str, PartRecord | PartFailure], module_place: Any) -> None:
+    """`collision: mesh`, and the convex pieces, which are made of it: their corners are within it. MuJoCo takes all of it."""
+    scan = record(records, "scan.stl(faces=1000)")
+    chosen = Overrides(collision="mesh")
+    occurrence = builder.occurrence(0, "scan", filed("scan.stl", 1000), scan, overrides=chosen, origin=builder.where(1))
+    assert occurrence.touching == (scan.meshes["simulation"],)
+    assert scan.convex and sum(piece.faces for piece in scan.convex) < 5120
+    assets = {"seen.obj": module_place.store.read(scan.meshes["visual"].sha256)}
+    assets["touched.stl"] = module_place.store.read(scan.meshes["simulation"].sha256)
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><asset><mesh file="seen.obj"/><mesh file="touched.stl"/></asset><worldbody><body><geom type="mesh" mesh="seen"/>'
+        '<geom type="mesh" mesh="touched"/></body></worldbody></mujoco>', assets,
+    )
+    assert model.mesh_facenum.tolist() == [scan.meshes["visual"].faces, scan.meshes["simulation"].faces]
+    assert model.body_mass[1] / 2000.0 == pytest.approx(bumpy().volume * 1e-9, rel=0.02)
+
+
+def test_curved_surfaces_of_exact_files_are_bounded_too(records: dict[str, PartRecord | PartFailure], module_place: Any) -> None:
+    rod = record(records, "rod.step(faces=60)")
+    coarse = read(module_place.store, rod.meshes["simulation"])
+    assert len(coarse.faces) <= 60 and coarse.is_watertight
+    assert rod.volume == pytest.approx(np.pi * 0.01**2 * 0.04, rel=1e-9)
+
+
+def test_a_mirror_image_is_bounded_as_well(records: dict[str, PartRecord | PartFailure], module_place: Any) -> None:
+    image = record(records, "scan.stl(faces=1000, mirror=x)")
+    mesh = read(module_place.store, image.meshes["simulation"])
+    assert len(mesh.faces) <= 1000 and mesh.is_watertight and mesh.volume > 0.0
+
+
+def test_a_mesh_that_is_far_off_is_told(records: dict[str, PartRecord | PartFailure], module_place: Any) -> None:
+    """Compared with all distances from all corners of either to all triangles of the other."""
+    scan = record(records, "scan.stl(faces=60)")
+    coarse = read(module_place.store, scan.meshes["simulation"])
+    (warning,) = scan.warnings
+    said = re.fullmatch(
+        r"the (\d+) triangles that simulators have of it are up to ([\d.]+) mm off its surface \(([\d.]+) % of its size\); allow more "
+        r"`faces`", warning.message,
+    )
+    assert said is not None and int(said[1]) == len(coarse.faces) <= 60
+    metres = bumpy().apply_scale(0.001)
+    apart = [
+        np.linalg.norm(trimesh.triangles.closest_point(to.triangles, np.tile(corner, (len(to.faces), 1))) - corner, axis=1).min()
+        for of_, to in ((metres, coarse), (coarse, metres)) for corner in of_.vertices
+    ]
+    assert float(said[2]) == pytest.approx(max(apart) * 1000.0, rel=0.06)
+    assert float(said[3]) == pytest.approx(100.0 * max(apart) * 1000.0 / np.ptp(bumpy().vertices, axis=0).max(), rel=0.06)
+
+
+# --- meshes that are hard to simplify ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("made", "faces", "off"), [(plate(), 500, 0.0), (ring(), 300, 0.6), (bumpy(), 300, 2.5)])
+def test_flat_thin_and_round_surfaces_stay_closed(made: Any, faces: int, off: float) -> None:
+    found = simplified(of(made), faces)
+    mesh = trimesh.Trimesh(found.vertices, found.faces, process=False)
+    assert len(mesh.faces) <= faces and mesh.is_watertight and mesh.is_winding_consistent
+    assert mesh.volume == pytest.approx(made.volume, rel=0.03)
+    assert deviation(of(made), found) <= off + 1e-9
+
+
+def test_bodies_that_touch_stay_closed() -> None:
+    """Two boxes with an edge in common, which then has four triangles."""
+    one, other = trimesh.creation.box((1, 1, 1)).subdivide().subdivide(), trimesh.creation.box((1, 1, 1)).subdivide().subdivide()
+    other.apply_translation((1, 1, 0))
+    both = trimesh.util.concatenate([one, other])
+    both.merge_vertices()
+    found = simplified(of(both), 200)
+    assert found.closed and len(found.faces) <= 200 and found.volume == pytest.approx(2.0, rel=1e-6)
+
+
+def test_what_cannot_have_so_few_is_refused() -> None:
+    """A ring needs some triangles to have a hole."""
+    torus = of(trimesh.creation.torus(10.0, 3.0))
+    with pytest.raises(NoPart, match=r"its surface cannot be brought down to 8 triangles and stay closed") as refused:
+        simplified(torus, 8)
+    assert refused.value.kind == "unbounded"
+
+
+def test_how_far_two_surfaces_are_apart() -> None:
+    """A cube in a larger one: corners are sqrt(3) apart, faces 1."""
+    small, large = trimesh.creation.box((10, 10, 10)), trimesh.creation.box((12, 12, 12))
+    assert deviation(of(small), of(large)) == pytest.approx(np.sqrt(3.0), abs=1e-9)
+    assert deviation(of(small), of(small)) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_same_triangles_every_time() -> None:
+    """In other processes, with other hash seeds."""
+    script = "import hashlib; from realize.test_faces import bumpy, of, simplified; m = simplified(of(bumpy()), 700);" \
+        "print(hashlib.sha256(m.vertices.tobytes() + m.faces.tobytes()).hexdigest())"
+    here = simplified(of(bumpy()), 700)
+    digest = hashlib.sha256(here.vertices.tobytes() + here.faces.tobytes()).hexdigest()
+    for seed in ("1", "2"):
+        environment = {"PYTHONHASHSEED": seed, "PYTHONPATH": str(Path(__file__).parents[1])}
+        done = subprocess.run([sys.executable, "-c", script], env=environment, check=True, capture_output=True, text=True)
+        assert done.stdout.strip() == digest
+
+
+def test_another_version_of_what_reads_meshes_models_a_file_again(module_place: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    (module_place.root / "crumb.stl").write_bytes(trimesh.creation.box((4, 5, 6)).export(file_type="stl"))
+    with module_place.service() as service:
+        service.realize([filed("crumb.stl", None)])
+        assert service.in_store(filed("crumb.stl", None))
+    there = {**versions._installed(), "trimesh": "99"}
+    monkeypatch.setattr(versions, "_installed", lambda: there)
+    with module_place.service() as service:
+        service.realize([filed("crumb.stl", None)])
+        assert service.decisions["crumb.stl"].reason == f"trimesh changed from {trimesh.__version__} to 99"
