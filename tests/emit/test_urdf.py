@@ -33,7 +33,7 @@ from graph.builder import (
     where,
 )
 from graph.builder import assembly as document
-from robot.test_spanning_tree_properties import Tree, build, robots, world_of
+from robot.test_spanning_tree_properties import COUNTS, WITHOUT_LEAD, Tree, build, robots, world_of
 from thingc.cli.main import main
 from thingc.diagnostics import Code, Report
 from thingc.emit.artifact import Artifacts
@@ -50,8 +50,7 @@ from thingc.resolve.model import Limit
 from thingc.robot import in_link
 from thingc.robot import root as rooted
 
-MOVING = ("revolute", "continuous", "prismatic", "cylindrical", "universal", "planar")
-trees = st.builds(build, st.integers(0, 2**32 - 1), st.integers(2, 6), st.just((*MOVING, "screw")))
+trees = st.builds(build, st.integers(0, 2**32 - 1), st.integers(2, 6), st.just(tuple(COUNTS)))
 PITCH = 0.008 / (2.0 * math.pi)
 
 
@@ -130,7 +129,7 @@ def test_mujoco_puts_every_occurrence_and_frame_where_the_matrices_say(tree: Tre
 
 
 @settings(max_examples=30)
-@given(st.builds(build, st.integers(0, 2**32 - 1), st.integers(2, 6), st.just(MOVING)))
+@given(st.builds(build, st.integers(0, 2**32 - 1), st.integers(2, 6), st.just(WITHOUT_LEAD)))
 def test_masses_mass_matrix_and_gravity_are_those_of_mjcf(tree: Tree) -> None:
     with tempfile.TemporaryDirectory() as folder:
         request = asked(tree.assembly, folder)

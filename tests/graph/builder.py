@@ -6,7 +6,7 @@ Nothing here calls the code under test: poses go in as `Pose.from_rows` of numpy
 from __future__ import annotations
 
 import struct
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -97,11 +97,14 @@ LEAD = 0.05
 
 
 def motion(kind: str, *q: float) -> Array:
-    return {
+    """What a kind of joint does, written by hand: every kind but `ball` has a line here."""
+    by_hand: dict[str, Callable[..., Array]] = {
         "revolute": rz, "continuous": rz, "prismatic": lambda d: t(0, 0, d), "fixed": lambda *_: np.eye(4),
         "screw": lambda a: rz(a) @ t(0, 0, LEAD * a / (2 * np.pi)), "cylindrical": lambda a, d: rz(a) @ t(0, 0, d),
         "universal": lambda a, b: rx(a) @ ry(b), "planar": lambda x, y, a: t(x, y, 0) @ rz(a),
-    }[kind](*q)
+    }
+    assert kind in by_hand, f"write the motion of `{kind}` by hand, as a matrix: `motion` in tests/graph/builder.py"
+    return by_hand[kind](*q)
 
 
 def mated(

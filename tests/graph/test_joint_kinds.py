@@ -6,42 +6,24 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from graph.builder import Array, as_matrix, as_pose, inv, rx, ry, rz, t
-from thingc.joints import KINDS, Twist, moved, velocities
-from thingc.units import ANGLE, LENGTH
+from graph.builder import LEAD, Array, as_matrix, as_pose, inv, motion, rx, ry, rz, t
+from thingc.joints import KINDS, JointKind, Twist, moved, velocities
 
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
-def test_what_can_be_built() -> None:
-    assert list(KINDS) == ["fixed", "revolute", "continuous", "prismatic", "cylindrical", "universal", "ball", "planar", "screw"]
+def test_fixed_alone_does_not_move() -> None:
+    """What coordinates and limits a kind has is in the table of `docs/language.md`, with which `tests/docs` compares it."""
+    assert [name for name, kind in KINDS.items() if not kind.moves] == ["fixed"]
 
 
-def test_coordinates_and_limits() -> None:
-    assert {name: (tuple(twist.coordinate for twist in kind.twists), kind.limits) for name, kind in KINDS.items()} == {
-        "fixed": ((), "none"),
-        "revolute": ((ANGLE,), "required"),
-        "continuous": ((ANGLE,), "none"),
-        "prismatic": ((LENGTH,), "required"),
-        "screw": ((ANGLE,), "optional"),
-        "cylindrical": ((ANGLE, LENGTH), "optional"),
-        "universal": ((ANGLE, ANGLE), "optional"),
-        "planar": ((LENGTH, LENGTH, ANGLE), "optional"),
-        "ball": ((ANGLE, ANGLE, ANGLE), "cone"),
-    }
-    assert [kind.moves for kind in KINDS.values()] == [False, *[True] * 8]
-
-
+@pytest.mark.parametrize("kind", [kind for kind in KINDS.values() if not kind.at_once], ids=lambda kind: kind.name)
 @pytest.mark.parametrize("q", [-2.5, 0.0, 0.3, math.pi / 2])
-def test_motions(q: float) -> None:
-    assert as_matrix(moved(KINDS["fixed"].twists, ())) == pytest.approx(np.eye(4))
-    assert as_matrix(moved(KINDS["revolute"].twists, (q,))) == pytest.approx(rz(q))
-    assert as_matrix(moved(KINDS["continuous"].twists, (q,))) == pytest.approx(rz(q))
-    assert as_matrix(moved(KINDS["prismatic"].twists, (q,))) == pytest.approx(t(0, 0, q))
-    assert as_matrix(moved(KINDS["screw"].with_lead(-0.02), (q,))) == pytest.approx(rz(q) @ t(0, 0, -0.02 * q / (2 * math.pi)))
-    assert as_matrix(moved(KINDS["cylindrical"].twists, (q, 0.1))) == pytest.approx(rz(q) @ t(0, 0, 0.1))
-    assert as_matrix(moved(KINDS["universal"].twists, (q, 0.7))) == pytest.approx(rx(q) @ ry(0.7))
-    assert as_matrix(moved(KINDS["planar"].twists, (0.2, -0.3, q))) == pytest.approx(t(0.2, -0.3, 0) @ rz(q))
+def test_motions(kind: JointKind, q: float) -> None:
+    """Each as `motion` has it by hand."""
+    values = (q, 0.1, -0.3)[: len(kind.twists)]
+    twists = kind.with_lead(LEAD) if kind.leads else kind.twists
+    assert as_matrix(moved(twists, values)) == pytest.approx(motion(kind.name, *values))
 
 
 def test_coordinates_are_shown_as_a_person_writes_them() -> None:

@@ -43,12 +43,15 @@ from graph.builder import (
 from thingc.diagnostics import Code, Report
 from thingc.graph import poses
 from thingc.graph.types import Assembly
+from thingc.joints import KINDS
 from thingc.pose import NO_POSE
 from thingc.robot import mass_properties, occurrence_poses, root
 from thingc.robot.types import Robot
 
-COUNTS = {"revolute": 1, "continuous": 1, "prismatic": 1, "cylindrical": 2, "universal": 2, "planar": 3, "screw": 1}
-"""Kinds that move, and how many coordinates they have. (MuJoCo has no screw: its trees are without.)"""
+COUNTS = {name: len(kind.twists) for name, kind in KINDS.items() if kind.moves and not kind.at_once}
+"""Kinds that move, coordinate by coordinate, and how many they have."""
+WITHOUT_LEAD = tuple(name for name in COUNTS if not KINDS[name].leads)
+"""MuJoCo has no screw: its trees are without."""
 STILL = ("fixed", "attach", "at")
 
 
