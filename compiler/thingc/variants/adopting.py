@@ -37,5 +37,5 @@ def _told(plan: Plan, wanted: str, folder: str) -> Line | None:
     described = read_batch(folder)
     if described is None or described.get("document") != plan.relative:
         return None
-    found = [line for _, line in lines(os.path.join(folder, places.JOURNAL)) if wanted in (line["id"], line["name"])]
-    return found[-1] if found else None
+    matching = [line for _, line in lines(os.path.join(folder, places.JOURNAL)) if wanted in (line["id"], line["name"])]
+    return matching[-1] if matching else None

@@ -67,17 +67,17 @@ class ValueReader:
                 help=f"write a value, or a parameter of `{self.parameters.name}` that is worked out",
             )
             return None
-        found = as_value(raw)
-        assert found is not None
+        stated = as_value(raw)
+        assert stated is not None
         if "." in name:
-            return self._by_path(name, found, path)
+            return self._by_path(name, stated, path)
 
         def complain(name: str, code: Code, message: str, *, help: str | None = None, notes: Iterable[Note] = ()) -> None:
             key = code is Code.UNKNOWN_PARAMETER
             where = self._key(path) if key else path
             self.report.add(code, message, self.document.span(where, key=key), help=help, notes=notes, path=dotted(where))
 
-        value, own = self.parameters.fitting(name, found, complain), self.parameters.values.get(name)
+        value, own = self.parameters.fitting(name, stated, complain), self.parameters.values.get(name)
         if isinstance(value, Quantity) and value.dimension == NUMBER and value.value == 0.0 and isinstance(own, Quantity):
             return Quantity(0.0, own.dimension)  # a bare 0
         return value
@@ -103,9 +103,9 @@ class ValueReader:
             if not raw:
                 self._error(Code.VARIANT_VALUE, f"`{name}` has no values", path, help="write at least one, or remove the key")
                 return None
-            found = [self.value(name, one, (*path, index)) for index, one in enumerate(raw)]
-            sound = [one for one in found if one is not None]
-            self._twice(path, found)
+            listed = [self.value(name, one, (*path, index)) for index, one in enumerate(raw)]
+            sound = [one for one in listed if one is not None]
+            self._twice(path, listed)
             first: dict[Value, Found] = {}
             for value in sound:
                 first.setdefault(plain(value), value)
@@ -136,9 +136,9 @@ class ValueReader:
         if first is None or last is None or count is None:
             return ()
         if not isinstance(first, Quantity) or not isinstance(last, Quantity):
-            found, key = (first, "from") if not isinstance(first, Quantity) else (last, "to")
+            wrong, key = (first, "from") if not isinstance(first, Quantity) else (last, "to")
             self._error(
-                Code.VARIANT_VALUE, f"a range goes from number to number, found {kind_of(found)}", (*path, key),
+                Code.VARIANT_VALUE, f"a range goes from number to number, found {kind_of(wrong)}", (*path, key),
                 help=f"list the values: `{name}: [...]`",
             )
             return ()

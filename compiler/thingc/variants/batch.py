@@ -385,11 +385,11 @@ class _Batch:
         with contextlib.suppress(BatchFault, OSError):
             while True:
                 try:
-                    what, found = self.events.get_nowait()
+                    what, row = self.events.get_nowait()
                 except queue.Empty:
                     return
-                if what == "row" and found["status"] != STOPPED:
-                    self._take(journal, found)
+                if what == "row" and row["status"] != STOPPED:
+                    self._take(journal, row)
 
     # --- who listens ----------------------------------------------------------------------------------------------
 

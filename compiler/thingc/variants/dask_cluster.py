@@ -148,8 +148,8 @@ class DaskCluster(Carrier):
         """Beside whatever its threads are at."""
         try:
             if worker in self._client.nthreads([worker]):  # to reach one that is gone takes half a minute
-                found: T = self._client.run(fn, *arguments, workers=[worker])[worker]
-                return found
+                answer: T = self._client.run(fn, *arguments, workers=[worker])[worker]
+                return answer
         except WorkerLost:
             raise
         except Exception as fault:

@@ -150,21 +150,21 @@ def evaluate(
     rows: list[Row] = []
     left = list(tasks)
 
-    def take(found: Row) -> None:
-        rows.append(found)
+    def take(answer: Row) -> None:
+        rows.append(answer)
         if on_row is not None:
-            on_row(found)
+            on_row(answer)
 
     while left:
         runner = pool.take(job)
         try:
             runner.ask([task.plain() for task in left])
             while left:
-                found = runner.answer(timeout)
-                found["pid"] = runner.pid
-                take(found)
+                answer = runner.answer(timeout)
+                answer["pid"] = runner.pid
+                take(answer)
                 left.pop(0)
-                if found["status"] == STOPPED:
+                if answer["status"] == STOPPED:
                     pool.drop(runner)
                     return rows
         except Lost as fault:

@@ -64,10 +64,10 @@ def read_batch(folder: str) -> dict[str, Any] | None:
     """What `batch.json` says; None where there is none of ours."""
     try:
         with open(os.path.join(folder, places.BATCH), encoding="utf-8") as stream:
-            found = json.load(stream)
+            described = json.load(stream)
     except (OSError, ValueError):
         return None
-    return found if isinstance(found, dict) and found.get("thingc") == KIND else None
+    return described if isinstance(described, dict) and described.get("thingc") == KIND else None
 
 
 def write_batch(folder: str, found: Mapping[str, Any]) -> None:
@@ -100,10 +100,10 @@ def _noted(folder: str) -> dict[str, str]:
     """What has been noted of files; nothing where the note is gone or damaged."""
     try:
         with open(os.path.join(folder, places.SHOWN), encoding="utf-8") as stream:
-            found = json.load(stream)
+            states = json.load(stream)
     except (OSError, ValueError):
         return {}
-    return {name: state for name, state in found.items() if isinstance(state, str)} if isinstance(found, dict) else {}
+    return {name: state for name, state in states.items() if isinstance(state, str)} if isinstance(states, dict) else {}
 
 
 def _edited(folder: str) -> list[str]:
@@ -132,9 +132,9 @@ def begin(folder: str, document: str, assembly: str) -> None:
                 Code.UNEXPECTED, f"`{shown_path(folder)}` holds the batch of another document, `{before.get('document')}`, and is left "
                 "as it is", "move it away, or write into another folder with -o",
             )
-        found = sorted([*unexpected_files(folder, assembly), *_edited(folder)])
-        if before is None or found:
-            shown = ", ".join(f"`{name}`" for name in found[:8]) + (f" and {len(found) - 8} more" if len(found) > 8 else "")
+        unexpected = sorted([*unexpected_files(folder, assembly), *_edited(folder)])
+        if before is None or unexpected:
+            shown = ", ".join(f"`{name}`" for name in unexpected[:8]) + (f" and {len(unexpected) - 8} more" if len(unexpected) > 8 else "")
             raise BatchFault(
                 Code.UNEXPECTED,
                 f"`{shown_path(folder)}` holds files that no batch of `{document}` wrote, or that were changed since, and is left as it "
@@ -195,7 +195,7 @@ def _delete(folders: list[str], stopped: threading.Event) -> None:
 def unexpected_files(folder: str, assembly: str) -> list[str]:
     """Everything in the folder that no batch over `assembly` wrote, or that was changed since, by path in it, sorted."""
     known: dict[Signature, str] = {}  # variants share their meshes
-    found = [name for name in os.listdir(folder) if name.removesuffix(".new") not in places.OWN and not _OLD.fullmatch(name)]
+    paths = [name for name in os.listdir(folder) if name.removesuffix(".new") not in places.OWN and not _OLD.fullmatch(name)]
     for inner, pattern in ((places.VARIANTS, _VARIANT), (places.ASSETS, _ASSET), (places.PICTURES, _PICTURE)):
         place = os.path.join(folder, inner)
         for name in os.listdir(place) if os.path.isdir(place) else ():
@@ -203,10 +203,10 @@ def unexpected_files(folder: str, assembly: str) -> list[str]:
                 continue
             path = f"{inner}/{name}"
             if not pattern.fullmatch(name):
-                found.append(path)
+                paths.append(path)
             elif inner == places.VARIANTS:
-                found.extend(f"{path}/{one}" for one in unexpected_in_build(os.path.join(folder, path), assembly, known=known).names)
-    return sorted(found)
+                paths.extend(f"{path}/{one}" for one in unexpected_in_build(os.path.join(folder, path), assembly, known=known).names)
+    return sorted(paths)
 
 
 def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:

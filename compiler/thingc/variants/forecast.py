@@ -49,25 +49,25 @@ class Forecast:
 
 def forecast(plan: Plan, options: Options, limit: int | None = None) -> Forecast:
     """Look at every variant (at the first `limit`) as far as it is known without geometry; of more than `MOST`, at so many of them."""
-    found = Forecast()
+    foreseen = Forecast()
     parts: dict[str, PartDefinition] = {}
     count = plan.count if limit is None else min(limit, plan.count)
     drawn = None if count <= MOST else frozenset(random.Random(0).sample(range(count), MOST))
     with Environment(plan.assembly, options) as environment:
         sources = pipeline.read(environment)
         for number, variant in enumerate(islice(plan, count)):
-            found.count += 1
-            if len(found.first) < SHOWN:
-                found.first.append(variant)
+            foreseen.count += 1
+            if len(foreseen.first) < SHOWN:
+                foreseen.first.append(variant)
             if variant.failed is not None:
-                found.failing[variant.failed] = found.failing.get(variant.failed, 0) + 1
+                foreseen.failing[variant.failed] = foreseen.failing.get(variant.failed, 0) + 1
             elif drawn is None or number in drawn:
-                found.looked_at += 1
+                foreseen.looked_at += 1
                 if sources is not None:
-                    _look(environment, sources, variant, found, parts)
-        found.parts = len(parts)
-        found.known = sum(environment.geometry.in_store(part) for part in parts.values())
-    return found
+                    _look(environment, sources, variant, foreseen, parts)
+        foreseen.parts = len(parts)
+        foreseen.known = sum(environment.geometry.in_store(part) for part in parts.values())
+    return foreseen
 
 
 def _look(environment: Environment, own: Sources, variant: Variant, found: Forecast, parts: dict[str, PartDefinition]) -> None:

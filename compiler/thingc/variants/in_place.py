@@ -104,8 +104,8 @@ def fields(source: str | os.PathLike[str] | Family, mode: str | None = None, *, 
     for variant in family[1:]:
         other = variant.model(mode, scene=scene)
         _same_structure(model, other, first, variant)
-        found = _numbers(other)
-        own.append({name: np.array(value) for name, value in found.items() if not _equal(base[name], value)})
+        numbers = _numbers(other)
+        own.append({name: np.array(value) for name, value in numbers.items() if not _equal(base[name], value)})
     names = [name for name in base if any(name in one for one in own)]
     stacked = {name: np.stack([np.asarray(one.get(name, base[name])) for one in own]) for name in names}
     return model, {name: _leading(value) if name in LEADING else value for name, value in stacked.items()}
@@ -150,12 +150,12 @@ def write(source: str | os.PathLike[str] | Family, path: str | os.PathLike[str],
     if not target.endswith(".npz"):
         raise FamilyError(f"expected a file that ends in `.npz`, found `{shown_path(target)}`")
     family = _family(source)
-    _, found = fields(family, mode, scene=scene)
+    _, differing = fields(family, mode, scene=scene)
     text, files = family[0].sources(mode, scene=scene)
     robot = f"{family.robot}_{family.chosen(mode)}.xml"
     contents = {MODEL: text, **{name if name == robot else f"assets/{name}": data for name, data in files.items()}}
     arrays: dict[str, bytes] = {}
-    for name, array in {"id": np.array([variant.id for variant in family]), **found}.items():
+    for name, array in {"id": np.array([variant.id for variant in family]), **differing}.items():
         stream = io.BytesIO()
         np.lib.format.write_array(stream, np.ascontiguousarray(array), allow_pickle=False)
         arrays[f"{name}.npy"] = stream.getvalue()
@@ -184,8 +184,8 @@ def _place(model: mujoco.MjModel, name: str) -> tuple[Any, str]:
 def _numbers(model: mujoco.MjModel) -> dict[str, Any]:
     """Everything that may differ, by name; views of the model. Arrays that this version of MuJoCo has not are left out."""
     names = [*sorted(NUMBERS | SHORTCUTS), *OPTIONS]
-    found = {name: getattr(*_place(model, name), None) for name in names}
-    return {name: value for name, value in found.items() if value is not None}
+    numbers = {name: getattr(*_place(model, name), None) for name in names}
+    return {name: value for name, value in numbers.items() if value is not None}
 
 
 def _equal(a: Any, b: Any) -> bool:

@@ -45,11 +45,11 @@ class Job:
     @staticmethod
     def decode(text: str) -> Job:
         """The job of `encode`."""
-        found = json.loads(text)
+        values = json.loads(text)
         for key in ("modes", "rules", "rule_names", "emit"):
-            found[key] = tuple(found[key])
-        found["reach"] = tuple(found["reach"]) if found["reach"] is not None else None
-        return Job(**found)
+            values[key] = tuple(values[key])
+        values["reach"] = tuple(values["reach"]) if values["reach"] is not None else None
+        return Job(**values)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -80,13 +80,13 @@ def lines(path: str) -> Iterator[tuple[int, Line]]:
 
 def places(path: str) -> array[int]:
     """Where the line of each variant begins, by index; -1 where there is none. Of two lines the later one counts."""
-    found: array[int] = array("q")
+    begins: array[int] = array("q")
     for at, line in lines(path):
         index = int(line["index"])
-        while len(found) <= index:
-            found.append(-1)
-        found[index] = at
-    return found
+        while len(begins) <= index:
+            begins.append(-1)
+        begins[index] = at
+    return begins
 
 
 def in_order(path: str) -> Iterator[Line]:

@@ -153,14 +153,14 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
         """Model and data; those used least lately are forgotten."""
         import mujoco
 
-        found = self._models.get(variant.id)
-        if found is None:
+        compiled = self._models.get(variant.id)
+        if compiled is None:
             model = variant.model(self.mode, scene=self._scene, visual=self._visual)
-            found = self._models[variant.id] = (model, mujoco.MjData(model))
+            compiled = self._models[variant.id] = (model, mujoco.MjData(model))
             while len(self._models) > self._cache:
                 self._models.popitem(last=False)
         self._models.move_to_end(variant.id)
-        return found
+        return compiled
 
 
 def make_env(
@@ -201,16 +201,16 @@ def make_env(
 
 def _sizes(family: Family, mode: str, pad: bool) -> Sizes:
     """The largest sizes. Raises `FamilyError` where they differ and need not be padded."""
-    found = [variant.sizes(mode) for variant in family]
+    sizes = [variant.sizes(mode) for variant in family]
     for name in ("nq", "nv", "nu") if not pad else ():
-        values = [getattr(one, name) for one in found]
+        values = [getattr(one, name) for one in sizes]
         other = next((k for k, value in enumerate(values) if value != values[0]), None)
         if other is not None:
             raise FamilyError(
                 f"in mode `{mode}` variant `{family[0].name}` has {name} = {values[0]} and `{family[other].name}` has {values[other]}: "
                 "choose variants of one kind (`load(..., where=...)`), or make room for all with `pad=True`"
             )
-    return Sizes(nq=max(one.nq for one in found), nv=max(one.nv for one in found), nu=max(one.nu for one in found))
+    return Sizes(nq=max(one.nq for one in sizes), nv=max(one.nv for one in sizes), nu=max(one.nu for one in sizes))
 
 
 def _descriptors(family: Family, columns: Sequence[str]) -> dict[str, Array]:
@@ -228,10 +228,10 @@ def _weights(family: Family, weights: str | Callable[[BuiltVariant], float] | No
     """Probabilities, one for each variant. Raises `FamilyError` where they cannot be made of the weights."""
     if weights is None:
         return np.full(len(family), 1.0 / len(family))
-    found = np.array(_numbers(family, weights) if isinstance(weights, str) else [float(weights(variant)) for variant in family])
-    if (found < 0.0).any() or not np.isfinite(found).all() or found.sum() <= 0.0:
+    numbers = np.array(_numbers(family, weights) if isinstance(weights, str) else [float(weights(variant)) for variant in family])
+    if (numbers < 0.0).any() or not np.isfinite(numbers).all() or numbers.sum() <= 0.0:
         raise FamilyError("expected weights that are not negative, and not all 0")
-    return np.asarray(found / found.sum(), np.float64)
+    return np.asarray(numbers / numbers.sum(), np.float64)
 
 
 def _numbers(family: Family, column: str) -> list[float]:

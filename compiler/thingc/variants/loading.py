@@ -155,12 +155,12 @@ class Family(Sequence[BuiltVariant]):
         self._variants: tuple[BuiltVariant, ...] = ()
 
     def _of(self, variants: Iterable[BuiltVariant]) -> Family:
-        found = Family(
+        family = Family(
             folder=self.folder, name=self.name, robot=self.robot, modes=self.mode_names, mode=self.mode, planned=self.planned,
             finished=self.finished, rows=self.rows, meshes=self._meshes,
         )
-        found._variants = tuple(variants)
-        return found
+        family._variants = tuple(variants)
+        return family
 
     def __len__(self) -> int:
         return len(self._variants)
@@ -260,7 +260,7 @@ class _Meshes:
             return self._read(folder, _listed(folder))
 
     def _read(self, folder: str, listed: Mapping[str, _File]) -> dict[str, bytes]:
-        found: dict[str, bytes] = {}
+        contents: dict[str, bytes] = {}
         for name, file in listed.items():
             data = self._kept.get(file)
             if data is None:
@@ -268,10 +268,10 @@ class _Meshes:
                     data = self._kept[file] = stream.read()
                 self._size += len(data)
             self._kept.move_to_end(file)
-            found[name] = data
-        while self._size > self._most and len(self._kept) > len(found):
+            contents[name] = data
+        while self._size > self._most and len(self._kept) > len(contents):
             self._size -= len(self._kept.popitem(last=False)[1])
-        return found
+        return contents
 
     @contextlib.contextmanager
     def mounted(self, folder: str, more: Mapping[str, bytes]) -> Iterator[mujoco.MjVfs]:

@@ -92,15 +92,15 @@ def lengths(assembly: Assembly, within: Sequence[Pose]) -> Results:
     before placed that link. Parents and children are those of the documents, so it does not depend on a root. `within` are the
     poses of the occurrences in their links (`in_link`)."""
     placed = {assembly.link_of[mate.child]: mate for mate in assembly.mates if mate.joints and mate.loop is None}
-    found: Results = {}
+    distances: Results = {}
     for mate in assembly.mates:
         before = placed.get(assembly.link_of[mate.parent])
         if mate.name is None or before is None or before is mate:
             continue
         here = within[mate.parent].apply(mate.X_PJ.translation)
         there = within[before.child].apply(before.X_JC.inverse().translation)
-        found[f"length.{mate.name.replace('/', '.')}"] = math.dist(here, there)
-    return found
+        distances[f"length.{mate.name.replace('/', '.')}"] = math.dist(here, there)
+    return distances
 
 
 def bounding_box(assembly: Assembly, poses: Sequence[Pose]) -> tuple[Vector, Vector] | None:

@@ -34,13 +34,13 @@ def usual(count: int) -> int:
 
 def chosen(folder: str, mode: str, most: int) -> list[tuple[str, str]]:
     """`(id, path of the model)` of at most so many built variants, in plan order; where there are more, those `along_the_axes`."""
-    found: list[tuple[str, str]] = []
+    built: list[tuple[str, str]] = []
     settings: list[Sequence[Any]] = []
     for line in in_order(os.path.join(folder, places.JOURNAL)):
         if line["status"] == "built" and (path := _model(folder, line["id"], mode)) is not None:
-            found.append((line["id"], path))
+            built.append((line["id"], path))
             settings.append((*line["parameters"].values(), *line["choices"].values()))
-    return found if len(found) <= most else [found[k] for k in along_the_axes(settings, most)]
+    return built if len(built) <= most else [built[k] for k in along_the_axes(settings, most)]
 
 
 def along_the_axes(settings: Sequence[Sequence[Any]], most: int) -> list[int]:
@@ -81,8 +81,8 @@ def _model(folder: str, id: str, mode: str) -> str | None:
     place = os.path.join(places.variant_folder(folder, id), "mjcf")
     names = os.listdir(place) if os.path.isdir(place) else []
     # of the modes `foot` and `front_foot` the ends are alike: then the shorter name is the one of `foot`
-    found = sorted((name for name in names if name.endswith(f"_{mode}.xml") and name != f"scene_{mode}.xml"), key=len)
-    return os.path.join(place, found[0]) if found else None
+    models = sorted((name for name in names if name.endswith(f"_{mode}.xml") and name != f"scene_{mode}.xml"), key=len)
+    return os.path.join(place, models[0]) if models else None
 
 
 def draw(
@@ -131,13 +131,13 @@ def _drawn(
     visible: list[list[tuple[str, str]]] = []
     for part, process in zip(parts, processes, strict=True):
         try:
-            found = process.answer(PATIENCE * (1 + len(part)))
+            answer = process.answer(PATIENCE * (1 + len(part)))
         except Lost as fault:
             return _lost(process, fault)
-        for own, down in found:
+        for own, down in answer:
             points += own
             gravity = down if own else gravity
-        visible.append([shot for shot, (own, _) in zip(part, found, strict=True) if own])
+        visible.append([shot for shot, (own, _) in zip(part, answer, strict=True) if own])
     if not points:
         return None  # robots of bare frames: there is nothing to see
     for part, process in zip(visible, processes, strict=True):
@@ -148,11 +148,11 @@ def _drawn(
     for part, process in zip(visible, processes, strict=True):
         for _ in part:
             try:
-                found = process.answer(PATIENCE)
+                answer = process.answer(PATIENCE)
             except Lost as fault:
                 return _lost(process, fault)
-            if "fault" in found:
-                return _refused(found["fault"], found["hint"])
+            if "fault" in answer:
+                return _refused(answer["fault"], answer["hint"])
             done += 1
             if on_picture is not None:
                 on_picture(done, count)

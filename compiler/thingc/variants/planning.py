@@ -118,7 +118,7 @@ class Plan(Brief):
                 index=index, id=id, name=setting.name or f"{self.name}_{index:0{width}d}",
                 parameters={name: text for name, text in texts.items() if "." not in name},
                 choices=dict(sorted({**choices, **{path: text for path, text in texts.items() if "." in path}}.items())),
-                values={name: plain(found) for name, found in values.items()}, failed=failed,
+                values={name: plain(value) for name, value in values.items()}, failed=failed,
             )
 
     @cached_property
@@ -155,7 +155,7 @@ class Plan(Brief):
     @cached_property
     def dimensions(self) -> dict[str, Dimension]:
         """The dimension of every parameter, and of every value set by path, that is a number."""
-        return {name: found.dimension for name, found in self.kinds.items() if isinstance(found, Quantity)}
+        return {name: value.dimension for name, value in self.kinds.items() if isinstance(value, Quantity)}
 
     @cached_property
     def kinds(self) -> dict[str, Found]:
@@ -264,8 +264,8 @@ class Plan(Brief):
         seen: set[str] = set()
         for number, setting in enumerate(self._settings()):
             parameters = {
-                name: found for name, found in setting.parameters.items()
-                if name not in self._stated or plain(found) != self._stated[name]
+                name: value for name, value in setting.parameters.items()
+                if name not in self._stated or plain(value) != self._stated[name]
             }
             choices = {path: text for path, text in setting.choices.items() if self.own_choices.get(path) != text}
             id = identity(self.assembly_relative, parameters, choices)
@@ -296,7 +296,7 @@ def _holds(rule: Rule, values: Mapping[str, Found]) -> bool:
 
 
 def _plain(setting: Setting) -> list[object]:
-    return [setting.name, {name: plain(found) for name, found in sorted(setting.parameters.items())}, dict(sorted(setting.choices.items()))]
+    return [setting.name, {name: plain(value) for name, value in sorted(setting.parameters.items())}, dict(sorted(setting.choices.items()))]
 
 
 def moved(text: str, source: str, target: str) -> str:

@@ -35,10 +35,10 @@ def plan(document: str, *, options: Options | None = None) -> Plan:
     `options` name the store and how parts are described.
     """
     report = Report()
-    found = read_plan(document, options or Options(), report)
-    if found is None or report.failed:
+    planned = read_plan(document, options or Options(), report)
+    if planned is None or report.failed:
         raise PlanError(report.ordered())
-    return found
+    return planned
 
 
 def read_plan(path: str, options: Options, report: Report) -> Plan | None:
@@ -184,10 +184,10 @@ class _Planner:
     def possible(self, path: str, text: str, at: Path) -> bool:
         """Whether a choice can be made, by itself or with one of the assemblies that are chosen around it; reported if not."""
         wrong = self.trial({path: text})
-        for found in wrong:
-            if found.code is Code.CHOICE_OPTION:
-                self.say_once(Code.VARIANT_CHOICE, found, path, at, f"choices.{path}", key=False)
-        return not any(found.code is Code.CHOICE_OPTION for found in wrong)
+        for diagnostic in wrong:
+            if diagnostic.code is Code.CHOICE_OPTION:
+                self.say_once(Code.VARIANT_CHOICE, diagnostic, path, at, f"choices.{path}", key=False)
+        return not any(diagnostic.code is Code.CHOICE_OPTION for diagnostic in wrong)
 
     def fits(self, path: str, text: str, at: Path) -> bool:
         """Whether a value can stand at a path of the assembly; reported if not: of a path that leads nowhere at its key. One of a variant
@@ -204,10 +204,10 @@ class _Planner:
             wrong = self.trial({path: text})
             if wrong:
                 wrong = self.made_wrong({path: text}, {name: first for name, first in self.firsts().items() if name != path})
-        for found in wrong:
-            astray = found.code is Code.CHOICE_OPTION and "=" not in (found.path or "")
+        for diagnostic in wrong:
+            astray = diagnostic.code is Code.CHOICE_OPTION and "=" not in (diagnostic.path or "")
             where = at[: at.index(path) + 1] if astray else at
-            self.say_once(Code.VARIANT_VALUE, found, path, where, dotted(where), key=astray)
+            self.say_once(Code.VARIANT_VALUE, diagnostic, path, where, dotted(where), key=astray)
         return not wrong
 
     def texts(self, places: Mapping[str, Path]) -> dict[str, str]:
@@ -295,9 +295,9 @@ class _Planner:
             self.beside = {**{name: text for name, text in self.firsts().items() if name in fixed.parameters}, **chosen}
             values: dict[str, Found] = dict(fixed.parameters)
             for name, raw in entry.parameters.items():
-                found = reader.value(name, raw, (*at, "parameters", name))
-                if found is not None:
-                    values[name] = found
+                value = reader.value(name, raw, (*at, "parameters", name))
+                if value is not None:
+                    values[name] = value
             if entry.name is not None and entry.name in met:
                 self.report.add(
                     Code.NAME_CLASH, f"two variants are called `{entry.name}`", self.document.span((*at, "name")),
@@ -350,13 +350,13 @@ class _Planner:
         """The digests of the documents and of the code that the plan depends on, by path (in the workspace where it lies there)."""
         from thingc.stamp import state_of
 
-        found = {path: one.sha256 for path, one in self.sources.documents.by_path.items()}
+        digests = {path: one.sha256 for path, one in self.sources.documents.by_path.items()}
         for path in sorted(self.environment.parts.inputs):
             name = self.workspace.relative(path) if self.workspace.contains(path) else OUTSIDE + os.path.basename(path)
             state = state_of(path)
             if state is not None:
-                found.setdefault(name, state)
-        return dict(sorted(found.items()))
+                digests.setdefault(name, state)
+        return dict(sorted(digests.items()))
 
     def error(self, code: Code, message: str, path: Path, help: str | None = None) -> None:
         """Report it at a value of the document."""

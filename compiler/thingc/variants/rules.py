@@ -90,7 +90,7 @@ def read_rules(
     `parameters` are the assembly's own values, `lengths` the joints that have a `length.JOINT`, `reach` whether the document
     says what the reach is.
     """
-    found: list[Rule] = []
+    rules: list[Rule] = []
     lengths = list(lengths)
     for index, expression in enumerate(expressions):
         path: Path = ("keep", index)
@@ -116,8 +116,8 @@ def read_rules(
             sound = False
         rule = Rule(text=expression.text, expression=expression, names=names)
         if sound and _of_one_dimension(report, document, path, rule, parameters):
-            found.append(rule)
-    return found
+            rules.append(rule)
+    return rules
 
 
 def _of_one_dimension(report: Report, document: Document, path: Path, rule: Rule, parameters: Mapping[str, Found]) -> bool:

@@ -66,22 +66,22 @@ class Runner:
         started = time.perf_counter()
         try:
             try:
-                found = self._attempt(task)
+                outcome = self._attempt(task)
             except BlobMissing:  # a damaged blob of the store: it is made anew
-                found = self._attempt(task)
+                outcome = self._attempt(task)
         except StoreUnusable as fault:
-            found = row(task, STOPPED, code=Code.OUTPUT.code, message=f"the store `{fault.root}` cannot be used: {fault.reason}")
+            outcome = row(task, STOPPED, code=Code.OUTPUT.code, message=f"the store `{fault.root}` cannot be used: {fault.reason}")
         except OSError as fault:
             if fault.filename is None and fault.errno is None:
-                found = _raised(task, fault)
+                outcome = _raised(task, fault)
             else:
-                found = row(task, STOPPED, code=Code.OUTPUT.code, message=refusal(fault))
+                outcome = row(task, STOPPED, code=Code.OUTPUT.code, message=refusal(fault))
         except Exception as fault:
-            found = _raised(task, fault)
+            outcome = _raised(task, fault)
         if self.printed:
-            found["printed"], self.printed = self.printed, {}
-        found["seconds"] = round(time.perf_counter() - started, 6)
-        return found
+            outcome["printed"], self.printed = self.printed, {}
+        outcome["seconds"] = round(time.perf_counter() - started, 6)
+        return outcome
 
     def _hear(self, part: str, lines: Sequence[str]) -> None:
         self.printed.setdefault(part, []).extend(lines)

@@ -98,10 +98,10 @@ def leave(name: str) -> None:
 
 
 def _place(name: str) -> Place:
-    found = _PLACES.get(name)
-    if found is None:
+    place = _PLACES.get(name)
+    if place is None:
         raise WorkerLost("the worker has no workspace to build from")
-    return found
+    return place
 
 
 Listed = tuple[str, int, str, bool]
@@ -133,12 +133,12 @@ def evaluate_there(name: str, job: str, tasks: Sequence[Task], timeout: float) -
 @lru_cache(maxsize=4)
 def _settled(job: str, place: Place) -> str:
     """The job with paths of the worker; without a store of the batch's own, the worker's."""
-    found = Job.decode(job)
+    decoded = Job.decode(job)
     work = os.path.join(place.folder, WORK)
-    cwd = os.path.join(work, found.cwd) if found.cwd is not None else ""
-    store = found.store or os.environ.get("THINGC_STORE") or None
+    cwd = os.path.join(work, decoded.cwd) if decoded.cwd is not None else ""
+    store = decoded.store or os.environ.get("THINGC_STORE") or None
     return replace(
-        found, assembly=os.path.join(work, found.assembly), folder=os.path.join(place.folder, OUT),
+        decoded, assembly=os.path.join(work, decoded.assembly), folder=os.path.join(place.folder, OUT),
         cwd=cwd if os.path.isdir(cwd) else os.path.join(place.folder, ASIDE),
         store=store if store is None or "://" in store else os.path.abspath(store),
     ).encode()
@@ -161,16 +161,16 @@ def _listed(place: Place, id: str) -> list[Listed]:
 def read_there(name: str, paths: Sequence[str], done: Sequence[str]) -> list[bytes]:
     """Files of a worker's `out/`. The variants `done` are removed then. Raises `WorkerLost`."""
     out = os.path.join(_place(name).folder, OUT)
-    found: list[bytes] = []
+    contents: list[bytes] = []
     for path in paths:
         try:
             with open(os.path.join(out, path), "rb") as stream:
-                found.append(stream.read())
+                contents.append(stream.read())
         except OSError as fault:
             raise WorkerLost(str(fault)) from None
     for id in done:
         shutil.rmtree(places.variant_folder(out, id), ignore_errors=True)
-    return found
+    return contents
 
 
 # --- here -------------------------------------------------------------------------------------------------------------
@@ -311,17 +311,17 @@ class _Blobs:
         if self._waiting is None:
             self._waiting = deque(self._wanted())
         self.shared.clear()
-        found: dict[str, Content] = {}
+        contents: dict[str, Content] = {}
         while self._next_is(id):
             wanted, data = self._ahead.popleft()
             if wanted.shared:
                 self.shared[wanted.sha256] = data
             else:
-                found[wanted.path] = data
+                contents[wanted.path] = data
         for path, size, sha256, shared in self.answer.files[id]:
             if shared:
-                found[path] = Stored(sha256=sha256, size=size)
-        return found
+                contents[path] = Stored(sha256=sha256, size=size)
+        return contents
 
     def read(self, sha256: str) -> bytes:
         """A shared file's bytes. Raises `WorkerLost` and `StoreUnusable`."""
@@ -358,13 +358,13 @@ class _Blobs:
 
     def _asked(self, group: Sequence[Wanted], done: Sequence[str]) -> list[bytes]:
         place = self.answer.place
-        found: list[bytes] = self.shipping.cluster.ask(
+        contents: list[bytes] = self.shipping.cluster.ask(
             place.worker, read_there, self.shipping.name, [one.there for one in group], list(done),
         )
-        for one, data in zip(group, found, strict=True):
+        for one, data in zip(group, contents, strict=True):
             if one.sha256 and hashlib.sha256(data).hexdigest() != one.sha256:
                 raise WorkerLost(f"`{one.there}` was damaged on the way")
-        return found
+        return contents
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

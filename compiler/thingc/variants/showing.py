@@ -35,15 +35,15 @@ def show(
 
     Ctrl-C ends the drawing alone: the page shows what was drawn until then. Raises `OSError` when the system refuses.
     """
-    found = None
+    warning = None
     forget(folder, places.PAGE)
     try:
-        found = draw(folder, described["modes"][0], described["pose"], most=most, jobs=jobs, on_picture=on_picture)
+        warning = draw(folder, described["modes"][0], described["pose"], most=most, jobs=jobs, on_picture=on_picture)
     except KeyboardInterrupt:
         pass
     write_page(folder, described, wanted)
     remember(folder, places.PAGE)
-    return found
+    return warning
 
 
 def show_again(
@@ -69,7 +69,7 @@ def show_again(
         with locked(folder):
             wanted = columns(parameter_columns(plan), plan.choice_paths, lengths_in(os.path.join(folder, places.JOURNAL)))
             most = usual(described["count"]) if pictures is None else pictures
-            found = show(folder, described, wanted, most=most, jobs=jobs or os.cpu_count() or 1, on_picture=on_picture)
+            warning = show(folder, described, wanted, most=most, jobs=jobs or os.cpu_count() or 1, on_picture=on_picture)
     except OSError as fault:
         raise in_words(folder, fault) from fault
-    return os.path.join(folder, places.PAGE), found
+    return os.path.join(folder, places.PAGE), warning

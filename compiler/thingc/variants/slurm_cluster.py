@@ -53,7 +53,7 @@ _MORE = {
 
 def settings_of(text: str) -> SlurmSettings:
     """The settings `partition=cpu,cpus=8,time=2 h`. Raises `BatchFault` for others."""
-    found: dict[str, Any] = {}
+    settings: dict[str, Any] = {}
     more: dict[str, str] = {}
     known = ("partition", "cpus", "time", "account", "qos", "constraint", "memory", "cluster")
     for piece in filter(None, (piece.strip() for piece in text.split(","))):
@@ -65,17 +65,17 @@ def settings_of(text: str) -> SlurmSettings:
             if not value.isdigit() or int(value) < 1:
                 message = f"slurm: expected a whole number from 1 for `{name}`, found `{value}`"
                 raise BatchFault(Code.COMMAND_LINE, message, f"write `{name}=8`")
-            found.update({"cpus": int(value)} if name == "cpus" else {})
+            settings.update({"cpus": int(value)} if name == "cpus" else {})
             more.update({_MORE[name]: value} if name == "memory" else {})
         elif name == "time":
-            found["minutes"] = _minutes(value)
+            settings["minutes"] = _minutes(value)
         elif name == "cluster":
             if value not in ("slurm", "local"):
                 raise BatchFault(Code.COMMAND_LINE, f"slurm: expected `cluster=slurm` or `cluster=local`, found `{value}`")
-            found["cluster"] = value
+            settings["cluster"] = value
         else:
             more[_MORE[name]] = value
-    return SlurmSettings(**found, more=tuple(sorted(more.items())))
+    return SlurmSettings(**settings, more=tuple(sorted(more.items())))
 
 
 def _minutes(text: str) -> int:
@@ -200,14 +200,14 @@ class SlurmCluster(Cluster):
                 try:
                     if not job.done():
                         continue
-                    found = job.result()
+                    answer = job.result()
                 except Exception as fault:
-                    found = fault
+                    answer = fault
                 if not future.set_running_or_notify_cancel():
                     continue
-                if isinstance(found, Exception):
-                    future.set_exception(found)
-                elif "broken" in found:
-                    future.set_exception(RunnersBroken(found["broken"], found["detail"]))
+                if isinstance(answer, Exception):
+                    future.set_exception(answer)
+                elif "broken" in answer:
+                    future.set_exception(RunnersBroken(answer["broken"], answer["detail"]))
                 else:
-                    future.set_result(found["rows"])
+                    future.set_result(answer["rows"])

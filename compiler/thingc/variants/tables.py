@@ -57,10 +57,10 @@ def columns(parameters: Sequence[Column], choices: Sequence[str], lengths: Seque
 
 def lengths_in(journal: str) -> list[str]:
     """The results `length.JOINT` that any variant has, sorted."""
-    found: set[str] = set()
+    names: set[str] = set()
     for line in in_order(journal):
-        found.update(name for name in line.get("results", ()) if name.startswith(LENGTHS))
-    return sorted(found)
+        names.update(name for name in line.get("results", ()) if name.startswith(LENGTHS))
+    return sorted(names)
 
 
 def flat(line: Line) -> dict[str, Any]:
@@ -80,8 +80,8 @@ def flat(line: Line) -> dict[str, Any]:
 def cells(line: Line, wanted: Sequence[Column]) -> list[Any]:
     """One row: the values of a line of the journal, None where it has none."""
     values = flat(line)
-    found = [(column.kind, values.get(column.name)) for column in wanted]
-    return [float(value) if kind == "number" and value is not None else value for kind, value in found]
+    typed = [(column.kind, values.get(column.name)) for column in wanted]
+    return [float(value) if kind == "number" and value is not None else value for kind, value in typed]
 
 
 def write_tables(folder: str, parameters: Sequence[Column], choices: Sequence[str]) -> tuple[Column, ...]:

@@ -74,15 +74,15 @@ def pack(plan: Plan, batch: str) -> Transfer:
     it was planned.
     """
     workspace = plan.workspace
-    found = _Search(workspace, (workspace.build, batch)).names(plan)
+    names = _Search(workspace, (workspace.build, batch)).names(plan)
     stream = io.BytesIO()
     with tarfile.open(fileobj=stream, mode="w", format=tarfile.PAX_FORMAT) as archive:
         if workspace.origin is None:  # else a workspace file above the place where it is unpacked would hold
             _add(archive, OWN_FILE, b'thingc = "workspace/1"\n', 0o644)
-        for name in sorted(found):
+        for name in sorted(names):
             _put(archive, workspace, name, plan.inputs.get(name))
     data = stream.getvalue()
-    return Transfer(root=workspace.root, sha256=hashlib.sha256(data).hexdigest(), data=zlib.compress(data), names=len(found))
+    return Transfer(root=workspace.root, sha256=hashlib.sha256(data).hexdigest(), data=zlib.compress(data), names=len(names))
 
 
 class _Search:
