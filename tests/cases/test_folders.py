@@ -398,38 +398,38 @@ def test_every_target_writes_what_it_says(folder: Path, capsys: pytest.CaptureFi
         assert said(capsys, "build", "robot.yaml", "-o", "out", "--emit", targets)[0] == 0
 
 
-WEIGHTS = """
+BALLAST = """
 from thingc.emit.artifact import Artifacts
 
 {states}
 
 
 def emit(request):
-    return Artifacts(files={{"weights.csv": b"link,mass"}})
+    return Artifacts(files={{"ballast.csv": b"link,mass"}})
 """
 
 
 @pytest.mark.parametrize(("states", "sound"), [
-    ("", False), ('WRITES = ("other.csv", "weights.*/x")', False), ('WRITES = "weights.csv"', True), ('WRITES = ("w*.csv",)', True),
+    ("", False), ('WRITES = ("other.csv", "ballast.*/x")', False), ('WRITES = "ballast.csv"', True), ('WRITES = ("b*.csv",)', True),
 ])
 def test_a_target_of_another_package_says_what_it_writes(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, states: str, sound: bool
 ) -> None:
     """Else what it writes would be taken for a stranger's by the next build."""
     installed = folder.parent / "installed"
-    (installed / "weights-1.0.dist-info").mkdir(parents=True)
-    (installed / "weights-1.0.dist-info" / "entry_points.txt").write_text("[thingc.emitters]\nweights = weights_of_links:emit\n")
-    (installed / "weights_of_links.py").write_text(WEIGHTS.format(states=states))
+    (installed / "ballast-1.0.dist-info").mkdir(parents=True)
+    (installed / "ballast-1.0.dist-info" / "entry_points.txt").write_text("[thingc.emitters]\nballast = ballast_of_links:emit\n")
+    (installed / "ballast_of_links.py").write_text(BALLAST.format(states=states))
     monkeypatch.syspath_prepend(str(installed))
-    monkeypatch.delitem(sys.modules, "weights_of_links", raising=False)
-    words = ["build", "robot.yaml", "-o", "out", "--emit", "weights"]
+    monkeypatch.delitem(sys.modules, "ballast_of_links", raising=False)
+    words = ["build", "robot.yaml", "-o", "out", "--emit", "ballast"]
     if sound:
         for _ in range(2):
             assert said(capsys, *words)[0] == 0
             (folder / "robot.yaml").write_text(GOOD.replace("-90 deg", "-80 deg"))
     else:
         assert said(capsys, *words) == (1, [
-            f"error[{Code.UNSTATED.code}]: the target `weights` writes `weights.csv`, which `weights_of_links.WRITES` does not name",
-            '  help: tell its author: by `WRITES = ("weights.csv",)` in that module the next build knows whose the file is', "", "1 error",
+            f"error[{Code.UNSTATED.code}]: the target `ballast` writes `ballast.csv`, which `ballast_of_links.WRITES` does not name",
+            '  help: tell its author: by `WRITES = ("ballast.csv",)` in that module the next build knows whose the file is', "", "1 error",
         ])
         assert not (folder / "out").exists()

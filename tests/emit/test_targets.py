@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 
+from thingc.cli.build import EPILOG
 from thingc.cli.main import main
-from thingc.emit import EMITTERS, ON_REQUEST, chosen, unknown
+from thingc.emit import EMITTERS, ON_REQUEST, WRITES, chosen, unknown
 
 ROBOT = """\
 thingc: assembly/1
@@ -49,3 +51,13 @@ def test_the_command_line_counts_before_the_workspace(
     assert main(command) == 0
     now = json.loads((tmp_path / "build" / "r" / "manifest.json").read_text())["files"]
     assert (now == files) == bool(words)
+
+
+def test_help_and_page_have_every_target(root: Path) -> None:
+    """The epilog of `build` says what each is; the picture of the build folder in `docs/outputs.md` has what it writes."""
+    said = re.findall(r"(\w+)\s\(", EPILOG)
+    assert sorted(said) == sorted(EMITTERS), "EPILOG of compiler/thingc/cli/build.py: `NAME (what it is)` for every target"
+    shown = (root / "docs" / "outputs.md").read_text().partition("```\n")[2].partition("```")[0]
+    for pattern in WRITES:
+        place = pattern.rpartition("/*")[0] + "/" if "*" in pattern else pattern
+        assert place in shown, f"docs/outputs.md: `{pattern}` is missing in the picture of the build folder"

@@ -297,7 +297,7 @@ def test_lines_lead_to_elements() -> None:
 
 
 def test_the_table_of_targets() -> None:
-    assert tuple(EMITTERS) == ("mjcf", "mjz", "stl", "step", "glb", "urdf", "bom", "hag") == targets()[:8]
+    assert targets()[: len(EMITTERS)] == tuple(EMITTERS)
     assert emitter("stl") is stl.emit
     assert EMITTERS["mjcf"] == ("thingc.emit.mjcf.target:emit", "thingc.emit.modes:emit")
     with pytest.raises(KeyError):

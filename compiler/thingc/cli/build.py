@@ -14,7 +14,7 @@ from typing import Any
 from thingc import pipeline, stamp
 from thingc.cli import common
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, Stage, shown_path
-from thingc.emit import chosen, unknown
+from thingc.emit import EMITTERS, ON_REQUEST, chosen, unknown
 from thingc.emit.artifact import Content, Loss
 from thingc.environment import Environment, Options, attempted, store_of
 from thingc.output import OutputError, build_folder, unswept, verify, write_build
@@ -35,12 +35,13 @@ mode), mjz (each model in one file with its meshes), stl (print files), step (th
 def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `build`."""
     parser.epilog = EPILOG
+    unasked = [target for target in EMITTERS if target in ON_REQUEST]
     common.add_document(parser)
     parser.add_argument("-o", "--output", metavar="DIR", help="write DIR/NAME/ (default: the workspace's build folder)")
     parser.add_argument("--mode", metavar="M", action="append", default=[], help="only this mode (may be repeated; default: all)")
     parser.add_argument(
         "--emit", metavar="T", action="append", default=[],
-        help="only this target, or `all` (may be repeated; default: those of the workspace, else all but glb and urdf)",
+        help=f"only this target, or `all` (may be repeated; default: those of the workspace, else all but {' and '.join(unasked)})",
     )
     parser.add_argument(
         "--force", action="store_true", help="give up files in the build folder that no build wrote, or that were changed since"
