@@ -431,3 +431,13 @@ def test_files_that_contributing_names_are_there() -> None:
     for path in named:
         if not re.search("[A-Z]{4}", path):
             assert (ROOT / path).exists(), path
+
+
+def test_files_that_architecture_names_are_there_and_every_room_is_named() -> None:
+    text = (ROOT / "ARCHITECTURE.md").read_text()
+    compiler = ROOT / "compiler" / "thingc"
+    for name in re.findall(r"`([\w/]+(?:\.py|/))`", text):
+        assert (ROOT / name).exists() or any(compiler.rglob(name.rstrip("/"))), f"ARCHITECTURE.md names `{name}`, which is not there"
+    rooms = {path.parent.name + "/" for path in compiler.glob("*/__init__.py")} | {path.name for path in compiler.glob("[a-z]*.py")}
+    unnamed = sorted(room for room in rooms if f"`{room}`" not in text)
+    assert not unnamed, f"ARCHITECTURE.md says nothing of {unnamed}: a row in `Rooms`, or a word below it"
