@@ -115,7 +115,8 @@ def test_every_text_belongs_to_a_document() -> None:
 
 def test_every_code_has_a_case(root: Path) -> None:
     met = {code for text in TEXTS.values() for code in re.findall(r"^(?:error|warning|note)\[(TC\d{3})\]", text, re.MULTILINE)}
-    assert {code.name for code in Code if code.code not in met} == set(ELSEWHERE)
+    unmet = {code.name for code in Code if code.code not in met}
+    assert unmet == set(ELSEWHERE), "a case in tests/cases for each, or a line in `ELSEWHERE` above: which test brings it about"
     for name, file in ELSEWHERE.items():
         text = (root / file).read_text()
         assert any(spoken in text for spoken in (f"Code.{name}", f'"{name}"', Code[name].code, _SPOKEN.get(name, "\0"))), name
