@@ -46,7 +46,7 @@ from thingc.emit.urdf.target import emit
 from thingc.graph.types import Assembly
 from thingc.pose import Pose, placed, rpy_of
 from thingc.realize.store.local import Store
-from thingc.resolve.model import Limit
+from thingc.resolve.model import Drive, Dynamics, Limit
 from thingc.robot import in_link
 from thingc.robot import root as rooted
 
@@ -134,7 +134,7 @@ def test_masses_mass_matrix_and_gravity_are_those_of_mjcf(tree: Tree) -> None:
     with tempfile.TemporaryDirectory() as folder:
         request = asked(tree.assembly, folder)
         made, other = emit(request), emit_mjcf(request)
-    between = sum(1 for loss in made.losses if loss.what.startswith("that it is one joint"))
+    between = sum(1 for loss in made.losses if loss.what.startswith("its motion as one joint's"))
     for robot in request.robots:
         name = f"tree_{robot.mode.name}"
         model = read(made, name)
@@ -265,16 +265,52 @@ def said(made: Artifacts) -> Iterator[tuple[str, str, str]]:
     return ((loss.path, loss.what, loss.how) for loss in made.losses)
 
 
-def test_a_follower_stands_behind_whom_it_follows() -> None:
+def test_followers_stand_behind_the_one_that_moves_by_itself_and_follow_it() -> None:
+    """pinocchio refuses a mimic of a mimic: j1 = 2 j2 + 0.1 and j2 = 3 j3 - 0.5 are said of j3."""
     joints = [
         *coordinates_of("j1", "c0.a", "c1.b", "revolute", mimic=mimic("j2", 2.0, 0.1)),
-        *coordinates_of("j2", "c1.a", "c2.b", "revolute", lower=-1, upper=1),
+        *coordinates_of("j2", "c1.a", "c2.b", "revolute", mimic=mimic("j3", 3.0, -0.5)),
+        *coordinates_of("j3", "c2.a", "c3.b", "revolute", lower=-1, upper=1),
     ]
     made = emit(robot_of(joints))
     moving = [joint.attrib["name"] for joint in tree_of(made, "robot_m").iter("joint") if joint.attrib["type"] != "fixed"]
-    follows = element(made, "j1").find("mimic")
-    assert moving == ["j2", "j1"] and follows is not None
-    assert follows.attrib == {"joint": "j2", "multiplier": "2", "offset": "0.1"}
+    assert moving == ["j3", "j1", "j2"]
+    follows = [follows.attrib for name in ("j1", "j2") if (follows := element(made, name).find("mimic")) is not None]
+    assert follows == [
+        {"joint": "j3", "multiplier": "6", "offset": "-0.9"}, {"joint": "j3", "multiplier": "3", "offset": "-0.5"},
+    ]
+
+
+def test_a_follower_without_limits_goes_as_far_as_its_leader_takes_it() -> None:
+    leader = coordinates_of("j1", "c0.a", "c1.b", "revolute", lower=-1, upper=2)
+    follower = coordinates_of("j2", "c1.a", "c2.b", "revolute", mimic=mimic("j1", -2.0, 0.5))
+    joints = [*leader, *(replace(one, limit=Limit(velocity=7.0)) for one in follower)]
+    joint = element(emit(robot_of(joints)), "j2")
+    limit = joint.find("limit")
+    assert joint.attrib["type"] == "revolute" and limit is not None
+    assert limit.attrib == {"lower": "-3.5", "upper": "2.5", "effort": "0", "velocity": "7"}
+
+
+@pytest.mark.parametrize("follower", ["prismatic", "continuous"])
+def test_a_turn_that_is_followed_is_another_after_a_whole_turn(follower: str) -> None:
+    """Readers take the q of a `continuous` joint for that of one turn more, and what follows is elsewhere then."""
+    joints = [
+        *coordinates_of("j1", "c0.a", "c1.b", "continuous"), *coordinates_of("j2", "c1.a", "c2.b", follower, mimic=mimic("j1", 0.3)),
+        *coordinates_of("j3", "c2.a", "c3.b", "screw"), *coordinates_of("j4", "c3.a", "c4.b", "continuous"),
+    ]
+    made = emit(robot_of([replace(one, limit=Limit()) for one in joints]))
+    types = {joint.attrib["name"]: joint.attrib["type"] for joint in tree_of(made, "robot_m").iter("joint")}
+    second = "prismatic" if follower == "prismatic" else "revolute"
+    assert [types[name] for name in ("j1", "j2", "j3", "j4")] == ["revolute", second, "revolute", "continuous"]
+
+
+def test_links_between_are_not_called_like_components() -> None:
+    """A spindle that turns on the joint `spindle`, as documents often have it."""
+    request = robot_of([*coordinates_of("c1", "c0.a", "c1.b", "screw"), *coordinates_of("c", "c1.a", "c2.b", "universal")])
+    tree = tree_of(emit(request), "robot_m")
+    assert request.report.diagnostics == []
+    links = [link.attrib["name"] for link in tree.findall("link")]
+    assert {"c1", "c1_link", "c_0_link"} < set(links) and len(set(links)) == len(links)
 
 
 def test_a_screw_is_a_turn_and_a_slide_that_follows() -> None:
@@ -295,7 +331,41 @@ def test_a_ball_is_three_turns_and_says_so() -> None:
     assert [model.joint(k).name for k in range(model.njnt)] == ["j1_0", "j1_1", "j1_2"]
     axes = np.array([model.joint(k).axis for k in range(3)])
     assert np.abs(axes @ axes.T) == pytest.approx(np.eye(3), abs=1e-12)
-    assert ("j1", "its ball: three turns, one after the other, whose angles are no coordinates of it", "approximated") in set(said(made))
+    assert (
+        "j1", "its motion as a ball's: three turns here, one after the other, whose angles are no coordinates of it", "approximated",
+    ) in set(said(made))
+
+
+def test_the_turns_of_a_ball_are_as_strong_as_its_drives_together() -> None:
+    """One about (0.6, 0, 0.8) that gives 5 N m at up to 2 rad/s, and one about y of 1 N m."""
+    ball = coordinates_of("j1", "c0.a", "c1.b", "ball")
+    drives = ((5.0, 2.0, (0.6, 0.0, 0.8)), (1.0, None, (0.0, 1.0, 0.0)))
+    driven = [
+        replace(one, drive=Drive(component=None, kind="motor", effort=effort, velocity=velocity, axis=axis))
+        for one, (effort, velocity, axis) in zip(ball, drives, strict=False)
+    ]
+    made = emit(robot_of([*driven, *ball[2:]]))
+    ends = [limit for name in ("j1_0", "j1_1", "j1_2") if (limit := element(made, name).find("limit")) is not None]
+    assert [float(limit.attrib["effort"]) for limit in ends] == pytest.approx([3.0, 1.0, 4.0])
+    assert [float(limit.attrib["velocity"]) for limit in ends] == pytest.approx([2.0 / 0.6, 1e9, 2.0 / 0.8])
+    assert ("j1_0", "its drive: motor about 0.6, 0, 0.8", "omitted") in set(said(made))
+
+
+def test_what_a_mode_loses() -> None:
+    joints = coordinates_of("j1", "c0.a", "c1.b", "ball")
+    joints = [replace(one, limit=Limit(cone=0.5), dynamics=Dynamics(armature=0.1)) for one in joints]
+    components = [component(f"c{k}", f"p:B{k}") for k in range(2)]
+    modes = [mode("m", ref("c0.b"), "planar", simulation={"timestep": 0.001}), mode("n", ref("c0.b"), "ball")]
+    records = [box(f"p:B{k}", (0.1, 0.04, 0.03), mounts=MOUNTS) for k in range(2)]
+    made = emit(asked(linked(document("robot", components, joints, modes=modes), *records), tempfile.mkdtemp()))
+    assert [(loss.mode, loss.path, loss.what) for loss in made.losses] == [
+        (None, "j1", "its motion as a ball's: three turns here, one after the other, whose angles are no coordinates of it"),
+        (None, "j1", "its armature of 0.1 kg m^2"),
+        (None, "j1", "its cone of 0.5 rad"),
+        ("m", "m", "the motion of its base as one joint's: its 3 coordinates are joints here, with links of 1e-9 kg between"),
+        ("m", "m", "how it is stepped (`simulation`)"),
+        ("n", "n", "the motion of its base as a ball's: three turns here, one after the other, whose angles are no coordinates of it"),
+    ]
 
 
 def test_limits_are_those_of_the_document_and_what_is_absent_is_wide() -> None:
@@ -325,11 +395,14 @@ def test_a_capsule_is_a_cylinder_between_two_balls() -> None:
 
 
 def test_names_that_urdf_cannot_tell_apart_are_told() -> None:
-    """A joint `a_b` beside one `a/b`, and a frame that is called as the world."""
+    """A joint `a_b` beside one `a/b`, and `c_frame` beside the frame of `c`."""
     report = Report()
-    names = Names("the joints", report)
+    names = Names("joint", report)
     origin, other = (where(line) for line in (3, 7))
     assert [names.take("a/b", origin), names.take("a_b", other), names.take("a/b", origin)] == ["a_b"] * 3
+    names.take("c_frame", origin, "the frame of link `c`")
+    names.take("c_frame", other)
     assert [(one.code, one.message) for one in report.diagnostics] == [
-        (Code.SAME_NAME, "the joints `a_b` and `a/b` would both be called `a_b` in URDF"),
+        (Code.SAME_NAME, "`a_b` and `a/b` would both be the joint `a_b` in URDF"),
+        (Code.SAME_NAME, "`c_frame` and the frame of link `c` would both be the joint `c_frame` in URDF"),
     ]

@@ -284,6 +284,12 @@ def test_line_breaks_in_attributes_keep_one_element_per_line() -> None:
     assert len(text.splitlines()) == 2
 
 
+def test_a_heading_is_a_comment_whatever_its_document_is_called() -> None:
+    text = write(Element(tag="a"), "Written from a---b--c.yaml, mode m.").text
+    assert text.splitlines()[0] == "<!-- Written from a-b-c.yaml, mode m. -->"
+    assert ElementTree.fromstring(text).tag == "a"
+
+
 def test_lines_lead_to_elements() -> None:
     root = Element(tag="a")
     first = root.add("b", {"name": "1"})

@@ -89,5 +89,5 @@ def _losses(environment: Environment, compilation: Compilation) -> None:
         place = f"{shown_path(loss.span.file)}:{loss.span.line}: " if loss.span is not None else ""
         mode = f" in {loss.mode}" if loss.mode is not None else ""
         common.say(f"{place}{loss.target}{mode}: {loss.path}: {loss.what}: {loss.how}")
-    if not losses:
+    if not losses and not common.exit_code(common.final(compilation.report, strict=False)):
         common.say("every target says everything")

@@ -122,7 +122,7 @@ def numbers(values: Iterable[float]) -> str:
 
 def write(root: Element, heading: str) -> Written:
     """The document: one element per line, two spaces per level, a blank line between sections; `heading` is a comment."""
-    text: list[str] = [f"<!-- {heading.replace('--', '- -')} -->"]
+    text: list[str] = [f"<!-- {_DASHES.sub('-', heading)} -->"]
     lines: list[Element | None] = [None]
     under_way: list[tuple[Iterator[Element], str, str]] = [(iter((root,)), "", "")]  # a stack: a chain of links may be long
     while under_way:
@@ -146,4 +146,5 @@ def write(root: Element, heading: str) -> Written:
 
 
 _ESCAPES = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"})
+_DASHES = re.compile("-{2,}")  # which XML allows in no comment
 _SPECIAL = re.compile('[&<>"\n\r\t]')

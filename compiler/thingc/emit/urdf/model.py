@@ -12,11 +12,12 @@ from thingc.emit.geometry import Geometry, Shape, channels, material_name
 from thingc.emit.urdf.chain import Move, moves, own_frame
 from thingc.emit.urdf.names import Names, safe
 from thingc.emit.xml import Element, number, numbers
-from thingc.graph.types import Link
+from thingc.graph import joints_of, leaders
+from thingc.graph.types import JointEdge, Link
 from thingc.inertia import ZERO, MassProperties, physical_fault, within_triangle
 from thingc.pose import IDENTITY, NO_POSE, Pose, rpy_of, shifted
 from thingc.robot.tree import BASE
-from thingc.robot.types import Body, Robot, Site
+from thingc.robot.types import Body, CoreJoint, Robot, Site
 from thingc.source import Origin
 
 WORLD = "world"
@@ -27,6 +28,9 @@ UNBOUNDED = 1e9
 
 BETWEEN = MassProperties(mass=1e-9, centre=(0.0, 0.0, 0.0), inertia=((1e-12, 0.0, 0.0), (0.0, 1e-12, 0.0), (0.0, 0.0, 1e-12)))
 """What a link weighs that moves and has no mass of its own: MuJoCo refuses one of none."""
+
+LINK = "_link"
+"""What the name of a link between the joints of a chain ends with, behind that of the joint before: components are called like joints."""
 
 MESHES = "meshes"
 """The folder of meshes beside the files."""
@@ -42,11 +46,14 @@ class _Builder:
         self.robot = robot
         self.geometry = geometry
         self.assembly = robot.assembly
-        self.links = Names("the links and frames", report)
-        self.joints = Names("the joints", report)
+        self.links = Names("link", report)
+        self.joints = Names("joint", report)
         self.root = Element(tag="robot", attributes={"name": robot.assembly.name}, origin=robot.mode.origin)
-        self.moving: list[tuple[str, str | None, Element]] = []
-        self.in_tree = frozenset(joint.path for body in robot.bodies for joint in body.joints)
+        self.followers: list[Element] = []
+        in_tree = {joint.path for body in robot.bodies for joint in body.joints}
+        self.edges = {joint.path: joint for joint in joints_of(robot.assembly) if joint.path in in_tree}
+        self.follows = leaders(self.edges.values())
+        self.followed = {leader for path, (leader, _, _) in self.follows.items() if leader != path}
 
     def build(self) -> Element:
         """Materials, the links from the root on, then joints, those that follow another behind it."""
@@ -66,10 +73,11 @@ class _Builder:
             self._link(names[index], body, own[index].inverse())
             link = self._link_of(body)
             if own[index] != NO_POSE:
-                self._frame(names[index], f"{link.name}_frame", own[index].inverse(), link.origin)
+                made = f"the frame of link `{link.name}`"
+                self._frame(names[index], f"{link.name}_frame", own[index].inverse(), link.origin, made)
             for site in sites.get(index, ()):
                 self._frame(names[index], site.path, own[index].inverse() @ site.pose, site.origin)
-        self._in_order()
+        self.root.children += self.followers
         return self.root
 
     def _sites(self) -> dict[int, list[Site]]:
@@ -107,67 +115,88 @@ class _Builder:
             return
         for number_, move in enumerate(chain):
             last = number_ == len(chain) - 1
-            end = child if last else self.links.take(move.path, move.joint.origin)
+            end = child if last else self.links.take(f"{move.path}{LINK}", move.joint.origin, f"the link behind joint `{move.path}`")
             if not last:
                 _weigh(self.root.add("link", {"name": end}, move.joint.origin), BETWEEN)
             self._moving(move, parent, end)
             parent = end
 
     def _moving(self, move: Move, parent: str, child: str) -> None:
+        """One joint that moves; what follows another follows the one that moves by itself: not every reader goes on from a follower."""
         joint = move.joint
-        bounded = (joint.limit.lower, joint.limit.upper) != (None, None)
-        kind = "prismatic" if move.type == "slide" else "revolute" if bounded else "continuous"
-        element = self._joint(move.path, kind, parent, child, move.origin, joint.origin)
-        element.add("axis", {"xyz": numbers(move.axis)})
-        element.add("limit", self._limit(move, kind))
-        leader: str | None = None
+        leader, multiplier, offset = self.follows.get(joint.path, (joint.path, 1.0, 0.0))
         if move.follows is not None:
-            leader = safe(move.follows[0])
-            element.add("mimic", {"joint": leader, "multiplier": number(move.follows[1]), "offset": "0"})
-        else:
+            multiplier, offset = multiplier * move.follows[1], offset * move.follows[1]
+        follows = move.follows is not None or leader != joint.path
+        ends = self._ends(move)
+        endless = move.type == "turn" and ends == (-UNBOUNDED, UNBOUNDED)
+        alone = not (follows or joint.twist.pitch or joint.path in self.followed)
+        kind = "prismatic" if move.type == "slide" else "continuous" if endless and alone else "revolute"
+        made = f"the slide of `{joint.path}`" if move.follows is not None else None
+        element = self._joint(move.path, kind, parent, child, move.origin, joint.origin, made)
+        element.add("axis", {"xyz": numbers(move.axis)})
+        bounds = {} if kind == "continuous" else {"lower": number(ends[0]), "upper": number(ends[1])}
+        element.add("limit", {**bounds, **self._strength(move)})
+        if move.follows is None:
             dynamics = (("damping", joint.dynamics.damping), ("friction", joint.dynamics.friction))
             if any(value for _, value in dynamics):
                 element.add("dynamics", {name: number(value) for name, value in dynamics if value})
-            if joint.mimic is not None and joint.mimic.joint.path in self.in_tree:
-                leader = safe(joint.mimic.joint.path)
-                values = {"multiplier": number(joint.mimic.multiplier), "offset": number(joint.mimic.offset)}
-                element.add("mimic", {"joint": leader, **values}, joint.mimic.origin)
-        self.moving.append((element.attributes["name"], leader, element))
+        if follows:
+            origin = joint.mimic.origin if joint.mimic is not None else joint.origin
+            element.add("mimic", {"joint": safe(leader), "multiplier": number(multiplier), "offset": number(offset)}, origin)
+        (self.followers if follows else self.root.children).append(element)
 
-    def _limit(self, move: Move, kind: str) -> dict[str, str]:
-        """Where a joint ends, and how strong and fast it may be: of a screw's slide what follows from the turn, which alone is driven."""
-        limit, (_, thread) = move.joint.limit, move.follows or ("", 1.0)
-        ends = tuple(None if end is None else end * thread for end in (limit.lower, limit.upper))
+    def _ends(self, move: Move) -> tuple[float, float]:
+        """Between which values a joint stays: of one that follows and has no limits between those that its leader's take it to."""
+        limit, thread = move.joint.limit, 1.0 if move.follows is None else move.follows[1]
+        offset = 0.0
+        if not limit.bounded and move.joint.path in self.follows:
+            leader, multiplier, offset = self.follows[move.joint.path]
+            limit, thread, offset = self.edges[leader].limit, thread * multiplier, thread * offset
+        ends = [None if end is None else end * thread + offset for end in (limit.lower, limit.upper)]
         lower, upper = ends if thread > 0.0 else ends[::-1]
-        attributes = {
-            "lower": number(-UNBOUNDED if lower is None else lower), "upper": number(UNBOUNDED if upper is None else upper),
-        } if kind != "continuous" else {}
-        driven = move.joint.actuator is not None and move.joint.path in self.robot.present
-        effort = 0.0 if move.follows is not None else limit.effort if limit.effort is not None else UNBOUNDED if driven else 0.0
-        velocity = UNBOUNDED if limit.velocity is None else limit.velocity * abs(thread)
-        return {**attributes, "effort": number(effort), "velocity": number(velocity)}
+        return (-UNBOUNDED if lower is None else lower), (UNBOUNDED if upper is None else upper)
 
-    def _in_order(self) -> None:
-        """Append the joints that move, each behind the one that it follows."""
-        waiting, done = self.moving, set[str]()
-        while waiting:
-            ready = [one for one in waiting if one[1] is None or one[1] in done]
-            self.root.children.extend(element for _, _, element in ready)
-            done.update(name for name, _, _ in ready)
-            waiting = [one for one in waiting if one[0] not in done]
+    def _strength(self, move: Move) -> dict[str, str]:
+        """How strong and fast a joint may be: of a screw's slide what follows from the turn, which alone is driven."""
+        joint = move.joint
+        if joint.kind.at_once and joint.mate >= 0:
+            effort, velocity = self._strength_of_turn(joint)
+        else:
+            effort, velocity = self._effort(joint), joint.limit.velocity
+        if move.follows is not None:
+            effort, velocity = 0.0, None if velocity is None else velocity * abs(move.follows[1])
+        return {"effort": number(effort), "velocity": number(UNBOUNDED if velocity is None else velocity)}
 
-    def _joint(self, path: str, kind: str, parent: str, child: str, origin: Pose, made_by: Origin) -> Element:
-        element = Element(tag="joint", attributes={"name": self.joints.take(path, made_by), "type": kind}, origin=made_by)
+    def _effort(self, joint: CoreJoint | JointEdge) -> float:
+        driven = joint.actuator is not None and joint.path in self.robot.present
+        return joint.limit.effort if joint.limit.effort is not None else UNBOUNDED if driven else 0.0
+
+    def _strength_of_turn(self, joint: CoreJoint) -> tuple[float, float | None]:
+        """Of one of the three turns of a ball, at q = 0: the most that its drives, whose axes are their own, give about it together, and
+        how fast the slowest of them lets it go."""
+        joints = self.assembly.mates[joint.mate].joints
+        about = next(index for index, one in enumerate(joints) if one.path == joint.path)
+        drives = [(one, abs(one.actuator.axis[about])) for one in joints if one.actuator is not None and one.actuator.axis is not None]
+        efforts = [share * self._effort(one) for one, share in drives]
+        speeds = [one.limit.velocity / share for one, share in drives if share and one.limit.velocity is not None]
+        return min(UNBOUNDED, sum(efforts)), min(speeds, default=None)
+
+    def _joint(
+        self, path: str, kind: str, parent: str, child: str, origin: Pose, made_by: Origin, made: str | None = None,
+    ) -> Element:
+        element = Element(tag="joint", attributes={"name": self.joints.take(path, made_by, made), "type": kind}, origin=made_by)
         _origin(element, origin)
         element.add("parent", {"link": parent})
         element.add("child", {"link": child})
         return element
 
-    def _frame(self, link: str, path: str, pose: Pose, origin: Origin) -> None:
+    def _frame(self, link: str, path: str, pose: Pose, origin: Origin, made: str | None = None) -> None:
         """A massless link for a frame."""
-        if self.links.free(path, origin):
+        if self.links.free(path, origin, made):
             self.root.add("link", {"name": safe(path)}, origin)
-            self.root.children.append(self._joint(f"{path}_joint", "fixed", link, safe(path), pose, origin))
+            joint = self._joint(f"{path}_joint", "fixed", link, safe(path), pose, origin, f"the joint that fixes {made or f'`{path}`'}")
+            self.root.children.append(joint)
 
     def _link(self, name: str, body: Body, X_CL: Pose) -> None:
         """A link with all that it holds, in its frame as URDF has it."""

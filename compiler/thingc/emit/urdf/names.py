@@ -12,26 +12,25 @@ def safe(path: str) -> str:
 
 
 class Names:
-    """The names of one kind of thing in a file, `what` in words; two things of one name are reported at the second."""
+    """The names of one kind of thing in a file, `kind` in words (`link`); two things of one name are reported at the second."""
 
-    def __init__(self, what: str, report: Report) -> None:
-        self._what = what
+    def __init__(self, kind: str, report: Report) -> None:
+        self._kind = kind
         self._report = report
         self._owners: dict[str, tuple[str, Origin]] = {}
 
-    def take(self, path: str, origin: Origin) -> str:
-        """The name of what stands at a path."""
-        self.free(path, origin)
+    def take(self, path: str, origin: Origin, made: str | None = None) -> str:
+        """The name of what stands at a path; `made` says what it is, where that is no path of the document."""
+        self.free(path, origin, made)
         return safe(path)
 
-    def free(self, path: str, origin: Origin) -> bool:
+    def free(self, path: str, origin: Origin, made: str | None = None) -> bool:
         """Whether the name of what stands at a path is its own, as it is from now on; reported otherwise."""
-        name = safe(path)
-        owner, before = self._owners.setdefault(name, (path, origin))
-        alone = (owner, before) == (path, origin)
-        if not alone:
+        name, this = safe(path), (made or f"`{path}`", origin)
+        owner, before = self._owners.setdefault(name, this)
+        if (owner, before) != this:
             self._report.add(
-                Code.SAME_NAME, f"{self._what} `{path}` and `{owner}` would both be called `{name}` in URDF", origin, path=path,
-                help="rename one of the two", notes=[Note(message=f"`{owner}` is made here", span=next(iter(before), None))],
+                Code.SAME_NAME, f"{this[0]} and {owner} would both be the {self._kind} `{name}` in URDF", origin, path=path,
+                help="rename one of the two", notes=[Note(message=f"{owner} is made here", span=next(iter(before), None))],
             )
-        return alone
+        return (owner, before) == this
