@@ -101,7 +101,8 @@ def test_what_is_said_is_word_for_word_what_was_agreed(
     agreed = document.with_suffix(".txt")
     if os.environ.get("REGENERATE"):
         agreed.write_text(text)
-    again = f"if it is right: REGENERATE=1 .venv/bin/pytest tests/cases -k {document.stem}, and read the difference"
+    name = document.relative_to(HERE).with_suffix("")
+    again = f"if it is right: REGENERATE=1 .venv/bin/pytest tests/cases -k {name}, and read the difference"
     assert agreed.exists() and text == agreed.read_text(), again
 
 
