@@ -43,6 +43,7 @@ def question(urdf: Path, mjcf: Path, seed: int = 0) -> Question:
         "free": bool((model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).any()),
     }
     answers = {**_answers(model, [paths[name] for name in names], frames, q), "mimic": mimics}
+    answers["range"] = [_range(names, answers["range"], k, follows) for k, follows in enumerate(mimics)]
     return Question(urdf.stem, request, answers)
 
 
@@ -64,6 +65,15 @@ def _mimic(model: mujoco.MjModel, path: str) -> Follows | None:
         if not screw and own == follower:
             return _safe(model.joint(leader).name), multiplier, offset
     return None
+
+
+def _range(names: list[str], ranges: list[list[float] | None], k: int, follows: Follows | None) -> list[float] | None:
+    """That of a joint; of a follower that MJCF leaves without one, as far as its leader's takes it."""
+    if ranges[k] is not None or follows is None:
+        return ranges[k]
+    leader, multiplier, offset = follows
+    ends = ranges[names.index(leader)]
+    return None if ends is None else sorted(multiplier * end + offset for end in ends)
 
 
 def _configurations(names: list[str], prismatic: list[bool], mimics: list[Follows | None], rng: np.random.Generator) -> Any:

@@ -12,7 +12,8 @@ import pytest
 from thingc.cli.main import main
 
 FOLDER = Path(__file__).resolve().parents[2] / "benchmarks" / "conformance"
-SEEDS = (0, 3)
+SEEDS = (0, 3, 20)
+"""Of the last a turn without limits follows one with limits."""
 
 
 @pytest.fixture(scope="module", autouse=True)
