@@ -61,3 +61,36 @@ def test_help_and_page_have_every_target(root: Path) -> None:
     for pattern in WRITES:
         place = pattern.rpartition("/*")[0] + "/" if "*" in pattern else pattern
         assert place in shown, f"docs/outputs.md: `{pattern}` is missing in the picture of the build folder"
+
+
+SCREW = """\
+thingc: assembly/1
+name: r
+components:
+  base: {frame: true, mass: 1 kg, inertia: {ixx: 1 kg*mm^2, iyy: 1 kg*mm^2, izz: 1 kg*mm^2}}
+  nut: {frame: true, mass: 1 kg, inertia: {ixx: 1 kg*mm^2, iyy: 1 kg*mm^2, izz: 1 kg*mm^2}}
+joints: {spindle: {type: screw, parent: base.origin, child: nut.origin, lead: 2 mm}}
+modes: {m: {root: base, base: fixed}}
+"""
+
+
+def test_losses_are_those_of_the_targets_that_are_asked_for(
+    tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str],
+) -> None:
+    (tmp_path / "r.yaml").write_text(SCREW)
+    document = str(tmp_path / "r.yaml")
+
+    def lost(*words: str) -> set[str]:
+        assert main(["why", "--losses", document, "--store", shared_store, *words]) == 0
+        return {line.split(": ")[1].split(" ")[0] for line in capsys.readouterr().out.splitlines()}
+
+    assert "mjcf" in lost() and "urdf" not in lost() and lost("--emit", "urdf") == {"urdf"} and lost("--emit", "all") >= {"mjcf", "urdf"}
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\nemit = ["urdf"]\n')
+    assert lost() == {"urdf"}
+    assert main(["build", document, "--emit", "urdf,mjcf", "-o", str(tmp_path / "out"), "--store", shared_store]) == 0
+    assert f"thingc why --losses {document} --emit=urdf,mjcf" in capsys.readouterr().err
+    assert main(["why", "--losses", document, "--emit", "urfd", "--store", shared_store]) == 2
+    assert "there is no target `urfd`" in capsys.readouterr().err
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\nemit = ["urfd"]\n')
+    assert main(["why", "--losses", document, "--store", shared_store]) == 1
+    assert "thingc.toml:2:9" in capsys.readouterr().err

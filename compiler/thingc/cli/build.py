@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import shlex
 import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -13,13 +14,12 @@ from typing import Any
 
 from thingc import pipeline, stamp
 from thingc.cli import common
+from thingc.cli.targets import add_emit, chosen_targets
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, Stage, shown_path
-from thingc.emit import EMITTERS, ON_REQUEST, chosen, unknown
 from thingc.emit.artifact import Content, Loss
 from thingc.environment import Environment, Options, attempted, store_of
 from thingc.output import OutputError, build_folder, unswept, verify, write_build
 from thingc.pipeline import Compilation, UnknownChoice
-from thingc.workspace import Workspace
 
 EPILOG = """\
 Everything appears at once in build/NAME/ (or DIR/NAME/), or nothing does. Targets: mjcf (MuJoCo models and scenes, one per
@@ -35,14 +35,10 @@ mode), mjz (each model in one file with its meshes), stl (print files), step (th
 def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `build`."""
     parser.epilog = EPILOG
-    unasked = [target for target in EMITTERS if target in ON_REQUEST]
     common.add_document(parser)
     parser.add_argument("-o", "--output", metavar="DIR", help="write DIR/NAME/ (default: the workspace's build folder)")
     parser.add_argument("--mode", metavar="M", action="append", default=[], help="only this mode (may be repeated; default: all)")
-    parser.add_argument(
-        "--emit", metavar="T", action="append", default=[],
-        help=f"only this target, or `all` (may be repeated; default: those of the workspace, else all but {' and '.join(unasked)})",
-    )
+    add_emit(parser)
     parser.add_argument(
         "--force", action="store_true", help="give up files in the build folder that no build wrote, or that were changed since"
     )
@@ -59,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         common.require_document(arguments.document)
         options = common.options_of(arguments)
-        targets, diagnostics = _targets(arguments)
+        targets, diagnostics = chosen_targets(arguments)
         answer = None
         if not diagnostics:
             options = replace(options, ahead=pipeline.modules_of_build(targets))
@@ -76,24 +72,8 @@ def run(arguments: argparse.Namespace) -> int:
         more = {"artifacts": artifacts, "modelled": answer["modelled"], "reused": answer["reused"]}
     common.print_found(diagnostics, arguments.format, stream=sys.stderr, debug=arguments.debug, **more)
     if answer is not None and arguments.format != "json":
-        _tell(answer, arguments.document)
+        _tell(answer, arguments)
     return common.exit_code(diagnostics)
-
-
-def _targets(arguments: argparse.Namespace) -> tuple[tuple[str, ...], list[Diagnostic]]:
-    """The targets that the command line names, else the workspace, else those that are written unasked; and what is wrong with the
-    workspace's. Raises `UnknownChoice` for those of the command line."""
-    for _, message, hint in unknown(arguments.emit):
-        raise UnknownChoice(message, hint)
-    if arguments.emit:
-        return chosen(arguments.emit), []
-    workspace = Workspace.find(arguments.document, Report())
-    if workspace is None:  # what is wrong with it is said by who reads the document
-        return chosen(()), []
-    return chosen(workspace.emit), [
-        Diagnostic(code=Code.UNKNOWN_CHOICE, severity=Severity.ERROR, message=message, help=hint, span=workspace.span(("emit", index)))
-        for index, message, hint in unknown(workspace.emit)
-    ]
 
 
 def _build(
@@ -181,7 +161,7 @@ def _written(
     }
 
 
-def _tell(answer: Mapping[str, Any], document: str) -> None:
+def _tell(answer: Mapping[str, Any], arguments: argparse.Namespace) -> None:
     """What happened, for people, on standard error."""
     if answer.get("twice"):
         common.say(f"{common.counted(answer['twice'], 'part')} modelled twice: equal", stream=sys.stderr)
@@ -192,6 +172,6 @@ def _tell(answer: Mapping[str, Any], document: str) -> None:
     else:
         modelled, reused = len(answer["modelled"]), len(answer["reused"])
         common.say(f"{folder}: {count} files; {modelled} parts modelled, {reused} reused", stream=sys.stderr)
+    words = shlex.join(["thingc", "why", "--losses", arguments.document, *(f"--emit={word}" for word in arguments.emit)])
     for target, number in answer["losses"].items():
-        things = "thing" if number == 1 else "things"
-        common.say(f"{target}: {number} {things} it cannot say: thingc why --losses {document}", stream=sys.stderr)
+        common.say(f"{target}: {common.counted(number, 'thing')} it cannot say: {words}", stream=sys.stderr)

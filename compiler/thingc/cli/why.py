@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from functools import partial
 
 from thingc import pipeline
 from thingc.cli import common
+from thingc.cli.targets import add_emit, chosen_targets
 from thingc.diagnostics import Diagnostic, shown_path
 from thingc.environment import Environment, attempted
 from thingc.pipeline import Compilation
@@ -25,6 +27,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     common.add_document(parser)
     parser.add_argument("occurrence", metavar="OCCURRENCE", nargs="?", help="the path of a part, such as hand/cap")
     parser.add_argument("--losses", action="store_true", help="list what each target cannot say")
+    add_emit(parser)
     common.add_compiling(parser)
 
 
@@ -52,7 +55,10 @@ def _answered(arguments: argparse.Namespace, environment: Environment) -> list[D
     if common.exit_code(diagnostics):
         return diagnostics
     if arguments.losses:
-        _losses(environment, compilation)
+        targets, wrong = chosen_targets(arguments)
+        if wrong:
+            return wrong
+        _losses(environment, compilation, targets)
         return common.final(compilation.report, strict=False)
     _reason(compilation, arguments.occurrence)
     return diagnostics
@@ -80,10 +86,8 @@ def _reason(compilation: Compilation, wanted: str) -> None:
         common.say(f"shared by {', '.join(users)}")
 
 
-def _losses(environment: Environment, compilation: Compilation) -> None:
-    from thingc.emit import targets
-
-    artifacts = pipeline.build(environment, compilation, targets())
+def _losses(environment: Environment, compilation: Compilation, targets: Sequence[str]) -> None:
+    artifacts = pipeline.build(environment, compilation, targets)
     losses = [loss for target in artifacts.values() for loss in target.losses]
     for loss in losses:
         place = f"{shown_path(loss.span.file)}:{loss.span.line}: " if loss.span is not None else ""
