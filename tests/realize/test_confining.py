@@ -130,6 +130,7 @@ def child():
     return made()
 def daemon():
     subprocess.run(["sh", "-c", "setsid sleep 613.7 & exit 0"])
+    time.sleep(1.0)  # until it is the sleep, and no copy of the shell
     return made()
 def copy():
     if os.fork() == 0:
