@@ -79,12 +79,11 @@ def _range(names: list[str], ranges: list[list[float] | None], k: int, follows: 
 def _configurations(names: list[str], prismatic: list[bool], mimics: list[Follows | None], rng: np.random.Generator) -> Any:
     """Joints within half a turn or 0.1 m, those that mimic where their leader has them."""
     q = rng.uniform(-1.0, 1.0, (CONFIGURATIONS, len(names))) * [0.1 if slides else np.pi for slides in prismatic]
-    waiting = [k for k, one in enumerate(mimics) if one is not None]
+    waiting = {k: one for k, one in enumerate(mimics) if one is not None}
     while waiting:
-        follower = next(k for k in waiting if names.index(mimics[k][0]) not in waiting)  # type: ignore[index]
-        leader, multiplier, offset = mimics[follower]  # type: ignore[misc]
+        follower = next(k for k, (leader, _, _) in waiting.items() if names.index(leader) not in waiting)
+        leader, multiplier, offset = waiting.pop(follower)
         q[:, follower] = multiplier * q[:, names.index(leader)] + offset
-        waiting.remove(follower)
     return q
 
 

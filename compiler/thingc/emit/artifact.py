@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import field
 
 from thingc.frozen import dataclass
-from thingc.source import Span
+from thingc.source import Origin, Span
 
 MANIFEST = "manifest.json"
 """The manifest's own path in a build folder; the only file that it does not list."""
@@ -33,6 +33,11 @@ class Loss:
     what: str
     how: str
     span: Span | None
+
+    @staticmethod
+    def of(origin: Origin, target: str, mode: str | None, path: str, what: str, how: str) -> Loss:
+        """The loss of what an origin made: it is shown at the first place."""
+        return Loss(target=target, mode=mode, path=path, what=what, how=how, span=next(iter(origin), None))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

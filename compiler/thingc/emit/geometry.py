@@ -6,7 +6,7 @@ says itself (`Takes`).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 from thingc.diagnostics import Code, Note, Report
 from thingc.emit.artifact import Stored
@@ -87,6 +87,16 @@ def material_name(material: Material | None, color: str | None) -> str | None:
     if color is None:
         return None
     return f"{material.name if material is not None else 'color'}_{color.removeprefix('#')}"
+
+
+def materials(shapes: Iterable[Shapes]) -> dict[str, tuple[str, Origin]]:
+    """Colour and origin of each material of what is drawn, by its name, in the order first met."""
+    named: dict[str, tuple[str, Origin]] = {}
+    for one in shapes:
+        name = material_name(one.material, one.color)
+        if name is not None and one.color is not None and one.visual is not None:
+            named.setdefault(name, (one.color, one.material.origin if one.material is not None else one.origin))
+    return named
 
 
 def channels(color: str) -> tuple[float, float, float, float]:

@@ -40,9 +40,8 @@ def emit(request: EmitRequest) -> Artifacts:
     """A file for each chosen mode; none, which is a loss, of a robot of which nothing is drawn. Every mesh is in it once for each colour,
     its numbers once, however often it occurs."""
     if not any(occurrence.drawn is not None for occurrence in request.assembly.occurrences):
-        origin = request.assembly.definition.origin
-        what = "nothing in the robot is drawn"
-        whole = Loss(target="glb", mode=None, path=request.assembly.name, what=what, how="omitted", span=next(iter(origin), None))
+        assembly = request.assembly
+        whole = Loss.of(assembly.definition.origin, "glb", None, assembly.name, "nothing in the robot is drawn", "omitted")
         return Artifacts(files={}, losses=(whole,))
     drawn = _Drawn(request.store)
     files = {f"glb/{robot.name}_{robot.mode.name}.glb": _written(robot, drawn) for robot in request.robots}
@@ -53,17 +52,15 @@ def _losses(request: EmitRequest) -> Iterator[Loss]:
     """What does not follow when the nodes of joints are turned. Neither masses nor drives are what a picture is asked for."""
     for robot in request.robots:
         for joint in (joint for body in robot.bodies for joint in body.joints):
-            span = next(iter(joint.origin), None)
             if joint.mimic is not None:
                 what = f"that it follows `{joint.mimic.joint.path}`: its node stays when that one is turned"
-                yield Loss(target="glb", mode=None, path=joint.path, what=what, how="omitted", span=span)
+                yield Loss.of(joint.origin, "glb", None, joint.path, what, "omitted")
             if joint.twist.pitch:
                 what = "its thread: its node slides only if it is shifted, too, when it is turned"
-                yield Loss(target="glb", mode=None, path=joint.path, what=what, how="omitted", span=span)
+                yield Loss.of(joint.origin, "glb", None, joint.path, what, "omitted")
         for closure in robot.closures:
             what = "what it holds: turned joints move it" if closure.hold else "its loop: turned joints open it"
-            span = next(iter(closure.origin), None)
-            yield Loss(target="glb", mode=robot.mode.name, path=closure.path, what=what, how="omitted", span=span)
+            yield Loss.of(closure.origin, "glb", robot.mode.name, closure.path, what, "omitted")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

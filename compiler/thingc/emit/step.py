@@ -37,9 +37,8 @@ def emit(request: EmitRequest) -> Artifacts:
     if not isinstance(begun, _Begun):
         begun = _begun(request)
     if begun.file is None:
-        origin = assembly.definition.origin
         what = "nothing in the robot has exact geometry" if begun.losses else "nothing in the robot has geometry"
-        whole = Loss(target="step", mode=None, path=assembly.name, what=what, how="omitted", span=origin[0] if origin else None)
+        whole = Loss.of(assembly.definition.origin, "step", None, assembly.name, what, "omitted")
         return Artifacts(files={}, losses=(*begun.losses, whole))
     try:
         written = begun.file.result()
@@ -65,7 +64,7 @@ def _begun(request: EmitRequest) -> _Begun:
             continue
         if record.brep is None:
             what = f"`{occurrence.definition.label}` is a mesh without exact surfaces"
-            losses.append(Loss(target="step", mode=None, path=occurrence.path, what=what, how="omitted", span=occurrence.origin[0]))
+            losses.append(Loss.of(occurrence.origin, "step", None, occurrence.path, what, "omitted"))
             continue
         instances.append(
             Placed(

@@ -41,14 +41,6 @@ def emit(request: EmitRequest) -> Artifacts:
             continue
         files[path] = Stored(sha256=mesh.sha256, size=mesh.size)
         if not mesh.closed:
-            losses.append(
-                Loss(
-                    target="stl",
-                    mode=None,
-                    path=occurrence.path,
-                    what=f"the surface of `{occurrence.definition.label}` is not closed, so it encloses no volume to print",
-                    how="approximated",
-                    span=occurrence.origin[0],
-                )
-            )
+            what = f"the surface of `{occurrence.definition.label}` is not closed, so it encloses no volume to print"
+            losses.append(Loss.of(occurrence.origin, "stl", None, occurrence.path, what, "approximated"))
     return Artifacts(files=dict(sorted(files.items())), losses=tuple(losses))

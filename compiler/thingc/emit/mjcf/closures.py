@@ -8,7 +8,7 @@ written out; none is left to where things are at qpos0.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import assert_never
 
 from thingc.emit.artifact import Loss
@@ -16,7 +16,6 @@ from thingc.emit.mjcf.poses import pose_attributes
 from thingc.emit.xml import Element, numbers
 from thingc.pose import Pose, shifted
 from thingc.robot.types import Closure, ClosureKind, Robot, residual_words
-from thingc.source import Origin, Span
 
 STIFFNESS = "0.999 0.9999 0.001"
 """`solimp` of a closure. MuJoCo's equalities give way; its own 0.9 lets a held foot sag by a part of a millimetre."""
@@ -100,22 +99,20 @@ def _lever(robot: Robot, closure: Closure) -> float:
     return float(f"{far:.1g}") if far > 1e-3 else 1e-3
 
 
-def losses(robot: Robot) -> list[Loss]:
+def losses(robot: Robot) -> Iterator[Loss]:
     """Poses that do not close or had to be moved, and what a joint that was cut cannot have."""
-    losses: list[Loss] = []
     mode = robot.mode.name
     turns = {joint.path for mate in robot.assembly.mates for joint in mate.joints if joint.twist.turns}
     for frame in robot.keyframes:
         if frame.moved:
             what = f"its values as written: the loops close with {_moved(frame.moved, turns)}"
-            span = _first(frame.origin)
-            losses.append(Loss(target="mjcf", mode=mode, path=frame.name, what=what, how="approximated", span=span))
+            yield Loss.of(frame.origin, "mjcf", mode, frame.name, what, "approximated")
     for one in robot.unclosed:
         if one.moved:
             what = f"its keyframe: the loops close only with {_moved(one.moved, turns)}"
         else:
             what = f"its keyframe: `{one.path}` does not close, at best it is {residual_words(one.residual)} off"
-        losses.append(Loss(target="mjcf", mode=mode, path=one.name, what=what, how="omitted", span=_first(one.origin)))
+        yield Loss.of(one.origin, "mjcf", mode, one.name, what, "omitted")
     for closure in robot.closures:
         if not closure.joints:
             continue
@@ -134,8 +131,7 @@ def losses(robot: Robot) -> list[Loss]:
             lost = [f"the loop through it: MuJoCo has no equality that {opened}"]
         if lost:
             what = ", ".join(lost) + (": a loop is cut here" if opened is None else "")
-            losses.append(Loss(target="mjcf", mode=mode, path=closure.path, what=what, how="omitted", span=_first(closure.origin)))
-    return losses
+            yield Loss.of(closure.origin, "mjcf", mode, closure.path, what, "omitted")
 
 
 def _opened(kind: ClosureKind) -> str | None:
@@ -162,8 +158,4 @@ def _moved(moved: Mapping[str, float], turns: Collection[str]) -> str:
 
 def _shown(value: float, *, turn: bool) -> str:
     return f"{math.degrees(abs(value)):.3g} deg" if turn else f"{1000.0 * abs(value):.3g} mm"
-
-
-def _first(origin: Origin) -> Span | None:
-    return next(iter(origin), None)
 

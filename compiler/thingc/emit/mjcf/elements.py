@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from thingc.emit import geometry
 from thingc.emit.geometry import MeshAsset, Shape, Shapes, channels, material_name
 from thingc.emit.mjcf.drives import both_ways, drive_attributes, joint_range
 from thingc.emit.mjcf.inertial import inertial
@@ -39,14 +40,11 @@ def meshes(meshes: tuple[MeshAsset, ...]) -> tuple[Element, ...]:
 
 
 def materials(shapes: tuple[Shapes, ...]) -> tuple[Element, ...]:
-    """The materials of what is drawn, in the order first met."""
-    by_name: dict[str, Element] = {}
-    for one in shapes:
-        name = material_name(one.material, one.color)
-        if name is not None and name not in by_name and one.visual is not None:
-            origin = one.material.origin if one.material is not None else one.origin
-            by_name[name] = Element(tag="material", attributes={"name": name, "rgba": numbers(channels(one.color or ""))}, origin=origin)
-    return tuple(by_name.values())
+    """The materials of what is drawn."""
+    return tuple(
+        Element(tag="material", attributes={"name": name, "rgba": numbers(channels(color))}, origin=origin)
+        for name, (color, origin) in geometry.materials(shapes).items()
+    )
 
 
 def inertial_of(properties: MassProperties, origin: Origin) -> tuple[Element, ...]:

@@ -73,5 +73,4 @@ class _Limits:
         self.lose(occurrence, f"its contacts: {why}, and MuJoCo needs a solid to touch", "omitted")
 
     def lose(self, occurrence: Occurrence, what: str, how: str) -> None:
-        span = next(iter(occurrence.origin), None)
-        self.losses.append(Loss(target="mjcf", mode=None, path=occurrence.path, what=what, how=how, span=span))
+        self.losses.append(Loss.of(occurrence.origin, "mjcf", None, occurrence.path, what, how))

@@ -6,6 +6,7 @@ the effort of its actuator, `camera` a camera.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 from thingc.emit.artifact import Loss
 from thingc.emit.mjcf.poses import pose_attributes
@@ -49,10 +50,9 @@ def sensors(robot: Robot, section: Element) -> None:
             section.add("jointactuatorfrc", {"name": f"{sensor.path}:effort", "joint": sensor.joint or ""}, sensor.origin)
 
 
-def losses(robot: Robot) -> list[Loss]:
+def losses(robot: Robot) -> Iterator[Loss]:
     """Sensors that this mode cannot have, forces that it measures elsewhere than at the mount, and accelerations of what stands
     still (there MuJoCo's accelerometer reads 0, not the 9.81 m/s^2 of any that rests)."""
-    losses: list[Loss] = []
     cut = {joint.path for closure in robot.closures for joint in closure.joints}
     for sensor in robot.assembly.sensors:
         what, how = "", "omitted"
@@ -68,9 +68,7 @@ def losses(robot: Robot) -> list[Loss]:
         elif sensor.kind == "joint" and sensor.joint in cut:
             what = f"it: a loop is cut at joint `{sensor.joint}`"
         if what:
-            span = next(iter(sensor.origin), None)
-            losses.append(Loss(target="mjcf", mode=robot.mode.name, path=sensor.path, what=what, how=how, span=span))
-    return losses
+            yield Loss.of(sensor.origin, "mjcf", robot.mode.name, sensor.path, what, how)
 
 
 def _body_of(robot: Robot, sensor: LinkedSensor) -> int:

@@ -101,5 +101,6 @@ def _of_all_modes(robot: Robot) -> Iterator[Loss]:
         yield _loss(None, assembly.name, SIMULATION, "omitted", origin)
 
 
+
 def _loss(mode: str | None, path: str, what: str, how: str, origin: Origin) -> Loss:
-    return Loss(target="urdf", mode=mode, path=path, what=what, how=how, span=next(iter(origin), None))
+    return Loss.of(origin, "urdf", mode, path, what, how)

@@ -8,7 +8,7 @@ link's own, so that no frame of an inertia or a joint is turned.
 from __future__ import annotations
 
 from thingc.diagnostics import Report
-from thingc.emit.geometry import Geometry, Shape, channels, material_name
+from thingc.emit.geometry import Geometry, Shape, channels, material_name, materials
 from thingc.emit.urdf.chain import Move, moves, own_frame
 from thingc.emit.urdf.names import Names, safe
 from thingc.emit.xml import Element, number, numbers
@@ -58,9 +58,10 @@ class _Builder:
     def build(self) -> Element:
         """Materials, the links from the root on, then joints, those that follow another behind it."""
         self._extension()
-        self._materials()
-        lead = {index: self.robot.moves if body.parent is None else body.joints for index, body in enumerate(self.robot.bodies)}
-        own = [own_frame(lead[index]) for index in range(len(self.robot.bodies))]
+        for name, (color, origin) in materials(self.geometry.shapes).items():
+            self.root.add("material", {"name": name}, origin).add("color", {"rgba": numbers(channels(color))})
+        lead = [self.robot.moves if body.parent is None else body.joints for body in self.robot.bodies]
+        own = [own_frame(joints) for joints in lead]
         names = [self.links.take(self._link_of(body).name, self._link_of(body).origin) for body in self.robot.bodies]
         if self.robot.base != "free":
             self.root.add("link", {"name": self.links.take(WORLD, self.robot.mode.origin)}, self.robot.mode.origin)
@@ -69,7 +70,7 @@ class _Builder:
             parent = (WORLD if self.robot.base != "free" else None) if body.parent is None else names[body.parent]
             X_PL = body.X_PL if body.parent is None else own[body.parent].inverse() @ body.X_PL
             if parent is not None:
-                self._lead(parent, names[index], tuple(moves(lead[index], X_PL)), X_PL, (BASE, self.robot.mode.origin))
+                self._lead(parent, names[index], tuple(moves(lead[index], X_PL)), X_PL)
             self._link(names[index], body, own[index].inverse())
             link = self._link_of(body)
             if own[index] != NO_POSE:
@@ -98,20 +99,10 @@ class _Builder:
         section.add("compiler", compiler)
         section.add("option", {"gravity": numbers(self.robot.gravity)}, self.robot.mode.origin)
 
-    def _materials(self) -> None:
-        seen: set[str] = set()
-        for one in self.geometry.shapes:
-            name = material_name(one.material, one.color)
-            if name is not None and name not in seen and one.visual is not None:
-                seen.add(name)
-                origin = one.material.origin if one.material is not None else one.origin
-                self.root.add("material", {"name": name}, origin).add("color", {"rgba": numbers(channels(one.color or ""))})
-
-    def _lead(self, parent: str, child: str, chain: tuple[Move, ...], X_PL: Pose, fixed: tuple[str, Origin]) -> None:
-        """The joints from a link to the next, and the links between them."""
+    def _lead(self, parent: str, child: str, chain: tuple[Move, ...], X_PL: Pose) -> None:
+        """The joints from a link to the next, and the links between them; to a base that stays where it is one that is fixed."""
         if not chain:
-            element = self._joint(fixed[0], "fixed", parent, child, X_PL, fixed[1])
-            self.root.children.append(element)
+            self.root.children.append(self._joint(BASE, "fixed", parent, child, X_PL, self.robot.mode.origin))
             return
         for number_, move in enumerate(chain):
             last = number_ == len(chain) - 1

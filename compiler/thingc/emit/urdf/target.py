@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import struct
-from collections.abc import Iterator
-
 from thingc.emit.artifact import Artifacts, Content, Loss
 from thingc.emit.geometry import MeshAsset, geometry
 from thingc.emit.request import EmitRequest
 from thingc.emit.urdf.losses import losses
 from thingc.emit.urdf.model import MESHES, model
-from thingc.emit.xml import number, write
+from thingc.emit.xml import numbers, write
 from thingc.graph.types import Occurrence
 from thingc.realize.record import Mesh, Primitive
 from thingc.realize.store.local import Store
+from thingc.realize.store.vertices import triangles
 
 FOLDER = f"urdf/{MESHES}"
 
@@ -27,8 +25,7 @@ def emit(request: EmitRequest) -> Artifacts:
         if (min(piece.size) > 0.0) if isinstance(piece, Primitive) else not piece.flat:
             return True
         what = "its contacts: what it would touch with has no volume"
-        span = next(iter(occurrence.origin), None)
-        flat.append(Loss(target="urdf", mode=None, path=occurrence.path, what=what, how="omitted", span=span))
+        flat.append(Loss.of(occurrence.origin, "urdf", None, occurrence.path, what, "omitted"))
         return False
 
     shapes = geometry(assembly, FOLDER, takes, request.report)
@@ -46,13 +43,8 @@ def _as_obj(mesh: MeshAsset, store: Store) -> Content:
     if mesh.file.endswith(".obj"):
         return mesh.stored
     vertices: dict[tuple[float, float, float], int] = {}
-    faces = [[vertices.setdefault(corner, len(vertices) + 1) for corner in facet] for facet in _facets(store.read(mesh.mesh.sha256))]
-    lines = [f"v {number(x)} {number(y)} {number(z)}" for x, y, z in vertices]
+    faces = [[vertices.setdefault(corner, len(vertices) + 1) for corner in facet] for facet in triangles(store, mesh.mesh)]
+    lines = [f"v {numbers(corner)}" for corner in vertices]
     lines += [f"f {a} {b} {c}" for a, b, c in faces]
     return ("\n".join(lines) + "\n").encode()
 
-
-def _facets(data: bytes) -> Iterator[tuple[tuple[float, float, float], ...]]:
-    """The three corners of each triangle of a binary STL file."""
-    for _, _, _, ax, ay, az, bx, by, bz, cx, cy, cz, _ in struct.iter_unpack("<12fH", data[84:]):
-        yield (ax, ay, az), (bx, by, bz), (cx, cy, cz)

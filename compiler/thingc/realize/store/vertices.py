@@ -1,8 +1,9 @@
-"""The vertices of a mesh in the store, in plain Python: what needs to know how far a part reaches need not pay for numpy."""
+"""The vertices and triangles of a mesh in the store, in plain Python: what only looks at them need not pay for numpy."""
 
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator
 
 from thingc.pose import Vector
 from thingc.realize.record import Mesh
@@ -20,3 +21,9 @@ def vertices(store: Store, mesh: Mesh) -> tuple[Vector, ...]:
         for face in range(HEADER + CORNER, len(data), FACE) for at in range(face, face + 3 * CORNER, CORNER)
     }
     return tuple(sorted(struct.unpack("<3f", corner) for corner in corners))
+
+
+def triangles(store: Store, mesh: Mesh) -> Iterator[tuple[Vector, Vector, Vector]]:
+    """The corners [in the unit of the file] of each triangle of such a mesh. Raises `BlobMissing`."""
+    for _, _, _, ax, ay, az, bx, by, bz, cx, cy, cz, _ in struct.iter_unpack("<12fH", store.read(mesh.sha256)[HEADER:]):
+        yield (ax, ay, az), (bx, by, bz), (cx, cy, cz)

@@ -42,12 +42,12 @@ def simplified(mesh: Triangles, faces: int) -> Triangles:
     plain = _triangles(solid.simplify(FLAT * SIZE)) if whole else mesh
     if len(plain.faces) <= faces:
         return plain.scaled(1.0 / scale)
-    found = _by_quadrics(plain, faces)
-    if len(found.faces) > faces or not _sound(found, whole):
-        found = _by_tolerance(solid, faces) if whole else mesh
-    if len(found.faces) > faces or not _sound(found, whole):
+    fewer = _by_quadrics(plain, faces)
+    if len(fewer.faces) > faces or not _sound(fewer, whole):
+        fewer = _by_tolerance(solid, faces) if whole else mesh
+    if len(fewer.faces) > faces or not _sound(fewer, whole):
         raise NoPart("unbounded", f"its surface cannot be brought down to {faces} triangles and stay closed")
-    return found.scaled(1.0 / scale)
+    return fewer.scaled(1.0 / scale)
 
 
 def deviation(one: Triangles, other: Triangles) -> float:
@@ -58,18 +58,18 @@ def deviation(one: Triangles, other: Triangles) -> float:
 def _by_quadrics(mesh: Triangles, faces: int) -> Triangles:
     import trimesh
 
-    found = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).simplify_quadric_decimation(face_count=faces)
-    return without_slivers(np.asarray(found.vertices, dtype=np.float64), np.asarray(found.faces, dtype=np.int64))
+    fewer = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).simplify_quadric_decimation(face_count=faces)
+    return without_slivers(np.asarray(fewer.vertices, dtype=np.float64), np.asarray(fewer.faces, dtype=np.int64))
 
 
 def _by_tolerance(solid: Any, faces: int) -> Triangles:
     """With the smallest tolerance, of those that double, that does."""
     tolerance = FLAT * SIZE
-    found = solid
-    while found.num_tri() > faces and tolerance < SIZE:
+    fewer = solid
+    while fewer.num_tri() > faces and tolerance < SIZE:
         tolerance *= 2.0
-        found = solid.simplify(tolerance)
-    return _triangles(found)
+        fewer = solid.simplify(tolerance)
+    return _triangles(fewer)
 
 
 def _sound(mesh: Triangles, whole: bool) -> bool:
@@ -84,9 +84,9 @@ def _solid(mesh: Triangles) -> Any:
 
 
 def _triangles(solid: Any) -> Triangles:
-    found = solid.to_mesh64()
-    vertices = np.asarray(found.vert_properties, dtype=np.float64)[:, :3]
-    return without_slivers(vertices, np.asarray(found.tri_verts, dtype=np.int64).reshape(-1, 3))
+    mesh = solid.to_mesh64()
+    vertices = np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3]
+    return without_slivers(vertices, np.asarray(mesh.tri_verts, dtype=np.int64).reshape(-1, 3))
 
 
 def _farthest(points: NDArray[np.float64], surface: Triangles) -> float:
@@ -107,8 +107,7 @@ def _farthest(points: NDArray[np.float64], surface: Triangles) -> float:
         there = trimesh.triangles.closest_point(corners[nearest], asked)  # type: ignore[no-untyped-call]
         return np.asarray(np.linalg.norm(there - asked, axis=1).reshape(-1, neighbours).min(axis=1))
 
-    found = apart(points, FEW)
-    order = np.argsort(found, kind="stable")
-    doubtful = order[-AGAIN:]
-    found[doubtful] = apart(points[doubtful], MANY)
-    return float(found.max())
+    distances = apart(points, FEW)
+    doubtful = np.argsort(distances, kind="stable")[-AGAIN:]
+    distances[doubtful] = apart(points[doubtful], MANY)
+    return float(distances.max())
