@@ -131,11 +131,14 @@ def modules_of_build(targets: Collection[str]) -> tuple[str, ...]:
     return (*modules_of(targets), *(["thingc.solids.shapes"] if "mjcf" in targets else []))
 
 
-def build(environment: Environment, compilation: Compilation, targets: Sequence[str]) -> dict[str, Artifacts]:
-    """The passes behind `root`: what lies in what (a warning), and `emit`, while the kernel writes the STEP file."""
+def build(
+    environment: Environment, compilation: Compilation, targets: Sequence[str], folder: str | None = None,
+) -> dict[str, Artifacts]:
+    """The passes behind `root`: what lies in what (a warning), and `emit`, while the kernel writes the STEP file. `folder` is the absolute
+    path of the folder that the files will lie in, where that is known."""
     from thingc.solids import check_overlaps
 
-    request = request_of(environment, compilation)
+    request = request_of(environment, compilation, folder=folder)
     if "step" in targets:
         from thingc.emit import step
 
@@ -285,14 +288,17 @@ def _emitted(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifact
     return artifacts
 
 
-def request_of(environment: Environment, compilation: Compilation, *, verify: bool = True) -> EmitRequest:
+def request_of(
+    environment: Environment, compilation: Compilation, *, verify: bool = True, folder: str | None = None,
+) -> EmitRequest:
     """What targets are asked with. Only for a compilation whose report has no errors."""
     from thingc.emit.request import EmitRequest
 
     geometry = environment.geometry
     return EmitRequest(
         assembly=_assembly(compilation), robots=compilation.robots, store=environment.store, geometry=geometry,
-        workspace=geometry.workspace, report=compilation.report, verify=verify, repeated=compilation.repeated, memo=environment.memo,
+        workspace=geometry.workspace, report=compilation.report, verify=verify, folder=folder, repeated=compilation.repeated,
+        memo=environment.memo,
     )
 
 

@@ -29,6 +29,8 @@ DEFAULT_PARTS = ("parts",)
 DEFAULT_PACKAGES = ("thingc_stock", "bd_warehouse")
 DEFAULT_BUILD = "build"
 DEFAULT_TIMEOUT = 120.0
+MESH_URIS = ("relative", "package", "absolute")
+"""How URDF files may name their meshes: relative to the file, in the robot's ROS package, or on this machine; the first unless written."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,8 +59,8 @@ class Workspace:
 
     `root` absolute; `parts` absolute folders whose modules may be named in `part:`; `packages` installed packages that
     may be, too; `build` the absolute folder of outputs; `part_timeout` [s] for one part; `mesh` the tessellation that
-    is printed and checked, `simulation` that for simulators; `emit` the targets of a build that names none;
-    `origin` the file that says so, None where the defaults stand.
+    is printed and checked, `simulation` that for simulators; `emit` the targets of a build that names none; `mesh_uri` one of
+    `MESH_URIS`; `origin` the file that says so, None where the defaults stand.
     `inputs` are the files that were looked at on the way, by absolute path, with the SHA-256 of their bytes (None: not there).
     """
 
@@ -70,6 +72,7 @@ class Workspace:
     mesh: Tessellation
     simulation: Tessellation
     emit: tuple[str, ...] = ()
+    mesh_uri: str = MESH_URIS[0]
     origin: Span | None = None
     inputs: dict[str, str | None] = field(default_factory=dict, compare=False, repr=False)
 
@@ -216,11 +219,12 @@ class _Settings:
     mesh: Tessellation
     simulation: Tessellation
     emit: tuple[str, ...]
+    mesh_uri: str
 
     @staticmethod
     def plain(table: dict[str, Any]) -> _Settings | None:
         """The settings of a table in which nothing is unusual; None (or ValueError, TypeError) where anything is."""
-        known = {"thingc", "parts", "packages", "build", "part_timeout", "mesh", "emit", "$schema"}
+        known = {"thingc", "parts", "packages", "build", "part_timeout", "mesh", "emit", "mesh_uri", "$schema"}
         mesh = table.get("mesh", {})
         if table["thingc"] != "workspace/1" or not known.issuperset(table) or not isinstance(mesh, dict):
             return None
@@ -230,8 +234,8 @@ class _Settings:
         if not {"linear", "angular"}.issuperset(simulation):
             return None
         fine = _plain_tessellation(mesh, DEFAULT_MESH)
-        build = table.get("build", DEFAULT_BUILD)
-        return None if not isinstance(build, str) else _Settings(
+        build, mesh_uri = table.get("build", DEFAULT_BUILD), table.get("mesh_uri", MESH_URIS[0])
+        return None if not isinstance(build, str) or mesh_uri not in MESH_URIS else _Settings(
             parts=_plain_texts(table["parts"]) if "parts" in table else None,
             packages=_plain_texts(table["packages"]) if "packages" in table else DEFAULT_PACKAGES,
             build=build,
@@ -239,6 +243,7 @@ class _Settings:
             mesh=fine,
             simulation=_plain_tessellation(simulation, DEFAULT_SIMULATION.coarser(fine)),
             emit=_plain_texts(table.get("emit", [])),
+            mesh_uri=mesh_uri,
         )
 
 
@@ -281,8 +286,8 @@ def _workspace(settings: _Settings, root: str, span: Span | None, inputs: dict[s
         return None
     return Workspace(
         root=root, parts=parts, packages=settings.packages, build=os.path.normpath(os.path.join(root, settings.build)),
-        part_timeout=settings.part_timeout, mesh=settings.mesh, simulation=settings.simulation, emit=settings.emit, origin=span,
-        inputs=inputs,
+        part_timeout=settings.part_timeout, mesh=settings.mesh, simulation=settings.simulation, emit=settings.emit,
+        mesh_uri=settings.mesh_uri, origin=span, inputs=inputs,
     )
 
 
@@ -363,6 +368,7 @@ def _from_spec(spec: Any, document: Document, report: Report) -> _Settings:
         mesh=mesh,
         simulation=tessellation(spec.mesh.simulation if spec.mesh else None, ("mesh", "simulation"), DEFAULT_SIMULATION.coarser(mesh)),
         emit=tuple(spec.emit),
+        mesh_uri=spec.mesh_uri,
     )
 
 

@@ -216,13 +216,14 @@ def robots(whole: Assembly) -> tuple[Robot, ...]:
     return tuple(robot for robot in found if robot is not None)
 
 
+WORKSPACE = Workspace(
+    root="/w", parts=("/w/parts",), packages=(), build="/w/build", part_timeout=120.0, mesh=DEFAULT_MESH, simulation=DEFAULT_SIMULATION,
+)
+
+
 def request(whole: Assembly, store: Store, geometry: object = None) -> EmitRequest:
     """What an emitter is asked with; only `step` needs the geometry service."""
-    workspace = Workspace(
-        root="/w", parts=("/w/parts",), packages=(), build="/w/build", part_timeout=120.0, mesh=DEFAULT_MESH,
-        simulation=DEFAULT_SIMULATION,
-    )
     return EmitRequest(
-        assembly=whole, robots=robots(whole), store=store, geometry=geometry, workspace=workspace,  # type: ignore[arg-type]
+        assembly=whole, robots=robots(whole), store=store, geometry=geometry, workspace=WORKSPACE,  # type: ignore[arg-type]
         report=Report(),
     )

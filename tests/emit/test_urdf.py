@@ -60,7 +60,7 @@ def asked(assembly: Assembly, folder: str) -> EmitRequest:
     assert report.diagnostics == []
     return EmitRequest(
         assembly=assembly, robots=chosen, store=Store(folder), report=report, geometry=None,  # type: ignore[arg-type]
-        workspace=None,  # type: ignore[arg-type]
+        workspace=small_robot.WORKSPACE,
     )
 
 
@@ -184,6 +184,35 @@ def test_what_the_small_robot_shows(store: Store) -> None:
     colours = {one.attrib["name"] for one in bench.findall("material")}
     assert colours and {one.attrib["name"] for one in bench.iterfind("link/visual/material")} <= colours
     assert emit(request).files == made.files
+
+
+def test_meshes_are_named_as_the_workspace_wants_it(store: Store, tmp_path: Path) -> None:
+    whole = replace(small_robot.assembly(store), name="My__Arm")
+    bare = tuple(replace(one, overrides=replace(one.overrides, collision="none")) for one in whole.occurrences)
+    asked_for = replace(small_robot.request(replace(whole, occurrences=bare), store), folder=str(tmp_path / "a b" / "My__Arm"))
+    relative = emit(asked_for).files["urdf/My__Arm_bench.urdf"]
+    assert isinstance(relative, bytes) and relative.count(b'filename="meshes/') > 3
+    for word, folder in (
+        ("package", "package://my_arm_description/meshes"), ("absolute", (tmp_path / "a b" / "My__Arm" / "urdf" / "meshes").as_uri()),
+    ):
+        made = emit(replace(asked_for, workspace=replace(asked_for.workspace, mesh_uri=word)))
+        assert made.files["urdf/My__Arm_bench.urdf"] == relative.replace(b'filename="meshes/', f'filename="{folder}/'.encode())
+    nowhere = replace(asked_for, folder=None, workspace=replace(asked_for.workspace, mesh_uri="absolute"))
+    assert emit(nowhere).files["urdf/My__Arm_bench.urdf"] == relative
+
+
+def test_absolute_meshes_lie_where_the_build_does(tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\nmesh_uri = "absolute"\n')
+    corners = ("0 0 0", "1 0 0", "0 1 0", "0 0 1")
+    facets = ("f 1 3 2", "f 1 2 4", "f 1 4 3", "f 2 3 4")
+    (tmp_path / "corner.obj").write_text("\n".join([*(f"v {corner}" for corner in corners), *facets, ""]))
+    (tmp_path / "r.yaml").write_text(
+        "thingc: assembly/1\nname: r\ncomponents: {base: {file: corner.obj, unit: m, mass: 1 kg}}\nmodes: {m: {root: base, base: fixed}}\n",
+    )
+    for words, folder in (([], tmp_path / "build"), (["-o", str(tmp_path / "out")], tmp_path / "out")):
+        assert main(["build", str(tmp_path / "r.yaml"), "--emit", "urdf", "--store", shared_store, *words]) == 0, capsys.readouterr().err
+        named = {mesh.attrib["filename"] for mesh in ElementTree.parse(folder / "r" / "urdf" / "r_m.urdf").iter("mesh")}
+        assert named and named <= {path.as_uri() for path in (folder / "r" / "urdf" / "meshes").iterdir()}
 
 
 @pytest.mark.parametrize("document", ["assemblies/arm.yaml", "assemblies/minchw/minchw.yaml"])

@@ -107,7 +107,8 @@ def _built(
     twice = pipeline.model_again(environment, compilation) if arguments.twice else 0
     if report.failed:
         return common.final(report, strict=arguments.strict), None
-    artifacts = pipeline.build(environment, compilation, targets)
+    assert compilation.assembly is not None
+    artifacts = pipeline.build(environment, compilation, targets, build_folder(_parent(arguments, environment), compilation.assembly.name))
     losses = [loss for target in targets for loss in artifacts[target].losses]
     if arguments.deny_loss:
         _deny(losses, report)
@@ -145,13 +146,13 @@ def _written(
     arguments: argparse.Namespace, environment: Environment, compilation: Compilation, files: Mapping[str, Content],
 ) -> dict[str, Any]:
     """Put everything into the build folder at once; what there is to remember of it."""
-    assembly, documents, workspace = compilation.assembly, compilation.documents, environment.workspace
-    assert assembly is not None and documents is not None and workspace is not None
+    assembly, documents = compilation.assembly, compilation.documents
+    assert assembly is not None and documents is not None
 
     def on_wait(folder: str) -> None:
         common.say(f"another build of {shown_path(folder)} is under way; waiting for it", stream=sys.stderr)
 
-    parent = arguments.output or os.path.join(workspace.root, workspace.build)
+    parent = _parent(arguments, environment)
     folder = write_build(
         parent, assembly.name, files, environment.store, documents.root.relative, force=arguments.force, on_wait=on_wait,
     )
@@ -159,6 +160,12 @@ def _written(
         "folder": folder, "place": [os.path.abspath(parent), assembly.name],
         "manifest": stamp.state_of(os.path.join(folder, "manifest.json")), "artifacts": sorted(files),
     }
+
+
+def _parent(arguments: argparse.Namespace, environment: Environment) -> str:
+    """The folder in which the build folder lies."""
+    assert environment.workspace is not None
+    return arguments.output or os.path.join(environment.workspace.root, environment.workspace.build)
 
 
 def _tell(answer: Mapping[str, Any], arguments: argparse.Namespace) -> None:

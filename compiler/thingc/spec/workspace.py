@@ -43,6 +43,8 @@ class WorkspaceSpec(Model):
     """The folder that builds go to."""
     emit: list[str] = Field(default=[], examples=[["mjcf", "step", "urdf"], ["all"]])
     """What `thingc build` writes unless `--emit` says so; unless written, all that is not only written where it is named."""
+    mesh_uri: Literal["relative", "package", "absolute"] = Field(default="relative", examples=["package"])
+    """How URDF files name their meshes: relative to the file, in the ROS package of the robot, or where the build lies on this machine."""
     part_timeout: TimeField | None = None
     """Longest time for one part; 120 s unless written."""
     mesh: MeshSpec | None = Field(default=None, examples=[{"linear": "0.1 mm", "angular": "10 deg"}])

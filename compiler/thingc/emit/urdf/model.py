@@ -36,14 +36,15 @@ MESHES = "meshes"
 """The folder of meshes beside the files."""
 
 
-def model(robot: Robot, geometry: Geometry, report: Report) -> Element:
-    """The whole `<robot>` element of a mode. Names that URDF cannot tell apart are reported."""
-    return _Builder(robot, geometry, report).build()
+def model(robot: Robot, geometry: Geometry, report: Report, meshes: str = MESHES) -> Element:
+    """The whole `<robot>` element of a mode; `meshes` is the URI of their folder. Names that URDF cannot tell apart are reported."""
+    return _Builder(robot, geometry, report, meshes).build()
 
 
 class _Builder:
-    def __init__(self, robot: Robot, geometry: Geometry, report: Report) -> None:
+    def __init__(self, robot: Robot, geometry: Geometry, report: Report, meshes: str) -> None:
         self.robot = robot
+        self.meshes = meshes
         self.geometry = geometry
         self.assembly = robot.assembly
         self.links = Names("link", report)
@@ -215,7 +216,7 @@ class _Builder:
         geometry = element.add("geometry")
         match shape.kind:
             case "mesh":
-                geometry.add("mesh", {"filename": f"{MESHES}/{shape.mesh}.obj"})
+                geometry.add("mesh", {"filename": f"{self.meshes}/{shape.mesh}.obj"})
             case "box":
                 geometry.add("box", {"size": numbers(2.0 * half for half in shape.size)})
             case "sphere":

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from thingc.diagnostics import Code, Note, Report
 from thingc.source import Origin
 
@@ -9,6 +11,11 @@ from thingc.source import Origin
 def safe(path: str) -> str:
     """`hand/tip` as `hand_tip`."""
     return path.replace("/", "_")
+
+
+def package_name(robot: str) -> str:
+    """The ROS package that describes a robot, in the letters that REP 144 asks for: `Arm` is described by `arm_description`."""
+    return re.sub("_+", "_", f"{robot.lower()}_description")
 
 
 class Names:

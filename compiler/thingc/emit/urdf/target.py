@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from thingc.emit.artifact import Artifacts, Content, Loss
 from thingc.emit.geometry import MeshAsset, geometry
 from thingc.emit.request import EmitRequest
 from thingc.emit.urdf.losses import losses
 from thingc.emit.urdf.model import MESHES, model
+from thingc.emit.urdf.names import package_name
 from thingc.emit.xml import numbers, write
 from thingc.graph.types import Occurrence
 from thingc.realize.record import Mesh, Primitive
@@ -28,14 +31,24 @@ def emit(request: EmitRequest) -> Artifacts:
         flat.append(Loss.of(occurrence.origin, "urdf", None, occurrence.path, what, "omitted"))
         return False
 
-    shapes = geometry(assembly, FOLDER, takes, request.report)
+    shapes, meshes = geometry(assembly, FOLDER, takes, request.report), _uri(request)
     files: dict[str, Content] = {f"{FOLDER}/{mesh.name}.obj": _as_obj(mesh, request.store) for mesh in shapes.meshes}
     lost: dict[Loss, None] = dict.fromkeys(flat)
     for robot in request.robots:
         heading = f"Written by thingc from {assembly.definition.document}, mode {robot.mode.name}."
-        files[f"urdf/{assembly.name}_{robot.mode.name}.urdf"] = write(model(robot, shapes, request.report), heading).text.encode()
+        files[f"urdf/{assembly.name}_{robot.mode.name}.urdf"] = write(model(robot, shapes, request.report, meshes), heading).text.encode()
         lost |= dict.fromkeys(losses(robot))
     return Artifacts(files=dict(sorted(files.items())), losses=tuple(lost))
+
+
+def _uri(request: EmitRequest) -> str:
+    """The folder of meshes as the workspace wants it named; relative, too, where nobody knows where the files will lie."""
+    match request.workspace.mesh_uri:
+        case "package":
+            return f"package://{package_name(request.assembly.name)}/{MESHES}"
+        case "absolute" if request.folder is not None:
+            return Path(request.folder, FOLDER).as_uri()
+    return MESHES
 
 
 def _as_obj(mesh: MeshAsset, store: Store) -> Content:
