@@ -211,7 +211,6 @@ class Code(Enum):
     MJCF_REFUSED = ("TC702", "MuJoCo refuses the model", "Change what stands at the place named, as MuJoCo's words say.")
     MJCF_WARNING = ("TC703", "MuJoCo warns of the model", "Change what stands at the place named, as MuJoCo's words say.", Stage.BUILD)
     COLLISION_MISSING = ("TC704", "no such collision shape", "Choose another `collision`, or give the Thing a `collision()`.")
-    MESH_TOO_LARGE = ("TC705", "mesh too large for MuJoCo", "Choose `collision: hull`, fewer `faces` of a file, or a coarser `mesh`.")
     LOSS_DENIED = ("TC706", "a target cannot say this", "Leave it out of the document, or build without --deny-loss.")
     RAW_FIXED = ("TC707", "raw attribute that identifies", "Say it in the words of the document, as the hint shows.")
     TOO_LIGHT = ("TC708", "link too light for MuJoCo", "Check the units of its files, sizes and masses, or attach it to another link.")

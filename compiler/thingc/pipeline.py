@@ -376,7 +376,7 @@ def _assembly(compilation: Compilation) -> Assembly:
 
 def _corners(environment: Environment) -> Callable[[Mesh], tuple[Vector, ...]] | None:
     """The vertices of a part's mesh; None where meshes need not be there."""
-    from thingc.realize.store.vertices import vertices
+    from thingc.realize.store.meshes import vertices
 
     return None if environment.options.lock else partial(vertices, environment.store)
 

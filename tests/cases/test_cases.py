@@ -46,7 +46,6 @@ ELSEWHERE = {
     "NO_GRAPHICS": "tests/cli/test_render.py",  # a machine without EGL
     "LIBRARY": "tests/resolve/test_components.py",  # a machine without the library
     "MJCF_WARNING": "tests/mjcf/test_mjcf_check.py",  # depends on the version of MuJoCo
-    "MESH_TOO_LARGE": "tests/mjcf/test_mjcf_check.py",  # 200 001 faces
     "SAME_FILE": "tests/emit/test_stl.py",  # two part files of one name on one file system
     "STEP_FAILED": "tests/emit/test_step.py",  # a kernel that fails
     "UNSTATED": "tests/cases/test_folders.py",  # a package that is installed

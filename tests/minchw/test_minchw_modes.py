@@ -139,7 +139,7 @@ def solids(shared_store: str) -> dict[str, manifold3d.Manifold]:
             continue
         name = occurrence.record.meshes["mesh"].sha256
         if name not in by_mesh:
-            mesh = trimesh.load(io.BytesIO(store.read(name)), file_type="stl")
+            mesh = trimesh.load(io.BytesIO(store.read(name)), file_type="obj")
             raw = manifold3d.Mesh(np.asarray(mesh.vertices, np.float32), np.asarray(mesh.faces, np.uint32))
             raw.merge()
             by_mesh[name] = manifold3d.Manifold(raw)

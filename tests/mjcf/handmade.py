@@ -177,7 +177,7 @@ def _part(
     flat: bool = False,
     **changes: Any,
 ) -> Part:
-    solid = binary_stl(vertices, faces)
+    solid = obj(vertices, faces)
     count = (len(vertices), len(faces))
     said = {
         "volume": mass / 1000,
@@ -186,10 +186,10 @@ def _part(
         "box": (tuple(box[0].tolist()), tuple(box[1].tolist())),
         "fits": {fit.shape: fit},
         "meshes": {
-            "visual": kept(store, obj(vertices, faces), *count, flat=flat),
+            "visual": kept(store, solid, *count, flat=flat),
             "hull": kept(store, solid, *count, flat=flat),
             "mesh": kept(store, solid, *count, flat=flat),
-            "print": kept(store, solid, *count, flat=flat),
+            "print": kept(store, binary_stl(vertices, faces), *count, flat=flat),
         },
     }
     return Part(

@@ -271,31 +271,6 @@ def plain(store: Store) -> object:
     return replace(part, definition=replace(part.definition, text="boxes:Box"))
 
 
-def test_a_collision_mesh_that_is_too_large(store: Store) -> None:
-    part = plain(store)
-    huge = replace(part.record.meshes["mesh"], faces=200_001)  # type: ignore[attr-defined]
-    record = replace(part.record, meshes={**part.record.meshes, "mesh": huge})  # type: ignore[attr-defined]
-    made = Made(segments=[Segment("a", [Piece("a", replace(part, record=record), overrides=Overrides(collision="mesh"))])])  # type: ignore[type-var]
-    assert said(made, store) == [
-        ("TC705", "error", 20, "`a` (boxes:Box) has a collision mesh of 200001 faces, and MuJoCo reads at most 200000"),
-    ]
-
-
-@pytest.mark.parametrize(("kind", "help"), [
-    ("code", "write `collision: hull`, or give the workspace a coarser `mesh`"),
-    ("file", "write `collision: hull`, or bound them (`faces: 5000`)"),
-])
-def test_how_a_collision_mesh_becomes_smaller(store: Store, kind: str, help: str) -> None:
-    part = plain(store)
-    huge = replace(part.record.meshes["mesh"], faces=200_001)  # type: ignore[attr-defined]
-    record = replace(part.record, meshes={**part.record.meshes, "mesh": huge})  # type: ignore[attr-defined]
-    named = replace(part.definition, kind=kind)  # type: ignore[attr-defined]
-    piece = Piece("a", replace(part, record=record, definition=named), overrides=Overrides(collision="mesh"))  # type: ignore[type-var]
-    request = Made(segments=[Segment("a", [piece])]).request(store)
-    emit(request)
-    assert [found.help for found in request.report.diagnostics] == [help]
-
-
 def test_two_definitions_of_one_file_name(store: Store) -> None:
     one, other = plain(store), plain(store)
     one = replace(one, definition=replace(one.definition, reference="a/b.step", text="a/b.step", label="a/b.step"))  # type: ignore

@@ -64,7 +64,7 @@ def test_names_of_files(store: Store) -> None:
     ]
     assets = [path.removeprefix("mjcf/assets/") for path in files if "assets" in path]
     stems = sorted({path.partition(".")[0] + "." + path.split(".")[1].removesuffix("_hull") for path in assets})
-    assert len(stems) == 3 and sorted(assets) == sorted(f"{s}{end}" for s in stems for end in (".obj", "_hull.stl"))
+    assert len(stems) == 3 and sorted(assets) == sorted(f"{s}{end}" for s in stems for end in (".obj", "_hull.obj"))
     assert all(isinstance(files[f"mjcf/assets/{name}"], Stored) for name in assets)
 
 

@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from graph.builder import binary_stl, kept
+from graph.builder import kept
 from mjcf.handmade import (
     Made,
     Piece,
@@ -23,6 +23,7 @@ from mjcf.handmade import (
     material,
     matrix,
     moved,
+    obj,
     spin,
     total,
 )
@@ -473,7 +474,7 @@ def test_pieces(store: Store) -> None:
     """`part` and `decompose`: one geom per piece, numbered from the second; a primitive has no file, and meshes keep their number."""
     faces = ((0, 1, 2), (0, 3, 1), (1, 3, 2), (0, 2, 3))
     corners = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0], [0, 0, 0.1]])
-    solids = tuple(kept(store, binary_stl(corners + [k * 0.2, 0, 0], faces), 4, 4) for k in range(3))
+    solids = tuple(kept(store, obj(corners + [k * 0.2, 0, 0], faces), 4, 4) for k in range(3))
     rod = Primitive(
         shape="cylinder", size=(0.02, 0.05),
         pose=Pose(rotation=((0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)), translation=(0.3, 0.1, 0.0)),
@@ -494,7 +495,7 @@ def test_pieces(store: Store) -> None:
     )
     request = made.request(store)
     artifacts = emit(request)
-    assert sorted(name.rpartition("_part_")[2] for name in artifacts.files if "_part_" in name) == ["0.stl", "2.stl"]
+    assert sorted(name.rpartition("_part_")[2] for name in artifacts.files if "_part_" in name) == ["0.obj", "2.obj"]
     model = load_from(request, artifacts.files, "bench")
     names = [model.geom(i).name for i in range(model.ngeom)]
     assert names == [

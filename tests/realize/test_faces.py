@@ -56,9 +56,9 @@ def of(mesh: Any) -> Triangles:
     return Triangles(np.asarray(mesh.vertices, dtype=float), np.asarray(mesh.faces, dtype=np.int64))
 
 
-def read(store: Any, mesh: Mesh, kind: str = "stl") -> Any:
+def read(store: Any, mesh: Mesh) -> Any:
     """A file of the store as trimesh reads it."""
-    return trimesh.load_mesh(io.BytesIO(store.read(mesh.sha256)), file_type=kind)
+    return trimesh.load_mesh(io.BytesIO(store.read(mesh.sha256)), file_type="obj")
 
 
 @pytest.fixture(scope="module")
@@ -83,8 +83,8 @@ def record(records: dict[str, PartRecord | PartFailure], text: str) -> PartRecor
 def test_what_simulators_have_is_bounded_and_closed(records: dict[str, PartRecord | PartFailure], module_place: Any) -> None:
     scan = record(records, "scan.stl(faces=1000)")
     assert scan.warnings == ()
-    for name, kind in (("visual", "obj"), ("simulation", "stl"), ("hull", "stl")):
-        mesh = read(module_place.store, scan.meshes[name], kind)
+    for name in ("visual", "simulation", "hull"):
+        mesh = read(module_place.store, scan.meshes[name])
         assert mesh.is_watertight and mesh.is_winding_consistent and len(mesh.faces) == scan.meshes[name].faces <= 1000
     coarse = read(module_place.store, scan.meshes["simulation"])
     assert coarse.volume == pytest.approx(bumpy().volume * 1e-9, rel=0.02) and len(coarse.faces) > 900
@@ -116,9 +116,9 @@ def test_contacts_are_made_with_it(records: dict[str, PartRecord | PartFailure],
     assert occurrence.touching == (scan.meshes["simulation"],)
     assert scan.convex and sum(piece.faces for piece in scan.convex) < 5120
     assets = {"seen.obj": module_place.store.read(scan.meshes["visual"].sha256)}
-    assets["touched.stl"] = module_place.store.read(scan.meshes["simulation"].sha256)
+    assets["touched.obj"] = module_place.store.read(scan.meshes["simulation"].sha256)
     model = mujoco.MjModel.from_xml_string(
-        '<mujoco><asset><mesh file="seen.obj"/><mesh file="touched.stl"/></asset><worldbody><body><geom type="mesh" mesh="seen"/>'
+        '<mujoco><asset><mesh file="seen.obj"/><mesh file="touched.obj"/></asset><worldbody><body><geom type="mesh" mesh="seen"/>'
         '<geom type="mesh" mesh="touched"/></body></worldbody></mujoco>', assets,
     )
     assert model.mesh_facenum.tolist() == [scan.meshes["visual"].faces, scan.meshes["simulation"].faces]

@@ -13,6 +13,7 @@ from realize.conftest import Place, file_part, part
 from thingc.realize.lock.values import read_record, record_values
 from thingc.realize.record import PartFailure, PartRecord, Primitive
 from thingc.realize.record_json import record_from_json, record_to_json
+from thingc.realize.store.meshes import arrays
 from thingc.realize.worker.kernel.meshing import Triangles, read_stl
 
 LEG = """
@@ -112,7 +113,8 @@ def records(module_place: Place) -> dict[str, PartRecord]:
 
 
 def triangles(place: Place, record: PartRecord, name: str) -> Triangles:
-    return read_stl(place.store.read(record.meshes[name].sha256))
+    data = place.store.read(record.meshes[name].sha256)
+    return read_stl(data) if name == "print" else Triangles(*arrays(data))
 
 
 def handedness(mesh: Triangles) -> float:

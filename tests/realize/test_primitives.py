@@ -379,7 +379,7 @@ def test_rays_meet_geoms_where_they_meet_the_solids(place: Any) -> None:
     for path, own in names.items():  # a mesh is called by the place of its piece among all of them
         assert model.mesh(int(model.geom(own[6]).dataid[0])).name == f"{stem[path]}_part_6"
     assert sorted(assets) == sorted(
-        [f"{stem['low']}.obj", *(f"{stem[path]}_part_{k}.stl" for path in ("low", "hidden") for k in (0, 6))]
+        [f"{stem['low']}.obj", *(f"{stem[path]}_part_{k}.obj" for path in ("low", "hidden") for k in (0, 6))]
     )
     source = np.random.default_rng(11)
     specification = importlib.util.spec_from_file_location("benches_here", place.root / "parts" / "benches.py")

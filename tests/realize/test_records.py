@@ -377,6 +377,15 @@ def read_stl(data: bytes) -> np.ndarray[Any, Any]:
     return np.array([struct.unpack_from("<12fH", data, 84 + 50 * i)[3:12] for i in range(count)]).reshape(-1, 3, 3)
 
 
+def read_obj(data: bytes) -> np.ndarray[Any, Any]:
+    """The same of a file that holds vertices and then triangles, and nothing else."""
+    lines = [line.split() for line in data.decode().splitlines()]
+    points = np.array([[float(word) for word in words] for kind, *words in lines if kind == "v"])
+    faces = [[int(word) - 1 for word in words] for kind, *words in lines if kind == "f"]
+    assert [kind for kind, *_ in lines] == ["v"] * len(points) + ["f"] * len(faces)
+    return points[faces]
+
+
 def enclosed(corners: np.ndarray[Any, Any]) -> float:
     return float(np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6)
 
@@ -388,7 +397,7 @@ def test_meshes_are_closed_and_look_outwards(name: str, records: dict[str, PartR
         mesh = record.meshes[kind]
         data = module_place.store.read(mesh.sha256)
         assert len(data) == mesh.size
-        corners = read_stl(data)
+        corners = (read_stl if kind == "print" else read_obj)(data)
         assert len(corners) == mesh.faces
         assert mesh.closed
         assert not mesh.flat
@@ -408,7 +417,7 @@ def test_meshes_are_closed_and_look_outwards(name: str, records: dict[str, PartR
 
 def test_hull_of_a_drilled_block_forgets_the_holes(records: dict[str, PartRecord], module_place: Any) -> None:
     record = records["drilled"]
-    hull = enclosed(read_stl(module_place.store.read(record.meshes["hull"].sha256)))
+    hull = enclosed(read_obj(module_place.store.read(record.meshes["hull"].sha256)))
     holes = 4 * math.pi * 0.002**2 * 0.012
     assert hull == pytest.approx(record.volume + holes, rel=0.01)
 
@@ -424,7 +433,7 @@ def test_visual_and_collision_of_a_thing(records: dict[str, PartRecord], module_
     assert box == Primitive(shape="box", size=(0.002, 0.002, 0.003), pose=Pose(translation=(0.0, 0.0, -0.003)))
     assert ball == Primitive(shape="sphere", size=(0.003,), pose=Pose())
     assert isinstance(cone, Mesh)
-    assert enclosed(read_stl(module_place.store.read(cone.sha256))) == pytest.approx(math.pi * 5 / 3 * 13e-9, rel=0.03)
+    assert enclosed(read_obj(module_place.store.read(cone.sha256))) == pytest.approx(math.pi * 5 / 3 * 13e-9, rel=0.03)
 
 
 def test_a_record_is_kept_while_the_meshes_of_its_pieces_are(records: dict[str, PartRecord]) -> None:
@@ -436,7 +445,7 @@ def test_a_record_is_kept_while_the_meshes_of_its_pieces_are(records: dict[str, 
 
 def test_convex_pieces_only_where_asked(records: dict[str, PartRecord], module_place: Any, define: Any) -> None:
     assert records["block"].convex == ()
-    pieces = [enclosed(read_stl(module_place.store.read(piece.sha256))) for piece in records["convex"].convex]
+    pieces = [enclosed(read_obj(module_place.store.read(piece.sha256))) for piece in records["convex"].convex]
     assert len(pieces) == 2
     assert sum(pieces) == pytest.approx(5e-6, rel=0.01)
     assert [piece.closed for piece in records["convex"].convex] == [True, True]
@@ -449,7 +458,7 @@ def test_convex_pieces_only_where_asked(records: dict[str, PartRecord], module_p
 @pytest.mark.parametrize("name", ["block", "tilted", "rod", "drilled", "hollow"])
 def test_fits_enclose(name: str, records: dict[str, PartRecord], module_place: Any) -> None:
     record = records[name]
-    points = read_stl(module_place.store.read(record.meshes["mesh"].sha256)).reshape(-1, 3)
+    points = read_obj(module_place.store.read(record.meshes["mesh"].sha256)).reshape(-1, 3)
     for fit in record.fits.values():
         rotation, origin = np.array(fit.pose.rotation), np.array(fit.pose.translation)
         np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)

@@ -89,7 +89,7 @@ def run(case: Case, check: GroundClearance) -> Outcome:
 def _heights(case: Case, check: GroundClearance) -> Iterator[tuple[float, str]]:
     """How high [m] the lowest points of parts are over the plane, each with its path: of the lowest part, and of every one that is too
     low. Others are left out where their boxes show that they are higher."""
-    from thingc.realize.store.vertices import vertices
+    from thingc.realize.store.meshes import vertices
     from thingc.robot import occurrence_poses
     from thingc.robot.standing import DECIMALS, ROUNDING, of_box, of_points, vertices_of
 

@@ -49,7 +49,7 @@ ALL = "all"
 """The word for every target."""
 
 WRITES = (
-    "mjcf/*.xml", "mjcf/*.mjz", "mjcf/assets/*.obj", "mjcf/assets/*.stl", "stl/*.stl", "step/*.step", "glb/*.glb", "urdf/*.urdf",
+    "mjcf/*.xml", "mjcf/*.mjz", "mjcf/assets/*.obj", "stl/*.stl", "step/*.step", "glb/*.glb", "urdf/*.urdf",
     "urdf/meshes/*.obj", "bom.csv", "bom.json", "hag.dot", "hag.mmd", "hag.svg", "modes.json",
 )
 """What our own targets call their files. A package that adds a target says the same of its own in `WRITES` of the module."""

@@ -32,14 +32,18 @@ Takes = Callable[[Occurrence, Mesh | Primitive], bool]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeshAsset:
-    """A mesh with a file of its own: its name, its file, the mesh in the store [m], the `volume` [m^3] of the part that it is of, and
+    """A mesh with a file of its own: its name, the mesh in the store (OBJ) [m], the `volume` [m^3] of the part that it is of, and
     the origin of the occurrence that it was first met at."""
 
     name: str
-    file: str
     mesh: Mesh
     volume: float
     origin: Origin
+
+    @property
+    def file(self) -> str:
+        """What its file is called."""
+        return f"{self.name}.obj"
 
     @property
     def stored(self) -> Stored:
@@ -141,7 +145,7 @@ class _Collector:
         touching: tuple[Shape, ...] = ()
         if record is not None and record.meshes and isinstance(definition, PartDefinition):
             visual = occurrence.drawn
-            drawn = self.mesh(occurrence, definition.stem, "", "obj", visual) if visual is not None else None
+            drawn = self.mesh(occurrence, definition.stem, "", visual) if visual is not None else None
             touching = self.collision(occurrence, definition.stem)
         return Shapes(
             path=occurrence.path, origin=occurrence.origin, material=occurrence.material, color=occurrence.color, visual=drawn,
@@ -164,12 +168,12 @@ class _Collector:
                 shapes.append(Shape(kind=piece.shape, size=piece.size, pose=piece.pose))
                 continue
             suffix = f"_{choice}" if choice in ("hull", "mesh") else f"_{PIECES.get(choice, choice)}_{index}"
-            shape = self.mesh(occurrence, stem, suffix, "stl", piece)
+            shape = self.mesh(occurrence, stem, suffix, piece)
             if shape is not None:
                 shapes.append(shape)
         return tuple(shapes)
 
-    def mesh(self, occurrence: Occurrence, stem: str, suffix: str, extension: str, mesh: Mesh) -> Shape | None:
+    def mesh(self, occurrence: Occurrence, stem: str, suffix: str, mesh: Mesh) -> Shape | None:
         """The shape of a mesh in the part's own frame; its asset is kept. None when another definition has its file name."""
         name = stem + suffix
         owner = self.owners.setdefault(name.casefold(), occurrence)
@@ -184,8 +188,7 @@ class _Collector:
             )
             return None
         self.meshes.setdefault(name, MeshAsset(
-            name=name, file=f"{name}.{extension}", mesh=mesh, volume=occurrence.record.volume if occurrence.record is not None else 0.0,
-            origin=occurrence.origin,
+            name=name, mesh=mesh, volume=occurrence.record.volume if occurrence.record is not None else 0.0, origin=occurrence.origin,
         ))
         return Shape(kind="mesh", mesh=name)
 

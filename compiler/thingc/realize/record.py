@@ -281,11 +281,11 @@ class PartRecord(Brief):
     """Everything the passes know of a part. All lengths in metres, in the part's own frame.
 
     `volume` [m^3], `area` [m^2], `centre` [m] and `inertia` [m^5, at density 1, about the centre] are exact integrals
-    over the B-rep; all zero for a Thing without geometry (`box` None). `meshes`: `visual` (OBJ, metres), `hull` and
-    `mesh` (binary STL, metres), `print` (binary STL, millimetres), absent without geometry; `simulation` (binary STL, metres) where the
-    definition bounds the triangles of what simulators draw and touch; `fits` the smallest primitives that enclose the part, by shape;
-    `pieces` the solids of the Thing's own `collision()`, primitives where they are exactly that, else STL files; `convex` the STL files
-    of the convex decomposition where it was asked for.
+    over the B-rep; all zero for a Thing without geometry (`box` None). `meshes`: `visual`, `hull` and `mesh` (OBJ, metres), `print`
+    (binary STL, millimetres), absent without geometry; `simulation` (OBJ, metres) where the definition bounds the triangles of what
+    simulators draw and touch; `fits` the smallest primitives that enclose the part, by shape; `pieces` the solids of the Thing's own
+    `collision()`, primitives where they are exactly that, else OBJ files; `convex` the OBJ files of the convex decomposition where it
+    was asked for.
     `up` is how the Thing wants to lie on a printer (a unit vector); `slices` what it holds when printed, as far as that was asked for.
     `apart` are the volumes [m^3] of the bodies of a part that should be one solid, the largest first; empty where they hang
     together, or are meant to be several. `own_image` is True of a mirror image that is the same as what it mirrors: solid, and place

@@ -26,7 +26,7 @@ MeshVertices = Callable[[Mesh], Sequence[Vector]]
 """The vertices [m] of a mesh in the store."""
 
 DECIMALS = 7
-"""Heights [m] are rounded to these: vertices in STL files have single precision, and 0.05825 would be 0.05825000014901161."""
+"""Heights [m] are rounded to these: vertices of meshes have single precision, and 0.05825 would be 0.05825000014901161."""
 
 ROUNDING = 1e-6
 """How far [m] a mesh may stick out of its part's box: rounding."""

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from thingc.pose import Pose
 from thingc.realize.record import PartRecord
 from thingc.realize.store.local import Store
-
-_STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("count", "<u2")])
+from thingc.realize.store.meshes import arrays
 
 
 class PartSolids:
@@ -30,23 +29,13 @@ class PartSolids:
         if mesh is None:
             return None
         if record.text not in self._solids:
-            vertices, faces = _read(self._store.read(mesh.sha256))
-            solid = Manifold(Mesh64(vert_properties=vertices, tri_verts=faces))
+            vertices, faces = arrays(self._store.read(mesh.sha256))
+            solid = Manifold(Mesh64(vert_properties=vertices, tri_verts=faces.astype(np.uint64)))
             if not mesh.closed or solid.num_tri() == 0:
                 solid = Manifold.hull_points(vertices)
                 self.hulls.add(record.text)
             self._solids[record.text] = solid
         return self._solids[record.text]
-
-
-def _read(data: bytes) -> tuple[NDArray[np.float64], NDArray[np.uint64]]:
-    """Vertices (n x 3) and triangles (m x 3) of a binary STL file; equal vertices are one."""
-    count = int.from_bytes(data[80:84], "little")
-    corners = np.frombuffer(data, dtype=_STL, count=count, offset=84)["corners"].astype(np.float64).reshape(-1, 3)
-    vertices, inverse = np.unique(corners, axis=0, return_inverse=True)
-    faces = np.asarray(inverse).reshape(-1, 3).astype(np.uint64)
-    kept = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
-    return np.ascontiguousarray(vertices), np.ascontiguousarray(faces[kept])
 
 
 def at(solid: Any, pose: Pose) -> Any:

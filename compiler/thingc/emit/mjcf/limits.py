@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from thingc.diagnostics import Code, Report
+from thingc.diagnostics import Report
 from thingc.emit.artifact import Loss
 from thingc.emit.geometry import Geometry, MeshAsset, geometry, inputs_of
 from thingc.graph.types import Assembly, Occurrence
 from thingc.memo import Memo
 from thingc.realize.record import Mesh, Primitive
-
-STL_FACES = 200_000
-"""The most faces that MuJoCo reads from an STL file (`stl_decoder`); it has no such bound for OBJ."""
 
 LEAST_VOLUME = 1e-14
 """Of a part [m^3]: MuJoCo refuses solid meshes of up to 1e-15 (mjMINVAL), and a mesh holds somewhat less than its part."""
@@ -54,17 +51,6 @@ class _Limits:
             self.flat(occurrence, f"the {choice} that encloses it has no volume")
         elif piece.flat:
             self.flat(occurrence, "the points of its collision mesh lie in one plane")
-        elif piece.faces > STL_FACES:
-            self.report.add(
-                Code.MESH_TOO_LARGE,
-                f"`{occurrence.path}` ({occurrence.definition.label}) has a collision mesh of {piece.faces} faces, and MuJoCo "
-                f"reads at most {STL_FACES}",
-                occurrence.origin,
-                path=occurrence.path,
-                help="write `collision: hull`, " + (
-                    "or bound them (`faces: 5000`)" if occurrence.definition.kind == "file" else "or give the workspace a coarser `mesh`"
-                ),
-            )
         else:
             return True
         return False

@@ -5,22 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 
 from thingc.emit.artifact import Artifacts, Content, Loss
-from thingc.emit.geometry import MeshAsset, geometry
+from thingc.emit.geometry import geometry
 from thingc.emit.request import EmitRequest
 from thingc.emit.urdf.losses import losses
 from thingc.emit.urdf.model import MESHES, model
 from thingc.emit.urdf.names import package_name
-from thingc.emit.xml import numbers, write
+from thingc.emit.xml import write
 from thingc.graph.types import Occurrence
 from thingc.realize.record import Mesh, Primitive
-from thingc.realize.store.local import Store
-from thingc.realize.store.vertices import triangles
 
 FOLDER = f"urdf/{MESHES}"
 
 
 def emit(request: EmitRequest) -> Artifacts:
-    """A file for each chosen mode. Meshes are OBJ: not every reader takes STL, and none takes more than triangles from it."""
+    """A file for each chosen mode."""
     assembly = request.assembly
     flat: list[Loss] = []
 
@@ -32,7 +30,7 @@ def emit(request: EmitRequest) -> Artifacts:
         return False
 
     shapes, meshes = geometry(assembly, FOLDER, takes, request.report), _uri(request)
-    files: dict[str, Content] = {f"{FOLDER}/{mesh.name}.obj": _as_obj(mesh, request.store) for mesh in shapes.meshes}
+    files: dict[str, Content] = {f"{FOLDER}/{file}": stored for file, stored in shapes.assets.items()}
     lost: dict[Loss, None] = dict.fromkeys(flat)
     for robot in request.robots:
         heading = f"Written by thingc from {assembly.definition.document}, mode {robot.mode.name}."
@@ -49,15 +47,3 @@ def _uri(request: EmitRequest) -> str:
         case "absolute" if request.folder is not None:
             return Path(request.folder, FOLDER).as_uri()
     return MESHES
-
-
-def _as_obj(mesh: MeshAsset, store: Store) -> Content:
-    """A mesh as OBJ: as it is in the store, or made of a binary STL file of it, equal vertices joined."""
-    if mesh.file.endswith(".obj"):
-        return mesh.stored
-    vertices: dict[tuple[float, float, float], int] = {}
-    faces = [[vertices.setdefault(corner, len(vertices) + 1) for corner in facet] for facet in triangles(store, mesh.mesh)]
-    lines = [f"v {numbers(corner)}" for corner in vertices]
-    lines += [f"f {a} {b} {c}" for a, b, c in faces]
-    return ("\n".join(lines) + "\n").encode()
-

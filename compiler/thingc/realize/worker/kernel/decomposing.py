@@ -6,9 +6,10 @@ from typing import Any
 
 from thingc.realize.record_json import mesh_to_json
 from thingc.realize.store.local import Store
+from thingc.realize.store.meshes import arrays
 from thingc.realize.worker.kernel import meshing
 from thingc.realize.worker.kernel.meshing import Triangles, without_slivers
-from thingc.realize.worker.kernel.modelling import stored_stl
+from thingc.realize.worker.kernel.modelling import stored_obj
 from thingc.realize.worker.kernel.part_files import surfaces
 
 CONVEX = 1e-4
@@ -16,11 +17,11 @@ CONVEX = 1e-4
 
 
 def decompose(sha256: str, store: Store) -> list[Any]:
-    """Convex pieces of a mesh in the store (STL, metres) by CoACD, as STL files in metres, the same every time.
+    """Convex pieces of a mesh in the store by CoACD, in its unit, the same every time.
 
     Surfaces that do not touch are decomposed one by one.
     """
-    mesh = meshing.read_stl(store.read(sha256))
+    mesh = Triangles(*arrays(store.read(sha256)))
     pieces: list[Triangles] = []
     for members in surfaces(mesh):
         body = without_slivers(mesh.vertices, mesh.faces[members])
@@ -29,7 +30,7 @@ def decompose(sha256: str, store: Store) -> list[Any]:
             pieces = []
             break
         pieces.extend([whole] if whole.volume - body.volume <= CONVEX * whole.volume else _by_coacd(body))
-    return [mesh_to_json(stored_stl(piece, store)) for piece in pieces or _by_coacd(mesh)]
+    return [mesh_to_json(stored_obj(piece, store)) for piece in pieces or _by_coacd(mesh)]
 
 
 def _by_coacd(mesh: Triangles) -> list[Triangles]:

@@ -195,8 +195,8 @@ def hull(points: NDArray[np.float64]) -> Triangles | None:
 _STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("count", "<u2")])
 
 
-def rounded_for_stl(mesh: Triangles) -> Triangles:
-    """With vertices as the 32-bit numbers of an STL file leave them: those that become equal are one."""
+def in_single(mesh: Triangles) -> Triangles:
+    """With vertices as 32-bit numbers leave them, which STL files hold and simulators keep: those that become equal are one."""
     single = mesh.vertices.astype(np.float32).astype(np.float64) + 0.0
     order = np.lexsort(single.T)  # stable: of equal vertices the first one comes first
     begins = np.ones(len(order), dtype=bool)

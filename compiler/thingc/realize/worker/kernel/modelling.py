@@ -307,12 +307,13 @@ def _record(text: str, made: Made, tessellations: Tessellations, store: Store) -
             extra = (*extra, *_off(coarse, fewer))
             coarse, hull = fewer, meshing.hull(fewer.vertices) or fewer
         if made.faces is not None:
-            meshes["simulation"] = stored_stl(coarse, store)
+            meshes["simulation"] = stored_obj(coarse, store)
         shown = _visual(made.visual, tessellations.simulation).scaled(1.0 / convert.MM) if made.visual else coarse
         meshes["visual"] = _stored(shown, meshing.obj(shown), store)
-        meshes["mesh"] = stored_stl(metres, store)
-        meshes["hull"] = stored_stl(hull, store)
-        meshes["print"] = stored_stl(mesh, store)
+        meshes["mesh"] = stored_obj(metres, store)
+        meshes["hull"] = stored_obj(hull, store)
+        printed = meshing.in_single(mesh)
+        meshes["print"] = _stored(printed, meshing.stl(printed), store)
         if not meshes["print"].closed:
             extra = (*extra, PartWarning(message="its mesh is not closed: the kernel left gaps between faces"))
         extra = (*extra, *_overlap(solids, file=made.file))
@@ -438,7 +439,7 @@ def _pieces(
             yield primitive
             continue
         mesh = _triangles(solid, tessellation).scaled(1.0 / convert.MM)
-        yield stored_stl(meshing.hull(mesh.vertices) or mesh, store)
+        yield stored_obj(meshing.hull(mesh.vertices) or mesh, store)
 
 
 def _stored(mesh: meshing.Triangles, data: bytes, store: Store) -> Mesh:
@@ -448,7 +449,7 @@ def _stored(mesh: meshing.Triangles, data: bytes, store: Store) -> Mesh:
     )
 
 
-def stored_stl(mesh: meshing.Triangles, store: Store) -> Mesh:
-    """Put a mesh into the store as a binary STL file, in the unit it has."""
-    rounded = meshing.rounded_for_stl(mesh)
-    return _stored(rounded, meshing.stl(rounded), store)
+def stored_obj(mesh: meshing.Triangles, store: Store) -> Mesh:
+    """Put a mesh into the store as an OBJ file, in the unit it has."""
+    rounded = meshing.in_single(mesh)
+    return _stored(rounded, meshing.obj(rounded), store)
