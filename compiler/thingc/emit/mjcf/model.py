@@ -176,7 +176,7 @@ class _Builder:
             element.children.sort(key=lambda child: child.tag == "body")
 
     def contact(self) -> None:
-        """Pairs of links that never touch; a held link no more touches the world that holds it than the root does."""
+        """Pairs of links that never touch."""
         section = self.root.add("contact")
         for first, second in self.robot.excluded:
             crossed = self.robot.bodies[max(first, second)].joints
@@ -184,8 +184,6 @@ class _Builder:
                 "exclude", {"body1": self.links[first].name, "body2": self.links[second].name},
                 crossed[0].origin if crossed else self.robot.mode.origin,
             )
-        for body, origins in {c.child: c.origin for c in reversed(self.robot.closures) if c.hold}.items():
-            section.add("exclude", {"body1": "world", "body2": self.links[body].name}, origins)
 
     def equality(self) -> None:
         """Joints that mimic: q = offset + multiplier q(other); then loops."""

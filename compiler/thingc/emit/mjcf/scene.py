@@ -23,14 +23,19 @@ def scene(robot: Robot, file: str, heading: str, model: Written, memo: Memo | No
     memo, mode = memo or Memo(), robot.mode
     box = memo(("bounds", mode.name), bounds, *placements(robot))
     title = f"{robot.assembly.name}_{mode.name} scene"
-    return memo(("scene", mode.name), _scene, title, box, file, floor_name(model), heading, mode.origin)
+    holds = {closure.child: closure.origin for closure in reversed(robot.closures) if closure.hold}
+    held = tuple((robot.assembly.links[robot.bodies[body].link].name, at) for body, at in holds.items())
+    return memo(("scene", mode.name), _scene, title, box, file, floor_name(model), held, heading, mode.origin)
 
 
-def _scene(title: str, box: Box | None, file: str, floor: str, heading: str, origin: Origin) -> Written:
+def _scene(
+    title: str, box: Box | None, file: str, floor: str, held: Sequence[tuple[str, Origin]], heading: str, origin: Origin,
+) -> Written:
     """The text of a scene.
 
     What is stated before the `include` a raw attribute may override. The floor is z = 0 of the world, where a mode's root
-    is mated, so on a wall or a ceiling the plane is that wall or ceiling.
+    is mated, so on a wall or a ceiling the plane is that wall or ceiling. A link that is held touches it no more than MuJoCo lets
+    a root that stands still; it is a body then, because not every reader finds the world by its name.
     """
     root = Element(tag="mujoco", attributes={"model": title}, origin=origin)
     if box is not None:
@@ -56,13 +61,16 @@ def _scene(title: str, box: Box | None, file: str, floor: str, heading: str, ori
     })
     world = root.add("worldbody")
     world.add("light", {"pos": "0 0 1.5", "dir": "0 0 -1", "directional": "true"})
-    world.add("geom", {"name": floor, "size": "0 0 0.05", "type": "plane", "material": "groundplane"})
+    ground = world.add("body", {"name": floor}) if held else world
+    ground.add("geom", {"name": floor, "size": "0 0 0.05", "type": "plane", "material": "groundplane"})
+    for link, at in held:
+        (root.find("contact") or root.add("contact")).add("exclude", {"body1": floor, "body2": link}, at)
     return write(root, heading)
 
 
 def floor_name(model: Written) -> str:
     """`floor`, unless a component has the name: then `scene:floor`, which none can have."""
-    taken = f'<geom name="{FLOOR}"' in model.text  # the name is the first attribute of every geom
+    taken = any(f'<{kind} name="{FLOOR}"' in model.text for kind in ("body", "geom"))  # the name is their first attribute
     return f"scene:{FLOOR}" if taken else FLOOR
 
 
