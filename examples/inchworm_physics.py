@@ -75,6 +75,8 @@ def on_steel(folder: Path, mode: str) -> mujoco.MjModel:
     spec.option.timestep = TIMESTEP
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.impratio = 10.0
+    for geom in spec.geoms:
+        geom.margin = 0.0  # the steel has a gap instead
     spec.worldbody.add_geom(
         name="steel", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05], quat=[1, LEANS / 2, 0, 0], rgba=[0, 0, 0, 0], group=4,
         **STEEL

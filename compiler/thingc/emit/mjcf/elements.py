@@ -94,8 +94,8 @@ def _axis(one: ModelJoint, twist: Twist) -> dict[str, str]:
     return {"name": one.name, "type": one.type, **pos, "axis": numbers(one.axis)}
 
 
-def geoms(poses: tuple[Pose, ...], shapes: tuple[Shapes, ...]) -> tuple[Element, ...]:
-    """What the occurrences of a link show and what they touch with; `poses` are their own in the link."""
+def geoms(poses: tuple[Pose, ...], shapes: tuple[Shapes, ...], touching: str) -> tuple[Element, ...]:
+    """What the occurrences of a link show and what they touch with, of class `touching`; `poses` are their own in the link."""
     elements: list[Element] = []
     for pose, one in zip(poses, shapes, strict=True):
         if one.visual is not None:
@@ -106,7 +106,7 @@ def geoms(poses: tuple[Pose, ...], shapes: tuple[Shapes, ...]) -> tuple[Element,
             elements.append(Element(tag="geom", attributes=attributes, origin=one.origin))
         for index, shape in enumerate(one.collision):
             name = f"{one.path}:collision" + (f"_{index}" if index else "")
-            attributes = {"name": name, "class": "collision", **_shape(shape, pose), **_friction(one.material)}
+            attributes = {"name": name, "class": touching, **_shape(shape, pose), **_friction(one.material)}
             elements.append(Element(tag="geom", attributes=attributes, origin=one.origin))
     return tuple(elements)
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from thingc.emit.artifact import Loss
 from thingc.emit.geometry import Geometry
-from thingc.emit.mjcf import closures, elements, sensors
+from thingc.emit.mjcf import closures, elements, holding, sensors
 from thingc.emit.mjcf.drives import NOTHING
 from thingc.emit.mjcf.lowering import base_positions, in_body, lowered, positions
 from thingc.emit.mjcf.poses import pose_attributes
@@ -22,7 +22,7 @@ FREE_JOINT = BASE
 """The name of a free base's joint, and of that of one that turns as a ball; a planar one has `root_0`, `root_1` and `root_2`."""
 
 INTEGRATORS = {"euler": "Euler", "rk4": "RK4", "implicit": "implicit", "implicitfast": "implicitfast"}
-RESERVED_CLASSES = frozenset({"main", "visual", "collision"})
+RESERVED_CLASSES = frozenset({"main", "visual", "collision", holding.CLASS})
 
 STIFF = "0.9999 0.9999 0.001 0.5 2"
 """`solimp` of a joint that mimics, as hard as MuJoCo allows. MuJoCo regularizes the constraint by the plain sum of both joints'
@@ -76,6 +76,7 @@ class _Builder:
         self.raw = {word for attribute in robot.assembly.raw for word in _suffixes(attribute.path[1:2])}
         self.geometry = geometry
         self.assembly = robot.assembly
+        self.adhering = holding.adhering(robot)
         self.links: list[Link] = [robot.assembly.links[body.link] for body in robot.bodies]
         self.joints = {joint.path: joint for joint in _joints(robot)}
         self.driven = [path for path in robot.present if path in self.joints and self.joints[path].actuator is not None]
@@ -116,6 +117,7 @@ class _Builder:
         for name, value in {**self.assembly.definition.simulation, **mode.simulation}.items():
             text = value if isinstance(value, str) else number(value)
             attributes[name] = INTEGRATORS.get(text.lower(), text) if name == "integrator" else text
+        attributes |= holding.option(self.robot, attributes)
         self.root.add("option", {**attributes, "gravity": numbers(self.robot.gravity)}, mode.origin)
 
     def default(self) -> None:
@@ -124,7 +126,10 @@ class _Builder:
         own.add("site", {"group": "3"})
         visual = own.add("default", {"class": "visual"})
         visual.add("geom", {"type": "mesh", "contype": "0", "conaffinity": "0", "group": "2", "mass": "0"})
-        own.add("default", {"class": "collision"}).add("geom", {"type": "mesh", "group": "3", "mass": "0"})
+        collision = own.add("default", {"class": "collision"})
+        collision.add("geom", {"type": "mesh", "group": "3", "mass": "0"})
+        if self.adhering:
+            collision.add("default", {"class": holding.CLASS}).add("geom", holding.contact(self.assembly))
 
     def custom(self) -> None:
         """Velocity limits [rad/s or m/s], which MJCF has no place for."""
@@ -166,7 +171,8 @@ class _Builder:
                 driven = joint.path in self.driven
                 self.grow(element, ("joint", self.robot.mode.name, joint.path), elements.joint, joint, driven)
             shapes = tuple(self.geometry.shapes[member] for member in link.members)
-            self.grow(element, ("geoms", link.name), elements.geoms, link.poses, shapes)
+            touching = holding.CLASS if body.link in self.adhering else "collision"
+            self.grow(element, ("geoms", link.name, touching), elements.geoms, link.poses, shapes, touching)
         for site in self.robot.sites:
             self.grow(made[site.body], ("site", site.path), elements.site, site.path, site.pose, site.origin)
         closures.sites(self.robot, world, made)
