@@ -14,7 +14,7 @@ import pytest
 
 from thingc.cli.main import main
 from thingc.diagnostics import Code
-from thingc.emit import EMITTERS, WRITES, written
+from thingc.emit import TARGETS, written
 
 HERE = Path(__file__).resolve().parent
 GOOD = (HERE / "load" / "good.yaml").read_text()
@@ -389,11 +389,11 @@ def test_what_is_gone_from_a_build_is_written_again(folder: Path, capsys: pytest
 
 def test_every_target_writes_what_it_says(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """What a target writes and does not name would be taken for a stranger by the next build with other targets."""
-    assert said(capsys, "build", "robot.yaml", "-o", "out", "--emit", ",".join(EMITTERS))[0] == 0
+    assert said(capsys, "build", "robot.yaml", "-o", "out", "--emit", ",".join(TARGETS))[0] == 0
     names = [str(path.relative_to(folder / "out" / "two")) for path in (folder / "out" / "two").rglob("*") if path.is_file()]
     assert [name for name in names if not written().fullmatch(name)] == ["manifest.json"]
-    used = {pattern for pattern in WRITES for name in names if fnmatch.fnmatch(name, pattern)}
-    assert used == set(WRITES)
+    stated = {pattern for target in TARGETS.values() for pattern in target.writes}
+    assert {pattern for pattern in stated for name in names if fnmatch.fnmatch(name, pattern)} == stated
     for targets in ("bom", "mjcf", "hag,stl"):
         assert said(capsys, "build", "robot.yaml", "-o", "out", "--emit", targets)[0] == 0
 

@@ -353,7 +353,7 @@ def test_columns_of_the_bill_of_materials() -> None:
 
 def test_every_option_of_every_command_is_in_the_table() -> None:
     from thingc.cli.main import COMMANDS, parser_for
-    from thingc.emit import EMITTERS
+    from thingc.emit import TARGETS
 
     real: dict[tuple[str, ...], set[str]] = {}
     for command in COMMANDS:
@@ -367,7 +367,7 @@ def test_every_option_of_every_command_is_in_the_table() -> None:
         of = set(COMMANDS) if row[1] == "all" else set(row[1].split(", "))
         said[tuple(re.findall(r"`(\S+)`", row[0]))] = of
         if "--emit" in row[0]:
-            assert re.findall(r"`(\w+)`", row[2]) == list(EMITTERS)
+            assert re.findall(r"`(\w+)`", row[2]) == list(TARGETS)
     assert said == real
 
 

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from mjcf.handmade import Made, Piece, Segment, box_part, material, matrix, raw, spin
 from mjcf.test_mjcf_model import arm
-from thingc.emit import EMITTERS, emitter, stl, targets
+from thingc.emit import TARGETS, emitter, stl, targets
 from thingc.emit.artifact import Content, Stored
 from thingc.emit.mjcf.target import emit
 from thingc.emit.request import EmitRequest
@@ -303,9 +303,9 @@ def test_lines_lead_to_elements() -> None:
 
 
 def test_the_table_of_targets() -> None:
-    assert targets()[: len(EMITTERS)] == tuple(EMITTERS)
+    assert targets()[: len(TARGETS)] == tuple(TARGETS)
     assert emitter("stl") is stl.emit
-    assert EMITTERS["mjcf"] == ("thingc.emit.mjcf.target:emit", "thingc.emit.modes:emit")
+    assert TARGETS["mjcf"].emitters == ("thingc.emit.mjcf.target:emit", "thingc.emit.modes:emit")
     with pytest.raises(KeyError):
         emitter("nothing")
 
@@ -324,8 +324,8 @@ def test_targets_of_other_packages(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     from importlib.metadata import entry_points
 
     assert (
-        sorted(e.name for e in entry_points(group="thingc.emitters")) == sorted(set(targets()) - set(EMITTERS)) == ["svg", "zed"]
+        sorted(e.name for e in entry_points(group="thingc.emitters")) == sorted(set(targets()) - set(TARGETS)) == ["svg", "zed"]
     )
-    assert targets() == (*EMITTERS, "svg", "zed")
+    assert targets() == (*TARGETS, "svg", "zed")
     assert emitter("svg")(None) == "drawn"  # type: ignore[arg-type, comparison-overlap]
     assert emitter("zed")(None) == "drawn"  # type: ignore[arg-type, comparison-overlap]

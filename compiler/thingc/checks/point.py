@@ -93,9 +93,9 @@ def read(written: PointTest, reader: Reader) -> PointCheck | None:
 def run(case: Case, check: PointCheck) -> Outcome:
     """The nearest that the mount gets to the point, and how far off the direction it is there."""
     from thingc.testing.poses import joints_text
-    from thingc.testing.reaching import Target, nearest
+    from thingc.testing.reaching import Goal, nearest
 
-    best = nearest(case.robot, case.frames[0], Target(
+    best = nearest(case.robot, case.frames[0], Goal(
         mount=case.linked.mounts[check.mount], frame=None if check.frame is None else case.linked.mounts[check.frame],
         point=check.point, direction=check.direction, within=check.within, angle=check.angle,
     ))

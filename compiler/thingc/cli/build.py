@@ -6,6 +6,7 @@ import argparse
 import os
 import shlex
 import sys
+import textwrap
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -14,7 +15,7 @@ from typing import Any
 
 from thingc import pipeline, stamp
 from thingc.cli import common
-from thingc.cli.targets import add_emit, chosen_targets
+from thingc.cli.targets import add_emit, chosen_targets, in_words
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, Stage, shown_path
 from thingc.emit.artifact import Content, Loss
 from thingc.environment import Environment, Options, attempted, store_of
@@ -22,9 +23,7 @@ from thingc.output import OutputError, build_folder, unswept, verify, write_buil
 from thingc.pipeline import Compilation, UnknownChoice
 
 EPILOG = """\
-Everything appears at once in build/NAME/ (or DIR/NAME/), or nothing does. Targets: mjcf (MuJoCo models and scenes, one per
-mode), mjz (each model in one file with its meshes), stl (print files), step (the whole robot), bom (bill of materials), hag
-(assembly graph); and, only where they are named, glb (each mode for viewers of glTF) and urdf (each mode for ROS).
+{about}
 
   thingc build assemblies/arm.yaml
   thingc build assemblies/arm.yaml --mode bench --mode drawing --emit mjcf
@@ -34,7 +33,8 @@ mode), mjz (each model in one file with its meshes), stl (print files), step (th
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `build`."""
-    parser.epilog = EPILOG
+    about = f"Everything appears at once in build/NAME/ (or DIR/NAME/), or nothing does. {in_words()}"
+    parser.epilog = EPILOG.format(about=textwrap.fill(about, 120))
     common.add_document(parser)
     parser.add_argument("-o", "--output", metavar="DIR", help="write DIR/NAME/ (default: the workspace's build folder)")
     parser.add_argument("--mode", metavar="M", action="append", default=[], help="only this mode (may be repeated; default: all)")

@@ -6,16 +6,22 @@ import argparse
 
 from thingc.cli import common
 from thingc.diagnostics import Code, Diagnostic, Report, Severity
-from thingc.emit import EMITTERS, ON_REQUEST, chosen, unknown
+from thingc.emit import TARGETS, chosen, unknown
 from thingc.workspace import Workspace
+
+
+def in_words() -> str:
+    """Every target of ours, each with what it is."""
+    unasked, asked = ([f"{name} ({one.says})" for name, one in TARGETS.items() if one.unasked == kind] for kind in (True, False))
+    return f"Targets: {', '.join(unasked)}; and, only where they are named, {', '.join(asked)}."
 
 
 def add_emit(parser: argparse.ArgumentParser) -> None:
     """The option `--emit`."""
-    unasked = [target for target in EMITTERS if target in ON_REQUEST]
+    asked = [name for name, target in TARGETS.items() if not target.unasked]
     parser.add_argument(
         "--emit", metavar="T", action="append", default=[],
-        help=f"only this target, or `all` (may be repeated; default: those of the workspace, else all but {' and '.join(unasked)})",
+        help=f"only this target, or `all` (may be repeated; default: those of the workspace, else all but {', '.join(asked)})",
     )
 
 

@@ -13,6 +13,7 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from thingc.frozen import dataclass
 from thingc.shown import shortened
 from thingc.typos import did_you_mean
 
@@ -24,35 +25,42 @@ if TYPE_CHECKING:
     Emitter = Callable[[EmitRequest], Artifacts]
 
 __all__ = [
-    "EMITTERS", "WRITES", "chosen", "emitter", "module_of", "modules_of", "targets", "unknown", "unstated", "versions", "written",
+    "TARGETS", "chosen", "emitter", "module_of", "modules_of", "targets", "unknown", "unstated", "versions", "written",
 ]
 
 GROUP = "thingc.emitters"
 
-EMITTERS: dict[str, tuple[str, ...]] = {
-    "mjcf": ("thingc.emit.mjcf.target:emit", "thingc.emit.modes:emit"),
-    "mjz": ("thingc.emit.mjcf.archive:emit",),
-    "stl": ("thingc.emit.stl:emit",),
-    "step": ("thingc.emit.step:emit",),
-    "glb": ("thingc.emit.glb:emit",),
-    "urdf": ("thingc.emit.urdf.target:emit",),
-    "bom": ("thingc.emit.bom:emit",),
-    "hag": ("thingc.emit.hag.target:emit",),
-}
-"""Our own targets, in the order in which a build writes them, each with what writes it, `module:function`: `modes.json` states addresses
-in the MJCF models, so the two go together."""
 
-ON_REQUEST = frozenset({"glb", "urdf"})
-"""Those of our own that a build writes only where they are named: not everybody wants them, and they cost time."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Target:
+    """A target of our own: what it is, in few words (`says`); its `emitters`, `module:function`; what its files are called (`writes`); and
+    whether a build writes it `unasked`, where nobody names targets."""
+
+    says: str
+    emitters: tuple[str, ...]
+    writes: tuple[str, ...]
+    unasked: bool = True
+
+
+TARGETS: dict[str, Target] = {
+    "mjcf": Target(  # `modes.json` states addresses in the models, so the two go together
+        says="MuJoCo models and scenes, one per mode", emitters=("thingc.emit.mjcf.target:emit", "thingc.emit.modes:emit"),
+        writes=("mjcf/*.xml", "mjcf/assets/*.obj", "modes.json"),
+    ),
+    "mjz": Target(says="each model in one file with its meshes", emitters=("thingc.emit.mjcf.archive:emit",), writes=("mjcf/*.mjz",)),
+    "stl": Target(says="print files", emitters=("thingc.emit.stl:emit",), writes=("stl/*.stl",)),
+    "step": Target(says="the whole robot", emitters=("thingc.emit.step:emit",), writes=("step/*.step",)),
+    "glb": Target(says="each mode for viewers of glTF", emitters=("thingc.emit.glb:emit",), writes=("glb/*.glb",), unasked=False),
+    "urdf": Target(
+        says="each mode for ROS", emitters=("thingc.emit.urdf.target:emit",), writes=("urdf/*.urdf", "urdf/meshes/*.obj"), unasked=False,
+    ),
+    "bom": Target(says="bill of materials", emitters=("thingc.emit.bom:emit",), writes=("bom.csv", "bom.json")),
+    "hag": Target(says="assembly graph", emitters=("thingc.emit.hag.target:emit",), writes=("hag.dot", "hag.mmd", "hag.svg")),
+}
+"""Ours, in the order in which a build writes them. A package that adds one says what its files are called in `WRITES` of the module."""
 
 ALL = "all"
 """The word for every target."""
-
-WRITES = (
-    "mjcf/*.xml", "mjcf/*.mjz", "mjcf/assets/*.obj", "stl/*.stl", "step/*.step", "glb/*.glb", "urdf/*.urdf",
-    "urdf/meshes/*.obj", "bom.csv", "bom.json", "hag.dot", "hag.mmd", "hag.svg", "modes.json",
-)
-"""What our own targets call their files. A package that adds a target says the same of its own in `WRITES` of the module."""
 
 
 def __getattr__(name: str) -> Any:
@@ -66,9 +74,9 @@ def __getattr__(name: str) -> Any:
 
 def written() -> re.Pattern[str]:
     """Fits every path in a build folder that a target, ours or an installed one's, may write."""
-    patterns = [*WRITES]
+    patterns = [pattern for target in TARGETS.values() for pattern in target.writes]
     for name in targets():
-        if name not in EMITTERS:
+        if name not in TARGETS:
             with contextlib.suppress(ImportError):
                 patterns += _stated(name)
     return _fitting(patterns)
@@ -76,7 +84,7 @@ def written() -> re.Pattern[str]:
 
 def unstated(target: str, paths: Iterable[str]) -> list[str]:
     """Those of the paths that a target of an installed package does not state, so that the next build would take them for a stranger's."""
-    if target in EMITTERS:
+    if target in TARGETS:
         return []
     own = _fitting(_stated(target))
     return sorted(path for path in paths if own.fullmatch(path) is None)
@@ -101,7 +109,7 @@ def _fitting(patterns: Iterable[str]) -> re.Pattern[str]:
 
 def targets() -> tuple[str, ...]:
     """Every target there is: ours first, then those of installed packages by name."""
-    return (*EMITTERS, *sorted(name for name in _installed() if name not in EMITTERS))
+    return (*TARGETS, *sorted(name for name in _installed() if name not in TARGETS))
 
 
 def unknown(words: Sequence[str]) -> tuple[tuple[int, str, str], ...]:
@@ -115,18 +123,18 @@ def chosen(words: Sequence[str]) -> tuple[str, ...]:
     """The targets that words name (`mjcf`, `mjcf,urdf`, `all`), in the order in which a build writes them; of no words those that are
     written unasked."""
     wanted = {word for text in words for word in text.split(",")}
-    return tuple(target for target in targets() if (wanted & {target, ALL} if words else target not in ON_REQUEST))
+    return tuple(target for target in targets() if (wanted & {target, ALL} if words else target not in TARGETS or TARGETS[target].unasked))
 
 
 def modules_of(wanted: Collection[str]) -> tuple[str, ...]:
     """The modules of those of our own targets, and MuJoCo where it is asked: what takes long to import."""
-    ours = {function.partition(":")[0]: None for target in wanted for function in EMITTERS.get(target, ())}
+    ours = {function.partition(":")[0]: None for target in wanted if target in TARGETS for function in TARGETS[target].emitters}
     return (*ours, *(["mujoco"] if "mjcf" in wanted else []))
 
 
 def emitter(target: str) -> Emitter:
     """The function that writes a target. Raises `KeyError` for an unknown one, `ImportError` where its package is broken."""
-    functions = [_function(name) for name in EMITTERS.get(target) or (_installed()[target],)]
+    functions = [_function(name) for name in (TARGETS[target].emitters if target in TARGETS else (_installed()[target],))]
     return functions[0] if len(functions) == 1 else partial(_emitted, functions)
 
 

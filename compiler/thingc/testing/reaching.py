@@ -109,7 +109,7 @@ def _climb(chain: Chain, ends: Ends, start: Array) -> tuple[float, Array] | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Target:
+class Goal:
     """Where a mount is to go: to a point [m] of a frame (None: the world), `within` [m] of it; with a direction (a unit vector in the
     same frame) its z at most `angle` [rad] off that."""
 
@@ -121,7 +121,7 @@ class Target:
     angle: float
 
 
-def nearest(robot: Robot, frame: Keyframe, target: Target) -> tuple[float, float, dict[str, float]] | None:
+def nearest(robot: Robot, frame: Keyframe, target: Goal) -> tuple[float, float, dict[str, float]] | None:
     """The nearest that a mount gets to a point [m], how far off the direction it is there [rad], and the joints; None where the loops
     close in no position that was tried.
 
@@ -150,14 +150,14 @@ def _tries(chain: Chain, frame: Keyframe) -> list[Array]:
     return [chain.x(frame.q), middle, *spread_out]
 
 
-def _goal(target: Target, frame: tuple[int, Pose] | None, at: tuple[Pose, ...]) -> tuple[Array, Array]:
+def _goal(target: Goal, frame: tuple[int, Pose] | None, at: tuple[Pose, ...]) -> tuple[Array, Array]:
     """The point and the direction in the world."""
     X_WF = NO_POSE if frame is None else at[frame[0]] @ frame[1]
     direction = target.direction or (0.0, 0.0, 1.0)
     return np.array(X_WF.apply(target.point)), np.array(rotate(X_WF.rotation, direction))
 
 
-def _approach(chain: Chain, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: Target, start: Array) -> Array:
+def _approach(chain: Chain, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: Goal, start: Array) -> Array:
     from scipy.optimize import least_squares
 
     def residual(x: Array) -> Array:
@@ -197,7 +197,7 @@ def _approach(chain: Chain, mount: tuple[int, Pose], frame: tuple[int, Pose] | N
 
 
 def _missed(
-    chain: Chain, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: Target, x: Array,
+    chain: Chain, mount: tuple[int, Pose], frame: tuple[int, Pose] | None, target: Goal, x: Array,
 ) -> tuple[float, float, float]:
     """How far the mount is from the point [m] and off the direction [rad], and how far the loops are open."""
     q = chain.q(x)
