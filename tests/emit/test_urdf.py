@@ -38,9 +38,9 @@ from thingc.diagnostics import Code, Report
 from thingc.emit.artifact import Artifacts
 from thingc.emit.geometry import Shape
 from thingc.emit.mjcf.target import emit as emit_mjcf
+from thingc.emit.names import Names
 from thingc.emit.request import EmitRequest
 from thingc.emit.urdf.model import without_capsules
-from thingc.emit.urdf.names import Names
 from thingc.emit.urdf.target import emit
 from thingc.graph.types import Assembly
 from thingc.pose import Pose, placed, rpy_of
@@ -423,7 +423,7 @@ def test_a_capsule_is_a_cylinder_between_two_balls() -> None:
 def test_names_that_urdf_cannot_tell_apart_are_told() -> None:
     """A joint `a_b` beside one `a/b`, and `c_frame` beside the frame of `c`."""
     report = Report()
-    names = Names("joint", report)
+    names = Names("be the joint", "URDF", report)
     origin, other = (where(line) for line in (3, 7))
     assert [names.take("a/b", origin), names.take("a_b", other), names.take("a/b", origin)] == ["a_b"] * 3
     names.take("c_frame", origin, "the frame of link `c`")

@@ -54,6 +54,10 @@ TARGETS: dict[str, Target] = {
     "urdf": Target(
         says="each mode for ROS", emitters=("thingc.emit.urdf.target:emit",), writes=("urdf/*.urdf", "urdf/meshes/*.obj"), unasked=False,
     ),
+    "sdf": Target(
+        says="each mode for Gazebo", emitters=("thingc.emit.sdf.target:emit",),
+        writes=("sdf/*.sdf", "sdf/*/model.sdf", "sdf/*/model.config", "sdf/*/meshes/*.obj"), unasked=False,
+    ),
     "bom": Target(says="bill of materials", emitters=("thingc.emit.bom:emit",), writes=("bom.csv", "bom.json")),
     "hag": Target(says="assembly graph", emitters=("thingc.emit.hag.target:emit",), writes=("hag.dot", "hag.mmd", "hag.svg")),
 }

@@ -23,8 +23,8 @@ class RawValue:
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Element:
-    """An XML element. `origin` is what in the documents made it (empty: nothing in particular); `raw` its raw attributes; `opening`
-    its tag with its attributes as text, once that was asked for.
+    """An XML element. `text` stands in it in place of children (empty: nothing does); `origin` is what in the documents made it (empty:
+    nothing in particular); `raw` its raw attributes; `opening` its tag with its attributes as text, once that was asked for.
 
     Not frozen: a tree is grown from the top, and raw attributes are laid over it when every name is known. An element that stands
     in several trees is never changed: a tree that needs another one takes a `copy`.
@@ -33,6 +33,7 @@ class Element:
     tag: str
     attributes: dict[str, str] = field(default_factory=dict)
     children: list[Element] = field(default_factory=list)
+    text: str = ""
     origin: Origin = ()
     raw: dict[str, RawValue] = field(default_factory=dict)
     _opening: str | None = field(default=None, init=False, repr=False)
@@ -57,6 +58,10 @@ class Element:
         child = Element(tag=tag, attributes=dict(attributes or {}), origin=origin)
         self.children.append(child)
         return child
+
+    def say(self, tag: str, text: str, attributes: Mapping[str, str] | None = None) -> None:
+        """A new last child that holds a text."""
+        self.children.append(Element(tag=tag, attributes=dict(attributes or {}), text=text))
 
     def find(self, tag: str) -> Element | None:
         """The first child with this tag."""
@@ -136,7 +141,8 @@ def write(root: Element, heading: str) -> Written:
                 text.append(f"{indent}{element.opening}>")
                 under_way.append((iter(element.children), indent + "  ", f"{indent}</{element.tag}>"))
                 break
-            text.append(f"{indent}{element.opening}/>")
+            said = f">{element.text.translate(_ESCAPES)}</{element.tag}>" if element.text else "/>"
+            text.append(f"{indent}{element.opening}{said}")
         else:
             under_way.pop()
             if closing:

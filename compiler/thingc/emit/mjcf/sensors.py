@@ -10,8 +10,8 @@ from collections.abc import Iterator
 
 from thingc.emit.artifact import Loss
 from thingc.emit.mjcf.poses import pose_attributes
+from thingc.emit.sensors import body_of, elsewhere, on_free_root
 from thingc.emit.xml import Element, number
-from thingc.graph.types import LinkedSensor
 from thingc.joints.bases import stays
 from thingc.pose import turned_y
 from thingc.robot.types import Robot
@@ -41,7 +41,7 @@ def sensors(robot: Robot, section: Element) -> None:
             section.add("accelerometer", {"name": f"{sensor.path}:accelerometer", "site": site}, sensor.origin)
             section.add("gyro", {"name": f"{sensor.path}:gyro", "site": site}, sensor.origin)
             section.add("framequat", {"name": f"{sensor.path}:quat", "objtype": "site", "objname": site}, sensor.origin)
-        elif sensor.kind == "force" and not _on_free_root(robot, sensor):
+        elif sensor.kind == "force" and not on_free_root(robot, sensor):
             section.add("force", {"name": f"{sensor.path}:force", "site": site}, sensor.origin)
             section.add("torque", {"name": f"{sensor.path}:torque", "site": site}, sensor.origin)
         elif sensor.kind == "joint" and sensor.joint in movable:
@@ -56,46 +56,16 @@ def losses(robot: Robot) -> Iterator[Loss]:
     cut = {joint.path for closure in robot.closures for joint in closure.joints}
     for sensor in robot.assembly.sensors:
         what, how = "", "omitted"
-        if sensor.kind == "imu" and stays(robot.base) and _body_of(robot, sensor) == 0:
+        if sensor.kind == "imu" and stays(robot.base) and body_of(robot, sensor) == 0:
             what, how = "gravity in its accelerometer: MuJoCo gives no acceleration of a body that stands still", "approximated"
         elif sensor.kind == "force":
-            if _on_free_root(robot, sensor):
+            if on_free_root(robot, sensor):
                 what = "it: nothing carries the root of a free base"
             else:
-                elsewhere = _elsewhere(robot, sensor)
-                if elsewhere is not None:
-                    what, how = f"the force at its mount: it reads what passes {elsewhere}", "approximated"
+                place = elsewhere(robot, sensor)
+                if place is not None:
+                    what, how = f"the force at its mount: it reads what passes {place}", "approximated"
         elif sensor.kind == "joint" and sensor.joint in cut:
             what = f"it: a loop is cut at joint `{sensor.joint}`"
         if what:
             yield Loss.of(sensor.origin, "mjcf", robot.mode.name, sensor.path, what, how)
-
-
-def _body_of(robot: Robot, sensor: LinkedSensor) -> int:
-    return next(site.body for site in robot.sites if site.path == sensor.site)
-
-
-def _on_free_root(robot: Robot, sensor: LinkedSensor) -> bool:
-    return robot.base == "free" and _body_of(robot, sensor) == 0
-
-
-def _elsewhere(robot: Robot, sensor: LinkedSensor) -> str | None:
-    """Where MuJoCo measures instead of at the mount; None where it measures there.
-
-    It gives what passes between a body and its parent in the tree. That is what passes through the mount where the mount is
-    the root's, or one of the two of the joint to the parent, or where the body hangs on that joint alone, so that nothing but
-    the world outside can act on it.
-    """
-    index = _body_of(robot, sensor)
-    body = robot.bodies[index]
-    if not body.joints:
-        root = robot.mode.root
-        if (root.occurrence, root.mount or "origin") == (sensor.occurrence, sensor.mount):
-            return None
-        return f"between its link and the world at `{root.path}`"
-    mate = robot.assembly.mates[body.joints[0].mate]
-    if (sensor.occurrence, sensor.mount) in ((mate.parent, mate.parent_mount), (mate.child, mate.child_mount)):
-        return None
-    if not any(other.parent == index for other in robot.bodies):
-        return None
-    return f"through joint `{mate.name}`"

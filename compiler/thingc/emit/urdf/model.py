@@ -9,15 +9,15 @@ from __future__ import annotations
 
 from thingc.diagnostics import Report
 from thingc.emit.geometry import Geometry, Shape, channels, material_name, materials
+from thingc.emit.names import Names, frames, safe
 from thingc.emit.urdf.chain import Move, moves, own_frame
-from thingc.emit.urdf.names import Names, safe
 from thingc.emit.xml import Element, number, numbers
 from thingc.graph import joints_of, leaders
 from thingc.graph.types import JointEdge, Link
 from thingc.inertia import ZERO, MassProperties, physical_fault, within_triangle
 from thingc.pose import IDENTITY, NO_POSE, Pose, rpy_of, shifted
 from thingc.robot.tree import BASE
-from thingc.robot.types import Body, CoreJoint, Robot, Site
+from thingc.robot.types import Body, CoreJoint, Robot
 from thingc.source import Origin
 
 WORLD = "world"
@@ -47,8 +47,8 @@ class _Builder:
         self.meshes = meshes
         self.geometry = geometry
         self.assembly = robot.assembly
-        self.links = Names("link", report)
-        self.joints = Names("joint", report)
+        self.links = Names("be the link", "URDF", report)
+        self.joints = Names("be the joint", "URDF", report)
         self.root = Element(tag="robot", attributes={"name": robot.assembly.name}, origin=robot.mode.origin)
         self.followers: list[Element] = []
         in_tree = {joint.path for body in robot.bodies for joint in body.joints}
@@ -66,7 +66,7 @@ class _Builder:
         names = [self.links.take(self._link_of(body).name, self._link_of(body).origin) for body in self.robot.bodies]
         if self.robot.base != "free":
             self.root.add("link", {"name": self.links.take(WORLD, self.robot.mode.origin)}, self.robot.mode.origin)
-        sites = self._sites()
+        sites = frames(self.robot)
         for index, body in enumerate(self.robot.bodies):
             parent = (WORLD if self.robot.base != "free" else None) if body.parent is None else names[body.parent]
             X_PL = body.X_PL if body.parent is None else own[body.parent].inverse() @ body.X_PL
@@ -81,17 +81,6 @@ class _Builder:
                 self._frame(names[index], site.path, own[index].inverse() @ site.pose, site.origin)
         self.root.children += self.followers
         return self.root
-
-    def _sites(self) -> dict[int, list[Site]]:
-        """The frames on each body, besides its own; of several paths of one name that are the same frame the first."""
-        sites: dict[int, list[Site]] = {}
-        known = {(safe(self._link_of(body).name), index, NO_POSE) for index, body in enumerate(self.robot.bodies)}
-        for site in self.robot.sites:
-            frame = (safe(site.path), site.body, site.pose)
-            if frame not in known:
-                known.add(frame)
-                sites.setdefault(site.body, []).append(site)
-        return sites
 
     def _extension(self) -> None:
         """What MuJoCo must be told to read the file whole: by itself it drops links that do not move and what is only drawn."""

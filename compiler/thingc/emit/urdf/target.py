@@ -6,10 +6,10 @@ from pathlib import Path
 
 from thingc.emit.artifact import Artifacts, Content, Loss
 from thingc.emit.geometry import geometry
+from thingc.emit.names import package_name
 from thingc.emit.request import EmitRequest
 from thingc.emit.urdf.losses import losses
 from thingc.emit.urdf.model import MESHES, model
-from thingc.emit.urdf.names import package_name
 from thingc.emit.xml import write
 from thingc.graph.types import Occurrence
 from thingc.realize.record import Mesh, Primitive

@@ -1,10 +1,12 @@
-"""Names as ROS takes them: a path with `_` for its `/`, each for one thing alone."""
+"""Names outside of MJCF: a path with `_` for its `/`, each for one thing alone."""
 
 from __future__ import annotations
 
 import re
 
 from thingc.diagnostics import Code, Note, Report
+from thingc.pose import NO_POSE
+from thingc.robot.types import Robot, Site
 from thingc.source import Origin
 
 
@@ -18,11 +20,26 @@ def package_name(robot: str) -> str:
     return re.sub("_+", "_", f"{robot.lower()}_description")
 
 
-class Names:
-    """The names of one kind of thing in a file, `kind` in words (`link`); two things of one name are reported at the second."""
+def frames(robot: Robot) -> dict[int, list[Site]]:
+    """The frames on each body besides its own, by its index; of several paths of one name that are the same frame the first."""
+    links = robot.assembly.links
+    known = {(safe(links[body.link].name), index, NO_POSE) for index, body in enumerate(robot.bodies)}
+    sites: dict[int, list[Site]] = {}
+    for site in robot.sites:
+        frame = (safe(site.path), site.body, site.pose)
+        if frame not in known:
+            known.add(frame)
+            sites.setdefault(site.body, []).append(site)
+    return sites
 
-    def __init__(self, kind: str, report: Report) -> None:
-        self._kind = kind
+
+class Names:
+    """The names of one kind of thing in a file, of a format that is called `target` (`URDF`); two things of one name are reported at the
+    second. `both` says of which kind two with a name would be: `be the link`, `have the name`."""
+
+    def __init__(self, both: str, target: str, report: Report) -> None:
+        self._both = both
+        self._target = target
         self._report = report
         self._owners: dict[str, tuple[str, Origin]] = {}
 
@@ -37,7 +54,7 @@ class Names:
         owner, before = self._owners.setdefault(name, this)
         if (owner, before) != this:
             self._report.add(
-                Code.SAME_NAME, f"{this[0]} and {owner} would both be the {self._kind} `{name}` in URDF", origin, path=path,
+                Code.SAME_NAME, f"{this[0]} and {owner} would both {self._both} `{name}` in {self._target}", origin, path=path,
                 help="rename one of the two", notes=[Note(message=f"{owner} is made here", span=next(iter(before), None))],
             )
         return (owner, before) == this

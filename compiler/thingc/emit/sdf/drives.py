@@ -1,0 +1,46 @@
+"""What drives joints in Gazebo: SDF itself has limits of effort and velocity alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from thingc.emit.names import safe
+from thingc.emit.sdf.chain import Connection
+from thingc.emit.sdf.zero import ZeroState
+from thingc.emit.xml import Element, number
+from thingc.graph.types import ActuatorModel, JointEdge
+from thingc.robot.types import CoreJoint, Robot
+
+UNBOUNDED = 1e9
+"""An effort [N m or N] where the drive has no limit: Gazebo's controllers have one of 1000."""
+
+
+def plugin(robot: Robot, zero: ZeroState, connection: Connection) -> Iterator[Element]:
+    """The controllers of what is driven in this mode and has one axis: a PID with the drive's gains as forces, or for a motor what hands
+    them on."""
+    for step in connection.chain:
+        if len(step.axes) == 1 and step.axes[0].joint.path in robot.present:
+            joint = step.axes[0].joint
+            if joint.actuator is not None:
+                yield _controller(robot, zero, safe(step.path), joint, joint.actuator)
+
+
+def _controller(robot: Robot, zero: ZeroState, name: str, joint: CoreJoint | JointEdge, drive: ActuatorModel) -> Element:
+    file, system = {
+        "position": ("joint-position-controller", "JointPositionController"), "velocity": ("joint-controller", "JointController"),
+    }.get(drive.kind, ("apply-joint-force", "ApplyJointForce"))
+    element = Element(
+        tag="plugin", attributes={"filename": f"gz-sim-{file}-system", "name": f"gz::sim::systems::{system}"}, origin=drive.origin,
+    )
+    element.say("joint_name", name)
+    if drive.kind in ("position", "velocity"):
+        if drive.kind == "velocity":
+            element.say("use_force_commands", "true")
+        p, d = (drive.kp, drive.kv) if drive.kind == "position" else (drive.kv, None)
+        effort = UNBOUNDED if joint.limit.effort is None else joint.limit.effort
+        values = [("p_gain", p), ("i_gain", 0.0), ("d_gain", d), ("cmd_max", effort), ("cmd_min", -effort)]
+        if drive.kind == "position":
+            values += [("initial_position", frame.q[joint.path] - zero.q[joint.path]) for frame in robot.keyframes[:1]]
+        for word, value in values:
+            element.say(word, number(value or 0.0))
+    return element

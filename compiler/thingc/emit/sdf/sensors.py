@@ -1,0 +1,71 @@
+"""Sensors that SDF has: `imu`, `force` (a `force_torque` on the joint that carries the link) and `camera`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from thingc.emit.names import Names
+from thingc.emit.sensors import body_of, on_free_root
+from thingc.emit.xml import Element, number, numbers
+from thingc.graph.types import LinkedSensor
+from thingc.pose import Pose, Vector, rpy_of, shifted
+from thingc.robot.types import Robot, Site
+
+LOOKING = Pose(rotation=((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
+"""A camera of SDF looks along its x, up its z; ours looks along the mount's z, up the mount's y."""
+
+WIDTH, HEIGHT = 640, 480
+"""Of a camera's picture [pixels], of which a document says nothing."""
+
+NEAR, FAR = 0.01, 100.0
+"""Between which distances [m] a camera sees."""
+
+RATE = 30.0
+"""How many pictures a camera takes in a second."""
+
+
+def sensors_of_link(robot: Robot, body: int, link: Element, names: Names) -> None:
+    """The imus and cameras on a link."""
+    for sensor, site in _on(robot, body):
+        if sensor.kind == "imu":
+            element = link.add("sensor", {"name": names.take(sensor.path, sensor.origin), "type": "imu"}, sensor.origin)
+            _place(element, site.pose)
+            element.say("always_on", "true")
+        elif sensor.kind == "camera" and sensor.fovy is not None:
+            element = link.add("sensor", {"name": names.take(sensor.path, sensor.origin), "type": "camera"}, sensor.origin)
+            _place(element, site.pose @ LOOKING)
+            element.say("always_on", "true")
+            element.say("update_rate", number(RATE))
+            camera = element.add("camera")
+            camera.say("horizontal_fov", number(2.0 * math.atan(math.tan(sensor.fovy / 2.0) * WIDTH / HEIGHT)))
+            image, clip = camera.add("image"), camera.add("clip")
+            image.say("width", number(WIDTH))
+            image.say("height", number(HEIGHT))
+            clip.say("near", number(NEAR))
+            clip.say("far", number(FAR))
+
+
+def sensors_of_joint(robot: Robot, body: int, at: Vector, joint: Element, names: Names) -> None:
+    """The force sensors on a link, in the joint that carries it, whose origin is `at` in the link's frame [m]. As in MuJoCo it is
+    what the link does to its parent."""
+    for sensor, site in _on(robot, body):
+        if sensor.kind == "force" and not on_free_root(robot, sensor):
+            element = joint.add("sensor", {"name": names.take(sensor.path, sensor.origin), "type": "force_torque"}, sensor.origin)
+            _place(element, shifted(*at).inverse() @ site.pose)
+            element.say("always_on", "true")
+            measured = element.add("force_torque")
+            measured.say("frame", "sensor")
+            measured.say("measure_direction", "child_to_parent")
+
+
+def _on(robot: Robot, body: int) -> Iterator[tuple[LinkedSensor, Site]]:
+    """The sensors on the mounts of a body."""
+    sites = {site.path: site for site in robot.sites}
+    for sensor in robot.assembly.sensors:
+        if sensor.site is not None and body_of(robot, sensor) == body:
+            yield sensor, sites[sensor.site]
+
+
+def _place(element: Element, pose: Pose) -> None:
+    element.say("pose", numbers((*pose.translation, *rpy_of(pose.rotation))))

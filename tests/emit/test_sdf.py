@@ -1,0 +1,465 @@
+"""SDF files by the rules of the format (`read_sdf`): chains of matrices and MuJoCo on the MJCF say what they must come to."""
+
+from __future__ import annotations
+
+import math
+import re
+import tempfile
+import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from emit import small_robot
+from emit.read_sdf import Model, matrix, number
+from graph.builder import as_matrix
+from loops.robots import inchworm
+from loops.test_holds import MODES as HOLDS
+from loops.test_holds import POSES
+from loops.test_loop_joints import FOURBAR
+from robot.test_spanning_tree_properties import COUNTS, Tree, build, robots, world_of
+from thingc import pipeline
+from thingc.diagnostics import Report
+from thingc.emit.artifact import Artifacts
+from thingc.emit.request import EmitRequest
+from thingc.emit.sdf.target import emit
+from thingc.environment import Environment, Options
+from thingc.pose import Pose
+from thingc.realize.record import Primitive
+from thingc.realize.store.local import Store
+from thingc.robot import in_link
+from thingc.robot.types import Robot
+
+Array = Any
+
+trees = st.builds(build, st.integers(0, 2**32 - 1), st.integers(2, 6), st.just(tuple(COUNTS)))
+
+
+def text_of(made: Artifacts, path: str) -> str:
+    content = made.files[path]
+    assert isinstance(content, bytes)
+    return content.decode()
+
+
+def values(robot: Robot, model: Model, q: dict[str, float]) -> dict[str, Any]:
+    """q by path as the joints of a file have it; a universal has its axes in the order in which the tree goes through them."""
+    found: dict[str, Any] = {path.replace("/", "_"): value for path, value in q.items()}
+    for body in robot.bodies:
+        if len(body.joints) == 2 and (name := body.joints[0].path.replace("/", "_")[:-2]) in {joint.name for joint in model.joints}:
+            assert model.joint(name).type == "universal"
+            found[name] = tuple(q[joint.path] for joint in body.joints)
+    return found
+
+
+@settings(max_examples=25)
+@given(trees)
+def test_every_occurrence_and_frame_is_where_the_matrices_say(tree: Tree) -> None:
+    chosen = robots(tree.assembly)
+    with tempfile.TemporaryDirectory() as folder:
+        report = Report()
+        made = emit(EmitRequest(
+            assembly=tree.assembly, robots=tuple(chosen.values()), store=Store(folder), report=report, geometry=None,  # type: ignore[arg-type]
+            workspace=None,  # type: ignore[arg-type]
+        ))
+    assert report.diagnostics == []
+    inside = in_link(tree.assembly)
+    for name, robot in chosen.items():
+        model = Model(text_of(made, f"sdf/tree_{name}/model.sdf"))
+        poses, _ = model.placed(values(robot, model, tree.q))
+        expected = world_of(tree, name)
+        for position, k in enumerate(tree.order):
+            link = tree.assembly.links[tree.assembly.link_of[position]].name
+            assert poses[link] @ as_matrix(inside[position]) == pytest.approx(expected[k], abs=1e-9)
+            assert poses.get(f"c{k}_origin", expected[k]) == pytest.approx(expected[k], abs=1e-9)
+        screws = any(twig.kind == "screw" for twig in tree.twigs)
+        assert model.root.attrib["version"] == ("1.11" if screws else "1.9")
+
+
+# --- a document with all of it ------------------------------------------------------------------------------------------
+
+MOUNTS = "mounts: {a: {xyz: 60 10 -20 mm, rpy: 20 -35 70 deg}, b: {xyz: -50 15 25 mm, rpy: -60 25 15 deg}}"
+WEIGHT = "mass: 0.4 kg, com: 10 -20 30 mm, inertia: {ixx: 9e-4 kg*m^2, iyy: 7e-4 kg*m^2, izz: 5e-4 kg*m^2, ixy: 1e-4 kg*m^2}"
+COMPONENTS = "\n".join(f"  c{k}: {{frame: true, {WEIGHT}, {MOUNTS}}}" for k in range(9))
+EVERY = f"""\
+thingc: assembly/1
+name: every
+components:
+{COMPONENTS}
+  tag: {{frame: true, at: {{in: c3.b, xyz: 1 2 3 mm}}}}
+joints:
+  turn:
+    type: revolute
+    parent: c0.a
+    child: c1.b
+    offset: 20 deg
+    limit: {{lower: -1 rad, upper: 2 rad, effort: 3 N*m, velocity: 4 rad/s}}
+    dynamics: {{damping: 0.1 N*m*s/rad, friction: 0.2 N*m, armature: 0.3 kg*m^2, stiffness: 0.4 N*m/rad}}
+    drive: {{kind: position, kp: 5 N*m/rad, kv: 0.5 N*m*s/rad}}
+  wheel: {{type: continuous, parent: c1.a, child: c2.b, drive: {{kind: velocity, kv: 2 N*m*s/rad}}}}
+  push:
+    type: prismatic
+    parent: c2.a
+    child: c3.b
+    limit: {{lower: -100 mm, upper: 50 mm}}
+    mimic: {{joint: rail, multiplier: -2, offset: 3 mm}}
+  rail: {{type: prismatic, parent: c3.a, child: c4.b, limit: {{lower: -20 mm, upper: 20 mm}}, drive: {{kind: motor}}}}
+  spindle: {{type: screw, parent: c0.b, child: c5.b, lead: -4 mm}}
+  sleeve: {{type: cylindrical, parent: c5.a, child: c6.b}}
+  fork: {{type: universal, parent: c6.a, child: c7.b}}
+  hip:
+    type: ball
+    parent: c2.b
+    child: c8.b
+    turn: 25 deg
+    limit: {{cone: 60 deg}}
+    dynamics: {{damping: 0.1 N*m*s/rad}}
+    drive: [{{axis: [0, 0, 1], kind: motor, effort: 5 N*m}}]
+mounts: {{tip: c8.a}}
+poses:
+  home: {{turn: 0.5 rad}}
+modes:
+  first: {{root: c0, at: {{xyz: 10 20 30 mm, rpy: 10 20 30 deg}}, pose: home}}
+  last: {{root: c8.a, base: held, at: {{xyz: 10 20 30 mm, rpy: 10 20 30 deg}}, gravity: wall}}
+  fork: {{root: c7.b, base: free, at: {{xyz: 0 0 -500 mm}}, actuators: [rail]}}
+  rolling: {{root: c4, base: planar, at: {{xyz: 1 2 3 mm, rpy: 40 50 60 deg}}}}
+  swinging: {{root: c6, base: ball, contacts: {{exclude: [[c0, c8]]}}}}
+sensors:
+  eye: {{type: camera, at: tip, fovy: 60 deg}}
+  imu: {{type: imu, at: c1.a}}
+  wrist: {{type: force, at: c3.b}}
+  wheel: {{type: joint}}
+simulation: {{timestep: 1 ms, cone: elliptic}}
+"""
+
+
+class Compiled:
+    """What a document says in SDF and in MJCF."""
+
+    def __init__(self, folder: Path, document: str) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        folder.joinpath("thingc.toml").write_text('thingc = "workspace/1"\n')
+        folder.joinpath("robot.yaml").write_text(document)
+        with Environment(str(folder / "robot.yaml"), Options(store=str(folder / "store"))) as environment:
+            compilation = pipeline.compile(environment)
+            assert [d.message for d in compilation.report.diagnostics if d.severity == "error"] == []
+            assert compilation.assembly is not None
+            self.name = compilation.assembly.name
+            self.robots = {robot.mode.name: robot for robot in compilation.robots}
+            made = pipeline.build(environment, compilation, ["mjcf", "sdf"])
+            self.sdf, self.mjcf = made["sdf"], made["mjcf"]
+        assert compilation.report.failed is False
+
+    def model(self, mode: str) -> Model:
+        return Model(text_of(self.sdf, f"sdf/{self.name}_{mode}/model.sdf"))
+
+    def reference(self, mode: str) -> mujoco.MjModel:
+        return mujoco.MjModel.from_xml_string(text_of(self.mjcf, f"mjcf/{self.name}_{mode}.xml"))
+
+    def losses(self, mode: str | None) -> list[tuple[str, str, str, int]]:
+        return [(one.path, one.what, one.how, one.span.line if one.span else 0) for one in self.sdf.losses if one.mode == mode]
+
+
+@pytest.fixture(scope="module")
+def every(tmp_path_factory: pytest.TempPathFactory) -> Compiled:
+    return Compiled(tmp_path_factory.mktemp("every"), EVERY)
+
+
+def posed(reference: mujoco.MjModel, rng: np.random.Generator) -> tuple[mujoco.MjData, dict[str, Any]]:
+    """MuJoCo somewhere, and the same for SDF: coordinates by path, balls as matrices."""
+    data, q = mujoco.MjData(reference), {}
+    for k in range(reference.njnt):
+        name, joint = reference.joint(k).name, data.joint(k)
+        if reference.jnt_type[k] == mujoco.mjtJoint.mjJNT_BALL:
+            turn = Rotation.from_rotvec(rng.uniform(-2, 2, 3))
+            joint.qpos, q[name] = turn.as_quat()[[3, 0, 1, 2]], turn.as_matrix()
+        elif reference.jnt_type[k] != mujoco.mjtJoint.mjJNT_FREE:
+            q[name] = rng.uniform(-1, 1)
+            joint.qpos = q[name]
+    for k in range(reference.neq):  # screws: MuJoCo's slide goes with the turn
+        name = reference.equality(k).name
+        if name.endswith(":screw"):
+            turn, slide = reference.joint(int(reference.eq_obj1id[k])), reference.joint(int(reference.eq_obj2id[k]))
+            data.joint(slide.name).qpos = q[turn.name] / reference.eq_data[k][1]
+    mujoco.mj_forward(reference, data)
+    return data, q
+
+
+def mujoco_pose(data: mujoco.MjData, name: str) -> Array:
+    pose = np.eye(4)
+    names = {data.model.body(k).name for k in range(data.model.nbody)}
+    found = data.body(name) if name in names else data.site(name)
+    pose[:3, :3], pose[:3, 3] = found.xmat.reshape(3, 3), found.xpos
+    return pose
+
+
+MODES = ("first", "last", "fork", "rolling", "swinging")
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_every_kind_of_joint_is_what_it_is_in_mjcf(every: Compiled, mode: str) -> None:
+    """Crossed forwards and backwards, under every kind of base: links, frames and inertias at random configurations."""
+    model, reference, robot = every.model(mode), every.reference(mode), every.robots[mode]
+    rng = np.random.default_rng(5)
+    for _ in range(5):
+        data, q = posed(reference, rng)
+        poses, apart = model.placed(values(robot, model, q))
+        assert apart == {}
+        for k in range(1, reference.nbody):
+            assert poses[reference.body(k).name] == pytest.approx(mujoco_pose(data, reference.body(k).name), abs=1e-12)
+        for k in range(reference.nsite):
+            name = reference.site(k).name
+            assert poses[name.replace("/", "_")] == pytest.approx(mujoco_pose(data, name), abs=1e-12)
+    for k in range(1, reference.nbody):
+        mass, centre, inertia = model.inertia(reference.body(k).name)
+        turned = Rotation.from_quat(reference.body_iquat[k][[1, 2, 3, 0]]).as_matrix()
+        assert mass == pytest.approx(reference.body_mass[k], rel=1e-12)
+        assert centre == pytest.approx(reference.body_ipos[k], abs=1e-12)
+        assert inertia == pytest.approx(turned @ np.diag(reference.body_inertia[k]) @ turned.T, abs=1e-12)
+    between = [link for link in model.links if link not in {reference.body(k).name for k in range(reference.nbody)}]
+    assert all(model.inertia(link)[0] == 1e-9 for link in between)
+    of_base = ["root_0_link", "root_1_link"] if mode == "rolling" else []
+    assert between == [*of_base, f"sleeve_{1 if mode in ('fork', 'swinging') else 0}_link"]
+
+
+def test_a_base_is_the_joint_root(every: Compiled) -> None:
+    found = {mode: [(j.name, j.type, j.child) for j in every.model(mode).joints if j.parent == "world"] for mode in MODES}
+    assert found == {
+        "first": [("root", "fixed", "c0")], "last": [("root", "fixed", "c8")], "fork": [],
+        "rolling": [("root_0", "prismatic", "root_0_link")], "swinging": [("root", "ball", "c6")],
+    }
+    assert every.model("fork").model.attrib["canonical_link"] == "c7"
+
+
+def test_limits_dynamics_and_springs_are_those_of_the_document(every: Compiled) -> None:
+    axis = every.model("first").element("turn").find("axis")
+    assert axis is not None
+    said = {one.tag: one.text for part in ("dynamics", "limit") for one in axis.find(part) or ()}
+    assert said == {
+        "damping": "0.1", "friction": "0.2", "spring_reference": "0", "spring_stiffness": "0.4", "lower": "-1", "upper": "2", "effort": "3",
+        "velocity": "4",
+    }
+    efforts = {
+        joint.attrib["name"]: limit.findtext("effort") for joint in every.model("fork").model.findall("joint")
+        for limit in joint.iterfind("axis/limit")
+    }
+    # no drive: none of its own; a follower is moved by the one that it follows; what this mode leaves out keeps its limit
+    assert efforts == {
+        "turn": "3", "wheel": "0", "push": None, "rail": None, "spindle": "0", "sleeve_0": "0", "sleeve_1": "0", "fork": "0",
+    }
+    types = {joint.name: joint.type for joint in every.model("first").joints}
+    assert types == {
+        "root": "fixed", "turn": "revolute", "wheel": "continuous", "push": "prismatic", "rail": "prismatic", "spindle": "screw",
+        "sleeve_0": "continuous", "sleeve_1": "prismatic", "fork": "universal", "hip": "ball",
+    }
+
+
+def test_a_mimic_is_said_twice(every: Compiled) -> None:
+    model = every.model("last")
+    assert model.root.attrib["version"] == "1.11"
+    assert model.mimics() == {("push", "axis"): ("rail", "axis", -2.0, 0.003)}
+    (drakes,) = model.model.iterfind("joint/{http://drake.mit.edu}mimic")
+    assert drakes.attrib == {"joint": "rail", "multiplier": "-2", "offset": "0.003"}
+
+
+def test_what_is_driven_has_a_controller_of_gazebos(every: Compiled) -> None:
+    plugins = {plugin.findtext("joint_name"): plugin for plugin in every.model("first").model.findall("plugin")}
+    assert {name: plugin.attrib["filename"] for name, plugin in plugins.items()} == {
+        "turn": "gz-sim-joint-position-controller-system", "wheel": "gz-sim-joint-controller-system",
+        "rail": "gz-sim-apply-joint-force-system",
+    }
+    assert {one.tag: one.text for one in plugins["turn"]} == {
+        "joint_name": "turn", "p_gain": "5", "i_gain": "0", "d_gain": "0.5", "cmd_max": "3", "cmd_min": "-3", "initial_position": "0.5",
+    }
+    assert {one.tag: one.text for one in plugins["wheel"]} == {
+        "joint_name": "wheel", "use_force_commands": "true", "p_gain": "2", "i_gain": "0", "d_gain": "0", "cmd_max": "1000000000",
+        "cmd_min": "-1000000000",
+    }
+    assert [plugin.findtext("joint_name") for plugin in every.model("fork").model.findall("plugin")] == ["rail"]
+
+
+def test_sensors_are_where_they_are_in_mjcf(every: Compiled) -> None:
+    """A camera of MuJoCo looks along its -z, up its y; one of SDF along its x, up its z. A force is measured in the joint."""
+    for mode in MODES:
+        model, reference = every.model(mode), every.reference(mode)
+        data = mujoco.MjData(reference)
+        mujoco.mj_forward(reference, data)
+        poses, _ = model.placed({})
+        found = {one.attrib["name"]: (owner, one) for owner in model.model for one in owner.findall("sensor")}
+        camera = poses["c8"] @ matrix(found["eye"][1].find("pose"))
+        seen = data.camera("eye").xmat.reshape(3, 3)
+        assert camera[:3, 0] == pytest.approx(-seen[:, 2], abs=1e-12) and camera[:3, 2] == pytest.approx(seen[:, 1], abs=1e-12)
+        assert camera[:3, 3] == pytest.approx(data.camera("eye").xpos, abs=1e-12)
+        imu = poses["c1"] @ matrix(found["imu"][1].find("pose"))
+        assert imu == pytest.approx(mujoco_pose(data, "c1/a"), abs=1e-12)
+        owner, force = found["wrist"]
+        joint = model.joint(owner.attrib["name"])
+        assert joint.child == "c3" and force.findtext("force_torque/frame") == "sensor"
+        assert force.findtext("force_torque/measure_direction") == "child_to_parent"
+        assert model.at_zero(joint.name) @ matrix(force.find("pose")) == pytest.approx(mujoco_pose(data, "c3/b"), abs=1e-12)
+    lens = found["eye"][1].find("camera")
+    assert lens is not None
+    wide, high = float(lens.findtext("image/width") or 0), float(lens.findtext("image/height") or 0)
+    assert 2 * math.atan(math.tan(number(lens, "horizontal_fov") / 2) * high / wide) == pytest.approx(math.radians(60), abs=1e-12)
+
+
+def test_the_world_has_gravity_a_floor_a_light_and_the_model(every: Compiled) -> None:
+    for mode, gravity in (("first", "0 0 -9.81"), ("last", "-9.81 0 0")):
+        world = ElementTree.fromstring(text_of(every.sdf, f"sdf/world_{mode}.sdf")).find("world")
+        assert world is not None
+        assert world.findtext("gravity") == gravity and world.findtext("physics/max_step_size") == "0.001"
+        assert world.findtext("include/uri") == f"model://every_{mode}" and world.find("include/pose") is None
+        assert world.find("light") is not None and world.find("model/link/collision/geometry/plane") is not None
+        systems = [plugin.attrib["name"].rpartition("::")[2] for plugin in world.findall("plugin")]
+        assert systems == ["Physics", "UserCommands", "SceneBroadcaster", "Imu", "ForceTorque", "Sensors"]
+        config = ElementTree.fromstring(text_of(every.sdf, f"sdf/every_{mode}/model.config"))
+        sdf = config.find("sdf")
+        assert sdf is not None and sdf.text == "model.sdf" and f"sdf/every_{mode}/{sdf.text}" in every.sdf.files
+        assert sdf.attrib["version"] == every.model(mode).root.attrib["version"] and config.findtext("name") == f"every_{mode}"
+
+
+def test_what_is_lost_is_said_at_its_line(every: Compiled) -> None:
+    def lost(mode: str | None) -> list[tuple[str, str, str, str]]:
+        lines = ["", *(line.strip() for line in EVERY.split("\n"))]
+        return [(path, what, how, re.split(r"[:{]", lines[line])[0]) for path, what, how, line in every.losses(mode)]
+
+    assert lost(None) == [
+        ("turn", "its armature of 0.3 kg m^2", "omitted", "turn"),
+        ("turn", "its drive: position, kp 5, kv 0.5, which Gazebo alone reads", "carried as custom data", "drive"),
+        ("wheel", "its drive: velocity, kv 2, which Gazebo alone reads", "carried as custom data", "wheel"),
+        ("rail", "its drive: motor, which Gazebo alone reads", "carried as custom data", "rail"),
+        ("hip", "its cone of 1.0472 rad", "omitted", "hip"),
+        ("hip", "its damping of 0.1 N m s/rad: a ball of SDF has none", "omitted", "hip"),
+        ("hip_0", "its drive: motor about 0, 0, 1", "omitted", "drive"),
+        ("sleeve", "its motion as one joint's: its 2 coordinates are joints here, with links of 1e-9 kg between", "approximated", "sleeve"),
+        ("sleeve", "that what it connects never touches", "omitted", "sleeve"),
+        ("home", "this pose: SDF has none", "omitted", "home"),
+        ("every", "how it is stepped (`simulation`), but for its timestep", "omitted", "simulation"),
+        ("wheel", "this sensor: SDF has none of a joint's state", "omitted", "wheel"),
+    ]
+    assert lost("first") == lost("fork") == []
+    assert lost("last") == [
+        ("last", "its gravity, which stands in the file of the world alone", "carried as custom data", "last"),
+        ("last", "that its base is held, and can be moved while it is: it is fixed here", "approximated", "last"),
+    ]
+    base = "the motion of its base as one joint's: its 3 coordinates are joints here, with links of 1e-9 kg between"
+    assert lost("rolling") == [
+        ("wrist", "the force at its mount: it reads what passes through joint `rail`", "approximated", "wrist"),
+        ("rolling", base, "approximated", "rolling"),
+    ]
+    assert lost("swinging") == [("swinging", "which links never touch, besides neighbours", "omitted", "swinging")]
+
+
+# --- loops and holds ----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def fourbar(tmp_path_factory: pytest.TempPathFactory) -> Compiled:
+    return Compiled(tmp_path_factory.mktemp("fourbar"), FOURBAR)
+
+
+@pytest.mark.parametrize("mode", ["bench", "by_coupler", "other", "third"])
+def test_a_loop_is_a_joint_that_is_closed_where_the_file_has_it(fourbar: Compiled, mode: str) -> None:
+    """At 0 this one is open: q counts from the first pose."""
+    model, robot, reference = fourbar.model(mode), fourbar.robots[mode], fourbar.reference(mode)
+    assert {joint.name for joint in model.joints} == {"drive", "elbow", "pivot", "wrist", *(["root"] if robot.base != "free" else [])}
+    start = robot.keyframes[0]
+    for frame in robot.keyframes:
+        q = {path: value - start.q[path] for path, value in frame.q.items()}
+        poses, apart = model.placed(q)
+        assert len(apart) == 1
+        for gap in apart.values():
+            assert gap == pytest.approx(np.eye(4), abs=1e-9)
+        data = mujoco.MjData(reference)
+        mujoco.mj_resetDataKeyframe(reference, data, reference.key(frame.name).id)
+        mujoco.mj_forward(reference, data)
+        for link in model.links:
+            assert poses[link] == pytest.approx(mujoco_pose(data, link), abs=1e-9)
+    limit = model.element("pivot").find("axis/limit")
+    assert limit is not None
+    assert number(limit, "lower") == pytest.approx(math.radians(5) - start.q["pivot"], abs=1e-12)
+    what = "what q its joints are at: here it counts from the pose `at_20`, in which loops and holds are closed"
+    assert [loss[:3] for loss in fourbar.losses(mode)][:1] == [(mode, what, "approximated")]
+
+
+@pytest.fixture(scope="module")
+def worm(tmp_path_factory: pytest.TempPathFactory) -> Compiled:
+    return Compiled(tmp_path_factory.mktemp("worm"), inchworm(modes=HOLDS, poses=POSES))
+
+
+@pytest.mark.parametrize(("mode", "held", "kind"), [
+    ("hanging", "front_sole", "fixed"), ("dangling", "front_sole", "ball"), ("stay", "rear_sole", "fixed"), ("pinned", "rear_sole", "ball"),
+])
+def test_a_hold_is_a_joint_to_the_world(worm: Compiled, mode: str, held: str, kind: str) -> None:
+    """Where MuJoCo's keyframe has the mount. What hangs from one hold alone is there with all joints at 0."""
+    model, robot, reference = worm.model(mode), worm.robots[mode], worm.reference(mode)
+    joint = model.joint(f"{held}_hold")
+    assert (joint.parent, joint.type) == ("world", kind)
+    assert model.at_zero(held)[:3, 3] == pytest.approx(model.at_zero(joint.name)[:3, 3], abs=1e-12)
+    data = mujoco.MjData(reference)
+    mujoco.mj_resetDataKeyframe(reference, data, 0)
+    mujoco.mj_forward(reference, data)
+    assert model.at_zero(held)[:3, 3] == pytest.approx(data.site(held.replace("_", "/", 1)).xpos, abs=1e-9)
+    if kind == "fixed":
+        assert model.at_zero(held) == pytest.approx(mujoco_pose(data, held.replace("_", "/", 1)), abs=1e-9)
+    counted = [loss for loss in worm.losses(mode) if loss[1].startswith("what q its joints are at")]
+    assert len(counted) == (0 if robot.base == "free" else 1)
+
+
+# --- shapes, names ------------------------------------------------------------------------------------------------------
+
+
+def test_what_visuals_and_collisions_are(tmp_path: Path) -> None:
+    store = Store(str(tmp_path))
+    whole = small_robot.assembly(store)
+    bare = tuple(replace(one, overrides=replace(one.overrides, collision="none")) for one in whole.occurrences)
+    request = small_robot.request(replace(whole, occurrences=bare), store)
+    made = emit(request)
+    assert request.report.diagnostics == [] and emit(request).files == made.files
+    model = Model(text_of(made, "sdf/arm_bench/model.sdf"))
+    drawn = {visual.attrib["name"] for visual in model.model.iter("visual")}
+    assert drawn and drawn == {f"{o.path.replace('/', '_')}_visual" for o in request.assembly.occurrences if o.drawn is not None}
+    for robot in request.robots:
+        folder = f"sdf/arm_{robot.mode.name}/"
+        files = {uri.text for uri in Model(text_of(made, f"{folder}model.sdf")).model.iter("uri")}
+        assert files == {path.removeprefix(folder) for path in made.files if path.startswith(f"{folder}meshes/")}
+    colours = {one.findtext("diffuse") for one in model.model.iterfind("link/visual/material")}
+    assert colours and None not in colours
+
+
+def test_shapes_are_said_as_they_are_and_rub_as_their_material_does(tmp_path: Path) -> None:
+    """ODE's torsional friction is 3 pi / 16 of its coefficient times the radius of the patch and the force; MuJoCo's a length times it."""
+    store = Store(str(tmp_path))
+    whole = small_robot.assembly(store)
+    at = Pose(translation=(0.01, 0.02, 0.03))
+    pieces = tuple(
+        Primitive(shape=shape, size=size, pose=at)  # type: ignore[arg-type]
+        for shape, size in (("box", (0.01, 0.02, 0.03)), ("sphere", (0.04,)), ("cylinder", (0.05, 0.06)), ("capsule", (0.07, 0.08)))
+    )
+    first = next(one for one in whole.occurrences if one.record is not None and one.record.meshes and one.material is not None)
+    assert first.record is not None and first.material is not None
+    changed = replace(
+        first, record=replace(first.record, pieces=pieces), overrides=replace(first.overrides, collision="part"),
+        material=replace(first.material, slide=0.7, torsion=0.01, roll=0.001),
+    )
+    others = tuple(replace(one, overrides=replace(one.overrides, collision="none")) for one in whole.occurrences)
+    occurrences = tuple(changed if one.path == first.path else one for one in others)
+    made = emit(small_robot.request(replace(whole, occurrences=occurrences), store))
+    collisions = list(Model(text_of(made, "sdf/arm_bench/model.sdf")).model.iter("collision"))
+    assert [one.attrib["name"] for one in collisions] == [f"{first.path}_collision{mark}" for mark in ("", "_1", "_2", "_3")]
+    said = [{leaf.tag: leaf.text for leaf in shape} | {"": shape.tag} for one in collisions for shape in one.iterfind("geometry/*")]
+    assert said == [
+        {"": "box", "size": "0.02 0.04 0.06"}, {"": "sphere", "radius": "0.04"}, {"": "cylinder", "radius": "0.05", "length": "0.12"},
+        {"": "capsule", "radius": "0.07", "length": "0.16"},
+    ]
+    friction = collisions[0].find("surface/friction")
+    assert friction is not None and friction.findtext("ode/mu") == friction.findtext("ode/mu2") == "0.7"
+    torque = 3 * math.pi / 16 * number(friction, "torsional/coefficient") * number(friction, "torsional/patch_radius")
+    assert torque == pytest.approx(0.01) and friction.findtext("torsional/use_patch_radius") == "true"
+    assert (first.material.name, "its rolling friction", "omitted") in {(one.path, one.what, one.how) for one in made.losses}
