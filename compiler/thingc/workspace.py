@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from thingc.diagnostics import Code, Report
 from thingc.frozen import dataclass
+from thingc.packaging import KEYS, About
 from thingc.shown import is_text
 from thingc.source import MappingNode, Path, Span
 from thingc.typos import did_you_mean
@@ -60,7 +61,7 @@ class Workspace:
     `root` absolute; `parts` absolute folders whose modules may be named in `part:`; `packages` installed packages that
     may be, too; `build` the absolute folder of outputs; `part_timeout` [s] for one part; `mesh` the tessellation that
     is printed and checked, `simulation` that for simulators; `emit` the targets of a build that names none; `mesh_uri` one of
-    `MESH_URIS`; `origin` the file that says so, None where the defaults stand.
+    `MESH_URIS`; `about` what ROS packages say of themselves; `origin` the file that says so, None where the defaults stand.
     `inputs` are the files that were looked at on the way, by absolute path, with the SHA-256 of their bytes (None: not there).
     """
 
@@ -73,6 +74,7 @@ class Workspace:
     simulation: Tessellation
     emit: tuple[str, ...] = ()
     mesh_uri: str = MESH_URIS[0]
+    about: About = About()
     origin: Span | None = None
     inputs: dict[str, str | None] = field(default_factory=dict, compare=False, repr=False)
 
@@ -220,15 +222,18 @@ class _Settings:
     simulation: Tessellation
     emit: tuple[str, ...]
     mesh_uri: str
+    about: About
 
     @staticmethod
     def plain(table: dict[str, Any]) -> _Settings | None:
         """The settings of a table in which nothing is unusual; None (or ValueError, TypeError) where anything is."""
-        known = {"thingc", "parts", "packages", "build", "part_timeout", "mesh", "emit", "mesh_uri", "$schema"}
-        mesh = table.get("mesh", {})
-        if table["thingc"] != "workspace/1" or not known.issuperset(table) or not isinstance(mesh, dict):
+        known = {"thingc", "parts", "packages", "build", "part_timeout", "mesh", "emit", "mesh_uri", "about", "$schema"}
+        mesh, about = table.get("mesh", {}), table.get("about", {})
+        if table["thingc"] != "workspace/1" or not known.issuperset(table):
             return None
-        if not {"linear", "angular", "simulation"}.issuperset(mesh):
+        if not isinstance(mesh, dict) or not isinstance(about, dict):
+            return None
+        if not {"linear", "angular", "simulation"}.issuperset(mesh) or not KEYS.issuperset(about):
             return None
         simulation = mesh.get("simulation", {})
         if not {"linear", "angular"}.issuperset(simulation):
@@ -244,6 +249,7 @@ class _Settings:
             simulation=_plain_tessellation(simulation, DEFAULT_SIMULATION.coarser(fine)),
             emit=_plain_texts(table.get("emit", [])),
             mesh_uri=mesh_uri,
+            about=About.of(about),
         )
 
 
@@ -287,7 +293,7 @@ def _workspace(settings: _Settings, root: str, span: Span | None, inputs: dict[s
     return Workspace(
         root=root, parts=parts, packages=settings.packages, build=os.path.normpath(os.path.join(root, settings.build)),
         part_timeout=settings.part_timeout, mesh=settings.mesh, simulation=settings.simulation, emit=settings.emit,
-        mesh_uri=settings.mesh_uri, origin=span, inputs=inputs,
+        mesh_uri=settings.mesh_uri, about=settings.about, origin=span, inputs=inputs,
     )
 
 
@@ -369,6 +375,7 @@ def _from_spec(spec: Any, document: Document, report: Report) -> _Settings:
         simulation=tessellation(spec.mesh.simulation if spec.mesh else None, ("mesh", "simulation"), DEFAULT_SIMULATION.coarser(mesh)),
         emit=tuple(spec.emit),
         mesh_uri=spec.mesh_uri,
+        about=About.of(spec.about.model_dump(exclude_none=True) if spec.about is not None else {}),
     )
 
 

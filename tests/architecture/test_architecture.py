@@ -18,14 +18,17 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "compiler" / "thingc"
 
-BASE = {"frozen", "brief", "shown", "source", "typos", "diagnostics", "units", "expressions", "pose", "inertia", "memo", "workspace"}
+BASE = {
+    "frozen", "brief", "shown", "source", "typos", "diagnostics", "units", "expressions", "pose", "inertia", "memo", "packaging",
+    "workspace",
+}
 # What each room may import of thingc, besides itself. `workspace` reads its own document with load and spec.
 ROOMS: dict[str, set[str]] = {
     "frozen": set(), "shown": set(), "source": {"frozen"}, "brief": {"source"}, "typos": set(),
     "diagnostics": {"brief", "shown", "source", "typos"},
     "printing": {"shown", "source", "diagnostics"}, "units": {"frozen", "diagnostics", "typos"},
     "expressions": {"frozen", "diagnostics", "typos", "units"},
-    "pose": {"frozen"}, "inertia": {"frozen", "brief", "pose"}, "memo": set(), "later": set(),
+    "pose": {"frozen"}, "inertia": {"frozen", "brief", "pose"}, "memo": set(), "later": set(), "packaging": {"frozen"},
     "archives": {"frozen"}, "csvcell": {"shown"},
     "workspace": BASE | {"load", "spec"},
     "load": BASE,

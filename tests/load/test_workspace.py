@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from thingc.diagnostics import Code, Report
+from thingc.packaging import About
 from thingc.workspace import Tessellation, Workspace, _explained, _read
 
 
@@ -69,6 +70,17 @@ def test_the_mesh_of_simulators_is_written_below_mesh(tmp_path: Path) -> None:
     assert workspace is not None
     assert workspace.mesh == Tessellation(linear=pytest.approx(2e-5), angular=math.radians(10))
     assert workspace.simulation == Tessellation(linear=1e-4, angular=0.5)
+
+
+def test_who_maintains_the_packages_is_written_below_about(tmp_path: Path) -> None:
+    unsaid, _ = find(tmp_path / "a.yaml")
+    assert unsaid is not None
+    assert unsaid.about == About(maintainer="TODO", mail="todo@todo.todo", license="TODO: License declaration", version="0.0.0")
+    said = 'maintainer = "Ada L. <ada@example.org>", license = "MIT", version = "1.2.3"'
+    (tmp_path / "thingc.toml").write_text(f"{HEAD}about = {{{said}}}\n")
+    workspace, report = find(tmp_path / "a.yaml")
+    assert not report.diagnostics and workspace is not None
+    assert workspace.about == About(maintainer="Ada L.", mail="ada@example.org", license="MIT", version="1.2.3")
 
 
 def test_a_project_without_our_table_is_none_of_ours(tmp_path: Path) -> None:
@@ -173,25 +185,29 @@ def test_faults_of_a_table_of_pyproject_have_their_place(tmp_path: Path) -> None
 
 _texts = st.sampled_from(["parts", ".", "none", "../x", "/x", "", "parts/../parts"])
 _times = st.sampled_from(["120 s", "2 min", "0 s", "-1 s", "=3 s", "5", "2 mm", "x"])
+_abouts = st.fixed_dictionaries({}, optional={
+    "maintainer": st.sampled_from(["Ada <ada@example.org>", "Ada", "ada@example.org", "<ada@example.org>", "A\tB <a@b.org>", 3]),
+    "license": st.sampled_from(["Apache-2.0", "", "a\nb", 3]), "version": st.sampled_from(["1.0.0", "1.0", 3]), "name": st.just("x"),
+})
 _uris = st.sampled_from(["relative", "package", "absolute", "packages", 3, []])
 
 
 @settings(max_examples=120)
 @given(
     parts=st.none() | st.lists(_texts, max_size=2) | st.just("parts"), build=st.none() | _texts | st.just(3),
-        timeout=st.none() | _times | st.just(5), mesh_uri=st.none() | _uris,
+        timeout=st.none() | _times | st.just(5), mesh_uri=st.none() | _uris, about=st.none() | _abouts | st.just(["license"]),
     mesh=st.none() | st.fixed_dictionaries({},
         optional={"linear": st.sampled_from(["1 mm", "1 deg"]), "angular": st.sampled_from(["5 deg", "0 deg"]),
             "x": st.just("1"), "simulation": st.sampled_from([{}, {"linear": "1 mm"}, {"angular": "0 rad"}, {"y": "1"}, "1 mm"])}),
 )
 def test_the_plain_reading_is_the_models_reading(
     tmp_path_factory: pytest.TempPathFactory, parts: object, build: object, timeout: object, mesh_uri: object,
-    mesh: object,
+    about: object, mesh: object,
 ) -> None:
     """The quick path and the document model accept the same files and read the same from them."""
     import tomlkit
 
-    table = {"parts": parts, "build": build, "part_timeout": timeout, "mesh_uri": mesh_uri, "mesh": mesh}
+    table = {"parts": parts, "build": build, "part_timeout": timeout, "mesh_uri": mesh_uri, "about": about, "mesh": mesh}
     text = HEAD + tomlkit.dumps({key: value for key, value in table.items() if value is not None})
     folder = tmp_path_factory.mktemp("w")
     (folder / "parts").mkdir()

@@ -54,6 +54,13 @@ TARGETS: dict[str, Target] = {
     "urdf": Target(
         says="each mode for ROS", emitters=("thingc.emit.urdf.target:emit",), writes=("urdf/*.urdf", "urdf/meshes/*.obj"), unasked=False,
     ),
+    "ros": Target(
+        says="a ROS 2 package with all modes", emitters=("thingc.emit.ros.target:emit",), unasked=False,
+        writes=(
+            "ros/*/package.xml", "ros/*/CMakeLists.txt", "ros/*/urdf/*.urdf", "ros/*/meshes/*.obj", "ros/*/launch/*.launch.py",
+            "ros/*/config/*.srdf", "ros/*/config/*.yaml", "ros/*/config/*.rviz",
+        ),
+    ),
     "sdf": Target(
         says="each mode for Gazebo", emitters=("thingc.emit.sdf.target:emit",),
         writes=("sdf/*.sdf", "sdf/*/model.sdf", "sdf/*/model.config", "sdf/*/meshes/*.obj"), unasked=False,

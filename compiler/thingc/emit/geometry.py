@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from thingc.diagnostics import Code, Note, Report
-from thingc.emit.artifact import Stored
+from thingc.emit.artifact import Loss, Stored
 from thingc.frozen import dataclass
 from thingc.graph.types import Assembly, Occurrence
 from thingc.pose import NO_POSE, Pose
@@ -125,6 +125,20 @@ def geometry(assembly: Assembly, folder: str, takes: Takes, report: Report) -> G
     """The geometry of every occurrence, as far as a target `takes` it. Two definitions whose meshes would have one name in the target's
     `folder`, and a shape to collide with that there is not, are errors."""
     return _Collector(folder, takes, report).collect(assembly)
+
+
+def solid_geometry(assembly: Assembly, target: str, folder: str, report: Report) -> tuple[Geometry, list[Loss]]:
+    """The geometry of a target that takes what has a volume to collide with, and nothing else; and what it loses by that."""
+    flat: list[Loss] = []
+
+    def takes(occurrence: Occurrence, piece: Mesh | Primitive) -> bool:
+        if (min(piece.size) > 0.0) if isinstance(piece, Primitive) else not piece.flat:
+            return True
+        what = "its contacts: what it would touch with has no volume"
+        flat.append(Loss.of(occurrence.origin, target, None, occurrence.path, what, "omitted"))
+        return False
+
+    return geometry(assembly, folder, takes, report), flat
 
 
 class _Collector:

@@ -125,15 +125,15 @@ def numbers(values: Iterable[float]) -> str:
     return " ".join(number(value) for value in values)
 
 
-def write(root: Element, heading: str) -> Written:
-    """The document: one element per line, two spaces per level, a blank line between sections; `heading` is a comment."""
+def write(root: Element, heading: str, *, sections: bool = True) -> Written:
+    """The document: one element per line, two spaces per level, blank lines between `sections`; `heading` is a comment."""
     text: list[str] = [f"<!-- {_DASHES.sub('-', heading)} -->"]
     lines: list[Element | None] = [None]
     under_way: list[tuple[Iterator[Element], str, str]] = [(iter((root,)), "", "")]  # a stack: a chain of links may be long
     while under_way:
         waiting, indent, closing = under_way[-1]
         for element in waiting:
-            if len(under_way) == 2 and len(lines) > 2:
+            if sections and len(under_way) == 2 and len(lines) > 2:
                 text.append("")
                 lines.append(None)
             lines.append(element)

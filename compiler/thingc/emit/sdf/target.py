@@ -3,31 +3,20 @@
 from __future__ import annotations
 
 from thingc.emit.artifact import Artifacts, Content, Loss
-from thingc.emit.geometry import geometry
+from thingc.emit.geometry import solid_geometry
 from thingc.emit.request import EmitRequest
 from thingc.emit.sdf.losses import losses
 from thingc.emit.sdf.model import MESHES, model
 from thingc.emit.sdf.world import config, world
 from thingc.emit.sdf.zero import zero_state
 from thingc.emit.xml import write
-from thingc.graph.types import Occurrence
-from thingc.realize.record import Mesh, Primitive
 
 
 def emit(request: EmitRequest) -> Artifacts:
     """A folder and a world for each chosen mode. A model folder holds its own meshes, as Gazebo has it: one can be copied without the
     others."""
     assembly = request.assembly
-    flat: list[Loss] = []
-
-    def takes(occurrence: Occurrence, piece: Mesh | Primitive) -> bool:
-        if (min(piece.size) > 0.0) if isinstance(piece, Primitive) else not piece.flat:
-            return True
-        what = "its contacts: what it would touch with has no volume"
-        flat.append(Loss.of(occurrence.origin, "sdf", None, occurrence.path, what, "omitted"))
-        return False
-
-    shapes = geometry(assembly, f"sdf/{assembly.name}_MODE/{MESHES}", takes, request.report)
+    shapes, flat = solid_geometry(assembly, "sdf", f"sdf/{assembly.name}_MODE/{MESHES}", request.report)
     meshes = {f"{MESHES}/{file}": stored for file, stored in shapes.assets.items()}
     files: dict[str, Content] = {}
     lost: dict[Loss, None] = dict.fromkeys(flat)

@@ -15,6 +15,10 @@ GRAVITY = (0.0, 0.0, -9.81)
 """What readers take [m/s^2]: URDF has none."""
 
 SIMULATION = "how it is stepped (`simulation`)"
+POSE = "this pose: URDF has none"
+EXCLUDED = "which links never touch, besides neighbours"
+DRIVE = "its drive: "
+"""What a drive's loss begins with."""
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
@@ -41,7 +45,7 @@ def losses(robot: Robot) -> Iterator[Loss]:
     if robot.base == "free" and robot.bodies[0].X_PL != NO_POSE:
         yield lose(mode.name, "where it begins: a free base begins wherever a reader puts it", "omitted", mode.origin)
     if mode.exclude:
-        yield lose(mode.name, "which links never touch, besides neighbours", "omitted", mode.origin)
+        yield lose(mode.name, EXCLUDED, "omitted", mode.origin)
 
 
 def _of_joints(robot: Robot) -> Iterator[Loss]:
@@ -62,7 +66,7 @@ def _of_joints(robot: Robot) -> Iterator[Loss]:
                 drive = joint.actuator
                 gains = [f", {name} {value:.6g}" for name, value in (("kp", drive.kp), ("kv", drive.kv)) if value is not None]
                 about = f" about {', '.join(f'{one:.6g}' for one in drive.axis)}" if drive.axis is not None else ""
-                yield lose(f"its drive: {drive.kind}{about}{''.join(gains)}", "omitted", drive.origin)
+                yield lose(f"{DRIVE}{drive.kind}{about}{''.join(gains)}", "omitted", drive.origin)
             if joint.mimic is not None and joint.mimic.joint.path not in in_tree:
                 what = f"that it follows `{joint.mimic.joint.path}`, at which a loop is cut"
                 yield _loss(robot.mode.name, joint.path, what, "omitted", joint.mimic.origin)
@@ -91,7 +95,7 @@ def _of_all_modes(robot: Robot) -> Iterator[Loss]:
     for sensor in assembly.sensors:
         yield _loss(None, sensor.path, "this sensor: URDF has none", "omitted", sensor.origin)
     for pose in assembly.poses:
-        yield _loss(None, pose.name, "this pose: URDF has none", "omitted", pose.origin)
+        yield _loss(None, pose.name, POSE, "omitted", pose.origin)
     rubbing = {one.material.name: one.material for one in assembly.occurrences if one.material is not None}
     for material in rubbing.values():
         if (material.slide, material.torsion, material.roll) != (None, None, None):

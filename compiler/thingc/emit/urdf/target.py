@@ -5,14 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from thingc.emit.artifact import Artifacts, Content, Loss
-from thingc.emit.geometry import geometry
+from thingc.emit.geometry import solid_geometry
 from thingc.emit.names import package_name
 from thingc.emit.request import EmitRequest
 from thingc.emit.urdf.losses import losses
 from thingc.emit.urdf.model import MESHES, model
 from thingc.emit.xml import write
-from thingc.graph.types import Occurrence
-from thingc.realize.record import Mesh, Primitive
 
 FOLDER = f"urdf/{MESHES}"
 
@@ -20,16 +18,8 @@ FOLDER = f"urdf/{MESHES}"
 def emit(request: EmitRequest) -> Artifacts:
     """A file for each chosen mode."""
     assembly = request.assembly
-    flat: list[Loss] = []
-
-    def takes(occurrence: Occurrence, piece: Mesh | Primitive) -> bool:
-        if (min(piece.size) > 0.0) if isinstance(piece, Primitive) else not piece.flat:
-            return True
-        what = "its contacts: what it would touch with has no volume"
-        flat.append(Loss.of(occurrence.origin, "urdf", None, occurrence.path, what, "omitted"))
-        return False
-
-    shapes, meshes = geometry(assembly, FOLDER, takes, request.report), _uri(request)
+    shapes, flat = solid_geometry(assembly, "urdf", FOLDER, request.report)
+    meshes = _uri(request)
     files: dict[str, Content] = {f"{FOLDER}/{file}": stored for file, stored in shapes.assets.items()}
     lost: dict[Loss, None] = dict.fromkeys(flat)
     for robot in request.robots:

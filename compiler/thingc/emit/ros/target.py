@@ -1,0 +1,76 @@
+"""`ros/<name>_description/`: a ROS 2 package of the chosen modes, which ament_cmake builds."""
+
+from __future__ import annotations
+
+from thingc.emit.artifact import Artifacts, Content, Loss
+from thingc.emit.geometry import Geometry, solid_geometry
+from thingc.emit.names import package_name, safe
+from thingc.emit.request import EmitRequest
+from thingc.emit.ros.control import controllers, controllers_yaml, ros2_control
+from thingc.emit.ros.display import frame_of, launch_file, rviz_config
+from thingc.emit.ros.joints import start, values
+from thingc.emit.ros.losses import losses
+from thingc.emit.ros.meeting import Meetings, meetings
+from thingc.emit.ros.package import cmake_lists, package_xml
+from thingc.emit.ros.srdf import srdf
+from thingc.emit.urdf.model import MESHES, model
+from thingc.emit.xml import Element, write
+from thingc.robot.types import Robot
+
+
+def emit(request: EmitRequest) -> Artifacts:
+    """The package: of each mode a URDF with its `<ros2_control>` and an SRDF, and what all of them share."""
+    assembly, robots = request.assembly, request.robots
+    name = package_name(assembly.name)
+    folder, uri = f"ros/{name}", f"package://{name}/{MESHES}"
+    shapes, flat = solid_geometry(assembly, "ros", f"{folder}/{MESHES}", request.report)
+    heading = f"Written by thingc from {assembly.definition.document}."
+    trees = [model(robot, shapes, request.report, uri) for robot in robots]
+    met, unmet = _meetings(request, trees, shapes, uri)
+    lost: dict[Loss, None] = dict.fromkeys([*flat, *unmet])
+    files: dict[str, Content] = {f"{MESHES}/{file}": stored for file, stored in shapes.assets.items()}
+    touching = _touching(request, shapes)
+    for robot, tree in zip(robots, trees, strict=True):
+        file, of_mode = f"{assembly.name}_{robot.mode.name}", f"{heading.removesuffix('.')}, mode {robot.mode.name}."
+        semantics = srdf(robot, touching, met.get(robot.mode.name), request.report)
+        files[f"config/{file}.srdf"] = write(semantics, of_mode, sections=False).text.encode()
+        control = ros2_control(robot)
+        if control is not None:
+            tree.children.append(control)
+        files[f"urdf/{file}.urdf"] = write(tree, of_mode).text.encode()
+        lost |= dict.fromkeys(losses(robot))
+    commanded = controllers(robots)
+    files["config/controllers.yaml"] = f"# {heading}\n{controllers_yaml(commanded)}".encode()
+    files["config/display.rviz"] = rviz_config(frame_of(robots[0]), heading).encode()
+    files["launch/display.launch.py"] = launch_file(robots, commanded, heading).encode()
+    files["CMakeLists.txt"] = cmake_lists(assembly.name, {path.partition("/")[0] for path in files}, heading).encode()
+    description = " ".join(assembly.definition.description.split()) or f"The robot {assembly.name}."
+    files["package.xml"] = package_xml(assembly.name, description, request.workspace.about, heading).encode()
+    return Artifacts(files={f"{folder}/{path}": content for path, content in sorted(files.items())}, losses=tuple(lost))
+
+
+def _touching(request: EmitRequest, shapes: Geometry) -> frozenset[str]:
+    """The links that have shapes to collide with."""
+    links, link_of = request.assembly.links, request.assembly.link_of
+    return frozenset(safe(links[link_of[index]].name) for index, one in enumerate(shapes.shapes) if one.collision)
+
+
+def _meetings(request: EmitRequest, trees: list[Element], shapes: Geometry, uri: str) -> tuple[dict[str, Meetings], list[Loss]]:
+    """Which links meet, by mode; and what nobody could find out. Where the same joints are cut the root changes nothing of it, so that it
+    is looked for once."""
+    alike: dict[frozenset[str], list[tuple[Robot, Element]]] = {}
+    for robot, tree in zip(request.robots, trees, strict=True):
+        alike.setdefault(frozenset(joint.path for body in robot.bodies for joint in body.joints), []).append((robot, tree))
+    found: dict[str, Meetings] = {}
+    lost: list[Loss] = []
+    for group in alike.values():
+        first, tree = group[0]
+        starts = {robot.mode.name: values(first, start(robot)) for robot, _ in group}
+        try:
+            met = meetings(tree, uri, shapes.meshes, starts, request.store)
+        except ValueError:
+            what = "which links never meet: MuJoCo does not read their shapes"
+            lost += [Loss.of(robot.mode.origin, "ros", robot.mode.name, robot.mode.name, what, "omitted") for robot, _ in group]
+        else:
+            found |= {robot.mode.name: met for robot, _ in group}
+    return found, lost

@@ -1,0 +1,622 @@
+"""The ROS 2 package: its parts against the REPs, its launch file run with stubs of the launch modules, its SRDF against geometry."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import re
+import runpy
+import shutil
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+import yaml
+
+from emit import small_robot
+from graph.builder import MATE, box, component, coordinates_of, linked, mimic, mode, pose, ref, rz, t, where
+from graph.builder import assembly as document
+from thingc.cli.main import main
+from thingc.diagnostics import Code, Report
+from thingc.emit.artifact import Artifacts
+from thingc.emit.mjcf.target import emit as emit_mjcf
+from thingc.emit.names import package_name
+from thingc.emit.request import EmitRequest
+from thingc.emit.ros import meeting
+from thingc.emit.ros.target import emit
+from thingc.emit.urdf.target import emit as emit_urdf
+from thingc.packaging import About
+from thingc.pose import NO_POSE
+from thingc.realize.record import Mesh, Primitive
+from thingc.realize.store.local import Store
+from thingc.resolve.model import Drive, Dynamics, Joint, Limit
+from thingc.robot import root as rooted
+
+MOUNTS = {"in": MATE, "out": t(0.1, 0.0, 0.0)}
+"""A ball of a chain: what it is mated by lies in it, the next one 0.1 m along its x."""
+
+
+def asked(model: Any, radii: Mapping[int, float], folder: str) -> EmitRequest:
+    """A document of components `c0`, `c1` ..., each a ball of a radius [m] about its origin (without one it touches nothing)."""
+    count = len(model.components)
+    drawn = {"visual": Mesh(sha256="0" * 64, size=0, vertices=4, faces=4, closed=True, flat=False)}
+    records = [
+        box(f"p:B{k}", (0.05, 0.04, 0.03), mounts=MOUNTS, meshes=drawn,
+            pieces=(Primitive(shape="sphere", size=(radii.get(k, 1.0),), pose=NO_POSE),))
+        for k in range(count)
+    ]
+    report = Report()
+    whole = linked(model, *records)
+    robots = tuple(robot for robot in (rooted(whole, one, report) for one in whole.modes) if robot is not None)
+    assert report.diagnostics == []
+    return EmitRequest(
+        assembly=whole, robots=robots, store=Store(folder), report=report, geometry=None,  # type: ignore[arg-type]
+        workspace=small_robot.WORKSPACE,
+    )
+
+
+def balls(count: int, radii: Mapping[int, float]) -> list[Any]:
+    return [
+        component(f"c{k}", f"p:B{k}", visual=False, collision="part" if k in radii else "none") for k in range(count)
+    ]
+
+
+def xml(made: Artifacts, path: str) -> ElementTree.Element:
+    (text,) = (content for name, content in made.files.items() if name.endswith(f"_description/{path}"))
+    assert isinstance(text, bytes)
+    return ElementTree.fromstring(text)
+
+
+def text(made: Artifacts, path: str) -> str:
+    (found,) = (content for name, content in made.files.items() if name.endswith(f"_description/{path}"))
+    assert isinstance(found, bytes)
+    return found.decode()
+
+
+# --- a robot with every kind of drive ----------------------------------------------------------------------------------
+
+
+def drive(kind: str, **said: float) -> Drive:
+    return Drive(component=None, kind=kind, origin=where(30), **said)
+
+
+def joints() -> list[Joint]:
+    """`yaw` is a servo, `wheel` turns at a speed, `lift` is pushed; `finger` follows `lift`, `spindle` is a screw, `flap` hangs loose."""
+    yaw, wheel, lift = (
+        coordinates_of("yaw", "c0.out", "c1.in", "revolute", lower=-1.0, upper=2.0, drive=drive("position", kp=20.0, kv=1e-5)),
+        coordinates_of("wheel", "c1.out", "c2.in", "continuous", velocity=3.0, drive=drive("velocity", kv=0.5)),
+        coordinates_of("lift", "c2.out", "c3.in", "prismatic", lower=0.0, upper=0.02, effort=7.0, drive=drive("motor")),
+    )
+    loose = [
+        *coordinates_of("finger", "c3.out", "c4.in", "prismatic", lower=0.0, upper=0.1, mimic=mimic("lift", 2.0, 0.01)),
+        *coordinates_of("spindle", "c4.out", "c5.in", "screw"), *coordinates_of("flap", "c5.out", "c6.in", "revolute"),
+    ]
+    return [*yaw, *wheel, *lift, *loose]
+
+
+@pytest.fixture(scope="module")
+def request_of_all(tmp_path_factory: pytest.TempPathFactory) -> EmitRequest:
+    """In mode `bench` it stands, with all of its drives, `adrift` it floats on its other end, with two."""
+    radii = {0: 0.01, 1: 0.01, 3: 0.01}
+    modes = [
+        mode("bench", ref("c0.out"), "fixed", pose="up", poses=("up", "down")),
+        mode("adrift", ref("c6.in"), "free", actuators=("yaw", "lift")),
+    ]
+    poses = [pose("up", yaw=0.5, lift=0.02, spindle=math.pi), pose("down", yaw=-0.5)]
+    mounts = {"tip": "c6.out", "base": "c0.in", "y": "c1.out"}
+    model = document("Robot__7", balls(7, radii), joints(), modes=modes, poses=poses, mounts=mounts)
+    request = asked(model, radii, str(tmp_path_factory.mktemp("store")))
+    said = About(maintainer="Ada <3 & co", mail="ada@example.org", license="Apache-2.0", version="1.2.3")
+    return replace(request, workspace=replace(request.workspace, about=said))
+
+
+@pytest.fixture(scope="module")
+def made(request_of_all: EmitRequest) -> Artifacts:
+    return emit(request_of_all)
+
+
+def test_the_folder_is_a_package(made: Artifacts) -> None:
+    assert set(made.files) == {f"ros/robot_7_description/{path}" for path in (
+        "CMakeLists.txt", "config/Robot__7_adrift.srdf", "config/Robot__7_bench.srdf", "config/controllers.yaml", "config/display.rviz",
+        "launch/display.launch.py", "package.xml", "urdf/Robot__7_adrift.urdf", "urdf/Robot__7_bench.urdf",
+    )}
+    assert list(made.files) == sorted(made.files)
+
+
+@pytest.mark.parametrize(("robot", "name"), [
+    ("arm", "arm_description"), ("MInchW", "minchw_description"), ("A__b_", "a_b_description"), ("x2", "x2_description"),
+])
+def test_names_of_packages_are_those_of_rep_144(robot: str, name: str) -> None:
+    assert package_name(robot) == name and re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", name)
+
+
+def test_the_manifest_is_that_of_rep_149(made: Artifacts) -> None:
+    """Format 3: what must be there once, in any order; who maintains it with a mail address; the build type in the export."""
+    assert text(made, "package.xml").startswith('<?xml version="1.0"?>\n')  # nothing, not even a comment, may stand before it
+    package = xml(made, "package.xml")
+    assert (package.tag, package.attrib) == ("package", {"format": "3"})
+    once = {tag: package.findall(tag) for tag in ("name", "version", "description", "maintainer", "license", "export")}
+    assert all(len(found) == 1 for found in once.values())
+    assert {tag: found[0].text for tag, found in once.items() if tag != "export"} == {
+        "name": "robot_7_description", "version": "1.2.3", "description": "The robot Robot__7.", "maintainer": "Ada <3 & co",
+        "license": "Apache-2.0",
+    }
+    assert once["maintainer"][0].attrib == {"email": "ada@example.org"}
+    assert [tool.text for tool in package.findall("buildtool_depend")] == ["ament_cmake"]
+    assert package.findtext("export/build_type") == "ament_cmake"
+    known = {"name", "version", "description", "maintainer", "license", "buildtool_depend", "exec_depend", "export"}
+    assert {child.tag for child in package} == known
+
+
+def test_what_is_run_and_plugged_in_is_depended_on(made: Artifacts) -> None:
+    depends = {depend.text for depend in xml(made, "package.xml").findall("exec_depend")}
+    launch, parameters = text(made, "launch/display.launch.py"), yaml.safe_load(text(made, "config/controllers.yaml"))
+    run = set(re.findall(r'package="(\w+)"', launch)) | {"joint_state_publisher", "joint_state_publisher_gui"}
+    imported = {module.partition(".")[0] for module in re.findall(r"^from ([\w.]+) import", launch, re.M)} - {"pathlib"}
+    manager = parameters["controller_manager"]["ros__parameters"]
+    plugins = {one["type"].partition("/")[0] for one in manager.values() if isinstance(one, dict)}
+    assert run | imported | plugins | {"hardware_interface"} == depends  # the mock components are in hardware_interface
+
+
+@pytest.mark.skipif(shutil.which("cmake") is None, reason="there is no cmake")
+def test_cmake_installs_it(made: Artifacts, tmp_path: Path) -> None:
+    """`ament_package()` alone is ours: what it does is to install the manifest."""
+    package, found = tmp_path / "robot_7_description", tmp_path / "ament"
+    for name, content in made.files.items():
+        assert isinstance(content, bytes)
+        file = package / Path(name).relative_to("ros/robot_7_description")
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(content)
+    found.mkdir()
+    (found / "ament_cmakeConfig.cmake").write_text(
+        "macro(ament_package)\n  install(FILES package.xml DESTINATION share/${PROJECT_NAME})\nendmacro()\n",
+    )
+    where_to = [f"-Dament_cmake_DIR={found}", f"-DCMAKE_INSTALL_PREFIX={tmp_path / 'out'}"]
+    for command in (["cmake", "-S", str(package), "-B", str(tmp_path / "b"), *where_to], ["cmake", "--install", str(tmp_path / "b")]):
+        ran = subprocess.run(command, capture_output=True, text=True)
+        assert ran.returncode == 0 and "Warning" not in ran.stderr, ran.stderr
+    share = tmp_path / "out" / "share" / "robot_7_description"
+    installed = {str(path.relative_to(share)) for path in share.rglob("*") if path.is_file()}
+    assert installed == {str(Path(name).relative_to("ros/robot_7_description")) for name in made.files} - {"CMakeLists.txt"}
+
+
+# --- the launch file ---------------------------------------------------------------------------------------------------
+
+
+class Said:
+    """What a launch module's class was called with."""
+
+    def __init__(self, *words: Any, **named: Any) -> None:
+        self.words, self.named = words, named
+
+
+@pytest.fixture
+def launched(made: Artifacts, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """`launched(mode="bench", ...)`: the nodes of `display.launch.py`, with stubs of the launch modules. Arguments that are not
+    declared, and values that are none of the choices, are errors, as they are in ROS."""
+    for name, content in made.files.items():
+        assert isinstance(content, bytes)
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_bytes(content)
+    share = tmp_path / "ros" / "robot_7_description"
+
+    def share_of(package: str) -> str:
+        assert package == "robot_7_description"
+        return str(share)
+
+    class Configuration(Said):
+        def perform(self, context: Mapping[str, str]) -> str:
+            return context[self.words[0]]
+
+    stubs: dict[str, dict[str, Any]] = {
+        "ament_index_python.packages": {"get_package_share_directory": share_of}, "launch": {"LaunchDescription": Said},
+        "launch.actions": {name: type(name, (Said,), {}) for name in ("DeclareLaunchArgument", "OpaqueFunction")},
+        "launch.substitutions": {"LaunchConfiguration": Configuration}, "launch_ros.actions": {"Node": Said},
+        "launch_ros.parameter_descriptions": {"ParameterValue": Said},
+    }
+    for name, content in stubs.items():
+        for known in {name.partition(".")[0], name}:
+            if known not in sys.modules:
+                monkeypatch.setitem(sys.modules, known, ModuleType(known))
+        vars(sys.modules[name]).update(content)
+
+    def nodes(**chosen: str) -> list[dict[str, Any]]:
+        described = runpy.run_path(str(share / "launch" / "display.launch.py"))["generate_launch_description"]()
+        *arguments, started = described.words[0]
+        context = {one.words[0]: one.named["default_value"] for one in arguments}
+        choices = {one.words[0]: one.named["choices"] for one in arguments}
+        assert choices["mode"] == ["bench", "adrift"] and set(chosen) <= set(choices)
+        context |= chosen
+        assert all(value in choices[name] for name, value in context.items())
+        return [node.named for node in started.named["function"](context)]
+
+    yield nodes
+
+
+@pytest.mark.parametrize("mode_", ["bench", "adrift"])
+def test_the_launch_file_shows_each_mode(made: Artifacts, launched: Any, mode_: str) -> None:
+    description, publisher, rviz = launched(mode=mode_)
+    assert description["executable"] == description["package"] == "robot_state_publisher"
+    ((name, value),) = description["parameters"][0].items()
+    # A text that launch took for YAML would not stay one.
+    assert (name, value.named) == ("robot_description", {"value_type": str})
+    assert value.words[0] == text(made, f"urdf/Robot__7_{mode_}.urdf")
+    assert publisher["executable"] == publisher["package"] == "joint_state_publisher_gui"
+    assert rviz["arguments"][0] == "-d" and Path(rviz["arguments"][1]).is_file()
+    links = {link.attrib["name"] for link in xml(made, f"urdf/Robot__7_{mode_}.urdf").findall("link")}
+    children = {child.attrib["link"] for child in xml(made, f"urdf/Robot__7_{mode_}.urdf").iterfind("joint/child")}
+    assert rviz["arguments"][2:] == ["-f", *(links - children)]
+
+
+def test_joints_are_shown_where_the_mode_starts(launched: Any) -> None:
+    (zeros,) = launched(mode="bench")[1]["parameters"]
+    assert zeros == {
+        "zeros.yaw": 0.5, "zeros.wheel": 0.0, "zeros.lift": 0.02, "zeros.finger": 0.05, "zeros.spindle": math.pi,
+        "zeros.spindle_slide": pytest.approx(0.025), "zeros.flap": 0.0,
+    }
+    assert all(type(value) is float for value in zeros.values()), "a whole number would be a parameter of another type"
+    assert launched()[1]["parameters"] == [zeros]
+
+
+def test_what_the_arguments_of_the_launch_file_start(launched: Any) -> None:
+    def started(**chosen: str) -> list[str]:
+        nodes = [(node["executable"], node.get("arguments")) for node in launched(**chosen)]
+        return [f"spawner {words[0]}" if executable == "spawner" else executable for executable, words in nodes]
+
+    assert started(gui="false") == ["robot_state_publisher", "joint_state_publisher", "rviz2"]
+    assert started(rviz="false") == ["robot_state_publisher", "joint_state_publisher_gui"]
+    controlled = ["robot_state_publisher", "ros2_control_node", "spawner joint_state_broadcaster", "spawner joint_trajectory_controller"]
+    assert started(control="true", rviz="false") == [*controlled, "spawner velocity_controller", "spawner effort_controller"]
+    assert started(control="true", rviz="false", mode="adrift") == [*controlled, "spawner effort_controller"]
+    parameters = launched(control="true")[1]["parameters"]
+    assert [Path(file).name for file in parameters] == ["controllers.yaml"] and all(Path(file).is_file() for file in parameters)
+
+
+def test_rviz_reads_its_settings(made: Artifacts) -> None:
+    settings = yaml.safe_load(text(made, "config/display.rviz"))["Visualization Manager"]
+    shown = {display["Class"].partition("/")[2]: display for display in settings["Displays"]}
+    assert shown["RobotModel"]["Description Topic"]["Value"] == "/robot_description" and shown["RobotModel"]["Enabled"]
+    # The description is published once, before RViz listens.
+    assert shown["RobotModel"]["Description Topic"]["Durability Policy"] == "Transient Local"
+    assert settings["Global Options"]["Fixed Frame"] == "world"
+
+
+# --- URDF and ros2_control ---------------------------------------------------------------------------------------------
+
+
+def test_the_urdf_is_that_of_urdf_but_for_its_meshes_and_ros2_control(tmp_path: Path) -> None:
+    store = Store(str(tmp_path / "store"))
+    whole = small_robot.assembly(store)
+    bare = tuple(replace(one, overrides=replace(one.overrides, collision="none")) for one in whole.occurrences)
+    request = small_robot.request(replace(whole, occurrences=bare), store)
+    ours, plain = emit(request), emit_urdf(request)
+    for mode_ in ("bench", "drawing", "adrift"):
+        expected, found = plain.files[f"urdf/arm_{mode_}.urdf"], text(ours, f"urdf/arm_{mode_}.urdf")
+        assert isinstance(expected, bytes)
+        before, block, after = re.fullmatch(r"(.*\n)\n(  <ros2_control .*</ros2_control>\n)(</robot>\n)", found, re.S).groups()  # type: ignore[union-attr]
+        assert f"{before}{after}".replace("package://arm_description/", "") == expected.decode()
+        assert block.count("<joint ") == 2
+        assert before.count('filename="package://arm_description/meshes/') == before.count("filename=") > 3
+    named = {name.removeprefix("ros/arm_description/") for name in ours.files if "/meshes/" in name}
+    assert named == {name.removeprefix("urdf/") for name in plain.files if "/meshes/" in name} and len(named) > 3
+
+
+def block_of(made: Artifacts, mode_: str) -> dict[str, dict[str, Any]]:
+    """Of every joint in `<ros2_control>` its commands with their bounds, its states with where they begin, and its own parameters."""
+    block = xml(made, f"urdf/Robot__7_{mode_}.urdf").find("ros2_control")
+    assert block is not None and block.attrib == {"name": "Robot__7", "type": "system"}
+    assert block.findtext("hardware/plugin") == "mock_components/GenericSystem"
+
+    def parameters(element: ElementTree.Element) -> dict[str, float]:
+        return {one.attrib["name"]: float(one.text or "") for one in element.findall("param")}
+
+    return {
+        joint.attrib["name"]: {
+            "commands": {one.attrib["name"]: parameters(one) for one in joint.findall("command_interface")},
+            "states": {one.attrib["name"]: parameters(one) for one in joint.findall("state_interface")}, **parameters(joint),
+        }
+        for joint in block.findall("joint")
+    }
+
+
+def states(q: float, *more: str) -> dict[str, dict[str, float]]:
+    return {"position": {"initial_value": pytest.approx(q)}, "velocity": {}, **{name: {} for name in more}}
+
+
+def test_drives_are_command_interfaces_and_everything_that_moves_has_states(made: Artifacts) -> None:
+    assert block_of(made, "bench") == {
+        "yaw": {"commands": {"position": {"min": -1.0, "max": 2.0}}, "states": states(0.5), "kp": 20.0, "kv": 1e-5},
+        "wheel": {"commands": {"velocity": {"min": -3.0, "max": 3.0}}, "states": states(0.0), "kv": 0.5},
+        "lift": {"commands": {"effort": {"min": -7.0, "max": 7.0}}, "states": states(0.02, "effort")},
+        "finger": {"commands": {}, "states": states(0.05)},
+        "spindle": {"commands": {}, "states": states(math.pi)},
+        "spindle_slide": {"commands": {}, "states": states(0.025)},
+        "flap": {"commands": {}, "states": states(0.0)},
+    }
+    adrift = block_of(made, "adrift")
+    assert {name for name, joint in adrift.items() if joint["commands"]} == {"yaw", "lift"}
+    assert adrift["wheel"] == {"commands": {}, "states": states(0.0)}
+
+
+@pytest.mark.parametrize("mode_", ["bench", "adrift"])
+def test_ros2_control_takes_the_block(made: Artifacts, mode_: str) -> None:
+    """What its parser throws for: a joint that is not in the URDF, a command of one that mimics, and a leader that is not in the block."""
+    urdf = xml(made, f"urdf/Robot__7_{mode_}.urdf")
+    joints = {joint.attrib["name"]: joint for joint in urdf.findall("joint")}
+    block = block_of(made, mode_)
+    assert set(block) == {name for name, joint in joints.items() if joint.attrib["type"] != "fixed"}
+    followers = {name: follows.attrib["joint"] for name, joint in joints.items() if (follows := joint.find("mimic")) is not None}
+    assert set(followers) == {"finger", "spindle_slide"} and set(followers.values()) <= set(block)
+    assert not any(block[name]["commands"] for name in followers)
+
+
+def test_controllers_are_those_of_the_drives(made: Artifacts) -> None:
+    parameters = yaml.safe_load(text(made, "config/controllers.yaml"))
+    manager = parameters.pop("controller_manager")["ros__parameters"]
+    assert manager == {
+        "update_rate": 100, "joint_state_broadcaster": {"type": "joint_state_broadcaster/JointStateBroadcaster"},
+        "joint_trajectory_controller": {"type": "joint_trajectory_controller/JointTrajectoryController"},
+        "velocity_controller": {"type": "forward_command_controller/ForwardCommandController"},
+        "effort_controller": {"type": "forward_command_controller/ForwardCommandController"},
+    }
+    assert {name: one["ros__parameters"] for name, one in parameters.items()} == {
+        "joint_trajectory_controller": {
+            "joints": ["yaw"], "command_interfaces": ["position"], "state_interfaces": ["position", "velocity"],
+            "gains": {"yaw": {"p": 20.0, "d": 1e-5}},
+        },
+        "velocity_controller": {"joints": ["wheel"], "interface_name": "velocity"},
+        "effort_controller": {"joints": ["lift"], "interface_name": "effort"},
+    }
+    gains = parameters["joint_trajectory_controller"]["ros__parameters"]["gains"]["yaw"]
+    assert all(type(gain) is float for gain in gains.values()), "a whole number, or a text, would be a parameter of another type"
+
+
+def test_modes_with_other_drives_have_controllers_of_their_own(tmp_path: Path) -> None:
+    modes = [
+        mode(name, ref("c0.out"), base, actuators=actuators)
+        for name, base, actuators in (("a", "fixed", None), ("b", "fixed", ("n",)), ("c", "held", None), ("d", "fixed", ()))
+    ]
+    turns = [
+        coordinates_of(name, f"c{k}.out", f"c{k + 1}.in", "revolute", drive=drive("position", kp=1.0)) for k, name in enumerate("yn")
+    ]
+    made = emit(asked(document("r", balls(3, {}), [*turns[0], *turns[1]], modes=modes), {}, str(tmp_path)))
+    parameters = yaml.safe_load(text(made, "config/controllers.yaml"))
+    joints = {name: one["ros__parameters"]["joints"] for name, one in parameters.items() if name != "controller_manager"}
+    # `y` and `n` are names here, though YAML takes them for yes and no.
+    assert joints == {"joint_trajectory_controller": ["y", "n"], "joint_trajectory_controller_b": ["n"]}
+    launch = text(made, "launch/display.launch.py")
+    named = [re.findall(r'"(\w+)"', line) for line in re.findall(r'"controllers": \[(.*)\]', launch)]
+    assert named == [["joint_trajectory_controller"], ["joint_trajectory_controller_b"], ["joint_trajectory_controller"], []]
+
+
+def test_what_cannot_move_needs_no_control(tmp_path: Path) -> None:
+    made = emit(asked(document("r", balls(1, {}), modes=[mode("m", ref("c0.out"))]), {}, str(tmp_path)))
+    assert xml(made, "urdf/r_m.urdf").find("ros2_control") is None
+    assert list(xml(made, "config/r_m.srdf")) == []
+    assert '"start": {},' in text(made, "launch/display.launch.py")
+
+
+# --- SRDF --------------------------------------------------------------------------------------------------------------
+
+
+def groups_of(srdf: ElementTree.Element) -> dict[str, list[Any]]:
+    return {
+        group.attrib["name"]: [tuple(one.attrib.values()) for one in group] for group in srdf.findall("group")
+    }
+
+
+def test_groups_lead_to_the_mounts_that_move_against_the_root(made: Artifacts) -> None:
+    everything = [(name,) for name in ("yaw", "wheel", "lift", "finger", "spindle", "spindle_slide", "flap")]
+    assert groups_of(xml(made, "config/Robot__7_bench.srdf")) == {"tip": [("c0", "tip")], "y": [("c0", "y")], "Robot__7": everything}
+    assert set(groups_of(xml(made, "config/Robot__7_adrift.srdf"))) == {"base", "y", "Robot__7"}
+
+
+@pytest.mark.parametrize("mode_", ["bench", "adrift"])
+def test_chains_and_states_name_what_is_in_the_urdf(made: Artifacts, mode_: str) -> None:
+    urdf, srdf = xml(made, f"urdf/Robot__7_{mode_}.urdf"), xml(made, f"config/Robot__7_{mode_}.srdf")
+    assert srdf.attrib["name"] == urdf.attrib["name"]
+    above = {
+        joint.find("child").attrib["link"]: (joint.attrib["name"], joint.find("parent").attrib["link"])  # type: ignore[union-attr]
+        for joint in urdf.findall("joint")
+    }
+    by_themselves = {
+        joint.attrib["name"] for joint in urdf.findall("joint") if joint.attrib["type"] != "fixed" and joint.find("mimic") is None
+    }
+    inside: dict[str, set[str]] = {}
+    for name, members in groups_of(srdf).items():
+        inside[name] = {one[0] for one in members} & by_themselves
+        if len(members[0]) == 2:
+            ((first, link),) = members
+            inside[name] = set()
+            while link != first:
+                joint, link = above[link]
+                inside[name] |= {joint} & by_themselves
+    for state in srdf.findall("group_state"):
+        assert {joint.attrib["name"] for joint in state} == inside[state.attrib["group"]]
+    passive = {joint.attrib["name"] for joint in srdf.findall("passive_joint")}
+    driven = {name for name, joint in block_of(made, mode_).items() if joint["commands"]}
+    assert passive == by_themselves - driven and "flap" in passive
+
+
+def test_a_base_that_floats_is_a_virtual_joint(made: Artifacts) -> None:
+    (floating,) = xml(made, "config/Robot__7_adrift.srdf").findall("virtual_joint")
+    assert floating.attrib == {"name": "root", "type": "floating", "parent_frame": "world", "child_link": "c6"}
+    assert xml(made, "config/Robot__7_bench.srdf").find("virtual_joint") is None
+
+
+@pytest.mark.parametrize("root", ["c0.out", "c2.in"])
+def test_a_pose_is_where_mujoco_has_it(tmp_path: Path, root: str) -> None:
+    """A ball and a screw, which are other joints in URDF, whichever way they are crossed: by the group state and by the start values."""
+    turns = {"hip_0": 0.4, "hip_1": -1.1, "hip_2": 0.7}
+    both = [*coordinates_of("hip", "c0.out", "c1.in", "ball"), *coordinates_of("nut", "c1.out", "c2.in", "screw")]
+    model = document(
+        "r", balls(3, {}), both, modes=[mode("m", ref(root), pose="p", poses=("p",))], poses=[pose("p", nut=2.0, **turns)],
+        mounts={"base": "c0.in", "tip": "c2.out"},
+    )
+    request = asked(model, {}, str(tmp_path))
+    made, reference = emit(request), emit_mjcf(request).files["mjcf/r_m.xml"]
+    assert isinstance(reference, bytes)
+    urdf, srdf = xml(made, "urdf/r_m.urdf"), xml(made, "config/r_m.srdf")
+    wanted = mujoco.MjModel.from_xml_string(reference.decode())
+    expected = mujoco.MjData(wanted)
+    mujoco.mj_resetDataKeyframe(wanted, expected, 0)
+    mujoco.mj_forward(wanted, expected)
+    (state,) = (one for one in srdf.findall("group_state") if one.attrib["group"] == "r")
+    begin = {joint.attrib["name"]: float(joint.findtext("state_interface/param") or "") for joint in urdf.iterfind("ros2_control/joint")}
+    said = {joint.attrib["name"]: float(joint.attrib["value"]) for joint in state}
+    assert said == {name: value for name, value in begin.items() if name != "nut_slide"}
+    model_ = mujoco.MjModel.from_xml_string(ElementTree.tostring(urdf).decode())
+    data = mujoco.MjData(model_)
+    for name, value in begin.items():
+        data.joint(name).qpos = value
+    mujoco.mj_forward(model_, data)
+    for name in ("tip", "base"):
+        assert data.body(name).xpos == pytest.approx(expected.site(name).xpos, abs=1e-9)
+        assert data.body(name).xmat == pytest.approx(expected.site(name).xmat, abs=1e-9)
+
+
+def test_a_mount_that_is_called_like_the_robot_is_told(tmp_path: Path) -> None:
+    joint = coordinates_of("j", "c0.out", "c1.in", "revolute")
+    request = asked(document("r", balls(2, {}), joint, modes=[mode("m", ref("c0.out"))], mounts={"r": "c1.out"}), {}, str(tmp_path))
+    emit(request)
+    (found,) = request.report.diagnostics
+    assert found.code is Code.SAME_NAME and found.message == "the group of all joints and `r` would both be the group `r` in SRDF"
+
+
+# --- which links meet --------------------------------------------------------------------------------------------------
+
+RADII = {0: 0.02, 1: 0.02, 2: 0.02, 3: 0.02}
+"""Of four balls 0.1 m apart along a chain; those of links that are not neighbours meet where their centres are nearer than 0.04 m."""
+
+
+def chain(ranges: tuple[float, float, float], folder: Path, radii: Mapping[int, float] = RADII, **over: Any) -> Artifacts:
+    """The first joint turns the ball c1 about a point 0.1 m from c0, and so on: all in a plane."""
+    turns = [
+        one for k, reach in enumerate(ranges)
+        for one in coordinates_of(f"j{k}", f"c{k}.out", f"c{k + 1}.in", "revolute", lower=-reach, upper=reach)
+    ]
+    modes = over.pop("modes", [mode("m", ref("c0.in"))])
+    return emit(asked(document("r", balls(4, radii), turns, modes=modes, **over), radii, str(folder)))
+
+
+def unchecked(made: Artifacts, mode_: str = "m") -> dict[tuple[str, str], str]:
+    return {
+        (one.attrib["link1"], one.attrib["link2"]): one.attrib["reason"]
+        for one in xml(made, f"config/r_{mode_}.srdf").findall("disable_collisions")
+    }
+
+
+def centres(q: tuple[float, ...]) -> list[Any]:
+    """Where the balls are, by matrices."""
+    at = [np.eye(4)]
+    for angle in q:
+        at.append(at[-1] @ t(0.1, 0.0, 0.0) @ rz(angle))
+    return [matrix[:3, 3] for matrix in at]
+
+
+@pytest.mark.parametrize("ranges", [(1.0, 1.0, 1.0), (3.0, 3.0, 3.0), (3.0, 3.0, 0.5), (0.5, 2.95, 0.2)])
+def test_pairs_that_never_meet_are_those_that_cannot(tmp_path: Path, ranges: tuple[float, float, float]) -> None:
+    """The oracle is a grid over all joints, with the balls' centres by matrices."""
+    made = unchecked(chain(ranges, tmp_path))
+    nearest: dict[tuple[str, str], float] = {}
+    for q in itertools.product(*(np.linspace(-reach, reach, 25) for reach in ranges)):
+        at = centres(q)
+        for one, other in itertools.combinations(range(4), 2):
+            gap = float(np.linalg.norm(at[one] - at[other]))
+            nearest[f"c{one}", f"c{other}"] = min(gap, nearest.get((f"c{one}", f"c{other}"), 1.0))
+    assert not any(0.035 < gap < 0.045 for gap in nearest.values()), "the grid does not tell"
+    neighbours = {("c0", "c1"): "Adjacent", ("c1", "c2"): "Adjacent", ("c2", "c3"): "Adjacent"}
+    never = {pair: "Never" for pair, gap in nearest.items() if gap > 0.04 and pair not in neighbours}
+    assert made == {**never, **neighbours}
+
+
+def test_pairs_that_always_meet_or_do_at_the_start_are_told_from_those_that_may(tmp_path: Path) -> None:
+    """c0 reaches to c3 but where the chain is almost straight; c1 and c3 meet where it is folded at c2, which it is where `s` starts."""
+    radii = {0: 0.27, 1: 0.02, 3: 0.02}
+    modes = [mode("m", ref("c0.in")), mode("s", ref("c0.in"), pose="shut", poses=("shut",)), mode("back", ref("c3.in"))]
+    made = chain((3.0, 3.0, 3.0), tmp_path, radii, modes=modes, poses=[pose("shut", j1=math.pi - 0.2)])
+    drawn = np.random.default_rng(1).uniform(-3.0, 3.0, (2000, 3))
+    far = [float(np.linalg.norm(at[3] - at[0])) > 0.29 for at in map(centres, map(tuple, drawn))]
+    assert 0 < sum(far) < 0.05 * len(far) and np.linalg.norm(centres((0.0, 0.0, 0.0))[3]) > 0.29
+    assert unchecked(made) == {("c0", "c1"): "Adjacent", ("c0", "c3"): "Always"}
+    assert unchecked(made, "s") == {("c0", "c1"): "Adjacent", ("c0", "c3"): "Default", ("c1", "c3"): "Default"}
+    assert unchecked(made, "back") == {("c3", "c0"): "Always", ("c1", "c0"): "Adjacent"}, "the links in the order of the mode"
+
+
+def test_pairs_that_a_mode_excludes_are_the_users(tmp_path: Path) -> None:
+    modes = [mode("m", ref("c0.in"), exclude=((ref("c0.in"), ref("c3.in")),))]
+    assert unchecked(chain((3.0, 3.0, 3.0), tmp_path, modes=modes))["c0", "c3"] == "User"
+
+
+def test_what_follows_is_put_where_it_belongs(tmp_path: Path) -> None:
+    """c1 turns by q, c2 by -q: c3 stays beside c0, though each of the two joints alone would bring it there."""
+    turns = [
+        *coordinates_of("j0", "c0.out", "c1.in", "revolute", lower=-3.0, upper=3.0),
+        *coordinates_of("j1", "c1.out", "c2.in", "revolute", lower=-3.0, upper=3.0, mimic=mimic("j0", -1.0)),
+        *coordinates_of("j2", "c2.out", "c3.in", "revolute", lower=-0.01, upper=0.01),
+    ]
+    made = unchecked(emit(asked(document("r", balls(4, RADII), turns, modes=[mode("m", ref("c0.in"))]), RADII, str(tmp_path))))
+    folded = [centres((q, -q, 0.0)) for q in np.linspace(-3.0, 3.0, 601)]
+    assert min(np.linalg.norm(at[3] - at[0]) for at in folded) > 0.05 and min(np.linalg.norm(at[2] - at[0]) for at in folded) < 0.03
+    assert made["c0", "c3"] == "Never" and ("c0", "c2") not in made
+
+
+def test_what_was_found_is_kept_and_found_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ranges = (3.0, 3.0, 0.5)
+    first, again = chain(ranges, tmp_path / "a"), chain(ranges, tmp_path / "b")
+    assert first.files == again.files, "the same bytes each time"
+    monkeypatch.setattr(meeting, "_Sampler", None)
+    assert chain(ranges, tmp_path / "a").files == first.files, "from the store"
+    with pytest.raises(TypeError):
+        chain((3.0, 3.0, 0.6), tmp_path / "a")
+
+
+def test_shapes_that_mujoco_refuses_are_a_loss(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: Any) -> None:
+        raise ValueError("no volume")
+
+    monkeypatch.setattr(meeting, "_Sampler", refused)
+    made = chain((1.0, 1.0, 1.0), tmp_path)
+    assert set(unchecked(made).values()) == {"Adjacent"}
+    assert ("m", "which links never meet: MuJoCo does not read their shapes") in {(loss.mode, loss.what) for loss in made.losses}
+
+
+# --- losses, and the whole way -----------------------------------------------------------------------------------------
+
+
+def test_what_is_lost_is_what_urdf_loses_but_for_what_stands_beside_it(tmp_path: Path) -> None:
+    hip = coordinates_of("hip", "c0.out", "c1.in", "ball")
+    driven = [replace(hip[0], drive=Drive(component=None, kind="motor", axis=(1.0, 0.0, 0.0), origin=where(30))), *hip[1:]]
+    knee = coordinates_of("knee", "c1.out", "c2.in", "revolute", drive=drive("position", kp=5.0))
+    knee = [replace(one, dynamics=Dynamics(armature=0.1), limit=Limit(lower=-1.0, upper=1.0)) for one in knee]
+    modes = [mode("m", ref("c0.in"), poses=("p",), exclude=((ref("c0.in"), ref("c2.in")),))]
+    request = asked(document("r", balls(3, {}), [*driven, *knee], modes=modes, poses=[pose("p", knee=0.5)]), {}, str(tmp_path))
+    of_urdf = {(loss.path, loss.what) for loss in emit_urdf(request).losses}
+    made = emit(request)
+    assert {loss.target for loss in made.losses} == {"ros"}
+    assert of_urdf - {(loss.path, loss.what) for loss in made.losses} == {
+        ("p", "this pose: URDF has none"), ("m", "which links never touch, besides neighbours"), ("knee", "its drive: position, kp 5"),
+    }
+    assert ("hip_0", "its drive: motor about 1, 0, 0", "omitted") in {(loss.path, loss.what, loss.how) for loss in made.losses}
+
+
+def test_the_arm_is_built_and_loaded(root: Path, tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["build", str(root / "assemblies" / "arm.yaml"), "--emit", "ros", "-o", str(tmp_path), "--store", shared_store]
+    assert main(command) == 0, capsys.readouterr().err
+    assert main([*command, "--deny-loss"]) == 1
+    assert "ros cannot say this of `yaw`: its armature of" in capsys.readouterr().err
+    package = tmp_path / "arm" / "ros" / "arm_description"
+    for file in sorted((package / "urdf").iterdir()):
+        resolved = file.read_text().replace("package://arm_description/", f"{package}/")
+        model = mujoco.MjModel.from_xml_string(resolved)
+        assert model.nmesh > 10 and model.njnt == 4
+    pairs = ElementTree.parse(package / "config" / "arm_bench.srdf").getroot().findall("disable_collisions")
+    assert [one.attrib["reason"] for one in pairs].count("Adjacent") == 4
