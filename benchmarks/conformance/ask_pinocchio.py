@@ -34,6 +34,7 @@ def answer(asked):
     ends = [(model.joints[k].nq, model.joints[k].idx_q) for k in ids]
     return {
         "frames": poses, "mass": mass, "mass_matrix": matrices, "torque": torques, "centre": centres,
+        "effort": [float(model.effortLimit[k]) for k in dofs],
         "range": [[float(lower[at]), float(upper[at])] if size == 1 else None for size, at in ends],
     }
 

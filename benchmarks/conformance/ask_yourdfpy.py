@@ -21,7 +21,9 @@ def answer(asked):
     mass = sum(link.inertial.mass for link in robot.robot.links if link.inertial is not None)
     follows = [robot.joint_map[name].mimic for name in asked["joints"]]
     mimics = [None if one is None else [one.joint, one.multiplier, one.offset] for one in follows]
-    return {"frames": poses, "mass": mass, "mimic": mimics, "range": [None if one is None else [one.lower, one.upper] for one in limits]}
+    efforts = [robot.joint_map[name].limit.effort for name in asked["joints"]]
+    ranges = [None if one is None else [one.lower, one.upper] for one in limits]
+    return {"frames": poses, "mass": mass, "mimic": mimics, "effort": efforts, "range": ranges}
 
 
 if __name__ == "__main__":

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import re
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,55 +18,127 @@ CONFIGURATIONS = 50
 
 @dataclass(frozen=True)
 class Question:
-    """A file, what is asked of it, and the answers: `request` goes to the reader, `answer` has the same keys as what it gives back."""
+    """A file of a format, what is asked of it, and the answers: `request` goes to the reader, `answer` has the same keys as what it gives
+    back."""
 
     name: str
+    format: str
     request: dict[str, Any]
     answer: dict[str, Any]
 
 
-def question(urdf: Path, mjcf: Path, seed: int = 0) -> Question:
-    """Of one URDF file. Frames are seen from the root link; gravity acts in the world of a base that is fixed, else in the root's axes."""
-    tree = ElementTree.parse(urdf).getroot()
-    links = {link.attrib["name"] for link in tree.iter("link")}
-    joints = {joint.attrib["name"]: joint for joint in tree.iter("joint") if joint.attrib["type"] != "fixed"}
+@dataclass(frozen=True)
+class Coordinate:
+    """One of a joint of the file: the `axis`-th of the joint `name`. In MJCF it is the joint `path`, and others (of a screw its slide) with
+    it, each with how far it goes per unit; `zero` is where the file has it at 0."""
+
+    name: str
+    axis: int
+    path: str
+    others: tuple[tuple[str, float], ...] = ()
+    zero: float = 0.0
+
+
+def question(file: Path, mjcf: Path, seed: int = 0) -> Question:
+    """Of one URDF or SDF file. Frames are seen from the root link; gravity acts in the world of a base that is fixed, else in the root's
+    axes."""
     model = mujoco.MjModel.from_xml_path(str(mjcf))
-    paths = {_safe(model.joint(k).name): model.joint(k).name for k in range(model.njnt) if model.jnt_type[k] != mujoco.mjtJoint.mjJNT_FREE}
-    if set(paths) != set(joints):
-        raise ValueError(f"{urdf}: joints {sorted(set(paths) ^ set(joints))} are in one file only")
+    tree = ElementTree.parse(file).getroot()
+    sdf = file.suffix == ".sdf"
+    types = {joint.attrib["name"]: joint.attrib["type"] for joint in tree.iter("joint")}
+    coordinates = list(_of_sdf(model, types, file) if sdf else _of_urdf(model, types, file))
+    links = set() if sdf else {link.attrib["name"] for link in tree.iter("link")}
     frames = {_of_link(_safe(model.body(k).name), links): ("body", k) for k in range(1, model.nbody)}
     bodies = {model.body(k).name for k in range(model.nbody)}  # a `frame` component that names its link is the link's own frame
     frames |= {_safe(model.site(k).name): ("site", k) for k in range(model.nsite) if model.site(k).name not in bodies}
-    names = list(joints)
-    mimics = [_mimic(model, paths[name]) for name in names]
-    prismatic = [joints[name].attrib["type"] == "prismatic" for name in names]
-    q = _configurations(names, prismatic, mimics, np.random.default_rng(seed))
+    by_path = {one.path: one for one in coordinates}
+    mimics = [_mimic(model, one, by_path) for one in coordinates]
+    slides = [model.jnt_type[model.joint(one.path).id] == mujoco.mjtJoint.mjJNT_SLIDE for one in coordinates]
+    q = _configurations([one.name for one in coordinates], slides, mimics, np.random.default_rng(seed))
+    closing = set(types) - {one.name for one in coordinates} - {name for name in types if name == "root" or not sdf}
     request = {
-        "file": str(urdf), "frames": list(frames), "joints": names, "q": q.tolist(), "gravity": model.opt.gravity.tolist(),
+        "file": str(file), "frames": list(frames), "joints": [one.name for one in coordinates], "axes": [one.axis for one in coordinates],
+        "leaders": [one and one[0] for one in mimics], "without": sorted(closing), "q": q.tolist(), "gravity": model.opt.gravity.tolist(),
         "free": bool((model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).any()),
     }
-    answers = {**_answers(model, [paths[name] for name in names], frames, q), "mimic": mimics}
-    answers["range"] = [_range(names, answers["range"], k, follows) for k, follows in enumerate(mimics)]
-    return Question(urdf.stem, request, answers)
+    zeros = np.array([one.zero for one in coordinates])
+    answers = {**_answers(model, coordinates, frames, q + zeros), "mimic": mimics}
+    if not sdf:
+        answers["range"] = [_range(request["joints"], answers["range"], k, follows) for k, follows in enumerate(mimics)]
+    else:  # what follows another is moved by it, without an effort of its own that could be too little
+        answers["effort"] = [np.inf if follows and not own else own for own, follows in zip(answers["effort"], mimics, strict=True)]
+    return Question(file.parent.name if sdf else file.stem, "SDF" if sdf else "URDF", request, answers)
+
+
+def _of_urdf(model: mujoco.MjModel, types: dict[str, str], file: Path) -> Iterator[Coordinate]:
+    """Those of the joints of URDF, in its order."""
+    paths = {_safe(path): path for path in _moving(model)}
+    moving = [name for name, kind in types.items() if kind != "fixed"]
+    if set(paths) != set(moving):
+        raise ValueError(f"{file}: joints {sorted(set(paths) ^ set(moving))} are in one file only")
+    return (Coordinate(name, 0, paths[name]) for name in moving)
+
+
+def _of_sdf(model: mujoco.MjModel, types: dict[str, str], file: Path) -> Iterator[Coordinate]:
+    """Those of the joints of SDF that the tree of MJCF has, in its order; others close loops. A universal joint has two of one name."""
+    paths, zero = _moving(model), _zeros(model, file)
+    axes: dict[str, int] = {}
+    for path in paths:
+        whole = _safe(path)[:-2]
+        name = whole if types.get(whole) == "universal" else _safe(path)
+        if path.endswith(":slide"):
+            continue
+        if name not in types:
+            raise ValueError(f"{file}: joint {name} is missing")
+        pitch = tuple((other, 1.0 / float(_polynomial(model, path)[1])) for other in paths if other == f"{path}:slide")
+        yield Coordinate(name, axes.get(name, 0), path, pitch, zero.get(path, 0.0))
+        axes[name] = axes.get(name, 0) + 1
+
+
+def _moving(model: mujoco.MjModel) -> list[str]:
+    return [model.joint(k).name for k in range(model.njnt) if model.jnt_type[k] != mujoco.mjtJoint.mjJNT_FREE]
+
+
+def _zeros(model: mujoco.MjModel, file: Path) -> dict[str, float]:
+    """Where the joints of an SDF file are at 0: the manifest says which pose that is, if it is not q = 0."""
+    build = file.parents[2]
+    losses = json.loads((build / "manifest.json").read_text())["losses"]
+    mode = file.parent.name.removeprefix(f"{build.name}_")
+    said = [re.search("counts from the pose `(.*?)`", loss["what"]) for loss in losses if (loss["target"], loss["mode"]) == ("sdf", mode)]
+    poses = [one[1] for one in said if one]
+    if not poses:
+        return {}
+    qpos = model.key(poses[0]).qpos
+    return {path: float(qpos[model.joint(path).qposadr[0]]) for path in _moving(model)}
+
+
+def _polynomial(model: mujoco.MjModel, path: str) -> Any:
+    """Of the equality by which a joint follows another."""
+    own = model.joint(path).id
+    return next(
+        model.eq_data[k] for k in range(model.neq) if model.eq_type[k] == mujoco.mjtEq.mjEQ_JOINT and int(model.eq_obj1id[k]) == own
+    )
 
 
 Follows = tuple[str, float, float]
 """The joint that one follows, the multiplier [per unit of its q], and the offset."""
 
 
-def _mimic(model: mujoco.MjModel, path: str) -> Follows | None:
-    """What a joint follows, by the equalities of MJCF. Of a screw MuJoCo has the turn follow the slide: the other way round here."""
-    own = model.joint(path).id
+def _mimic(model: mujoco.MjModel, one: Coordinate, by_path: dict[str, Coordinate]) -> Follows | None:
+    """What a coordinate follows, by the equalities of MJCF. Of a screw MuJoCo has the turn follow the slide: the other way round here,
+    where the slide is a coordinate of its own."""
+    own = model.joint(one.path).id
     for k in range(model.neq):
         if model.eq_type[k] != mujoco.mjtEq.mjEQ_JOINT:
             continue
         follower, leader = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
-        offset, multiplier = (float(one) for one in model.eq_data[k][:2])
+        offset, multiplier = (float(value) for value in model.eq_data[k][:2])
         screw = model.joint(leader).name.endswith(":slide")
         if screw and own == leader:
             return _safe(model.joint(follower).name), 1.0 / multiplier, 0.0
         if not screw and own == follower:
-            return _safe(model.joint(leader).name), multiplier, offset
+            led = by_path[model.joint(leader).name]
+            return led.name, multiplier, offset + multiplier * led.zero - one.zero
     return None
 
 
@@ -87,28 +162,45 @@ def _configurations(names: list[str], prismatic: list[bool], mimics: list[Follow
     return q
 
 
-def _answers(model: mujoco.MjModel, paths: list[str], frames: dict[str, tuple[str, int]], q: Any) -> dict[str, Any]:
+def _answers(model: mujoco.MjModel, coordinates: list[Coordinate], frames: dict[str, tuple[str, int]], q: Any) -> dict[str, Any]:
     data = mujoco.MjData(model)
-    dofs = [model.joint(path).dofadr[0] for path in paths]
+    moves = np.zeros((model.nv, len(coordinates)))  # what each coordinate moves in MuJoCo
+    for k, one in enumerate(coordinates):
+        for path, ratio in ((one.path, 1.0), *one.others):
+            moves[model.joint(path).dofadr[0], k] = ratio
     poses, matrices, torques, centres = [], [], [], []
     for values in q:
         mujoco.mj_resetData(model, data)
-        for path, value in zip(paths, values, strict=True):
-            data.joint(path).qpos = value
+        for one, value in zip(coordinates, values, strict=True):
+            for path, ratio in ((one.path, 1.0), *one.others):
+                data.joint(path).qpos = ratio * value
         if model.nq and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE:
             data.qpos[:7] = (0, 0, 0, 1, 0, 0, 0)
         mujoco.mj_forward(model, data)
         poses.append([_pose(data, *frame).tolist() for frame in frames.values()])
         full = np.zeros((model.nv, model.nv))
         mujoco.mj_fullM(model, data, full)
-        full -= np.diag(model.dof_armature)  # URDF has none
-        matrices.append(full[np.ix_(dofs, dofs)].tolist())
-        torques.append(data.qfrc_bias[dofs].tolist())
+        full -= np.diag(model.dof_armature)  # which the other formats have not
+        matrices.append((moves.T @ full @ moves).tolist())
+        torques.append((moves.T @ data.qfrc_bias).tolist())
         centres.append(data.subtree_com[0].tolist())
+    ranges = [(model.joint(one.path).range - one.zero).tolist() if model.joint(one.path).limited[0] else None for one in coordinates]
     return {
         "frames": poses, "mass": float(model.body_mass.sum()), "mass_matrix": matrices, "torque": torques, "centre": centres,
-        "range": [model.joint(path).range.tolist() if model.joint(path).limited[0] else None for path in paths],
+        "range": ranges, "effort": [_effort(model, model.joint(one.path).id) for one in coordinates],
     }
+
+
+def _effort(model: mujoco.MjModel, joint: int) -> float:
+    """How strong the drive of a joint is; without one what limits any that would be there, else nothing."""
+    for k in range(model.nu):
+        if model.actuator_trntype[k] == mujoco.mjtTrn.mjTRN_JOINT and model.actuator_trnid[k][0] == joint:
+            motor = model.actuator_biastype[k] == mujoco.mjtBias.mjBIAS_NONE
+            limited, bounds = (model.actuator_ctrllimited, model.actuator_ctrlrange) if motor else (
+                model.actuator_forcelimited, model.actuator_forcerange
+            )
+            return float(bounds[k][1]) if limited[k] else np.inf
+    return float(model.jnt_actfrcrange[joint][1]) if model.jnt_actfrclimited[joint] else 0.0
 
 
 def _pose(data: mujoco.MjData, kind: str, index: int) -> Any:
@@ -119,7 +211,7 @@ def _pose(data: mujoco.MjData, kind: str, index: int) -> Any:
 
 
 def _safe(path: str) -> str:
-    """A name of MJCF as URDF has it."""
+    """A name of MJCF as other formats have it."""
     return path.replace("/", "_").replace(":slide", "_slide")
 
 

@@ -34,6 +34,8 @@ def document(seed: int) -> str:
             said.append(f"mimic: {{joint: {rng.choice(same)}, multiplier: {multiplier:.3f}, offset: {offset:.3f} {unit}}}")
         elif unit is not None:
             leaders[f"j{k}"] = unit
+            if rng.random() < 0.4:
+                said.append("drive: {kind: motor, effort: " + ("7 N*m}" if unit == "rad" else "8 N}"))
         lines.append(f"  j{k}: {{{', '.join(said)}}}")
     root = int(rng.integers(0, count))
     lines += [

@@ -10,6 +10,8 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import shlex
+import shutil
 import subprocess
 import sys
 import venv
@@ -30,45 +32,74 @@ ROOT = HERE.parents[1]
 PAGE = ROOT / "docs" / "conformance.md"
 RANDOM = 20
 ROBOTS = ("assemblies/arm.yaml", "assemblies/minchw/minchw.yaml")
-BOUNDS = {"frames": 1e-9, "mass": 1e-6, "centre": 1e-6, "mass_matrix": 1e-6, "torque": 1e-6, "range": 1e-9, "mimic": 1e-12}
-"""How far answers may be apart: frames [m and 1], ranges [rad, m] and numbers of mimics absolutely, all else by the largest of its kind."""
+BOUNDS = {"frames": 1e-9, "mass": 1e-6, "centre": 1e-6, "mass_matrix": 1e-6, "torque": 1e-6, "range": 1e-9, "effort": 1e-9, "mimic": 1e-6}
+"""How far answers may be apart: frames [m and 1], ranges [rad, m], efforts [N m, N] and numbers of mimics absolutely, all else by the
+largest of its kind."""
 WORDS = {
     "frames": "frames", "mass": "total mass", "centre": "centre of mass", "mass_matrix": "mass matrix", "torque": "gravity torque",
-    "range": "limits", "mimic": "mimics",
+    "range": "limits", "effort": "efforts", "mimic": "mimics",
 }
 
 
 @dataclass(frozen=True)
 class Reader:
-    """Who reads: the name of its script, `ask_NAME.py`, and what its environment is made of (empty: this one)."""
+    """Who reads: the name of its script, `ask_NAME.py`, the formats that it reads, what its environment is made of (empty: this one), and
+    commands that must succeed for it to be had. What it `refuses`, by a word of what it says then, is said in the page and no fault."""
 
     name: str
+    formats: tuple[str, ...]
     packages: tuple[str, ...] = ()
     note: str = ""
+    needs: tuple[str, ...] = ()
+    refuses: str = ""
 
 
 READERS = (
-    Reader("mujoco", note="reads no mimics, so that followers are put where they belong, and welds a base that is free to the world"),
     Reader(
-        "pinocchio", ("pin==4.1.0",),
+        "mujoco", ("URDF",),
+        note="reads no mimics, so that followers are put where they belong, and welds a base that is free to the world",
+    ),
+    Reader(
+        "pinocchio", ("URDF",), ("pin==4.1.0",),
         "is asked with mimics off, and followers put where they belong; masses of all its links are summed, because its own total leaves "
         "out what is fixed to the world",
     ),
-    Reader("yourdfpy", ("yourdfpy==0.0.60",), "kinematics alone; it is given the leaders, and puts followers itself"),
+    Reader("yourdfpy", ("URDF",), ("yourdfpy==0.0.60",), "kinematics alone; it is given the leaders, and puts followers itself"),
+    Reader(
+        "drake", ("URDF", "SDF"), ("drake==1.51.1",),
+        "takes no loops, so that joints that close them and hold mounts are taken out before; is asked with followers put where they "
+        "belong; tells nobody what mimics, so that leaders are pushed and followers watched for 0.4 s; has efforts of what turns about or "
+        "slides along one axis, of URDF in `<transmission>` alone; a base that floats is put at the origin",
+    ),
+    Reader(
+        "libsdformat", ("SDF",), note="reads and checks models and worlds for Gazebo, warnings counted as errors; is no kinematics",
+        needs=("g++ --version", "pkg-config --exists sdformat12"), refuses="is newer than",
+    ),
+    Reader(
+        "check_urdf", ("URDF",), note="is ROS's own parser: takes the file, and finds every link", needs=("sh -c 'command -v check_urdf'",),
+    ),
 )
 
 
 @dataclass
 class Judged:
-    """What a reader made of a number of files: the worst difference by quantity, and what was wrong, by file."""
+    """What a reader made of a number of files: the worst difference by quantity, what was wrong, by file, and how many it refuses, as
+    is known of it, with what it says of the first."""
 
+    refuses: str = ""
     files: int = 0
+    refused: int = 0
+    refusal: str = ""
     worst: dict[str, float] = field(default_factory=dict)
     faults: list[str] = field(default_factory=list)
 
     def add(self, name: str, answer: Mapping[str, Any], expected: Mapping[str, Any], joints: Sequence[str]) -> None:
         """Compare one file's answers."""
         self.files += 1
+        if "cannot" in answer and self.refuses and self.refuses in answer["cannot"]:
+            self.refused += 1
+            self.refusal = self.refusal or answer["cannot"].partition(": ")[2]
+            return
         if "cannot" in answer:
             self.faults.append(f"{name}: reader cannot: {answer['cannot']}")
             return
@@ -79,11 +110,18 @@ class Judged:
                 self.faults.append(f"{name}: {WORDS[key]} are {apart:.3g} apart")
 
 
+UNBOUNDED = 1e9
+"""An effort [N m or N] from which on there is no limit."""
+
+
 def difference(key: str, answer: Any, expected: Any, joints: Sequence[str]) -> float:
     """How far two answers are apart: absolute for frames and ranges, else by the largest entry of what is expected."""
     if key == "range":
         both = [(_ends(a), _ends(b)) for name, a, b in zip(joints, answer, expected, strict=True) if not name.endswith("_slide")]
         return max((abs(x - y) for a, b in both for x, y in zip(a, b, strict=True) if x != y), default=0.0)
+    if key == "effort":
+        known = [(min(a, UNBOUNDED), min(b, UNBOUNDED)) for a, b in zip(answer, expected, strict=True) if a is not None]
+        return max((abs(a - b) for a, b in known), default=0.0)
     if key == "mimic":
         if [one and one[0] for one in answer] != [one and one[0] for one in expected]:
             return math.inf
@@ -110,14 +148,16 @@ def main() -> int:
     arguments = parser.parse_args()
     folder = ROOT / "build" / "conformance"
     asked = list(questions(folder, arguments.random))
-    rows: dict[str, tuple[str, dict[str, Judged]]] = {}
+    rows: dict[tuple[str, str], tuple[str, dict[str, Judged]]] = {}
     for reader in READERS:
-        if not arguments.reader or reader.name in arguments.reader:
-            rows[reader.name] = judged(reader, folder, asked)
-            print(f"{reader.name} {rows[reader.name][0]}", file=sys.stderr)
+        for format in reader.formats if not arguments.reader or reader.name in arguments.reader else ():
+            rows[reader.name, format] = judged(reader, folder, [(group, one) for group, one in asked if one.format == format])
+            print(f"{reader.name} {rows[reader.name, format][0]}: {format}", file=sys.stderr)
     page = "\n".join(table(rows))
     print(page)
-    faults = [f"{name}: {fault}" for name, (_, groups) in rows.items() for one in groups.values() for fault in one.faults]
+    faults = [
+        f"{name}: {format}: {fault}" for (name, format), (_, groups) in rows.items() for one in groups.values() for fault in one.faults
+    ]
     print("\n".join(faults), file=sys.stderr)
     if not arguments.print:
         head, _, rest = PAGE.read_text(encoding="utf-8").partition("<!-- conformance -->\n")
@@ -139,11 +179,13 @@ def questions(folder: Path, count: int) -> Iterator[tuple[str, Question]]:
         out = folder / "robots" / path.stem
         for urdf in sorted((out / "urdf").glob("*.urdf")):
             yield group, question(urdf, out / "mjcf" / f"{urdf.stem}.xml")
+        for sdf in sorted((out / "sdf").glob("*/model.sdf")):
+            yield group, question(sdf, out / "mjcf" / f"{sdf.parent.name}.xml")
 
 
 def built(path: Path, folder: Path) -> None:
     """Have a document built."""
-    words = [sys.executable, "-m", "thingc", "build", str(path), "--emit", "mjcf,urdf", "-o", str(folder)]
+    words = [sys.executable, "-m", "thingc", "build", str(path), "--emit", "mjcf,urdf,sdf", "-o", str(folder)]
     subprocess.run(words, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
@@ -151,19 +193,22 @@ def judged(reader: Reader, folder: Path, asked: Sequence[tuple[str, Question]]) 
     """A reader's version and what it made of each group; where it cannot be had the words for that, and nothing."""
     python = environment(reader, folder)
     if python is None:
-        return f"cannot be had here ({' '.join(reader.packages)})", {}
+        return f"cannot be had here ({' '.join(reader.packages or reader.needs)})", {}
     requests, answers = folder / "requests.json", folder / f"{reader.name}.json"
     requests.write_text(json.dumps([one.request for _, one in asked]))
     subprocess.run([str(python), str(HERE / f"ask_{reader.name}.py"), str(requests), str(answers)], check=True, cwd=HERE)
     read = json.loads(answers.read_text())
     groups: dict[str, Judged] = {}
     for (group, one), answer in zip(asked, read["answers"], strict=True):
-        groups.setdefault(group, Judged()).add(one.name, answer, one.answer, one.request["joints"])
+        groups.setdefault(group, Judged(reader.refuses)).add(one.name, answer, one.answer, one.request["joints"])
     return read["version"], groups
 
 
 def environment(reader: Reader, folder: Path) -> Path | None:
-    """The interpreter of an environment with a reader's packages, made once; None where they cannot be installed."""
+    """The interpreter of an environment with a reader's packages, made once; None where they cannot be installed, or something else is
+    missing."""
+    if not all(succeeds(command) for command in reader.needs):
+        return None
     if not reader.packages:
         return Path(sys.executable)
     place = folder / f"env-{'-'.join(reader.packages).replace('==', '-')}"
@@ -177,20 +222,27 @@ def environment(reader: Reader, folder: Path) -> Path | None:
     return python
 
 
-def table(rows: Mapping[str, tuple[str, dict[str, Judged]]]) -> Iterator[str]:
-    """The page's table: a row for each reader and group, with the worst differences."""
-    yield "| reader | robots | files | " + " | ".join(WORDS.values()) + " | |"
-    yield "|---" * (len(WORDS) + 4) + "|"
-    for name, (version, groups) in rows.items():
+def succeeds(command: str) -> bool:
+    """Whether there is such a command, and it exits with 0."""
+    words = shlex.split(command)
+    return shutil.which(words[0]) is not None and not subprocess.run(words, check=False, capture_output=True).returncode
+
+
+def table(rows: Mapping[tuple[str, str], tuple[str, dict[str, Judged]]]) -> Iterator[str]:
+    """The page's table: a row for each reader, format and group, with the worst differences."""
+    yield "| reader | reads | robots | files | " + " | ".join(WORDS.values()) + " | |"
+    yield "|---" * (len(WORDS) + 5) + "|"
+    for (name, format), (version, groups) in rows.items():
         if not groups:
-            yield f"| {name} | {version} |" + " |" * (len(WORDS) + 2)
+            yield f"| {name} | {format} | {version} |" + " |" * (len(WORDS) + 2)
         for group, one in groups.items():
             cells = [f"{one.worst[key]:.0e}" if key in one.worst else "-" for key in WORDS]
-            state = "all alike" if not one.faults else f"{len(one.faults)} apart"
-            yield f"| {name} {version} | {group} | {one.files} | " + " | ".join(cells) + f" | {state} |"
+            state = [f"{len(one.faults)} apart" if one.faults else "all alike" if one.refused < one.files else ""]
+            state += [f"reader cannot: {one.refused} ({one.refusal})"] if one.refused else []
+            yield f"| {name} {version} | {format} | {group} | {one.files} | " + " | ".join(cells) + f" | {', '.join(filter(None, state))} |"
     yield ""
     for reader in READERS:
-        if reader.name in rows:
+        if any(name == reader.name for name, _ in rows):
             yield f"- {reader.name}: {reader.note}."
 
 

@@ -5,13 +5,18 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from emit import sdf_answers
 from thingc.cli.main import main
 
 FOLDER = Path(__file__).resolve().parents[2] / "benchmarks" / "conformance"
+FEW = 4
+"""At how many configurations our own reader of SDF is asked: it is slow."""
+
 SEEDS = (0, 3, 20)
 """Of the last a turn without limits follows one with limits."""
 
@@ -24,26 +29,40 @@ def on_path():
 
 
 @pytest.fixture(scope="module")
-def asked(tmp_path_factory: pytest.TempPathFactory, shared_store: str):
-    """Questions to all modes of two random robots."""
+def both(tmp_path_factory: pytest.TempPathFactory, shared_store: str):
+    """Questions to all modes of three random robots, to files of each format."""
     from reference import question
     from robots import document
 
     base = tmp_path_factory.mktemp("conformance")
-    questions = []
+    questions = {"URDF": [], "SDF": []}
     for seed in SEEDS:
         path = base / f"random_{seed}.yaml"
         path.write_text(document(seed))
-        assert main(["build", str(path), "--emit", "mjcf,urdf", "-o", str(base / "out"), "--store", shared_store]) == 0
+        assert main(["build", str(path), "--emit", "mjcf,urdf,sdf", "-o", str(base / "out"), "--store", shared_store]) == 0
         folder = base / "out" / path.stem
-        questions += [question(file, folder / "mjcf" / f"{file.stem}.xml") for file in sorted((folder / "urdf").glob("*.urdf"))]
-    assert len(questions) == 3 * len(SEEDS)
+        for file in sorted((folder / "urdf").glob("*.urdf")):
+            questions["URDF"].append(question(file, folder / "mjcf" / f"{file.stem}.xml"))
+        for file in sorted((folder / "sdf").glob("*/model.sdf")):
+            questions["SDF"].append(fewer(question(file, folder / "mjcf" / f"{file.parent.name}.xml")))
+    assert [len(of) for of in questions.values()] == [3 * len(SEEDS)] * 2
     return questions
 
 
+def fewer(one):
+    """A question about the first configurations only."""
+    answers = {key: one.answer[key][:FEW] for key in ("frames", "mass_matrix", "torque", "centre")}
+    return replace(one, request={**one.request, "q": one.request["q"][:FEW]}, answer={**one.answer, **answers})
+
+
+@pytest.fixture
+def asked(both):
+    return both["URDF"]
+
+
 def judged(asked, change: Callable[[str], str] = str):
-    """What the study makes of MuJoCo's answers to files that were changed."""
-    from ask_mujoco import answer
+    """What the study makes of MuJoCo's answers to URDF files that were changed, and of those of our own reader to SDF files."""
+    import ask_mujoco
     from study import Judged
 
     verdict = Judged()
@@ -53,16 +72,19 @@ def judged(asked, change: Callable[[str], str] = str):
         changed = file.with_name(f"changed_{file.name}")
         changed.write_text(change(text))
         assert change is str or changed.read_text() != text, "something was changed"
+        answer = ask_mujoco.answer if one.format == "URDF" else sdf_answers.answer
         verdict.add(one.name, answer({**one.request, "file": str(changed)}), one.answer, one.request["joints"])
         changed.unlink()
     return verdict
 
 
-def test_what_thingc_writes_is_one_robot(asked) -> None:
-    verdict = judged(asked)
-    assert verdict.faults == [] and verdict.files == len(asked)
-    assert {*verdict.worst} == {"frames", "mass", "centre", "mass_matrix", "torque", "range"}
-    assert 0.0 < verdict.worst["frames"] < 1e-12
+def test_what_thingc_writes_is_one_robot(both) -> None:
+    for format, asked in both.items():
+        verdict = judged(asked)
+        assert verdict.faults == [] and verdict.files == len(asked)
+        more = {"mimic", "effort"} if format == "SDF" else set()
+        assert {*verdict.worst} == {"frames", "mass", "centre", "mass_matrix", "torque", "range"} | more
+        assert 0.0 < verdict.worst["frames"] < 1e-12
 
 
 def flipped(text: str) -> str:
@@ -103,6 +125,49 @@ def test_a_file_that_says_something_else_is_seen(asked, change: Callable[[str], 
     assert any(word in fault for fault in faults for word in seen)
 
 
+def flipped_sdf(text: str) -> str:
+    """The last axis the other way round."""
+    before, _, after = text.rpartition("<xyz>")
+    values, _, rest = after.partition("<")
+    return f"{before}<xyz>{' '.join(str(-float(x)) for x in values.split())}<{rest}"
+
+
+def turned_sdf(text: str) -> str:
+    """Every inertia a quarter turn about z."""
+    def quarter(match: re.Match[str]) -> str:
+        xx, xy, xz, yy, yz, zz = (float(one) for one in re.findall(r">(\S+?)</", match[0]))
+        values = {"ixx": yy, "ixy": -xy, "ixz": -yz, "iyy": xx, "iyz": xz, "izz": zz}
+        return "<inertia>" + "".join(f"<{name}>{value!r}</{name}>" for name, value in values.items()) + "</inertia>"
+
+    return re.sub(r"<inertia>.*?</inertia>", quarter, text, flags=re.S)
+
+
+def unheld_sdf(text: str) -> str:
+    """A base that is fixed nowhere."""
+    return re.sub(r'<joint name="root" type="fixed">.*?</joint>', "", text, flags=re.S)
+
+
+def alone_sdf(text: str) -> str:
+    """Nothing mimics."""
+    return re.sub(r"<mimic .*?</mimic>", "", text, flags=re.S)
+
+
+def wider_sdf(text: str) -> str:
+    """A limit elsewhere."""
+    return re.sub(r"<upper>(.*?)<", lambda match: f"<upper>{float(match[1]) + 0.1!r}<", text, count=1)
+
+
+@pytest.mark.parametrize(("change", "seen"), [
+    (flipped_sdf, "frames"), (turned_sdf, "mass matrix"), (unheld_sdf, "frames"), (alone_sdf, "mimics"), (wider_sdf, "limits"),
+], ids=lambda one: one.__name__ if callable(one) else "")
+def test_an_sdf_file_that_says_something_else_is_seen(both, change: Callable[[str], str], seen: str) -> None:
+    """A flipped axis, a turned inertia, a lost base, a dropped mimic, another limit: in every file that has such a thing."""
+    concerned = [one for one in both["SDF"] if change(text := Path(one.request["file"]).read_text()) != text]
+    faults = judged(concerned, change).faults
+    assert len(concerned) >= 3 and {one.name for one in concerned} == {fault.partition(":")[0] for fault in faults}
+    assert any(seen in fault for fault in faults)
+
+
 def test_a_mimic_that_is_left_out_is_seen(asked) -> None:
     """By readers that say what they follow."""
     from study import difference
@@ -113,6 +178,28 @@ def test_a_mimic_that_is_left_out_is_seen(asked) -> None:
     assert difference("mimic", [None] * len(expected), expected, []) > 1.0
     other = [one and (one[0], one[1], one[2] + 0.01) for one in expected]
     assert difference("mimic", other, expected, []) == pytest.approx(0.01)
+
+
+def test_what_a_reader_is_known_to_refuse_is_said_in_its_row() -> None:
+    from study import Judged, table
+
+    verdict = Judged("is newer than")
+    for _ in range(2):
+        verdict.add("arm_bench", {"cannot": "ValueError: SDFormat 1.11 is newer than 1.9"}, {}, [])
+    verdict.add("arm_drawing", {"mass": 1.0}, {"mass": 1.0}, [])
+    assert verdict.faults == []
+    row = list(table({("libsdformat", "SDF"): ("12.3.0", {"arm": verdict})}))[2]
+    assert row.startswith("| libsdformat 12.3.0 | SDF | arm | 3 |")
+    assert row.endswith("| all alike, reader cannot: 2 (SDFormat 1.11 is newer than 1.9) |")
+
+
+def test_a_reader_that_cannot_be_had_is_left_out_in_words(tmp_path: Path) -> None:
+    from study import Reader, judged, succeeds, table
+
+    assert succeeds("true") and not succeeds("false") and not succeeds("no-such-program --version")
+    version, groups = judged(Reader("other", ("SDF",), needs=("no-such-program --version",)), tmp_path, [])
+    assert version == "cannot be had here (no-such-program --version)" and groups == {}
+    assert list(table({("other", "SDF"): (version, groups)}))[2].startswith(f"| other | SDF | {version} |")
 
 
 def test_what_a_reader_cannot_take_is_a_fault_in_its_words() -> None:

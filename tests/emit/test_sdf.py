@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 import tempfile
@@ -322,6 +323,24 @@ def test_the_world_has_gravity_a_floor_a_light_and_the_model(every: Compiled) ->
         sdf = config.find("sdf")
         assert sdf is not None and sdf.text == "model.sdf" and f"sdf/every_{mode}/{sdf.text}" in every.sdf.files
         assert sdf.attrib["version"] == every.model(mode).root.attrib["version"] and config.findtext("name") == f"every_{mode}"
+
+
+def test_a_robot_that_floats_does_not_begin_in_the_floor(tmp_path: Path) -> None:
+    """A metre under it in the mode: the lowest corner of its parts touches it."""
+    request = small_robot.request(small_robot.assembly(Store(str(tmp_path))), Store(str(tmp_path)))
+    adrift = next(robot for robot in request.robots if robot.base == "free")
+    root = adrift.bodies[0]
+    low = replace(adrift, bodies=(replace(root, X_PL=Pose(translation=(0.0, 0.0, -1.0)) @ root.X_PL), *adrift.bodies[1:]))
+    made = emit(replace(request, robots=(low,)))
+    pose = ElementTree.fromstring(text_of(made, "sdf/world_adrift.sdf")).find("world/include/pose")
+    lift = matrix(pose)
+    poses, _ = Model(text_of(made, "sdf/arm_adrift/model.sdf")).placed({})
+    assembly, heights = request.assembly, []
+    for occurrence, link, inside in zip(assembly.occurrences, assembly.link_of, in_link(assembly), strict=True):
+        if occurrence.record is not None and occurrence.record.box is not None:
+            corners = np.array([(*corner, 1.0) for corner in itertools.product(*zip(*occurrence.record.box, strict=True))])
+            heights.append((lift @ poses[assembly.links[link].name] @ as_matrix(inside) @ corners.T)[2].min())
+    assert min(heights) == pytest.approx(0.0, abs=1e-12) and lift[2, 3] > 0.5
 
 
 def test_what_is_lost_is_said_at_its_line(every: Compiled) -> None:

@@ -5,17 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from thingc.emit.extent import Box, bounds, placements
 from thingc.emit.xml import Element, Written, number, numbers, write
 from thingc.memo import Memo
-from thingc.pose import NO_POSE, Pose, Vector
 from thingc.robot.types import Robot
 from thingc.source import Origin
 
 FLOOR = "floor"
-
-
-Box = tuple[Vector, Vector]
-"""Two corners [m], the lower one first."""
 
 
 def scene(robot: Robot, file: str, heading: str, model: Written, memo: Memo | None = None) -> Written:
@@ -72,36 +68,3 @@ def floor_name(model: Written) -> str:
     """`floor`, unless a component has the name: then `scene:floor`, which none can have."""
     taken = any(f'<{kind} name="{FLOOR}"' in model.text for kind in ("body", "geom"))  # the name is their first attribute
     return f"scene:{FLOOR}" if taken else FLOOR
-
-
-def placements(robot: Robot) -> tuple[tuple[tuple[int | None, Pose], ...], tuple[tuple[tuple[Pose, Box | None], ...], ...]]:
-    """Of every body its parent and its pose there, and of every body the poses and boxes of its parts."""
-    links, occurrences = robot.assembly.links, robot.assembly.occurrences
-    boxes = tuple(one.record.box if one.record is not None else None for one in occurrences)
-    return tuple((body.parent, body.X_PL) for body in robot.bodies), tuple(
-        tuple((pose, boxes[member]) for member, pose in zip(links[body.link].members, links[body.link].poses, strict=True))
-        for body in robot.bodies
-    )
-
-
-def bounds(
-    bodies: Sequence[tuple[int | None, Pose]], parts: Sequence[Sequence[tuple[Pose, Box | None]]]
-) -> Box | None:
-    """The box [m] around the robot in the world at q = 0, from its parts' boxes (see `placements`); None without geometry."""
-    low, high = [math.inf] * 3, [-math.inf] * 3
-    poses: list[Pose] = []
-    for (parent, X_PL), inside in zip(bodies, parts, strict=True):
-        at = (NO_POSE if parent is None else poses[parent]) @ X_PL
-        poses.append(at)
-        for pose, box in inside:
-            if box is None:
-                continue
-            placed = at @ pose
-            for corner in range(8):
-                x, y, z = (box[corner >> k & 1][k] for k in range(3))
-                point = placed.apply((x, y, z))
-                low = [min(a, b) for a, b in zip(low, point, strict=True)]
-                high = [max(a, b) for a, b in zip(high, point, strict=True)]
-    if low[0] > high[0]:
-        return None
-    return (low[0], low[1], low[2]), (high[0], high[1], high[2])

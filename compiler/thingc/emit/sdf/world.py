@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from thingc.emit.mjcf.scene import bounds, placements
+from thingc.emit.extent import bounds, placements
 from thingc.emit.sdf.model import PLAIN
 from thingc.emit.xml import Element, number, numbers
 from thingc.robot.types import Robot

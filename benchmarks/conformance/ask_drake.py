@@ -1,0 +1,105 @@
+"""Drake on URDF and SDF, as a discrete plant with SAP, without which it leaves mimics out: `python ask_drake.py REQUESTS ANSWERS`.
+
+It says of no joint what it mimics. So it simulates: a leader is pushed, and a line through where it and the follower are in the second half
+of 400 steps has the multiplier and the offset.
+"""
+
+from __future__ import annotations
+
+import logging
+import sys
+import xml.etree.ElementTree as ElementTree
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+from pydrake.math import RigidTransform
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import DiscreteContactApproximation, MultibodyPlant
+from pydrake.systems.analysis import Simulator
+
+STEP, STEPS, SPEED = 0.001, 400, 0.1
+"""How long a step is [s], how many there are, and how fast a leader is pushed [rad/s or m/s]."""
+
+ElementTree.register_namespace("drake", "http://drake.mit.edu")
+logging.getLogger("drake").setLevel(logging.ERROR)
+
+
+def answer(asked):
+    file = without(Path(asked["file"]), asked["without"])
+    try:
+        plant = MultibodyPlant(STEP)
+        plant.set_discrete_contact_approximation(DiscreteContactApproximation.kSap)
+        Parser(plant).AddModels(str(file))
+        plant.Finalize()
+    finally:
+        if file != Path(asked["file"]):
+            file.unlink()
+    context = plant.CreateDefaultContext()
+    for body in plant.GetFloatingBaseBodies():
+        plant.SetFreeBodyPose(context, plant.get_body(body), RigidTransform())
+    joints = [(plant.GetJointByName(name), axis) for name, axis in zip(asked["joints"], asked["axes"])]
+    dofs = [joint.velocity_start() + axis for joint, axis in joints]
+    plant.mutable_gravity_field().set_gravity_vector(asked["gravity"])
+    poses, matrices, torques, centres = [], [], [], []
+    for values in asked["q"]:
+        q = plant.GetPositions(context)
+        for (joint, axis), value in zip(joints, values):
+            q[joint.position_start() + axis] = value
+        plant.SetPositions(context, q)
+        frames = [plant.GetFrameByName(name) for name in asked["frames"]]
+        poses.append([frame.CalcPoseInWorld(context).GetAsMatrix4().tolist() for frame in frames])
+        matrices.append(plant.CalcMassMatrix(context)[np.ix_(dofs, dofs)].tolist())
+        torques.append((-plant.CalcGravityGeneralizedForces(context)[dofs]).tolist())
+        centres.append(plant.CalcCenterOfMassPositionInWorld(context).tolist())
+    limits = [(joint.position_lower_limits()[axis], joint.position_upper_limits()[axis]) for joint, axis in joints]
+    answers = {
+        "frames": poses, "mass": plant.CalcTotalMass(context), "mass_matrix": matrices, "torque": torques, "centre": centres,
+        "range": [None if np.isinf(ends).all() else list(ends) for ends in limits],
+        "mimic": [leader and [leader, *followed(plant, leader, name)] for name, leader in zip(asked["joints"], asked["leaders"])],
+    }
+    if file.suffix == ".sdf":  # of a URDF file it takes what is driven from `<transmission>` alone
+        actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
+        efforts = {actuator.joint().name(): actuator.effort_limit() for actuator in actuators}
+        single = [joint.num_velocities() == 1 and joint.type_name() != "screw" for joint, _ in joints]
+        answers["effort"] = [efforts.get(name, 0.0) if one else None for name, one in zip(asked["joints"], single)]
+    return answers
+
+
+def without(file, joints):
+    """The file, or one beside it without these joints."""
+    if not joints:
+        return file
+    tree = ElementTree.parse(file)
+    model = tree.getroot().find("model")
+    for element in [one for one in model.findall("joint") if one.attrib["name"] in joints]:
+        model.remove(element)
+    other = file.with_name(f"open_{file.name}")
+    tree.write(other)
+    return other
+
+
+def followed(plant, leader, follower):
+    """By how much one joint follows another, and from where."""
+    context = plant.CreateDefaultContext()
+    plant.get_actuation_input_port().FixValue(context, np.zeros(plant.num_actuators()))
+    plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
+    simulator = Simulator(plant, context)
+    one, other = plant.GetJointByName(leader), plant.GetJointByName(follower)
+    v = np.zeros(plant.num_velocities())
+    v[one.velocity_start()] = SPEED
+    plant.SetVelocities(simulator.get_mutable_context(), v)
+    points = []
+    for k in range(STEPS):
+        simulator.AdvanceTo(STEP * (k + 1))
+        q = plant.GetPositions(simulator.get_context())
+        points.append((q[one.position_start()], q[other.position_start()]))
+    x, y = np.array(points[STEPS // 2 :]).T
+    (multiplier, offset), *_ = np.linalg.lstsq(np.stack([x, np.ones_like(x)], axis=1), y, rcond=None)
+    return float(multiplier), float(offset)
+
+
+if __name__ == "__main__":
+    from asking import serve
+
+    serve(answer, version("drake"), sys.argv)

@@ -1,0 +1,51 @@
+"""libsdformat, by which Gazebo reads, on models and worlds of SDF: `python ask_libsdformat.py REQUESTS ANSWERS`. Every warning counts."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+PACKAGE = "sdformat12"
+
+
+def program(folder):
+    """The program that reads, compiled into a folder."""
+    flags = subprocess.run(["pkg-config", "--cflags", "--libs", PACKAGE], check=True, capture_output=True, text=True).stdout
+    subprocess.run(["g++", "-std=c++17", str(HERE / "read_sdf.cc"), "-o", str(folder / "read_sdf"), *shlex.split(flags)], check=True)
+    return folder / "read_sdf"
+
+
+def minor(version):
+    """11 of 1.11."""
+    return int(version.partition(".")[2])
+
+
+def answering(reader):
+    """What answers a request by a program."""
+    def answer(asked):
+        file = Path(asked["file"])
+        mode = file.parent.name.removeprefix(f"{file.parents[2].name}_")
+        world = file.parents[1] / f"world_{mode}.sdf"
+        said = subprocess.run([reader, file, world], check=True, capture_output=True, text=True).stdout
+        known, model, around = map(json.loads, said.splitlines())
+        written = ElementTree.parse(file).getroot().attrib["version"]
+        for one in (model, around):
+            if "cannot" in one and minor(written) > minor(known):
+                raise ValueError(f"SDFormat {written} is newer than the {known} that it reads")
+            if "cannot" in one:
+                raise ValueError(one["cannot"])
+        return model
+
+    return answer
+
+
+if __name__ == "__main__":
+    from asking import serve
+
+    version = subprocess.run(["pkg-config", "--modversion", PACKAGE], check=True, capture_output=True, text=True).stdout.strip()
+    serve(answering(program(Path(sys.argv[2]).resolve().parent)), version, sys.argv)

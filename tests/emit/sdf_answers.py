@@ -1,0 +1,59 @@
+"""What `read_sdf` answers when the study of conformance asks it: Jacobians by differences, everything else from them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from emit.read_sdf import Array, Model
+
+STEP = 1e-4
+"""How far [rad or m] to either side a difference is taken: what it loses is some 1e-9 of the whole."""
+
+
+def answer(asked: dict[str, Any]) -> dict[str, Any]:
+    """As the readers of `benchmarks/conformance` do: a base that floats is put at the origin."""
+    model = Model(Path(asked["file"]).read_text())
+    bodies = {link: model.inertia(link) for link in model.links}
+    masses = np.array([mass for mass, _, _ in bodies.values()])
+    total = float(masses.sum())
+    found: dict[str, Any] = {"frames": [], "centre": [], "mass_matrix": [], "torque": []}
+
+    def placed(values: Array) -> tuple[dict[str, Array], Array, Array]:
+        """Frames, centres of mass and axes of the links at these values of the coordinates."""
+        q: dict[str, Any] = {}
+        for name, axis, value in zip(asked["joints"], asked["axes"], values, strict=True):
+            q[name] = (q[name], value) if axis else value
+        poses, _ = model.placed(q, np.eye(4))
+        centres = np.array([(poses[link] @ [*centre, 1.0])[:3] for link, (_, centre, _) in bodies.items()])
+        return poses, centres, np.array([poses[link][:3, :3] for link in bodies])
+
+    for values in np.array(asked["q"]):
+        poses, centres, axes = placed(values)
+        found["frames"].append([poses[name] for name in asked["frames"]])
+        found["centre"].append(masses @ centres / total)
+        moves, turns = [], []
+        for step in STEP * np.eye(len(values)):
+            (_, ahead, turned), (_, behind, back) = placed(values + step), placed(values - step)
+            moves.append((ahead - behind) / (2.0 * STEP))
+            rate = (turned - back) / (2.0 * STEP) @ axes.transpose(0, 2, 1)
+            turns.append(np.stack([rate[:, 2, 1], rate[:, 0, 2], rate[:, 1, 0]], axis=1))
+        v, w = np.array(moves), np.array(turns)
+        inertias = np.array([turn @ inertia @ turn.T for turn, (_, _, inertia) in zip(axes, bodies.values(), strict=True)])
+        found["mass_matrix"].append(np.einsum("kla,l,mla->km", v, masses, v) + np.einsum("kla,lab,mlb->km", w, inertias, w))
+        found["torque"].append(-np.einsum("kla,l,a->k", v, masses, asked["gravity"]))
+    mimics, words = model.mimics(), ("axis", "axis2")
+    follows = [mimics.get((name, words[axis])) for name, axis in zip(asked["joints"], asked["axes"], strict=True)]
+    elements = [model.element(name).find(words[axis]) for name, axis in zip(asked["joints"], asked["axes"], strict=True)]
+    ends = [[None if one is None else one.findtext(f"limit/{end}") for end in ("lower", "upper")] for one in elements]
+    efforts = [None if one is None else one.findtext("limit/effort") for one in elements]
+    return {key: np.array(values).tolist() for key, values in found.items()} | {
+        "mass": total,
+        "mimic": [one and (one[0], one[2], one[3]) for one in follows],
+        "range": [
+            None if low is None and high is None else [float(low or "-inf"), float(high or "inf")] for low, high in ends
+        ],
+        "effort": [float(effort or "inf") for effort in efforts],
+    }
