@@ -483,6 +483,21 @@ def test_a_pose_is_where_mujoco_has_it(tmp_path: Path, root: str) -> None:
         assert data.body(name).xmat == pytest.approx(expected.site(name).xmat, abs=1e-9)
 
 
+@pytest.mark.parametrize(("base", "count"), [("planar", 3), ("ball", 3), ("held", 0)])
+def test_a_base_that_moves_has_states_and_is_in_no_group(tmp_path: Path, base: str, count: int) -> None:
+    joint = coordinates_of("j", "c0.out", "c1.in", "revolute", drive=drive("position", kp=1.0))
+    model = document("r", balls(2, {}), joint, modes=[mode("m", ref("c0.in"), base)], mounts={"tip": "c1.out"})
+    made = emit(asked(model, {}, str(tmp_path)))
+    urdf, srdf = xml(made, "urdf/r_m.urdf"), xml(made, "config/r_m.srdf")
+    names = [f"root_{k}" for k in range(count)]
+    assert [one.attrib["name"] for one in urdf.iterfind("ros2_control/joint")] == [*names, "j"]
+    assert [one.attrib["name"] for one in urdf.findall("joint") if one.attrib["type"] != "fixed"] == [*names, "j"]
+    assert len(urdf.findall("ros2_control/joint/command_interface")) == 1
+    assert groups_of(srdf) == {"tip": [("c0", "tip")], "r": [("j",)]} and srdf.find("virtual_joint") is None
+    assert [one.attrib["name"] for one in srdf.findall("passive_joint")] == names
+    assert '"frame": "world"' in text(made, "launch/display.launch.py")
+
+
 def test_a_mount_that_is_called_like_the_robot_is_told(tmp_path: Path) -> None:
     joint = coordinates_of("j", "c0.out", "c1.in", "revolute")
     request = asked(document("r", balls(2, {}), joint, modes=[mode("m", ref("c0.out"))], mounts={"r": "c1.out"}), {}, str(tmp_path))

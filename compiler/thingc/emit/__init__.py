@@ -140,7 +140,7 @@ def chosen(words: Sequence[str]) -> tuple[str, ...]:
 def modules_of(wanted: Collection[str]) -> tuple[str, ...]:
     """The modules of those of our own targets, and MuJoCo where it is asked: what takes long to import."""
     ours = {function.partition(":")[0]: None for target in wanted if target in TARGETS for function in TARGETS[target].emitters}
-    return (*ours, *(["mujoco"] if "mjcf" in wanted else []))
+    return (*ours, *(["mujoco"] if {"mjcf", "ros"} & {*wanted} else []))
 
 
 def emitter(target: str) -> Emitter:

@@ -82,7 +82,7 @@ def nodes(context):
 
     share = Path(get_package_share_directory("@PACKAGE@"))
     mode = MODES[chosen("mode")]
-    text = (share / "urdf" / f"@ROBOT@_{chosen('mode')}.urdf").read_text()
+    text = (share / "urdf" / f"@ROBOT@_{chosen('mode')}.urdf").read_text(encoding="utf-8")
     description = {"robot_description": ParameterValue(text, value_type=str)}
     started = [Node(package="robot_state_publisher", executable="robot_state_publisher", parameters=[description])]
     if chosen("control") == "true":

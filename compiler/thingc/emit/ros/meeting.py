@@ -9,15 +9,21 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Collection, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from thingc.emit.geometry import MeshAsset
 from thingc.emit.mjcf.known import mujoco_version
+from thingc.emit.names import safe
 from thingc.emit.urdf.model import UNBOUNDED
 from thingc.emit.xml import Element, write
 from thingc.frozen import dataclass
+from thingc.graph.types import Assembly
 from thingc.realize.store.local import Store
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 SAMPLES = 10_000
 SEED = 0
@@ -41,19 +47,33 @@ class Meetings:
     at: dict[str, frozenset[Pair]]
 
 
+def adjacent(assembly: Assembly) -> frozenset[Pair]:
+    """The pairs of links that a joint connects, also one that closes a loop."""
+    joined = (mate for mate in assembly.mates if mate.joints or mate.loop is not None)
+    linked = ((assembly.links[assembly.link_of[end]] for end in (mate.parent, mate.child)) for mate in joined)
+    return frozenset(pair_of(*(safe(link.name) for link in links)) for links in linked)
+
+
+def pair_of(one: str, other: str) -> Pair:
+    """Two links as a pair."""
+    return (one, other) if one < other else (other, one)
+
+
 def meetings(
-    tree: Element, meshes: str, assets: Sequence[MeshAsset], starts: Mapping[str, Mapping[str, float]], store: Store,
+    tree: Element, meshes: str, assets: Sequence[MeshAsset], starts: Mapping[str, Mapping[str, float]], neighbours: Collection[Pair],
+    store: Store,
 ) -> Meetings:
-    """Of a mode's URDF, `meshes` being the URI of the folder of its `assets`; `starts` are further configurations, q by joint. Remembered
-    in the store by what it depends on. Raises `ValueError` where MuJoCo does not take the links' shapes."""
+    """Of a mode's URDF, `meshes` being the URI of the folder of its `assets`; `starts` are further configurations, q by joint, and
+    `neighbours` pairs that nobody asks for. Remembered in the store by what it depends on. Raises `ValueError` where MuJoCo does not
+    take the links' shapes."""
     bare, needed = _collisions_only(tree, meshes)
     used = {mesh.file: mesh for mesh in assets if mesh.file in needed}
     text = write(bare, "What collides.").text
-    said = [mujoco_version(), SAMPLES, SEED, text, {file: mesh.mesh.sha256 for file, mesh in used.items()}, starts]
+    said = [mujoco_version(), SAMPLES, SEED, text, {file: mesh.mesh.sha256 for file, mesh in used.items()}, starts, sorted(neighbours)]
     key = hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
     known = store.get_json(MEETING, key)
     if known is None:
-        found = _Sampler(text, {file: store.read(mesh.mesh.sha256) for file, mesh in used.items()}, bare)
+        found = _Sampler(text, {file: store.read(mesh.mesh.sha256) for file, mesh in used.items()}, bare, neighbours)
         counts = found.counts()
         at = {name: found.at(q) for name, q in starts.items()}
         known = {
@@ -101,52 +121,65 @@ def _renamed(collision: Element, prefix: str, files: set[str]) -> Element:
 
 
 class _Sampler:
-    """MuJoCo, and the joints' coordinates in its state."""
+    """MuJoCo, and the joints' coordinates in its state: those of joints by themselves, and those that follow one of them."""
 
-    def __init__(self, text: str, assets: Mapping[str, bytes], tree: Element) -> None:
+    def __init__(self, text: str, assets: Mapping[str, bytes], tree: Element, neighbours: Collection[Pair]) -> None:
         import mujoco
+        import numpy as np
 
         spec = mujoco.MjSpec.from_string(text, assets=dict(assets))
         for mesh in spec.meshes:
             mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+        for one, other in neighbours:
+            spec.add_exclude(bodyname1=one, bodyname2=other)
         spec.memory = MEMORY
         self.model: Any = spec.compile()
         self.data: Any = mujoco.MjData(self.model)
-        self.links = [self.model.body(int(body)).name for body in self.model.geom_bodyid]
-        self.joints = [element for element in tree.children if element.tag == "joint" and element.attributes["type"] != "fixed"]
-        self.samples = SAMPLES if self.joints else 1
+        moving = {one.attributes["name"]: one for one in tree.children if one.tag == "joint" and one.attributes["type"] != "fixed"}
+        self.free = {name: joint for name, joint in moving.items() if joint.find("mimic") is None}
+        columns = {name: column for column, name in enumerate(self.free)}
+        self.leader, self.multiplier, self.offset = (np.zeros(self.model.nq, dtype=kind) for kind in (int, float, float))
+        for name, joint in moving.items():
+            mimic = joint.find("mimic")
+            said = mimic.attributes if mimic is not None else {"joint": name, "multiplier": "1", "offset": "0"}
+            address = self.model.joint(name).qposadr[0]
+            self.leader[address] = columns[said["joint"]]
+            self.multiplier[address], self.offset[address] = float(said["multiplier"]), float(said["offset"])
+        self.samples = SAMPLES if self.free else 1
 
     def counts(self) -> dict[Pair, int]:
         """In how many configurations pairs of links meet: joints by themselves are drawn between their limits, others follow them."""
         import numpy as np
 
-        free = [joint for joint in self.joints if joint.find("mimic") is None]
-        drawn = np.random.Generator(np.random.PCG64(SEED)).random((self.samples, len(free)))
-        ends = np.array([self._ends(joint) for joint in free]).reshape(-1, 2)
-        counts: dict[Pair, int] = {}
-        for q in ends[:, 0] + drawn * (ends[:, 1] - ends[:, 0]):
-            for pair in self.at(dict(zip((joint.attributes["name"] for joint in free), map(float, q), strict=True))):
-                counts[pair] = counts.get(pair, 0) + 1
-        return counts
+        drawn = np.random.Generator(np.random.PCG64(SEED)).random((self.samples, len(self.free)))
+        ends = np.array([self._ends(joint) for joint in self.free.values()]).reshape(-1, 2)
+        return self._meeting(ends[:, 0] + drawn * (ends[:, 1] - ends[:, 0]))
 
-    def at(self, q: Mapping[str, float]) -> set[Pair]:
-        """The pairs of links that meet at `q`, by joint; what follows is put where it belongs."""
+    def at(self, q: Mapping[str, float]) -> Collection[Pair]:
+        """The pairs of links that meet at `q`, by joint."""
+        import numpy as np
+
+        return self._meeting(np.array([[q[name] for name in self.free]])).keys()
+
+    def _meeting(self, q: NDArray[np.float64]) -> dict[Pair, int]:
+        """Of `q`, (n, joints by themselves), how often links meet."""
         import mujoco
+        import numpy as np
 
-        for name, value in self._all(q):
-            self.data.qpos[self.model.joint(name).qposadr[0]] = value
-        mujoco.mj_kinematics(self.model, self.data)
-        mujoco.mj_collision(self.model, self.data)
-        return {_ordered(self.links[one], self.links[other]) for one, other in self.data.contact.geom}
-
-    def _all(self, q: Mapping[str, float]) -> Iterator[tuple[str, float]]:
-        for joint in self.joints:
-            name, mimic = joint.attributes["name"], joint.find("mimic")
-            if mimic is None:
-                yield name, q.get(name, 0.0)
-            else:
-                said = mimic.attributes
-                yield name, float(said["multiplier"]) * q.get(said["joint"], 0.0) + float(said["offset"])
+        met: list[tuple[int, NDArray[np.int32]]] = []
+        for number, position in enumerate(q[:, self.leader] * self.multiplier + self.offset if self.free else q):
+            self.data.qpos[:] = position
+            mujoco.mj_kinematics(self.model, self.data)
+            mujoco.mj_collision(self.model, self.data)
+            if self.data.ncon:
+                met.append((number, np.sort(self.model.geom_bodyid[self.data.contact.geom], axis=1)))
+        if not met:
+            return {}
+        numbers = np.repeat([number for number, _ in met], [len(bodies) for _, bodies in met])
+        once = np.unique(np.column_stack([numbers, np.concatenate([bodies for _, bodies in met])]), axis=0)
+        pairs, counts = np.unique(once[:, 1:], axis=0, return_counts=True)
+        named = [pair_of(*(self.model.body(int(body)).name for body in pair)) for pair in pairs]
+        return {pair: int(count) for pair, count in zip(named, counts, strict=True)}
 
     def _ends(self, joint: Element) -> tuple[float, float]:
         """Between which values [rad or m] a joint is drawn: where it has no limit a whole turn, or as far as the robot is large."""
@@ -160,6 +193,3 @@ class _Sampler:
             return upper - span, upper
         return (lower, lower + span) if upper >= UNBOUNDED else (lower, upper)
 
-
-def _ordered(one: str, other: str) -> Pair:
-    return (one, other) if one < other else (other, one)

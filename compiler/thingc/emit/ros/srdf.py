@@ -8,7 +8,7 @@ from itertools import combinations
 from thingc.diagnostics import Report
 from thingc.emit.names import Names, safe
 from thingc.emit.ros.joints import Moving, joints, values
-from thingc.emit.ros.meeting import Meetings
+from thingc.emit.ros.meeting import Meetings, adjacent, pair_of
 from thingc.emit.urdf.model import WORLD
 from thingc.emit.xml import Element, number
 from thingc.frozen import dataclass
@@ -92,23 +92,19 @@ def _exported(robot: Robot) -> Iterator[Site]:
 
 def _unchecked(robot: Robot, touching: frozenset[str], meetings: Meetings | None) -> Iterator[tuple[str, str, str]]:
     """Pairs of links in the order of the robot, with the reason why MoveIt need not look at them, in the words of its setup assistant."""
-    assembly, mode = robot.assembly, robot.mode
-    joined = (mate for mate in assembly.mates if mate.joints or mate.loop is not None)
-    neighbours = {frozenset((assembly.link_of[mate.parent], assembly.link_of[mate.child])) for mate in joined}
-    own = {frozenset(pair) for pair in mode.exclude}
-    links = [(body.link, safe(assembly.links[body.link].name)) for body in robot.bodies]
-    for (index, one), (index_, other) in combinations([link for link in links if link[1] in touching], 2):
-        pair = frozenset((index, index_))
-        names = (one, other) if one < other else (other, one)
+    names, mode = [safe(link.name) for link in robot.assembly.links], robot.mode
+    neighbours, own = adjacent(robot.assembly), {pair_of(names[one], names[other]) for one, other in mode.exclude}
+    for one, other in combinations([names[body.link] for body in robot.bodies if names[body.link] in touching], 2):
+        pair = pair_of(one, other)
         if pair in neighbours:
             yield one, other, "Adjacent"
         elif pair in own:
             yield one, other, "User"
         elif meetings is None:
             continue
-        elif names in meetings.at[mode.name]:
+        elif pair in meetings.at[mode.name]:
             yield one, other, "Default"
-        elif meetings.counts.get(names, 0) >= ALWAYS * meetings.samples:
+        elif meetings.counts.get(pair, 0) >= ALWAYS * meetings.samples:
             yield one, other, "Always"
-        elif names not in meetings.counts:
+        elif pair not in meetings.counts:
             yield one, other, "Never"

@@ -10,7 +10,7 @@ from thingc.emit.ros.control import controllers, controllers_yaml, ros2_control
 from thingc.emit.ros.display import frame_of, launch_file, rviz_config
 from thingc.emit.ros.joints import start, values
 from thingc.emit.ros.losses import losses
-from thingc.emit.ros.meeting import Meetings, meetings
+from thingc.emit.ros.meeting import Meetings, adjacent, meetings
 from thingc.emit.ros.package import cmake_lists, package_xml
 from thingc.emit.ros.srdf import srdf
 from thingc.emit.urdf.model import MESHES, model
@@ -67,7 +67,7 @@ def _meetings(request: EmitRequest, trees: list[Element], shapes: Geometry, uri:
         first, tree = group[0]
         starts = {robot.mode.name: values(first, start(robot)) for robot, _ in group}
         try:
-            met = meetings(tree, uri, shapes.meshes, starts, request.store)
+            met = meetings(tree, uri, shapes.meshes, starts, adjacent(request.assembly), request.store)
         except ValueError:
             what = "which links never meet: MuJoCo does not read their shapes"
             lost += [Loss.of(robot.mode.origin, "ros", robot.mode.name, robot.mode.name, what, "omitted") for robot, _ in group]
