@@ -1,5 +1,5 @@
-"""Writes the pages of the diagnostics, what `thingc explain` shows of them, and what `language.md` says of kinds of tests:
-`python docs/generate.py`.
+"""Writes the pages of the diagnostics, what `thingc explain` shows of them, what `language.md` says of kinds of tests, and the table of
+`formats.md`: `python docs/generate.py`.
 
 From the closed set of codes, the sentences of `docs/codes/meanings.toml` and the examples of `tests/cases/codes` it makes
 `docs/diagnostics.md`, a page `docs/codes/TC302.md` for every code, and `compiler/thingc/reporting/examples.json`.
@@ -7,7 +7,8 @@ From the closed set of codes, the sentences of `docs/codes/meanings.toml` and th
 The wrong example of a code is a case: `TC302.yaml` with what is said of it in `TC302.txt`. The right one is `TC302.right.yaml`.
 Where an example needs a workspace of its own they are `TC120/wrong/robot.yaml` and `TC120/right/robot.yaml`.
 
-What stands between `<!-- generated: ... -->` and `<!-- /generated -->` in `docs/language.md` comes from the files of `checks`.
+What stands between `<!-- generated: ... -->` and `<!-- /generated -->` in `docs/language.md` comes from the files of `checks`,
+in `docs/formats.md` from the capabilities of the targets.
 """
 
 from __future__ import annotations
@@ -17,20 +18,41 @@ import json
 import re
 import shlex
 import tomllib
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from importlib import import_module
 from pathlib import Path
+from typing import get_type_hints
 
 from thingc.checks import kinds
 from thingc.diagnostics import Code
+from thingc.emit import TARGETS
+from thingc.emit.capabilities import Beside, Capabilities, Cell, Says
 
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
 PAGE = DOCS / "diagnostics.md"
+FORMATS = DOCS / "formats.md"
 LANGUAGE = DOCS / "language.md"
 MEANINGS = DOCS / "codes" / "meanings.toml"
 CASES = ROOT / "tests" / "cases" / "codes"
 EXAMPLES = ROOT / "compiler" / "thingc" / "reporting" / "examples.json"
 SUFFIXES = ("yaml", "toml")
+
+GROUPS = {
+    "joints": "joints", "of_joints": "of joints", "drives": "drives", "loops": "loops, by what they leave open where they are cut",
+    "bases": "bases of modes, besides `fixed`", "modes": "of modes", "links": "of links", "shapes": "shapes that touch",
+    "sensors": "sensors",
+}
+FEATURES = {
+    "of_joints.cone": "`limit: {cone: ...}`", "of_joints.velocity": "velocity limit", "of_joints.friction": "dry friction",
+    "loops.hold": "`hold` of a mount", "loops.weld": "nothing (`fixed`)", "loops.ball": "turns about a point", "loops.hinge": "a turn",
+    "loops.slide": "a slide", "loops.screw": "a screw", "loops.several": "several coordinates", "bases.start": "where a free one begins",
+    "modes.exclude": "links that never touch", "modes.simulation": "other `simulation`", "modes.timestep": "time step",
+    "links.frames": "mounts and frames", "links.rolling": "rolling friction", "links.weightless": "links without a mass",
+    "shapes.hull": "convex mesh", "shapes.mesh": "any mesh",
+}
+"""What a feature is called on the page, where not by its key."""
 
 HEAD = """\
 # Diagnostics
@@ -171,7 +193,29 @@ def generated() -> dict[Path, str]:
     """Every file that is made here, with its text."""
     told = meanings()
     pages = {DOCS / "codes" / f"{code.code}.md": code_page(code, told.get(code.code)) for code in Code}
-    return {PAGE: page(), EXAMPLES: examples(), LANGUAGE: language(), **pages}
+    return {PAGE: page(), EXAMPLES: examples(), LANGUAGE: language(), FORMATS: formats(), **pages}
+
+
+def formats() -> str:
+    """The page of the formats, with their tables."""
+    tables = {name: import_module(target.module).CAPABILITIES for name, target in TARGETS.items() if target.module is not None}
+    rows = [f"| | {' | '.join(tables)} |", "|---" * (1 + len(tables)) + "|"]
+    for group in get_type_hints(Capabilities):
+        rows.append(f"| **{GROUPS[group]}** |{' |' * len(tables)}")
+        rows += [
+            f"| {FEATURES.get(f'{group}.{name}', name)} | {' | '.join(_said(table[group][name]) for table in tables.values())} |"
+            for name in next(iter(tables.values()))[group]
+        ]
+    return _marked(_read(FORMATS), {"formats": "\n".join(rows)})
+
+
+def _said(cell: Cell) -> str:
+    """A cell of a table of capabilities, for people."""
+    if isinstance(cell, Beside):
+        return "-"
+    if isinstance(cell, Says):
+        return f"yes: {_cell(cell.how)}" if cell.how else "yes"
+    return f"*{cell.how}*{_cell(cell.words)}"
 
 
 def language() -> str:
@@ -180,7 +224,11 @@ def language() -> str:
     for kind in kinds().values():
         rows.append(f"| `{kind.name}` | mapping | | {_cell(kind.summary[0].lower() + kind.summary[1:].removesuffix('.'))} |")
     parts = {"kinds of tests": "\n".join(rows), "pages of tests": "\n\n".join(kind.page.strip("\n") for kind in kinds().values())}
-    text = _read(LANGUAGE)
+    return _marked(_read(LANGUAGE), parts)
+
+
+def _marked(text: str, parts: Mapping[str, str]) -> str:
+    """A page with the parts that are made here between their marks."""
     for name, part in parts.items():
         marked = re.compile(rf"(?s)(<!-- generated: {name} -->\n).*?(<!-- /generated -->)")
         text = marked.sub(lambda found, part=part: f"{found[1]}{part}\n{found[2]}", text)

@@ -388,8 +388,8 @@ def test_what_a_mode_loses() -> None:
         (None, "j1", "its motion as a ball's: three turns here, one after the other, whose angles are no coordinates of it"),
         (None, "j1", "its armature of 0.1 kg m^2"),
         (None, "j1", "its cone of 0.5 rad"),
-        ("m", "m", "the motion of its base as one joint's: its 3 coordinates are joints here, with links of 1e-9 kg between"),
-        ("m", "m", "how it is stepped (`simulation`)"),
+        ("m", "m", "the motion of its base as one joint's: its coordinates are joints here, with links of 1e-9 kg between"),
+        ("m", "m", "its time step"),
         ("n", "n", "the motion of its base as a ball's: three turns here, one after the other, whose angles are no coordinates of it"),
     ]
 

@@ -63,7 +63,7 @@ class Built:
         found: dict[str, Any] = json.loads(self.text("modes.json"))
         return found
 
-    def losses(self, mode: str) -> list[Loss]:
+    def losses(self, mode: str | None) -> list[Loss]:
         assert self.artifacts is not None, self.said
         return [loss for loss in self.artifacts.losses if loss.mode == mode]
 

@@ -120,7 +120,7 @@ def test_a_load_does_not_slip_at_the_effort_of_the_drive(press: Built) -> None:
 
 
 def test_what_is_said_to_be_lost(press: Built) -> None:
-    losses = [(loss.path, loss.how) for loss in press.losses("stand") if "thread" in loss.what]
+    losses = [(loss.path, loss.how) for loss in press.losses(None) if "thread" in loss.what]
     assert losses == [("lead", "approximated")]
 
 

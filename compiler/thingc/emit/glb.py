@@ -18,6 +18,7 @@ import numpy as np
 import trimesh
 
 from thingc.emit.artifact import Artifacts, Loss
+from thingc.emit.capabilities import BESIDE, SAYS, Capabilities, Loses, Says, losses
 from thingc.emit.geometry import channels, material_name
 from thingc.emit.request import EmitRequest
 from thingc.frozen import dataclass
@@ -32,6 +33,34 @@ from thingc.robot.types import Body, Robot
 Y_UP = Pose(rotation=((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)))
 """The world, whose z is up, as glTF has it, whose y is up."""
 
+_OPENS = Loses("omitted", ": turned joints open it")
+_CHAIN = Says("a node for each coordinate")
+
+CAPABILITIES: Capabilities = {
+    "joints": {
+        "revolute": SAYS, "continuous": SAYS, "prismatic": SAYS, "cylindrical": _CHAIN, "universal": _CHAIN, "planar": _CHAIN, "ball": SAYS,
+        "screw": Loses("omitted", ": its node slides only if it is shifted, too, when it is turned"),
+    },
+    "of_joints": {
+        "cone": BESIDE, "velocity": BESIDE, "damping": BESIDE, "friction": BESIDE, "armature": BESIDE, "stiffness": BESIDE,
+        "mimic": Loses("omitted", ": its node stays when that one is turned"),
+    },
+    "drives": {"position": BESIDE, "velocity": BESIDE, "motor": BESIDE, "universal": BESIDE, "ball": BESIDE},
+    "loops": {
+        "hold": Loses("omitted", ": turned joints move it"), "weld": _OPENS, "ball": _OPENS, "hinge": _OPENS, "slide": _OPENS,
+        "screw": _OPENS, "several": _OPENS,
+    },
+    "bases": {"held": BESIDE, "free": BESIDE, "start": SAYS, "planar": BESIDE, "ball": BESIDE},
+    "modes": {"gravity": BESIDE, "poses": Says("where the mode starts"), "exclude": BESIDE, "timestep": BESIDE, "simulation": BESIDE},
+    "links": {
+        "frames": BESIDE, "colours": SAYS, "friction": BESIDE, "rolling": BESIDE, "adhesion": BESIDE, "weightless": BESIDE,
+        "weightless_base": BESIDE,
+    },
+    "shapes": {"box": BESIDE, "cylinder": BESIDE, "capsule": BESIDE, "sphere": BESIDE, "hull": BESIDE, "mesh": BESIDE},
+    "sensors": {"imu": BESIDE, "force": BESIDE, "joint": BESIDE, "camera": BESIDE},
+}
+"""What glTF can say of a robot: neither masses nor drives are what a picture is asked for."""
+
 ROUGHNESS = 0.6
 """Of every surface: what a part is made of says its colour, not how it shines."""
 
@@ -45,22 +74,7 @@ def emit(request: EmitRequest) -> Artifacts:
         return Artifacts(files={}, losses=(whole,))
     drawn = _Drawn(request.store)
     files = {f"glb/{robot.name}_{robot.mode.name}.glb": _written(robot, drawn) for robot in request.robots}
-    return Artifacts(files=dict(sorted(files.items())), losses=tuple(dict.fromkeys(_losses(request))))
-
-
-def _losses(request: EmitRequest) -> Iterator[Loss]:
-    """What does not follow when the nodes of joints are turned. Neither masses nor drives are what a picture is asked for."""
-    for robot in request.robots:
-        for joint in (joint for body in robot.bodies for joint in body.joints):
-            if joint.mimic is not None:
-                what = f"that it follows `{joint.mimic.joint.path}`: its node stays when that one is turned"
-                yield Loss.of(joint.origin, "glb", None, joint.path, what, "omitted")
-            if joint.twist.pitch:
-                what = "its thread: its node slides only if it is shifted, too, when it is turned"
-                yield Loss.of(joint.origin, "glb", None, joint.path, what, "omitted")
-        for closure in robot.closures:
-            what = "what it holds: turned joints move it" if closure.hold else "its loop: turned joints open it"
-            yield Loss.of(closure.origin, "glb", robot.mode.name, closure.path, what, "omitted")
+    return Artifacts(files=dict(sorted(files.items())), losses=losses("glb", CAPABILITIES, request.assembly, request.robots))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,7 +11,7 @@ from thingc.inertia import MassProperties
 from thingc.joints import JointKind, Twist
 from thingc.joints.bases import BaseType
 from thingc.pose import Pose, Vector
-from thingc.realize.record import Mesh, PartRecord, Primitive
+from thingc.realize.record import DriveType, Mesh, PartRecord, Primitive
 from thingc.resolve.model import (
     AssemblyDefinition,
     BomEntry,
@@ -26,6 +26,7 @@ from thingc.resolve.model import (
     Overrides,
     RawAttribute,
     Reference,
+    SensorType,
     Test,
 )
 from thingc.source import Origin
@@ -88,7 +89,7 @@ class ActuatorModel(Brief):
     """A joint's drive with defaults from the Thing's actuator filled in; SI. `effort` the force limit; `axis` of a drive of a ball is
     the one about which it turns it, a unit vector that is fixed in the child, in the parent mount's axes at q = 0."""
 
-    kind: str
+    kind: DriveType
     kp: float | None
     kv: float | None
     effort: float | None
@@ -219,7 +220,7 @@ class LinkedSensor(Brief):
     the mount `mount` of `occurrence` (None where it measures `joint`, a joint path); `fovy` [rad] of a camera."""
 
     path: str
-    kind: str
+    kind: SensorType
     site: str | None
     occurrence: int | None
     mount: str | None

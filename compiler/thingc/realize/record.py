@@ -11,6 +11,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import field, replace
 from enum import Enum
+from typing import Literal
 
 from thingc.brief import Brief
 from thingc.frozen import dataclass
@@ -193,11 +194,15 @@ class Stated(Brief):
     source: str = "stated"
 
 
+DriveType = Literal["position", "velocity", "motor"]
+"""What a drive is told: where to go, how fast, or how hard to push."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ActuatorRecord(Brief):
     """A Thing's actuator in SI; `sources` says where a number came from, by field name."""
 
-    kind: str
+    kind: DriveType
     stall_torque: float | None = None
     no_load_speed: float | None = None
     gear_ratio: float = 1.0
@@ -212,12 +217,15 @@ class ActuatorRecord(Brief):
         return None if self.rotor_inertia is None else self.rotor_inertia * self.gear_ratio * self.gear_ratio
 
 
+PrimitiveShape = Literal["box", "cylinder", "capsule", "sphere"]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Primitive(Brief):
     """A box, cylinder, capsule or sphere. `size` as MuJoCo's: box half sizes; cylinder and capsule radius, half
     length (of the straight part) along z; sphere radius [m]. `pose` is in the part's frame."""
 
-    shape: str
+    shape: PrimitiveShape
     size: tuple[float, ...]
     pose: Pose
 

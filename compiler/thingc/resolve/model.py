@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import re
 from dataclasses import field
-from typing import Any
+from typing import Any, Literal
 
 from thingc.brief import Brief
 from thingc.frozen import dataclass
 from thingc.joints import JointKind, Twist
 from thingc.joints.bases import BaseType
 from thingc.pose import Pose, Vector
-from thingc.realize.record import PartDefinition, Value
+from thingc.realize.record import DriveType, PartDefinition, Value
 from thingc.source import Origin, Span
 
 COUNTED = "the reference is repeated this often"
@@ -211,7 +211,7 @@ class Drive(Brief):
     (a unit vector fixed in the child, in the parent mount's axes at q = 0)."""
 
     component: Reference | None
-    kind: str | None = None
+    kind: DriveType | None = None
     kp: float | None = None
     kv: float | None = None
     effort: float | None = None
@@ -307,13 +307,16 @@ class NamedPose(Brief):
     origin: Origin
 
 
+SensorType = Literal["imu", "force", "joint", "camera"]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensor(Brief):
     """What a robot measures. `kind` is `imu | force | joint | camera`; the first two and a camera sit on `mount`; `joint` is
     the path of the joint that is measured (`leg/knee`); `fovy` [rad] the angle of view of a camera from bottom to top."""
 
     name: str
-    kind: str
+    kind: SensorType
     mount: Reference | None
     joint: str | None
     fovy: float | None

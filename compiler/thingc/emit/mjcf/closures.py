@@ -12,10 +12,12 @@ from collections.abc import Collection, Iterator, Mapping
 from typing import assert_never
 
 from thingc.emit.artifact import Loss
+from thingc.emit.capabilities import Loses
+from thingc.emit.mjcf.capabilities import CAPABILITIES
 from thingc.emit.mjcf.poses import pose_attributes
 from thingc.emit.xml import Element, numbers
 from thingc.pose import Pose, shifted
-from thingc.robot.types import Closure, ClosureKind, Robot, residual_words
+from thingc.robot.types import Closure, Robot, residual_words
 
 STIFFNESS = "0.999 0.9999 0.001"
 """`solimp` of a closure. MuJoCo's equalities give way; its own 0.9 lets a held foot sag by a part of a millimetre."""
@@ -100,7 +102,7 @@ def _lever(robot: Robot, closure: Closure) -> float:
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
-    """Poses that do not close or had to be moved, and what a joint that was cut cannot have."""
+    """Poses that do not close or had to be moved, and what a joint that was cut, and whose loop is closed, cannot have."""
     mode = robot.mode.name
     turns = {joint.path for mate in robot.assembly.mates for joint in mate.joints if joint.twist.turns}
     for frame in robot.keyframes:
@@ -114,7 +116,7 @@ def losses(robot: Robot) -> Iterator[Loss]:
             what = f"its keyframe: `{one.path}` does not close, at best it is {residual_words(one.residual)} off"
         yield Loss.of(one.origin, "mjcf", mode, one.name, what, "omitted")
     for closure in robot.closures:
-        if not closure.joints:
+        if not closure.joints or isinstance(CAPABILITIES["loops"][closure.kind], Loses):
             continue
         joint = closure.joints[0]
         lost = [
@@ -126,27 +128,8 @@ def losses(robot: Robot) -> Iterator[Loss]:
                 ("what it mimics", joint.mimic is not None),
             ) if there
         ]
-        opened = _opened(closure.kind)
-        if opened is not None:
-            lost = [f"the loop through it: MuJoCo has no equality that {opened}"]
         if lost:
-            what = ", ".join(lost) + (": a loop is cut here" if opened is None else "")
-            yield Loss.of(closure.origin, "mjcf", mode, closure.path, what, "omitted")
-
-
-def _opened(kind: ClosureKind) -> str | None:
-    """What MuJoCo's equalities cannot leave open: a loop that is cut there stays open in its model. None where they can."""
-    match kind:
-        case "weld" | "ball" | "hinge":
-            return None
-        case "slide":
-            return "slides"
-        case "screw":
-            return "screws"
-        case "several":
-            return "moves in several coordinates"
-        case _:
-            assert_never(kind)
+            yield Loss.of(closure.origin, "mjcf", mode, closure.path, f"{', '.join(lost)}: a loop is cut here", "omitted")
 
 
 def _moved(moved: Mapping[str, float], turns: Collection[str]) -> str:

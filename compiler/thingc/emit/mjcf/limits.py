@@ -43,8 +43,6 @@ class _Limits:
     def takes(self, occurrence: Occurrence, piece: Mesh | Primitive) -> bool:
         """Whether MuJoCo can touch with a shape; what is lost with it, or by it, is noted."""
         choice = occurrence.overrides.collision
-        if choice == "mesh":
-            self.lose(occurrence, "its collision mesh: MuJoCo touches the convex hull of a mesh", "approximated")
         if isinstance(piece, Primitive):
             if min(piece.size) > 0.0:
                 return True
@@ -56,7 +54,5 @@ class _Limits:
         return False
 
     def flat(self, occurrence: Occurrence, why: str) -> None:
-        self.lose(occurrence, f"its contacts: {why}, and MuJoCo needs a solid to touch", "omitted")
-
-    def lose(self, occurrence: Occurrence, what: str, how: str) -> None:
-        self.losses.append(Loss.of(occurrence.origin, "mjcf", None, occurrence.path, what, how))
+        what = f"its contacts: {why}, and MuJoCo needs a solid to touch"
+        self.losses.append(Loss.of(occurrence.origin, "mjcf", None, occurrence.path, what, "omitted"))

@@ -35,18 +35,12 @@ def model(robot: Robot, geometry: Geometry, memo: Memo | None = None) -> Element
 
 
 def losses(robot: Robot) -> Iterator[Loss]:
-    """What MJCF cannot say of this mode beyond its geometry. Velocity limits are of no mode: every one has them."""
+    """What MJCF cannot say of this mode for what it is: where a joint is cut or reversed, and what a sensor sits on."""
     for joint in _joints(robot):
         if joint.reversed and joint.kind.at_once and joint.dynamics.friction and joint.path.endswith("_0"):
             what = "its dry friction: MuJoCo has a box of torques about the axes of the tree's child, which is the document's parent"
             path = robot.assembly.mates[joint.mate].name or joint.path
             yield Loss.of(joint.origin, "mjcf", robot.mode.name, path, what, "approximated")
-        if joint.twist.pitch:
-            what = "its thread: MuJoCo turns and slides it, and ties the two by an equality, which gives way by a little"
-            yield Loss.of(joint.origin, "mjcf", robot.mode.name, joint.path, what, "approximated")
-        if joint.limit.velocity is not None:
-            what = f"its velocity limit of {joint.limit.velocity:.6g} {'rad/s' if joint.twist.turns else 'm/s'}"
-            yield Loss.of(joint.origin, "mjcf", None, joint.path, what, "carried as custom data")
     yield from closures.losses(robot)
     yield from sensors.losses(robot)
 

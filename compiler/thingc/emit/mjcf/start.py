@@ -193,8 +193,9 @@ def gains_of(model: Any, data: Any) -> Iterator[tuple[str, Gains]]:
     driven = [k for k in range(model.nu) if int(model.actuator_trntype[k]) in of_joints]
     if not driven:
         return
-    rows = np.asarray(data.efc_J, dtype=float).reshape(-1, model.nv) if data.nefc else np.zeros((0, model.nv))
-    tied = np.ascontiguousarray(rows[np.asarray(data.efc_type[: len(rows)]) == mujoco.mjtConstraint.mjCNSTR_EQUALITY])
+    # MuJoCo makes room for constraints that it then leaves out because nothing in them can move.
+    rows = np.asarray(data.efc_J, dtype=float)[: data.nefc * model.nv].reshape(-1, model.nv)
+    tied = np.ascontiguousarray(rows[np.asarray(data.efc_type) == mujoco.mjtConstraint.mjCNSTR_EQUALITY])
     across = np.zeros_like(tied)
     if len(tied):
         mujoco.mj_solveM(model, data, across, tied)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from thingc.emit.artifact import Artifacts, Content, Loss, Stored
+from thingc.emit.capabilities import losses
 from thingc.emit.mjcf import check, raw, scene
 from thingc.emit.mjcf import model as tree
+from thingc.emit.mjcf.capabilities import CAPABILITIES
 from thingc.emit.mjcf.limits import taken
 from thingc.emit.request import EmitRequest
 from thingc.emit.xml import write
@@ -44,12 +46,12 @@ def models(request: EmitRequest) -> Models:
     roots = [tree.model(robot, geometry, request.memo) for robot in robots]
     raw.lay(assembly, robots, roots, report)
 
-    losses: dict[Loss, None] = dict.fromkeys(unsaid)
+    lost: dict[Loss, None] = dict.fromkeys((*unsaid, *losses("mjcf", CAPABILITIES, assembly, robots)))
     candidates: list[check.Candidate] = []
     for robot, root in zip(robots, roots, strict=True):
         file = f"{assembly.name}_{robot.mode.name}.xml"
         heading = f"Written by thingc from {assembly.definition.document}, mode {robot.mode.name}."
-        losses |= dict.fromkeys(tree.losses(robot))
+        lost |= dict.fromkeys(tree.losses(robot))
         model = write(root, heading)
         candidates.append(check.Candidate(
             mode=robot.mode.name, file=file, root=root, heading=heading, model=model,
@@ -63,6 +65,6 @@ def models(request: EmitRequest) -> Models:
         if not report.diagnostics:
             for one in candidates:
                 request.memo.keep(("mujoco scene", one.mode), (one.scene.text,), True)
-    made = Models(candidates=every, assets=geometry.assets, losses=tuple(losses))
+    made = Models(candidates=every, assets=geometry.assets, losses=tuple(lost))
     request.made["mjcf"] = made
     return made

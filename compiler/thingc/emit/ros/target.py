@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from thingc.emit.artifact import Artifacts, Content, Loss
+from thingc.emit.capabilities import losses
 from thingc.emit.geometry import Geometry, solid_geometry
 from thingc.emit.names import package_name, safe
 from thingc.emit.request import EmitRequest
+from thingc.emit.ros.capabilities import CAPABILITIES
 from thingc.emit.ros.control import controllers, controllers_yaml, ros2_control
 from thingc.emit.ros.display import frame_of, launch_file, rviz_config
 from thingc.emit.ros.joints import start, values
-from thingc.emit.ros.losses import losses
 from thingc.emit.ros.meeting import Meetings, adjacent, meetings
 from thingc.emit.ros.package import cmake_lists, package_xml
 from thingc.emit.ros.srdf import srdf
@@ -27,7 +28,6 @@ def emit(request: EmitRequest) -> Artifacts:
     heading = f"Written by thingc from {assembly.definition.document}."
     trees = [model(robot, shapes, request.report, uri) for robot in robots]
     met, unmet = _meetings(request, trees, shapes, uri)
-    lost: dict[Loss, None] = dict.fromkeys([*flat, *unmet])
     files: dict[str, Content] = {f"{MESHES}/{file}": stored for file, stored in shapes.assets.items()}
     touching = _touching(request, shapes)
     for robot, tree in zip(robots, trees, strict=True):
@@ -38,7 +38,6 @@ def emit(request: EmitRequest) -> Artifacts:
         if control is not None:
             tree.children.append(control)
         files[f"urdf/{file}.urdf"] = write(tree, of_mode).text.encode()
-        lost |= dict.fromkeys(losses(robot))
     commanded = controllers(robots)
     files["config/controllers.yaml"] = f"# {heading}\n{controllers_yaml(commanded)}".encode()
     files["config/display.rviz"] = rviz_config(frame_of(robots[0]), heading).encode()
@@ -46,7 +45,8 @@ def emit(request: EmitRequest) -> Artifacts:
     files["CMakeLists.txt"] = cmake_lists(assembly.name, {path.partition("/")[0] for path in files}, heading).encode()
     description = " ".join(assembly.definition.description.split()) or f"The robot {assembly.name}."
     files["package.xml"] = package_xml(assembly.name, description, request.workspace.about, heading).encode()
-    return Artifacts(files={f"{folder}/{path}": content for path, content in sorted(files.items())}, losses=tuple(lost))
+    lost = (*flat, *unmet, *losses("ros", CAPABILITIES, assembly, robots))
+    return Artifacts(files={f"{folder}/{path}": content for path, content in sorted(files.items())}, losses=tuple(dict.fromkeys(lost)))
 
 
 def _touching(request: EmitRequest, shapes: Geometry) -> frozenset[str]:

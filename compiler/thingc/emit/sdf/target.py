@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from thingc.emit.artifact import Artifacts, Content, Loss
+from thingc.emit.artifact import Artifacts, Content
+from thingc.emit.capabilities import losses
 from thingc.emit.geometry import solid_geometry
 from thingc.emit.request import EmitRequest
-from thingc.emit.sdf.losses import losses
+from thingc.emit.sdf import losses as special
+from thingc.emit.sdf.capabilities import CAPABILITIES
 from thingc.emit.sdf.model import MESHES, model
 from thingc.emit.sdf.world import config, world
 from thingc.emit.sdf.zero import zero_state
@@ -19,7 +21,7 @@ def emit(request: EmitRequest) -> Artifacts:
     shapes, flat = solid_geometry(assembly, "sdf", f"sdf/{assembly.name}_MODE/{MESHES}", request.report)
     meshes = {f"{MESHES}/{file}": stored for file, stored in shapes.assets.items()}
     files: dict[str, Content] = {}
-    lost: dict[Loss, None] = dict.fromkeys(flat)
+    lost = dict.fromkeys((*flat, *losses("sdf", CAPABILITIES, assembly, request.robots, cut=True)))
     for robot in request.robots:
         name, zero = f"{assembly.name}_{robot.mode.name}", zero_state(robot)
         heading = f"Written by thingc from {assembly.definition.document}, mode {robot.mode.name}."
@@ -28,5 +30,5 @@ def emit(request: EmitRequest) -> Artifacts:
         files[f"sdf/{name}/model.config"] = write(config(name, written.attributes["version"], heading), heading).text.encode()
         files[f"sdf/world_{robot.mode.name}.sdf"] = write(world(robot, name), heading).text.encode()
         files |= {f"sdf/{name}/{path}": content for path, content in meshes.items()}
-        lost |= dict.fromkeys(losses(robot, zero))
+        lost |= dict.fromkeys(special.losses(robot, zero))
     return Artifacts(files=dict(sorted(files.items())), losses=tuple(lost))

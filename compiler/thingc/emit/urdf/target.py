@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from thingc.emit.artifact import Artifacts, Content, Loss
+from thingc.emit.artifact import Artifacts, Content
+from thingc.emit.capabilities import losses
 from thingc.emit.geometry import solid_geometry
 from thingc.emit.names import package_name
 from thingc.emit.request import EmitRequest
-from thingc.emit.urdf.losses import losses
+from thingc.emit.urdf.capabilities import CAPABILITIES
 from thingc.emit.urdf.model import MESHES, model
 from thingc.emit.xml import write
 
@@ -21,12 +22,11 @@ def emit(request: EmitRequest) -> Artifacts:
     shapes, flat = solid_geometry(assembly, "urdf", FOLDER, request.report)
     meshes = _uri(request)
     files: dict[str, Content] = {f"{FOLDER}/{file}": stored for file, stored in shapes.assets.items()}
-    lost: dict[Loss, None] = dict.fromkeys(flat)
     for robot in request.robots:
         heading = f"Written by thingc from {assembly.definition.document}, mode {robot.mode.name}."
         files[f"urdf/{assembly.name}_{robot.mode.name}.urdf"] = write(model(robot, shapes, request.report, meshes), heading).text.encode()
-        lost |= dict.fromkeys(losses(robot))
-    return Artifacts(files=dict(sorted(files.items())), losses=tuple(lost))
+    lost = losses("urdf", CAPABILITIES, assembly, request.robots)
+    return Artifacts(files=dict(sorted(files.items())), losses=tuple(dict.fromkeys((*flat, *lost))))
 
 
 def _uri(request: EmitRequest) -> str:

@@ -5,15 +5,16 @@ every value is looked at before it is used.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict
-from typing import Any
+from typing import Any, TypeVar, get_args
 
 from thingc.inertia import physical_fault
 from thingc.pose import Pose, Vector
 from thingc.realize.record import (
     WHOLE,
     ActuatorRecord,
+    DriveType,
     Expectation,
     MountRecord,
     Outside,
@@ -291,7 +292,7 @@ def _actuator(value: Any, path: str) -> ActuatorRecord:
     quantities = {key: _maybe(table, key, path) for key in _NUMBERS}
     gear_ratio = quantities.pop("gear_ratio")
     return ActuatorRecord(
-        kind=_one_of({"position", "velocity", "motor"}, table, "kind", path), gear_ratio=1.0 if gear_ratio is None else gear_ratio,
+        kind=_one_of(get_args(DriveType), table, "kind", path), gear_ratio=1.0 if gear_ratio is None else gear_ratio,
         sources=_words(table.get("sources", {}), f"{path}.sources"), **quantities,
     )
 
@@ -376,9 +377,12 @@ def _flag(table: Mapping[str, Any], key: str, path: str) -> bool:
     return flag
 
 
-def _one_of(known: set[str] | frozenset[str], table: Mapping[str, Any], key: str, path: str) -> str:
-    word = table.get(key)
-    if not isinstance(word, str) or word not in known:
+_Word = TypeVar("_Word", bound=str)
+
+
+def _one_of(known: Collection[_Word], table: Mapping[str, Any], key: str, path: str) -> _Word:
+    word = next((one for one in known if one == table.get(key)), None)
+    if word is None:
         raise BadLock(f"{path}.{key}", f"expected one of {', '.join(sorted(known))}")
     return word
 

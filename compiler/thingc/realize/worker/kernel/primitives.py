@@ -19,7 +19,7 @@ from OCP.TopAbs import TopAbs_FACE
 from OCP.TopoDS import TopoDS
 
 from thingc.pose import IDENTITY, Matrix, Pose, Vector, cross, dot, rotate, transpose
-from thingc.realize.record import Primitive
+from thingc.realize.record import Primitive, PrimitiveShape
 from thingc.realize.worker.kernel import convert
 from thingc.realize.worker.kernel.measure import bounding_box, explored, integrals
 
@@ -168,7 +168,7 @@ def _two(places: Iterable[float], size: float) -> tuple[float, float] | None:
     return None if between or high - low <= SAME * size else (low, high)
 
 
-def _made(shape: str, size: tuple[float, ...], rotation: Matrix, centre: Vector) -> Primitive:
+def _made(shape: PrimitiveShape, size: tuple[float, ...], rotation: Matrix, centre: Vector) -> Primitive:
     """In metres."""
     x, y, z = (round(coordinate, DECIMALS) for coordinate in centre)
     return Primitive(

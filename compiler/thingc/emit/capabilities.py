@@ -1,0 +1,306 @@
+"""What formats can say of a robot: one table for each target. Its losses follow from it, and its column in `docs/formats.md`.
+
+A table is whole by its type: a target that says nothing of a feature is an error of mypy. What is lost depends on the robot: `losses` walks
+over what it uses, once for all targets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Literal, TypedDict
+
+from thingc.emit.artifact import Loss
+from thingc.frozen import dataclass
+from thingc.graph.types import ActuatorModel, Assembly, JointEdge
+from thingc.joints import JointKind
+from thingc.pose import NO_POSE, Vector
+from thingc.realize.record import Primitive
+from thingc.robot.types import CoreJoint, Robot
+from thingc.source import Origin
+
+GRAVITY: Vector = (0.0, 0.0, -9.81)
+"""What every reader takes where a format has none [m/s^2]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Says:
+    """The format says it; `how`, where that is not by the same word."""
+
+    how: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Loses:
+    """The format does not, or not quite: `how` is that of the `Loss`, whose words `words` go on with, with the comma or colon before."""
+
+    how: Literal["approximated", "carried as custom data", "omitted"]
+    words: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Beside:
+    """Nobody looks for it in files of this format: neither said nor lost."""
+
+
+Cell = Says | Loses | Beside
+
+SAYS = Says()
+
+OMITTED = Loses("omitted")
+BESIDE = Beside()
+
+
+class Joints(TypedDict):
+    """By the kind of the joint."""
+
+    revolute: Cell
+    continuous: Cell
+    prismatic: Cell
+    cylindrical: Cell
+    universal: Cell
+    planar: Cell
+    screw: Cell
+    ball: Cell
+
+
+class OfJoints(TypedDict):
+    """What a joint has."""
+
+    cone: Cell
+    velocity: Cell
+    damping: Cell
+    friction: Cell
+    armature: Cell
+    stiffness: Cell
+    mimic: Cell
+
+
+class Drives(TypedDict):
+    """By the kind of the drive; those of a `ball` are about axes of their own, and a `universal` has two."""
+
+    position: Cell
+    velocity: Cell
+    motor: Cell
+    universal: Cell
+    ball: Cell
+
+
+class LoopKinds(TypedDict):
+    """By what a loop leaves open where it is cut; a `hold` keeps a mount where it is."""
+
+    hold: Cell
+    weld: Cell
+    ball: Cell
+    hinge: Cell
+    slide: Cell
+    screw: Cell
+    several: Cell
+
+
+class Bases(TypedDict):
+    """By what a mode lets its root do, beyond standing fixed; `start` is where a free one begins."""
+
+    held: Cell
+    free: Cell
+    start: Cell
+    planar: Cell
+    ball: Cell
+
+
+class Modes(TypedDict):
+    """What a mode has; `simulation` is how it is stepped, but for its `timestep`."""
+
+    gravity: Cell
+    poses: Cell
+    exclude: Cell
+    timestep: Cell
+    simulation: Cell
+
+
+class Links(TypedDict):
+    """What a link has; `rolling` is friction, too. Links without a mass are told apart by whether a joint moves them."""
+
+    frames: Cell
+    colours: Cell
+    friction: Cell
+    rolling: Cell
+    adhesion: Cell
+    weightless: Cell
+    weightless_base: Cell
+
+
+class ContactShapes(TypedDict):
+    """What a link touches with; a `mesh` that is not convex, but for its hull."""
+
+    box: Cell
+    cylinder: Cell
+    capsule: Cell
+    sphere: Cell
+    hull: Cell
+    mesh: Cell
+
+
+class Sensors(TypedDict):
+    """By the kind of the sensor."""
+
+    imu: Cell
+    force: Cell
+    joint: Cell
+    camera: Cell
+
+
+class Capabilities(TypedDict):
+    """All that a format may or may not be able to say."""
+
+    joints: Joints
+    of_joints: OfJoints
+    drives: Drives
+    loops: LoopKinds
+    bases: Bases
+    modes: Modes
+    links: Links
+    shapes: ContactShapes
+    sensors: Sensors
+
+
+def losses(target: str, says: Capabilities, assembly: Assembly, robots: Sequence[Robot], *, cut: bool = False) -> tuple[Loss, ...]:
+    """What a target loses of a robot in these modes, each once. Joints at which loops are cut are joints in its files, too, where `cut`."""
+    lost = _Lost(target, says, cut)
+    everything: list[Iterator[Loss]] = [lost.of_assembly(assembly)]
+    for robot in robots:
+        everything += [lost.of_joints(robot), lost.of_mode(robot)]
+    return tuple(dict.fromkeys(loss for some in everything for loss in some))
+
+
+class _Lost:
+    """What is used, and by its cell lost. What is of every mode alike is of none."""
+
+    def __init__(self, target: str, says: Capabilities, cut: bool) -> None:
+        self.target = target
+        self.says = says
+        self.cut = cut
+
+    def __call__(self, cell: Cell, mode: str | None, path: str, what: str, origin: Origin) -> Iterator[Loss]:
+        if isinstance(cell, Loses):
+            yield Loss.of(origin, self.target, mode, path, what + cell.words, cell.how)
+
+    def of_joints(self, robot: Robot) -> Iterator[Loss]:
+        """Of the joints of a mode that are joints in its file."""
+        mates = robot.assembly.mates
+        groups: list[tuple[str, Sequence[CoreJoint | JointEdge]]] = [
+            (mates[body.joints[0].mate].name or body.joints[0].path, body.joints) for body in robot.bodies if body.joints
+        ]
+        groups += [(closure.path, closure.joints) for closure in robot.closures if closure.joints and self.cut]
+        there = {joint.path for _, joints in groups for joint in joints}
+        for whole, joints in groups:
+            what = "its thread" if joints[0].twist.pitch else "its motion"
+            yield from self(self.says["joints"][_kind(joints[0].kind)], None, whole, what, joints[0].origin)
+            for place, joint in enumerate(joints):
+                if place == 0 or not joint.kind.at_once:
+                    yield from self.of_coordinate(joint, whole if joint.kind.at_once else joint.path)
+                yield from self.of_drive(joint)
+                if joint.mimic is not None and joint.mimic.joint.path not in there:
+                    what = f"that it follows `{joint.mimic.joint.path}`, at which a loop is cut"
+                    yield from self(OMITTED, robot.mode.name, joint.path, what, joint.mimic.origin)
+                elif joint.mimic is not None:
+                    what = f"that it follows `{joint.mimic.joint.path}`"
+                    yield from self(self.says["of_joints"]["mimic"], None, joint.path, what, joint.mimic.origin)
+
+    def of_drive(self, joint: CoreJoint | JointEdge) -> Iterator[Loss]:
+        """Of what drives a coordinate, or turns a ball about an axis of its own."""
+        drive = joint.actuator
+        if drive is not None:
+            gains = [f", {name} {value:.6g}" for name, value in (("kp", drive.kp), ("kv", drive.kv)) if value is not None]
+            about = f" about {', '.join(f'{one:.6g}' for one in drive.axis)}" if drive.axis is not None else ""
+            what = f"its drive: {drive.kind}{about}{''.join(gains)}"
+            yield from self(self.says["drives"][_drive(joint, drive)], None, joint.path, what, drive.origin)
+
+    def of_coordinate(self, joint: CoreJoint | JointEdge, path: str) -> Iterator[Loss]:
+        """Of one that moves, or of a whole ball."""
+        of, dynamics = self.says["of_joints"], joint.dynamics
+        q, push, inertia = ("rad", "N m", "kg m^2") if joint.twist.turns else ("m", "N", "kg")
+        for cell, value, what, unit in (
+            (of["damping"], dynamics.damping, "damping", f"{push} s/{q}"),
+            (of["friction"], dynamics.friction, "dry friction", push),
+            (of["armature"], dynamics.armature, "armature", inertia),
+            (of["stiffness"], dynamics.stiffness, "stiffness", f"{push}/{q}"),
+            (of["cone"], joint.limit.cone, "cone", "rad"),
+            (of["velocity"], joint.limit.velocity, "velocity limit", f"{q}/s"),
+        ):
+            if value:
+                yield from self(cell, None, path, f"its {what} of {value:.6g} {unit}", joint.origin)
+
+    def of_mode(self, robot: Robot) -> Iterator[Loss]:
+        """Of one mode."""
+        mode, modes, bases = robot.mode, self.says["modes"], self.says["bases"]
+        for closure in robot.closures:
+            cell = self.says["loops"]["hold" if closure.hold else closure.kind]
+            what = "that it is held where it is" if closure.hold else "the loop through it"
+            yield from self(cell, mode.name, closure.path, what, closure.origin)
+        for body in robot.bodies:
+            link = robot.assembly.links[body.link]
+            if not link.properties.mass:
+                cell = self.says["links"]["weightless" if body.joints else "weightless_base"]
+                yield from self(cell, mode.name, link.name, "that it weighs nothing", link.origin)
+        of_mode = (
+            (modes["gravity"], "its gravity", robot.gravity != GRAVITY),
+            (bases["held"], "that its base is held, and can be moved while it is", robot.base == "held"),
+            (bases["free"], "that its base floats", robot.base == "free"),
+            (bases["start"], "where it begins", robot.base == "free" and robot.bodies[0].X_PL != NO_POSE),
+            (bases["planar"], "the motion of its base", robot.base == "planar"),
+            (bases["ball"], "the motion of its base", robot.base == "ball"),
+            *self.stepping(mode.simulation),
+            (modes["exclude"], "which links never touch, besides neighbours", bool(mode.exclude)),
+        )
+        for cell, what, used in of_mode:
+            if used:
+                yield from self(cell, mode.name, mode.name, what, mode.origin)
+
+    def stepping(self, simulation: Mapping[str, object]) -> tuple[tuple[Cell, str, bool], ...]:
+        """Of what a document or a mode says under `simulation`: the cell, what it is, and whether it is used."""
+        modes = self.says["modes"]
+        return (
+            (modes["timestep"], "its time step", "timestep" in simulation),
+            (modes["simulation"], "how it is stepped (`simulation`)", bool(simulation.keys() - {"timestep"})),
+        )
+
+    def of_assembly(self, assembly: Assembly) -> Iterator[Loss]:
+        """Of all modes alike."""
+        links = self.says["links"]
+        for magnet in assembly.adhesions:
+            origin = assembly.occurrences[magnet.occurrence].origin
+            yield from self(links["adhesion"], None, magnet.path, f"its pull of {magnet.force:.6g} N", origin)
+        for sensor in assembly.sensors:
+            yield from self(self.says["sensors"][sensor.kind], None, sensor.path, "this sensor", sensor.origin)
+        for pose in assembly.poses:
+            yield from self(self.says["modes"]["poses"], None, pose.name, "this pose", pose.origin)
+        for material in {id(one.material): one.material for one in assembly.occurrences if one.material is not None}.values():
+            if (material.slide, material.torsion) != (None, None):
+                yield from self(links["friction"], None, material.name, "its friction", material.origin)
+            if material.roll is not None:
+                yield from self(links["rolling"], None, material.name, "its rolling friction", material.origin)
+        for cell, what, used in self.stepping(assembly.definition.simulation):
+            if used:
+                origin = assembly.definition.step_origin or assembly.definition.origin
+                yield from self(cell, None, assembly.name, what, origin)
+        for occurrence in assembly.occurrences:
+            for piece in occurrence.touching:
+                if isinstance(piece, Primitive):
+                    cell, what = self.says["shapes"][piece.shape], f"the {piece.shape} that it touches with"
+                elif occurrence.overrides.collision == "mesh":
+                    cell, what = self.says["shapes"]["mesh"], "its collision mesh"
+                else:
+                    cell, what = self.says["shapes"]["hull"], "the convex mesh that it touches with"
+                yield from self(cell, None, occurrence.path, what, occurrence.origin)
+
+
+def _drive(joint: CoreJoint | JointEdge, drive: ActuatorModel) -> Literal["position", "velocity", "motor", "universal", "ball"]:
+    """Which cell is that of the drive of a joint."""
+    return joint.kind.name if joint.kind.name in ("ball", "universal") else drive.kind
+
+
+def _kind(kind: JointKind) -> Literal["revolute", "continuous", "prismatic", "cylindrical", "universal", "planar", "screw", "ball"]:
+    """Of a joint that moves."""
+    if kind.name == "fixed":
+        raise ValueError("a fixed joint moves nothing")
+    return kind.name

@@ -1,0 +1,113 @@
+"""What formats can say, and what follows: a robot that uses everything loses everything in a format that can say nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, get_type_hints
+
+import pytest
+
+import thingc
+from loops.robots import compiled
+from thingc.emit.capabilities import BESIDE, OMITTED, SAYS, Capabilities, Cell, losses
+
+MASS = "mass: 1 kg, inertia: {ixx: 1 kg*mm^2, iyy: 1 kg*mm^2, izz: 1 kg*mm^2}"
+
+ROBOT = f"""\
+thingc: assembly/1
+name: all
+simulation: {{timestep: 1 ms, integrator: rk4}}
+components:
+  base: {{frame: true, {MASS}, mounts: {{a: {{}}}}}}
+  c1: {{frame: true, {MASS}, mounts: {{a: {{}}}}}}
+  c2: {{frame: true, {MASS}}}
+  c3: {{frame: true, {MASS}}}
+  c4: {{frame: true, {MASS}}}
+  c5: {{frame: true, {MASS}}}
+  c6: {{frame: true, {MASS}}}
+  c7: {{frame: true, {MASS}}}
+  c8: {{frame: true, {MASS}}}
+  c9: {{frame: true, {MASS}, mounts: {{b: {{rpy: [180 deg, 0, 0]}}}}}}
+joints:
+  j1:
+    type: revolute
+    parent: base.a
+    child: c1.origin
+    limit: {{lower: -1 rad, upper: 1 rad, velocity: 2 rad/s, effort: 1 N*m}}
+    drive: {{kind: motor}}
+  j2:
+    type: continuous
+    parent: c1.a
+    child: c2.origin
+    dynamics: {{damping: 0.1 N*m*s/rad, friction: 0.2 N*m, armature: 1 kg*mm^2, stiffness: 3 N*m/rad}}
+    drive: {{kind: position, kp: 4 N*m/rad, kv: 0.0005 N*m*s/rad}}
+  j3: {{type: prismatic, parent: base.a, child: c3.origin, limit: {{lower: -1 m, upper: 1 m}}, drive: {{kind: velocity, kv: 3 N*s/m}}}}
+  j4: {{type: cylindrical, parent: base.a, child: c4.origin}}
+  j5: {{type: universal, parent: base.a, child: c5.origin}}
+  j6: {{type: planar, parent: base.a, child: c6.origin}}
+  j7: {{type: screw, parent: base.a, child: c7.origin, lead: 8 mm}}
+  j8: {{type: ball, parent: base.a, child: c8.origin, limit: {{cone: 0.5 rad}}}}
+  j9: {{type: revolute, parent: base.a, child: c9.origin, limit: {{lower: -1 rad, upper: 1 rad}}, mimic: {{joint: j1}}}}
+  close: {{type: continuous, parent: c9.b, child: c1.a, loop: true}}
+sensors:
+  tilt: {{type: imu, at: c1.a}}
+  push: {{type: force, at: c1.a}}
+  turn: {{type: joint, joint: j1}}
+  eye: {{type: camera, at: c1.a, fovy: 60 deg}}
+poses:
+  home: {{j1: 0.1 rad}}
+modes:
+  still: {{root: base, base: fixed, gravity: wall, hold: {{c1.a: here}}, contacts: {{adhesion: {{c1.a: 300 N}}, exclude: [[c3, c4]]}}}}
+  carried: {{root: base, base: held}}
+  afloat: {{root: base, base: free, at: {{xyz: [0, 0, 1 m]}}}}
+  gliding: {{root: base, base: planar}}
+  turning: {{root: base, base: ball}}
+"""
+
+
+def every(cell: Cell) -> Any:
+    """A format of which every cell is this."""
+    return {group: dict.fromkeys(get_type_hints(cells), cell) for group, cells in get_type_hints(Capabilities).items()}
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    built = compiled(tmp_path_factory.mktemp("all"), ROBOT)
+    assert built.said == []
+    return built.compilation
+
+
+def lost(robot: Any, says: Any) -> list[tuple[str | None, str, str]]:
+    return [(loss.mode, loss.path, loss.what) for loss in losses("toy", says, robot.assembly, robot.robots)]
+
+
+def test_a_format_without_words_loses_everything(robot: Any) -> None:
+    drive = "its drive: position, kp 4, kv 0.0005"
+    assert lost(robot, every(OMITTED)) == [
+        (None, "c1/a", "its pull of 300 N"), (None, "tilt", "this sensor"), (None, "push", "this sensor"), (None, "turn", "this sensor"),
+        (None, "eye", "this sensor"), (None, "home", "this pose"), (None, "all", "its time step"),
+        (None, "all", "how it is stepped (`simulation`)"),
+        (None, "j1", "its motion"), (None, "j1", "its velocity limit of 2 rad/s"), (None, "j1", "its drive: motor"),
+        (None, "j2", "its motion"), (None, "j2", "its damping of 0.1 N m s/rad"), (None, "j2", "its dry friction of 0.2 N m"),
+        (None, "j2", "its armature of 1e-06 kg m^2"), (None, "j2", "its stiffness of 3 N m/rad"), (None, "j2", drive),
+        (None, "j3", "its motion"), (None, "j3", "its drive: velocity, kv 3"), (None, "j4", "its motion"), (None, "j5", "its motion"),
+        (None, "j6", "its motion"), (None, "j7", "its thread"), (None, "j8", "its motion"), (None, "j8", "its cone of 0.5 rad"),
+        (None, "j9", "its motion"), (None, "j9", "that it follows `j1`"),
+        ("still", "c1/a", "that it is held where it is"), ("still", "close", "the loop through it"), ("still", "still", "its gravity"),
+        ("still", "still", "which links never touch, besides neighbours"), ("carried", "close", "the loop through it"),
+        ("carried", "carried", "that its base is held, and can be moved while it is"), ("afloat", "close", "the loop through it"),
+        ("afloat", "afloat", "that its base floats"), ("afloat", "afloat", "where it begins"), ("gliding", "close", "the loop through it"),
+        ("gliding", "gliding", "the motion of its base"), ("turning", "close", "the loop through it"),
+        ("turning", "turning", "the motion of its base"),
+    ]
+
+
+def test_what_is_said_or_not_looked_for_is_not_lost(robot: Any) -> None:
+    assert lost(robot, every(SAYS)) == lost(robot, every(BESIDE)) == []
+
+
+def test_what_a_robot_touches_and_rubs_with(root: Path, shared_store: str) -> None:
+    assembly = thingc.compile(str(root / "assemblies" / "arm.yaml"), store=shared_store).assembly
+    said = {(one.path, one.what) for one in losses("toy", every(OMITTED), assembly, ())}
+    touched = {("yaw_servo", "the cylinder that it touches with"), ("hand/pen", "the convex mesh that it touches with")}
+    assert said > touched | {("petg", "its friction")} and ("hand/pen", "the cylinder that it touches with") not in said
