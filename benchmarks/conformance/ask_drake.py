@@ -1,4 +1,4 @@
-"""Drake on URDF and SDF, as a discrete plant with SAP, without which it leaves mimics out: `python ask_drake.py REQUESTS ANSWERS`.
+"""Drake on MJCF, URDF and SDF, as a discrete plant with SAP, without which it leaves mimics out: `python ask_drake.py REQUESTS ANSWERS`.
 
 It says of no joint what it mimics. So it simulates: a leader is pushed, and a line through where it and the follower are in the second half
 of 400 steps has the multiplier and the offset.
@@ -26,6 +26,7 @@ logging.getLogger("drake").setLevel(logging.ERROR)
 
 
 def answer(asked):
+    refuse(Path(asked["file"]))
     file = without(Path(asked["file"]), asked["without"])
     try:
         plant = MultibodyPlant(STEP)
@@ -41,6 +42,10 @@ def answer(asked):
     joints = [(plant.GetJointByName(name), axis) for name, axis in zip(asked["joints"], asked["axes"])]
     dofs = [joint.velocity_start() + axis for joint, axis in joints]
     plant.mutable_gravity_field().set_gravity_vector(asked["gravity"])
+    reflected = np.zeros(plant.num_velocities())  # the armature, of which the bodies know nothing
+    for index in plant.GetJointActuatorIndices():
+        actuator = plant.get_joint_actuator(index)
+        reflected[actuator.joint().velocity_start()] += actuator.calc_reflected_inertia(context)
     poses, matrices, torques, centres = [], [], [], []
     for values in asked["q"]:
         q = plant.GetPositions(context)
@@ -49,21 +54,29 @@ def answer(asked):
         plant.SetPositions(context, q)
         frames = [plant.GetFrameByName(name) for name in asked["frames"]]
         poses.append([frame.CalcPoseInWorld(context).GetAsMatrix4().tolist() for frame in frames])
-        matrices.append(plant.CalcMassMatrix(context)[np.ix_(dofs, dofs)].tolist())
+        matrices.append((plant.CalcMassMatrix(context) - np.diag(reflected))[np.ix_(dofs, dofs)].tolist())
         torques.append((-plant.CalcGravityGeneralizedForces(context)[dofs]).tolist())
         centres.append(plant.CalcCenterOfMassPositionInWorld(context).tolist())
     limits = [(joint.position_lower_limits()[axis], joint.position_upper_limits()[axis]) for joint, axis in joints]
     answers = {
         "frames": poses, "mass": plant.CalcTotalMass(context), "mass_matrix": matrices, "torque": torques, "centre": centres,
         "range": [None if np.isinf(ends).all() else list(ends) for ends in limits],
-        "mimic": [leader and [leader, *followed(plant, leader, name)] for name, leader in zip(asked["joints"], asked["leaders"])],
     }
+    if file.suffix != ".xml":  # whose equalities between joints it does not read
+        answers["mimic"] = [leader and [leader, *followed(plant, leader, name)] for name, leader in zip(asked["joints"], asked["leaders"])]
     if file.suffix == ".sdf":  # of a URDF file it takes what is driven from `<transmission>` alone
         actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
         efforts = {actuator.joint().name(): actuator.effort_limit() for actuator in actuators}
         single = [joint.num_velocities() == 1 and joint.type_name() != "screw" for joint, _ in joints]
         answers["effort"] = [efforts.get(name, 0.0) if one else None for name, one in zip(asked["joints"], single)]
     return answers
+
+
+def refuse(file):
+    """What it does not say itself: of several joints of a body that is turned it takes the axes and anchors of all but the last in those
+    of the parent."""
+    if file.suffix == ".xml" and any(len(body.findall("joint")) > 1 for body in ElementTree.parse(file).iter("body")):
+        raise ValueError("it reads several joints of one body otherwise than MuJoCo")
 
 
 def without(file, joints):

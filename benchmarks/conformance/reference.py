@@ -12,6 +12,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 CONFIGURATIONS = 50
 
@@ -30,7 +31,8 @@ class Question:
 @dataclass(frozen=True)
 class Coordinate:
     """One of a joint of the file: the `axis`-th of the joint `name`. In MJCF it is the joint `path`, and others (of a screw its slide) with
-    it, each with how far it goes per unit; `zero` is where the file has it at 0."""
+    it, each with how far it goes per unit; `zero` is where the file has it at 0. Of a ball it is roll, pitch or yaw, and what it does
+    per unit is to turn about x, y or z of the parent."""
 
     name: str
     axis: int
@@ -39,35 +41,55 @@ class Coordinate:
     zero: float = 0.0
 
 
+FORMATS = {".urdf": "URDF", ".sdf": "SDF", ".xml": "MJCF"}
+"""The format of a file."""
+
+
 def question(file: Path, mjcf: Path, seed: int = 0) -> Question:
-    """Of one URDF or SDF file. Frames are seen from the root link; gravity acts in the world of a base that is fixed, else in the root's
-    axes."""
-    model = mujoco.MjModel.from_xml_path(str(mjcf))
+    """Of one URDF or SDF file, or of the MJCF file itself. Frames are seen from the root link; gravity acts in the world of a base that is
+    fixed, else in the root's axes."""
+    model, format = mujoco.MjModel.from_xml_path(str(mjcf)), FORMATS[file.suffix]
     tree = ElementTree.parse(file).getroot()
-    sdf = file.suffix == ".sdf"
-    types = {joint.attrib["name"]: joint.attrib["type"] for joint in tree.iter("joint")}
-    coordinates = list(_of_sdf(model, types, file) if sdf else _of_urdf(model, types, file))
-    links = set() if sdf else {link.attrib["name"] for link in tree.iter("link")}
-    frames = {_of_link(_safe(model.body(k).name), links): ("body", k) for k in range(1, model.nbody)}
-    bodies = {model.body(k).name for k in range(model.nbody)}  # a `frame` component that names its link is the link's own frame
-    frames |= {_safe(model.site(k).name): ("site", k) for k in range(model.nsite) if model.site(k).name not in bodies}
+    types = {joint.attrib["name"]: joint.attrib.get("type", "") for joint in tree.iter("joint") if "name" in joint.attrib}
+    bodies = {model.body(k).name: ("body", k) for k in range(1, model.nbody)}
+    # a `frame` component that names its link is the link's own frame
+    sites = {_safe(model.site(k).name): ("site", k) for k in range(model.nsite) if model.site(k).name not in bodies}
+    without: list[str] = []
+    match format:
+        case "URDF":
+            coordinates = list(_of_urdf(model, types, file))
+            links = {link.attrib["name"] for link in tree.iter("link")}
+            frames = {_of_link(_safe(name), links): where for name, where in bodies.items()} | sites
+        case "SDF":
+            coordinates = list(_of_sdf(model, types, file))
+            frames = {_safe(name): where for name, where in bodies.items()} | sites
+            without = sorted(set(types) - {one.name for one in coordinates} - {"root"})
+        case _:
+            coordinates, frames = list(_of_mjcf(model)), bodies
     by_path = {one.path: one for one in coordinates}
     mimics = [_mimic(model, one, by_path) for one in coordinates]
     slides = [model.jnt_type[model.joint(one.path).id] == mujoco.mjtJoint.mjJNT_SLIDE for one in coordinates]
-    q = _configurations([one.name for one in coordinates], slides, mimics, np.random.default_rng(seed))
-    closing = set(types) - {one.name for one in coordinates} - {name for name in types if name == "root" or not sdf}
+    names = [one.name for one in coordinates]
+    q = _configurations(names, slides, mimics, np.random.default_rng(seed))
     request = {
-        "file": str(file), "frames": list(frames), "joints": [one.name for one in coordinates], "axes": [one.axis for one in coordinates],
-        "leaders": [one and one[0] for one in mimics], "without": sorted(closing), "q": q.tolist(), "gravity": model.opt.gravity.tolist(),
+        "file": str(file), "frames": list(frames), "joints": names, "axes": [one.axis for one in coordinates],
+        "leaders": [one and one[0] for one in mimics], "without": without, "q": q.tolist(), "gravity": model.opt.gravity.tolist(),
         "free": bool((model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).any()),
     }
     zeros = np.array([one.zero for one in coordinates])
     answers = {**_answers(model, coordinates, frames, q + zeros), "mimic": mimics}
-    if not sdf:
-        answers["range"] = [_range(request["joints"], answers["range"], k, follows) for k, follows in enumerate(mimics)]
-    else:  # what follows another is moved by it, without an effort of its own that could be too little
+    if format == "URDF":
+        answers["range"] = [_range(names, answers["range"], k, follows) for k, follows in enumerate(mimics)]
+    if format == "SDF":  # what follows another is moved by it, without an effort of its own that could be too little
         answers["effort"] = [np.inf if follows and not own else own for own, follows in zip(answers["effort"], mimics, strict=True)]
-    return Question(file.parent.name if sdf else file.stem, "SDF" if sdf else "URDF", request, answers)
+    return Question(mjcf.stem, format, request, answers)
+
+
+def _of_mjcf(model: mujoco.MjModel) -> Iterator[Coordinate]:
+    """Those of MJCF's own joints."""
+    for path in _moving(model):
+        ball = model.jnt_type[model.joint(path).id] == mujoco.mjtJoint.mjJNT_BALL
+        yield from (Coordinate(path, axis, path) for axis in range(3 if ball else 1))
 
 
 def _of_urdf(model: mujoco.MjModel, types: dict[str, str], file: Path) -> Iterator[Coordinate]:
@@ -90,6 +112,9 @@ def _of_sdf(model: mujoco.MjModel, types: dict[str, str], file: Path) -> Iterato
             continue
         if name not in types:
             raise ValueError(f"{file}: joint {name} is missing")
+        if types[name] == "ball":
+            yield from (Coordinate(name, axis, path) for axis in range(3))
+            continue
         pitch = tuple((other, 1.0 / float(_polynomial(model, path)[1])) for other in paths if other == f"{path}:slide")
         yield Coordinate(name, axes.get(name, 0), path, pitch, zero.get(path, 0.0))
         axes[name] = axes.get(name, 0) + 1
@@ -135,7 +160,7 @@ def _mimic(model: mujoco.MjModel, one: Coordinate, by_path: dict[str, Coordinate
         offset, multiplier = (float(value) for value in model.eq_data[k][:2])
         screw = model.joint(leader).name.endswith(":slide")
         if screw and own == leader:
-            return _safe(model.joint(follower).name), 1.0 / multiplier, 0.0
+            return by_path[model.joint(follower).name].name, 1.0 / multiplier, 0.0
         if not screw and own == follower:
             led = by_path[model.joint(leader).name]
             return led.name, multiplier, offset + multiplier * led.zero - one.zero
@@ -164,16 +189,21 @@ def _configurations(names: list[str], prismatic: list[bool], mimics: list[Follow
 
 def _answers(model: mujoco.MjModel, coordinates: list[Coordinate], frames: dict[str, tuple[str, int]], q: Any) -> dict[str, Any]:
     data = mujoco.MjData(model)
+    balls = {one.path for one in coordinates if model.jnt_type[model.joint(one.path).id] == mujoco.mjtJoint.mjJNT_BALL}
     moves = np.zeros((model.nv, len(coordinates)))  # what each coordinate moves in MuJoCo
     for k, one in enumerate(coordinates):
-        for path, ratio in ((one.path, 1.0), *one.others):
+        for path, ratio in ((one.path, 1.0), *one.others) if one.path not in balls else ():
             moves[model.joint(path).dofadr[0], k] = ratio
     poses, matrices, torques, centres = [], [], [], []
     for values in q:
         mujoco.mj_resetData(model, data)
-        for one, value in zip(coordinates, values, strict=True):
-            for path, ratio in ((one.path, 1.0), *one.others):
-                data.joint(path).qpos = ratio * value
+        for k, one in enumerate(coordinates):
+            if one.path in balls and one.axis == 0:  # MuJoCo's rates of a ball are in the axes of the child
+                turn, first = Rotation.from_euler("xyz", values[k : k + 3]), model.joint(one.path).dofadr[0]
+                data.joint(one.path).qpos = turn.as_quat()[[3, 0, 1, 2]]
+                moves[first : first + 3, k : k + 3] = turn.as_matrix().T
+            for path, ratio in ((one.path, 1.0), *one.others) if one.path not in balls else ():
+                data.joint(path).qpos = ratio * values[k]
         if model.nq and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE:
             data.qpos[:7] = (0, 0, 0, 1, 0, 0, 0)
         mujoco.mj_forward(model, data)
@@ -184,7 +214,8 @@ def _answers(model: mujoco.MjModel, coordinates: list[Coordinate], frames: dict[
         matrices.append((moves.T @ full @ moves).tolist())
         torques.append((moves.T @ data.qfrc_bias).tolist())
         centres.append(data.subtree_com[0].tolist())
-    ranges = [(model.joint(one.path).range - one.zero).tolist() if model.joint(one.path).limited[0] else None for one in coordinates]
+    limited = [model.joint(one.path).limited[0] and one.path not in balls for one in coordinates]
+    ranges = [(model.joint(one.path).range - one.zero).tolist() if there else None for one, there in zip(coordinates, limited, strict=True)]
     return {
         "frames": poses, "mass": float(model.body_mass.sum()), "mass_matrix": matrices, "torque": torques, "centre": centres,
         "range": ranges, "effort": [_effort(model, model.joint(one.path).id) for one in coordinates],

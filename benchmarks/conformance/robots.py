@@ -8,17 +8,17 @@ KINDS = ("revolute", "continuous", "prismatic", "cylindrical", "universal", "pla
 COUNTS = {"cylindrical": ("rad", "m"), "universal": ("rad", "rad"), "planar": ("m", "m", "rad"), "fixed": ()}
 
 
-def document(seed: int) -> str:
-    """The document of a random robot, named by its seed."""
+def document(seed: int, *, balls: bool = False) -> str:
+    """The document of a random robot, named by its seed; on demand with `balls`, and bases that move in part, which URDF has not."""
     rng = np.random.default_rng(seed)
     count = int(rng.integers(3, 8))
-    lines = ["thingc: assembly/1", f"name: random_{seed}", "components:"]
+    lines = ["thingc: assembly/1", f"name: {'balls' if balls else 'random'}_{seed}", "components:"]
     for k in range(count):
         lines.append(f"  c{k}: {{frame: true, {_mass(rng)}, mounts: {{a: {_frame(rng)}, b: {_frame(rng)}}}}}")
     lines.append("joints:")
     leaders: dict[str, str] = {}
     for k in range(1, count):
-        kind = str(rng.choice(KINDS))
+        kind = str(rng.choice(("ball", "ball", *KINDS) if balls else KINDS))
         said = [f"type: {kind}", f"parent: c{int(rng.integers(0, k))}.a", f"child: c{k}.b"]
         if kind == "revolute":
             ends = f"lower: {rng.uniform(-3, -1):.3f} rad, upper: {rng.uniform(1, 3):.3f} rad"
@@ -43,6 +43,11 @@ def document(seed: int) -> str:
         f"  free: {{root: c{int(rng.integers(0, count))}, base: free}}",
         f"  held: {{root: c{int(rng.integers(0, count))}.b, base: held, at: {_frame(rng)}}}",
     ]
+    if balls:
+        lines += [
+            f"  planar: {{root: c{int(rng.integers(0, count))}, base: planar, at: {_frame(rng)}}}",
+            f"  ball: {{root: c{int(rng.integers(0, count))}.a, base: ball, at: {_frame(rng)}}}",
+        ]
     return "\n".join(lines) + "\n"
 
 

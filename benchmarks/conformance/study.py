@@ -66,10 +66,12 @@ READERS = (
     ),
     Reader("yourdfpy", ("URDF",), ("yourdfpy==0.0.60",), "kinematics alone; it is given the leaders, and puts followers itself"),
     Reader(
-        "drake", ("URDF", "SDF"), ("drake==1.51.1",),
+        "drake", ("MJCF", "URDF", "SDF"), ("drake==1.51.1",),
         "takes no loops, so that joints that close them and hold mounts are taken out before; is asked with followers put where they "
         "belong; tells nobody what mimics, so that leaders are pushed and followers watched for 0.4 s; has efforts of what turns about or "
-        "slides along one axis, of URDF in `<transmission>` alone; a base that floats is put at the origin",
+        "slides along one axis, of URDF in `<transmission>` alone; a base that floats is put at the origin; of MJCF it knows neither sites "
+        "nor mimics, and takes several joints of one body in the axes of its parent, which is another robot where the body is turned",
+        refuses="several joints of one body",
     ),
     Reader(
         "libsdformat", ("SDF",), note="reads and checks models and worlds for Gazebo, warnings counted as errors; is no kinematics",
@@ -170,14 +172,17 @@ def questions(folder: Path, count: int) -> Iterator[tuple[str, Question]]:
     """Of every mode of both robots, and of the random ones, by group."""
     documents = folder / "documents"
     documents.mkdir(parents=True, exist_ok=True)
-    for seed in range(count):
-        (documents / f"random_{seed}.yaml").write_text(document(seed), encoding="utf-8")
     robots = [(Path(path).stem, ROOT / path) for path in ROBOTS]
-    robots += [("random", documents / f"random_{seed}.yaml") for seed in range(count)]
+    for seed in range(count):
+        for group in ("random", "balls"):
+            robots.append((group, documents / f"{group}_{seed}.yaml"))
+            robots[-1][1].write_text(document(seed, balls=group == "balls"), encoding="utf-8")
     for group, path in robots:
         built(path, folder / "robots")
         out = folder / "robots" / path.stem
-        for urdf in sorted((out / "urdf").glob("*.urdf")):
+        for mjcf in sorted((out / "mjcf").glob(f"{path.stem}_*.xml")):
+            yield group, question(mjcf, mjcf)
+        for urdf in sorted((out / "urdf").glob("*.urdf")) if group != "balls" else ():
             yield group, question(urdf, out / "mjcf" / f"{urdf.stem}.xml")
         for sdf in sorted((out / "sdf").glob("*/model.sdf")):
             yield group, question(sdf, out / "mjcf" / f"{sdf.parent.name}.xml")
