@@ -80,12 +80,20 @@ def symmetric(a: Matrix) -> Matrix:
 
 @lru_cache(maxsize=1024)
 def principal_moments(a: Matrix) -> Vector:
-    """The eigenvalues of a symmetric matrix, ascending.
+    """The eigenvalues of a symmetric matrix, ascending."""
+    x, y, z = sorted(principal_axes(a)[0])
+    return (x, y, z)
+
+
+def principal_axes(a: Matrix) -> tuple[Vector, Matrix]:
+    """The eigenvalues of a symmetric matrix and its eigenvectors, the columns of a proper rotation R: `a = R diag(values) R^T`. They are
+    in the order of the axes that they are near: of a diagonal matrix R is the identity.
 
     Cyclic Jacobi rotations (Golub and Van Loan, "Matrix Computations", section 8.5): exact to rounding even where
     the closed formula loses digits (equal moments).
     """
     m = [list(row) for row in symmetric(a)]
+    v = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
     for _ in range(32):
         off = abs(m[0][1]) + abs(m[0][2]) + abs(m[1][2])
         if off <= 1e-300 or off <= 1e-18 * (abs(m[0][0]) + abs(m[1][1]) + abs(m[2][2])):
@@ -99,10 +107,11 @@ def principal_moments(a: Matrix) -> Vector:
             s = t * c
             for k in range(3):
                 m[k][p], m[k][q] = c * m[k][p] - s * m[k][q], s * m[k][p] + c * m[k][q]
+                v[k][p], v[k][q] = c * v[k][p] - s * v[k][q], s * v[k][p] + c * v[k][q]
             for k in range(3):
                 m[p][k], m[q][k] = c * m[p][k] - s * m[q][k], s * m[p][k] + c * m[q][k]
-    x, y, z = sorted((m[0][0], m[1][1], m[2][2]))
-    return (x, y, z)
+    rows = ((v[0][0], v[0][1], v[0][2]), (v[1][0], v[1][1], v[1][2]), (v[2][0], v[2][1], v[2][2]))
+    return (m[0][0], m[1][1], m[2][2]), rows
 
 
 LEAST_MOMENT = 1e-14

@@ -206,6 +206,15 @@ def placed(xyz: Vector, rpy: Vector) -> Pose:
     return Pose(rotation=turned.rotation, translation=xyz)
 
 
+def along(z: Vector, origin: Vector) -> Pose:
+    """A frame at a point [m] whose z is a unit vector; its x and y are any that make it proper, those of the axes where z is theirs."""
+    least = min(range(3), key=lambda k: abs(z[k]))
+    y = cross(z, IDENTITY[least])
+    size = math.sqrt(dot(y, y))
+    y = (y[0] / size, y[1] / size, y[2] / size)
+    return Pose(rotation=transpose((cross(y, z), y, z)), translation=origin)
+
+
 def rpy_of(rotation: Matrix) -> Vector:
     """Roll, pitch and yaw [rad] of a rotation, as `placed` takes them. Where the pitch is a quarter turn yaw and roll are one
     turn: the yaw is whatever it comes to, and the roll what that leaves, so that the rotation is what it was to the last digits."""

@@ -141,9 +141,9 @@ simulation: {{timestep: 1 ms, cone: elliptic}}
 
 
 class Compiled:
-    """What a document says in SDF and in MJCF."""
+    """What a document says in SDF, or another `target`, and in MJCF."""
 
-    def __init__(self, folder: Path, document: str) -> None:
+    def __init__(self, folder: Path, document: str, target: str = "sdf") -> None:
         folder.mkdir(parents=True, exist_ok=True)
         folder.joinpath("thingc.toml").write_text('thingc = "workspace/1"\n')
         folder.joinpath("robot.yaml").write_text(document)
@@ -153,18 +153,18 @@ class Compiled:
             assert compilation.assembly is not None
             self.name = compilation.assembly.name
             self.robots = {robot.mode.name: robot for robot in compilation.robots}
-            made = pipeline.build(environment, compilation, ["mjcf", "sdf"])
-            self.sdf, self.mjcf = made["sdf"], made["mjcf"]
+            made = pipeline.build(environment, compilation, ["mjcf", target])
+            self.made, self.mjcf = made[target], made["mjcf"]
         assert compilation.report.failed is False
 
     def model(self, mode: str) -> Model:
-        return Model(text_of(self.sdf, f"sdf/{self.name}_{mode}/model.sdf"))
+        return Model(text_of(self.made, f"sdf/{self.name}_{mode}/model.sdf"))
 
     def reference(self, mode: str) -> mujoco.MjModel:
         return mujoco.MjModel.from_xml_string(text_of(self.mjcf, f"mjcf/{self.name}_{mode}.xml"))
 
     def losses(self, mode: str | None) -> list[tuple[str, str, str, int]]:
-        return [(one.path, one.what, one.how, one.span.line if one.span else 0) for one in self.sdf.losses if one.mode == mode]
+        return [(one.path, one.what, one.how, one.span.line if one.span else 0) for one in self.made.losses if one.mode == mode]
 
 
 @pytest.fixture(scope="module")
@@ -312,16 +312,16 @@ def test_sensors_are_where_they_are_in_mjcf(every: Compiled) -> None:
 
 def test_the_world_has_gravity_a_floor_a_light_and_the_model(every: Compiled) -> None:
     for mode, gravity in (("first", "0 0 -9.81"), ("last", "-9.81 0 0")):
-        world = ElementTree.fromstring(text_of(every.sdf, f"sdf/world_{mode}.sdf")).find("world")
+        world = ElementTree.fromstring(text_of(every.made, f"sdf/world_{mode}.sdf")).find("world")
         assert world is not None
         assert world.findtext("gravity") == gravity and world.findtext("physics/max_step_size") == "0.001"
         assert world.findtext("include/uri") == f"model://every_{mode}" and world.find("include/pose") is None
         assert world.find("light") is not None and world.find("model/link/collision/geometry/plane") is not None
         systems = [plugin.attrib["name"].rpartition("::")[2] for plugin in world.findall("plugin")]
         assert systems == ["Physics", "UserCommands", "SceneBroadcaster", "Imu", "ForceTorque", "Sensors"]
-        config = ElementTree.fromstring(text_of(every.sdf, f"sdf/every_{mode}/model.config"))
+        config = ElementTree.fromstring(text_of(every.made, f"sdf/every_{mode}/model.config"))
         sdf = config.find("sdf")
-        assert sdf is not None and sdf.text == "model.sdf" and f"sdf/every_{mode}/{sdf.text}" in every.sdf.files
+        assert sdf is not None and sdf.text == "model.sdf" and f"sdf/every_{mode}/{sdf.text}" in every.made.files
         assert sdf.attrib["version"] == every.model(mode).root.attrib["version"] and config.findtext("name") == f"every_{mode}"
 
 

@@ -72,6 +72,10 @@ TARGETS: dict[str, Target] = {
         writes=("sdf/*.sdf", "sdf/*/model.sdf", "sdf/*/model.config", "sdf/*/meshes/*.obj"), unasked=False,
         module="thingc.emit.sdf.capabilities",
     ),
+    "usd": Target(
+        says="each mode for Isaac Sim and Newton", emitters=("thingc.emit.usd.target:emit",), writes=("usd/*.usda",), unasked=False,
+        module="thingc.emit.usd.capabilities",
+    ),
     "bom": Target(says="bill of materials", emitters=("thingc.emit.bom:emit",), writes=("bom.csv", "bom.json")),
     "hag": Target(says="assembly graph", emitters=("thingc.emit.hag.target:emit",), writes=("hag.dot", "hag.mmd", "hag.svg")),
 }

@@ -110,6 +110,11 @@ def channels(color: str) -> tuple[float, float, float, float]:
     return red, green, blue, alpha
 
 
+def linear(channel: float) -> float:
+    """A channel of an sRGB colour from 0 to 1 as linear light (IEC 61966-2-1)."""
+    return round(channel / 12.92 if channel <= 0.04045 else ((channel + 0.055) / 1.055) ** 2.4, 6)
+
+
 def inputs_of(assembly: Assembly) -> tuple[object, ...]:
     """What of an assembly its geometry depends on: for a `Memo`."""
     return tuple(

@@ -19,13 +19,13 @@ import trimesh
 
 from thingc.emit.artifact import Artifacts, Loss
 from thingc.emit.capabilities import BESIDE, SAYS, Capabilities, Loses, Says, losses
-from thingc.emit.geometry import channels, material_name
+from thingc.emit.geometry import channels, linear, material_name
 from thingc.emit.request import EmitRequest
 from thingc.frozen import dataclass
 from thingc.graph import coordinates, joints_of
 from thingc.graph.types import Occurrence
 from thingc.joints import Twist, moved
-from thingc.pose import IDENTITY, Pose, cross, dot, shifted, transpose
+from thingc.pose import Pose, along, shifted
 from thingc.realize.record import Mesh
 from thingc.realize.store.local import Store
 from thingc.robot.types import Body, Robot
@@ -134,14 +134,7 @@ def _joints(robot: Robot, body: Body, parent: str, pose: Pose, q: Mapping[str, f
 
 def _axis(twist: Twist, *, at_once: bool = False) -> Pose:
     """The frame on a twist's axis, its z along it; of a ball the axes stay, at its centre."""
-    if at_once:
-        return shifted(*twist.anchor)
-    z = twist.axis
-    least = min(range(3), key=lambda k: abs(z[k]))
-    y = cross(z, IDENTITY[least])
-    size = dot(y, y) ** 0.5
-    y = (y[0] / size, y[1] / size, y[2] / size)
-    return Pose(rotation=transpose((cross(y, z), y, z)), translation=twist.anchor)
+    return shifted(*twist.anchor) if at_once else along(twist.axis, twist.anchor)
 
 
 class _Drawn:
@@ -199,13 +192,8 @@ def _material(occurrence: Occurrence) -> dict[str, object]:
     return {
         "name": f"{name}:open" if open_ else name,
         "pbrMetallicRoughness": {
-            "baseColorFactor": [_linear(red), _linear(green), _linear(blue), alpha], "metallicFactor": 0.0, "roughnessFactor": ROUGHNESS,
+            "baseColorFactor": [linear(red), linear(green), linear(blue), alpha], "metallicFactor": 0.0, "roughnessFactor": ROUGHNESS,
         },
         **({"doubleSided": True} if open_ else {}),
         **({"alphaMode": "BLEND"} if alpha < 1.0 else {}),
     }
-
-
-def _linear(channel: float) -> float:
-    """A channel of an sRGB colour from 0 to 1 as linear light (IEC 61966-2-1)."""
-    return round(channel / 12.92 if channel <= 0.04045 else ((channel + 0.055) / 1.055) ** 2.4, 6)

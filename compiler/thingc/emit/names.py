@@ -44,7 +44,8 @@ class Names:
         self._owners: dict[str, tuple[str, Origin]] = {}
 
     def take(self, path: str, origin: Origin, made: str | None = None) -> str:
-        """The name of what stands at a path; `made` says what it is, where that is no path of the document."""
+        """The name of what stands at a path; `made` says what it is, where that is no path of the document. What a file has in any case is
+        of no origin."""
         self.free(path, origin, made)
         return safe(path)
 
@@ -55,6 +56,7 @@ class Names:
         if (owner, before) != this:
             self._report.add(
                 Code.SAME_NAME, f"{this[0]} and {owner} would both {self._both} `{name}` in {self._target}", origin, path=path,
-                help="rename one of the two", notes=[Note(message=f"{owner} is made here", span=next(iter(before), None))],
+                help="rename one of the two" if before else "rename it",
+                notes=[Note(message=f"{owner} is made here", span=span) for span in before[:1]],
             )
         return (owner, before) == this

@@ -1,0 +1,159 @@
+"""Joints as UsdPhysics has them: a frame on either body, and what may move between the two.
+
+    X_body1 = X_body0 @ frame0 @ T(trans) @ RotX @ RotY @ RotZ @ inv(frame1)
+
+Turns and slides about and along z of the frame are joints of their own, a ball is one, too; what else has several coordinates is a generic
+joint (D6), which slides first and then turns about x, y as that has turned it, and z. UsdPhysics leaves the order of the turns to
+readers; this is Newton's. What such a joint cannot do is a chain of two, with an almost massless link between.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Literal
+
+from thingc.frozen import dataclass
+from thingc.graph.types import JointEdge
+from thingc.joints import Twist
+from thingc.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, along, cross, dot, shifted, transpose
+from thingc.robot.tree import BASE
+from thingc.robot.types import CoreJoint, Robot
+from thingc.source import Origin
+
+UsdType = Literal["Fixed", "Revolute", "Prismatic", "Spherical", "D6"]
+
+HOLD = "_hold"
+"""What the name of the joint ends with that holds a mount."""
+
+PARALLEL = 1e-9
+"""Axes are parallel, or at right angles, where the cosine is this near to 1, or to 0."""
+
+LETTERS = {1: ("Z",), 2: ("X", "Y"), 3: ("X", "Y", "Z")}
+"""Along which axes of the frame the directions lie in which a joint moves, by how many there are."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Freedom:
+    """What may move: `name` is UsdPhysics's (`angular` and `linear` of a joint with one coordinate, else `rotX` or `transX` ..., of a ball
+    `ball`); it moves by `ratio` [1 or m/rad] of the `joint`'s q."""
+
+    name: str
+    joint: CoreJoint | JointEdge
+    ratio: float = 1.0
+
+    @property
+    def turns(self) -> bool:
+        """Whether it is an angle, in degrees in the file; else it is a length [m]."""
+        return self.name.startswith(("angular", "rot"))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UsdJoint:
+    """A joint of UsdPhysics's: `path` names it, `frame` is its frame in the child at q = 0, `freedoms` are its coordinates (of a ball those
+    of the document)."""
+
+    path: str
+    type: UsdType
+    frame: Pose = NO_POSE
+    freedoms: tuple[Freedom, ...] = ()
+
+    @property
+    def single(self) -> CoreJoint | JointEdge | None:
+        """The coordinate of one that only turns or only slides."""
+        return self.freedoms[0].joint if self.type in ("Revolute", "Prismatic") else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UsdConnection:
+    """How a body meets another (None: the world), by their indices: by one joint, or a `chain` of them. `path` is that of the whole joint,
+    `joints` are its coordinates, where it is one of the document; with F the frame of a joint in the chain, `X_0 @ F` is it on the parent
+    and `X_1 @ F` on the child. What is not `in_tree` closes loops and holds."""
+
+    parent: int | None
+    child: int
+    path: str
+    chain: tuple[UsdJoint, ...]
+    X_0: Pose
+    X_1: Pose
+    origin: Origin
+    joints: tuple[CoreJoint | JointEdge, ...] = ()
+    in_tree: bool = True
+
+
+def connections(robot: Robot) -> Iterator[UsdConnection]:
+    """The joints of a mode: those of its tree in the order of its bodies, then loops and holds."""
+    for index, body in enumerate(robot.bodies):
+        path, origin, joints = BASE, robot.mode.origin, body.joints or robot.moves
+        if body.joints:
+            path, origin = robot.assembly.mates[joints[0].mate].name or joints[0].path, joints[0].origin
+        if body.parent is None and robot.base == "free":
+            continue
+        chain = _chain(path, joints, [joint.twist for joint in joints]) if joints else (UsdJoint(path=BASE, type="Fixed"),)
+        yield UsdConnection(
+            parent=body.parent, child=index, path=path, chain=chain, X_0=body.X_PL, X_1=NO_POSE, origin=origin, joints=body.joints,
+        )
+    for closure in robot.closures:
+        path = f"{closure.path}{HOLD}" if closure.hold else closure.path
+        if closure.joints:
+            chain = _chain(path, closure.joints, closure.twists)
+        else:
+            chain = (UsdJoint(path=path, type="Spherical" if closure.turns else "Fixed"),)
+        yield UsdConnection(
+            parent=closure.parent, child=closure.child, path=path, chain=chain, X_0=closure.X_PA, X_1=closure.X_CB, origin=closure.origin,
+            joints=closure.joints, in_tree=False,
+        )
+
+
+def _chain(path: str, joints: Sequence[CoreJoint | JointEdge], twists: Sequence[Twist]) -> tuple[UsdJoint, ...]:
+    """The joints that move a link by `twists` (seen in its frame at 0 of those after each), one after the other, or by those of a ball."""
+    if joints[0].kind.at_once:
+        backwards = isinstance(joints[0], CoreJoint) and joints[0].reversed
+        # Backwards the tree has the coordinates the other way round, and each of them negated.
+        axes = [(-x, -y, -z) for x, y, z in (twist.angular for twist in reversed(twists))] if backwards else [one.angular for one in twists]
+        ordered = joints[::-1] if backwards else joints
+        frame = Pose(rotation=transpose((axes[0], axes[1], axes[2])), translation=twists[0].anchor)
+        return (UsdJoint(path=path, type="Spherical", frame=frame, freedoms=tuple(Freedom(name="ball", joint=one) for one in ordered)),)
+    groups: list[list[int]] = [[]]
+    for k, twist in enumerate(twists):
+        if not twist.turns and any(twists[other].turns and not _parallel(twists[other].axis, twist.axis) for other in groups[-1]):
+            groups.append([])
+        groups[-1].append(k)
+    made = []
+    for group in groups:
+        own = joints[group[0]].path if len(group) == 1 and len(twists) > 1 else path
+        made.append(_joint(own, [joints[k] for k in group], [twists[k] for k in group]))
+    return tuple(made)
+
+
+def _joint(path: str, joints: Sequence[CoreJoint | JointEdge], twists: Sequence[Twist]) -> UsdJoint:
+    """One joint with all of the coordinates, whose axes are parallel or at right angles."""
+    anchor = next((twist.anchor for twist in twists if twist.turns), twists[0].anchor)
+    if len(twists) == 1 and not twists[0].pitch:
+        type_: UsdType = "Revolute" if twists[0].turns else "Prismatic"
+        freedom = Freedom(name="angular" if twists[0].turns else "linear", joint=joints[0])
+        return UsdJoint(path=path, type=type_, frame=along(twists[0].axis, anchor), freedoms=(freedom,))
+    directions: list[Vector] = []
+    for twist in twists:
+        if not any(_parallel(twist.axis, one) for one in directions):
+            directions.append(twist.axis)
+    letters = LETTERS[len(directions)]
+    freedoms = []
+    for joint, twist in zip(joints, twists, strict=True):
+        letter = next(letter for letter, one in zip(letters, directions, strict=True) if _parallel(twist.axis, one))
+        freedoms.append(Freedom(name=f"{'rot' if twist.turns else 'trans'}{letter}", joint=joint))
+        if twist.pitch:
+            freedoms.append(Freedom(name=f"trans{letter}", joint=joint, ratio=twist.pitch))
+    return UsdJoint(path=path, type="D6", frame=_frame(directions, anchor), freedoms=tuple(freedoms))
+
+
+def _frame(directions: Sequence[Vector], anchor: Vector) -> Pose:
+    """The frame whose axes (`LETTERS`) lie in the directions."""
+    if len(directions) == 1:
+        return along(directions[0], anchor)
+    x, y = directions[:2]
+    rows: Matrix = (x, y, cross(x, y))
+    return shifted(*anchor) if rows == IDENTITY else Pose(rotation=transpose(rows), translation=anchor)
+
+
+def _parallel(a: Vector, b: Vector) -> bool:
+    return dot(a, b) > 1.0 - PARALLEL

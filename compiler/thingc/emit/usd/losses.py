@@ -1,0 +1,55 @@
+"""What USD cannot say of a robot for what it is: joints crossed backwards, efforts without drives, loops that are open at q = 0."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from thingc.emit.artifact import Loss
+from thingc.emit.usd.chain import connections
+from thingc.emit.usd.mimics import followers
+from thingc.graph import joints_of
+from thingc.inertia import physical_fault
+from thingc.robot.loop_solver import Loops, Solution, SolverState
+from thingc.robot.types import Robot
+from thingc.source import Origin
+
+
+def losses(robot: Robot) -> Iterator[Loss]:
+    """Of one mode, besides what no file of the format says; what is lost of every mode alike is of none."""
+    mode = robot.mode
+    for connection in connections(robot):
+        if len(connection.chain) > 1:
+            what = f"its motion as one joint's: it is {len(connection.chain)} joints here, with a link of 1e-9 kg between"
+            yield _loss(mode.name, connection.path, what, "approximated", connection.origin)
+        for joint in connection.joints:
+            if joint.limit.effort is not None and joint.actuator is None:
+                what = f"its effort limit of {joint.limit.effort:.6g} {'N m' if joint.twist.turns else 'N'}: there is that of a drive alone"
+                yield _loss(None, joint.path, what, "omitted", joint.origin)
+    for follower in followers(robot).values():
+        if not follower.said:
+            what = f"that it follows `{follower.leader}`: only a turn can follow a turn, and a slide a slide"
+            yield _loss(None, follower.path, what, "omitted", follower.origin)
+    if not _closed(robot):
+        what = "where it begins: it stands at q = 0 here, where loops and holds are open"
+        yield _loss(mode.name, mode.name, what, "approximated", mode.origin)
+    for body in robot.bodies:
+        link = robot.assembly.links[body.link]
+        if link.properties.mass and physical_fault(link.properties.inertia) is not None:
+            yield _loss(mode.name, link.name, "its inertia, which no solid has: it is 1e-12 kg m^2 here", "approximated", link.origin)
+    for one in robot.assembly.occurrences:
+        if one.material is not None and one.material.torsion is not None:
+            what = "its torsional friction, which Newton alone reads"
+            yield _loss(None, one.material.name, what, "carried as custom data", one.material.origin)
+
+
+def _closed(robot: Robot) -> bool:
+    """Whether loops and holds are closed at q = 0, with the base where the mode puts it."""
+    if not robot.closures:
+        return True
+    joints, base = joints_of(robot.assembly), robot.bodies[0].X_PL
+    state = SolverState(q={joint.path: 0.0 for joint in joints}, base=base)
+    return Solution(state=state, residuals=Loops(robot.bodies, robot.closures, joints, base).residuals(state)).closed
+
+
+def _loss(mode: str | None, path: str, what: str, how: str, origin: Origin) -> Loss:
+    return Loss.of(origin, "usd", mode, path, what, how)

@@ -1,0 +1,30 @@
+"""`usd/<name>_<mode>.usda`: a stage of UsdPhysics for each chosen mode, with its meshes in it."""
+
+from __future__ import annotations
+
+from thingc.emit.artifact import Artifacts, Content
+from thingc.emit.capabilities import losses
+from thingc.emit.geometry import solid_geometry
+from thingc.emit.request import EmitRequest
+from thingc.emit.usd import losses as special
+from thingc.emit.usd.capabilities import CAPABILITIES
+from thingc.emit.usd.meshes import identifiers, prototypes
+from thingc.emit.usd.model import model
+from thingc.emit.usd.usda import rendered, write
+
+
+def emit(request: EmitRequest) -> Artifacts:
+    """A file for each chosen mode; the meshes, which all of them hold, are put into words once."""
+    assembly = request.assembly
+    shapes, flat = solid_geometry(assembly, "usd", "usd", request.report)
+    scope = f"{assembly.name}_meshes"
+    names = identifiers({asset.name: asset.name for asset in shapes.meshes})
+    meshes = rendered(prototypes(shapes, request.store, scope, names)) if names else ""
+    files: dict[str, Content] = {}
+    lost = dict.fromkeys((*flat, *losses("usd", CAPABILITIES, assembly, request.robots, cut=True)))
+    for robot in request.robots:
+        heading = f"Written by thingc from {assembly.definition.document}, mode {robot.mode.name}."
+        made = model(robot, shapes, {name: f"/{scope}/{word}" for name, word in names.items()}, request.report)
+        files[f"usd/{assembly.name}_{robot.mode.name}.usda"] = write([rendered(made), meshes], assembly.name, heading).encode()
+        lost |= dict.fromkeys(special.losses(robot))
+    return Artifacts(files=dict(sorted(files.items())), losses=tuple(lost))

@@ -1,0 +1,427 @@
+"""USD files by the rules of UsdPhysics (`read_usd`): chains of matrices and MuJoCo on the MJCF say what they must come to."""
+
+from __future__ import annotations
+
+import math
+import re
+import tempfile
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pxr import Usd, UsdGeom, UsdPhysics, UsdShade
+from scipy.spatial.transform import Rotation
+
+from emit import small_robot
+from emit.read_usd import Model, matrix
+from emit.test_sdf import EVERY, Compiled, mujoco_pose, posed, text_of
+from graph.builder import as_matrix
+from loops.robots import inchworm
+from loops.test_holds import MODES as HOLDS
+from loops.test_holds import POSES
+from loops.test_loop_joints import FOURBAR
+from robot.test_spanning_tree_properties import COUNTS, Tree, build, robots, world_of
+from thingc.diagnostics import Report
+from thingc.emit.request import EmitRequest
+from thingc.emit.usd.target import emit
+from thingc.inertia import principal_axes
+from thingc.pose import Pose
+from thingc.realize.record import Primitive
+from thingc.realize.store.local import Store
+from thingc.robot import in_link
+from thingc.robot.types import Robot
+
+FLOAT = 3e-6
+"""How far a chain of UsdPhysics's frames, which are floats, may end from where it should [m and 1]."""
+
+trees = st.builds(build, st.integers(0, 2**32 - 1), st.integers(2, 5), st.just(tuple(COUNTS)))
+
+
+def values(robot: Robot, model: Model, q: dict[str, Any]) -> dict[str, Any]:
+    """q by path (of a ball as the turn in its child's axes, of a base by `root_0` ...) as the joints of a file have it."""
+    found: dict[str, Any] = {}
+    for body in robot.bodies:
+        joints = body.joints or (robot.moves if body.parent is None else ())
+        name = robot.assembly.mates[joints[0].mate].name if body.joints else "root"
+        if not joints or name is None:
+            continue
+        paths, usd = [joint.path for joint in joints], name.replace("/", "_")
+        match joints[0].kind.name:
+            case "ball":
+                found[usd] = q[name]
+            case "screw":
+                found[usd] = {"rotZ": q[name], "transZ": q[name] * joints[0].twist.pitch}
+            case "cylindrical":
+                found[usd] = {"rotZ": q[f"{name}_0"], "transZ": q[f"{name}_1"]}
+            case "universal":
+                found[usd] = {"rotX": q[paths[0]], "rotY": q[paths[1]]}
+            case "planar" if joints[0].reversed:
+                found[f"{usd}_2"] = q[f"{name}_2"]
+                found[usd] = {"transX": q[f"{name}_1"], "transY": q[f"{name}_0"]}
+            case "planar":
+                found[usd] = {"transX": q[f"{name}_0"], "transY": q[f"{name}_1"], "rotZ": q[f"{name}_2"]}
+            case _:
+                found[usd] = q[name]
+    assert set(found) <= set(model.joints)
+    return found
+
+
+@settings(max_examples=8)
+@given(trees)
+def test_every_occurrence_and_frame_is_where_the_matrices_say(tree: Tree) -> None:
+    chosen = robots(tree.assembly)
+    with tempfile.TemporaryDirectory() as folder:
+        report = Report()
+        made = emit(EmitRequest(
+            assembly=tree.assembly, robots=tuple(chosen.values()), store=Store(folder), report=report, geometry=None,  # type: ignore[arg-type]
+            workspace=None,  # type: ignore[arg-type]
+        ))
+    assert report.diagnostics == []
+    inside = in_link(tree.assembly)
+    for name, robot in chosen.items():
+        model = Model(text_of(made, f"usd/tree_{name}.usda"))
+        poses, _ = model.placed(values(robot, model, tree.q))
+        expected = world_of(tree, name)
+        frames = {frame: poses[link] @ pose for link in model.links for frame, pose in model.frames(link).items()}
+        for position, k in enumerate(tree.order):
+            link = tree.assembly.links[tree.assembly.link_of[position]].name
+            assert poses[link] @ as_matrix(inside[position]) == pytest.approx(expected[k], abs=FLOAT)
+            assert frames.get(f"c{k}_origin", expected[k]) == pytest.approx(expected[k], abs=FLOAT)
+
+
+# --- a document with all of it ------------------------------------------------------------------------------------------
+
+MODES = ("first", "last", "fork", "rolling", "swinging")
+
+
+@pytest.fixture(scope="module")
+def every(tmp_path_factory: pytest.TempPathFactory) -> Compiled:
+    return Compiled(tmp_path_factory.mktemp("every"), EVERY, "usd")
+
+
+@cache
+def read(compiled: Compiled, mode: str) -> Model:
+    return Model(text_of(compiled.made, f"usd/{compiled.name}_{mode}.usda"))
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_every_kind_of_joint_is_what_it_is_in_mjcf(every: Compiled, mode: str) -> None:
+    """Crossed forwards and backwards, under every kind of base: links, frames and inertias at random configurations."""
+    model, reference, robot = read(every, mode), every.reference(mode), every.robots[mode]
+    rng = np.random.default_rng(5)
+    for _ in range(5):
+        data, q = posed(reference, rng)
+        poses, apart = model.placed(values(robot, model, q))
+        assert apart == {}
+        for k in range(1, reference.nbody):
+            assert poses[reference.body(k).name] == pytest.approx(mujoco_pose(data, reference.body(k).name), abs=FLOAT)
+        frames = {frame: poses[link] @ pose for link in model.links for frame, pose in model.frames(link).items()}
+        bodies = {reference.body(k).name for k in range(reference.nbody)}
+        for k in range(reference.nsite):
+            name = reference.site(k).name
+            if name not in bodies:
+                assert frames[name.replace("/", "_")] == pytest.approx(mujoco_pose(data, name), abs=FLOAT)
+    for k in range(1, reference.nbody):
+        mass, centre, inertia = model.inertia(reference.body(k).name)
+        spin = Rotation.from_quat(reference.body_iquat[k][[1, 2, 3, 0]]).as_matrix()
+        assert mass == pytest.approx(reference.body_mass[k], rel=1e-7)
+        assert centre == pytest.approx(reference.body_ipos[k], abs=1e-8)
+        assert inertia == pytest.approx(spin @ np.diag(reference.body_inertia[k]) @ spin.T, abs=1e-9)
+    between = sorted(set(model.links) - {reference.body(k).name for k in range(reference.nbody)})
+    assert between == [] and all(model.links[name].GetParent() == model.root for name in model.links)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_the_file_is_what_usd_asks_for(every: Compiled, mode: str) -> None:
+    """One articulation whose root is the base link, joints from the parent in the tree to the child, each in metres and kilograms, z up."""
+    model, robot = read(every, mode), every.robots[mode]
+    assert model.faults() == []
+    stage = model.stage
+    assert (UsdGeom.GetStageMetersPerUnit(stage), UsdPhysics.GetStageKilogramsPerUnit(stage), UsdGeom.GetStageUpAxis(stage)) == (1, 1, "Z")
+    roots = [prim.GetName() for prim in stage.Traverse() if prim.HasAPI(UsdPhysics.ArticulationRootAPI)]
+    assert roots == [every.robots[mode].assembly.links[robot.bodies[0].link].name]
+    carried = [(joint.name, joint.prim.GetTypeName(), joint.child) for joint in model.joints.values() if joint.parent == "world"]
+    kinds = {"fork": None, "rolling": "PhysicsJoint", "swinging": "PhysicsSphericalJoint"}
+    kind = kinds.get(mode, "PhysicsFixedJoint")
+    assert carried == ([] if kind is None else [("root", kind, roots[0])])
+    names = [robot.assembly.links[body.link].name for body in robot.bodies]
+    crossed = {(names[body.parent], names[k]) for k, body in enumerate(robot.bodies) if body.parent is not None}
+    assert crossed == {(joint.parent, joint.child) for joint in model.joints.values() if joint.parent != "world"}
+    apart = {
+        frozenset((name, other.name)) for name, prim in model.links.items()
+        for other in UsdPhysics.FilteredPairsAPI(prim).GetFilteredPairsRel().GetTargets()
+    }
+    assert apart == {frozenset(names[k] for k in pair) for pair in robot.excluded}
+    scene = UsdPhysics.Scene(model.at("scene"))
+    pull = np.array(scene.GetGravityDirectionAttr().Get()) * scene.GetGravityMagnitudeAttr().Get()
+    assert pull == pytest.approx(robot.gravity, rel=1e-6)
+
+
+def said(prim: Any, *names: str) -> dict[str, Any]:
+    """What is written of a joint, by the ends of the names of attributes and as floats round them."""
+    found = {attribute.GetName(): attribute.Get() for attribute in prim.GetAuthoredAttributes() if attribute.GetName().startswith(names)}
+    return {name: pytest.approx(value, rel=1e-6) if isinstance(value, float) else value for name, value in found.items()}
+
+
+def test_limits_are_in_degrees_and_gains_per_degree(every: Compiled) -> None:
+    joints, degree = read(every, "first").joints, math.radians(1)
+    assert said(joints["turn"].prim, "physics:lower", "physics:upper", "drive:", "newton:") == {
+        "physics:lowerLimit": -1 / degree, "physics:upperLimit": 2 / degree,
+        "drive:angular:physics:type": "force", "drive:angular:physics:maxForce": 3.0, "drive:angular:physics:stiffness": 5 * degree,
+        "drive:angular:physics:damping": 0.5 * degree, "drive:angular:physics:targetPosition": 0.0,
+        "newton:armature": 0.3, "newton:damping": 0.1 * degree, "newton:friction": 0.2, "newton:velocityLimit": 4 / degree,
+    }
+    assert said(joints["wheel"].prim, "physics:lower", "physics:upper", "drive:") == {
+        "drive:angular:physics:type": "force", "drive:angular:physics:stiffness": 0.0, "drive:angular:physics:damping": 2 * degree,
+        "drive:angular:physics:targetVelocity": 0.0,
+    }
+    assert said(joints["rail"].prim, "physics:lower", "physics:upper", "drive:") == {
+        "physics:lowerLimit": -0.02, "physics:upperLimit": 0.02,
+        "drive:linear:physics:type": "force", "drive:linear:physics:stiffness": 0.0, "drive:linear:physics:damping": 0.0,
+    }
+    assert said(joints["hip"].prim, "physics:cone") == {"physics:coneAngle0Limit": 60.0, "physics:coneAngle1Limit": 60.0}
+    driven = {joint.name for joint in read(every, "fork").joints.values() if UsdPhysics.DriveAPI.GetAll(joint.prim)}
+    assert driven == {"rail"}
+
+
+def test_what_follows_has_newtons_schema(every: Compiled) -> None:
+    prim = read(every, "last").joints["push"].prim
+    assert "NewtonMimicAPI" in prim.GetPrimTypeInfo().GetAppliedAPISchemas() or "NewtonMimicAPI" in str(prim.GetMetadata("apiSchemas"))
+    assert said(prim, "newton:mimic") == {"newton:mimicCoef0": 0.003, "newton:mimicCoef1": -2.0}
+    assert [str(path) for path in prim.GetRelationship("newton:mimicJoint").GetTargets()] == ["/every/joints/rail"]
+
+
+MIMICS = """\
+thingc: assembly/1
+name: follow
+components:
+""" + EVERY.partition("components:\n")[2].partition("  c4:")[0] + """\
+  joints: {frame: true, mass: 1 kg, inertia: {ixx: 1 kg*m^2, iyy: 1 kg*m^2, izz: 1 kg*m^2}, mounts: {b: {xyz: 1 2 3 mm}}}
+joints:
+  a: {type: revolute, parent: c0.a, child: c1.b, limit: {lower: 10 deg, upper: 90 deg}, drive: {kind: position, kp: 1 N*m/rad}}
+  b: {type: revolute, parent: c1.a, child: c2.b, mimic: {joint: a, multiplier: 2, offset: 30 deg}}
+  c: {type: prismatic, parent: c2.a, child: c3.b, limit: {lower: -1 m, upper: 1 m}, mimic: {joint: a, multiplier: 3 mm/rad}}
+  d: {type: revolute, parent: c3.a, child: joints.b, limit: {lower: -1 rad, upper: 1 rad, effort: 7 N*m}}
+modes: {m: {root: c0}}
+"""
+
+
+def test_a_follower_of_another_kind_is_a_loss_and_names_are_taken(tmp_path: Path) -> None:
+    document = MIMICS.replace("  joints:", "  rest:").replace("joints.b", "rest.b")
+    made = Compiled(tmp_path / "good", document, "usd")
+    joints = read(made, "m").joints
+    assert said(joints["b"].prim, "newton:mimic") == {"newton:mimicCoef0": 30.0, "newton:mimicCoef1": 2.0}
+    assert said(joints["c"].prim, "newton:mimic") == {}
+    assert said(joints["a"].prim, "drive:angular:physics:target") == {"drive:angular:physics:targetPosition": 10.0}
+    assert [loss[:3] for loss in made.losses(None)] == [
+        ("b", "that it follows `a`, which Newton alone reads, where both turn or both slide", "carried as custom data"),
+        ("c", "that it follows `a`, which Newton alone reads, where both turn or both slide", "carried as custom data"),
+        ("d", "its effort limit of 7 N m: there is that of a drive alone", "omitted"),
+        ("c", "that it follows `a`: only a turn can follow a turn, and a slide a slide", "omitted"),
+    ]
+
+
+def test_a_planar_joint_that_is_crossed_backwards_is_two(tmp_path: Path) -> None:
+    """Forwards it slides and then turns, as a generic joint does; backwards it turns first."""
+    document = MIMICS.partition("joints:\n  a:")[0].partition("  joints:")[0] + (
+        "joints: {p: {type: planar, parent: c0.a, child: c1.b}, q: {type: revolute, parent: c1.a, child: c2.b, "
+        "limit: {lower: -1 rad, upper: 1 rad}}, r: {type: fixed, parent: c2.a, child: c3.b}}\n"
+        "modes: {there: {root: c0}, back: {root: c2}}\n"
+    )
+    made = Compiled(tmp_path, document, "usd")
+    there, back = read(made, "there"), read(made, "back")
+    assert there.joints["p"].free == ["transX", "transY", "rotZ"] and "p_2" not in there.joints
+    turn, slides = back.joints["p_2"], back.joints["p"]
+    assert (turn.parent, turn.child, turn.free) == ("c1", "p_2_link", ["rotZ"])
+    assert (slides.parent, slides.child, slides.free) == ("p_2_link", "c0", ["transX", "transY"])
+    assert back.inertia("p_2_link")[0] == pytest.approx(1e-9) and back.faults() == []
+    what = "its motion as one joint's: it is 2 joints here, with a link of 1e-9 kg between"
+    assert made.losses("there") == [] and [loss[:3] for loss in made.losses("back")] == [("p", what, "approximated")]
+
+
+def test_what_is_lost_is_said_at_its_line(every: Compiled) -> None:
+    def lost(mode: str | None) -> list[tuple[str, str, str, str]]:
+        lines = ["", *(line.strip() for line in EVERY.split("\n"))]
+        return [(path, what, how, re.split(r"[:{]", lines[line])[0]) for path, what, how, line in every.losses(mode)]
+
+    newton, alone = "carried as custom data", ", which Newton alone reads, and of no generic joint"
+    cone = "its cone of 1.0472 rad: here it bounds how far an axis leans, not how far the ball turns about it"
+    assert lost(None) == [
+        ("eye", "this sensor: UsdPhysics has none", "omitted", "eye"),
+        ("imu", "this sensor: UsdPhysics has none", "omitted", "imu"),
+        ("wrist", "this sensor: UsdPhysics has none", "omitted", "wrist"),
+        ("wheel", "this sensor: UsdPhysics has none", "omitted", "wheel"),
+        ("home", "this pose: UsdPhysics has none", "omitted", "home"),
+        ("every", "its time step", "omitted", "simulation"),
+        ("every", "how it is stepped (`simulation`)", "omitted", "simulation"),
+        ("turn", f"its damping of 0.1 N m s/rad{alone}", newton, "turn"),
+        ("turn", f"its dry friction of 0.2 N m{alone}", newton, "turn"),
+        ("turn", f"its armature of 0.3 kg m^2{alone}", newton, "turn"),
+        ("turn", "its stiffness of 0.4 N m/rad", "omitted", "turn"),
+        ("turn", f"its velocity limit of 4 rad/s{alone}", newton, "turn"),
+        ("push", "that it follows `rail`, which Newton alone reads, where both turn or both slide", newton, "mimic"),
+        ("hip", f"its damping of 0.1 N m s/rad{alone}", newton, "hip"),
+        ("hip", cone, "approximated", "hip"),
+        ("hip_0", "its drive: motor about 0, 0, 1", "omitted", "drive"),
+        ("spindle", "its thread: it turns and slides, each by itself", "approximated", "spindle"),
+        ("fork", "its motion: X turns first and then Y, which is Newton's order, and UsdPhysics has none", "approximated", "fork"),
+    ]
+    assert lost("first") == lost("fork") == lost("rolling") == lost("swinging") == []
+    assert lost("last") == [
+        ("last", "that its base is held, and can be moved while it is: it is fixed here", "approximated", "last"),
+    ]
+
+
+# --- loops and holds ----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def fourbar(tmp_path_factory: pytest.TempPathFactory) -> Compiled:
+    return Compiled(tmp_path_factory.mktemp("fourbar"), FOURBAR, "usd")
+
+
+@pytest.mark.parametrize("mode", ["bench", "by_coupler", "other", "third"])
+def test_a_loop_is_a_joint_that_is_excluded_from_the_articulation(fourbar: Compiled, mode: str) -> None:
+    """Closed in every pose of MuJoCo's, up to the coordinate that it leaves open."""
+    model, robot, reference = read(fourbar, mode), fourbar.robots[mode], fourbar.reference(mode)
+    assert model.faults() == []
+    excluded = [joint.name for joint in model.joints.values() if joint.excluded]
+    assert excluded == [closure.path for closure in robot.closures] and len(excluded) == 1
+    assert robot.keyframes
+    for frame in robot.keyframes:
+        poses, apart = model.placed(values(robot, model, dict(frame.q)))
+        (gap,) = apart.values()
+        loop = model.joints[excluded[0]]
+        assert gap == pytest.approx(loop.motion(frame.q[loop.name]), abs=FLOAT)
+        data = mujoco.MjData(reference)
+        mujoco.mj_resetDataKeyframe(reference, data, reference.key(frame.name).id)
+        mujoco.mj_forward(reference, data)
+        root = robot.assembly.links[robot.bodies[0].link].name
+        for link in model.links:
+            found = np.linalg.inv(poses[root]) @ poses[link]
+            assert found == pytest.approx(np.linalg.inv(mujoco_pose(data, root)) @ mujoco_pose(data, link), abs=FLOAT)
+    what = "where it begins: it stands at q = 0 here, where loops and holds are open"
+    assert (mode, what, "approximated") in [loss[:3] for loss in fourbar.losses(mode)]
+
+
+@pytest.fixture(scope="module")
+def worm(tmp_path_factory: pytest.TempPathFactory) -> Compiled:
+    return Compiled(tmp_path_factory.mktemp("worm"), inchworm(modes=HOLDS, poses=POSES), "usd")
+
+
+@pytest.mark.parametrize(("mode", "held", "kind"), [
+    ("hanging", "front_sole", "Fixed"), ("dangling", "front_sole", "Spherical"), ("stay", "rear_sole", "Fixed"),
+    ("pinned", "rear_sole", "Spherical"),
+])
+def test_a_hold_is_an_excluded_joint_to_the_world(worm: Compiled, mode: str, held: str, kind: str) -> None:
+    """At the place where MuJoCo's keyframe has the mount."""
+    model, reference = read(worm, mode), worm.reference(mode)
+    joint = model.joints[f"{held}_hold"]
+    assert (joint.parent, joint.excluded, joint.prim.GetTypeName()) == ("world", True, f"Physics{kind}Joint")
+    data = mujoco.MjData(reference)
+    mujoco.mj_resetDataKeyframe(reference, data, 0)
+    mujoco.mj_forward(reference, data)
+    mount = mujoco_pose(data, held.replace("_", "/", 1))
+    assert joint.frames[0][:3, 3] == pytest.approx(mount[:3, 3], abs=FLOAT)
+    if kind == "Fixed":
+        assert joint.frames[0] == pytest.approx(mount, abs=FLOAT)
+    assert model.frames(joint.child)[held] == pytest.approx(joint.frames[1], abs=FLOAT)
+
+
+# --- shapes, masses, names ----------------------------------------------------------------------------------------------
+
+
+def test_what_is_drawn_is_there_once(tmp_path: Path) -> None:
+    """Every occurrence an instance of the mesh of its definition, as it lies in the store, in its colour as linear light."""
+    store = Store(str(tmp_path))
+    whole = small_robot.assembly(store)
+    bare = tuple(replace(one, overrides=replace(one.overrides, collision="none")) for one in whole.occurrences)
+    request = small_robot.request(replace(whole, occurrences=bare), store)
+    made = emit(request)
+    assert request.report.diagnostics == [] and emit(request).files == made.files
+    model = Model(text_of(made, "usd/arm_bench.usda"))
+    assert model.faults() == []
+    instances = {prim.GetName(): prim for prim in model.stage.Traverse() if prim.IsInstance()}
+    drawn = {one.path.replace("/", "_"): one for one in request.assembly.occurrences if one.drawn is not None}
+    assert drawn and set(instances) == set(drawn)
+    prototypes = {drawn[name].definition.text: prim.GetPrototype() for name, prim in instances.items()}
+    assert len(set(prototypes.values())) == len(prototypes) == len(model.stage.GetPrototypes())
+    for name, one in drawn.items():
+        assert one.drawn is not None
+        rows = [line.split() for line in store.read(one.drawn.sha256).decode().splitlines()]
+        mesh = UsdGeom.Mesh(instances[name].GetPrototype().GetChild("mesh"))
+        points = np.array([[float(x) for x in row[1:]] for row in rows if row[0] == "v"])
+        assert np.array(mesh.GetPointsAttr().Get()) == pytest.approx(points, abs=1e-8)
+        corners = [int(x) - 1 for row in rows if row[0] == "f" for x in row[1:]]
+        assert list(mesh.GetFaceVertexIndicesAttr().Get()) == corners and set(mesh.GetFaceVertexCountsAttr().Get()) == {3}
+        assert np.array(mesh.GetExtentAttr().Get()) == pytest.approx(np.array([points.min(0), points.max(0)]), abs=1e-8)
+        assert mesh.GetSubdivisionSchemeAttr().Get() == "none"
+        material, _ = UsdShade.MaterialBindingAPI(instances[name]).ComputeBoundMaterial()
+        assert bool(material) == (one.color is not None)
+        if one.color is not None:
+            color = material.ComputeSurfaceSource()[0].GetInput("diffuseColor").Get()
+            srgb = np.array([int(one.color[k : k + 2], 16) for k in (1, 3, 5)]) / 255
+            light = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+            assert np.array(color) == pytest.approx(light, abs=1e-6)
+
+
+def test_what_collides_is_a_guide_and_rubs_as_its_material_does(tmp_path: Path) -> None:
+    store = Store(str(tmp_path))
+    whole = small_robot.assembly(store)
+    at = Pose(translation=(0.01, 0.02, 0.03))
+    first = next(one for one in whole.occurrences if one.record is not None and one.record.meshes and one.material is not None)
+    assert first.record is not None and first.material is not None and first.drawn is not None
+    pieces = tuple(
+        Primitive(shape=shape, size=size, pose=at)  # type: ignore[arg-type]
+        for shape, size in (("box", (0.01, 0.02, 0.03)), ("sphere", (0.04,)), ("cylinder", (0.05, 0.06)), ("capsule", (0.07, 0.08)))
+    )
+    changed = replace(
+        first, record=replace(first.record, pieces=(*pieces, first.drawn)), overrides=replace(first.overrides, collision="part"),
+        material=replace(first.material, slide=0.7, torsion=0.01, roll=0.001),
+    )
+    others = tuple(replace(one, overrides=replace(one.overrides, collision="none")) for one in whole.occurrences)
+    occurrences = tuple(changed if one.path == first.path else one for one in others)
+    made = emit(small_robot.request(replace(whole, occurrences=occurrences), store))
+    model = Model(text_of(made, "usd/arm_bench.usda"))
+    assert model.faults() == []
+    shapes = [prim for prim in model.stage.Traverse() if prim.HasAPI(UsdPhysics.CollisionAPI)]
+    assert [prim.GetTypeName() for prim in shapes] == ["Cube", "Sphere", "Cylinder", "Capsule", "Mesh"]
+    boxes = UsdGeom.BBoxCache(Usd.TimeCode.Default(), ["guide"])
+    bounds = [boxes.ComputeWorldBound(prim) for prim in shapes[:4]]
+    sizes = [np.array(one.GetRange().GetSize()) * np.linalg.norm(matrix(one.GetMatrix())[:3, :3], axis=0) for one in bounds]
+    assert np.array(sizes) == pytest.approx(
+        np.array([(0.02, 0.04, 0.06), (0.08,) * 3, (0.1, 0.1, 0.12), (0.14, 0.14, 0.30)]), abs=1e-6,
+    )
+    assert UsdGeom.Capsule(shapes[3]).GetHeightAttr().Get() == 0.16
+    for prim in shapes[:4]:
+        assert matrix(UsdGeom.Xformable(prim).GetLocalTransformation())[:3, 3] == pytest.approx(
+            (as_matrix(in_link(whole)[first.index]) @ as_matrix(at))[:3, 3], abs=1e-12,
+        )
+    assert UsdPhysics.MeshCollisionAPI(shapes[4]).GetApproximationAttr().Get() == "convexHull"
+    assert {UsdGeom.Imageable(prim).ComputePurpose() for prim in shapes} == {"guide"}
+    material, _ = UsdShade.MaterialBindingAPI(shapes[0]).ComputeBoundMaterial("physics")
+    rubs = UsdPhysics.MaterialAPI(material.GetPrim())
+    assert (rubs.GetStaticFrictionAttr().Get(), rubs.GetDynamicFrictionAttr().Get()) == pytest.approx((0.7, 0.7))
+    assert said(material.GetPrim(), "newton:") == {"newton:torsionalFriction": 0.01, "newton:rollingFriction": 0.001}
+    said_of = {(one.path, one.what, one.how) for one in made.losses}
+    for kind in ("torsional", "rolling"):
+        assert (first.material.name, f"its {kind} friction, which Newton alone reads", "carried as custom data") in said_of
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 2**32 - 1), st.sampled_from([(1.0, 2.0, 2.5), (1.0, 1.0, 1.0), (2.0, 2.0, 1.0), (1.0, 1.0 + 1e-9, 2.0)]))
+def test_principal_axes_are_a_rotation_that_gives_the_inertia_back(seed: int, moments: tuple[float, float, float]) -> None:
+    turn = Rotation.random(random_state=seed).as_matrix()
+    inertia = turn @ np.diag(moments) @ turn.T
+    found, axes = principal_axes(tuple(tuple(float(x) for x in row) for row in (inertia + inertia.T) / 2))  # type: ignore[arg-type]
+    rotation = np.array(axes)
+    assert np.linalg.det(rotation) == pytest.approx(1.0) and rotation @ rotation.T == pytest.approx(np.eye(3), abs=1e-14)
+    assert rotation @ np.diag(found) @ rotation.T == pytest.approx(inertia, abs=1e-13)
+    assert sorted(found) == pytest.approx(sorted(moments), abs=1e-13)
+    assert principal_axes(((3.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 2.0))) == ((3.0, 1.0, 2.0), Pose().rotation)
