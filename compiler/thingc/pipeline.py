@@ -132,13 +132,13 @@ def modules_of_build(targets: Collection[str]) -> tuple[str, ...]:
 
 
 def build(
-    environment: Environment, compilation: Compilation, targets: Sequence[str], folder: str | None = None,
+    environment: Environment, compilation: Compilation, targets: Sequence[str], folder: str | None = None, compat: Sequence[str] = (),
 ) -> dict[str, Artifacts]:
     """The passes behind `root`: what lies in what (a warning), and `emit`, while the kernel writes the STEP file. `folder` is the absolute
-    path of the folder that the files will lie in, where that is known."""
+    path of the folder that the files will lie in, where that is known; `compat` names who besides MuJoCo shall read its models."""
     from thingc.solids import check_overlaps
 
-    request = request_of(environment, compilation, folder=folder)
+    request = request_of(environment, compilation, folder=folder, compat=compat)
     if "step" in targets:
         from thingc.emit import step
 
@@ -290,6 +290,7 @@ def _emitted(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifact
 
 def request_of(
     environment: Environment, compilation: Compilation, *, verify: bool = True, folder: str | None = None,
+    compat: Sequence[str] = (),
 ) -> EmitRequest:
     """What targets are asked with. Only for a compilation whose report has no errors."""
     from thingc.emit.request import EmitRequest
@@ -297,13 +298,15 @@ def request_of(
     geometry = environment.geometry
     return EmitRequest(
         assembly=_assembly(compilation), robots=compilation.robots, store=environment.store, geometry=geometry,
-        workspace=geometry.workspace, report=compilation.report, verify=verify, folder=folder, repeated=compilation.repeated,
-        memo=environment.memo,
+        workspace=geometry.workspace, report=compilation.report, verify=verify, compat=tuple(compat), folder=folder,
+        repeated=compilation.repeated, memo=environment.memo,
     )
 
 
-def files(environment: Environment, compilation: Compilation, artifacts: Mapping[str, Artifacts]) -> dict[str, Content]:
-    """What a build folder holds, by path in it: the files of all targets, and the manifest that lists them."""
+def files(
+    environment: Environment, compilation: Compilation, artifacts: Mapping[str, Artifacts], compat: Sequence[str] = (),
+) -> dict[str, Content]:
+    """What a build folder holds, by path in it: the files of all targets, written for `compat`, and the manifest that lists them."""
     from thingc.emit.artifact import MANIFEST
     from thingc.emit.manifest import Choice, manifest
 
@@ -315,7 +318,7 @@ def files(environment: Environment, compilation: Compilation, artifacts: Mapping
         document=documents.root.relative,
         documents={path: document.sha256 for path, document in documents.by_path.items()},
         choice=Choice(
-            modes=tuple(robot.mode.name for robot in compilation.robots), emit=tuple(artifacts),
+            modes=tuple(robot.mode.name for robot in compilation.robots), emit=tuple(artifacts), compat=tuple(compat),
             parameters=dict(settings.parameters), choices=dict(settings.choices),
         ),
         files=files,

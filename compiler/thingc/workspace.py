@@ -33,6 +33,9 @@ DEFAULT_TIMEOUT = 120.0
 MESH_URIS = ("relative", "package", "absolute")
 """How URDF files may name their meshes: relative to the file, in the robot's ROS package, or on this machine; the first unless written."""
 
+CONSUMERS = ("mjx", "warp", "drake", "pymjcf")
+"""Programs besides MuJoCo that MuJoCo models may be written for."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tessellation:
@@ -61,7 +64,8 @@ class Workspace:
     `root` absolute; `parts` absolute folders whose modules may be named in `part:`; `packages` installed packages that
     may be, too; `build` the absolute folder of outputs; `part_timeout` [s] for one part; `mesh` the tessellation that
     is printed and checked, `simulation` that for simulators; `emit` the targets of a build that names none; `mesh_uri` one of
-    `MESH_URIS`; `about` what ROS packages say of themselves; `origin` the file that says so, None where the defaults stand.
+    `MESH_URIS`; `about` what ROS packages say of themselves; `compat` those of `CONSUMERS` that shall read MuJoCo models; `origin` the
+    file that says so, None where the defaults stand.
     `inputs` are the files that were looked at on the way, by absolute path, with the SHA-256 of their bytes (None: not there).
     """
 
@@ -75,6 +79,7 @@ class Workspace:
     emit: tuple[str, ...] = ()
     mesh_uri: str = MESH_URIS[0]
     about: About = About()
+    compat: tuple[str, ...] = ()
     origin: Span | None = None
     inputs: dict[str, str | None] = field(default_factory=dict, compare=False, repr=False)
 
@@ -223,11 +228,12 @@ class _Settings:
     emit: tuple[str, ...]
     mesh_uri: str
     about: About
+    compat: tuple[str, ...]
 
     @staticmethod
     def plain(table: dict[str, Any]) -> _Settings | None:
         """The settings of a table in which nothing is unusual; None (or ValueError, TypeError) where anything is."""
-        known = {"thingc", "parts", "packages", "build", "part_timeout", "mesh", "emit", "mesh_uri", "about", "$schema"}
+        known = {"thingc", "parts", "packages", "build", "part_timeout", "mesh", "emit", "mesh_uri", "about", "compat", "$schema"}
         mesh, about = table.get("mesh", {}), table.get("about", {})
         if table["thingc"] != "workspace/1" or not known.issuperset(table):
             return None
@@ -240,7 +246,8 @@ class _Settings:
             return None
         fine = _plain_tessellation(mesh, DEFAULT_MESH)
         build, mesh_uri = table.get("build", DEFAULT_BUILD), table.get("mesh_uri", MESH_URIS[0])
-        return None if not isinstance(build, str) or mesh_uri not in MESH_URIS else _Settings(
+        compat = _plain_texts(table.get("compat", []))
+        return None if not isinstance(build, str) or mesh_uri not in MESH_URIS or not set(CONSUMERS).issuperset(compat) else _Settings(
             parts=_plain_texts(table["parts"]) if "parts" in table else None,
             packages=_plain_texts(table["packages"]) if "packages" in table else DEFAULT_PACKAGES,
             build=build,
@@ -250,6 +257,7 @@ class _Settings:
             emit=_plain_texts(table.get("emit", [])),
             mesh_uri=mesh_uri,
             about=About.of(about),
+            compat=compat,
         )
 
 
@@ -293,7 +301,7 @@ def _workspace(settings: _Settings, root: str, span: Span | None, inputs: dict[s
     return Workspace(
         root=root, parts=parts, packages=settings.packages, build=os.path.normpath(os.path.join(root, settings.build)),
         part_timeout=settings.part_timeout, mesh=settings.mesh, simulation=settings.simulation, emit=settings.emit,
-        mesh_uri=settings.mesh_uri, about=settings.about, origin=span, inputs=inputs,
+        mesh_uri=settings.mesh_uri, about=settings.about, compat=settings.compat, origin=span, inputs=inputs,
     )
 
 
@@ -376,6 +384,7 @@ def _from_spec(spec: Any, document: Document, report: Report) -> _Settings:
         emit=tuple(spec.emit),
         mesh_uri=spec.mesh_uri,
         about=About.of(spec.about.model_dump(exclude_none=True) if spec.about is not None else {}),
+        compat=tuple(spec.compat),
     )
 
 

@@ -189,6 +189,7 @@ _abouts = st.fixed_dictionaries({}, optional={
     "maintainer": st.sampled_from(["Ada <ada@example.org>", "Ada", "ada@example.org", "<ada@example.org>", "A\tB <a@b.org>", 3]),
     "license": st.sampled_from(["Apache-2.0", "", "a\nb", 3]), "version": st.sampled_from(["1.0.0", "1.0", 3]), "name": st.just("x"),
 })
+_compats = st.sampled_from([[], ["mjx"], ["pymjcf", "mjx"], ["MJX"], "mjx", [3]])
 _uris = st.sampled_from(["relative", "package", "absolute", "packages", 3, []])
 
 
@@ -196,18 +197,20 @@ _uris = st.sampled_from(["relative", "package", "absolute", "packages", 3, []])
 @given(
     parts=st.none() | st.lists(_texts, max_size=2) | st.just("parts"), build=st.none() | _texts | st.just(3),
         timeout=st.none() | _times | st.just(5), mesh_uri=st.none() | _uris, about=st.none() | _abouts | st.just(["license"]),
+    compat=st.none() | _compats,
     mesh=st.none() | st.fixed_dictionaries({},
         optional={"linear": st.sampled_from(["1 mm", "1 deg"]), "angular": st.sampled_from(["5 deg", "0 deg"]),
             "x": st.just("1"), "simulation": st.sampled_from([{}, {"linear": "1 mm"}, {"angular": "0 rad"}, {"y": "1"}, "1 mm"])}),
 )
 def test_the_plain_reading_is_the_models_reading(
     tmp_path_factory: pytest.TempPathFactory, parts: object, build: object, timeout: object, mesh_uri: object,
-    about: object, mesh: object,
+    about: object, compat: object, mesh: object,
 ) -> None:
     """The quick path and the document model accept the same files and read the same from them."""
     import tomlkit
 
-    table = {"parts": parts, "build": build, "part_timeout": timeout, "mesh_uri": mesh_uri, "about": about, "mesh": mesh}
+    table = {"parts": parts, "build": build, "part_timeout": timeout, "mesh_uri": mesh_uri, "about": about}
+    table |= {"compat": compat, "mesh": mesh}
     text = HEAD + tomlkit.dumps({key: value for key, value in table.items() if value is not None})
     folder = tmp_path_factory.mktemp("w")
     (folder / "parts").mkdir()

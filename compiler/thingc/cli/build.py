@@ -15,7 +15,7 @@ from typing import Any
 
 from thingc import pipeline, stamp
 from thingc.cli import common
-from thingc.cli.targets import add_emit, chosen_targets, in_words
+from thingc.cli.targets import add_compat, add_emit, chosen_compat, chosen_targets, in_words
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, Stage, shown_path
 from thingc.emit.artifact import Content, Loss
 from thingc.environment import Environment, Options, attempted, store_of
@@ -27,6 +27,7 @@ EPILOG = """\
 
   thingc build assemblies/arm.yaml
   thingc build assemblies/arm.yaml --mode bench --mode drawing --emit mjcf
+  thingc build assemblies/arm.yaml --compat mjx
   thingc build assemblies/arm.yaml -p 'reach=120 mm' -o variants
 """
 
@@ -39,6 +40,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", metavar="DIR", help="write DIR/NAME/ (default: the workspace's build folder)")
     parser.add_argument("--mode", metavar="M", action="append", default=[], help="only this mode (may be repeated; default: all)")
     add_emit(parser)
+    add_compat(parser)
     parser.add_argument(
         "--force", action="store_true", help="give up files in the build folder that no build wrote, or that were changed since"
     )
@@ -83,7 +85,7 @@ def _build(
     Raises `UnknownChoice` and `OutputError`."""
     key = stamp.key_of("build", arguments.document, {
         "parameters": dict(options.parameters), "choices": dict(options.choices), "modes": arguments.mode, "targets": targets,
-        "strict": arguments.strict,
+        "compat": chosen_compat(arguments), "strict": arguments.strict,
         "output": os.path.abspath(arguments.output) if arguments.output else None, "deny_loss": arguments.deny_loss,
     })
     earlier = stamp.load(store_of(options), key) if not arguments.twice else None
@@ -108,7 +110,9 @@ def _built(
     if report.failed:
         return common.final(report, strict=arguments.strict), None
     assert compilation.assembly is not None
-    artifacts = pipeline.build(environment, compilation, targets, build_folder(_parent(arguments, environment), compilation.assembly.name))
+    compat = chosen_compat(arguments) or environment.geometry.workspace.compat
+    folder = build_folder(_parent(arguments, environment), compilation.assembly.name)
+    artifacts = pipeline.build(environment, compilation, targets, folder, compat)
     losses = [loss for target in targets for loss in artifacts[target].losses]
     if arguments.deny_loss:
         _deny(losses, report)
@@ -118,7 +122,7 @@ def _built(
     if common.exit_code(diagnostics):
         return diagnostics, None
     answer = {
-        **_written(arguments, environment, compilation, pipeline.files(environment, compilation, artifacts)),
+        **_written(arguments, environment, compilation, pipeline.files(environment, compilation, artifacts, compat)),
         "modelled": compilation.modelled, "reused": compilation.reused, "losses": dict(Counter(loss.target for loss in losses)),
     }
     stamp.save(environment.store, key, pipeline.inputs(environment, compilation), diagnostics, answer)
@@ -179,6 +183,7 @@ def _tell(answer: Mapping[str, Any], arguments: argparse.Namespace) -> None:
     else:
         modelled, reused = len(answer["modelled"]), len(answer["reused"])
         common.say(f"{folder}: {count} files; {modelled} parts modelled, {reused} reused", stream=sys.stderr)
-    words = shlex.join(["thingc", "why", "--losses", arguments.document, *(f"--emit={word}" for word in arguments.emit)])
+    words = shlex.join(["thingc", "why", "--losses", arguments.document, *(f"--emit={word}" for word in arguments.emit),
+                        *(f"--compat={word}" for word in arguments.compat)])
     for target, number in answer["losses"].items():
         common.say(f"{target}: {common.counted(number, 'thing')} it cannot say: {words}", stream=sys.stderr)

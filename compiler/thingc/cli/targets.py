@@ -7,7 +7,9 @@ import argparse
 from thingc.cli import common
 from thingc.diagnostics import Code, Diagnostic, Report, Severity
 from thingc.emit import TARGETS, chosen, unknown
-from thingc.workspace import Workspace
+from thingc.shown import shortened
+from thingc.typos import did_you_mean
+from thingc.workspace import CONSUMERS, Workspace
 
 
 def in_words() -> str:
@@ -23,6 +25,24 @@ def add_emit(parser: argparse.ArgumentParser) -> None:
         "--emit", metavar="T", action="append", default=[],
         help=f"only this target, or `all` (may be repeated; default: those of the workspace, else all but {', '.join(asked)})",
     )
+
+
+def add_compat(parser: argparse.ArgumentParser) -> None:
+    """The option `--compat`."""
+    parser.add_argument(
+        "--compat", metavar="C", action="append", default=[],
+        help=f"have this program read the MuJoCo models, too: {', '.join(CONSUMERS)} (may be repeated; default: those of the workspace)",
+    )
+
+
+def chosen_compat(arguments: argparse.Namespace) -> tuple[str, ...]:
+    """Those that `--compat` names, in the order of the table; empty where it names none. Raises `WrongCommandLine`."""
+    words = [word for text in arguments.compat for word in text.split(",") if word]
+    for word in words:
+        if word not in CONSUMERS:
+            hint = did_you_mean(word, CONSUMERS, what="programs")
+            raise common.WrongCommandLine(f"MuJoCo models are not written for `{shortened(word)}`", hint)
+    return tuple(name for name in CONSUMERS if name in words)
 
 
 def chosen_targets(arguments: argparse.Namespace) -> tuple[tuple[str, ...], list[Diagnostic]]:

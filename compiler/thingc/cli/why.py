@@ -9,7 +9,7 @@ from functools import partial
 
 from thingc import pipeline
 from thingc.cli import common
-from thingc.cli.targets import add_emit, chosen_targets
+from thingc.cli.targets import add_compat, add_emit, chosen_compat, chosen_targets
 from thingc.diagnostics import Diagnostic, shown_path
 from thingc.environment import Environment, attempted
 from thingc.pipeline import Compilation
@@ -28,6 +28,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("occurrence", metavar="OCCURRENCE", nargs="?", help="the path of a part, such as hand/cap")
     parser.add_argument("--losses", action="store_true", help="list what each target cannot say")
     add_emit(parser)
+    add_compat(parser)
     common.add_compiling(parser)
 
 
@@ -58,7 +59,7 @@ def _answered(arguments: argparse.Namespace, environment: Environment) -> list[D
         targets, wrong = chosen_targets(arguments)
         if wrong:
             return wrong
-        _losses(environment, compilation, targets)
+        _losses(environment, compilation, targets, chosen_compat(arguments) or environment.geometry.workspace.compat)
         return common.final(compilation.report, strict=False)
     _reason(compilation, arguments.occurrence)
     return diagnostics
@@ -86,8 +87,8 @@ def _reason(compilation: Compilation, wanted: str) -> None:
         common.say(f"shared by {', '.join(users)}")
 
 
-def _losses(environment: Environment, compilation: Compilation, targets: Sequence[str]) -> None:
-    artifacts = pipeline.build(environment, compilation, targets)
+def _losses(environment: Environment, compilation: Compilation, targets: Sequence[str], compat: Sequence[str]) -> None:
+    artifacts = pipeline.build(environment, compilation, targets, compat=compat)
     losses = [loss for target in artifacts.values() for loss in target.losses]
     for loss in losses:
         place = f"{shown_path(loss.span.file)}:{loss.span.line}: " if loss.span is not None else ""

@@ -26,12 +26,14 @@ DISTRIBUTIONS = ("build123d", "cadquery-ocp-novtk", "cadquery-ocp", "mujoco", "t
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Choice:
-    """What the build was asked for: modes and targets by name, in document and table order, parameters and choices as texts."""
+    """What the build was asked for: modes, targets and readers of MuJoCo models by name, in document and table order, parameters and
+    choices as texts."""
 
     modes: tuple[str, ...]
     emit: tuple[str, ...]
     parameters: Mapping[str, str]
     choices: Mapping[str, str] = field(default_factory=dict)
+    compat: tuple[str, ...] = ()
 
 
 def manifest(
@@ -60,6 +62,7 @@ def manifest(
             "choice": {
                 "modes": choice.modes,
                 "emit": choice.emit,
+                **({"compat": choice.compat} if choice.compat else {}),
                 "parameters": dict(sorted(choice.parameters.items())),
                 "choices": dict(sorted(choice.choices.items())),
             },

@@ -15,6 +15,7 @@ from __future__ import annotations
 from thingc.emit import jsontext
 from thingc.emit.artifact import Artifacts
 from thingc.emit.jsontext import Fragment, fragment
+from thingc.emit.mjcf.compat import separator
 from thingc.emit.mjcf.lowering import lowered, sizes
 from thingc.emit.request import EmitRequest
 from thingc.graph.types import Mate
@@ -38,12 +39,14 @@ FREE = (7, 6)
 
 def emit(request: EmitRequest) -> Artifacts:
     """`modes.json` of the chosen modes, in document order. It goes with the MJCF files, whose addresses it states."""
-    described = {robot.mode.name: describe(robot, request.memo) for robot in request.robots}
+    between = separator(request.compat)
+    described = {robot.mode.name: describe(robot, request.memo, between) for robot in request.robots}
     return Artifacts(files={"modes.json": jsontext.encode(described)})
 
 
-def describe(robot: Robot, memo: Memo | None = None) -> dict[str, object]:
-    """One mode as plain data for `jsontext`, lengths in metres and angles in radians.
+def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> dict[str, object]:
+    """One mode as plain data for `jsontext`, lengths in metres and angles in radians; names of links, and those of MuJoCo's joints, have
+    `separator` in them, as the model has.
 
     - `root` the path of the site on which the mode stands, `base` `fixed | held | free | planar | ball`, `gravity` [m/s^2] in the world,
       `X_world_root` where the mode puts its root link, 4 x 4, by rows, and only of a base that is
@@ -62,7 +65,7 @@ def describe(robot: Robot, memo: Memo | None = None) -> dict[str, object]:
       that meet, A on the parent moving by `coordinates` as above, the offsets in `X_PA`; and `residuals`, how far [m, rad] the worst
       loop is from closed in each pose.
     """
-    names = [robot.assembly.links[body.link].name for body in robot.bodies]
+    names = [robot.assembly.links[body.link].name.replace("/", separator) for body in robot.bodies]
     at_zero: list[Pose] = []
     memo, mode, placed = memo or Memo(), robot.mode.name, in_link(robot.assembly)
     links: list[Fragment] = []
@@ -79,7 +82,7 @@ def describe(robot: Robot, memo: Memo | None = None) -> dict[str, object]:
         mate = robot.assembly.mates[body.joints[0].mate]
         joints.append(memo(
             ("modes.json", mode, "joint", mate.name), _joint, mate, placed[mate.parent], placed[mate.child], names[body.parent], name,
-            body.joints, qpos, dof,
+            body.joints, qpos, dof, separator,
         ))
         order += [joint.path for joint in body.joints]
         count, speeds = sizes(body.joints)
@@ -119,13 +122,15 @@ def _link(name: str, pose: Pose, own: MassProperties) -> Fragment:
 
 def _joint(
     mate: Mate, parent_part: Pose, child_part: Pose, parent: str, child: str, crossed: tuple[CoreJoint, ...], qpos: int, dof: int,
+    separator: str,
 ) -> Fragment:
     in_model: dict[str, tuple[dict[str, float], list[int], list[int]]] = {}
     for joint in crossed:
         if joint.kind.at_once:
-            in_model[joint.path] = {mate.name or joint.path: 1.0}, list(range(qpos, qpos + 4)), list(range(dof, dof + 3))
+            whole = (mate.name or joint.path).replace("/", separator)
+            in_model[joint.path] = {whole: 1.0}, list(range(qpos, qpos + 4)), list(range(dof, dof + 3))
             continue
-        names = {one.name: one.ratio for one in lowered(joint.path, joint.twist)}
+        names = {one.name.replace("/", separator): one.ratio for one in lowered(joint.path, joint.twist)}
         in_model[joint.path] = names, list(range(qpos, qpos + len(names))), list(range(dof, dof + len(names)))
         qpos, dof = qpos + len(names), dof + len(names)
     return fragment({

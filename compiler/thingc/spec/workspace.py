@@ -93,6 +93,8 @@ class WorkspaceSpec(Model):
     """How URDF files name their meshes: relative to the file, in the ROS package of the robot, or where the build lies on this machine."""
     about: AboutSpec | None = Field(default=None, examples=[{"maintainer": "Ada Lovelace <ada@example.org>", "license": "Apache-2.0"}])
     """What the ROS packages of `--emit ros` say of themselves."""
+    compat: list[Literal["mjx", "warp", "drake", "pymjcf"]] = Field(default=[], examples=[["mjx"]])
+    """What besides MuJoCo shall read the MuJoCo models of a build, unless `--compat` says so."""
     part_timeout: TimeField | None = None
     """Longest time for one part; 120 s unless written."""
     mesh: MeshSpec | None = Field(default=None, examples=[{"linear": "0.1 mm", "angular": "10 deg"}])

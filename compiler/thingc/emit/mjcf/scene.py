@@ -14,13 +14,13 @@ from thingc.source import Origin
 FLOOR = "floor"
 
 
-def scene(robot: Robot, file: str, heading: str, model: Written, memo: Memo | None = None) -> Written:
-    """The scene of a mode around `file`, which lies beside it; `model` is what that file holds."""
+def scene(robot: Robot, file: str, heading: str, model: Written, memo: Memo | None = None, separator: str = "/") -> Written:
+    """The scene of a mode around `file`, which lies beside it; `model` is what that file holds, with `separator` in its paths."""
     memo, mode = memo or Memo(), robot.mode
     box = memo(("bounds", mode.name), bounds, *placements(robot))
     title = f"{robot.assembly.name}_{mode.name} scene"
     holds = {closure.child: closure.origin for closure in reversed(robot.closures) if closure.hold}
-    held = tuple((robot.assembly.links[robot.bodies[body].link].name, at) for body, at in holds.items())
+    held = tuple((robot.assembly.links[robot.bodies[body].link].name.replace("/", separator), at) for body, at in holds.items())
     return memo(("scene", mode.name), _scene, title, box, file, floor_name(model), held, heading, mode.origin)
 
 

@@ -13,6 +13,7 @@ from dataclasses import replace
 from typing import Any
 
 from thingc.diagnostics import Code, Note, Report, allow_hint
+from thingc.emit.mjcf.compat.pymjcf import SEPARATOR
 from thingc.frozen import dataclass
 from thingc.robot.types import CoreJoint, Robot
 from thingc.source import Origin
@@ -173,7 +174,7 @@ def _inside(model: Any, data: Any) -> Iterator[Inside]:
         bodies = [int(model.geom_bodyid[geom]) for geom in (contact.geom1, contact.geom2)]
         if contact.dist > -DEEP or 0 in bodies:
             continue
-        one, other = sorted(model.geom(int(geom)).name.partition(":")[0] for geom in (contact.geom1, contact.geom2))
+        one, other = sorted(_path(model.geom(int(geom)).name) for geom in (contact.geom1, contact.geom2))
         deepest[one, other] = max(deepest.get((one, other), 0.0), -float(contact.dist))
     for (one, other), depth in sorted(deepest.items(), key=lambda entry: (-entry[1], entry[0])):
         yield Inside(one=one, other=other, depth=depth)
@@ -214,11 +215,16 @@ def gains_of(model: Any, data: Any) -> Iterator[tuple[str, Gains]]:
         if inverse <= 1e-9 * alone:  # what it is tied to cannot move
             continue
         bias, gear = model.actuator_biasprm[actuator], float(along[0] @ along[0])
-        yield model.actuator(actuator).name, Gains(
+        yield _path(model.actuator(actuator).name), Gains(
             stiffness=-float(bias[1]) + float(np.ravel(model.jnt_stiffness[joint])[0]) / gear, kv=-float(bias[2]),
             damping=float(np.ravel(model.dof_damping[model.jnt_dofadr[joint]])[0]) / gear, inertia=1.0 / inverse,
             saturates=bool(model.actuator_forcelimited[actuator]), dt=float(model.opt.timestep), integrator=integrator,
         )
+
+
+def _path(name: str) -> str:
+    """The path that the name of an element begins with, whatever stands between its parts there."""
+    return name.partition(":")[0].replace(SEPARATOR, "/")
 
 
 # --- words -------------------------------------------------------------------------------------------------------------

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from thingc.emit.artifact import Artifacts, Content, Loss, Stored
 from thingc.emit.capabilities import losses
-from thingc.emit.mjcf import check, raw, scene
+from thingc.emit.mjcf import check, compat, raw, scene
 from thingc.emit.mjcf import model as tree
 from thingc.emit.mjcf.capabilities import CAPABILITIES
 from thingc.emit.mjcf.limits import taken
@@ -45,6 +45,7 @@ def models(request: EmitRequest) -> Models:
     geometry, unsaid = taken(assembly, report, request.memo)
     roots = [tree.model(robot, geometry, request.memo) for robot in robots]
     raw.lay(assembly, robots, roots, report)
+    roots, suited = compat.suited(request.compat, robots, roots, report)
 
     lost: dict[Loss, None] = dict.fromkeys((*unsaid, *losses("mjcf", CAPABILITIES, assembly, robots)))
     candidates: list[check.Candidate] = []
@@ -55,8 +56,10 @@ def models(request: EmitRequest) -> Models:
         model = write(root, heading)
         candidates.append(check.Candidate(
             mode=robot.mode.name, file=file, root=root, heading=heading, model=model,
-            scene=scene.scene(robot, file, heading, model, request.memo), origin=robot.mode.origin, robot=robot,
+            scene=scene.scene(robot, file, heading, model, request.memo, compat.separator(request.compat)), origin=robot.mode.origin,
+            robot=robot,
         ))
+    lost |= suited
     every = tuple(candidates)
     if request.verify:
         if request.repeated:

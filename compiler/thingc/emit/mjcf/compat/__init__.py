@@ -1,0 +1,61 @@
+"""MJCF for more than MuJoCo: of each program that `compat` names, what it will refuse is said before the build is over, and where
+nothing is harmed by it the model is changed so that it is read."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+from thingc.diagnostics import Code, Report, allow_hint
+from thingc.emit.artifact import Loss
+from thingc.emit.mjcf.compat.consumer import Consumer, Refusal
+from thingc.emit.mjcf.compat.drake import DRAKE
+from thingc.emit.mjcf.compat.mjx import MJX
+from thingc.emit.mjcf.compat.pymjcf import PYMJCF, SEPARATOR
+from thingc.emit.mjcf.compat.warp import WARP
+from thingc.emit.xml import Element
+from thingc.robot.types import Robot
+
+__all__ = ["CONSUMERS", "separator", "suited"]
+
+CONSUMERS: tuple[Consumer, ...] = (MJX, WARP, DRAKE, PYMJCF)
+"""In this order: names are changed last."""
+
+
+def separator(names: Collection[str]) -> str:
+    """What stands between the names of a path in a model for these consumers."""
+    return SEPARATOR if PYMJCF.name in names else "/"
+
+
+def suited(
+    names: Collection[str], robots: Sequence[Robot], roots: Sequence[Element], report: Report,
+) -> tuple[list[Element], dict[Loss, None]]:
+    """The models of some modes as the consumers of these names take them, and what that loses; a warning for each thing that one of them
+    refuses all the same."""
+    losses: dict[Loss, None] = {}
+    refused: dict[tuple[str, Refusal], list[str]] = {}
+    made = [_copied(root) for root in roots] if names else list(roots)
+    for consumer in CONSUMERS:
+        for robot, root in zip(robots, made, strict=True) if consumer.name in names else ():
+            losses |= dict.fromkeys(consumer.suit(robot, root))
+            for refusal in dict.fromkeys(consumer.refuses(robot, root)):
+                refused.setdefault((consumer.label, refusal), []).append(robot.mode.name)
+    for (label, one), modes in refused.items():
+        which = f"mode{'' if len(modes) == 1 else 's'} {', '.join(f'`{mode}`' for mode in modes)}"
+        message, hint = f"{label} will refuse {which}: {one.what}", f"{one.hint}; {allow_hint(Code.COMPAT)}"
+        report.warn(Code.COMPAT, message, one.origin, path=one.path, help=hint)
+    return made, losses
+
+
+def _copied(root: Element) -> Element:
+    """The same tree, of elements that are in no other."""
+    top = _twin(root)
+    waiting = [(root, top)]
+    while waiting:
+        old, new = waiting.pop()
+        new.children = [_twin(child) for child in old.children]
+        waiting += zip(old.children, new.children, strict=True)
+    return top
+
+
+def _twin(element: Element) -> Element:
+    return Element(tag=element.tag, attributes=dict(element.attributes), origin=element.origin, raw=dict(element.raw))

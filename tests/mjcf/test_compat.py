@@ -1,0 +1,233 @@
+"""MJCF for readers besides MuJoCo: what each refuses is said, and what can be said otherwise without harm is.
+
+What the readers lack is written here again, from their sources; that they then read the files is asked of themselves by `make
+conformance`. Which geoms may touch MuJoCo itself says: with a margin larger than the robot there is a contact for every pair it looks at.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from mjcf.handmade import Made, Piece, Segment, at, box_part, cylinder_part, drive, matrix, raw
+from thingc.diagnostics import Code
+from thingc.emit.artifact import Loss
+from thingc.emit.mjcf import model as tree
+from thingc.emit.mjcf import target
+from thingc.emit.mjcf.compat import CONSUMERS
+from thingc.emit.mjcf.compat.mjx import LACKING, SIDES, prism
+from thingc.emit.mjcf.compat.touching import pairs
+from thingc.emit.mjcf.limits import taken
+from thingc.emit.request import EmitRequest
+from thingc.realize.store.local import Store
+from thingc.resolve.model import Dynamics, Limit, Overrides
+from thingc.workspace import CONSUMERS as NAMES
+
+
+@pytest.fixture
+def store(tmp_path: object) -> Store:
+    return Store(f"{tmp_path}/store")
+
+
+def robot(store: Store, *shapes: str, **said: object) -> Made:
+    """A chain of links of 60 x 40 x 20 mm, or of cylinders, that stand on each other and turn about x, with drives and a pose."""
+    segments = []
+    for number, shape in enumerate(shapes):
+        part = box_part(store, (-0.03, -0.02, -0.01), (0.03, 0.02, 0.01)) if shape != "cylinder" else cylinder_part(store, 0.02, 0.02)
+        piece = Piece(f"arm/part_{number}", part, overrides=Overrides(collision=shape))  # type: ignore[arg-type]
+        below = {"parent": number - 1, "joint": f"arm/turn_{number}", "axis": (1.0, 0.0, 0.0), "actuator": drive(kp=2.0, effort=1.0)}
+        place = matrix((0.0, 0.0, 0.01 if not number else 0.03))
+        segments.append(Segment(
+            f"arm/link_{number}", [piece], pose=place, limit=Limit(lower=-1.0, upper=1.0), dynamics=Dynamics(friction=0.1, armature=0.01),
+            **(below if number else {}),
+        ))
+    turns = {f"arm/turn_{number}": 0.1 * number for number in range(1, len(shapes))}
+    return Made(segments, keyframes=(("rest", turns),), **said)  # type: ignore[arg-type]
+
+
+def emitted(made: Made, store: Store, compat: Sequence[str], *modes: tuple[str, str]) -> tuple[EmitRequest, target.Models]:
+    request = replace(made.request(store, *modes or (("bench", "fixed"),)), compat=tuple(compat))
+    return request, target.models(request)
+
+
+def compiled(request: EmitRequest, models: target.Models, number: int = 0) -> mujoco.MjModel:
+    """The scene of a mode, read by MuJoCo."""
+    one = models.candidates[number]
+    assets = {file: request.store.read(stored.sha256) for file, stored in models.assets.items()}
+    return mujoco.MjModel.from_xml_string(one.scene.text, {**assets, one.file: one.model.text.encode()})
+
+
+def lost(models: target.Models) -> list[tuple[str, str, str]]:
+    return [(one.path, one.what, one.how) for one in models.losses]
+
+
+def test_there_is_one_table_of_names(root: Path) -> None:
+    """The page has the same consumers, and the versions of which it was found out."""
+    assert tuple(one.name for one in CONSUMERS) == NAMES
+    rows = (root / "docs" / "outputs.md").read_text().partition("<!-- compat -->\n")[2].partition("\n\n")[0].splitlines()[2:]
+    cells = [[cell.strip() for cell in row.strip("|").split(" | ")][:3] for row in rows]
+    assert cells == [[f"`{one.name}`", one.label, one.version] for one in CONSUMERS]
+
+
+def test_what_mjx_cannot_have_touch() -> None:
+    """From `_COLLISION_FUNC` of mujoco-mjx 3.17.0, of the kinds of shapes that we write."""
+    there = """plane sphere, plane capsule, plane box, plane cylinder, plane mesh, sphere sphere, sphere capsule, sphere cylinder,
+        sphere box, sphere mesh, capsule capsule, capsule box, capsule cylinder, capsule mesh,
+        cylinder cylinder, box box, box mesh, mesh mesh"""
+    known = {frozenset(pair.split()) for pair in there.split(",")}
+    kinds = ("plane", "sphere", "capsule", "cylinder", "box", "mesh")
+    every = {frozenset(pair) for pair in itertools.combinations_with_replacement(kinds, 2)} - {frozenset(["plane"])}
+    assert every - known == {one for one in LACKING if "ellipsoid" not in one}
+
+
+@pytest.mark.parametrize("base", ["fixed", "free", "held"])
+def test_pairs_that_may_touch_are_those_that_mujoco_looks_at(store: Store, base: str) -> None:
+    made = robot(store, "box", "cylinder", "box", "cylinder", "box", excluded=((1, 3),))
+    stuck = Piece("arm/stuck", box_part(store, (0.04, 0, 0), (0.05, 0.01, 0.01)))
+    made.segments.append(Segment("arm/stuck", [stuck], parent=2))  # without a joint: one with its parent
+    request, models = emitted(made, store, (), ("bench", base))
+    ours = {
+        frozenset(geom.element.attributes["name"] if geom.element is not None else "floor" for geom in pair)
+        for pair in pairs(tree.model(request.robots[0], taken(request.assembly, request.report, request.memo)[0]))
+    }
+    model = compiled(request, models)
+    model.geom_margin[:] = 10.0
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    theirs = {frozenset(model.geom(int(geom)).name for geom in contact.geom) for contact in data.contact}
+    assert theirs
+    held = {frozenset(("floor", "arm/part_0:collision"))} if base == "held" else set()  # MuJoCo sees that neither moves, MJX does not
+    assert ours == theirs | held
+
+
+def test_cylinders_that_meet_boxes_are_prisms_for_mjx(store: Store) -> None:
+    """And those that then meet a prism; what meets nothing but the floor, its like and its neighbours stays."""
+    what = f"its cylinder, of which MJX has no contacts with boxes and meshes: it is a prism of {SIDES} sides"
+    for shapes, prisms in (
+        (("box", "box", "cylinder"), [2]), (("box", "cylinder", "box", "cylinder"), [1, 3]), (("box", "cylinder", "box"), []),
+        (("cylinder", "cylinder", "cylinder", "cylinder"), []),
+    ):
+        request, models = emitted(robot(store, *shapes), store, ["mjx"], ("bench", "free"))
+        assert not request.report.diagnostics
+        assert lost(models) == [(f"arm/part_{number}", what, "approximated") for number in prisms], shapes
+        model = compiled(request, models)
+        for number, shape in enumerate(shapes):
+            kind = "mesh" if number in prisms else shape
+            assert model.geom(f"arm/part_{number}:collision").type == getattr(mujoco.mjtGeom, f"mjGEOM_{kind.upper()}"), (shapes, number)
+
+
+def test_a_prism_is_where_its_cylinder_was(store: Store) -> None:
+    made = robot(store, "box", "box", "cylinder")
+    before, after = (emitted(made, store, compat) for compat in ((), ("mjx",)))
+    old, new = (compiled(*one) for one in (before, after))
+    assert new.nmesh == old.nmesh + 1
+    data = [mujoco.MjData(one) for one in (old, new)]
+    for one, state in zip((old, new), data, strict=True):
+        mujoco.mj_resetDataKeyframe(one, state, 0)
+        mujoco.mj_forward(one, state)
+    assert data[0].geom("arm/part_2:collision").xpos == pytest.approx(data[1].geom("arm/part_2:collision").xpos, abs=1e-9)
+    corners = np.array(prism(0.02, 0.01)).reshape(-1, 3)
+    assert np.hypot(corners[:, 0], corners[:, 1]) == pytest.approx(0.02)
+    assert sorted(set(corners[:, 2].tolist())) == [-0.01, 0.01]
+    assert len(corners) == 2 * SIDES
+
+
+def magnet(store: Store, base: str, *, on: bool = True) -> tuple[EmitRequest, target.Models]:
+    made = robot(store, "hull", "box", "box", adhesions=(("arm/sole", "arm/part_0", 20.0),), control={"arm/sole": 20.0 if on else 0.0})
+    return emitted(made, store, ["mjx"], ("bench", base))
+
+
+def test_mjx_has_no_adhesion(store: Store) -> None:
+    """One that holds what stands still anyway, or is off, is left out of the model and its keyframes; one that carries the robot is said
+    to be refused."""
+    for base, on in (("fixed", True), ("held", True), ("free", False)):
+        request, models = magnet(store, base, on=on)
+        assert not request.report.diagnostics
+        assert ("arm/sole", "its adhesion, which MJX lacks", "omitted") in lost(models)
+        model = compiled(request, models)
+        assert [model.actuator(number).name for number in range(model.nu)] == ["arm/turn_1", "arm/turn_2"]
+        assert model.key_ctrl.tolist() == [[0.1, 0.2]]
+        assert not model.geom_margin.any()
+    request, models = magnet(store, "free")
+    (said,) = request.report.diagnostics
+    assert (said.code, said.severity.value) == (Code.COMPAT, "warning")
+    assert said.message == "MJX will refuse mode `bench`: it has no adhesion, and that at `arm/sole` carries the robot"
+    assert said.span is not None and said.span.line == at(50)[0].line
+    assert said.help is not None and said.help.startswith("leave the mode out with `--mode`, or root it at what holds; ")
+    assert compiled(request, models).nu == 3
+
+
+@pytest.mark.parametrize(("compat", "path", "value", "message"), [
+    ("mjx", "option solver", "PGS", "MJX will refuse mode `bench`: it has no `solver` `PGS`"),
+    ("warp", "option solver", "PGS", "MuJoCo Warp will refuse mode `bench`: it has no `solver` `PGS`"),
+    ("mjx", "option flag energy", "enable", "MJX will refuse mode `bench`: it has no `energy` that is enabled"),
+    ("warp", "option flag midphase", "disable", "MuJoCo Warp will refuse mode `bench`: it has no `midphase` that is disabled"),
+    ("mjx", "geom arm/part_2:collision margin", "0.001", "MJX will refuse mode `bench`: it has no `margin` for contacts of meshes"),
+    ("mjx", "geom arm/part_2:collision type", "ellipsoid", "MJX will refuse mode `bench`: it has no contacts of a ellipsoid and a mesh"),
+])
+def test_what_is_refused_is_said_where_raw_attributes_say_it(store: Store, compat: str, path: str, value: str, message: str) -> None:
+    made = robot(store, "hull", "box", "box", raw=(raw(5, path, value), raw(6, "option viscosity", "0")))
+    request, _ = emitted(made, store, [compat])
+    (said,) = request.report.diagnostics
+    assert (said.code, said.message, said.span and said.span.line) == (Code.COMPAT, message, at(5)[0].line)
+    silent, _ = emitted(made, store, ())
+    assert not silent.report.diagnostics
+
+
+def test_mjx_takes_no_fluid_with_implicitfast_nor_the_integrator_implicit(store: Store) -> None:
+    made = robot(store, "box", "box", simulation={"integrator": "implicit"}, raw=(raw(5, "option density", "1.2"),))
+    request, models = emitted(made, store, ["mjx"])
+    assert ("bench", "its integrator `implicit`, which MJX lacks: it is `implicitfast`", "approximated") in lost(models)
+    assert compiled(request, models).opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    assert [one.message for one in request.report.diagnostics] == ["MJX will refuse mode `bench`: it has no `density` with `implicitfast`"]
+
+
+def test_names_for_pymjcf_have_no_slash(store: Store) -> None:
+    """And nothing else is different: MuJoCo reads the same robot."""
+    made = robot(store, "box", "cylinder", "hull")
+    (_, before), (request, after) = (emitted(made, store, compat) for compat in ((), ("pymjcf",)))
+    assert [one for one in lost(after) if one not in lost(before)] == [
+        ("arm", "`/` in names, which PyMJCF refuses: they have `.` in its place", "approximated"),
+    ]
+    old, new = compiled(request, before), compiled(request, after)
+    for kind, count in (("body", "nbody"), ("joint", "njnt"), ("geom", "ngeom"), ("actuator", "nu"), ("site", "nsite")):
+        names = [[getattr(one, kind)(number).name for number in range(getattr(one, count))] for one in (old, new)]
+        assert [name.replace("/", ".") for name in names[0]] == names[1], kind
+        assert not any("/" in name for name in names[1])
+    assert new.geom_pos.tolist() == old.geom_pos.tolist()
+
+
+def test_what_starts_inside_something_is_called_by_its_path_for_pymjcf(store: Store) -> None:
+    made = robot(store, "box", "box", "box")
+    made.segments[2].pose = matrix((0.0, 0.0, -0.02))  # back in the first
+    request, _ = emitted(made, store, ["pymjcf"])
+    assert [one.code for one in request.report.diagnostics] == [Code.START_CONTACT]
+    assert "`arm/part_0`" in request.report.diagnostics[0].message
+
+
+def test_drake_takes_all_and_leaves_some_out(store: Store) -> None:
+    made = robot(store, "box", "box", adhesions=(("arm/sole", "arm/part_0", 20.0),), control={"arm/sole": 20.0})
+    (_, before), (request, after) = (emitted(made, store, compat, ("bench", "held")) for compat in ((), ("drake",)))
+    assert not request.report.diagnostics
+    assert [candidate.texts for candidate in after.candidates] == [candidate.texts for candidate in before.candidates]
+    more: list[Loss] = [one for one in after.losses if one not in before.losses]
+    assert {(one.path, one.what) for one in more} == {
+        ("arm/turn_1", "its dry friction: Drake leaves it out"), ("arm/link_0", "that it is moved at run time: Drake leaves it out"),
+        ("arm/sole", "its adhesion: Drake leaves it out"), ("rest", "its keyframe: Drake leaves it out"),
+    }
+
+
+def test_without_being_asked_nothing_is_changed(store: Store) -> None:
+    """Elements stand in the trees of several modes: those of a build for another reader are its own."""
+    made = robot(store, "box", "cylinder", "box", "cylinder")
+    request = made.request(store, ("bench", "fixed"), ("adrift", "free"))
+    plain = [one.texts for one in target.models(request).candidates]
+    target.models(replace(request, compat=NAMES, made={}))
+    assert [one.texts for one in target.models(replace(request, made={})).candidates] == plain
