@@ -13,6 +13,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
+from pydrake.geometry import SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import DiscreteContactApproximation, MultibodyPlant
@@ -31,6 +32,8 @@ def answer(asked):
     try:
         plant = MultibodyPlant(STEP)
         plant.set_discrete_contact_approximation(DiscreteContactApproximation.kSap)
+        shapes = SceneGraph()
+        plant.RegisterAsSourceForSceneGraph(shapes)
         Parser(plant).AddModels(str(file))
         plant.Finalize()
     finally:
@@ -47,11 +50,13 @@ def answer(asked):
         actuator = plant.get_joint_actuator(index)
         reflected[actuator.joint().velocity_start()] += actuator.calc_reflected_inertia(context)
     poses, matrices, torques, centres = [], [], [], []
+    boxes = []
     for values in asked["q"]:
         q = plant.GetPositions(context)
         for (joint, axis), value in zip(joints, values):
             q[joint.position_start() + axis] = value
         plant.SetPositions(context, q)
+        boxes = boxes or [box(plant, context, shapes.model_inspector(), name) for name in asked["meshes"]]
         frames = [plant.GetFrameByName(name) for name in asked["frames"]]
         poses.append([frame.CalcPoseInWorld(context).GetAsMatrix4().tolist() for frame in frames])
         matrices.append((plant.CalcMassMatrix(context) - np.diag(reflected))[np.ix_(dofs, dofs)].tolist())
@@ -60,6 +65,7 @@ def answer(asked):
     limits = [(joint.position_lower_limits()[axis], joint.position_upper_limits()[axis]) for joint, axis in joints]
     answers = {
         "frames": poses, "mass": plant.CalcTotalMass(context), "mass_matrix": matrices, "torque": torques, "centre": centres,
+        "meshes": boxes,
         "range": [None if np.isinf(ends).all() else list(ends) for ends in limits],
     }
     if file.suffix != ".xml":  # whose equalities between joints it does not read
@@ -70,6 +76,18 @@ def answer(asked):
         single = [joint.num_velocities() == 1 and joint.type_name() != "screw" for joint, _ in joints]
         answers["effort"] = [efforts.get(name, 0.0) if one else None for name, one in zip(asked["joints"], single)]
     return answers
+
+
+def box(plant, context, inspector, name):
+    """The box in the world around the mesh that is drawn, or collides, under a name: its lowest and its highest corner."""
+    found = [one for one in inspector.GetAllGeometryIds() if inspector.GetName(one).partition("::")[2] == name]
+    if len(found) != 1:
+        raise ValueError(f"{len(found)} shapes are called {name}")
+    body = plant.GetBodyFromFrameId(inspector.GetFrameId(found[0]))
+    X_WG = plant.EvalBodyPoseInWorld(context, body) @ inspector.GetPoseInFrame(found[0])
+    hull = inspector.GetConvexHull(found[0])
+    points = X_WG @ np.array([hull.vertex(k) for k in range(hull.num_vertices())]).T
+    return [*points.min(axis=1), *points.max(axis=1)]
 
 
 def refuse(file):

@@ -72,9 +72,9 @@ def question(file: Path, mjcf: Path, seed: int = 0) -> Question:
     names = [one.name for one in coordinates]
     q = _configurations(names, slides, mimics, np.random.default_rng(seed))
     request = {
-        "file": str(file), "frames": list(frames), "joints": names, "axes": [one.axis for one in coordinates],
-        "leaders": [one and one[0] for one in mimics], "without": without, "q": q.tolist(), "gravity": model.opt.gravity.tolist(),
-        "free": bool((model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).any()),
+        "file": str(file), "frames": list(frames), "meshes": [_shape(name, format) for name in _meshes(model)], "joints": names,
+        "axes": [one.axis for one in coordinates], "leaders": [one and one[0] for one in mimics], "without": without, "q": q.tolist(),
+        "gravity": model.opt.gravity.tolist(), "free": bool((model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).any()),
     }
     zeros = np.array([one.zero for one in coordinates])
     answers = {**_answers(model, coordinates, frames, q + zeros), "mimic": mimics}
@@ -194,7 +194,7 @@ def _answers(model: mujoco.MjModel, coordinates: list[Coordinate], frames: dict[
     for k, one in enumerate(coordinates):
         for path, ratio in ((one.path, 1.0), *one.others) if one.path not in balls else ():
             moves[model.joint(path).dofadr[0], k] = ratio
-    poses, matrices, torques, centres = [], [], [], []
+    poses, matrices, torques, centres, boxes = [], [], [], [], []
     for values in q:
         mujoco.mj_resetData(model, data)
         for k, one in enumerate(coordinates):
@@ -207,6 +207,7 @@ def _answers(model: mujoco.MjModel, coordinates: list[Coordinate], frames: dict[
         if model.nq and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE:
             data.qpos[:7] = (0, 0, 0, 1, 0, 0, 0)
         mujoco.mj_forward(model, data)
+        boxes = boxes or [_box(data, k) for k in _meshes(model).values()]
         poses.append([_pose(data, *frame).tolist() for frame in frames.values()])
         full = np.zeros((model.nv, model.nv))
         mujoco.mj_fullM(model, data, full)
@@ -218,8 +219,29 @@ def _answers(model: mujoco.MjModel, coordinates: list[Coordinate], frames: dict[
     ranges = [(model.joint(one.path).range - one.zero).tolist() if there else None for one, there in zip(coordinates, limited, strict=True)]
     return {
         "frames": poses, "mass": float(model.body_mass.sum()), "mass_matrix": matrices, "torque": torques, "centre": centres,
-        "range": ranges, "effort": [_effort(model, model.joint(one.path).id) for one in coordinates],
+        "meshes": boxes, "range": ranges, "effort": [_effort(model, model.joint(one.path).id) for one in coordinates],
     }
+
+
+def _meshes(model: mujoco.MjModel) -> dict[str, int]:
+    """The geoms that are meshes, by their names."""
+    return {model.geom(k).name: k for k in range(model.ngeom) if model.geom_type[k] == mujoco.mjtGeom.mjGEOM_MESH}
+
+
+def _shape(name: str, format: str) -> str:
+    """What a geom of MJCF is called elsewhere: `hand/cap`, `hand/cap:collision_1`."""
+    if format != "SDF":
+        return name
+    path, collides, number = name.partition(":collision")
+    return f"{_safe(path)}_{'collision' if collides else 'visual'}{number}"
+
+
+def _box(data: mujoco.MjData, geom: int) -> list[float]:
+    """The box in the world around a mesh: its lowest and its highest corner."""
+    mesh = data.model.geom_dataid[geom]
+    first, count = data.model.mesh_vertadr[mesh], data.model.mesh_vertnum[mesh]
+    points = data.model.mesh_vert[first : first + count] @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+    return [*points.min(axis=0).tolist(), *points.max(axis=0).tolist()]
 
 
 def _effort(model: mujoco.MjModel, joint: int) -> float:

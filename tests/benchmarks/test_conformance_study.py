@@ -208,3 +208,24 @@ def test_what_a_reader_cannot_take_is_a_fault_in_its_words() -> None:
     verdict = Judged()
     verdict.add("arm_bench", {"cannot": "ValueError: no such joint"}, {}, [])
     assert verdict.faults == ["arm_bench: reader cannot: ValueError: no such joint"]
+
+
+def test_meshes_are_asked_by_their_names_as_boxes_in_the_world() -> None:
+    """One that is turned a quarter about z, and one as it is: swapped, they are seen."""
+    import mujoco
+    from reference import _box, _meshes, _shape
+    from study import BOUNDS, difference
+
+    corners = " ".join(f"{x} {y} {z}" for x in (0, 0.1) for y in (0, 0.2) for z in (0, 0.3))
+    model = mujoco.MjModel.from_xml_string(f"""
+        <mujoco><asset><mesh name="m" vertex="{corners}"/></asset><worldbody>
+          <geom name="hand/cap" type="mesh" mesh="m" pos="1 2 3" quat="1 0 0 1"/><geom name="hand/cap:collision_1" type="mesh" mesh="m"/>
+          <geom name="ball" size="1"/>
+        </worldbody></mujoco>""")
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert [_shape(name, "SDF") for name in _meshes(model)] == ["hand_cap_visual", "hand_cap_collision_1"]
+    assert [_shape(name, "URDF") for name in _meshes(model)] == ["hand/cap", "hand/cap:collision_1"]
+    boxes = [_box(data, k) for k in _meshes(model).values()]
+    assert boxes[0] == pytest.approx([0.8, 2, 3, 1, 2.1, 3.3], abs=1e-7) and boxes[1] == pytest.approx([0, 0, 0, 0.1, 0.2, 0.3], abs=1e-7)
+    assert difference("meshes", boxes[::-1], boxes, []) > BOUNDS["meshes"]
