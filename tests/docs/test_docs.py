@@ -251,7 +251,7 @@ def test_what_is_not_built_yet_is_refused_as_such(page: Path, here: Path) -> Non
     head += "components:\n  a: {part: toy:Beam%s}\n  b: {part: toy:Beam}\njoints:\n"
     joint = "  j: {type: %s, parent: a.head, child: b.tail, limit: {lower: -1 rad, upper: 1 rad}%s}\n"
     plain = head % "" + joint % ("revolute", "")
-    cases = [plain + "raw: {urdf: {joint: {j: {x: 1}}}}\n"]
+    cases = [plain + "raw: {usd: {joint: {j: {x: 1}}}}\n"]
     for text in cases:
         (here / "x.yaml").write_text(text)
         printed = run("thingc check x.yaml")

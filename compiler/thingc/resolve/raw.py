@@ -7,15 +7,15 @@ from typing import Any
 
 from thingc.diagnostics import Code
 from thingc.resolve.model import RawAttribute
-from thingc.resolve.raw_fixed import fixed
+from thingc.resolve.raw_fixed import fixed, fixed_in_all
 from thingc.resolve.scope import Scope
 from thingc.source import Path
 from thingc.typos import did_you_mean
 
-TARGETS = ("mjcf",)
-"""Targets that take raw attributes."""
+EXAMPLES = {"mjcf": "{solreflimit: 0.01 1}", "urdf": "{limit: {effort: 20}}", "sdf": "{axis: {limit: {effort: 20}}}"}
+"""Targets that take raw attributes, each with one of a joint."""
 
-_LATER = ("sdf", "urdf", "usd")
+_LATER = ("usd",)
 
 
 def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:
@@ -23,7 +23,7 @@ def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:
     flattened: list[RawAttribute] = []
     for target, attributes in written.items():
         path: Path = ("raw", target)
-        if target not in TARGETS:
+        if target not in EXAMPLES:
             if target in _LATER:
                 scope.error(
                     Code.NOT_YET, f"raw attributes for `{target}` are not built yet", path, key=True,
@@ -32,13 +32,13 @@ def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:
             else:
                 scope.error(
                     Code.RAW_TARGET, f"there is no target `{target}`", path, key=True,
-                    help=did_you_mean(target, TARGETS, what="targets"),
+                    help=did_you_mean(target, EXAMPLES, what="targets"),
                 )
             continue
         if not isinstance(attributes, Mapping):
             scope.error(
                 Code.VALUE_KIND, f"raw attributes of `{target}` are a mapping, found `{_text(attributes)}`", path,
-                help=f"write for example `{target}: {{joint: {{yaw: {{solreflimit: 0.01 1}}}}}}`",
+                help=f"write for example `{target}: {{joint: {{yaw: {EXAMPLES[target]}}}}}`",
             )
             continue
         flattened.extend(_flattened(scope, target, attributes, path, ()))
@@ -50,7 +50,7 @@ def _flattened(scope: Scope, target: str, node: Any, path: Path, keys: tuple[str
         for key, child in node.items():
             yield from _flattened(scope, target, child, (*path, key), (*keys, key))
     else:
-        refused = fixed(keys)
+        refused = fixed(keys) if target == "mjcf" else fixed_in_all(target, keys)
         if refused is not None:
             message, instead = refused
             scope.error(Code.RAW_FIXED, message, path, key=True, help=instead)
@@ -63,7 +63,7 @@ def _flattened(scope: Scope, target: str, node: Any, path: Path, keys: tuple[str
 
 
 def _text(value: object) -> str:
-    """A scalar as MuJoCo writes it."""
+    """A scalar as XML has it."""
     if isinstance(value, bool):
         return "true" if value else "false"
     return value if isinstance(value, str) else repr(value)

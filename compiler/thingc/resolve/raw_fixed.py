@@ -1,4 +1,4 @@
-"""What `raw` cannot set in MJCF: what identifies an element or refers to one, and what the meaning of everything else rests on.
+"""What `raw` cannot set: what identifies an element or refers to one, and what the meaning of everything else rests on.
 
 Documents say these in words of their own, for every mode at once; `modes.json`, keyframes and poses rely on them.
 """
@@ -50,9 +50,28 @@ SAID_BY: Mapping[str, str] = {
 """Where a document says what an element is called and what it refers to, by kind of element."""
 
 
+EVERYWHERE: Mapping[str, str] = {
+    "name": "name links under `links:`, and joints where they are written", "type": "write `type:` of the joint",
+    "parent": "write `parent:` of the joint", "child": "write `child:` of the joint", "mimic": "write `mimic:` of the joint",
+    "origin": "write mounts, `attach:` or `at:`", "pose": "write mounts, `attach:` or `at:`", "axis": "write the mounts of the joint",
+    "xyz": "write the mounts of the joint", "inertial": "write `mass:` and `inertia:` of the component",
+    "screw_thread_pitch": "write `lead:` of the joint", "geometry": "write `visual:` or `collision:` of the component",
+}
+"""What every format says of a robot, by element or attribute of URDF and SDF, and what to write instead."""
+
+
+def fixed_in_all(target: str, path: tuple[str, ...]) -> tuple[str, str] | None:
+    """The same in URDF and SDF (see `fixed`), where a robot would be another one than in other formats. In SDF an `axis` also holds what
+    is no matter of geometry."""
+    for key in path[2:]:
+        if key in EVERYWHERE and (key, target) != ("axis", "sdf"):
+            return f"`raw` cannot set `{key}` of a {path[0]}: it would be another robot than in other formats", EVERYWHERE[key]
+    return None
+
+
 def fixed(path: tuple[str, ...]) -> tuple[str, str] | None:
-    """Why `raw` cannot set the attribute at a path below the target (`("body", "arm", "name")`), and what to write instead; None
-    where it can."""
+    """Why `raw` cannot set the attribute of MJCF at a path below the target (`("body", "arm", "name")`), and what to write instead;
+    None where it can."""
     kind, attribute = path[0] if path else "", path[-1] if path else ""
     if len(path) == 2 and kind in SECTIONS:
         instead = SECTIONS[kind].get(attribute)

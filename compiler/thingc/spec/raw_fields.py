@@ -27,7 +27,7 @@ def _sound_raw(value: Any, path: tuple[str, ...], wrong: list[PydanticCustomErro
     return value
 
 
-_RAW_SCHEMA = {"description": "Attributes by path.", "examples": [{"joint": {"yaw": {"solreflimit": "0.01 1"}}}], **raw_schema(4)}
+_RAW_SCHEMA = {"description": "Attributes by path.", "examples": [{"joint": {"yaw": {"solreflimit": "0.01 1"}}}], **raw_schema(6)}
 
 if TYPE_CHECKING:
     RawField = Union[str, int, float, bool, dict[str, Any]]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from thingc.emit import raw
 from thingc.emit.artifact import Artifacts, Content, Loss
 from thingc.emit.capabilities import losses
 from thingc.emit.geometry import Geometry, solid_geometry
@@ -27,6 +28,7 @@ def emit(request: EmitRequest) -> Artifacts:
     shapes, flat = solid_geometry(assembly, "ros", f"{folder}/{MESHES}", request.report)
     heading = f"Written by thingc from {assembly.definition.document}."
     trees = [model(robot, shapes, request.report, uri) for robot in robots]
+    raw.lay(assembly, robots, "urdf", trees, request.report)
     met, unmet = _meetings(request, trees, shapes, uri)
     files: dict[str, Content] = {f"{MESHES}/{file}": stored for file, stored in shapes.assets.items()}
     touching = _touching(request, shapes)

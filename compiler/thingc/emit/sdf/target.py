@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from thingc.emit import raw
 from thingc.emit.artifact import Artifacts, Content
 from thingc.emit.capabilities import losses
 from thingc.emit.geometry import solid_geometry
@@ -22,10 +23,12 @@ def emit(request: EmitRequest) -> Artifacts:
     meshes = {f"{MESHES}/{file}": stored for file, stored in shapes.assets.items()}
     files: dict[str, Content] = {}
     lost = dict.fromkeys((*flat, *losses("sdf", CAPABILITIES, assembly, request.robots, cut=True)))
-    for robot in request.robots:
-        name, zero = f"{assembly.name}_{robot.mode.name}", zero_state(robot)
+    zeros = [zero_state(robot) for robot in request.robots]
+    models = [model(robot, shapes, zero, request.report) for robot, zero in zip(request.robots, zeros, strict=True)]
+    raw.lay(assembly, request.robots, "sdf", models, request.report)
+    for robot, zero, written in zip(request.robots, zeros, models, strict=True):
+        name = f"{assembly.name}_{robot.mode.name}"
         heading = f"Written by thingc from {assembly.definition.document}, mode {robot.mode.name}."
-        written = model(robot, shapes, zero, request.report)
         files[f"sdf/{name}/model.sdf"] = write(written, heading).text.encode()
         files[f"sdf/{name}/model.config"] = write(config(name, written.attributes["version"], heading), heading).text.encode()
         files[f"sdf/world_{robot.mode.name}.sdf"] = write(world(robot, name), heading).text.encode()

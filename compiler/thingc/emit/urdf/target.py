@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from thingc.emit import raw
 from thingc.emit.artifact import Artifacts, Content
 from thingc.emit.capabilities import losses
 from thingc.emit.geometry import solid_geometry
@@ -22,9 +23,11 @@ def emit(request: EmitRequest) -> Artifacts:
     shapes, flat = solid_geometry(assembly, "urdf", FOLDER, request.report)
     meshes = _uri(request)
     files: dict[str, Content] = {f"{FOLDER}/{file}": stored for file, stored in shapes.assets.items()}
-    for robot in request.robots:
+    trees = [model(robot, shapes, request.report, meshes) for robot in request.robots]
+    raw.lay(assembly, request.robots, "urdf", trees, request.report)
+    for robot, tree in zip(request.robots, trees, strict=True):
         heading = f"Written by thingc from {assembly.definition.document}, mode {robot.mode.name}."
-        files[f"urdf/{assembly.name}_{robot.mode.name}.urdf"] = write(model(robot, shapes, request.report, meshes), heading).text.encode()
+        files[f"urdf/{assembly.name}_{robot.mode.name}.urdf"] = write(tree, heading).text.encode()
     lost = losses("urdf", CAPABILITIES, assembly, request.robots)
     return Artifacts(files=dict(sorted(files.items())), losses=tuple(dict.fromkeys((*flat, *lost))))
 
