@@ -7,6 +7,7 @@ conformance`. Which geoms may touch MuJoCo itself says: with a margin larger tha
 from __future__ import annotations
 
 import itertools
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +16,9 @@ import mujoco
 import numpy as np
 import pytest
 
+from emit.test_sdf import EVERY
 from mjcf.handmade import Made, Piece, Segment, at, box_part, cylinder_part, drive, matrix, raw
+from thingc.cli.main import main
 from thingc.diagnostics import Code
 from thingc.emit.artifact import Loss
 from thingc.emit.mjcf import model as tree
@@ -222,6 +225,36 @@ def test_drake_takes_all_and_leaves_some_out(store: Store) -> None:
         ("arm/turn_1", "its dry friction: Drake leaves it out"), ("arm/link_0", "that it is moved at run time: Drake leaves it out"),
         ("arm/sole", "its adhesion: Drake leaves it out"), ("rest", "its keyframe: Drake leaves it out"),
     }
+
+
+def test_for_drake_a_body_that_is_turned_and_moves_by_several_joints_stands_in_another(tmp_path: Path) -> None:
+    """It takes the axes of all joints of one body but the last in those of the parent. The robot is the same."""
+    (tmp_path / "every.yaml").write_text(EVERY)
+    built = {}
+    for name, words in (("plain", []), ("drake", ["--compat", "drake"])):
+        assert main(["build", str(tmp_path / "every.yaml"), "--emit", "mjcf", "-o", str(tmp_path / name), *words]) == 0
+        built[name] = tmp_path / name / "every" / "mjcf"
+    several = 0
+    for file in sorted(built["plain"].glob("every_*.xml")):
+        other = built["drake"] / file.name
+        for body in ElementTree.parse(other).iter("body"):
+            joints = body.findall("joint")
+            several += len(joints) > 1
+            assert len(joints) < 2 or "quat" not in body.attrib
+        model, same = mujoco.MjModel.from_xml_path(str(file)), mujoco.MjModel.from_xml_path(str(other))
+        names = [[one.joint(k).name for k in range(one.njnt)] for one in (model, same)]
+        assert same.nbody > model.nbody and names[0] == names[1]
+        data, found = mujoco.MjData(model), mujoco.MjData(same)
+        data.qpos += np.random.default_rng(6).uniform(-0.5, 0.5, model.nq)
+        found.qpos[:] = data.qpos
+        mujoco.mj_forward(model, data)
+        mujoco.mj_forward(same, found)
+        for k in range(1, model.nbody):
+            link = model.body(k).name
+            assert found.body(link).xpos == pytest.approx(data.body(link).xpos, abs=1e-12)
+            assert found.body(link).xmat == pytest.approx(data.body(link).xmat, abs=1e-12)
+        assert found.qfrc_bias == pytest.approx(data.qfrc_bias, abs=1e-10)
+    assert several >= 5
 
 
 def test_without_being_asked_nothing_is_changed(store: Store) -> None:

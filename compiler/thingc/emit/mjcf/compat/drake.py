@@ -1,4 +1,8 @@
-"""Drake: its reader takes every file, and leaves out, with a warning of its own at most, what a `MultibodyPlant` has no word for."""
+"""Drake: its reader takes every file, and leaves out, with a warning of its own at most, what a `MultibodyPlant` has no word for.
+
+Of several joints of one body it takes the axes and anchors of all but the last in the axes of the parent. So a body that is turned and has
+several stands in one of its own that is turned in its place, and does not move.
+"""
 
 from __future__ import annotations
 
@@ -22,8 +26,14 @@ ATTRIBUTES = {
 """What it leaves out of an element of the tree."""
 
 
+TURNED = ":turned"
+"""What the name of a body ends with that is turned in place of the one in it."""
+
+
 def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
-    """The tree is as Drake takes it; what it leaves out is lost."""
+    """Bodies that Drake would read otherwise are wrapped; what it leaves out is lost."""
+    for parent in list(root.walk()):
+        parent.children[:] = [_unturned(child) if _is_misread(child) else child for child in parent.children]
     for section in root.children:
         if section.tag == "sensor":
             for path in dict.fromkeys(_path(one) for one in section.children):
@@ -40,6 +50,20 @@ def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
             what = ATTRIBUTES.get((element.tag, name))
             if what is not None:
                 yield Loss.of(element.origin, "mjcf", None, _path(element), f"{what}: Drake leaves it out", "omitted")
+
+
+def _is_misread(element: Element) -> bool:
+    """Whether it is a body that is turned, and moves by several joints."""
+    return element.tag == "body" and "quat" in element.attributes and sum(child.tag == "joint" for child in element.children) > 1
+
+
+def _unturned(body: Element) -> Element:
+    """A body without a mass in place of this one, which stands in it as it is."""
+    outside = {name: value for name, value in body.attributes.items() if name in ("pos", "quat")}
+    inside = {name: value for name, value in body.attributes.items() if name not in outside}
+    inner = Element(tag="body", attributes=inside, children=body.children, origin=body.origin, raw=body.raw)
+    outside = {"name": f"{body.attributes['name']}{TURNED}"} | outside
+    return Element(tag="body", attributes=outside, children=[inner], origin=body.origin)
 
 
 def _path(element: Element) -> str:
