@@ -1,4 +1,5 @@
-"""Random robots as documents: trees of joints of every kind that every format has, with masses, mimics, and a mode for each base."""
+"""Random robots as documents: trees of joints of every kind that every format has, with masses, mimics, a pose, and a mode for each
+base."""
 
 from __future__ import annotations
 
@@ -17,6 +18,7 @@ def document(seed: int, *, balls: bool = False) -> str:
         lines.append(f"  c{k}: {{frame: true, {_mass(rng)}, mounts: {{a: {_frame(rng)}, b: {_frame(rng)}}}}}")
     lines.append("joints:")
     leaders: dict[str, str] = {}
+    kinds: dict[str, str] = {}
     for k in range(1, count):
         kind = str(rng.choice(("ball", "ball", *KINDS) if balls else KINDS))
         said = [f"type: {kind}", f"parent: c{int(rng.integers(0, k))}.a", f"child: c{k}.b"]
@@ -31,12 +33,15 @@ def document(seed: int, *, balls: bool = False) -> str:
         same = [name for name, of in leaders.items() if of == unit]
         if unit is not None and same and rng.random() < 0.4:
             multiplier, offset = rng.uniform(-2, 2), rng.uniform(-0.2, 0.2)
-            said.append(f"mimic: {{joint: {rng.choice(same)}, multiplier: {multiplier:.3f}, offset: {offset:.3f} {unit}}}")
+            offset *= 0.05 if unit == "m" else 1.0
+            said.append(f"mimic: {{joint: {rng.choice(same)}, multiplier: {multiplier:.3f}, offset: {offset:.4f} {unit}}}")
+            kind = "mimic"
         elif unit is not None:
             leaders[f"j{k}"] = unit
             if rng.random() < 0.4:
                 said.append("drive: {kind: motor, effort: " + ("7 N*m}" if unit == "rad" else "8 N}"))
         lines.append(f"  j{k}: {{{', '.join(said)}}}")
+        kinds[f"j{k}"] = kind
     root = int(rng.integers(0, count))
     lines += [
         "modes:", f"  fixed: {{root: c{root}.a, base: fixed, at: {_frame(rng)}}}",
@@ -48,7 +53,18 @@ def document(seed: int, *, balls: bool = False) -> str:
             f"  planar: {{root: c{int(rng.integers(0, count))}, base: planar, at: {_frame(rng)}}}",
             f"  ball: {{root: c{int(rng.integers(0, count))}.a, base: ball, at: {_frame(rng)}}}",
         ]
+    values = {name: _value(kind, rng) for name, kind in kinds.items()}
+    lines += ["poses:", f"  p: {{{', '.join(f'{name}: {value}' for name, value in values.items() if value)}}}"]
     return "\n".join(lines) + "\n"
+
+
+def _value(kind: str, rng: np.random.Generator) -> str:
+    """Where a joint may be in a pose; nothing of one that the pose leaves alone."""
+    if kind == "ball":
+        return f"{{rpy: [{', '.join(f'{angle:.3f} rad' for angle in rng.uniform(-1.5, 1.5, 3))}]}}"
+    units = {**COUNTS, "mimic": (), **dict.fromkeys(("revolute", "continuous", "screw"), ("rad",)), "prismatic": ("m",)}[kind]
+    said = [f"{rng.uniform(-0.02, 0.02) if unit == 'm' else rng.uniform(-0.4, 0.4):.4f} {unit}" for unit in units]
+    return said[0] if len(said) == 1 else f"[{', '.join(said)}]" if said else ""
 
 
 def _frame(rng: np.random.Generator) -> str:

@@ -24,6 +24,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+import packages
 from reference import Question, question
 from robots import document
 
@@ -83,7 +84,15 @@ READERS = (
     Reader(
         "check_urdf", ("URDF",), note="is ROS's own parser: takes the file, and finds every link", needs=("sh -c 'command -v check_urdf'",),
     ),
+    Reader("catkin_pkg", ("ROS",), ("catkin_pkg==1.1.1",), "is what colcon reads manifests with: takes them without a warning"),
+    Reader(
+        "pinocchio_srdf", ("ROS",), ("pin==4.1.0",),
+        "pinocchio again, on URDF and SRDF: is asked for the frames in every pose, mimics and endless turns put where they belong, and "
+        "whether links that never meet do at 200 configurations",
+    ),
 )
+NOT_RUN = "what ROS itself makes of the package: `colcon build`, `ros2 launch`, the controllers on their mock hardware, RViz and MoveIt"
+"""Of what is written here nobody has been asked."""
 
 
 @dataclass
@@ -189,11 +198,12 @@ def questions(folder: Path, count: int) -> Iterator[tuple[str, Question]]:
             yield group, question(urdf, out / "mjcf" / f"{urdf.stem}.xml")
         for sdf in sorted((out / "sdf").glob("*/model.sdf")):
             yield group, question(sdf, out / "mjcf" / f"{sdf.parent.name}.xml")
+        yield from ((group, one) for one in packages.questions(out))
 
 
 def built(path: Path, folder: Path) -> None:
     """Have a document built."""
-    words = [sys.executable, "-m", "thingc", "build", str(path), "--emit", "mjcf,urdf,sdf", "-o", str(folder)]
+    words = [sys.executable, "-m", "thingc", "build", str(path), "--emit", "mjcf,urdf,ros,sdf", "-o", str(folder)]
     subprocess.run(words, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
@@ -252,6 +262,7 @@ def table(rows: Mapping[tuple[str, str], tuple[str, dict[str, Judged]]]) -> Iter
     for reader in READERS:
         if any(name == reader.name for name, _ in rows):
             yield f"- {reader.name}: {reader.note}."
+    yield f"- Not run: {NOT_RUN}."
 
 
 if __name__ == "__main__":

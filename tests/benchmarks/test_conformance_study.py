@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import pytest
 
 from emit import sdf_answers
@@ -58,6 +59,55 @@ def fewer(one):
 @pytest.fixture
 def asked(both):
     return both["URDF"]
+
+
+ROBOT = """\
+thingc: assembly/1
+name: r
+components:
+  base: {frame: true, mass: 1 kg, inertia: {ixx: 1 kg*mm^2, iyy: 1 kg*mm^2, izz: 1 kg*mm^2}}
+  arm: {frame: true, mass: 1 kg, inertia: {ixx: 1 kg*mm^2, iyy: 1 kg*mm^2, izz: 1 kg*mm^2}}
+  hand:
+    frame: true
+    mass: 1 kg
+    inertia: {ixx: 1 kg*mm^2, iyy: 1 kg*mm^2, izz: 1 kg*mm^2}
+    mounts: {far: {xyz: [100 mm, 0 mm, 0 mm]}}
+joints:
+  lift: {type: prismatic, parent: base.origin, child: arm.origin, limit: {lower: 0 mm, upper: 100 mm}}
+  turn:
+    {type: revolute, parent: arm.origin, child: hand.origin, limit: {lower: 0 rad, upper: 1 rad}, mimic: {joint: lift, multiplier: 5 rad/m}}
+mounts: {tip: hand.far}
+poses: {up: {lift: 80 mm}, low: {lift: 10 mm}}
+modes: {m: {root: base, base: fixed}}
+"""
+
+
+def test_a_package_whose_poses_are_others_is_seen(tmp_path: Path, shared_store: str) -> None:
+    import packages
+    from study import Judged
+
+    (tmp_path / "r.yaml").write_text(ROBOT)
+    assert main(["build", str(tmp_path / "r.yaml"), "--emit", "mjcf,ros", "-o", str(tmp_path / "out"), "--store", shared_store]) == 0
+    (asked,) = packages.questions(tmp_path / "out" / "r")
+    assert asked.request["poses"] == ["up", "low"] and "tip" in asked.request["frames"]
+
+    def answer(srdf: str):
+        """MuJoCo on URDF, told the states of the group of all joints."""
+        model = mujoco.MjModel.from_xml_path(asked.request["file"])
+        data = mujoco.MjData(model)
+        found = []
+        for pose in asked.request["poses"]:
+            lift = float(re.search(rf'<group_state name="{pose}" group="r">\s+<joint name="lift" value="([^"]+)"', srdf)[1])
+            data.joint("lift").qpos, data.joint("turn").qpos = lift, 5.0 * lift
+            mujoco.mj_forward(model, data)
+            found.append([packages._pose(data.body(name)).tolist() for name in asked.request["frames"]])
+        return {"frames": found}
+
+    text = Path(asked.request["srdf"]).read_text()
+    for srdf, faults in ((text, 0), (text.replace('"0.08"', '"0.07"'), 1)):
+        verdict = Judged()
+        verdict.add(asked.name, answer(srdf), asked.answer, [])
+        assert len(verdict.faults) == faults, verdict.faults
 
 
 def judged(asked, change: Callable[[str], str] = str):

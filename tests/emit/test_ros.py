@@ -415,6 +415,7 @@ def groups_of(srdf: ElementTree.Element) -> dict[str, list[Any]]:
 
 def test_groups_lead_to_the_mounts_that_move_against_the_root(made: Artifacts) -> None:
     everything = [(name,) for name in ("yaw", "wheel", "lift", "finger", "spindle", "spindle_slide", "flap")]
+    assert next(iter(groups_of(xml(made, "config/Robot__7_bench.srdf")))) == "Robot__7"
     assert groups_of(xml(made, "config/Robot__7_bench.srdf")) == {"tip": [("c0", "tip")], "y": [("c0", "y")], "Robot__7": everything}
     assert set(groups_of(xml(made, "config/Robot__7_adrift.srdf"))) == {"base", "y", "Robot__7"}
 
@@ -503,7 +504,7 @@ def test_a_mount_that_is_called_like_the_robot_is_told(tmp_path: Path) -> None:
     request = asked(document("r", balls(2, {}), joint, modes=[mode("m", ref("c0.out"))], mounts={"r": "c1.out"}), {}, str(tmp_path))
     emit(request)
     (found,) = request.report.diagnostics
-    assert found.code is Code.SAME_NAME and found.message == "the group of all joints and `r` would both be the group `r` in SRDF"
+    assert found.code is Code.SAME_NAME and found.message == "`r` and the group of all joints would both be the group `r` in SRDF"
 
 
 # --- which links meet --------------------------------------------------------------------------------------------------

@@ -62,21 +62,22 @@ def srdf(robot: Robot, touching: frozenset[str], meetings: Meetings | None, repo
 
 
 def groups(robot: Robot, moving: tuple[Moving, ...], report: Report) -> list[Group]:
-    """A chain from the root to every exported mount that moves against it, of several that are the same frame to the first; then all
-    joints, by the name of the robot. The joints of a base that moves are of none."""
+    """All joints, by the name of the robot (first: of states of one name some readers know the first alone); then a chain from the root
+    to every exported mount that moves against it, of several that are the same frame to the first. The joints of a base that moves are
+    of none."""
     names = Names("be the group", "SRDF", report)
     of_body: dict[int, tuple[Moving, ...]] = {}
     for index, body in enumerate(robot.bodies):
         before = of_body[body.parent] if body.parent is not None else ()
         of_body[index] = (*before, *(joint for joint in moving if joint.body == index and body.parent is not None))
     found: list[Group] = []
-    for site in _exported(robot):
-        if any(not joint.follows for joint in of_body[site.body]):
-            found.append(Group(name=names.take(site.path, site.origin), tip=safe(site.path), joints=of_body[site.body], origin=site.origin))
     whole = tuple(joint for joint in moving if robot.bodies[joint.body].parent is not None)
     if whole:
         name = names.take(robot.assembly.name, robot.mode.origin, "the group of all joints")
         found.append(Group(name=name, tip=None, joints=whole, origin=robot.mode.origin))
+    for site in _exported(robot):
+        if any(not joint.follows for joint in of_body[site.body]):
+            found.append(Group(name=names.take(site.path, site.origin), tip=safe(site.path), joints=of_body[site.body], origin=site.origin))
     return found
 
 
