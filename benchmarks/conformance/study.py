@@ -16,7 +16,7 @@ import subprocess
 import sys
 import venv
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +43,9 @@ WORDS = {
     "frames": "frames", "mass": "total mass", "centre": "centre of mass", "mass_matrix": "mass matrix", "torque": "gravity torque",
     "range": "limits", "effort": "efforts", "mimic": "mimics", "meshes": "meshes",
 }
+
+COMPAT = "MJCF, `--compat mjx,pymjcf`"
+"""What readers besides MuJoCo and Drake are given."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +92,15 @@ READERS = (
         "pinocchio_srdf", ("ROS",), ("pin==4.1.0",),
         "pinocchio again, on URDF and SRDF: is asked for the frames in every pose, mimics and endless turns put where they belong, and "
         "whether links that never meet do at 200 configurations",
+    ),
+    Reader(
+        "pymjcf", (COMPAT,), ("dm_control==1.0.50", "mujoco==3.17.0"),
+        "takes models and scenes that are written for it, and has MuJoCo compile what it made of them",
+    ),
+    Reader(
+        "mjx", (COMPAT,), ("mujoco-mjx==3.17.0", "mujoco==3.17.0"),
+        "takes models and scenes that are written for it (`put_model`); compiling its steps takes too long to be asked for",
+        refuses="mjTRN_BODY",
     ),
 )
 NOT_RUN = "what ROS itself makes of the package: `colcon build`, `ros2 launch`, the controllers on their mock hardware, RViz and MoveIt"
@@ -190,7 +202,7 @@ def questions(folder: Path, count: int) -> Iterator[tuple[str, Question]]:
             robots.append((group, documents / f"{group}_{seed}.yaml"))
             robots[-1][1].write_text(document(seed, balls=group == "balls"), encoding="utf-8")
     for group, path in robots:
-        built(path, folder / "robots")
+        built(path, folder / "robots", "--emit", "mjcf,urdf,ros,sdf")
         out = folder / "robots" / path.stem
         for mjcf in sorted((out / "mjcf").glob(f"{path.stem}_*.xml")):
             yield group, question(mjcf, mjcf)
@@ -199,11 +211,15 @@ def questions(folder: Path, count: int) -> Iterator[tuple[str, Question]]:
         for sdf in sorted((out / "sdf").glob("*/model.sdf")):
             yield group, question(sdf, out / "mjcf" / f"{sdf.parent.name}.xml")
         yield from ((group, one) for one in packages.questions(out))
+    for group, path in robots[: len(ROBOTS)]:
+        built(path, folder / "compat", "--emit", "mjcf", "--compat", "mjx,pymjcf")
+        for mjcf in sorted((folder / "compat" / path.stem / "mjcf").glob(f"{path.stem}_*.xml")):
+            yield group, replace(question(mjcf, mjcf), format=COMPAT)
 
 
-def built(path: Path, folder: Path) -> None:
+def built(path: Path, folder: Path, *options: str) -> None:
     """Have a document built."""
-    words = [sys.executable, "-m", "thingc", "build", str(path), "--emit", "mjcf,urdf,ros,sdf", "-o", str(folder)]
+    words = [sys.executable, "-m", "thingc", "build", str(path), *options, "-o", str(folder)]
     subprocess.run(words, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
 
