@@ -397,7 +397,8 @@ def test_modes_with_other_drives_have_controllers_of_their_own(tmp_path: Path) -
     assert named == [["joint_trajectory_controller"], ["joint_trajectory_controller_b"], ["joint_trajectory_controller"], []]
 
 
-def test_what_cannot_move_needs_no_control(tmp_path: Path) -> None:
+def test_what_cannot_move_needs_no_control(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(meeting, "_Sampler", None)  # nor does anybody look for contacts where nothing can touch
     made = emit(asked(document("r", balls(1, {}), modes=[mode("m", ref("c0.out"))]), {}, str(tmp_path)))
     assert xml(made, "urdf/r_m.urdf").find("ros2_control") is None
     assert list(xml(made, "config/r_m.srdf")) == []
@@ -595,9 +596,10 @@ def test_what_was_found_is_kept_and_found_again(tmp_path: Path, monkeypatch: pyt
         chain((3.0, 3.0, 0.6), tmp_path / "a")
 
 
-def test_shapes_that_mujoco_refuses_are_a_loss(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("fault", [ValueError("no volume"), mujoco.FatalError("no memory")])
+def test_shapes_that_mujoco_refuses_are_a_loss(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: Exception) -> None:
     def refused(*_: Any) -> None:
-        raise ValueError("no volume")
+        raise fault
 
     monkeypatch.setattr(meeting, "_Sampler", refused)
     made = chain((1.0, 1.0, 1.0), tmp_path)

@@ -31,7 +31,7 @@ SEED = 0
 MEETING = "links-meeting"
 """The kind of document in the store."""
 
-MEMORY = 1 << 28
+MEMORY = 1 << 26
 """Of MuJoCo's arena [bytes]: more contacts at once than any robot has that is not folded into itself."""
 
 Pair = tuple[str, str]
@@ -73,9 +73,14 @@ def meetings(
     key = hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
     known = store.get_json(MEETING, key)
     if known is None:
-        found = _Sampler(text, {file: store.read(mesh.mesh.sha256) for file, mesh in used.items()}, bare, neighbours)
-        counts = found.counts()
-        at = {name: found.at(q) for name, q in starts.items()}
+        import mujoco
+
+        try:
+            found = _Sampler(text, {file: store.read(mesh.mesh.sha256) for file, mesh in used.items()}, bare, neighbours)
+            counts = found.counts()
+            at = {name: found.at(q) for name, q in starts.items()}
+        except mujoco.FatalError as fault:
+            raise ValueError(str(fault)) from None
         known = {
             "samples": found.samples, "counts": [[*pair, count] for pair, count in sorted(counts.items())],
             "at": {name: sorted(pairs) for name, pairs in at.items()},

@@ -29,9 +29,9 @@ def emit(request: EmitRequest) -> Artifacts:
     heading = f"Written by thingc from {assembly.definition.document}."
     trees = [model(robot, shapes, request.report, uri) for robot in robots]
     raw.lay(assembly, robots, "urdf", trees, request.report)
-    met, unmet = _meetings(request, trees, shapes, uri)
-    files: dict[str, Content] = {f"{MESHES}/{file}": stored for file, stored in shapes.assets.items()}
     touching = _touching(request, shapes)
+    met, unmet = _meetings(request, trees, shapes, uri) if len(touching) > 1 else ({}, [])
+    files: dict[str, Content] = {f"{MESHES}/{file}": stored for file, stored in shapes.assets.items()}
     for robot, tree in zip(robots, trees, strict=True):
         file, of_mode = f"{assembly.name}_{robot.mode.name}", f"{heading.removesuffix('.')}, mode {robot.mode.name}."
         semantics = srdf(robot, touching, met.get(robot.mode.name), request.report)
