@@ -17,3 +17,18 @@ def serve(answer, version, arguments):
             answers.append({"cannot": f"{type(fault).__name__}: {fault}"})
     with open(arguments[2], "w") as stream:
         json.dump({"version": version, "answers": answers}, stream)
+
+
+def frames_of_usd(file, names):
+    """Of each frame in a USD file the link that it is on, and its pose there as a matrix: a link is its own, others are prims below one."""
+    import numpy as np
+    from pxr import Usd, UsdGeom, UsdPhysics
+
+    stage = Usd.Stage.Open(file)
+    links = [prim for prim in stage.GetDefaultPrim().GetChildren() if prim.HasAPI(UsdPhysics.RigidBodyAPI)]
+    frames = {
+        frame.GetName(): (link.GetName(), np.array(UsdGeom.Xformable(frame).GetLocalTransformation()).T)
+        for link in links for frame in link.GetChildren() if frame.IsA(UsdGeom.Xform)
+    }
+    frames |= {link.GetName(): (link.GetName(), np.eye(4)) for link in links}
+    return {name: frames[name] for name in names}

@@ -41,15 +41,15 @@ class Coordinate:
     zero: float = 0.0
 
 
-FORMATS = {".urdf": "URDF", ".sdf": "SDF", ".xml": "MJCF"}
+FORMATS = {".urdf": "URDF", ".sdf": "SDF", ".xml": "MJCF", ".usda": "USD"}
 """The format of a file."""
 
 
 def question(file: Path, mjcf: Path, seed: int = 0) -> Question:
-    """Of one URDF or SDF file, or of the MJCF file itself. Frames are seen from the root link; gravity acts in the world of a base that is
-    fixed, else in the root's axes."""
+    """Of one URDF, SDF or USD file, or of the MJCF file itself. Frames are seen from the root link; gravity acts in the world of a base
+    that is fixed, else in the root's axes."""
     model, format = mujoco.MjModel.from_xml_path(str(mjcf)), FORMATS[file.suffix]
-    tree = ElementTree.parse(file).getroot()
+    tree = ElementTree.Element("none") if format == "USD" else ElementTree.parse(file).getroot()
     types = {joint.attrib["name"]: joint.attrib.get("type", "") for joint in tree.iter("joint") if "name" in joint.attrib}
     bodies = {model.body(k).name: ("body", k) for k in range(1, model.nbody)}
     # a `frame` component that names its link is the link's own frame
@@ -64,10 +64,13 @@ def question(file: Path, mjcf: Path, seed: int = 0) -> Question:
             coordinates = list(_of_sdf(model, types, file))
             frames = {_safe(name): where for name, where in bodies.items()} | sites
             without = sorted(set(types) - {one.name for one in coordinates} - {"root"})
+        case "USD":
+            coordinates = list(_of_usd(model, file))
+            frames = {_safe(name): where for name, where in bodies.items()} | sites
         case _:
             coordinates, frames = list(_of_mjcf(model)), bodies
     by_path = {one.path: one for one in coordinates}
-    mimics = [_mimic(model, one, by_path) for one in coordinates]
+    mimics = [_mimic(model, one, by_path) if format != "USD" or ":slide" not in one.path else None for one in coordinates]
     slides = [model.jnt_type[model.joint(one.path).id] == mujoco.mjtJoint.mjJNT_SLIDE for one in coordinates]
     names = [one.name for one in coordinates]
     q = _configurations(names, slides, mimics, np.random.default_rng(seed))
@@ -82,6 +85,10 @@ def question(file: Path, mjcf: Path, seed: int = 0) -> Question:
         answers["range"] = [_range(names, answers["range"], k, follows) for k, follows in enumerate(mimics)]
     if format == "SDF":  # what follows another is moved by it, without an effort of its own that could be too little
         answers["effort"] = [np.inf if follows and not own else own for own, follows in zip(answers["effort"], mimics, strict=True)]
+    if format == "USD":  # there are efforts of drives alone
+        on_joints = [k for k in range(model.nu) if model.actuator_trntype[k] == mujoco.mjtTrn.mjTRN_JOINT]
+        driven = {model.joint(model.actuator_trnid[k][0]).name for k in on_joints}
+        answers["effort"] = [own if one.path in driven else 0.0 for one, own in zip(coordinates, answers["effort"], strict=True)]
     return Question(mjcf.stem, format, request, answers)
 
 
@@ -118,6 +125,20 @@ def _of_sdf(model: mujoco.MjModel, types: dict[str, str], file: Path) -> Iterato
         pitch = tuple((other, 1.0 / float(_polynomial(model, path)[1])) for other in paths if other == f"{path}:slide")
         yield Coordinate(name, axes.get(name, 0), path, pitch, zero.get(path, 0.0))
         axes[name] = axes.get(name, 0) + 1
+
+
+def _of_usd(model: mujoco.MjModel, file: Path) -> Iterator[Coordinate]:
+    """Those of the joints of USD, in MuJoCo's order. Axes of a generic joint are its slides, then its turns, each in the tree's order."""
+    made = set(re.findall(r'def Physics\w*Joint "(\w+)"', file.read_text()))
+    paths, axes = _moving(model), {}
+    whole = {path: name if (name := _safe(path).removesuffix("_slide")) in made else name[:-2] for path in paths}
+    for path in sorted(paths, key=lambda path: model.jnt_type[model.joint(path).id] == mujoco.mjtJoint.mjJNT_HINGE):
+        axes[path] = sum(whole[other] == whole[path] for other in axes)
+    for path in paths:
+        if whole[path] not in made:
+            raise ValueError(f"{file}: joint {whole[path]} is missing")
+        ball = model.jnt_type[model.joint(path).id] == mujoco.mjtJoint.mjJNT_BALL
+        yield from (Coordinate(whole[path], axes[path] + axis, path) for axis in range(3 if ball else 1))
 
 
 def _moving(model: mujoco.MjModel) -> list[str]:
@@ -230,9 +251,11 @@ def _meshes(model: mujoco.MjModel) -> dict[str, int]:
 
 def _shape(name: str, format: str) -> str:
     """What a geom of MJCF is called elsewhere: `hand/cap`, `hand/cap:collision_1`."""
+    path, collides, number = name.partition(":collision")
+    if format == "USD":
+        return f"{'collisions' if collides else 'visuals'}/{_safe(path)}{number}"
     if format != "SDF":
         return name
-    path, collides, number = name.partition(":collision")
     return f"{_safe(path)}_{'collision' if collides else 'visual'}{number}"
 
 

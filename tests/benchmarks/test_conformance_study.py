@@ -11,7 +11,7 @@ from pathlib import Path
 import mujoco
 import pytest
 
-from emit import sdf_answers
+from emit import sdf_answers, usd_answers
 from thingc.cli.main import main
 
 FOLDER = Path(__file__).resolve().parents[2] / "benchmarks" / "conformance"
@@ -36,17 +36,19 @@ def both(tmp_path_factory: pytest.TempPathFactory, shared_store: str):
     from robots import document
 
     base = tmp_path_factory.mktemp("conformance")
-    questions = {"URDF": [], "SDF": []}
+    questions = {"URDF": [], "SDF": [], "USD": []}
     for seed in SEEDS:
         path = base / f"random_{seed}.yaml"
         path.write_text(document(seed))
-        assert main(["build", str(path), "--emit", "mjcf,urdf,sdf", "-o", str(base / "out"), "--store", shared_store]) == 0
+        assert main(["build", str(path), "--emit", "mjcf,urdf,sdf,usd", "-o", str(base / "out"), "--store", shared_store]) == 0
         folder = base / "out" / path.stem
         for file in sorted((folder / "urdf").glob("*.urdf")):
             questions["URDF"].append(question(file, folder / "mjcf" / f"{file.stem}.xml"))
         for file in sorted((folder / "sdf").glob("*/model.sdf")):
             questions["SDF"].append(fewer(question(file, folder / "mjcf" / f"{file.parent.name}.xml")))
-    assert [len(of) for of in questions.values()] == [3 * len(SEEDS)] * 2
+        for file in sorted((folder / "usd").glob("*.usda")):
+            questions["USD"].append(fewer(question(file, folder / "mjcf" / f"{file.stem}.xml")))
+    assert [len(of) for of in questions.values()] == [3 * len(SEEDS)] * 3
     return questions
 
 
@@ -111,19 +113,19 @@ def test_a_package_whose_poses_are_others_is_seen(tmp_path: Path, shared_store: 
 
 
 def judged(asked, change: Callable[[str], str] = str):
-    """What the study makes of MuJoCo's answers to URDF files that were changed, and of those of our own reader to SDF files."""
+    """What the study makes of MuJoCo's answers to URDF files that were changed, and of those of our own readers to SDF and USD files."""
     import ask_mujoco
     from study import Judged
 
-    verdict = Judged()
+    answers = {"URDF": ask_mujoco.answer, "SDF": sdf_answers.answer, "USD": usd_answers.answer}
+    verdict = Judged(floats=asked[0].format == "USD")
     for one in asked:
         file = Path(one.request["file"])
         text = file.read_text()
         changed = file.with_name(f"changed_{file.name}")
         changed.write_text(change(text))
         assert change is str or changed.read_text() != text, "something was changed"
-        answer = ask_mujoco.answer if one.format == "URDF" else sdf_answers.answer
-        verdict.add(one.name, answer({**one.request, "file": str(changed)}), one.answer, one.request["joints"])
+        verdict.add(one.name, answers[one.format]({**one.request, "file": str(changed)}), one.answer, one.request["joints"])
         changed.unlink()
     return verdict
 
@@ -132,9 +134,9 @@ def test_what_thingc_writes_is_one_robot(both) -> None:
     for format, asked in both.items():
         verdict = judged(asked)
         assert verdict.faults == [] and verdict.files == len(asked)
-        more = {"mimic", "effort"} if format == "SDF" else set()
+        more = {"mimic", "effort"} if format != "URDF" else set()
         assert {*verdict.worst} == {"frames", "mass", "centre", "mass_matrix", "torque", "range"} | more
-        assert 0.0 < verdict.worst["frames"] < 1e-12
+        assert 0.0 < verdict.worst["frames"] < (1e-6 if format == "USD" else 1e-12)
 
 
 def flipped(text: str) -> str:
@@ -213,6 +215,60 @@ def wider_sdf(text: str) -> str:
 def test_an_sdf_file_that_says_something_else_is_seen(both, change: Callable[[str], str], seen: str) -> None:
     """A flipped axis, a turned inertia, a lost base, a dropped mimic, another limit: in every file that has such a thing."""
     concerned = [one for one in both["SDF"] if change(text := Path(one.request["file"]).read_text()) != text]
+    faults = judged(concerned, change).faults
+    assert len(concerned) >= 3 and {one.name for one in concerned} == {fault.partition(":")[0] for fault in faults}
+    assert any(seen in fault for fault in faults)
+
+
+NUMBERS = r"\((\S+), (\S+), (\S+), (\S+)\)"
+
+
+def times(text: str, attribute: str, other: tuple[float, float, float, float], count: int = 0) -> str:
+    """The last `count` quaternions of a name in a USD file (0: all) times another one."""
+    a, b, c, d = other
+
+    def product(match: re.Match[str]) -> str:
+        w, x, y, z = (float(one) for one in match.groups()[1:])
+        q = (w * a - x * b - y * c - z * d, w * b + x * a + y * d - z * c, w * c - x * d + y * a + z * b, w * d + x * c - y * b + z * a)
+        return f"{match[1]}({', '.join(map(repr, q))})"
+
+    found = list(re.finditer(rf"({attribute}\d? = ){NUMBERS}", text))
+    for match in found[-count:][::-1]:
+        text = text[: match.start()] + product(match) + text[match.end() :]
+    return text
+
+
+def flipped_usd(text: str) -> str:
+    """The last axis the other way round."""
+    return times(text, "localRot", (0.0, 1.0, 0.0, 0.0), 2)
+
+
+def turned_usd(text: str) -> str:
+    """All principal axes a quarter turn about z."""
+    return times(text, "principalAxes", (0.5**0.5, 0.0, 0.0, 0.5**0.5))
+
+
+def unheld_usd(text: str) -> str:
+    """A base that is a millimetre from where it is fixed."""
+    return re.sub(r'(FixedJoint "root".*?localPos0 = \()(\S+),', lambda one: f"{one[1]}{float(one[2]) + 0.001!r},", text, flags=re.S)
+
+
+def alone_usd(text: str) -> str:
+    """Nothing mimics."""
+    return re.sub(r"rel newton:mimicJoint = .*", "", text)
+
+
+def wider_usd(text: str) -> str:
+    """A limit elsewhere."""
+    return re.sub(r"(upperLimit = )(\S+)", lambda match: f"{match[1]}{float(match[2]) + 0.1!r}", text, count=1)
+
+
+@pytest.mark.parametrize(("change", "seen"), [
+    (flipped_usd, "frames"), (turned_usd, "mass matrix"), (unheld_usd, "frames"), (alone_usd, "mimics"), (wider_usd, "limits"),
+], ids=lambda one: one.__name__ if callable(one) else "")
+def test_a_usd_file_that_says_something_else_is_seen(both, change: Callable[[str], str], seen: str) -> None:
+    """A flipped axis, turned principal axes, a base elsewhere, a dropped mimic, another limit: in every file that has such a thing."""
+    concerned = [one for one in both["USD"] if change(text := Path(one.request["file"]).read_text()) != text]
     faults = judged(concerned, change).faults
     assert len(concerned) >= 3 and {one.name for one in concerned} == {fault.partition(":")[0] for fault in faults}
     assert any(seen in fault for fault in faults)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,16 +18,40 @@ def answer(asked: dict[str, Any]) -> dict[str, Any]:
     """As the readers of `benchmarks/conformance` do: a base that floats is put at the origin."""
     model = Model(Path(asked["file"]).read_text())
     bodies = {link: model.inertia(link) for link in model.links}
+
+    def frames(values: Array) -> dict[str, Array]:
+        """Links and frames at these values of the coordinates."""
+        q: dict[str, Any] = {}
+        for name, axis, value in zip(asked["joints"], asked["axes"], values, strict=True):
+            q[name] = (q[name], value) if axis else value
+        return model.placed(q, np.eye(4))[0]
+
+    mimics, words = model.mimics(), ("axis", "axis2")
+    follows = [mimics.get((name, words[axis])) for name, axis in zip(asked["joints"], asked["axes"], strict=True)]
+    elements = [model.element(name).find(words[axis]) for name, axis in zip(asked["joints"], asked["axes"], strict=True)]
+    ends = [[None if one is None else one.findtext(f"limit/{end}") for end in ("lower", "upper")] for one in elements]
+    efforts = [None if one is None else one.findtext("limit/effort") for one in elements]
+    return of_chains(asked, bodies, frames) | {
+        "mimic": [one and (one[0], one[2], one[3]) for one in follows],
+        "range": [
+            None if low is None and high is None else [float(low or "-inf"), float(high or "inf")] for low, high in ends
+        ],
+        "effort": [float(effort or "inf") for effort in efforts],
+    }
+
+
+def of_chains(
+    asked: dict[str, Any], bodies: Mapping[str, tuple[float, Array, Array]], frames: Callable[[Array], Mapping[str, Array]],
+) -> dict[str, Any]:
+    """Frames, masses and what follows from them, of links with a mass, a centre and an inertia each; `frames` says where everything is at
+    values of the coordinates."""
     masses = np.array([mass for mass, _, _ in bodies.values()])
     total = float(masses.sum())
     found: dict[str, Any] = {"frames": [], "centre": [], "mass_matrix": [], "torque": []}
 
-    def placed(values: Array) -> tuple[dict[str, Array], Array, Array]:
-        """Frames, centres of mass and axes of the links at these values of the coordinates."""
-        q: dict[str, Any] = {}
-        for name, axis, value in zip(asked["joints"], asked["axes"], values, strict=True):
-            q[name] = (q[name], value) if axis else value
-        poses, _ = model.placed(q, np.eye(4))
+    def placed(values: Array) -> tuple[Mapping[str, Array], Array, Array]:
+        """Frames, centres of mass and axes of the links."""
+        poses = frames(values)
         centres = np.array([(poses[link] @ [*centre, 1.0])[:3] for link, (_, centre, _) in bodies.items()])
         return poses, centres, np.array([poses[link][:3, :3] for link in bodies])
 
@@ -44,16 +69,4 @@ def answer(asked: dict[str, Any]) -> dict[str, Any]:
         inertias = np.array([turn @ inertia @ turn.T for turn, (_, _, inertia) in zip(axes, bodies.values(), strict=True)])
         found["mass_matrix"].append(np.einsum("kla,l,mla->km", v, masses, v) + np.einsum("kla,lab,mlb->km", w, inertias, w))
         found["torque"].append(-np.einsum("kla,l,a->k", v, masses, asked["gravity"]))
-    mimics, words = model.mimics(), ("axis", "axis2")
-    follows = [mimics.get((name, words[axis])) for name, axis in zip(asked["joints"], asked["axes"], strict=True)]
-    elements = [model.element(name).find(words[axis]) for name, axis in zip(asked["joints"], asked["axes"], strict=True)]
-    ends = [[None if one is None else one.findtext(f"limit/{end}") for end in ("lower", "upper")] for one in elements]
-    efforts = [None if one is None else one.findtext("limit/effort") for one in elements]
-    return {key: np.array(values).tolist() for key, values in found.items()} | {
-        "mass": total,
-        "mimic": [one and (one[0], one[2], one[3]) for one in follows],
-        "range": [
-            None if low is None and high is None else [float(low or "-inf"), float(high or "inf")] for low, high in ends
-        ],
-        "effort": [float(effort or "inf") for effort in efforts],
-    }
+    return {key: np.array(values).tolist() for key, values in found.items()} | {"mass": total}
