@@ -21,6 +21,18 @@ joints:
   knee: {type: screw, parent: hip.origin, child: foot.origin, lead: 2 mm, limit: {lower: -1 rad, upper: 1 rad}}
 mounts: {sole: foot.origin, top: hip.origin}
 """
+UNIVERSAL = """
+thingc: assembly/1
+name: r
+components:
+  arm: {frame: true, mass: 1 kg, inertia: {ixx: 1 kg*mm^2, iyy: 1 kg*mm^2, izz: 1 kg*mm^2}}
+  aside: {frame: true, at: {in: arm.origin, xyz: 0 0 10 mm, rpy: 90 0 30 deg}}
+  hand: {frame: true, mass: 1 kg, inertia: {ixx: 1 kg*mm^2, iyy: 1 kg*mm^2, izz: 1 kg*mm^2}}
+joints: {wrist: {type: universal, parent: aside.origin, child: hand.origin}}
+modes:
+  bolted: {root: arm, base: fixed}
+  floating: {root: arm, base: free}
+"""
 ROBOT = """
 thingc: assembly/1
 name: r
@@ -98,3 +110,18 @@ def test_modes_switch_between_models_for_pymjcf(document: Path, shared_store: st
         assert not any("/" in models[mode].body(number).name for number in range(models[mode].nbody))
     places = [state.site("right.sole").xpos.tolist() for state in data.values()]
     assert places[0] == pytest.approx(places[1], abs=1e-12)
+
+
+def test_modes_switch_between_models_for_drake(document: Path, shared_store: str) -> None:
+    """Where a link stands in a body that is turned in its place, it hangs on the link before it all the same."""
+    document.write_text(UNIVERSAL)
+    folder = built(document, shared_store, "--compat", "drake")
+    models = {mode: mujoco.MjModel.from_xml_path(str(folder / "mjcf" / f"r_{mode}.xml")) for mode in ("bolted", "floating")}
+    data = {mode: mujoco.MjData(model) for mode, model in models.items()}
+    assert [models["bolted"].body(number).name for number in range(4)] == ["world", "arm", "hand:turned", "hand"]
+    data["bolted"].joint("wrist_0").qpos = 0.3
+    mujoco.mj_forward(models["bolted"], data["bolted"])
+    Modes.load(folder).switch(("bolted", data["bolted"]), ("floating", data["floating"]))
+    mujoco.mj_forward(models["floating"], data["floating"])
+    assert data["floating"].joint("wrist_0").qpos[0] == pytest.approx(0.3)
+    assert data["floating"].body("hand").xmat == pytest.approx(data["bolted"].body("hand").xmat, abs=1e-12)

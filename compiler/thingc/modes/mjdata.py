@@ -5,6 +5,7 @@ MuJoCo itself is not imported: an `MjData` knows its model and answers to names.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -26,14 +27,14 @@ def check(mode: Mode, data: Any) -> None:
     missing = next((link.name for link in mode.links if link.name not in body_of), None)
     if missing is not None:
         raise WrongData(f"the data given for mode `{mode.name}` is of a model without a link `{missing}`")
-    root = body_of[mode.root_link]
+    root, links = body_of[mode.root_link], {body_of[link.name] for link in mode.links}
     joints = {model.joint(number).name: number for number in range(model.njnt)}
     free = "ball" if model.body_dofnum[root] == 3 else "free"
     base = "held" if model.body_mocapid[root] >= 0 else "fixed" if model.body_dofnum[root] == 0 else (
         "planar" if "root_0" in joints else free)
     trees = all(
         joint.in_data in joints and model.jnt_bodyid[joints[joint.in_data]] == body_of[mode.links[joint.child].name]
-        and model.body_parentid[body_of[mode.links[joint.child].name]] == body_of[mode.links[joint.parent].name]
+        and _link_above(model, body_of[mode.links[joint.child].name], links) == body_of[mode.links[joint.parent].name]
         for joint in mode.joints
     )
     if base != mode.base or not trees or (base == "free" and joints.get(FREE_JOINT) != model.body_jntadr[root]):
@@ -42,6 +43,14 @@ def check(mode: Mode, data: Any) -> None:
             f"the data given for mode `{mode.name}` is of another mode's model: expected a {mode.base} `{mode.root_link}`, found "
             f"`{stands}` under the world"
         )
+
+
+def _link_above(model: Any, body: int, links: Collection[int]) -> int:
+    """The link that a body hangs on, or the world (0): what is between them moves no more than they do (`--compat drake`)."""
+    above = int(model.body_parentid[body])
+    while above and above not in links:
+        above = int(model.body_parentid[above])
+    return above
 
 
 def read(mode: Mode, data: Any) -> State:
