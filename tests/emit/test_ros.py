@@ -84,7 +84,7 @@ def text(made: Artifacts, path: str) -> str:
 # --- a robot with every kind of drive ----------------------------------------------------------------------------------
 
 
-def drive(kind: str, **said: float) -> Drive:
+def drive(kind: str, **said: Any) -> Drive:
     return Drive(component=None, kind=kind, origin=where(30), **said)
 
 
@@ -344,6 +344,17 @@ def test_drives_are_command_interfaces_and_everything_that_moves_has_states(made
     adrift = block_of(made, "adrift")
     assert {name for name, joint in adrift.items() if joint["commands"]} == {"yaw", "lift"}
     assert adrift["wheel"] == {"commands": {}, "states": states(0.0)}
+
+
+def test_the_drive_of_a_screw_commands_its_turn_alone_and_those_of_a_ball_nothing(tmp_path: Path) -> None:
+    nut = coordinates_of("nut", "c0.out", "c1.in", "screw", drive=drive("position", kp=3.0))
+    first, *others = coordinates_of("hip", "c1.out", "c2.in", "ball")
+    joints = [*nut, replace(first, drive=drive("motor", effort=1.0, axis=(1.0, 0.0, 0.0))), *others]
+    made = emit(asked(document("r", balls(3, {}), joints, modes=[mode("m", ref("c0.in"))]), {}, str(tmp_path)))
+    block = xml(made, "urdf/r_m.urdf").findall("ros2_control/joint")
+    commands = {joint.attrib["name"]: [one.attrib["name"] for one in joint.findall("command_interface")] for joint in block}
+    assert commands == {"nut": ["position"], "nut_slide": [], "hip_0": [], "hip_1": [], "hip_2": []}
+    assert [one.attrib["name"] for one in xml(made, "config/r_m.srdf").findall("passive_joint")] == ["hip_0", "hip_1", "hip_2"]
 
 
 @pytest.mark.parametrize("mode_", ["bench", "adrift"])
