@@ -29,8 +29,9 @@ from loops.test_loop_joints import FOURBAR
 from robot.test_spanning_tree_properties import COUNTS, Tree, build, robots, world_of
 from thingc.diagnostics import Report
 from thingc.emit.request import EmitRequest
+from thingc.emit.usd.model import moments_of
 from thingc.emit.usd.target import emit
-from thingc.inertia import principal_axes
+from thingc.inertia import MassProperties, principal_axes
 from thingc.pose import Pose
 from thingc.realize.record import Primitive
 from thingc.realize.store.local import Store
@@ -208,7 +209,7 @@ joints:
   b: {type: revolute, parent: c1.a, child: c2.b, mimic: {joint: a, multiplier: 2, offset: 30 deg}}
   c: {type: prismatic, parent: c2.a, child: c3.b, limit: {lower: -1 m, upper: 1 m}, mimic: {joint: a, multiplier: 3 mm/rad}}
   d: {type: revolute, parent: c3.a, child: joints.b, limit: {lower: -1 rad, upper: 1 rad, effort: 7 N*m}}
-modes: {m: {root: c0}}
+modes: {m: {root: c0, gravity: [0, 0, 0]}}
 """
 
 
@@ -218,6 +219,7 @@ def test_a_follower_of_another_kind_is_a_loss_and_names_are_taken(tmp_path: Path
     joints = read(made, "m").joints
     assert said(joints["b"].prim, "newton:mimic") == {"newton:mimicCoef0": 30.0, "newton:mimicCoef1": 2.0}
     assert said(joints["c"].prim, "newton:mimic") == {}
+    assert UsdPhysics.Scene(read(made, "m").at("scene")).GetGravityMagnitudeAttr().Get() == 0.0
     assert said(joints["a"].prim, "drive:angular:physics:target") == {"drive:angular:physics:targetPosition": 10.0}
     assert [loss[:3] for loss in made.losses(None)] == [
         ("b", "that it follows `a`, which Newton alone reads, where both turn or both slide", "carried as custom data"),
@@ -412,6 +414,16 @@ def test_what_collides_is_a_guide_and_rubs_as_its_material_does(tmp_path: Path) 
     said_of = {(one.path, one.what, one.how) for one in made.losses}
     for kind in ("torsional", "rolling"):
         assert (first.material.name, f"its {kind} friction, which Newton alone reads", "carried as custom data") in said_of
+
+
+def test_moments_of_a_flat_body_are_those_of_a_body_as_floats_too() -> None:
+    """A plate of no thickness, turned: readers refuse A + B < C."""
+    properties = MassProperties(mass=2.0, inertia=((0.12, 0.0, 0.0), (0.0, 0.31, 0.0), (0.0, 0.0, 0.43)))
+    for seed in range(20):
+        turn = Rotation.random(random_state=seed).as_matrix()
+        turned = properties.seen_from(Pose(rotation=tuple(tuple(float(x) for x in row) for row in turn)))  # type: ignore[arg-type]
+        low, middle, high = sorted(float(np.float32(x)) for x in moments_of(turned)[0])
+        assert low + middle >= high and (low, middle, high) == pytest.approx((0.12, 0.31, 0.43), rel=3e-6)
 
 
 @settings(max_examples=60)

@@ -26,7 +26,7 @@ from thingc.emit.usd.mimics import Follower, followers
 from thingc.emit.usd.usda import Prim, quaternion, several
 from thingc.graph.types import Link
 from thingc.inertia import MassProperties, physical_fault, principal_axes
-from thingc.pose import Pose
+from thingc.pose import IDENTITY, Matrix, Pose, Vector
 from thingc.resolve.model import Material
 from thingc.robot.kinematics import placed_bodies
 from thingc.robot.types import Robot
@@ -136,13 +136,10 @@ class _Builder:
     def _body(self, name: str, properties: MassProperties, pose: Pose) -> Prim:
         """A rigid body in the world, with its mass [kg], centre [m], and moments of inertia [kg m^2] in principal axes."""
         prim = self.root.add("Xform", name, "PhysicsRigidBodyAPI", "PhysicsMassAPI")
-        sound = properties.mass > 0.0 and physical_fault(properties.inertia) is None
-        moments, axes = principal_axes(properties.inertia) if sound else ((LEAST_INERTIA,) * 3, Pose().rotation)
-        short = max(moments) * (2.0 + ROOM) - sum(moments)
-        lift = max(short, 0.0) if short > 0.0 else 0.0
+        moments, axes = moments_of(properties)
         prim.say("float physics:mass", properties.mass or LEAST_MASS)
         prim.say("point3f physics:centerOfMass", several(properties.centre))
-        prim.say("float3 physics:diagonalInertia", several(moment + lift for moment in moments))
+        prim.say("float3 physics:diagonalInertia", several(moments))
         prim.say("quatf physics:principalAxes", quaternion(Pose(rotation=axes).quaternion()))
         prim.place(pose)
         return prim
@@ -240,6 +237,16 @@ class _Builder:
 
     def _link_of(self, index: int) -> Link:
         return self.assembly.links[self.robot.bodies[index].link]
+
+
+def moments_of(properties: MassProperties) -> tuple[Vector, Matrix]:
+    """The moments of inertia [kg m^2] about principal axes, the columns of a rotation, that stay those of a body as floats; of what has
+    none that any solid has the least."""
+    if properties.mass <= 0.0 or physical_fault(properties.inertia) is not None:
+        return (LEAST_INERTIA,) * 3, IDENTITY
+    (a, b, c), axes = principal_axes(properties.inertia)
+    lift = max(0.0, max(a, b, c) * (2.0 + ROOM) - (a + b + c))
+    return (a + lift, b + lift, c + lift), axes
 
 
 Friction = tuple[str, float | None, float | None, float | None]
