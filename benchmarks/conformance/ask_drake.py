@@ -93,8 +93,9 @@ def box(plant, context, inspector, name):
 def refuse(file):
     """What it does not say itself: of several joints of a body that is turned it takes the axes and anchors of all but the last in those
     of the parent."""
-    if file.suffix == ".xml" and any(len(body.findall("joint")) > 1 for body in ElementTree.parse(file).iter("body")):
-        raise ValueError("it reads several joints of one body otherwise than MuJoCo")
+    bodies = ElementTree.parse(file).iter("body") if file.suffix == ".xml" else ()
+    if any(len(body.findall("joint")) > 1 and "quat" in body.attrib for body in bodies):
+        raise ValueError("it reads several joints of one body that is turned otherwise than MuJoCo")
 
 
 def without(file, joints):

@@ -46,6 +46,9 @@ WORDS = {
     "range": "limits", "effort": "efforts", "mimic": "mimics", "meshes": "meshes",
 }
 
+FOR_DRAKE = "MJCF, `--compat drake`"
+"""What Drake reads of MJCF written for it."""
+
 COMPAT = "MJCF, `--compat mjx,pymjcf`"
 """What readers besides MuJoCo and Drake are given."""
 
@@ -77,11 +80,12 @@ READERS = (
     ),
     Reader("yourdfpy", ("URDF",), ("yourdfpy==0.0.60",), "kinematics alone; it is given the leaders, and puts followers itself"),
     Reader(
-        "drake", ("MJCF", "URDF", "SDF"), ("drake==1.51.1",),
+        "drake", ("MJCF", FOR_DRAKE, "URDF", "SDF"), ("drake==1.51.1",),
         "takes no loops, so that joints that close them and hold mounts are taken out before; is asked with followers put where they "
         "belong; tells nobody what mimics, so that leaders are pushed and followers watched for 0.4 s; has efforts of what turns about or "
         "slides along one axis, of URDF in `<transmission>` alone; a base that floats is put at the origin; of MJCF it knows neither sites "
-        "nor mimics, and takes several joints of one body in the axes of its parent, which is another robot where the body is turned",
+        "nor mimics, and takes several joints of one body in the axes of its parent, which is another robot where the body is turned, "
+        "unless the file is written for Drake",
         refuses="several joints of one body",
     ),
     Reader(
@@ -232,6 +236,9 @@ def questions(folder: Path, count: int) -> Iterator[tuple[str, Question]]:
         out = folder / "robots" / path.stem
         for mjcf in sorted((out / "mjcf").glob(f"{path.stem}_*.xml")):
             yield group, question(mjcf, mjcf)
+        built(path, folder / "drake", "--emit", "mjcf", "--compat", "drake")
+        for mjcf in sorted((folder / "drake" / path.stem / "mjcf").glob(f"{path.stem}_*.xml")):
+            yield group, replace(question(mjcf, out / "mjcf" / mjcf.name), format=FOR_DRAKE)
         for urdf in sorted((out / "urdf").glob("*.urdf")) if group != "balls" else ():
             yield group, question(urdf, out / "mjcf" / f"{urdf.stem}.xml")
         for sdf in sorted((out / "sdf").glob("*/model.sdf")):
