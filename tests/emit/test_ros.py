@@ -156,6 +156,20 @@ def test_the_manifest_is_that_of_rep_149(made: Artifacts) -> None:
     assert {child.tag for child in package} == known
 
 
+def test_the_manifest_and_the_launch_file_bear_what_a_document_says_and_is_called(tmp_path: Path) -> None:
+    """Characters that XML does not have, and a file that is called like a word of the template."""
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    document = tmp_path / "@MODES@.yaml"
+    document.write_text('thingc: assembly/1\nname: odd\ndescription: "a\\x01b </description> \\ufffe"\ncomponents: {base: {frame: true}}\n')
+    assert main(["build", str(document), "-o", str(tmp_path), "--emit", "ros"]) == 0
+    package = tmp_path / "odd" / "ros" / "odd_description"
+    manifest = ElementTree.parse(package / "package.xml")
+    assert manifest.findtext("description") == r"a\x01b </description> \ufffe"
+    launch = (package / "launch" / "display.launch.py").read_text()
+    assert launch.startswith('# Written by thingc from @MODES@.yaml.\n"""Shows')
+    compile(launch, "display.launch.py", "exec")
+
+
 def test_what_is_run_and_plugged_in_is_depended_on(made: Artifacts) -> None:
     depends = {depend.text for depend in xml(made, "package.xml").findall("exec_depend")}
     launch, parameters = text(made, "launch/display.launch.py"), yaml.safe_load(text(made, "config/controllers.yaml"))

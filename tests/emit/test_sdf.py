@@ -27,6 +27,7 @@ from loops.test_holds import POSES
 from loops.test_loop_joints import FOURBAR
 from robot.test_spanning_tree_properties import COUNTS, Tree, build, robots, world_of
 from thingc import pipeline
+from thingc.cli.main import main
 from thingc.diagnostics import Report
 from thingc.emit.artifact import Artifacts
 from thingc.emit.request import EmitRequest
@@ -323,6 +324,22 @@ def test_the_world_has_gravity_a_floor_a_light_and_the_model(every: Compiled) ->
         sdf = config.find("sdf")
         assert sdf is not None and sdf.text == "model.sdf" and f"sdf/every_{mode}/{sdf.text}" in every.made.files
         assert sdf.attrib["version"] == every.model(mode).root.attrib["version"] and config.findtext("name") == f"every_{mode}"
+
+
+@pytest.mark.parametrize("name", ["sun", "floor"])
+def test_a_robot_may_be_called_like_what_is_in_its_world(tmp_path: Path, name: str) -> None:
+    made = Compiled(tmp_path, f"thingc: assembly/1\nname: {name}\ncomponents: {{base: {{frame: true}}}}\n").made
+    world = ElementTree.fromstring(text_of(made, "sdf/world_default.sdf")).find("world")
+    assert world is not None
+    assert name not in [one.get("name") for one in (*world.findall("light"), *world.findall("model"))]
+
+
+def test_a_robot_that_is_called_like_the_world_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    (tmp_path / "robot.yaml").write_text("thingc: assembly/1\nname: world\ncomponents: {base: {frame: true}}\n")
+    assert main(["build", str(tmp_path / "robot.yaml"), "-o", str(tmp_path / "build"), "--emit", "sdf"]) == 1
+    said = capsys.readouterr().err
+    assert "error[TC709]: the robot and the world would both have the name `world` in SDF" in said and "robot.yaml:2:7" in said
 
 
 def test_a_robot_that_floats_does_not_begin_in_the_floor(tmp_path: Path) -> None:

@@ -3,7 +3,8 @@
     urdf: {joint: {crane.swing: {limit: {effort: 20}}}}            a kind of element, its name, elements in it, an attribute
     sdf: {joint: {crane.swing: {axis: {limit: {effort: 20}}}}}     the same, but what is last is an element, and holds the value
 
-Names are checked here; what a reader makes of the rest nobody asks. Elements on the way that are not there yet are made.
+Names are checked here, and that the file stays XML; what a reader makes of the rest nobody asks. Elements on the way that are not there yet
+are made.
 """
 
 from __future__ import annotations
@@ -13,10 +14,11 @@ from typing import Literal
 
 from thingc.diagnostics import Code, Report
 from thingc.emit.names import safe
-from thingc.emit.xml import Element
+from thingc.emit.xml import NAME, NO_CHARACTER, Element
 from thingc.graph.types import Assembly
 from thingc.resolve.model import RawAttribute
 from thingc.robot.types import Robot
+from thingc.shown import shown
 from thingc.typos import did_you_mean
 
 KINDS = ("link", "joint")
@@ -49,6 +51,10 @@ def _laid(attribute: RawAttribute, files: Sequence[Element]) -> Fault | None:
                 if element.text:
                     return f"`{element.tag}` holds a value, and no `{step}`", "write its value", number
                 element = element.find(step) or element.add(step, origin=attribute.origin)
+            inside = element.find(attribute.path[-1]) if attribute.target == "urdf" else None
+            if inside is not None:
+                names = ", ".join(f"`{name}`" for name in inside.attributes) or "what it should have"
+                return f"`{inside.tag}` is an element, and no attribute", f"name one of its own: {names}", len(attribute.path) - 1
             if attribute.target == "urdf":
                 element.lay(attribute.path[-1], attribute)
             elif element.children:
@@ -67,6 +73,12 @@ def _fault(attribute: RawAttribute, robots: Sequence[Robot], files: Sequence[Ele
         return message, did_you_mean(path[0], KINDS, what="kinds of elements"), 0
     if len(path) < 3:
         return f"`{_dotted(attribute)}` should name what is set", f"write `{path[0]}: {{NAME: {{KEY: VALUE}}}}`", 0
+    for number, step in enumerate(path[2:], start=2):
+        if NAME.fullmatch(step) is None:
+            return f"`{step}` cannot be a name in XML", "write letters, digits, `_`, `-` and `.`, and a letter first", number
+    strange = NO_CHARACTER.search(attribute.value)
+    if strange is not None:
+        return f"XML has no character `{shown(strange[0])}`", "leave it out", len(path)
     if any(True for file in files for _ in _named(file, attribute)):
         return None
     cut = {joint.path for robot in robots for closure in robot.closures for joint in closure.joints}

@@ -151,6 +151,12 @@ def write(root: Element, heading: str, *, sections: bool = True) -> Written:
     return Written(text="\n".join(text) + "\n", lines=tuple(lines))
 
 
+NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*(?::[A-Za-z_][A-Za-z0-9_.-]*)?")
+"""What elements and attributes may be called; with a prefix before a `:`."""
+
+NO_CHARACTER = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""What no XML can hold, escaped or not (XML 1.0, `Char`)."""
+
 _ESCAPES = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"})
 _DASHES = re.compile("-{2,}")  # which XML allows in no comment
 _SPECIAL = re.compile('[&<>"\n\r\t]')

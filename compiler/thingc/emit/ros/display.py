@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 
 from thingc.emit.names import package_name, safe
@@ -21,10 +22,7 @@ def launch_file(robots: Sequence[Robot], controllers: Mapping[str, Sequence[Cont
     modes = "".join(_mode(robot, [one.name for one in controllers[robot.mode.name]]) for robot in robots)
     name = robots[0].assembly.name
     values = {"HEADING": heading, "PACKAGE": package_name(name), "ROBOT": name, "MODES": modes, "BROADCASTER": BROADCASTER}
-    text = _LAUNCH
-    for word, value in values.items():
-        text = text.replace(f"@{word}@", value)
-    return text
+    return re.sub("@([A-Z]+)@", lambda word: values[word[1]], _LAUNCH)  # at once: a document may be called like one of the words
 
 
 def _mode(robot: Robot, controllers: list[str]) -> str:

@@ -18,6 +18,7 @@ from thingc.emit.ros.srdf import srdf
 from thingc.emit.urdf.model import MESHES, model
 from thingc.emit.xml import Element, write
 from thingc.robot.types import Robot
+from thingc.shown import shown
 
 
 def emit(request: EmitRequest) -> Artifacts:
@@ -46,7 +47,7 @@ def emit(request: EmitRequest) -> Artifacts:
     files["launch/display.launch.py"] = launch_file(robots, commanded, heading).encode()
     files["CMakeLists.txt"] = cmake_lists(assembly.name, {path.partition("/")[0] for path in files}, heading).encode()
     description = " ".join(assembly.definition.description.split()) or f"The robot {assembly.name}."
-    files["package.xml"] = package_xml(assembly.name, description, request.workspace.about, heading).encode()
+    files["package.xml"] = package_xml(assembly.name, shown(description, most=len(description)), request.workspace.about, heading).encode()
     lost = (*flat, *unmet, *losses("ros", CAPABILITIES, assembly, robots))
     return Artifacts(files={f"{folder}/{path}": content for path, content in sorted(files.items())}, losses=tuple(dict.fromkeys(lost)))
 

@@ -26,7 +26,7 @@ from thingc.robot.types import Robot
 from thingc.source import Origin
 
 WORLD = "world"
-"""What SDF calls the world. No document has the name."""
+"""What SDF calls the world. No link or joint has the name, and no robot may."""
 
 PLAIN, NEWER = "1.9", "1.11"
 """The version of a file, and of one with a mimic or a screw, which no older version has."""
@@ -59,6 +59,7 @@ class _Builder:
         self.geometry = geometry
         self.zero = zero
         self.assembly = robot.assembly
+        self.robots = Names("have the name", "SDF", report)
         self.names = Names("have the name", "SDF", report)
         self.parts = Names("have the name", "SDF", report)
         self.root = Element(tag="sdf", attributes={"version": PLAIN}, origin=robot.mode.origin)
@@ -71,7 +72,9 @@ class _Builder:
         """Links with what they carry, then joints, frames, and what drives joints in Gazebo."""
         robot, links = self.robot, [self._link_of(index) for index in range(len(self.robot.bodies))]
         names = [self.names.take(link.name, link.origin, f"link `{link.name}`") for link in links]
-        model = self.root.add("model", {"name": self.assembly.name, "canonical_link": names[0]}, robot.mode.origin)
+        self.robots.take(WORLD, (), "the world")
+        name = self.robots.take(self.assembly.name, self.assembly.definition.origin, "the robot")
+        model = self.root.add("model", {"name": name, "canonical_link": names[0]}, robot.mode.origin)
         model.say("self_collide", "true")
         for index, body in enumerate(robot.bodies):
             if body.parent is None:

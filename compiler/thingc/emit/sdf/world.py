@@ -46,7 +46,7 @@ def world(robot: Robot, folder: str) -> Element:
             if kind == "camera":
                 sensing.say("render_engine", "ogre2")
     element.say("gravity", numbers(robot.gravity))
-    _light(element)
+    _light(element, "sun" if robot.assembly.name != "sun" else "light")
     _floor(element, "floor" if robot.assembly.name != "floor" else "ground")
     include = element.add("include")
     include.say("uri", f"model://{folder}")
@@ -62,8 +62,8 @@ def _lift(robot: Robot) -> float:
     return 0.0 if box is None else max(0.0, -box[0][2])
 
 
-def _light(world: Element) -> None:
-    light = world.add("light", {"name": "sun", "type": "directional"})
+def _light(world: Element, name: str) -> None:
+    light = world.add("light", {"name": name, "type": "directional"})
     light.say("cast_shadows", "true")
     light.say("pose", "0 0 10 0 0 0")
     light.say("diffuse", "0.8 0.8 0.8 1")
