@@ -7,6 +7,7 @@ conformance`. Which geoms may touch MuJoCo itself says: with a margin larger tha
 from __future__ import annotations
 
 import itertools
+import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 from dataclasses import replace
@@ -219,12 +220,42 @@ def test_drake_takes_all_and_leaves_some_out(store: Store) -> None:
     made = robot(store, "box", "box", adhesions=(("arm/sole", "arm/part_0", 20.0),), control={"arm/sole": 20.0})
     (_, before), (request, after) = (emitted(made, store, compat, ("bench", "held")) for compat in ((), ("drake",)))
     assert not request.report.diagnostics
-    assert [candidate.texts for candidate in after.candidates] == [candidate.texts for candidate in before.candidates]
+    commands = re.compile(r'(<(?:position|velocity) [^>]*) ctrlrange="[^"]*"')
+    texts = [[[commands.sub(r"\1", text) for text in one.texts] for one in made.candidates] for made in (after, before)]
+    assert texts[0] == texts[1]
     more: list[Loss] = [one for one in after.losses if one not in before.losses]
     assert {(one.path, one.what) for one in more} == {
         ("arm/turn_1", "its dry friction: Drake leaves it out"), ("arm/link_0", "that it is moved at run time: Drake leaves it out"),
         ("arm/sole", "its adhesion: Drake leaves it out"), ("rest", "its keyframe: Drake leaves it out"),
+        ("arm/turn_1", "the range of its commands: Drake takes it for that of its force"),
     }
+
+
+def test_for_drake_no_range_of_commands_stands_where_it_looks_for_that_of_the_force(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Drake takes `ctrlrange` of any drive for its effort limit: 1 N m here, of a joint that turns by 1 rad."""
+    mass = "mass: 1 kg, inertia: {ixx: 1e-3 kg*m^2, iyy: 1e-3 kg*m^2, izz: 1e-3 kg*m^2}"
+    drives = {"bend": "position, kp: 5 N*m/rad", "spin": "velocity, kv: 1 N*m*s/rad", "push": "motor"}
+    joints = [
+        f"  {name}: {{type: revolute, parent: c{k}.origin, child: c{k + 1}.origin, drive: {{kind: {kind}}}, "
+        f"limit: {{lower: -1 rad, upper: 1 rad, effort: 4 N*m, velocity: 3 rad/s}}}}"
+        for k, (name, kind) in enumerate(drives.items())
+    ]
+    lines = ["thingc: assembly/1", "name: arm", "components:", *(f"  c{k}: {{frame: true, {mass}}}" for k in range(4)), "joints:", *joints]
+    (tmp_path / "arm.yaml").write_text("\n".join(lines))
+    assert main(["build", str(tmp_path / "arm.yaml"), "--emit", "mjcf", "-o", str(tmp_path), "--compat", "drake"]) == 0
+    section = ElementTree.parse(tmp_path / "arm" / "mjcf" / "arm_default.xml").find("actuator")
+    assert section is not None
+    assert {one.get("name"): (one.get("ctrlrange"), one.get("forcerange")) for one in section} == {
+        "bend": (None, "-4 4"), "spin": (None, "-4 4"), "push": ("-4 4", None),
+    }
+    capsys.readouterr()
+    assert main(["why", "--losses", str(tmp_path / "arm.yaml"), "--emit", "mjcf", "--compat", "drake"]) == 0
+    said = [line for line in capsys.readouterr().out.splitlines() if "commands" in line]
+    assert [line.partition(": ")[2] for line in said] == [
+        f"mjcf: {name}: the range of its commands: Drake takes it for that of its force: omitted" for name in ("bend", "spin")
+    ]
 
 
 def test_for_drake_a_body_that_is_turned_and_moves_by_several_joints_stands_in_another(tmp_path: Path) -> None:

@@ -1,7 +1,8 @@
 """Drake: its reader takes every file, and leaves out, with a warning of its own at most, what a `MultibodyPlant` has no word for.
 
 Of several joints of one body it takes the axes and anchors of all but the last in the axes of the parent. So a body that is turned and has
-several stands in one of its own that is turned in its place, and does not move.
+several stands in one of its own that is turned in its place, and does not move. The range of what drives are commanded it takes for that of
+their force, so that only motors, of which it is, have one.
 """
 
 from __future__ import annotations
@@ -26,6 +27,9 @@ ATTRIBUTES = {
 """What it leaves out of an element of the tree."""
 
 
+COMMANDS = "the range of its commands: Drake takes it for that of its force"
+"""What is lost of a drive that is no motor."""
+
 TURNED = ":turned"
 """What the name of a body ends with that is turned in place of the one in it."""
 
@@ -35,6 +39,11 @@ def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
     for parent in list(root.walk()):
         parent.children[:] = [_unturned(child) if _is_misread(child) else child for child in parent.children]
     for section in root.children:
+        for index, one in enumerate(section.children):
+            if one.tag in ("position", "velocity") and "ctrlrange" in one.attributes.keys() - one.raw.keys():
+                rest = {name: value for name, value in one.attributes.items() if name != "ctrlrange"}
+                section.children[index] = Element(tag=one.tag, attributes=rest, origin=one.origin, raw=one.raw)
+                yield Loss.of(one.origin, "mjcf", None, _path(one), COMMANDS, "omitted")
         if section.tag == "sensor":
             for path in dict.fromkeys(_path(one) for one in section.children):
                 origin = next(one.origin for one in section.children if _path(one) == path)
