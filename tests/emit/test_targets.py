@@ -93,3 +93,34 @@ def test_losses_are_those_of_the_targets_that_are_asked_for(
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\nemit = ["urfd"]\n')
     assert main(["why", "--losses", document, "--store", shared_store]) == 1
     assert "thingc.toml:2:9" in capsys.readouterr().err
+
+
+def test_losses_that_are_alike_are_one_line(tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Numbers may differ; modes are named together."""
+    mass = "mass: 1 kg, inertia: {ixx: 1 kg*mm^2, iyy: 1 kg*mm^2, izz: 1 kg*mm^2}"
+    document = tmp_path / "r.yaml"
+    dynamics = ("armature: 2 kg*mm^2", "armature: 2 kg*mm^2, stiffness: 1 N*m/rad", "stiffness: 2.5 N*m/rad")
+    document.write_text("\n".join([
+        "thingc: assembly/1", "name: r", "components:", *(f"  c{k}: {{frame: true, {mass}}}" for k in range(4)), "joints:",
+        *(
+            f"  j{k}: {{type: continuous, parent: c{k}.origin, child: c{k + 1}.origin, dynamics: {{{one}}}}}"
+            for k, one in enumerate(dynamics)
+        ),
+        "modes:", "  m: {root: c0, base: held}", "  n: {root: c1, base: held}", "",
+    ]))
+    assert main(["why", "--losses", str(document), "--emit", "urdf", "--store", shared_store]) == 0
+    assert [line.partition("r.yaml:")[2] for line in capsys.readouterr().out.splitlines()] == [
+        "9: urdf: j0, j1: its armature of 2e-06 kg m^2: omitted",
+        "10: urdf: j1, j2: its stiffness of ... N m/rad: omitted",
+        "13: urdf: modes m, n: that its base is held, and can be moved while it is: it is fixed here: approximated",
+    ]
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    (["--emit", ""], "`--emit` names no target"), (["--emit", ","], "`--emit` names no target"),
+    (["--emit", "urdf", "--compat", "mjx"], "`--compat` is about MuJoCo models, which `--emit` leaves out"),
+])
+def test_a_command_line_that_asks_for_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str) -> None:
+    (tmp_path / "r.yaml").write_text(SCREW)
+    assert main(["build", str(tmp_path / "r.yaml"), "-o", str(tmp_path / "out"), *words]) == 2
+    assert said in capsys.readouterr().err and not (tmp_path / "out").exists()

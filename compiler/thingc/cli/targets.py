@@ -49,6 +49,10 @@ def chosen_targets(arguments: argparse.Namespace) -> tuple[tuple[str, ...], list
     """The targets, and what is wrong with those that the workspace names. Raises `WrongCommandLine` for those of the command line."""
     for _, message, hint in unknown(arguments.emit):
         raise common.WrongCommandLine(message, hint)
+    if arguments.emit and not chosen(arguments.emit):
+        raise common.WrongCommandLine("`--emit` names no target", "write for example: --emit mjcf,urdf")
+    if arguments.emit and arguments.compat and not {"mjcf", "mjz"} & {*chosen(arguments.emit)}:
+        raise common.WrongCommandLine("`--compat` is about MuJoCo models, which `--emit` leaves out", "add `mjcf` to what `--emit` names")
     if arguments.emit:
         return chosen(arguments.emit), []
     workspace = Workspace.find(arguments.document, Report())

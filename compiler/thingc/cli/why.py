@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 
 from thingc import pipeline
 from thingc.cli import common
 from thingc.cli.targets import add_compat, add_emit, chosen_compat, chosen_targets
 from thingc.diagnostics import Diagnostic, shown_path
+from thingc.emit.artifact import Loss
 from thingc.environment import Environment, attempted
 from thingc.pipeline import Compilation
 from thingc.typos import did_you_mean
@@ -19,6 +21,9 @@ EPILOG = """\
   thingc why assemblies/arm.yaml hand/cap       would it be modelled again, and what has changed since last time?
   thingc why assemblies/arm.yaml --losses       what a target cannot say, and what became of it
 """
+
+_NUMBER = re.compile(r"(?<![\w.^])-?\d+(?:\.\d+)?(?:e[+-]?\d+)?(?![\w.])")
+"""A number in the words of a loss."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -90,9 +95,28 @@ def _reason(compilation: Compilation, wanted: str) -> None:
 def _losses(environment: Environment, compilation: Compilation, targets: Sequence[str], compat: Sequence[str]) -> None:
     artifacts = pipeline.build(environment, compilation, targets, compat=compat)
     losses = [loss for target in artifacts.values() for loss in target.losses]
-    for loss in losses:
-        place = f"{shown_path(loss.span.file)}:{loss.span.line}: " if loss.span is not None else ""
-        mode = f" in {loss.mode}" if loss.mode is not None else ""
-        common.say(f"{place}{loss.target}{mode}: {loss.path}: {loss.what}: {loss.how}")
+    for alike in _alike(losses):
+        common.say(_in_words(alike))
     if not losses and not common.exit_code(common.final(compilation.report, strict=False)):
         common.say("every target says everything")
+
+
+def _alike(losses: Iterable[Loss]) -> Iterable[list[Loss]]:
+    """Losses of one target that are the same but for where they are, and for numbers. Of modes all that have it count as alike."""
+    groups: dict[tuple[str, str | None, str, str], list[Loss]] = {}
+    for loss in losses:
+        mode = None if loss.mode == loss.path else loss.mode
+        groups.setdefault((loss.target, mode, _NUMBER.sub("...", loss.what), loss.how), []).append(loss)
+    return groups.values()
+
+
+def _in_words(alike: Sequence[Loss]) -> str:
+    """One line for losses that are alike, with the place of the first; numbers that differ are left out."""
+    first = alike[0]
+    place = f"{shown_path(first.span.file)}:{first.span.line}: " if first.span is not None else ""
+    of_modes = first.mode == first.path
+    where = "" if of_modes or first.mode is None else f" in {first.mode}"
+    what = first.what if len({loss.what for loss in alike}) == 1 else _NUMBER.sub("...", first.what)
+    paths = ", ".join(dict.fromkeys(loss.path for loss in alike))
+    of = f"{'mode' if len(alike) == 1 else 'modes'} {paths}" if of_modes else paths
+    return f"{place}{first.target}{where}: {of}: {what}: {first.how}"
