@@ -198,7 +198,7 @@ def generated() -> dict[Path, str]:
 
 def formats() -> str:
     """The page of the formats, with their tables."""
-    tables = {name: import_module(target.module).CAPABILITIES for name, target in TARGETS.items() if target.module is not None}
+    tables = {name: import_module(target.capabilities).CAPABILITIES for name, target in TARGETS.items() if target.capabilities is not None}
     rows = [f"| | {' | '.join(tables)} |", "|---" * (1 + len(tables)) + "|"]
     for group in get_type_hints(Capabilities):
         rows.append(f"| **{GROUPS[group]}** |{' |' * len(tables)}")

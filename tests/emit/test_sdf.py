@@ -7,6 +7,7 @@ import math
 import re
 import tempfile
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -60,17 +61,22 @@ def values(robot: Robot, model: Model, q: dict[str, float]) -> dict[str, Any]:
     return found
 
 
-@settings(max_examples=25)
-@given(trees)
-def test_every_occurrence_and_frame_is_where_the_matrices_say(tree: Tree) -> None:
-    chosen = robots(tree.assembly)
+def emitted(tree: Tree, emit: Callable[[EmitRequest], Artifacts]) -> tuple[dict[str, Robot], Artifacts]:
+    """A random tree, which has no geometry, in a target: its robots by mode, and what is written of them without a word."""
+    chosen, report = robots(tree.assembly), Report()
     with tempfile.TemporaryDirectory() as folder:
-        report = Report()
         made = emit(EmitRequest(
             assembly=tree.assembly, robots=tuple(chosen.values()), store=Store(folder), report=report, geometry=None,  # type: ignore[arg-type]
             workspace=None,  # type: ignore[arg-type]
         ))
     assert report.diagnostics == []
+    return chosen, made
+
+
+@settings(max_examples=25)
+@given(trees)
+def test_every_occurrence_and_frame_is_where_the_matrices_say(tree: Tree) -> None:
+    chosen, made = emitted(tree, emit)
     inside = in_link(tree.assembly)
     for name, robot in chosen.items():
         model = Model(text_of(made, f"sdf/tree_{name}/model.sdf"))

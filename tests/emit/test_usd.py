@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import tempfile
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -20,15 +19,13 @@ from scipy.spatial.transform import Rotation
 
 from emit import small_robot
 from emit.read_usd import Model, matrix
-from emit.test_sdf import EVERY, Compiled, mujoco_pose, posed, text_of
+from emit.test_sdf import EVERY, Compiled, emitted, mujoco_pose, posed, text_of
 from graph.builder import as_matrix
 from loops.robots import inchworm
 from loops.test_holds import MODES as HOLDS
 from loops.test_holds import POSES
 from loops.test_loop_joints import FOURBAR
-from robot.test_spanning_tree_properties import COUNTS, Tree, build, robots, world_of
-from thingc.diagnostics import Report
-from thingc.emit.request import EmitRequest
+from robot.test_spanning_tree_properties import COUNTS, Tree, build, world_of
 from thingc.emit.usd.model import moments_of
 from thingc.emit.usd.target import emit
 from thingc.inertia import MassProperties, principal_axes
@@ -76,14 +73,7 @@ def values(robot: Robot, model: Model, q: dict[str, Any]) -> dict[str, Any]:
 @settings(max_examples=8)
 @given(trees)
 def test_every_occurrence_and_frame_is_where_the_matrices_say(tree: Tree) -> None:
-    chosen = robots(tree.assembly)
-    with tempfile.TemporaryDirectory() as folder:
-        report = Report()
-        made = emit(EmitRequest(
-            assembly=tree.assembly, robots=tuple(chosen.values()), store=Store(folder), report=report, geometry=None,  # type: ignore[arg-type]
-            workspace=None,  # type: ignore[arg-type]
-        ))
-    assert report.diagnostics == []
+    chosen, made = emitted(tree, emit)
     inside = in_link(tree.assembly)
     for name, robot in chosen.items():
         model = Model(text_of(made, f"usd/tree_{name}.usda"))

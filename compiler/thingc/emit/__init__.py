@@ -34,30 +34,31 @@ GROUP = "thingc.emitters"
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
     """A target of our own: what it is, in few words (`says`); its `emitters`, `module:function`; what its files are called (`writes`); and
-    whether a build writes it `unasked`, where nobody names targets. `module` has the `CAPABILITIES` of a format that is of whole robots."""
+    whether a build writes it `unasked`, where nobody names targets. `capabilities` is the module that has the `CAPABILITIES` of a
+    format that is of whole robots."""
 
     says: str
     emitters: tuple[str, ...]
     writes: tuple[str, ...]
     unasked: bool = True
-    module: str | None = None
+    capabilities: str | None = None
 
 
 TARGETS: dict[str, Target] = {
     "mjcf": Target(  # `modes.json` states addresses in the models, so the two go together
         says="MuJoCo models and scenes, one per mode", emitters=("thingc.emit.mjcf.target:emit", "thingc.emit.modes:emit"),
-        writes=("mjcf/*.xml", "mjcf/assets/*.obj", "modes.json"), module="thingc.emit.mjcf.capabilities",
+        writes=("mjcf/*.xml", "mjcf/assets/*.obj", "modes.json"), capabilities="thingc.emit.mjcf.capabilities",
     ),
     "mjz": Target(says="each model in one file with its meshes", emitters=("thingc.emit.mjcf.archive:emit",), writes=("mjcf/*.mjz",)),
     "stl": Target(says="print files", emitters=("thingc.emit.stl:emit",), writes=("stl/*.stl",)),
     "step": Target(says="the whole robot", emitters=("thingc.emit.step:emit",), writes=("step/*.step",)),
     "glb": Target(
         says="each mode for viewers of glTF", emitters=("thingc.emit.glb:emit",), writes=("glb/*.glb",), unasked=False,
-        module="thingc.emit.glb",
+        capabilities="thingc.emit.glb",
     ),
     "urdf": Target(
         says="each mode for ROS", emitters=("thingc.emit.urdf.target:emit",), writes=("urdf/*.urdf", "urdf/meshes/*.obj"), unasked=False,
-        module="thingc.emit.urdf.capabilities",
+        capabilities="thingc.emit.urdf.capabilities",
     ),
     "ros": Target(
         says="a ROS 2 package with all modes", emitters=("thingc.emit.ros.target:emit",), unasked=False,
@@ -65,16 +66,16 @@ TARGETS: dict[str, Target] = {
             "ros/*/package.xml", "ros/*/CMakeLists.txt", "ros/*/urdf/*.urdf", "ros/*/meshes/*.obj", "ros/*/launch/*.launch.py",
             "ros/*/config/*.srdf", "ros/*/config/*.yaml", "ros/*/config/*.rviz",
         ),
-        module="thingc.emit.ros.capabilities",
+        capabilities="thingc.emit.ros.capabilities",
     ),
     "sdf": Target(
         says="each mode for Gazebo", emitters=("thingc.emit.sdf.target:emit",),
         writes=("sdf/*.sdf", "sdf/*/model.sdf", "sdf/*/model.config", "sdf/*/meshes/*.obj"), unasked=False,
-        module="thingc.emit.sdf.capabilities",
+        capabilities="thingc.emit.sdf.capabilities",
     ),
     "usd": Target(
         says="each mode for Isaac Sim and Newton", emitters=("thingc.emit.usd.target:emit",), writes=("usd/*.usda",), unasked=False,
-        module="thingc.emit.usd.capabilities",
+        capabilities="thingc.emit.usd.capabilities",
     ),
     "bom": Target(says="bill of materials", emitters=("thingc.emit.bom:emit",), writes=("bom.csv", "bom.json")),
     "hag": Target(says="assembly graph", emitters=("thingc.emit.hag.target:emit",), writes=("hag.dot", "hag.mmd", "hag.svg")),

@@ -91,7 +91,7 @@ class _Node:
 def _nodes(robot: Robot) -> Iterator[_Node]:
     """All nodes of a mode where it starts, parents first."""
     assembly = robot.assembly
-    frame = next((frame for frame in robot.keyframes if frame.name == robot.mode.pose), None)
+    frame = robot.start
     q = coordinates(joints_of(assembly), frame.q if frame is not None else {})
     names = [assembly.links[body.link].name for body in robot.bodies]
     top = f"{robot.name}_{robot.mode.name}:world"

@@ -35,8 +35,7 @@ def lay(
             fault = _fault(attribute, robots, files) or _laid(attribute, files)
             if fault is not None:
                 message, hint, key = fault
-                origin = attribute.keys[key : key + 1] + attribute.origin[1:] if key < len(attribute.keys) else attribute.origin
-                report.add(Code.RAW_UNKNOWN, message, origin, help=hint, path=_dotted(attribute))
+                report.add(Code.RAW_UNKNOWN, message, attribute.at_key(key), help=hint, path=attribute.dotted)
 
 
 Fault = tuple[str, str, int]
@@ -72,7 +71,7 @@ def _fault(attribute: RawAttribute, robots: Sequence[Robot], files: Sequence[Ele
         message = f"raw attributes of `{path[0]}` are not known in `{target}`"
         return message, did_you_mean(path[0], KINDS, what="kinds of elements"), 0
     if len(path) < 3:
-        return f"`{_dotted(attribute)}` should name what is set", f"write `{path[0]}: {{NAME: {{KEY: VALUE}}}}`", 0
+        return f"`{attribute.dotted}` should name what is set", f"write `{path[0]}: {{NAME: {{KEY: VALUE}}}}`", 0
     for number, step in enumerate(path[2:], start=2):
         if NAME.fullmatch(step) is None:
             return f"`{step}` cannot be a name in XML", "write letters, digits, `_`, `-` and `.`, and a letter first", number
@@ -96,7 +95,3 @@ def _named(file: Element, attribute: RawAttribute) -> list[Element]:
 def _safe(name: str) -> str:
     """A name in a document, `hand.cap` or `hand/cap`, as the files have it."""
     return safe(name.replace(".", "/"))
-
-
-def _dotted(attribute: RawAttribute) -> str:
-    return ".".join(("raw", attribute.target, *attribute.path))

@@ -402,6 +402,15 @@ class RawAttribute(Brief):
     origin: Origin
     keys: tuple[Span, ...] = ()
 
+    @property
+    def dotted(self) -> str:
+        """`raw.mjcf.joint.yaw.solreflimit`."""
+        return ".".join(("raw", self.target, *self.path))
+
+    def at_key(self, index: int) -> Origin:
+        """The origin of one of its keys, or of its value where there are no more."""
+        return self.keys[index : index + 1] + self.origin[1:] if index < len(self.keys) else self.origin
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointRange(Brief):

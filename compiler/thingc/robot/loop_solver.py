@@ -136,6 +136,10 @@ class Loops:
         """|p| [m] and |w| [rad] of every closure."""
         return tuple((math.hypot(*p), math.hypot(*w)) for p, w in self._errors(state))
 
+    def closed(self, state: SolverState) -> bool:
+        """Whether all are closed."""
+        return Solution(state=state, residuals=self.residuals(state)).closed
+
     def _errors(self, state: SolverState) -> list[tuple[Vector, Vector]]:
         """p [m] and w [rad] of every closure, in world axes; a ball has no w."""
         at = self._placed(state)

@@ -94,7 +94,7 @@ def _under_feet(robot: Robot) -> tuple[int, float] | None:
     where that is less than `DEEP`, or not known."""
     assembly = robot.assembly
     standing = {assembly.link_of[foot.mount.occurrence] for foot in robot.mode.feet}
-    frame = next((frame for frame in robot.keyframes if frame.name == robot.mode.pose), None)
+    frame = robot.start
     feet, lowest, number = math.inf, math.inf, -1
     placed = body_poses(robot, frame.q if frame is not None else {}, frame.base if frame is not None else None)
     for body, at in zip(robot.bodies, placed, strict=True):

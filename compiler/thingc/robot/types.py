@@ -178,6 +178,11 @@ class Robot(Brief):
     moves: tuple[CoreJoint, ...] = ()
 
     @property
+    def start(self) -> Keyframe | None:
+        """The pose in which the mode starts; None where all joints are at 0 then."""
+        return next((frame for frame in self.keyframes if frame.name == self.mode.pose), None)
+
+    @property
     def carried(self) -> bool:
         """Whether the base floats and is carried by what the mode stands on or holds."""
         return self.base == "free" and (bool(self.mode.feet) or any(closure.hold for closure in self.closures))

@@ -17,7 +17,6 @@ from thingc.emit.xml import Element
 from thingc.graph.types import Assembly
 from thingc.resolve.model import RawAttribute
 from thingc.robot.types import Robot
-from thingc.source import Origin
 from thingc.typos import did_you_mean
 
 TARGET = "mjcf"
@@ -48,7 +47,7 @@ def lay(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
         fault = _shape_fault(attribute)
         if fault is not None:
             message, hint = fault
-            report.add(Code.RAW_UNKNOWN, message, _key(attribute, 0), help=hint, path=_dotted(attribute))
+            report.add(Code.RAW_UNKNOWN, message, attribute.at_key(0), help=hint, path=attribute.dotted)
             continue
         elements = [
             element
@@ -62,15 +61,6 @@ def lay(assembly: Assembly, robots: Sequence[Robot], models: Sequence[Element], 
             _report_unknown(attribute, robots, models, report)
 
 
-def _key(attribute: RawAttribute, index: int) -> Origin:
-    """The origin of one of its keys."""
-    return attribute.keys[index : index + 1] + attribute.origin[1:] if index < len(attribute.keys) else attribute.origin
-
-
-def _dotted(attribute: RawAttribute) -> str:
-    return ".".join(("raw", attribute.target, *attribute.path))
-
-
 def _shape_fault(attribute: RawAttribute) -> tuple[str, str] | None:
     """What is wrong with the path itself: a message and a hint."""
     path = attribute.path
@@ -78,12 +68,12 @@ def _shape_fault(attribute: RawAttribute) -> tuple[str, str] | None:
     if kind not in KINDS:
         return f"raw attributes of `{kind}` are not known", did_you_mean(kind, KINDS, what="kinds of elements")
     if kind in NAMED and len(path) != 3:
-        return f"`{_dotted(attribute)}` should name an attribute of one {kind}", f"write `{kind}: {{NAME: {{ATTRIBUTE: VALUE}}}}`"
+        return f"`{attribute.dotted}` should name an attribute of one {kind}", f"write `{kind}: {{NAME: {{ATTRIBUTE: VALUE}}}}`"
     if kind in SINGLE and len(path) not in (2, 3):
-        return f"`{_dotted(attribute)}` should name an attribute of `{kind}`", f"write `{kind}: {{ATTRIBUTE: VALUE}}`"
+        return f"`{attribute.dotted}` should name an attribute of `{kind}`", f"write `{kind}: {{ATTRIBUTE: VALUE}}`"
     if kind == "default" and len(path) != 4:
         return (
-            f"`{_dotted(attribute)}` should name an attribute in a default class",
+            f"`{attribute.dotted}` should name an attribute in a default class",
             "write `default: {CLASS: {ELEMENT: {ATTRIBUTE: VALUE}}}`",
         )
     return None
@@ -174,5 +164,5 @@ def _report_unknown(attribute: RawAttribute, robots: Sequence[Robot], models: Se
     message = f"`{attribute.target}` has no {what} `{name}`"
     names = "classes" if what == "class" else "bodies" if what == "body" else f"{what}s"
     report.add(
-        Code.RAW_UNKNOWN, message, _key(attribute, 1), help=did_you_mean(name, known, what=names), path=_dotted(attribute),
+        Code.RAW_UNKNOWN, message, attribute.at_key(1), help=did_you_mean(name, known, what=names), path=attribute.dotted,
     )

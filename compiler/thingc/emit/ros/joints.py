@@ -65,7 +65,7 @@ def values(robot: Robot, q: Mapping[str, float]) -> dict[str, float]:
 
 def start(robot: Robot) -> Mapping[str, float]:
     """q of the document's joints, by path, when the mode starts (0 where it says nothing)."""
-    return next((frame.q for frame in robot.keyframes if frame.name == robot.mode.pose), {})
+    return robot.start.q if robot.start is not None else {}
 
 
 def _lead(robot: Robot, body: Body) -> tuple[CoreJoint, ...]:

@@ -6,7 +6,7 @@ from thingc.frozen import dataclass
 from thingc.graph import joints_of
 from thingc.pose import Pose
 from thingc.robot.kinematics import placed_bodies
-from thingc.robot.loop_solver import Loops, Solution, SolverState
+from thingc.robot.loop_solver import Loops, SolverState
 from thingc.robot.types import Robot
 
 
@@ -28,8 +28,7 @@ def zero_state(robot: Robot) -> ZeroState:
         return ZeroState(q=q, base=robot.bodies[0].X_PL)
     base = _as_held(robot, q)
     loops = Loops(robot.bodies, robot.closures, joints_of(robot.assembly), base)
-    state = SolverState(q=q, base=base)
-    if Solution(state=state, residuals=loops.residuals(state)).closed:
+    if loops.closed(SolverState(q=q, base=base)):
         return ZeroState(q=q, base=base)
     for frame in robot.keyframes:
         return ZeroState(q=frame.q, base=frame.base or robot.bodies[0].X_PL, pose=frame.name)

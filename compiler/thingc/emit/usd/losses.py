@@ -9,7 +9,7 @@ from thingc.emit.usd.chain import connections
 from thingc.emit.usd.mimics import followers
 from thingc.graph import joints_of
 from thingc.inertia import physical_fault
-from thingc.robot.loop_solver import Loops, Solution, SolverState
+from thingc.robot.loop_solver import Loops, SolverState
 from thingc.robot.types import Robot
 from thingc.source import Origin
 
@@ -48,7 +48,7 @@ def _closed(robot: Robot) -> bool:
         return True
     joints, base = joints_of(robot.assembly), robot.bodies[0].X_PL
     state = SolverState(q={joint.path: 0.0 for joint in joints}, base=base)
-    return Solution(state=state, residuals=Loops(robot.bodies, robot.closures, joints, base).residuals(state)).closed
+    return Loops(robot.bodies, robot.closures, joints, base).closed(state)
 
 
 def _loss(mode: str | None, path: str, what: str, how: str, origin: Origin) -> Loss:
