@@ -81,7 +81,6 @@ class Code(Enum):
     NO_VALUE = ("TC213", "a key without a value", "Write a value after the colon or remove the key.")
     WRONG_LENGTH = ("TC214", "a list with the wrong number of items", "Write as many items as the message says.")
     # --- TC3xx: names and values across documents (resolve) --------------------------------------------------------
-    NOT_YET = ("TC301", "not built yet", "Leave it out for now: this version of thingc does not build it.")
     UNKNOWN_COMPONENT = ("TC302", "unknown component", "Name a component of this document, or of the assembly it goes into.")
     UNKNOWN_MOUNT = ("TC303", "unknown mount", "Name a mount that the component has, or export it in the nested document.")
     UNKNOWN_JOINT = ("TC304", "unknown joint", "Name a joint as `joint`, or `component.joint` inside a nested assembly.")

@@ -246,21 +246,6 @@ def test_yaml_and_toml_of_the_small_example_are_one_document(page: Path, here: P
 
 
 @pytest.mark.parametrize("page", [LANGUAGE], ids=["language.md"])
-def test_what_is_not_built_yet_is_refused_as_such(page: Path, here: Path) -> None:
-    head = "thingc: assembly/1\nname: x\nmaterials: [materials.yaml]\n"
-    head += "components:\n  a: {part: toy:Beam%s}\n  b: {part: toy:Beam}\njoints:\n"
-    joint = "  j: {type: %s, parent: a.head, child: b.tail, limit: {lower: -1 rad, upper: 1 rad}%s}\n"
-    plain = head % "" + joint % ("revolute", "")
-    cases = [plain + "raw: {usd: {joint: {j: {x: 1}}}}\n"]
-    for text in cases:
-        (here / "x.yaml").write_text(text)
-        printed = run("thingc check x.yaml")
-        assert re.findall(r"^error\[(TC\d+)\]", printed, re.MULTILINE) == ["TC301"], text + printed
-    (here / "x.yaml").write_text(plain)
-    assert run("thingc check x.yaml") == "x.yaml: ok\n"
-
-
-@pytest.mark.parametrize("page", [LANGUAGE], ids=["language.md"])
 def test_a_nested_assembly_takes_no_override(page: Path, here: Path) -> None:
     values = {
         "material": "pla", "mass": "1 kg", "com": "0 0 0", "inertia": "{ixx: 1 kg*m^2, iyy: 1 kg*m^2, izz: 1 kg*m^2}",

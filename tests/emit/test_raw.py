@@ -1,13 +1,15 @@
-"""Raw attributes of URDF and SDF, on a document that nests another."""
+"""Raw attributes of URDF, SDF and USD, on a document that nests another."""
 
 from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from emit.read_usd import Model
 from thingc.cli.main import main
 
 MASS = "mass: 1 kg, inertia: {ixx: 1 kg*mm^2, iyy: 1 kg*mm^2, izz: 1 kg*mm^2}"
@@ -104,3 +106,55 @@ def test_what_has_no_place_is_said_at_its_key(
     assert f"error[{code}]: {words}\n" in text and "robot.yaml:12:" in text
     assert f"  help: {help}" in text
     assert not (tmp_path / "build").exists()
+
+
+def test_elements_with_a_prefix_are_declared(tmp_path: Path) -> None:
+    raw = '  urdf: {joint: {left.knuckle: {"drake:ball": {"drake:x": 1}}}}\n  sdf: {link: {base: {"gz:buoyant": 1, "drake:y": 2}}}'
+    assert built(tmp_path, raw, "--emit", "urdf,sdf") == 0
+    drake, gz = "{http://drake.mit.edu}", "{http://gazebosim.org/schema}"
+    folder = tmp_path / "build" / "robot"
+    ball = element(folder / "urdf" / "robot_m.urdf", "joint", "left_knuckle").find(f"{drake}ball")
+    assert ball is not None and ball.attrib == {f"{drake}x": "1"}
+    link = element(folder / "sdf" / "robot_m" / "model.sdf", "link", "base")
+    assert (link.findtext(f"{gz}buoyant"), link.findtext(f"{drake}y")) == ("1", "2")
+
+
+def plain(value: Any) -> Any:
+    """What USD has for a list."""
+    return list(value) if hasattr(value, "__len__") and not isinstance(value, str) else value
+
+
+def test_attributes_of_usd_have_types(tmp_path: Path) -> None:
+    """By usd-core; what the file has already keeps its type, and its place."""
+    raw = """\
+  usd:
+    joint:
+      left.knuckle:
+        {apiSchemas: [PhysxJointAPI, "PhysxLimitAPI:angular"], "physxJoint:maxJointVelocity": 10.0, "float physxJoint:armature": 1,
+         "physics:lowerLimit": -30, "physics:breakForce": 1.5e+3}
+      wrist: {"physics:collisionEnabled": true}
+    link: {left/tip: {"mine:ints": [1, 2], "mine:reals": [1, 2.5], "mine:name": "a \\"b\\"\\r", "float3 mine:vector": [1, 2, 3]}}
+    scene: {"token physxScene:solverType": TGS, "int mine:n": 3, "double mine:d": 1.0e+300, "physics:gravityDirection": [0, 1, 0]}"""
+    assert built(tmp_path, raw, "--emit", "usd") == 0
+    for mode in "mn":
+        text = (tmp_path / "build" / "robot" / "usd" / f"robot_{mode}.usda").read_text()
+        model = Model(text)
+        assert model.faults() == []
+
+        def of(path: str, *names: str, model: Model = model) -> list[tuple[str, object]]:
+            found = [model.at(path).GetAttribute(name) for name in names]
+            return [(str(one.GetTypeName()), plain(one.Get())) for one in found]
+
+        knuckle = "joints/left_knuckle"
+        assert {"PhysxJointAPI", "PhysxLimitAPI:angular"} <= set(model.at(knuckle).GetPrimTypeInfo().GetAppliedAPISchemas())
+        assert of(knuckle, "physxJoint:maxJointVelocity", "physxJoint:armature", "physics:lowerLimit", "physics:breakForce") == [
+            ("float", 10.0), ("float", 1.0), ("float", -30.0), ("float", 1500.0),
+        ]
+        assert of("joints/wrist", "physics:collisionEnabled") == [("bool", True)]
+        assert of("left_tip", "mine:ints", "mine:reals", "mine:name", "mine:vector") == [
+            ("int[]", [1, 2]), ("float[]", [1.0, 2.5]), ("string", 'a "b"\r'), ("float3", [1.0, 2.0, 3.0]),
+        ]
+        assert of("scene", "physxScene:solverType", "mine:n", "mine:d", "physics:gravityDirection") == [
+            ("token", "TGS"), ("int", 3), ("double", 1e300), ("vector3f", [0.0, 1.0, 0.0]),
+        ]
+        assert text.count("physics:lowerLimit") == 1

@@ -69,8 +69,8 @@ def in_doubt(documents: Documents, report: Report) -> bool:
      "fast"),
     ("modes: {b: root:plate}", Code.WRONG_TYPE, "expected a mapping with `root`, `base`, `at`, found text `root:plate`",
      "a space is missing after the `:`: `root: plate`", "root:plate"),
-    ("raw: {mjcf: {a: [1]}}", Code.WRONG_TYPE, "expected text, a number, true or false, or a mapping, found a list of 1", None,
-     "[1]"),
+    ("raw: {mjcf: {a: [[1]]}}", Code.WRONG_TYPE,
+     "expected text, a number, true or false, a list of such, or a mapping, found a list of 1", None, "[[1]]"),
     # choices
     ("simulation: {cone: eliptic}", Code.UNKNOWN_CHOICE, "expected `pyramidal` or `elliptic`, found text `eliptic`",
      "did you mean `elliptic`?", "eliptic"),

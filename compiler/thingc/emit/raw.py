@@ -14,7 +14,7 @@ from typing import Literal
 
 from thingc.diagnostics import Code, Report
 from thingc.emit.names import safe
-from thingc.emit.xml import NAME, NO_CHARACTER, Element
+from thingc.emit.xml import NAME, NAMESPACES, NO_CHARACTER, Element
 from thingc.graph.types import Assembly
 from thingc.resolve.model import RawAttribute
 from thingc.robot.types import Robot
@@ -23,6 +23,9 @@ from thingc.typos import did_you_mean
 
 KINDS = ("link", "joint")
 """Kinds of elements that have names."""
+
+PREFIXES = {"urdf": ("drake",), "sdf": ("drake", "gz")}
+"""With which prefixes readers know elements and attributes of their own."""
 
 
 def lay(
@@ -43,8 +46,10 @@ Fault = tuple[str, str, int]
 
 
 def _laid(attribute: RawAttribute, files: Sequence[Element]) -> Fault | None:
+    prefixes = [step.partition(":")[0] for step in attribute.path[2:] if ":" in step]
     for file in files:
         for element in _named(file, attribute):
+            file.attributes |= {f"xmlns:{prefix}": NAMESPACES[prefix] for prefix in prefixes}
             steps = attribute.path[2:] if attribute.target == "sdf" else attribute.path[2:-1]
             for number, step in enumerate(steps, start=2):
                 if element.text:
@@ -75,23 +80,27 @@ def _fault(attribute: RawAttribute, robots: Sequence[Robot], files: Sequence[Ele
     for number, step in enumerate(path[2:], start=2):
         if NAME.fullmatch(step) is None:
             return f"`{step}` cannot be a name in XML", "write letters, digits, `_`, `-` and `.`, and a letter first", number
+        prefix, colon, _ = step.rpartition(":")
+        if colon and prefix not in PREFIXES[target]:
+            prefixes = ", ".join(f"`{one}:`" for one in PREFIXES[target])
+            return f"`{target}` declares no prefix `{prefix}:`", f"known prefixes: {prefixes}", number
     strange = NO_CHARACTER.search(attribute.value)
     if strange is not None:
         return f"XML has no character `{shown(strange[0])}`", "leave it out", len(path)
     if any(True for file in files for _ in _named(file, attribute)):
         return None
     cut = {joint.path for robot in robots for closure in robot.closures for joint in closure.joints}
-    if not files or (path[0] == "joint" and _safe(path[1]) in map(safe, cut)):
+    if not files or (path[0] == "joint" and in_files(path[1]) in map(safe, cut)):
         return None
     known = {element.attributes["name"] for file in files for element in file.walk() if element.tag == path[0]}
     return f"`{target}` has no {path[0]} `{path[1]}`", did_you_mean(path[1], known, what=f"{path[0]}s"), 1
 
 
 def _named(file: Element, attribute: RawAttribute) -> list[Element]:
-    name = _safe(attribute.path[1])
+    name = in_files(attribute.path[1])
     return [element for element in file.walk() if element.tag == attribute.path[0] and element.attributes.get("name") == name]
 
 
-def _safe(name: str) -> str:
-    """A name in a document, `hand.cap` or `hand/cap`, as the files have it."""
+def in_files(name: str) -> str:
+    """A name in a document, `hand.cap` or `hand/cap`, as files have it."""
     return safe(name.replace(".", "/"))

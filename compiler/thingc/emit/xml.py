@@ -154,6 +154,9 @@ def write(root: Element, heading: str, *, sections: bool = True) -> Written:
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*(?::[A-Za-z_][A-Za-z0-9_.-]*)?")
 """What elements and attributes may be called; with a prefix before a `:`."""
 
+NAMESPACES = {"drake": "http://drake.mit.edu", "gz": "http://gazebosim.org/schema"}
+"""Of the prefixes of names that readers of URDF and SDF know: what `xmlns:drake` of the whole file is, where one is used."""
+
 NO_CHARACTER = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """What no XML can hold, escaped or not (XML 1.0, `Char`)."""
 

@@ -390,7 +390,8 @@ class Mode(Brief):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RawAttribute(Brief):
-    """`raw: {mjcf: {joint: {yaw: {solreflimit: 0.01 1}}}}`: the target, the keys on the way, and the value as text.
+    """`raw: {mjcf: {joint: {yaw: {solreflimit: 0.01 1}}}}`: the target, the keys on the way, and the value as text (of `usd`, whose
+    attributes have types, as JSON).
 
     For that example `target` is `mjcf`, `path` `("joint", "yaw", "solreflimit")`; origin is the value's place, `keys` are
     those of the keys.

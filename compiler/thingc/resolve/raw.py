@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -12,10 +13,11 @@ from thingc.resolve.scope import Scope
 from thingc.source import Path
 from thingc.typos import did_you_mean
 
-EXAMPLES = {"mjcf": "{solreflimit: 0.01 1}", "urdf": "{limit: {effort: 20}}", "sdf": "{axis: {limit: {effort: 20}}}"}
+EXAMPLES = {
+    "mjcf": "{solreflimit: 0.01 1}", "urdf": "{limit: {effort: 20}}", "sdf": "{axis: {limit: {effort: 20}}}",
+    "usd": '{"physics:breakForce": 20.0}',
+}
 """Targets that take raw attributes, each with one of a joint."""
-
-_LATER = ("usd",)
 
 
 def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:
@@ -24,16 +26,9 @@ def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:
     for target, attributes in written.items():
         path: Path = ("raw", target)
         if target not in EXAMPLES:
-            if target in _LATER:
-                scope.error(
-                    Code.NOT_YET, f"raw attributes for `{target}` are not built yet", path, key=True,
-                    help="take them out for now",
-                )
-            else:
-                scope.error(
-                    Code.RAW_TARGET, f"there is no target `{target}`", path, key=True,
-                    help=did_you_mean(target, EXAMPLES, what="targets"),
-                )
+            scope.error(
+                Code.RAW_TARGET, f"there is no target `{target}`", path, key=True, help=did_you_mean(target, EXAMPLES, what="targets"),
+            )
             continue
         if not isinstance(attributes, Mapping):
             scope.error(
@@ -49,6 +44,11 @@ def _flattened(scope: Scope, target: str, node: Any, path: Path, keys: tuple[str
     if isinstance(node, Mapping):
         for key, child in node.items():
             yield from _flattened(scope, target, child, (*path, key), (*keys, key))
+    elif isinstance(node, list) and target != "usd":
+        scope.error(
+            Code.VALUE_KIND, f"`{keys[-1]}` is text, a number, true or false in `{target}`, found a list of {len(node)}", path,
+            help=f"write `{' '.join(map(_text, node))}`",
+        )
     else:
         refused = fixed(keys) if target == "mjcf" else fixed_in_all(target, keys)
         if refused is not None:
@@ -57,7 +57,7 @@ def _flattened(scope: Scope, target: str, node: Any, path: Path, keys: tuple[str
             return
         first = len(path) - len(keys)
         yield RawAttribute(
-            target=target, path=keys, value=_text(node), origin=scope.origin(path),
+            target=target, path=keys, value=json.dumps(node) if target == "usd" else _text(node), origin=scope.origin(path),
             keys=tuple(scope.span(path[: first + depth], key=True) for depth in range(1, len(keys) + 1)),
         )
 

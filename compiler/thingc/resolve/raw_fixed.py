@@ -59,14 +59,38 @@ EVERYWHERE: Mapping[str, str] = {
 }
 """What every format says of a robot, by element or attribute of URDF and SDF, and what to write instead."""
 
+_MASS, _MOUNTS = EVERYWHERE["inertial"], EVERYWHERE["axis"]
+
+EVERYWHERE_IN_USD: Mapping[str, str] = {
+    **dict.fromkeys(("mass", "centerOfMass", "diagonalInertia", "principalAxes", "density"), _MASS),
+    **dict.fromkeys(("body0", "body1", "localPos0", "localPos1", "localRot0", "localRot1", "axis"), _MOUNTS),
+    **dict.fromkeys(("jointEnabled", "excludeFromArticulation"), EVERYWHERE["type"]),
+    **dict.fromkeys(("rigidBodyEnabled", "kinematicEnabled"), "write `base:` of the mode"),
+}
+"""The same by attributes of USD, without their `physics:`."""
+
+BEGINNINGS_IN_USD: Mapping[str, str] = {
+    "xformOp": EVERYWHERE["pose"], "newton:mimic": EVERYWHERE["mimic"], "physxMimicJoint:": EVERYWHERE["mimic"],
+}
+"""The same of all attributes that begin so."""
+
 
 def fixed_in_all(target: str, path: tuple[str, ...]) -> tuple[str, str] | None:
-    """The same in URDF and SDF (see `fixed`), where a robot would be another one than in other formats. In SDF an `axis` also holds what
-    is no matter of geometry."""
-    for key in path[2:]:
-        if key in EVERYWHERE and (key, target) != ("axis", "sdf"):
-            return f"`raw` cannot set `{key}` of a {path[0]}: it would be another robot than in other formats", EVERYWHERE[key]
+    """The same in URDF, SDF and USD (see `fixed`), where a robot would be another one than in other formats. In SDF an `axis` also holds
+    what is no matter of geometry; in USD a type may stand before the name."""
+    for key in path[-1:] if target == "usd" else path[2:]:
+        name = key.rpartition(" ")[2]
+        instead = _instead_in_usd(name) if target == "usd" else None if (key, target) == ("axis", "sdf") else EVERYWHERE.get(key)
+        if instead is not None:
+            return f"`raw` cannot set `{name}` of a {path[0]}: it would be another robot than in other formats", instead
     return None
+
+
+def _instead_in_usd(name: str) -> str | None:
+    """What to write instead of an attribute of USD."""
+    if name.startswith("physics:"):
+        return EVERYWHERE_IN_USD.get(name.removeprefix("physics:"))
+    return next((instead for beginning, instead in BEGINNINGS_IN_USD.items() if name.startswith(beginning)), None)
 
 
 def fixed(path: tuple[str, ...]) -> tuple[str, str] | None:

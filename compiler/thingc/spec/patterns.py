@@ -39,6 +39,8 @@ def vector_pattern(dimension: Dimension) -> str:
 
 
 def raw_schema(levels: int) -> dict[str, Any]:
-    """Scalars, and mappings of them down to `levels`: no list anywhere."""
-    schema: dict[str, Any] = {"type": ["string", "number", "boolean", "object"]}
+    """Scalars, lists of them, and mappings of both down to `levels`."""
+    schema: dict[str, Any] = {
+        "type": ["string", "number", "boolean", "array", "object"], "items": {"type": ["string", "number", "boolean"]},
+    }
     return {**schema, "additionalProperties": raw_schema(levels - 1)} if levels else schema

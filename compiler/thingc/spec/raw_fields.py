@@ -9,9 +9,11 @@ from pydantic_core import PydanticCustomError
 from thingc.spec.fields import Checked, fault, found, raise_all, within
 from thingc.spec.patterns import raw_schema
 
+_WORDS = "text, a number, true or false, a list of such, or a mapping"
+
 
 def _raw(value: Any) -> Any:
-    """An attribute for a target: a scalar, or a mapping of such."""
+    """An attribute for a target: a scalar, a list of scalars, or a mapping of such."""
     wrong: list[PydanticCustomError] = []
     kept = _sound_raw(value, (), wrong)
     raise_all(wrong)
@@ -21,8 +23,9 @@ def _raw(value: Any) -> Any:
 def _sound_raw(value: Any, path: tuple[str, ...], wrong: list[PydanticCustomError]) -> Any:
     if isinstance(value, dict):
         return {key: _sound_raw(item, (*path, key), wrong) for key, item in value.items()}
-    if not isinstance(value, (str, int, float)):
-        error = fault("type", f"expected text, a number, true or false, or a mapping, found {found(value)}")
+    scalars = value if isinstance(value, list) else [value]
+    if not all(one is None or isinstance(one, (str, int, float)) for one in scalars):  # that a null is no value is said of every key
+        error = fault("type", f"expected {_WORDS}, found {found(value)}")
         wrong.append(within(error, path) if path else error)
     return value
 
@@ -30,6 +33,6 @@ def _sound_raw(value: Any, path: tuple[str, ...], wrong: list[PydanticCustomErro
 _RAW_SCHEMA = {"description": "Attributes by path.", "examples": [{"joint": {"yaw": {"solreflimit": "0.01 1"}}}], **raw_schema(6)}
 
 if TYPE_CHECKING:
-    RawField = Union[str, int, float, bool, dict[str, Any]]
+    RawField = Union[str, int, float, bool, list[Any], dict[str, Any]]
 else:
-    RawField = Annotated[Any, Checked(_raw, "text, a number, true or false, or a mapping", _RAW_SCHEMA)]
+    RawField = Annotated[Any, Checked(_raw, _WORDS, _RAW_SCHEMA)]

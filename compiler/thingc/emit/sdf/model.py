@@ -15,7 +15,7 @@ from thingc.emit.sdf.chain import LINK, Connection, SdfAxis, SdfJoint, connectio
 from thingc.emit.sdf.drives import plugin
 from thingc.emit.sdf.sensors import sensors_of_joint, sensors_of_link
 from thingc.emit.sdf.zero import ZeroState
-from thingc.emit.xml import Element, number, numbers
+from thingc.emit.xml import NAMESPACES, Element, number, numbers
 from thingc.graph import joints_of, leaders
 from thingc.graph.types import Link
 from thingc.inertia import MassProperties, physical_fault, within_triangle
@@ -30,9 +30,6 @@ WORLD = "world"
 
 PLAIN, NEWER = "1.9", "1.11"
 """The version of a file, and of one with a mimic or a screw, which no older version has."""
-
-DRAKE = "http://drake.mit.edu"
-"""The name of the elements that Drake alone reads."""
 
 LEAST_MASS, LEAST_INERTIA = 1e-9, 1e-12
 """What a link weighs [kg] that has no mass, and its moments of inertia [kg m^2]: SDF takes no link without."""
@@ -154,7 +151,7 @@ class _Builder:
             mimic.say(name, number(value))
         self.root.attributes["version"] = NEWER
         if alone and (there, "axis2") not in self.axes.values():
-            self.root.attributes["xmlns:drake"] = DRAKE
+            self.root.attributes["xmlns:drake"] = NAMESPACES["drake"]
             joint.add("drake:mimic", {"joint": there, "multiplier": number(multiplier), "offset": number(offset)})
 
     def _link(self, model: Element, name: str, index: int, pose: Pose, parent: str | None = None) -> None:

@@ -7,6 +7,7 @@ from thingc.emit.capabilities import losses
 from thingc.emit.geometry import solid_geometry
 from thingc.emit.request import EmitRequest
 from thingc.emit.usd import losses as special
+from thingc.emit.usd import raw
 from thingc.emit.usd.capabilities import CAPABILITIES
 from thingc.emit.usd.meshes import identifiers, prototypes
 from thingc.emit.usd.model import model
@@ -22,9 +23,11 @@ def emit(request: EmitRequest) -> Artifacts:
     meshes = rendered(prototypes(shapes, request.store, scope, names)) if names else ""
     files: dict[str, Content] = {}
     lost = dict.fromkeys((*flat, *losses("usd", CAPABILITIES, assembly, request.robots, cut=True)))
-    for robot in request.robots:
+    paths = {name: f"/{scope}/{word}" for name, word in names.items()}
+    models = [model(robot, shapes, paths, request.report) for robot in request.robots]
+    raw.lay(assembly, models, request.report)
+    for robot, made in zip(request.robots, models, strict=True):
         heading = f"Written by thingc from {assembly.definition.document}, mode {robot.mode.name}."
-        made = model(robot, shapes, {name: f"/{scope}/{word}" for name, word in names.items()}, request.report)
         files[f"usd/{assembly.name}_{robot.mode.name}.usda"] = write([rendered(made), meshes], assembly.name, heading).encode()
         lost |= dict.fromkeys(special.losses(robot))
     return Artifacts(files=dict(sorted(files.items())), losses=tuple(lost))

@@ -14,6 +14,11 @@ from thingc.pose import IDENTITY, Pose, Quaternion
 
 INDENT = "    "
 
+FLOAT_MAX = 3.4028234663852886e38
+"""The largest number that a `float` holds."""
+
+_ESCAPES = str.maketrans({"\\": "\\\\", '"': '\\"', "\n": "\\n", "\r": "\\r"})
+
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Prim:
@@ -56,7 +61,7 @@ class Prim:
 
 def quoted(text: str) -> str:
     """A string or a token."""
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n") + '"'
+    return '"' + text.translate(_ESCAPES) + '"'
 
 
 def several(values: Iterable[float]) -> str:
