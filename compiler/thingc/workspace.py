@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from thingc.diagnostics import Code, Report
 from thingc.frozen import dataclass
+from thingc.installed import dotted_name
 from thingc.packaging import KEYS, About
 from thingc.shown import is_text
 from thingc.source import MappingNode, Path, Span
@@ -55,6 +56,10 @@ DEFAULT_MESH = Tessellation(linear=1e-4, angular=0.17453292519943295)
 DEFAULT_SIMULATION = Tessellation(linear=1e-4, angular=0.5235987755982988)
 """0.1 mm and 30 deg: what simulators draw and touch. The bound on the distance is that of the other mesh; what has a radius below
 2.9 mm has a third of the facets, and that is where most of a robot's facets are (holes, screws, fillets)."""
+
+
+LIBRARIES = frozenset({"site-packages", "dist-packages"})
+"""What folders of installed packages are called. An environment may lie in a workspace, and is no part of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,8 +116,13 @@ class Workspace:
             folder = above
 
     def relative(self, path: str) -> str:
-        """The path inside the workspace with `/`, links resolved: the name of a file that all artifacts use."""
-        return os.path.relpath(os.path.realpath(path), os.path.realpath(self.root)).replace(os.sep, "/")
+        """The path inside the workspace with `/`, links resolved: the name of a file that all artifacts use. A document of an installed
+        package is called as documents call it, `thingc_stock.materials`: where that lies is another place on every machine."""
+        name = os.path.relpath(os.path.realpath(path), os.path.realpath(self.root)).replace(os.sep, "/")
+        elsewhere = name.startswith("../") or not LIBRARIES.isdisjoint(name.split("/"))
+        if elsewhere and "." in (dotted := dotted_name(os.path.realpath(path))):
+            return dotted
+        return name
 
     def span(self, path: Path) -> Span | None:
         """Where the workspace's own file says something: `("emit", 1)`. Reads the file again; None where there is none."""

@@ -20,7 +20,7 @@ PACKAGE = ROOT / "compiler" / "thingc"
 
 BASE = {
     "frozen", "brief", "shown", "source", "typos", "diagnostics", "units", "expressions", "pose", "inertia", "memo", "packaging",
-    "workspace",
+    "installed", "workspace",
 }
 # What each room may import of thingc, besides itself. `workspace` reads its own document with load and spec.
 ROOMS: dict[str, set[str]] = {
@@ -28,7 +28,7 @@ ROOMS: dict[str, set[str]] = {
     "diagnostics": {"brief", "shown", "source", "typos"},
     "printing": {"shown", "source", "diagnostics"}, "units": {"frozen", "diagnostics", "typos"},
     "expressions": {"frozen", "diagnostics", "typos", "units"},
-    "pose": {"frozen"}, "inertia": {"frozen", "brief", "pose"}, "memo": set(), "later": set(), "packaging": {"frozen"},
+    "pose": {"frozen"}, "inertia": {"frozen", "brief", "pose"}, "memo": set(), "installed": set(), "later": set(), "packaging": {"frozen"},
     "archives": {"frozen"}, "csvcell": {"shown"},
     "workspace": BASE | {"load", "spec"},
     "load": BASE,
@@ -75,7 +75,7 @@ SATELLITES: dict[str, dict[str, set[str]]] = {
     "reporting": {},
     "editor": {
         "environment": {"Options", "Progress", "geometry_of"},
-        "load": {"Documents", "Source", "documents_in", "load", "read_tree"},
+        "load": {"Documents", "Source", "documents_in", "load", "packaged_documents", "read_tree"},
         "realize": {"ABSENT", "EndingWorkers", "GeometryService", "NoWorkers", "Store", "Workers", "read_lock"},
         "realize.record": ANY,
         "resolve": {"part_definitions", "resolve"},

@@ -49,7 +49,7 @@ def offered(schema: Any, definition: str) -> set[str]:
 
 
 def test_every_document_has_one_that_it_fits(workspace: Path) -> None:
-    documents = sorted((workspace / "assemblies").rglob("*.yaml"))
+    documents = sorted(path for folder in ("assemblies", "parts") for path in (workspace / folder).rglob("*.yaml"))
     written = sorted(path.relative_to(workspace / ".thingc/schema").as_posix() for path in (workspace / ".thingc/schema").rglob("*.json"))
     assert written == sorted([*(f"{path.relative_to(workspace).as_posix()}.json" for path in documents), "thingc.toml.json"])
     for path in documents:
@@ -84,6 +84,14 @@ def test_nothing_changed_nothing_written(small: Path, shared_store: str) -> None
     thingc(small, shared_store, "schema")
     assert files.keys() == {path for path in small.rglob("*") if path.is_file()}
     assert all(path.read_bytes() == data for path, (data, _) in files.items())
+
+
+def test_documents_of_packages_are_offered(workspace: Path) -> None:
+    branches = schema_of(workspace, "assemblies/arm.yaml")["properties"]["materials"]["anyOf"]
+    listed = next(branch["items"]["anyOf"] for branch in branches if branch.get("type") == "array")
+    assert {"const": "thingc_stock.materials", "description": "The materials of `thingc_stock`."}.items() <= next(
+        one for one in listed if one.get("const") == "thingc_stock.materials"
+    ).items()
 
 
 def test_the_folder_is_never_in_git_and_stale_schemas_go(small: Path, shared_store: str) -> None:

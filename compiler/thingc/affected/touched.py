@@ -90,6 +90,7 @@ def _needs(path: str, store: Store | None) -> _Needs:
 
 def _files(documents: Documents) -> Iterator[str]:
     """The documents, and every file that one of them names, there or not."""
+    yield from documents.files
     for document in documents.by_path.values():
         yield document.path
         for key in ("assembly", "materials", "file"):

@@ -14,7 +14,7 @@ from thingc.editor.parts import Missing, Parts
 from thingc.editor.reading import KINDS, Reading, Stat, read, stat_of
 from thingc.editor.symbols import DocumentSymbols, near, of_variants, read_symbols
 from thingc.frozen import dataclass
-from thingc.load import documents_in
+from thingc.load import documents_in, packaged_documents
 from thingc.realize.record import PartDefinition
 from thingc.source import ScalarNode
 from thingc.workspace import OWN_FILE, Workspace
@@ -165,7 +165,7 @@ class Schemas:
             usual = {**mounts, **usual}
         around = Surroundings(
             parts=self._parts.things(), usual=dict(usual), assemblies=self._others(name, "assembly"),
-            materials=self._others(name, "materials"), lost=lost,
+            materials={**self._others(name, "materials"), **self._packaged()}, lost=lost,
         )
         made = (reading, self._models.get(name), dict(self._parts.records) if reading is not None else None)
         done = self._done.get(name)
@@ -197,6 +197,13 @@ class Schemas:
         if kind not in self._general:
             self._general[kind] = json_schema(kind)
         return self._general[kind]
+
+    def _packaged(self) -> dict[str, DocumentSymbols]:
+        """The documents of materials of packages in reach, by their names with dots."""
+        return {
+            name: DocumentSymbols(kind="materials", description=f"The materials of `{name.partition('.')[0]}`.")
+            for name in packaged_documents(self.workspace)
+        }
 
     def _others(self, name: str, kind: str) -> dict[str, DocumentSymbols]:
         """The other documents of a kind by what this one would call them, the nearest first."""

@@ -10,8 +10,12 @@ from thingc.load.text import Source
 
 if TYPE_CHECKING:
     from thingc.load.finding import documents_in, is_document
+    from thingc.load.packaged import packaged_documents
 
-__all__ = ["Documents", "Source", "documents_in", "find_assembly", "is_document", "load", "load_more", "named", "read_tree"]
+__all__ = [
+    "Documents", "Source", "documents_in", "find_assembly", "is_document", "load", "load_more", "named", "packaged_documents",
+    "read_tree",
+]
 
 
 def __getattr__(name: str) -> Any:
@@ -20,4 +24,8 @@ def __getattr__(name: str) -> Any:
         from thingc.load import finding
 
         return getattr(finding, name)
+    if name == "packaged_documents":
+        from thingc.load import packaged
+
+        return packaged.packaged_documents
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

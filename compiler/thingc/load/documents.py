@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from thingc.diagnostics import Code, Note, Report
 from thingc.frozen import dataclass
+from thingc.load.packaged import find_packaged, is_packaged
 from thingc.load.paths import DOCUMENT_SUFFIXES, PART_SUFFIXES, find_file, refuse_name
 from thingc.load.text import MAX_ALL_BYTES, MAX_FAULTS, decode
 from thingc.shown import unseen
@@ -35,7 +36,7 @@ class Documents:
     `by_path` is keyed by path in the workspace, in the order first named. `links` maps (path of a document, text in it)
     to the path of the document that the text names. `broken` are the documents on a cycle of assemblies (reported).
     `files` are the absolute paths of all files that they name, documents and parts, as they are named: a symbolic link is itself,
-    and may lead elsewhere tomorrow.
+    and may lead elsewhere tomorrow; and those that were looked at for a document of a package, there or not.
     """
 
     root: Document
@@ -264,7 +265,10 @@ class _Reader:
 
     def named(self, document: Document, text: str, where: Span | None, kind: str) -> Document | None:
         what = "an assembly document" if kind == "assembly" else "a materials document"
-        path = self.find(text, document, where, DOCUMENT_SUFFIXES, what)
+        if kind == "materials" and is_packaged(text):
+            path = find_packaged(text, where=where, workspace=self.workspace, looked_at=self.files, report=self.report)
+        else:
+            path = self.find(text, document, where, DOCUMENT_SUFFIXES, what)
         target = None if path is None else self.read(path)
         if target is None:
             return None

@@ -42,8 +42,8 @@ def documents_in(folder: str, workspace: Workspace | None = None) -> list[str]:
     return sorted(paths)
 
 
-def is_document(path: str) -> bool:
-    """Whether a file has the key `thingc` at its beginning, and is no workspace."""
+def is_document(path: str, kind: str = "") -> bool:
+    """Whether a file has the key `thingc` at its beginning, and is no workspace; with a `kind`, of that kind alone."""
     if not os.path.isfile(path):  # a pipe would be waited for
         return False
     try:
@@ -52,7 +52,8 @@ def is_document(path: str) -> bool:
     except OSError:
         return False
     table = _TABLE.search(head) if path.lower().endswith(".toml") else None
-    return _HEADER.search(head, 0, table.start() if table is not None else len(head)) is not None
+    header = _HEADER.search(head, 0, table.start() if table is not None else len(head))
+    return header is not None and head[header.end():].lstrip(b" \t\"'").startswith(kind.encode())
 
 
 def _belongs(path: str, build: str | None) -> bool:

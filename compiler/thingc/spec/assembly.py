@@ -439,8 +439,10 @@ class AssemblySpec(Model):
         default={}, examples=[{"reach": {"value": "100 mm", "min": "60 mm", "max": "200 mm"}, "pen_diameter": "15 mm"}],
     )
     """What a variant or a parent assembly may set."""
-    materials: list[str] | dict[Name, MaterialSpec] = Field(default=[], examples=[["materials.yaml"], {"petg": {"density": "1270 kg/m^3"}}])
-    """Material documents in scope, or materials written here."""
+    materials: list[str] | dict[Name, MaterialSpec] = Field(default=[], examples=[
+        ["thingc_stock.materials"], ["materials.yaml"], {"petg": {"density": "1270 kg/m^3"}},
+    ])
+    """Documents of materials in scope, by their paths or as `package.document` (`thingc_stock.materials`); or materials written here."""
     defaults: DefaultsSpec | None = Field(default=None, examples=[{"component": {"material": "petg"}}])
     components: Annotated[dict[Name, ComponentSpec], Field(min_length=1)] = Field(examples=[{"plate": {"part": "arm:BasePlate"}}])
     """What it is made of, by name: parts, nested assemblies and frames."""

@@ -6,7 +6,6 @@ mean the same file by the same name.
 
 from __future__ import annotations
 
-import importlib.machinery
 import os
 import site
 import sys
@@ -16,6 +15,7 @@ from functools import cache
 
 import thingc
 from thingc.frozen import dataclass
+from thingc.installed import import_path, specification_of
 
 OWN_FOLDER = os.path.dirname(os.path.abspath(thingc.__file__))
 """Where thingc itself lies."""
@@ -87,17 +87,6 @@ def _in_both_forms(folders: Iterable[str]) -> tuple[str, ...]:
 def is_installed(file: str) -> bool:
     """Whether a file lies in one of `installed_roots`."""
     return (os.path.realpath(file) + os.sep).startswith(installed_roots())
-
-
-@cache
-def import_path() -> tuple[str, ...]:
-    """`sys.path` without the current folder or the script's, which must not decide what a name means."""
-    entries = list(sys.path)
-    if entries and not getattr(sys.flags, "safe_path", False):
-        script = os.path.dirname(os.path.abspath(getattr(sys.modules.get("__main__"), "__file__", None) or "."))
-        if entries[0] in ("", os.getcwd(), script, os.path.realpath(script)):
-            entries = entries[1:]
-    return tuple(entry for entry in entries if entry)
 
 
 class Finder:
@@ -191,9 +180,6 @@ class Finder:
         return sorted(name for name in modules if name.partition(".")[0] not in PROTECTED)
 
 
-_PYTHONS_OWN = (importlib.machinery.PathFinder, importlib.machinery.BuiltinImporter, importlib.machinery.FrozenImporter)
-
-
 def listed(folder: str) -> list[str]:
     """The names in a folder, sorted; none where it cannot be read."""
     try:
@@ -204,17 +190,7 @@ def listed(folder: str) -> list[str]:
 
 def _on_path(name: str, followed: Collection[str]) -> Module | None:
     """A top-level module of the environment (editable packages that bring a finder of their own are asked for, too)."""
-    specification = importlib.machinery.PathFinder.find_spec(name, list(import_path()))
-    if specification is None or specification.origin is None and specification.submodule_search_locations:
-        for finder in sys.meta_path:
-            if not getattr(finder, "of_parts", False) and finder not in _PYTHONS_OWN:
-                try:
-                    own = finder.find_spec(name, None)
-                except Exception:
-                    continue
-                if own is not None:
-                    specification = own
-                    break
+    specification = specification_of(name)
     if specification is None:
         return None
     origin = specification.origin

@@ -11,9 +11,10 @@ import sys
 from collections.abc import Callable, Iterable
 from functools import cache
 
+from thingc.installed import import_path
 from thingc.realize.key.environment import passed
 from thingc.realize.key.file_states import state_of
-from thingc.realize.key.modules import OWN_FOLDER, import_path, is_installed
+from thingc.realize.key.modules import OWN_FOLDER, is_installed
 from thingc.realize.store.local import Store, StoreUnusable
 
 KERNEL = ("build123d", "OCP", "numpy", "manifold3d")
