@@ -49,7 +49,8 @@ FEATURES = {
     "loops.hold": "`hold` of a mount", "loops.weld": "nothing (`fixed`)", "loops.ball": "turns about a point", "loops.hinge": "a turn",
     "loops.slide": "a slide", "loops.screw": "a screw", "loops.several": "several coordinates", "bases.start": "where a free one begins",
     "modes.exclude": "links that never touch", "modes.simulation": "other `simulation`", "modes.timestep": "time step",
-    "links.frames": "mounts and frames", "links.rolling": "rolling friction", "links.weightless": "links without a mass",
+    "links.frames": "mounts and frames", "links.rolling": "rolling friction", "links.weightless": "without a mass, moved by a joint",
+    "links.weightless_base": "without a mass, others", "links.point": "a mass at a point", "links.line": "masses at points in a line",
     "shapes.hull": "convex mesh", "shapes.mesh": "any mesh",
 }
 """What a feature is called on the page, where not by its key."""

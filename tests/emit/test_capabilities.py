@@ -10,6 +10,10 @@ import pytest
 import thingc
 from loops.robots import compiled
 from thingc.emit.capabilities import BESIDE, OMITTED, SAYS, Capabilities, Cell, losses
+from thingc.emit.mjcf.capabilities import CAPABILITIES as MJCF
+from thingc.emit.sdf.capabilities import CAPABILITIES as SDF
+from thingc.emit.urdf.capabilities import CAPABILITIES as URDF
+from thingc.emit.usd.capabilities import CAPABILITIES as USD
 
 MASS = "mass: 1 kg, inertia: {ixx: 1 kg*mm^2, iyy: 1 kg*mm^2, izz: 1 kg*mm^2}"
 
@@ -111,3 +115,31 @@ def test_what_a_robot_touches_and_rubs_with(root: Path, shared_store: str) -> No
     said = {(one.path, one.what) for one in losses("toy", every(OMITTED), assembly, ())}
     touched = {("yaw_servo", "the cylinder that it touches with"), ("hand/pen", "the convex mesh that it touches with")}
     assert said > touched | {("petg", "its friction")} and ("hand/pen", "the cylinder that it touches with") not in said
+
+
+POINT = f"""\
+thingc: assembly/1
+name: points
+components:
+  post: {{frame: true, mass: 1 kg}}
+  vane: {{frame: true, {MASS}}}
+joints:
+  turn: {{type: continuous, parent: post.origin, child: vane.origin}}
+"""
+
+LINE = POINT.replace("  vane:", "  top: {frame: true, mass: 2 kg, at: {in: post.origin, xyz: 0 0 1 m}}\n  vane:")
+
+
+def test_masses_at_points_are_of_no_solid(tmp_path: Path) -> None:
+    """What never moves may have such: MJCF and URDF say a point as it is, SDF and USD take nothing that has no inertia."""
+    turn = (None, "turn", "its motion")
+    none, least = ": it has none here, as a point", ": its moments of inertia are 1e-12 kg m^2 here"
+    for name, document, what, in_xml in (
+        ("point", POINT, "that it is a point, without an inertia", None),
+        ("line", LINE, "its inertia, which is that of points in a line", none),
+    ):
+        (tmp_path / name).mkdir()
+        built = compiled(tmp_path / name, document)
+        assert built.said == [] and lost(built.compilation, every(OMITTED)) == [turn, ("default", "post", what)]
+        for says, words in ((MJCF, in_xml), (URDF, in_xml), (SDF, least), (USD, least)):
+            assert lost(built.compilation, says) == ([] if words is None else [("default", "post", what + words)])

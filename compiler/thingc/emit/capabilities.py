@@ -12,6 +12,7 @@ from typing import Literal, TypedDict
 from thingc.emit.artifact import Loss
 from thingc.frozen import dataclass
 from thingc.graph.types import ActuatorModel, Assembly, JointEdge
+from thingc.inertia import ZERO, physical_fault
 from thingc.joints import JointKind
 from thingc.pose import NO_POSE, Vector
 from thingc.realize.record import Primitive
@@ -118,7 +119,8 @@ class Modes(TypedDict):
 
 
 class Links(TypedDict):
-    """What a link has; `rolling` is friction, too. Links without a mass are told apart by whether a joint moves them."""
+    """What a link has; `rolling` is friction, too. Links without a mass are told apart by whether a joint moves them; what has a mass at a
+    `point`, or points with masses in a `line`, has an inertia that no solid has, and never moves."""
 
     frames: Cell
     colours: Cell
@@ -127,6 +129,8 @@ class Links(TypedDict):
     adhesion: Cell
     weightless: Cell
     weightless_base: Cell
+    point: Cell
+    line: Cell
 
 
 class ContactShapes(TypedDict):
@@ -240,8 +244,14 @@ class _Lost:
         for body in robot.bodies:
             link = robot.assembly.links[body.link]
             if not link.properties.mass:
-                cell = self.says["links"]["weightless" if body.joints else "weightless_base"]
-                yield from self(cell, mode.name, link.name, "that it weighs nothing", link.origin)
+                cell, what = self.says["links"]["weightless" if body.joints else "weightless_base"], "that it weighs nothing"
+            elif link.properties.inertia == ZERO:
+                cell, what = self.says["links"]["point"], "that it is a point, without an inertia"
+            elif physical_fault(link.properties.inertia) is not None:
+                cell, what = self.says["links"]["line"], "its inertia, which is that of points in a line"
+            else:
+                continue
+            yield from self(cell, mode.name, link.name, what, link.origin)
         of_mode = (
             (modes["gravity"], "its gravity", robot.gravity != GRAVITY),
             (bases["held"], "that its base is held, and can be moved while it is", robot.base == "held"),

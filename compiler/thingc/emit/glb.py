@@ -54,7 +54,7 @@ CAPABILITIES: Capabilities = {
     "modes": {"gravity": BESIDE, "poses": Says("where the mode starts"), "exclude": BESIDE, "timestep": BESIDE, "simulation": BESIDE},
     "links": {
         "frames": BESIDE, "colours": SAYS, "friction": BESIDE, "rolling": BESIDE, "adhesion": BESIDE, "weightless": BESIDE,
-        "weightless_base": BESIDE,
+        "weightless_base": BESIDE, "point": BESIDE, "line": BESIDE,
     },
     "shapes": {"box": BESIDE, "cylinder": BESIDE, "capsule": BESIDE, "sphere": BESIDE, "hull": BESIDE, "mesh": BESIDE},
     "sensors": {"imu": BESIDE, "force": BESIDE, "joint": BESIDE, "camera": BESIDE},

@@ -24,7 +24,7 @@ from thingc.graph.mass import (
 )
 from thingc.graph.prints import material_of, process_of
 from thingc.graph.types import MountFrame
-from thingc.inertia import MassProperties, physical_fault
+from thingc.inertia import ZERO, MassProperties, physical_fault
 from thingc.memo import Memo
 from thingc.pose import NO_POSE
 from thingc.realize.record import Outside, PartDefinition, PartFailure, PartRecord, PartWarning
@@ -402,9 +402,11 @@ class PartInstances:
             fault = physical_fault(stated_inertia(stated.value))
             if fault is not None:
                 place = stated.origin + origin[len(component.origin):]
+                help = "inertia is about the centre of mass, in component axes: check units and signs"
+                if stated_inertia(stated.value) == ZERO:
+                    help = "leave it out: it is that of the geometry then, and a frame is a point"
                 self._findings.error(
-                    Code.NOT_PHYSICAL, f"the inertia of `{component.name}` is not physical: {fault}", place, path=path,
-                    help="inertia is about the centre of mass, in component axes: check units and signs",
+                    Code.NOT_PHYSICAL, f"the inertia of `{component.name}` is not physical: {fault}", place, path=path, help=help,
                 )
             return fault is None
         if record is not None and record.exact and record.matrix is not None:

@@ -27,7 +27,7 @@ CAPABILITIES: Capabilities = {
     "modes": {"gravity": SAYS, "poses": Says("keyframes"), "exclude": SAYS, "timestep": SAYS, "simulation": SAYS},
     "links": {
         "frames": Says("sites"), "colours": SAYS, "friction": SAYS, "rolling": SAYS, "adhesion": Says("an actuator"), "weightless": SAYS,
-        "weightless_base": SAYS,
+        "weightless_base": SAYS, "point": SAYS, "line": Loses("approximated", ": it has none here, as a point"),
     },
     "shapes": {
         "box": SAYS, "cylinder": SAYS, "capsule": SAYS, "sphere": SAYS, "hull": SAYS,

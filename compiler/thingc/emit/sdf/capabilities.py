@@ -8,6 +8,7 @@ _CHAIN = Loses("approximated", " as one joint's: its coordinates are joints here
 _LOOP = Says("a joint, in models whose zero is a pose that closes it")
 _PLUGIN = Loses("carried as custom data", ", which Gazebo alone reads")
 _LIGHT = Loses("approximated", ": a link weighs 1e-9 kg here")
+_SMALL = Loses("approximated", ": its moments of inertia are 1e-12 kg m^2 here")
 
 CAPABILITIES: Capabilities = {
     "joints": {
@@ -32,7 +33,7 @@ CAPABILITIES: Capabilities = {
     },
     "links": {
         "frames": Says("`<frame>`"), "colours": SAYS, "friction": SAYS, "rolling": OMITTED, "adhesion": OMITTED, "weightless": _LIGHT,
-        "weightless_base": _LIGHT,
+        "weightless_base": _LIGHT, "point": _SMALL, "line": _SMALL,
     },
     "shapes": {"box": SAYS, "cylinder": SAYS, "capsule": SAYS, "sphere": SAYS, "hull": SAYS, "mesh": SAYS},
     "sensors": {"imu": SAYS, "force": SAYS, "joint": Loses("omitted", ": SDF has none of a joint's state"), "camera": SAYS},

@@ -8,7 +8,6 @@ from thingc.emit.artifact import Loss
 from thingc.emit.sdf.chain import Connection, connections
 from thingc.emit.sdf.zero import ZeroState
 from thingc.emit.sensors import elsewhere, on_free_root
-from thingc.inertia import physical_fault
 from thingc.robot.types import Robot
 from thingc.source import Origin
 
@@ -25,10 +24,6 @@ def losses(robot: Robot, zero: ZeroState) -> Iterator[Loss]:
     for closure in robot.closures if not zero.closed else ():
         what = "that it is held where it is" if closure.hold else "the loop through it"
         yield _loss(mode.name, closure.path, f"{what}: no pose of the mode closes it", "omitted", closure.origin)
-    for body in robot.bodies:
-        link = robot.assembly.links[body.link]
-        if link.properties.mass and physical_fault(link.properties.inertia) is not None:
-            yield _loss(mode.name, link.name, "its inertia, which no solid has: it is 1e-12 kg m^2 here", "approximated", link.origin)
 
 
 def _of_joint(connection: Connection) -> Iterator[Loss]:

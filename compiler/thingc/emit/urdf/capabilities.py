@@ -32,6 +32,7 @@ CAPABILITIES: Capabilities = {
     "links": {
         "frames": Says("massless links"), "colours": SAYS, "friction": OMITTED, "rolling": OMITTED, "adhesion": OMITTED,
         "weightless": Loses("approximated", ": what moves weighs 1e-9 kg here"), "weightless_base": SAYS,
+        "point": SAYS, "line": Loses("approximated", ": it has none here, as a point"),
     },
     "shapes": {
         "box": SAYS, "cylinder": SAYS, "capsule": Says("a cylinder between two balls"), "sphere": SAYS, "hull": SAYS, "mesh": SAYS,

@@ -8,6 +8,7 @@ _GENERIC = Says("a generic joint (D6)")
 _EXCLUDED = Says("a joint that is excluded from the articulation")
 _NEWTON = Loses("carried as custom data", ", which Newton alone reads, and of no generic joint")
 _LIGHT = Loses("approximated", ": a link weighs 1e-9 kg here")
+_SMALL = Loses("approximated", ": its moments of inertia are 1e-12 kg m^2 here")
 _NONE = Loses("omitted", ": UsdPhysics has none")
 
 CAPABILITIES: Capabilities = {
@@ -31,7 +32,7 @@ CAPABILITIES: Capabilities = {
     "links": {
         "frames": Says("`Xform`"), "colours": SAYS, "friction": SAYS,
         "rolling": Loses("carried as custom data", ", which Newton alone reads"), "adhesion": OMITTED, "weightless": _LIGHT,
-        "weightless_base": _LIGHT,
+        "weightless_base": _LIGHT, "point": _SMALL, "line": _SMALL,
     },
     "shapes": {
         "box": SAYS, "cylinder": SAYS, "capsule": SAYS, "sphere": SAYS, "hull": SAYS,

@@ -8,7 +8,6 @@ from thingc.emit.artifact import Loss
 from thingc.emit.usd.chain import connections
 from thingc.emit.usd.mimics import followers
 from thingc.graph import joints_of
-from thingc.inertia import physical_fault
 from thingc.robot.loop_solver import Loops, SolverState
 from thingc.robot.types import Robot
 from thingc.source import Origin
@@ -32,10 +31,6 @@ def losses(robot: Robot) -> Iterator[Loss]:
     if not _closed(robot):
         what = "where it begins: it stands at q = 0 here, where loops and holds are open"
         yield _loss(mode.name, mode.name, what, "approximated", mode.origin)
-    for body in robot.bodies:
-        link = robot.assembly.links[body.link]
-        if link.properties.mass and physical_fault(link.properties.inertia) is not None:
-            yield _loss(mode.name, link.name, "its inertia, which no solid has: it is 1e-12 kg m^2 here", "approximated", link.origin)
     for one in robot.assembly.occurrences:
         if one.material is not None and one.material.torsion is not None:
             what = "its torsional friction, which Newton alone reads"
