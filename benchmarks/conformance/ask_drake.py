@@ -70,12 +70,21 @@ def answer(asked):
     }
     if file.suffix != ".xml":  # whose equalities between joints it does not read
         answers["mimic"] = [leader and [leader, *followed(plant, leader, name)] for name, leader in zip(asked["joints"], asked["leaders"])]
-    if file.suffix == ".sdf":  # of a URDF file it takes what is driven from `<transmission>` alone
-        actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
-        efforts = {actuator.joint().name(): actuator.effort_limit() for actuator in actuators}
-        single = [joint.num_velocities() == 1 and joint.type_name() != "screw" for joint, _ in joints]
-        answers["effort"] = [efforts.get(name, 0.0) if one else None for name, one in zip(asked["joints"], single)]
+    if asked.get("efforts", True):
+        answers["effort"] = efforts(plant, [joint for joint, _ in joints], asked["driven"], called=file.suffix != ".sdf")
     return answers
+
+
+def efforts(plant, joints, driven, called):
+    """How strong what drives each joint is; None where it knows nothing of that: of a joint with several axes, of a screw, and but for SDF
+    of one without a drive. Drives are `called` like their joints, but in SDF."""
+    actuators = [plant.get_joint_actuator(index) for index in plant.GetJointActuatorIndices()]
+    found = {actuator.joint().name(): actuator for actuator in actuators}
+    if called and any(name != actuator.name() for name, actuator in found.items()):
+        raise ValueError(f"drives {sorted(actuator.name() for actuator in actuators)} of joints {sorted(found)}")
+    known = [joint.num_velocities() == 1 and joint.type_name() != "screw" and (there or not called) for joint, there in zip(joints, driven)]
+    strengths = [found[joint.name()].effort_limit() if joint.name() in found else 0.0 for joint in joints]
+    return [strength if one or strength else None for strength, one in zip(strengths, known)]
 
 
 def box(plant, context, inspector, name):

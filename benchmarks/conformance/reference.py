@@ -74,10 +74,13 @@ def question(file: Path, mjcf: Path, seed: int = 0) -> Question:
     slides = [model.jnt_type[model.joint(one.path).id] == mujoco.mjtJoint.mjJNT_SLIDE for one in coordinates]
     names = [one.name for one in coordinates]
     q = _configurations(names, slides, mimics, np.random.default_rng(seed))
+    on_joints = [k for k in range(model.nu) if model.actuator_trntype[k] == mujoco.mjtTrn.mjTRN_JOINT]
+    driven = {model.joint(model.actuator_trnid[k][0]).name for k in on_joints}
     request = {
         "file": str(file), "frames": list(frames), "meshes": [_shape(name, format) for name in _meshes(model)], "joints": names,
         "axes": [one.axis for one in coordinates], "leaders": [one and one[0] for one in mimics], "without": without, "q": q.tolist(),
-        "gravity": model.opt.gravity.tolist(), "free": bool((model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).any()),
+        "driven": [one.path in driven for one in coordinates], "gravity": model.opt.gravity.tolist(),
+        "free": bool((model.jnt_type == mujoco.mjtJoint.mjJNT_FREE).any()),
     }
     zeros = np.array([one.zero for one in coordinates])
     answers = {**_answers(model, coordinates, frames, q + zeros), "mimic": mimics}
@@ -86,9 +89,7 @@ def question(file: Path, mjcf: Path, seed: int = 0) -> Question:
     if format == "SDF":  # what follows another is moved by it, without an effort of its own that could be too little
         answers["effort"] = [np.inf if follows and not own else own for own, follows in zip(answers["effort"], mimics, strict=True)]
     if format == "USD":  # there are efforts of drives alone
-        on_joints = [k for k in range(model.nu) if model.actuator_trntype[k] == mujoco.mjtTrn.mjTRN_JOINT]
-        driven = {model.joint(model.actuator_trnid[k][0]).name for k in on_joints}
-        answers["effort"] = [own if one.path in driven else 0.0 for one, own in zip(coordinates, answers["effort"], strict=True)]
+        answers["effort"] = [own if there else 0.0 for own, there in zip(answers["effort"], request["driven"], strict=True)]
     return Question(mjcf.stem, format, request, answers)
 
 

@@ -374,7 +374,37 @@ def test_the_turns_of_a_ball_are_as_strong_as_its_drives_together() -> None:
     ends = [limit for name in ("j1_0", "j1_1", "j1_2") if (limit := element(made, name).find("limit")) is not None]
     assert [float(limit.attrib["effort"]) for limit in ends] == pytest.approx([3.0, 1.0, 4.0])
     assert [float(limit.attrib["velocity"]) for limit in ends] == pytest.approx([2.0 / 0.6, 1e9, 2.0 / 0.8])
-    assert ("j1_0", "its drive: motor about 0.6, 0, 0.8", "omitted") in set(said(made))
+    assert ("j1_0", "its drive: motor about 0.6, 0, 0.8: its axis is none of a joint's here", "omitted") in set(said(made))
+    assert tree_of(made, "robot_m").find("transmission") is None
+
+
+def test_drives_are_transmissions() -> None:
+    """By the kind of the drive; of a screw that of its turn alone."""
+    position, velocity, motor = (
+        Drive(component=None, kind=kind, kp=kp, kv=kv, origin=where(30))
+        for kind, kp, kv in (("position", 2.0, None), ("velocity", None, 3.0), ("motor", None, None))
+    )
+    joints = [
+        *coordinates_of("j1", "c0.a", "c1.b", "revolute", lower=-1.0, upper=1.0, drive=position),
+        *coordinates_of("j2", "c1.a", "c2.b", "prismatic", lower=-1.0, upper=1.0, drive=velocity),
+        *coordinates_of("j3", "c2.a", "c3.b", "screw", drive=motor), *coordinates_of("j4", "c3.a", "c4.b", "continuous"),
+    ]
+    made = emit(robot_of(joints))
+    found = [
+        (one.attrib["name"], one.findtext("type"), [joint.attrib["name"] for joint in one.findall("joint")],
+         one.findtext("joint/hardwareInterface"), [actuator.attrib["name"] for actuator in one.findall("actuator")],
+         one.findtext("actuator/mechanicalReduction"))
+        for one in tree_of(made, "robot_m").findall("transmission")
+    ]
+    assert found == [
+        (f"{name}_transmission", "transmission_interface/SimpleTransmission", [name], f"hardware_interface/{interface}JointInterface",
+         [name], "1") for name, interface in (("j1", "Position"), ("j2", "Velocity"), ("j3", "Effort"))
+    ]
+    lost = [one for one in said(made) if "drive" in one[1]]
+    assert lost == [
+        ("j1", "its drive: position, kp 2: a transmission without gains", "approximated"),
+        ("j2", "its drive: velocity, kv 3: a transmission without gains", "approximated"),
+    ]
 
 
 def test_what_a_mode_loses() -> None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from thingc.emit.capabilities import OMITTED, Capabilities, Says
+from thingc.emit.capabilities import Capabilities, Says
 from thingc.emit.urdf.capabilities import CAPABILITIES as URDF
 
 _CONTROL = Says("ros2_control")
 
 CAPABILITIES: Capabilities = {
     **URDF,
-    "drives": {"position": _CONTROL, "velocity": _CONTROL, "motor": _CONTROL, "universal": _CONTROL, "ball": OMITTED},
+    "drives": {"position": _CONTROL, "velocity": _CONTROL, "motor": _CONTROL, "universal": _CONTROL, "ball": URDF["drives"]["ball"]},
     "modes": {**URDF["modes"], "poses": Says("group states of the SRDF"), "exclude": Says("disabled collisions of the SRDF")},
 }

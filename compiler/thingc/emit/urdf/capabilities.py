@@ -7,6 +7,7 @@ from thingc.emit.capabilities import OMITTED, SAYS, Capabilities, Loses, Says
 _CHAIN = Loses("approximated", " as one joint's: its coordinates are joints here, with links of 1e-9 kg between")
 _BALL = Loses("approximated", " as a ball's: three turns here, one after the other, whose angles are no coordinates of it")
 _LOOP = Loses("omitted", ", which stays open here: URDF has trees alone")
+_GAINS = Loses("approximated", ": a transmission without gains")
 _NONE = Loses("omitted", ": URDF has none")
 
 CAPABILITIES: Capabilities = {
@@ -17,7 +18,10 @@ CAPABILITIES: Capabilities = {
     "of_joints": {
         "cone": OMITTED, "velocity": SAYS, "damping": SAYS, "friction": SAYS, "armature": OMITTED, "stiffness": OMITTED, "mimic": SAYS,
     },
-    "drives": {"position": OMITTED, "velocity": OMITTED, "motor": OMITTED, "universal": OMITTED, "ball": OMITTED},
+    "drives": {
+        "position": _GAINS, "velocity": _GAINS, "motor": Says("`<transmission>`"), "universal": _GAINS,
+        "ball": Loses("omitted", ": its axis is none of a joint's here"),
+    },
     "loops": {
         "hold": OMITTED, "weld": _LOOP, "ball": _LOOP, "hinge": _LOOP, "slide": _LOOP, "screw": _LOOP, "several": _LOOP,
     },

@@ -13,7 +13,7 @@ from thingc.emit.names import Names, frames, safe
 from thingc.emit.urdf.chain import Move, moves, own_frame
 from thingc.emit.xml import Element, number, numbers
 from thingc.graph import joints_of, leaders
-from thingc.graph.types import JointEdge, Link
+from thingc.graph.types import ActuatorModel, JointEdge, Link
 from thingc.inertia import ZERO, MassProperties, physical_fault, within_triangle
 from thingc.pose import IDENTITY, NO_POSE, Pose, rpy_of, shifted
 from thingc.robot.tree import BASE
@@ -35,6 +35,9 @@ LINK = "_link"
 MESHES = "meshes"
 """The folder of meshes beside the files."""
 
+INTERFACES = {"position": "PositionJointInterface", "velocity": "VelocityJointInterface", "motor": "EffortJointInterface"}
+"""What a drive takes, as ROS called it."""
+
 
 def model(robot: Robot, geometry: Geometry, report: Report, meshes: str = MESHES) -> Element:
     """The whole `<robot>` element of a mode; `meshes` is the URI of their folder. Names that URDF cannot tell apart are reported."""
@@ -51,13 +54,14 @@ class _Builder:
         self.joints = Names("be the joint", "URDF", report)
         self.root = Element(tag="robot", attributes={"name": robot.assembly.name}, origin=robot.mode.origin)
         self.followers: list[Element] = []
+        self.transmissions: list[Element] = []
         in_tree = {joint.path for body in robot.bodies for joint in body.joints}
         self.edges = {joint.path: joint for joint in joints_of(robot.assembly) if joint.path in in_tree}
         self.follows = leaders(self.edges.values())
         self.followed = {leader for path, (leader, _, _) in self.follows.items() if leader != path}
 
     def build(self) -> Element:
-        """Materials, the links from the root on, then joints, those that follow another behind it."""
+        """Materials, the links from the root on, then joints, those that follow another behind it, and what drives joints."""
         self._extension()
         for name, (color, origin) in materials(self.geometry.shapes).items():
             self.root.add("material", {"name": name}, origin).add("color", {"rgba": numbers(channels(color))})
@@ -79,7 +83,7 @@ class _Builder:
                 self._frame(names[index], f"{link.name}_frame", own[index].inverse(), link.origin, made)
             for site in sites.get(index, ()):
                 self._frame(names[index], site.path, own[index].inverse() @ site.pose, site.origin)
-        self.root.children += self.followers
+        self.root.children += self.followers + self.transmissions
         return self.root
 
     def _extension(self) -> None:
@@ -126,6 +130,8 @@ class _Builder:
             origin = joint.mimic.origin if joint.mimic is not None else joint.origin
             element.add("mimic", {"joint": safe(leader), "multiplier": number(multiplier), "offset": number(offset)}, origin)
         (self.followers if follows else self.root.children).append(element)
+        if joint.actuator is not None and move.follows is None and joint.path in self.robot.present and not joint.kind.at_once:
+            self.transmissions.append(_transmission(element.attributes["name"], joint.actuator))
 
     def _ends(self, move: Move) -> tuple[float, float]:
         """Between which values a joint stays: of one that follows and has no limits between those that its leader's take it to."""
@@ -215,6 +221,15 @@ class _Builder:
 
     def _link_of(self, body: Body) -> Link:
         return self.assembly.links[body.link]
+
+
+def _transmission(joint: str, drive: ActuatorModel) -> Element:
+    """A drive that turns the joint as much as itself, called like it."""
+    element = Element(tag="transmission", attributes={"name": f"{joint}_transmission"}, origin=drive.origin)
+    element.say("type", "transmission_interface/SimpleTransmission")
+    element.add("joint", {"name": joint}).say("hardwareInterface", f"hardware_interface/{INTERFACES[drive.kind]}")
+    element.add("actuator", {"name": joint}).say("mechanicalReduction", "1")
+    return element
 
 
 def without_capsules(shape: Shape) -> tuple[Shape, ...]:
