@@ -124,3 +124,37 @@ class CellTray(Thing):
     def envelope(self) -> Solid:
         """Tray and cells."""
         return Solid.make_box(self.length, self.width, self.top, Plane((-self.length / 2, -self.width / 2, 0)))
+
+
+class Pack2S(Thing):
+    """A pack of two lithium cells in series, ProModeler B2S2500: 2500 mAh, 7.4 V.
+
+    promodeler.com/B2S2500: 66 x 36 x 18 mm, 107 g. The origin is in the middle of the underside; x along the cells, z up.
+
+    Mounts: `bottom` and `top`; `lead`, where the leads come out (+x).
+    """
+
+    bom = {"make": "buy", "number": "B2S2500", "supplier": "ProModeler"}
+
+    def __init__(self) -> None:
+        super().__init__(material="abs", color="#2f5fa8")
+        self.size = (66.0, 36.0, 18.0)
+        self.bottom = MountPoint(Location(Plane((0, 0, 0), x_dir=(-1, 0, 0), z_dir=(0, 0, -1))))
+        self.top = MountPoint(Location((0, 0, self.size[2])))
+        self.lead = MountPoint(Location((self.size[0] / 2, 0, self.size[2] / 2), (0, 90, 0)))
+
+    def mass(self) -> tuple[float, str]:
+        """107 g, maker's page."""
+        return (0.107, "vendor")
+
+    def result(self) -> Solid:
+        """Two round cells side by side in a sleeve."""
+        length, width, height = self.size
+        radius = height / 2
+        across = width / 2 - radius
+        cells = [Solid.make_cylinder(radius, length, Plane((-length / 2, y, radius), z_dir=(1, 0, 0))) for y in (across, -across)]
+        return Solid.make_box(length, 2 * across, height, Plane((-length / 2, -across, 0))).fuse(*cells).solid()
+
+    def collision(self) -> list[Solid]:
+        """The box around it."""
+        return [Solid.make_box(*self.size, Plane((-self.size[0] / 2, -self.size[1] / 2, 0)))]

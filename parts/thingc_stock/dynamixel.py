@@ -1,8 +1,8 @@
-"""ROBOTIS Dynamixel X servos: XM430-W350 and XM540-W270.
+"""ROBOTIS Dynamixel X servos: XM430-W350, XL430-W250 and XM540-W270.
 
 One family, one class: a model is a `Drawing` (the numbers of its published drawing), an actuator and a mass.
 
-Sources: ROBOTIS e-Manual, pages "XM430-W350" and "XM540-W270" (size, mass, gear ratio, stall torque and no-load speed at
+Sources: ROBOTIS e-Manual, pages "XM430-W350", "XL430-W250" and "XM540-W270" (size, mass, gear ratio, stall torque and no-load speed at
 12 V, control table), and the drawings offered there for download, X-430 (XM430-W350, horn HN12-N101, idler HN12-I101) and
 X-540 (XM540-W270, horn HN13-N101, idler HN13-I101).
 """
@@ -253,6 +253,30 @@ class XM430(XSeries):
     def mass(self) -> tuple[float, str]:
         """82 g, e-Manual."""
         return (0.082, "vendor")
+
+
+class XL430(XSeries):
+    """ROBOTIS Dynamixel XL430-W250-T with horn HN11-N101 and idler HN11-I101: the case and the holes of X-430, in plastic.
+
+    e-Manual (emanual.robotis.com/docs/en/dxl/x/xl430-w250): 28.5 x 46.5 x 34 mm, 57.2 g, gear 258.5 : 1, at 12 V stall torque
+    1.5 N m and no-load speed 61 rpm. The rotor's inertia is that of the XM430-W350, which is as wide: an estimate.
+
+    Args:
+        idler: whether the idler is mounted on the back
+    """
+
+    drawing = XM430.drawing
+    actuator = servo_drive(
+        stall_torque=1.5, no_load_speed=61.0 * 2.0 * pi / 60.0, gear_ratio=258.5, rotor_inertia=0.045 / 353.5**2,
+    )
+    bom = {"make": "buy", "number": "XL430-W250-T", "supplier": "ROBOTIS"}
+
+    def __init__(self, idler: bool = True):
+        super().__init__(width=28.5, height=46.5, depth=34.0, horn_diameter=19.5, boss_diameter=8.0, idler=idler)
+
+    def mass(self) -> tuple[float, str]:
+        """57.2 g, e-Manual."""
+        return (0.0572, "vendor")
 
 
 class XM540(XSeries):

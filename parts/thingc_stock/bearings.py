@@ -1,0 +1,84 @@
+"""Deep groove ball bearings by their designation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from build123d import Axis, Location, Solid
+
+from thingc import MountPoint, Thing
+from thingc.things.mounts import MATE
+from thingc_stock.shapes import turned
+
+
+@dataclass(frozen=True, slots=True)
+class Sizes:
+    """Bore, outer diameter and width [mm], and the mass [kg]."""
+
+    bore: float
+    diameter: float
+    width: float
+    mass: float
+
+
+BEARINGS = {
+    # ISO 15 for the sizes; masses by the SKF catalogue "Rolling bearings", those of MR105 and 688 by NMB's of miniature bearings
+    "MR105": Sizes(5.0, 10.0, 4.0, 0.0013),
+    "623": Sizes(3.0, 10.0, 4.0, 0.0015),
+    "624": Sizes(4.0, 13.0, 5.0, 0.0031),
+    "625": Sizes(5.0, 16.0, 5.0, 0.0050),
+    "626": Sizes(6.0, 19.0, 6.0, 0.0084),
+    "688": Sizes(8.0, 16.0, 5.0, 0.0040),
+    "608": Sizes(8.0, 22.0, 7.0, 0.0120),
+    "61800": Sizes(10.0, 19.0, 5.0, 0.0053),
+    "6000": Sizes(10.0, 26.0, 8.0, 0.0190),
+    "6001": Sizes(12.0, 28.0, 8.0, 0.0220),
+}
+Designation = Literal["MR105", "623", "624", "625", "626", "688", "608", "61800", "6000", "6001"]
+
+
+class Bearing(Thing):
+    """A deep groove ball bearing with shields, both rings as one rigid part: a joint turns about it, not in it.
+
+    The origin is in the middle, z along the axis.
+
+    Mounts: `front` (z) and `back`, the faces of both rings at their centres.
+
+    Args:
+        designation: ISO designation: 608, 623 ...
+    """
+
+    bom = {"make": "buy"}
+
+    def __init__(self, designation: Designation = "608"):
+        super().__init__(material="steel", color="#a9adb2")
+        sizes = BEARINGS[designation]
+        self.bore, self.diameter, self.width = sizes.bore, sizes.diameter, sizes.width
+        self.front = MountPoint(Location((0, 0, self.width / 2)), f"bearing-{designation}")
+        self.back = MountPoint(Location((0, 0, -self.width / 2)) * MATE, f"bearing-{designation}")
+
+    def mass(self) -> tuple[float, str]:
+        """That of the catalogue."""
+        return (BEARINGS[self.p.designation].mass, "vendor")
+
+    def seat(self, depth: float) -> Solid:
+        """What a housing leaves free, from the bearing's middle plane `depth` [mm] up: a bore of the outer diameter."""
+        return turned([(0, -self.width / 2), (self.diameter / 2, -self.width / 2), (self.diameter / 2, depth), (0, depth)])
+
+    def result(self) -> Solid:
+        """The two rings with the shields set back between them."""
+        inner, outer, z = self.bore / 2, self.diameter / 2, self.width / 2
+        ring = 0.28 * (outer - inner)
+        back = 0.1 * self.width
+        edge = 0.08 * (outer - inner)
+        upper = [
+            (inner + edge, z), (inner + ring, z), (inner + ring, z - back), (outer - ring, z - back), (outer - ring, z), (outer - edge, z),
+            (outer, z - edge),
+        ]
+        lower = [(r, -h) for r, h in reversed(upper)]
+        return turned([(inner, z - edge), *upper, *lower, (inner, edge - z)])
+
+    def collision(self) -> list[Solid]:
+        """The cylinder around it."""
+        return [Solid.make_cylinder(self.diameter / 2, self.width).translate(-Axis.Z.direction * self.width / 2)]

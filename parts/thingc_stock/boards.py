@@ -1,0 +1,154 @@
+"""Boards: Raspberry Pi, Arduino and ESP32, with their holes and what stands up from them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from build123d import Location, Plane, Solid
+
+from thingc import MountPoint, Thing
+from thingc_stock.shapes import block, disc
+
+THICKNESS = 1.6
+"""Of the usual board [mm]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """A board [mm]: its size, the middle of its holes from its middle, their distances and diameter, and what stands on it: the middle
+    (x, y) and the size (x, y, z) of blocks, z negative for those below."""
+
+    size: tuple[float, float]
+    corner: float
+    hole_middle: tuple[float, float]
+    holes: tuple[float, float]
+    hole: float
+    blocks: Sequence[tuple[float, float, float, float, float]]
+
+
+class Board(Thing):
+    """A printed circuit board.
+
+    The origin is in the middle of its underside, z up, x along its long side.
+
+    Mounts: `bottom`, the underside; `top`; `hole_0` and on, the holes' upper mouths, counted from (+x, +y) towards (-x, +y); `post_0` and
+    on, the same holes on the underside, looking down onto posts.
+    """
+
+    layout: ClassVar[Layout]
+    bom = {"make": "buy"}
+
+    def __init__(self, color: str = "#1d6b46"):
+        super().__init__(material="fr4", color=color)
+        one = self.layout
+        (x, y), (dx, dy) = one.hole_middle, (one.holes[0] / 2, one.holes[1] / 2)
+        self.places = [(x + dx, y + dy), (x - dx, y + dy), (x - dx, y - dy), (x + dx, y - dy)]
+        self.bottom = MountPoint(Location(Plane((0, 0, 0), x_dir=(-1, 0, 0), z_dir=(0, 0, -1))))
+        self.top = MountPoint(Location((0, 0, THICKNESS)))
+        self.hole = [MountPoint(Location((*place, THICKNESS))) for place in self.places]
+        self.post = [MountPoint(Location(Plane((*place, 0), x_dir=(-1, 0, 0), z_dir=(0, 0, -1)))) for place in self.places]
+
+    def result(self) -> Solid:
+        """The board with its holes, and a block for everything tall."""
+        one = self.layout
+        board = block((*one.size, THICKNESS), (0, 0, THICKNESS / 2), corner=one.corner)
+        tall = [block((dx, dy, abs(dz)), (x, y, THICKNESS + dz / 2 if dz > 0 else dz / 2)) for x, y, dx, dy, dz in one.blocks]
+        return board.fuse(*tall).cut(*(disc(one.hole, 4, -1, x, y) for x, y in self.places)).solid()
+
+    def collision(self) -> list[Solid]:
+        """The box around board and blocks."""
+        one = self.layout
+        above, below = max(dz for *_, dz in one.blocks), min(0.0, *(dz for *_, dz in one.blocks))
+        return [block((*one.size, THICKNESS + max(0.0, above) - below), (0, 0, (THICKNESS + max(0.0, above) + below) / 2))]
+
+
+class RaspberryPi4(Board):
+    """Raspberry Pi 4 Model B.
+
+    Mechanical drawing (datasheets.raspberrypi.com, rpi4-mechanical-drawing): 85 x 56 mm, holes of 2.7 mm 58 x 49 mm apart, 3.5 mm from
+    the edges; 46 g by its product brief. Heights of sockets to 0.5 mm.
+    """
+
+    layout = Layout(
+        size=(85.0, 56.0), corner=3.0, hole_middle=(-10.0, 0.0), holes=(58.0, 49.0), hole=2.7,
+        blocks=(
+            (33.0, 17.75, 21.3, 16.0, 13.5), (34.7, -1.0, 17.5, 13.2, 16.0), (34.7, -19.0, 17.5, 13.2, 16.0), (-10.0, 24.5, 51.0, 5.1, 8.5),
+            (-31.3, -24.7, 9.0, 7.5, 3.2), (-16.5, -24.7, 7.0, 7.5, 3.0), (-3.0, -24.7, 7.0, 7.5, 3.0), (11.5, -22.5, 7.0, 14.0, 6.0),
+            (-13.0, 4.0, 15.0, 15.0, 2.4),
+        ),
+    )
+    bom = {"make": "buy", "number": "Raspberry Pi 4 Model B", "supplier": "Raspberry Pi"}
+
+    def mass(self) -> tuple[float, str]:
+        """46 g, product brief."""
+        return (0.046, "vendor")
+
+
+class RaspberryPiZero2(Board):
+    """Raspberry Pi Zero 2 W with a header of pins.
+
+    Mechanical drawing (datasheets.raspberrypi.com, rpi-zero-2-w): 65 x 30 mm, holes of 2.75 mm 58 x 23 mm apart, 3.5 mm from the edges.
+    The mass, 11 g, is an estimate.
+    """
+
+    layout = Layout(
+        size=(65.0, 30.0), corner=3.0, hole_middle=(0.0, 0.0), holes=(58.0, 23.0), hole=2.75,
+        blocks=(
+            (0.0, 11.5, 51.0, 5.1, 8.5), (-4.0, 0.5, 15.0, 14.0, 1.2), (-20.1, -12.5, 11.2, 7.6, 3.2), (8.9, -12.5, 7.6, 5.4, 2.6),
+            (21.5, -12.5, 7.6, 5.4, 2.6), (-26.5, 1.9, 12.0, 11.4, 1.3),
+        ),
+    )
+    bom = {"make": "buy", "number": "Raspberry Pi Zero 2 W", "supplier": "Raspberry Pi"}
+
+    def mass(self) -> tuple[float, str]:
+        """11 g."""
+        return (0.011, "estimated")
+
+
+class ArduinoNano(Board):
+    """Arduino Nano with pins below.
+
+    docs.arduino.cc/hardware/nano: 45 x 18 mm, 7 g; holes of 1.65 mm 41.9 x 15.2 mm apart.
+    """
+
+    layout = Layout(
+        size=(45.0, 18.0), corner=0.0, hole_middle=(0.0, 0.0), holes=(41.9, 15.2), hole=1.65,
+        blocks=(
+            (-19.0, 0.0, 9.2, 7.6, 3.9), (3.0, 0.0, 7.0, 7.0, 1.2), (20.0, 0.0, 5.1, 7.6, 8.0), (0.0, 7.6, 36.0, 2.5, -8.5),
+            (0.0, -7.6, 36.0, 2.5, -8.5),
+        ),
+    )
+    bom = {"make": "buy", "number": "A000005", "supplier": "Arduino"}
+
+    def __init__(self, color: str = "#0f6f7c"):
+        super().__init__(color=color)
+
+    def mass(self) -> tuple[float, str]:
+        """7 g, maker's page."""
+        return (0.007, "vendor")
+
+
+class Esp32DevKitC(Board):
+    """Espressif ESP32-DevKitC V4 with pins below.
+
+    docs.espressif.com, "ESP32-DevKitC V4 Getting Started Guide": 54.4 x 27.9 mm. It has no holes; those here are its corner pins, 48.3 x
+    25.4 mm apart. The mass, 10 g, is an estimate.
+    """
+
+    layout = Layout(
+        size=(54.4, 27.9), corner=0.0, hole_middle=(0.0, 0.0), holes=(48.3, 25.4), hole=1.0,
+        blocks=(
+            (14.6, 0.0, 25.5, 18.0, 3.1), (-24.5, 0.0, 6.0, 7.6, 2.7), (-9.0, 0.0, 5.0, 5.0, 1.0), (0.0, 12.7, 48.3, 2.5, -8.5),
+            (0.0, -12.7, 48.3, 2.5, -8.5),
+        ),
+    )
+    bom = {"make": "buy", "number": "ESP32-DevKitC-32E", "supplier": "Espressif"}
+
+    def __init__(self, color: str = "#24262a"):
+        super().__init__(color=color)
+
+    def mass(self) -> tuple[float, str]:
+        """10 g."""
+        return (0.010, "estimated")

@@ -1,0 +1,157 @@
+"""Small bus servos: ROBOTIS Dynamixel XL330 and Feetech STS3215. (XL430, XM430 and XM540 are in
+`thingc_stock.dynamixel`.)"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from math import pi
+from typing import ClassVar
+
+from build123d import Location, Plane, Pos, Solid
+
+from thingc import Actuator, MountPoint, Thing
+from thingc_stock.dynamixel import servo_drive, velocity_gain
+from thingc_stock.fasteners import Hole, Size, threaded_hole
+from thingc_stock.servos import KGF_CM, ROTOR
+from thingc_stock.shapes import bevelled, block, disc, spots
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drawing:
+    """The dimensions of a model [mm]. x is across, y along the case to the short end, z along the shaft, from the shaft's axis at half
+    depth of the case. `horn` and `idler` are diameter and thickness; `circle` the diameter through the centres of the horn's holes."""
+
+    width: float
+    height: float
+    depth: float
+    axis_to_top: float
+    corner: float
+    horn: tuple[float, float]
+    idler: tuple[float, float]
+    circle: float
+    holes: int
+    screw: Size
+    interface: str
+
+
+class BusServo(Thing):
+    """A servo in a plain case with a horn in front and, where it has one, an idler behind, as one rigid part.
+
+    x is to the left, y to the top (the short end, next to the shaft), z along the shaft out of the horn; the origin is on the axis at
+    half depth of the case.
+
+    Mounts: `rotor`, the face of the horn; `idler`; the faces of the case at their centres: `front`, `back_face`, `left`, `right`,
+    `top`, `bottom`. `screws_horn` are the threaded holes of the horn, number 0 at +x, counted towards +y.
+
+    The solid is full; the mass is the maker's, and the inertia is the solid's scaled to it.
+    """
+
+    drawing: ClassVar[Drawing]
+    actuator: ClassVar[Actuator]
+
+    def __init__(self, color: str):
+        super().__init__(material="abs", color=color)
+        d = self.drawing
+        self.middle = d.axis_to_top - d.height / 2
+        self.horn_z = d.depth / 2 + d.horn[1]
+        self.idler_z = -d.depth / 2 - d.idler[1]
+        half = d.depth / 2
+        self.front = MountPoint(Location((0, self.middle, half)))
+        self.back_face = MountPoint(Location((0, self.middle, -half), (0, 180, 0)))
+        self.left = MountPoint(Location((d.width / 2, self.middle, 0), (0, 90, 0)))
+        self.right = MountPoint(Location((-d.width / 2, self.middle, 0), (0, -90, 0)))
+        self.top = MountPoint(Location((0, d.axis_to_top, 0), (-90, 0, 0)))
+        self.bottom = MountPoint(Location((0, d.axis_to_top - d.height, 0), (90, 0, 0)))
+        self.rotor = MountPoint(Location((0, 0, self.horn_z)), f"{d.interface}-horn")
+        self.idler = MountPoint(Location((0, 0, self.idler_z), (0, 180, 0)), f"{d.interface}-idler")
+        self.screws_horn: list[Hole] = [
+            threaded_hole(Pos(0, 0, self.horn_z) * spot, d.screw, d.horn[1]) for spot in spots(d.circle, d.holes)
+        ]
+
+    @abstractmethod
+    def mass(self) -> tuple[float, str]:
+        """The maker's mass [kg] and its source; a model states it."""
+
+    def case_hull(self, play: float = 0.0) -> Solid:
+        """The case without horn and idler, `play` [mm] larger all around: what a bracket leaves free."""
+        d = self.drawing
+        return block((d.width + 2 * play, d.height + 2 * play, d.depth + 2 * play), (0, self.middle, 0), corner=d.corner)
+
+    def result(self) -> Solid:
+        """Case, horn with its holes, and idler."""
+        d = self.drawing
+        pieces = [bevelled(d.horn[0], d.horn[1] + 0.5, 0.4, d.depth / 2 - 0.5)]
+        if d.idler[1]:
+            pieces.append(bevelled(d.idler[0], d.idler[1] + 0.5, 0.3, self.idler_z))
+        seam = [  # case and lid meet in a groove
+            block((d.width + 2, d.height + 2, 0.6), (0, self.middle, z)).cut(block((d.width - 0.8, d.height - 0.8, 2), (0, self.middle, z)))
+            for z in (0.22 * d.depth, -0.28 * d.depth)
+        ]
+        holes = [hole(0.0).thread_hull for hole in self.screws_horn]
+        return self.case_hull().cut(*seam).fuse(*pieces).cut(*holes, disc(0.14 * d.horn[0], 1.5, self.horn_z - 1.5)).solid()
+
+    def collision(self) -> list[Solid]:
+        """The case, and horn and idler in one cylinder."""
+        d = self.drawing
+        case = block((d.width, d.height, d.depth), (0, self.middle, 0))
+        return [case, Solid.make_cylinder(d.horn[0] / 2, self.horn_z - self.idler_z, Plane((0, 0, self.idler_z)))]
+
+
+class XL330(BusServo):
+    """ROBOTIS Dynamixel XL330-M288-T.
+
+    e-Manual (emanual.robotis.com/docs/en/dxl/x/xl330-m288): 20 x 34 x 26 mm, 18 g, gear 288.35 : 1, at 5 V stall torque 0.52 N m and
+    no-load speed 103 rpm. Drawing XL-330: the axis 9.5 mm from the top, horn 16 mm with 4 x M2 on a circle of 12 mm, 3 mm over the case.
+
+    The rotor's inertia is that of XM430 scaled as between similar motors, with the fifth power of the width of the case.
+    """
+
+    drawing = Drawing(
+        width=20.0, height=34.0, depth=23.0, axis_to_top=9.5, corner=1.5, horn=(16.0, 3.0), idler=(10.0, 0.0),
+        circle=12.0, holes=4, screw="M2", interface="xl330",
+    )
+    actuator = servo_drive(
+        stall_torque=0.52, no_load_speed=103.0 * 2.0 * pi / 60.0, gear_ratio=288.35, rotor_inertia=ROTOR * (20.0 / 28.5) ** 5,
+    )
+    bom = {"make": "buy", "number": "XL330-M288-T", "supplier": "ROBOTIS"}
+
+    def __init__(self, color: str = "#ecebe6"):
+        super().__init__(color=color)
+
+    def mass(self) -> tuple[float, str]:
+        """18 g, e-Manual."""
+        return (0.018, "vendor")
+
+
+class STS3215(BusServo):
+    """Feetech STS3215-C018, the bus servo of 30 kg for 12 V (that of the arms SO-100 and SO-101, there also for 7.4 V).
+
+    Specification of STS3215 (feetechrc.com): 45.2 x 24.7 x 35 mm with both horns, 55 g, gear 345 : 1, at 12 V 30 kgf cm and 0.222 s for
+    60 deg. The drawing there, to 0.5 mm: the axis 10.1 mm from the end, horns 20 mm with 4 x M3 on a circle of 14 mm.
+
+    The gain as delivered is not published: full torque at an error of 5 deg is an estimate. The rotor's inertia is that of XM430 scaled
+    as between similar motors, with the fifth power of the width of the case.
+    """
+
+    drawing = Drawing(
+        width=24.7, height=45.2, depth=29.4, axis_to_top=10.1, corner=1.0, horn=(20.0, 2.8), idler=(20.0, 2.8),
+        circle=14.0, holes=4, screw="M3", interface="sts3215",
+    )
+    actuator = Actuator(
+        kind="position",
+        stall_torque=(30.0 * KGF_CM, "vendor"),
+        no_load_speed=(pi / 3.0 / 0.222, "vendor"),
+        gear_ratio=(345.0, "vendor"),
+        rotor_inertia=(ROTOR * (24.7 / 28.5) ** 5, "estimated"),
+        kp=(30.0 * KGF_CM / (pi / 36.0), "estimated"),
+        kv=(velocity_gain(30.0 * KGF_CM, pi / 3.0 / 0.222), "estimated"),
+    )
+    bom = {"make": "buy", "number": "STS3215-C018", "supplier": "Feetech"}
+
+    def __init__(self, color: str = "#24262b"):
+        super().__init__(color=color)
+
+    def mass(self) -> tuple[float, str]:
+        """55 g, specification."""
+        return (0.055, "vendor")

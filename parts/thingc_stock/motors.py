@@ -1,0 +1,156 @@
+"""Stepper motors of size NEMA 17, and hubs for their shafts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+from typing import Annotated, Literal
+
+from build123d import Location, Plane, Pos, Solid
+
+from thingc import Actuator, Length, MountPoint, Range, Thing
+from thingc.things.mounts import MATE
+from thingc_stock.fasteners import Hole, Size, threaded_hole
+from thingc_stock.shapes import bevelled, block, disc, spots
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stepper:
+    """What a maker publishes of a motor: length of the body [mm], mass [kg], holding torque [N m], inertia of the rotor [kg m^2]."""
+
+    length: float
+    mass: float
+    torque: float
+    inertia: float
+
+
+STEPPERS = {
+    # STEPPERONLINE (omc-stepperonline.com), full data sheets 17HS13-0404S1, 17HS15-1504S1, 17HS19-2004S1
+    "17HS13": Stepper(length=34.0, mass=0.220, torque=0.26, inertia=34e-7),
+    "17HS15": Stepper(length=39.0, mass=0.280, torque=0.45, inertia=54e-7),
+    "17HS19": Stepper(length=48.0, mass=0.400, torque=0.59, inertia=82e-7),
+}
+FLANGE, HOLES, PILOT, SHAFT = 42.3, 31.0, 22.0, 5.0
+"""NEMA ICS 16, size 17: edge of the flange, distance of the holes, diameters of pilot and shaft [mm]."""
+
+
+class _Nema17(Thing):
+    """A stepper motor of size 17.
+
+    The origin is on the shaft's axis in the face of the flange, z points along the shaft. `screws(thickness)` are those that hold it.
+
+    Mounts: `flange`, its face, looking out along the shaft; `rotor`, on the shaft where its flat begins; `tip`; `bottom`;
+    `hole_0` and on, the mouths of the M3 holes.
+
+    Args:
+        shaft: length of the shaft over the flange
+    """
+
+    model: Literal["17HS13", "17HS15", "17HS19"]
+
+    def __init__(self, shaft: Annotated[Length, Range(10, 60)] = 24.0):
+        super().__init__(material="steel", color="#33363b")
+        self.length = STEPPERS[self.model].length
+        self.flange = MountPoint(Location((0, 0, 0)), "nema17")
+        self.rotor = MountPoint(Location((0, 0, 4)), "shaft-5")
+        self.tip = MountPoint(Location((0, 0, shaft)))
+        self.bottom = MountPoint(Location(Plane((0, 0, -self.length), x_dir=(-1, 0, 0), z_dir=(0, 0, -1))))
+        self.hole = [MountPoint(spot, "m3") for spot in spots(HOLES * 2**0.5, 4, 45)]
+        self.threads: list[Hole] = [threaded_hole(mount.location, "M3", 4.5) for mount in self.hole]
+
+    def mass(self) -> tuple[float, str]:
+        """That of the data sheet."""
+        return (STEPPERS[self.model].mass, "vendor")
+
+    def result(self) -> Solid:
+        """Two caps around the laminations, pilot and shaft with its flat."""
+        caps = [block((FLANGE, FLANGE, h), (0, 0, z), corner=3.5) for h, z in ((9.0, -4.5), (9.0, 4.5 - self.length))]
+        core = block((FLANGE - 1.2, FLANGE - 1.2, self.length - 2), (0, 0, -self.length / 2), corner=5.5)
+        shaft = bevelled(SHAFT, self.p.shaft + 1, 0.4, -1).cut(block((SHAFT, 1, self.p.shaft), (0, SHAFT / 2, 4 + self.p.shaft / 2)))
+        body = core.fuse(*caps, disc(PILOT, 2.0 + 1, -1), shaft)
+        return body.cut(*(hole(0.0).thread_hull for hole in self.threads)).solid()
+
+    def collision(self) -> list[Solid]:
+        """The body and the shaft."""
+        return [block((FLANGE, FLANGE, self.length), (0, 0, -self.length / 2)), disc(SHAFT, self.p.shaft)]
+
+
+def _drive(model: str, speed: float) -> Actuator:
+    """A position drive by the holding torque: micro-stepping pulls like a spring whose torque is greatest a quarter of an electrical turn
+    (1.8 deg) off. `speed` [rad/s] is estimated, for 24 V without a load."""
+    motor = STEPPERS[model]
+    return Actuator(
+        kind="position", stall_torque=(motor.torque, "vendor"), no_load_speed=(speed, "estimated"), gear_ratio=1.0,
+        rotor_inertia=(motor.inertia, "vendor"), kp=(motor.torque / (1.8 * pi / 180.0), "estimated"),
+        kv=(motor.torque / speed, "estimated"),
+    )
+
+
+class Nema17Short(_Nema17):
+    """STEPPERONLINE 17HS13-0404S1: 34 mm long, 220 g, 0.26 N m."""
+
+    model = "17HS13"
+    actuator = _drive("17HS13", 80.0)
+    bom = {"make": "buy", "number": "17HS13-0404S1", "supplier": "STEPPERONLINE"}
+
+
+class Nema17(_Nema17):
+    """STEPPERONLINE 17HS15-1504S1: 39 mm long, 280 g, 0.45 N m."""
+
+    model = "17HS15"
+    actuator = _drive("17HS15", 80.0)
+    bom = {"make": "buy", "number": "17HS15-1504S1", "supplier": "STEPPERONLINE"}
+
+
+class Nema17Long(_Nema17):
+    """STEPPERONLINE 17HS19-2004S1: 48 mm long, 400 g, 0.59 N m."""
+
+    model = "17HS19"
+    actuator = _drive("17HS19", 80.0)
+    bom = {"make": "buy", "number": "17HS19-2004S1", "supplier": "STEPPERONLINE"}
+
+
+class ShaftHub(Thing):
+    """A clamping hub: a collar on a shaft, with a flange and four threaded holes for what turns with it.
+
+    The origin is in the middle of the flange's back, on the shaft's axis; z points out of the shaft's end. No vendor's drawing: the
+    proportions are those of the usual hubs of aluminium for a shaft of 5 mm.
+
+    Mounts: `shaft`, in the back of the collar, which goes onto a motor's `rotor`; `face`, the flange's outer face; `hole_0` and on.
+
+    Args:
+        bore: of the shaft
+        diameter: of the flange
+        thickness: of the flange
+        collar: length of the collar behind the flange
+        circle: diameter through the centres of the holes
+        screw: thread of the holes
+    """
+
+    bom = {"make": "buy"}
+
+    def __init__(
+        self,
+        bore: Annotated[Length, Range(2, 12)] = 5.0,
+        diameter: Annotated[Length, Range(12, 60)] = 22.0,
+        thickness: Annotated[Length, Range(1.5, 8)] = 3.0,
+        collar: Annotated[Length, Range(4, 30)] = 9.0,
+        circle: Annotated[Length, Range(8, 50)] = 16.0,
+        screw: Size = "M3",
+    ):
+        super().__init__(material="aluminium")
+        assert bore + 3 < circle < diameter - 3, f"the holes, on a circle of {circle:g} mm, need room between bore and rim"
+        self.shaft = MountPoint(Location((0, 0, -collar)) * MATE, "shaft-5")
+        self.face = MountPoint(Location((0, 0, thickness)))
+        self.hole = [MountPoint(Pos(0, 0, thickness) * spot) for spot in spots(circle, 4, 45)]
+        self.screws: list[Hole] = [threaded_hole(mount.location, screw, thickness) for mount in self.hole]
+
+    def result(self) -> Solid:
+        """Flange and collar with their bore, and the threaded holes."""
+        p = self.p
+        body = bevelled(p.diameter, p.thickness, 0.3).fuse(bevelled(p.circle - 3, p.collar + 1, 0.3, -p.collar))
+        return body.cut(disc(p.bore, p.collar + p.thickness + 2, -p.collar - 1), *(hole(0.0).thread_hull for hole in self.screws)).solid()
+
+    def collision(self) -> list[Solid]:
+        """The flange and the collar."""
+        return [disc(self.p.diameter, self.p.thickness), disc(self.p.circle - 3, self.p.collar, -self.p.collar)]

@@ -1,0 +1,279 @@
+"""Hobby servos with a splined shaft, of four makers, and the discs that go onto their shafts.
+
+One class; a model is a `Drawing`, an actuator and a mass. Sizes, masses, torques and speeds are those that the makers publish (named at
+each model). What makers do not publish is estimated, and said to be: gains, rotor inertia and gear ratio; of cases the heights of ears
+and lids, as the usual drawings of that size have them, to 0.5 mm.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from math import radians
+from typing import Annotated, ClassVar
+
+from build123d import Location, Plane, Pos, Solid
+
+from thingc import Actuator, Length, MountPoint, Range, Thing
+from thingc.things.mounts import MATE
+from thingc_stock.fasteners import Hole, Size, threaded_hole
+from thingc_stock.shapes import bevelled, block, disc, spots
+
+KGF_CM = 0.0980665
+"""One kgf cm, in which makers give torques [N m]."""
+
+ROTOR = 0.045 / 353.5**2
+"""Inertia of the rotor of a servo that is 28.5 mm wide [kg m^2], as identified on Dynamixel XM430 (see `thingc_stock.dynamixel`)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drawing:
+    """The dimensions of a model [mm]. z is along the shaft, y along the case towards the short end, from the shaft's axis and the underside
+    of the ears, on which the servo stands in a frame. `below` and `above` are how far the case reaches from there, `lid` what the round
+    lid around the shaft adds, `spline` the shaft's diameter and its height over the lid."""
+
+    width: float
+    length: float
+    axis_to_end: float
+    below: float
+    above: float
+    lid: float
+    spline: tuple[float, float]
+    ears: float
+    ear: float
+    holes: tuple[float, float]
+    hole: float
+    interface: str
+
+
+def hobby_drive(torque: float, seconds: float, width: float) -> Actuator:
+    """A position drive from the published stall torque [kgf cm] and the time for 60 deg without a load [s].
+
+    Estimated: the gain, as full torque at an error of 6 deg; the damping, as of a DC motor whose torque falls from stall to nothing at the
+    no-load speed; the rotor, as between similar motors with the fifth power of the case's `width` [mm]; the gear, 250 : 1.
+    """
+    stall, speed = torque * KGF_CM, radians(60.0) / seconds
+    return Actuator(
+        kind="position",
+        stall_torque=(stall, "vendor"),
+        no_load_speed=(speed, "vendor"),
+        gear_ratio=(250.0, "estimated"),
+        rotor_inertia=(ROTOR * (width / 28.5) ** 5, "estimated"),
+        kp=(stall / radians(6.0), "estimated"),
+        kv=(stall / speed, "estimated"),
+    )
+
+
+class HobbyServo(Thing):
+    """A servo with two ears and a splined shaft.
+
+    z is along the shaft; the origin is on its axis at the underside of the ears. y points to the short end of the case. It comes
+    into a frame from above: the frame has the cut-out (`pocket`) and the holes for `screws`.
+
+    Mounts: `flange`, the underside of the ears in the middle of the case, looking down onto the frame; `rotor`, where a horn's back
+    lies; `bottom`, `left` (+x), `right`, `front` (+y) and `back`, the faces of the case; `ear_0` and on, the heads of the screws.
+
+    The solid is full; the mass is the maker's, and the inertia is the solid's scaled to it.
+    """
+
+    drawing: ClassVar[Drawing]
+    actuator: ClassVar[Actuator]
+
+    def __init__(self, color: str = "#26282c"):
+        super().__init__(material="nylon", color=color)
+        d = self.drawing
+        self.middle = d.axis_to_end - d.length / 2
+        self.top = d.above + d.lid
+        z = (d.above - d.below) / 2
+        self.flange = MountPoint(Location(Plane((0, self.middle, 0), x_dir=(-1, 0, 0), z_dir=(0, 0, -1))), f"{d.interface}-flange")
+        self.rotor = MountPoint(Location((0, 0, self.top)), f"{d.interface}-shaft")
+        self.bottom = MountPoint(Location(Plane((0, self.middle, -d.below), x_dir=(-1, 0, 0), z_dir=(0, 0, -1))))
+        self.left = MountPoint(Location((d.width / 2, self.middle, z), (0, 90, 0)))
+        self.right = MountPoint(Location((-d.width / 2, self.middle, z), (0, -90, 0)))
+        self.front = MountPoint(Location((0, d.axis_to_end, z), (-90, 0, 0)))
+        self.back = MountPoint(Location((0, d.axis_to_end - d.length, z), (90, 0, 0)))
+        along, across = d.holes
+        self.places = [
+            (x, self.middle + y) for y in (along / 2, -along / 2) for x in ((across / 2, -across / 2) if across else (0.0,))
+        ]
+        self.ear = [MountPoint(Location((x, y, d.ear)), f"{d.interface}-ear") for x, y in self.places]
+
+    @abstractmethod
+    def mass(self) -> tuple[float, str]:
+        """The maker's mass [kg] and its source; a model states it."""
+
+    def case_hull(self, play: float = 0.0) -> Solid:
+        """The case without ears, lid and shaft, `play` [mm] larger all around."""
+        d = self.drawing
+        size = (d.width + 2 * play, d.length + 2 * play, d.below + d.above + 2 * play)
+        return block(size, (0, self.middle, (d.above - d.below) / 2), corner=0.04 * d.width)
+
+    def pocket(self, depth: float, play: float = 0.2) -> Solid:
+        """What a frame of this thickness [mm] under the ears leaves free for the case."""
+        d = self.drawing
+        return block((d.width + 2 * play, d.length + 2 * play, depth), (0, self.middle, -depth / 2))
+
+    def screws(self, diameter: float, depth: float) -> list[Solid]:
+        """Holes of this diameter into the frame below the ears [mm]: what is drilled for the screws."""
+        return [disc(diameter, depth, -depth, x, y) for x, y in self.places]
+
+    def result(self) -> Solid:
+        """Case, ears with their holes, lid and shaft."""
+        d = self.drawing
+        ears = block((d.width, d.ears, d.ear), (0, self.middle, d.ear / 2), corner=0.08 * d.width)
+        lid = bevelled(0.94 * d.width, d.lid + 0.5, 0.04 * d.width, d.above - 0.5)
+        gear = disc(0.45 * d.width, 0.8 * d.lid + 0.5, d.above - 0.5, y=-0.5 * d.width)
+        shaft = disc(d.spline[0], d.spline[1] + 0.5, self.top - 0.5)
+        holes = [disc(d.hole, d.ear + 2, -1, x, y) for x, y in self.places]
+        return self.case_hull().fuse(ears, lid, gear, shaft).cut(*holes).solid()
+
+    def collision(self) -> list[Solid]:
+        """Case, ears and lid."""
+        d = self.drawing
+        ears = block((d.width, d.ears, d.ear), (0, self.middle, d.ear / 2))
+        return [block((d.width, d.length, d.below + d.above), (0, self.middle, (d.above - d.below) / 2)), ears,
+                disc(0.94 * d.width, d.lid, d.above)]
+
+
+_MICRO = Drawing(
+    width=11.8, length=22.2, axis_to_end=5.9, below=15.9, above=6.8, lid=4.5, spline=(4.6, 3.8), ears=32.2, ear=2.5,
+    holes=(27.6, 0.0), hole=2.0, interface="micro-servo",
+)
+
+
+class SG90(HobbyServo):
+    """Tower Pro SG90, the blue micro servo with nylon gears.
+
+    Maker's page (towerpro.com.tw/product/sg90-7): 22.2 x 11.8 x 31 mm, 9 g, at 4.8 V 1.8 kgf cm and 0.1 s for 60 deg.
+    """
+
+    drawing = _MICRO
+    actuator = hobby_drive(torque=1.8, seconds=0.1, width=11.8)
+    bom = {"make": "buy", "number": "SG90", "supplier": "Tower Pro"}
+
+    def __init__(self, color: str = "#2b6cb8"):
+        super().__init__(color=color)
+
+    def mass(self) -> tuple[float, str]:
+        """9 g, maker's page."""
+        return (0.009, "vendor")
+
+
+class MG90S(HobbyServo):
+    """Tower Pro MG90S, the micro servo with metal gears.
+
+    Maker's page (towerpro.com.tw/product/mg90s-3): 22.5 x 12 x 35.5 mm, 13.4 g, at 6 V 2.2 kgf cm and 0.08 s for 60 deg.
+    The case is 22.5 mm long and 12 mm wide, and 35.5 mm with shaft and the horn's screw, of which 32 mm are case and shaft.
+    """
+
+    drawing = Drawing(
+        width=12.0, length=22.5, axis_to_end=6.0, below=18.5, above=4.2, lid=6.1, spline=(4.8, 3.2), ears=32.5, ear=2.6,
+        holes=(28.0, 0.0), hole=2.0, interface="micro-servo",
+    )
+    actuator = hobby_drive(torque=2.2, seconds=0.08, width=12.0)
+    bom = {"make": "buy", "number": "MG90S", "supplier": "Tower Pro"}
+
+    def mass(self) -> tuple[float, str]:
+        """13.4 g, maker's page."""
+        return (0.0134, "vendor")
+
+
+class S3003(HobbyServo):
+    """Futaba S3003, the standard analogue servo.
+
+    Maker's data (futabausa.com, S3003): 40.4 x 19.8 x 36.0 mm, 37 g, at 6 V 4.1 kgf cm and 0.19 s for 60 deg.
+    """
+
+    drawing = Drawing(
+        width=19.8, length=40.4, axis_to_end=10.1, below=26.6, above=7.6, lid=1.8, spline=(5.9, 3.8), ears=54.6, ear=2.5,
+        holes=(49.5, 10.0), hole=4.4, interface="servo-25t",
+    )
+    actuator = hobby_drive(torque=4.1, seconds=0.19, width=19.8)
+    bom = {"make": "buy", "number": "S3003", "supplier": "Futaba"}
+
+    def mass(self) -> tuple[float, str]:
+        """37 g, maker's data."""
+        return (0.037, "vendor")
+
+
+class HS422(HobbyServo):
+    """Hitec HS-422, the standard deluxe servo.
+
+    Maker's data (hitecrcd.com, HS-422): 40.6 x 19.8 x 36.6 mm, 45.5 g, at 6 V 4.1 kgf cm and 0.16 s for 60 deg.
+    """
+
+    drawing = Drawing(
+        width=19.8, length=40.6, axis_to_end=10.2, below=26.7, above=7.9, lid=2.0, spline=(5.8, 3.8), ears=52.8, ear=2.5,
+        holes=(48.0, 10.0), hole=4.4, interface="servo-24t",
+    )
+    actuator = hobby_drive(torque=4.1, seconds=0.16, width=19.8)
+    bom = {"make": "buy", "number": "HS-422", "supplier": "Hitec"}
+
+    def mass(self) -> tuple[float, str]:
+        """45.5 g, maker's data."""
+        return (0.0455, "vendor")
+
+
+class DS3218(HobbyServo):
+    """DSServo DS3218, the digital servo of 20 kg with metal gears.
+
+    Maker's data sheet (dsservo.com, DS3218 control specification): 40 x 20 x 40.5 mm, 60 g, at 6.8 V 21.5 kgf cm and 0.14 s for 60 deg.
+    """
+
+    drawing = Drawing(
+        width=20.0, length=40.0, axis_to_end=10.0, below=28.0, above=9.5, lid=3.0, spline=(5.9, 4.0), ears=54.0, ear=2.5,
+        holes=(49.5, 10.0), hole=4.4, interface="servo-25t",
+    )
+    actuator = hobby_drive(torque=21.5, seconds=0.14, width=20.0)
+    bom = {"make": "buy", "number": "DS3218", "supplier": "DSServo"}
+
+    def mass(self) -> tuple[float, str]:
+        """60 g, maker's data sheet."""
+        return (0.060, "vendor")
+
+
+class Horn(Thing):
+    """A round horn on a splined shaft: a bevelled disc with a hub and a circle of threaded holes.
+
+    The origin is in the middle of its back, z points along the shaft. Makers publish no drawings; the defaults are those of the usual
+    discs of aluminium for 25 teeth, `Horn(diameter=14, thickness=2, circle=10, screw="M2", hub=7)` is one for a micro servo.
+
+    Mounts: `spline`, its back, which lies on a servo's `rotor`; `face`; `hole_0` and on, the holes' mouths.
+
+    Args:
+        diameter: of the disc
+        thickness: of the disc
+        circle: diameter through the centres of the holes
+        screw: thread of the holes
+        hub: diameter of the hub on the face, half as high as the disc is thick
+    """
+
+    bom = {"make": "buy"}
+
+    def __init__(
+        self,
+        diameter: Annotated[Length, Range(8, 60)] = 20.0,
+        thickness: Annotated[Length, Range(1, 8)] = 3.0,
+        circle: Annotated[Length, Range(5, 50)] = 14.0,
+        screw: Size = "M3",
+        hub: Annotated[Length, Range(3, 20)] = 8.5,
+    ):
+        super().__init__(material="aluminium")
+        size = float(screw[1:])
+        assert hub + size < circle < diameter - size, (
+            f"the holes, on a circle of {circle:g} mm, lie between the hub ({hub:g} mm) and the rim ({diameter:g} mm)"
+        )
+        self.spline = MountPoint(MATE)
+        self.face = MountPoint(Location((0, 0, thickness)))
+        self.hole = [MountPoint(Pos(0, 0, thickness) * spot) for spot in spots(circle, 4, 45)]
+        self.screws: list[Hole] = [threaded_hole(mount.location, screw, thickness) for mount in self.hole]
+
+    def result(self) -> Solid:
+        """Disc and hub, with the holes and one for the shaft's screw."""
+        p = self.p
+        body = bevelled(p.diameter, p.thickness, 0.15 * p.thickness).fuse(disc(p.hub, 0.5 * p.thickness, p.thickness))
+        return body.cut(disc(0.35 * p.hub, 2 * p.thickness), *(hole(0.0).thread_hull for hole in self.screws)).solid()
+
+    def collision(self) -> list[Solid]:
+        """The disc and its hub."""
+        return [disc(self.p.diameter, self.p.thickness), disc(self.p.hub, 1.5 * self.p.thickness)]
