@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # Of two cores: many tests wait for processes that they have started.
 JOBS ?= 3
 
-.PHONY: demo test lint bench bench-naming bench-designs bench-variants conformance bench-weld print-masses walk bridge-search mutants slips fuzz kills schemas docs pictures freeze frozen clean
+.PHONY: demo test lint bench bench-naming bench-designs bench-variants conformance bench-weld print-masses walk bridge-search mutants slips fuzz kills schemas docs pictures viewer freeze frozen clean
 
 demo: $(VENV)/.thingc
 	$(BIN)/thingc build assemblies/arm.yaml
@@ -99,6 +99,10 @@ docs: $(VENV)/.thingc-dev
 
 pictures: $(VENV)/.thingc-dev
 	$(BIN)/python docs/pictures.py
+
+# Needs Node.js and npm: what it makes is committed, so that nobody else does.
+viewer:
+	cd viewer && npm ci --no-audit --no-fund && npm run build
 
 clean:
 	rm -rf build dist .pytest_cache .mypy_cache .ruff_cache

@@ -44,7 +44,7 @@ ROOMS: dict[str, set[str]] = {
     "solids": BASE | {"realize", "graph"},
     "statics": BASE | {"joints", "graph", "robot"},
     "drawing": {"frozen"},
-    "emit": BASE | {"later", "archives", "csvcell", "resolve", "realize", "joints", "graph", "robot", "drawing"},
+    "emit": BASE | {"later", "archives", "csvcell", "resolve", "realize", "joints", "graph", "robot", "statics", "drawing"},
     "modes": {"brief", "diagnostics", "typos"},  # read at run time, next to a simulation
     "render": {"frozen", "pose"},
     "reporting": {"frozen", "shown", "source", "diagnostics"},

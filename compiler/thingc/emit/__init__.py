@@ -77,6 +77,9 @@ TARGETS: dict[str, Target] = {
         says="each mode for Isaac Sim and Newton", emitters=("thingc.emit.usd.target:emit",), writes=("usd/*.usda",), unasked=False,
         capabilities="thingc.emit.usd.capabilities",
     ),
+    "html": Target(
+        says="the robot in a browser", emitters=("thingc.emit.html.target:emit",), writes=("html/*.html",), unasked=False,
+    ),
     "bom": Target(says="bill of materials", emitters=("thingc.emit.bom:emit",), writes=("bom.csv", "bom.json")),
     "hag": Target(says="assembly graph", emitters=("thingc.emit.hag.target:emit",), writes=("hag.dot", "hag.mmd", "hag.svg")),
 }

@@ -1,0 +1,53 @@
+"""`html/<name>.html`: frame, style, program, data and meshes of the viewer, put into one page."""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+import re
+from importlib import resources
+
+from thingc.emit.artifact import Artifacts
+from thingc.emit.html.described import describe
+from thingc.emit.html.packed import Packed
+from thingc.emit.request import EmitRequest
+from thingc.frozen import dataclass
+from thingc.shown import json_text, shown
+
+_ESCAPED = {ord("<"): "\\u003c", ord(">"): "\\u003e", ord("&"): "\\u0026"}
+"""What could end a `<script>`, as JSON writes it instead."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Page:
+    """What a page is made from: the `name` of the robot, what the page is told of it (`data`, JSON), and its meshes (`glb`)."""
+
+    name: str
+    data: str
+    glb: bytes
+
+    def html(self, *, live: bool = False) -> bytes:
+        """The page. A `live` one asks the server that it comes from for what has changed."""
+        own = resources.files("thingc.emit.html") / "page"
+        texts = {
+            "@STYLE@": (own / "viewer.css").read_text(encoding="utf-8"), "@SCRIPT@": (own / "viewer.js").read_text(encoding="utf-8"),
+            "@TITLE@": html.escape(shown(self.name)), "@LIVE@": '<meta name="thingc-live" content="1">' if live else "",
+            "@CONNECT@": "'self'" if live else "'none'", "@ROBOT@": self.data, "@GEOMETRY@": base64.b64encode(self.glb).decode(),
+        }
+        # cut before anything is put in: a name may hold the word for a place
+        pieces = re.split("(@[A-Z]+@)", (own / "viewer.html").read_text(encoding="utf-8"))
+        return "".join(texts.get(piece, piece) for piece in pieces).encode()
+
+
+def page_of(request: EmitRequest) -> Page:
+    """The page of a robot in all chosen modes. Raises `BlobMissing`."""
+    packed = Packed(request.store)
+    data = describe(request.assembly, request.robots, request.workspace, packed)
+    text = json_text(json.dumps(data, separators=(",", ":"), ensure_ascii=False, allow_nan=False)).translate(_ESCAPED)
+    return Page(name=request.assembly.name, data=text, glb=packed.glb())
+
+
+def emit(request: EmitRequest) -> Artifacts:
+    """The page, which loses nothing: it shows what the assembly says."""
+    return Artifacts(files={f"html/{request.assembly.name}.html": page_of(request).html()})

@@ -1,0 +1,76 @@
+"""A real browser with a page of a robot in it, from a file, as a person would open it."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+needed = pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed (Debian, Ubuntu: apt install chromium)")
+
+FLAGS = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking")
+"""It draws without a graphics card."""
+
+OWN = ("file:", "blob:", "data:", "http://127.0.0.1")
+"""Where a page may ask for something."""
+
+
+@contextmanager
+def chromium() -> Iterator[Any]:
+    """The browser, as playwright steers it."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as steering:
+        browser = steering.chromium.launch(executable_path=BROWSER, args=list(FLAGS))
+        yield browser
+        browser.close()
+
+
+@contextmanager
+def opened(browser: Any, address: str, size: tuple[int, int] = (1100, 700)) -> Iterator[Any]:
+    """A page that has been read to its end and shows its robot; nothing may go wrong in it, and nothing be asked of a network."""
+    context = browser.new_context(viewport={"width": size[0], "height": size[1]}, reduced_motion="reduce", accept_downloads=True)
+    page = context.new_page()
+    faults: list[str] = []
+    page.on("pageerror", lambda fault: faults.append(str(fault)))
+    page.on("console", lambda said: faults.append(said.text) if said.type == "error" else None)
+    page.on("request", lambda asked: faults.append(asked.url) if not asked.url.startswith(OWN) else None)
+    page.goto(address)
+    page.wait_for_function("() => globalThis.thingc?.ready")
+    yield page
+    assert faults == []
+    context.close()
+
+
+def address(path: Path, fragment: str = "") -> str:
+    """Of a file."""
+    return path.resolve().as_uri() + fragment
+
+
+def drawn(page: Any) -> None:
+    """Wait until what has changed is in the picture."""
+    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def links(page: Any) -> dict[str, list[float]]:
+    """Where the page has every link in the world: 16 numbers by rows."""
+    found: dict[str, list[float]] = page.evaluate("thingc.viewer.links()")
+    return found
+
+
+def spot(page: Any, path: str) -> tuple[float, float]:
+    """A point of the window at which the page shows the component of that path."""
+    x, y = page.evaluate("""(path) => {
+      const { viewer } = thingc, box = viewer.stage.canvas.getBoundingClientRect();
+      for (let x = 20; x < box.width - 20; x += 6) for (let y = 20; y < box.height - 20; y += 6) {
+        const hit = viewer.hit(box.left + x, box.top + y);
+        if (hit !== null && viewer.robot.occurrences[hit.occurrence].path === path) return [box.left + x + 2, box.top + y + 2];
+      }
+      return null;
+    }""", path)
+    return x, y

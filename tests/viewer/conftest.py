@@ -1,0 +1,41 @@
+"""The pages of the arm and of MInchW, built once, and one browser for all tests of a file."""
+
+from __future__ import annotations
+
+import fcntl
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from conformance.harness import build
+from viewer.browser import chromium
+
+
+@dataclass(frozen=True)
+class Pages:
+    """The build folder of each robot."""
+
+    arm: Path
+    minchw: Path
+
+
+@pytest.fixture(scope="session")
+def pages(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Pages:
+    folder = Path(shared_store).parent / "pages"
+    folder.mkdir(exist_ok=True)
+    built = Pages(arm=folder / "arm", minchw=folder / "minchw")
+    with (folder / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        for document, out in (("assemblies/arm.yaml", built.arm), ("assemblies/minchw/minchw.yaml", built.minchw)):
+            if not out.exists():
+                build(document, "--output", folder, "--emit", "html,mjcf", store=shared_store)
+    return built
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with chromium() as steered:
+        yield steered

@@ -1,0 +1,305 @@
+"""The page in a real browser: what it shows is where MuJoCo, and matrices, have it; buttons, sliders, links and keys do what they say."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+from PIL import Image
+
+from emit import small_robot
+from robot.test_spanning_tree_properties import build, robots
+from thingc.emit.html.described import describe
+from thingc.emit.html.packed import Packed
+from thingc.graph import coordinates, joints_of
+from thingc.realize.store.local import Store
+from thingc.robot import body_poses, link_names
+from viewer.browser import address, drawn, links, needed, opened, spot
+from viewer.conftest import Pages
+
+pytestmark = [needed, pytest.mark.slow]
+
+NEAR = 1e-5
+"""How far [m] the page may have a link from where it is."""
+
+
+def model_of(folder: Path, robot: str, mode: str) -> tuple[Any, Any]:
+    model = mujoco.MjModel.from_xml_path(str(folder / f"mjcf/{robot}_{mode}.xml"))
+    return model, mujoco.MjData(model)
+
+
+def assert_as_in_mujoco(found: dict[str, list[float]], model: Any, data: Any) -> None:
+    """Every link of the page lies where MuJoCo has the body of its name."""
+    assert len(found) == model.nbody - 1
+    for name, numbers in found.items():
+        pose, body = np.array(numbers).reshape(4, 4), data.body(name)
+        assert np.abs(pose[:3, 3] - body.xpos).max() < NEAR and np.abs(pose[:3, :3] - body.xmat.reshape(3, 3)).max() < NEAR, name
+
+
+@pytest.mark.parametrize("robot", ["arm", "minchw"])
+def test_every_pose_of_every_mode_is_where_mujoco_has_it(browser: Any, pages: Pages, robot: str) -> None:
+    folder = getattr(pages, robot)
+    modes = json.loads((folder / "modes.json").read_text())
+    with opened(browser, address(folder / f"html/{robot}.html")) as page:
+        for mode, told in modes.items():
+            page.get_by_role("radiogroup", name="mode").get_by_role("radio", name=mode, exact=True).click()
+            model, data = model_of(folder, robot, mode)
+            for pose in told["poses"]:
+                page.get_by_role("radiogroup", name="pose").get_by_role("radio", name=pose, exact=True).click()
+                mujoco.mj_resetDataKeyframe(model, data, model.key(pose).id)
+                mujoco.mj_forward(model, data)
+                assert_as_in_mujoco(links(page), model, data)
+
+
+def test_random_trees_with_every_kind_of_joint(browser: Any, pages: Pages, tmp_path: Path) -> None:
+    """Forward kinematics of the page against that of the compiler, at random coordinates, in modes that cross joints backwards."""
+    rng = np.random.default_rng(7)
+    with opened(browser, address(pages.arm / "html/arm.html")) as page:
+        for seed in range(8):
+            tree = build(seed, 6)
+            made = robots(tree.assembly)
+            told = describe(tree.assembly, list(made.values()), small_robot.WORKSPACE, Packed(Store(str(tmp_path))))
+            for one in told["occurrences"]:  # type: ignore[attr-defined]
+                one["visual"], one["collision"] = None, []
+            page.evaluate("(told) => thingc.viewer.load(told, [])", json.loads(json.dumps(told)))
+            for name, robot in made.items():
+                q = coordinates(joints_of(tree.assembly), {joint.path: float(rng.uniform(-2, 2)) for joint in joints_of(tree.assembly)})
+                there = "([mode, q]) => { thingc.viewer.setMode(mode); thingc.viewer.restore(q); return thingc.viewer.links(); }"
+                found = page.evaluate(there, [name, q])
+                for link, pose in zip(link_names(robot), body_poses(robot, q), strict=True):
+                    assert np.abs(np.array(found[link]).reshape(4, 4) - np.array(pose.rows())).max() < 1e-9
+
+
+def test_a_slider_moves_its_joint_and_stops_at_its_limits(browser: Any, pages: Pages) -> None:
+    with opened(browser, address(pages.arm / "html/arm.html")) as page:
+        page.get_by_role("spinbutton", name="shoulder").fill("-20")
+        page.get_by_role("spinbutton", name="shoulder").press("Enter")
+        assert page.evaluate("thingc.viewer.q.shoulder") == pytest.approx(math.radians(-20), abs=1e-12)
+        page.get_by_role("slider", name="elbow").focus()
+        page.keyboard.press("End")
+        assert page.evaluate("thingc.viewer.q.elbow") == pytest.approx(math.radians(130), abs=1e-3)
+        page.get_by_role("spinbutton", name="wrist").fill("500")
+        page.get_by_role("spinbutton", name="wrist").press("Enter")
+        assert page.evaluate("thingc.viewer.q.wrist") == pytest.approx(math.radians(90), abs=1e-12)
+        model, data = model_of(pages.arm, "arm", "bench")
+        for joint in ("yaw", "shoulder", "elbow", "wrist"):
+            data.joint(joint).qpos = page.evaluate(f"thingc.viewer.q.{joint}")
+        mujoco.mj_forward(model, data)
+        assert_as_in_mujoco(links(page), model, data)
+        # no pose has these coordinates any more
+        assert page.locator(".poses [aria-checked=true]").count() == 0
+
+
+def test_loops_stay_closed_while_a_joint_is_moved(browser: Any, pages: Pages) -> None:
+    """MInchW's bridge, held at both feet: a joint that a slider moves takes the others with it, and both soles stay where they are held,
+    by MuJoCo's own equality residuals."""
+    with opened(browser, address(pages.minchw / "html/minchw.html", "#mode=bridge&pose=arched")) as page:
+        before = links(page)
+        start = page.evaluate("({...thingc.viewer.q})")
+        page.get_by_role("spinbutton", name="front/knee").fill(str(math.degrees(start["front/knee"]) - 4))
+        page.get_by_role("spinbutton", name="front/knee").press("Enter")
+        q, after = page.evaluate("({...thingc.viewer.q})"), links(page)
+        assert q["front/knee"] == pytest.approx(start["front/knee"] - math.radians(4), abs=1e-12)
+        assert max(abs(q[name] - start[name]) for name in q if name != "front/knee") > 0.01
+        for foot in ("front/foot", "rear/foot"):
+            assert np.abs(np.array(before[foot]) - np.array(after[foot])).max() < 1e-6
+        model, data = model_of(pages.minchw, "minchw", "bridge")
+        mujoco.mj_resetDataKeyframe(model, data, model.key("arched").id)
+        for name, value in q.items():
+            data.joint(name).qpos = value
+        mujoco.mj_forward(model, data)
+        assert_as_in_mujoco(after, model, data)
+        # far out there is no way to keep both: the page says so, and stays closed
+        page.get_by_role("spinbutton", name="front/knee").fill("-115")
+        page.get_by_role("spinbutton", name="front/knee").press("Enter")
+        assert "would not close" in page.locator("#said").inner_text()
+        assert np.abs(np.array(links(page)["front/foot"]) - np.array(after["front/foot"])).max() < 1e-6
+
+
+def test_a_link_is_drawn_to_where_the_pointer_goes(browser: Any, pages: Pages) -> None:
+    with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&pose=home")) as page:
+        drawn(page)
+        x, y = spot(page, "hand/pen")
+        target = (x - 60, y - 50)
+        start = links(page)["hand_link"]
+        page.keyboard.down("Shift")
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(*target, steps=6)
+        page.mouse.up()
+        page.keyboard.up("Shift")
+        drawn(page)
+        assert np.abs(np.array(links(page)["hand_link"]) - np.array(start)).max() > 0.01
+        # what was under the pointer is under it now
+        under = page.evaluate("([x, y]) => thingc.viewer.robot.occurrences[thingc.viewer.hit(x, y).occurrence].link", list(target))
+        assert page.evaluate(f"thingc.viewer.robot.links[{under}].name") == "hand_link"
+        for name, joint in (("yaw", 150), ("shoulder", 170), ("elbow", 130), ("wrist", 90)):
+            assert abs(page.evaluate(f"thingc.viewer.q.{name}")) <= math.radians(joint) + 1e-12
+
+
+def test_what_a_mode_stands_on_is_not_let_go(browser: Any, pages: Pages) -> None:
+    with opened(browser, address(pages.minchw / "html/minchw.html", "#mode=bridge&pose=arched")) as page:
+        names = page.evaluate("thingc.viewer.robot.links.map((link) => link.name)")
+        for foot in ("front/foot", "rear/foot"):
+            assert f"{foot} " in page.evaluate(f"thingc.viewer.kept({names.index(foot)})")
+        assert page.evaluate(f"thingc.viewer.kept({names.index('body')})") is None
+
+
+def test_a_click_tells_what_is_there(browser: Any, pages: Pages) -> None:
+    with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&pose=home")) as page:
+        drawn(page)
+        page.mouse.click(*spot(page, "hand/pen"))
+        card = page.get_by_role("region", name="what is chosen")
+        text = card.inner_text()
+        for words in ("hand/pen", "arm:PenDummy", "21.19 g, derived", "hand_link", "end_effector.yaml:", "parts/arm.py:"):
+            assert words in text, (words, text)
+        page.get_by_role("tab", name="Parts").click()
+        assert page.locator("#panel-tree [aria-pressed=true]").first.inner_text().startswith("pen")
+        page.keyboard.press("Escape")
+        assert card.is_hidden()
+
+
+def test_the_bill_highlights_all_pieces_of_a_row(browser: Any, pages: Pages) -> None:
+    with opened(browser, address(pages.arm / "html/arm.html")) as page:
+        page.get_by_role("tab", name="Bill").click()
+        page.locator("#panel-bom tr", has_text="XM430").click()
+        chosen = page.evaluate("[...thingc.viewer.choice].map((one) => thingc.viewer.robot.occurrences[one].path)")
+        assert chosen == ["yaw_servo", "shoulder_servo", "elbow_servo", "wrist_servo"]
+        assert "4 components" in page.locator("#card").inner_text() and "328.00 g together" in page.locator("#card").inner_text()
+
+
+def test_a_link_restores_everything(browser: Any, pages: Pages) -> None:
+    with opened(browser, address(pages.minchw / "html/minchw.html")) as page:
+        page.evaluate("""() => {
+          const { viewer } = thingc;
+          viewer.setMode("crawl_wall");
+          viewer.setCoordinate("front/knee", 0.4);
+          viewer.setOptions({ shown: "both", marks: new Set(["frames", "names"]), colouring: "link", theme: "dark" });
+          viewer.setOptions({ explode: 0.3, section: { axis: "y", part: 0.4 } });
+          viewer.choose([3, 5]);
+          viewer.stage.camera.position.set(0.5, 0.4, 0.6);
+          viewer.stage.controls.update();
+        }""")
+        page.wait_for_function("() => location.hash.includes('explode') && location.hash.includes('0.6%2C')")
+        fragment = page.evaluate("location.hash")
+        state = """(() => { const { mode, options, choice, stage } = thingc.viewer;
+          const camera = stage.camera.position.toArray().map((x) => x.toFixed(4));
+          return JSON.stringify([mode.name, { ...options, marks: [...options.marks].sort() }, [...choice], camera]); })()"""
+        before, placed = page.evaluate(state), links(page)
+    with opened(browser, address(pages.minchw / "html/minchw.html", fragment)) as page:
+        assert page.evaluate(state) == before
+        again = links(page)
+        assert max(np.abs(np.array(again[name]) - np.array(placed[name])).max() for name in placed) < 1e-8
+
+
+def test_between_two_mounts(browser: Any, pages: Pages) -> None:
+    """The distance that the panel shows is that of MuJoCo's sites."""
+    with opened(browser, address(pages.minchw / "html/minchw.html", "#mode=front_foot&pose=arched")) as page:
+        page.get_by_role("tab", name="Measure").click()
+        page.get_by_label("from mount").select_option("front_sole")
+        page.get_by_label("to mount").select_option("rear_sole")
+        shown = page.locator("#panel-measure").inner_text()
+        model, data = model_of(pages.minchw, "minchw", "front_foot")
+        mujoco.mj_resetDataKeyframe(model, data, model.key("arched").id)
+        mujoco.mj_forward(model, data)
+        away = 1000 * np.linalg.norm(data.site("front_sole").xpos - data.site("rear_sole").xpos)
+        assert f"{away:.3f} mm" in shown
+
+
+def picture(page: Any) -> np.ndarray[Any, Any]:
+    """What a person sees, without what lies over it."""
+    return np.asarray(Image.open(io.BytesIO(page.locator("#canvas").screenshot())).convert("RGB"), dtype=np.int16)
+
+
+def test_every_view_shows_something_else(browser: Any, pages: Pages) -> None:
+    """Pixels change with every way to show the robot, and are the first ones again when it is taken back."""
+    with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&pose=home&theme=light")) as page:
+        drawn(page)
+        plain = picture(page)
+        assert len(np.unique(plain.reshape(-1, 3), axis=0)) > 100  # there is a robot
+        marks = ("frames", "joint axes", "mounts", "centres of mass", "inertia", "names")
+        ways = [
+            "{ shown: 'collision' }", "{ shown: 'both' }", "{ explode: 0.6 }", "{ section: { axis: 'x', part: 0.5 } }", "{ theme: 'dark' }",
+            *(f"{{ colouring: '{by}' }}" for by in ("link", "material", "mass source", "definition", "torque margin")),
+            *(f"{{ marks: new Set(['floor', '{mark}']) }}" for mark in marks),
+        ]
+        before = page.evaluate("() => { globalThis.before = { ...thingc.viewer.options }; }")
+        assert before is None
+        for way in ways:
+            page.evaluate(f"thingc.viewer.setOptions({way})")
+            drawn(page)
+            assert np.abs(picture(page) - plain).max() > 30, way
+            page.evaluate("thingc.viewer.setOptions(before)")
+            drawn(page)
+            assert np.abs(picture(page) - plain).max() <= 2, way  # the background is dithered
+
+
+def test_as_few_calls_as_definitions(browser: Any, pages: Pages) -> None:
+    """Draw calls of everything at once are at most definitions x materials + 20; a frame's script is measured in benchmarks."""
+    for robot in ("arm", "minchw"):
+        with opened(browser, address(getattr(pages, robot) / f"html/{robot}.html")) as page:
+            page.evaluate("['frames', 'mounts', 'joint axes', 'inertia', 'centres of mass'].forEach((mark) => thingc.viewer.toggle(mark))")
+            drawn(page)
+            calls = page.evaluate("thingc.viewer.stage.calls")
+            kinds = page.evaluate("new Set(thingc.viewer.robot.occurrences.map((one) => one.definition + ' ' + one.material)).size")
+            assert 0 < calls <= kinds + 20
+
+
+def test_keys_do_what_the_help_says(browser: Any, pages: Pages) -> None:
+    with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&pose=home")) as page:
+        page.locator("#canvas").focus()
+        page.keyboard.press("m")
+        assert page.evaluate("thingc.viewer.mode.name") == "drawing"
+        page.keyboard.press("Shift+M")
+        assert page.evaluate("thingc.viewer.mode.name") == "bench"
+        page.keyboard.press("p")
+        assert page.evaluate("thingc.viewer.pose.name") == "stretched"
+        page.keyboard.press("v")
+        assert page.evaluate("thingc.viewer.options.shown") == "collision"
+        page.keyboard.press("j")
+        assert page.evaluate("thingc.viewer.options.marks.has('joint axes')")
+        page.keyboard.press("?")
+        assert page.get_by_role("dialog").is_visible()
+        page.keyboard.press("Escape")
+        page.keyboard.press("/")
+        page.keyboard.type("pen")
+        assert page.locator("#panel-tree li:visible").count() in range(1, 6)
+
+
+def test_the_picture_can_be_kept(browser: Any, pages: Pages) -> None:
+    with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&pose=home")) as page:
+        with page.expect_download() as waiting:
+            page.get_by_role("button", name="save this picture as PNG").click()
+        assert waiting.value.suggested_filename == "arm_bench.png"
+        kept = Image.open(waiting.value.path())
+        assert kept.size[0] > 300 and len(kept.getcolors(1 << 24) or []) > 100
+
+
+@pytest.mark.parametrize("size", [(400, 800), (1280, 720)])
+def test_everything_is_in_reach_on_a_small_screen(browser: Any, pages: Pages, size: tuple[int, int]) -> None:
+    """Nothing is wider than the window, and what there is to press can be pressed."""
+    with opened(browser, address(pages.minchw / "html/minchw.html"), size) as page:
+        assert page.evaluate("document.documentElement.scrollWidth") <= size[0]
+        box = page.locator("#canvas").bounding_box()
+        assert box["height"] > 200 and box["width"] > 300
+        for tab in ("Parts", "Bill", "Show", "Measure", "Move"):
+            page.get_by_role("tab", name=tab).click()
+            assert page.locator("#panels section:visible").count() == 1
+        page.get_by_role("radio", name="crawl_ceiling").click()
+        assert page.evaluate("thingc.viewer.mode.name") == "crawl_ceiling"
+
+
+def test_gravity_is_down_in_every_mode(browser: Any, pages: Pages) -> None:
+    """A robot on the wall is seen on a wall: the world is turned so that gravity points down in the picture."""
+    with opened(browser, address(pages.minchw / "html/minchw.html")) as page:
+        for mode in ("crawl", "crawl_wall", "crawl_ceiling"):
+            down = page.evaluate("""(mode) => { const { viewer } = thingc; viewer.setMode(mode);
+              const down = viewer.stage.camera.position.clone().fromArray(viewer.mode.gravity);
+              return down.applyQuaternion(viewer.stage.world.quaternion).toArray(); }""", mode)
+            assert np.allclose(down, [0, 0, -9.81], atol=1e-9)

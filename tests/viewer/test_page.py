@@ -1,0 +1,111 @@
+"""The file of a page: what it is told, how its meshes are packed, and that whatever a document says stays text in it."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import io
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+from conftest import ROOT
+from emit import small_robot
+from thingc.emit.artifact import Artifacts
+from thingc.emit.html.packed import Packed
+from thingc.emit.html.target import emit
+from thingc.realize.store.local import Store
+from thingc.realize.store.meshes import arrays
+from viewer.conftest import Pages
+
+
+def element(page: str, name: str) -> str:
+    """What the page has in the element of that name."""
+    match = re.search(rf'<script id="{name}"[^>]*>(.*?)</script>', page, re.DOTALL)
+    assert match is not None
+    return match[1]
+
+
+def told(made: Artifacts) -> tuple[str, dict[str, Any], bytes]:
+    """The one page, what it is told, and its meshes."""
+    ((path, data),) = made.files.items()
+    assert path == "html/arm.html" and isinstance(data, bytes)
+    page = data.decode()
+    return page, json.loads(element(page, "thingc-robot")), base64.b64decode(element(page, "thingc-geometry"))
+
+
+def test_meshes_are_packed_to_a_few_micrometres(tmp_path: Path) -> None:
+    """trimesh reads the packed file, with the node that undoes the packing: vertices are those of the store to half a step of 16 bits."""
+    store = Store(str(tmp_path))
+    asked = small_robot.request(small_robot.assembly(store), store)
+    packed = Packed(store)
+    meshes = list({one.drawn.sha256: one.drawn for one in asked.assembly.occurrences if one.drawn is not None}.values())
+    assert len(meshes) > 1 and [packed.number(mesh) for mesh in (*meshes, meshes[0])] == [*range(len(meshes)), 0]
+    scene = trimesh.load_scene(io.BytesIO(packed.glb()), file_type="glb", process=False)
+    for mesh in meshes:
+        vertices, faces = arrays(store.read(mesh.sha256))
+        node = next(node for node in scene.graph.nodes_geometry if scene.graph.get(node)[1] == mesh.sha256)
+        scale = np.array(scene.graph.get(node)[0])
+        raw = np.asarray(scene.geometry[mesh.sha256].vertices) / (32767 if np.abs(scene.geometry[mesh.sha256].vertices).max() > 1 else 1)
+        found = raw @ scale[:3, :3].T + scale[:3, 3]
+        half = np.ptp(vertices, axis=0).max() / 2
+        assert np.abs(found - vertices).max() <= half / 32767 / 2 * 1.01
+        assert np.array_equal(scene.geometry[mesh.sha256].faces, faces)
+
+
+def test_names_are_text(tmp_path: Path) -> None:
+    """A name that would be HTML, end a script or look like a place of the frame stands in the page as it is, as data."""
+    store = Store(str(tmp_path))
+    whole = small_robot.assembly(store)
+    evil = '</script><img src=x onerror="alert(1)">@SCRIPT@&amp;'
+    first, *others = whole.occurrences
+    page, data, _ = told(emit(small_robot.request(replace(whole, occurrences=(replace(first, path=evil), *others)), store)))
+    assert data["occurrences"][0]["path"] == evil
+    assert "<img" not in page and page.count("</script>") == 3
+
+
+def test_a_page_is_the_same_twice_and_asks_for_nothing(tmp_path: Path) -> None:
+    store = Store(str(tmp_path))
+    asked = small_robot.request(small_robot.assembly(store), store)
+    page, data, _ = told(emit(asked))
+    assert told(emit(asked))[0] == page
+    assert "@" not in re.sub(r"<script.*?</script>|<style>.*?</style>", "", page, flags=re.DOTALL)
+    assert "connect-src 'none'" in page and "default-src 'none'" in page and not re.search(r'(?:src|href)="', page)
+    assert [mode["name"] for mode in data["modes"]] == [robot.mode.name for robot in asked.robots]
+
+
+def test_the_page_says_where_things_are_written(pages: Pages) -> None:
+    """Document and part file with their lines, in the words of the workspace: as a search through the files finds them."""
+    data = json.loads(element((pages.arm / "html/arm.html").read_text(), "thingc-robot"))
+    document = (ROOT / "assemblies/arm.yaml").read_text().splitlines()
+    plate = next(one for one in data["occurrences"] if one["path"] == "plate")
+    assert plate["file"] == "assemblies/arm.yaml" and document[plate["line"] - 1].strip().startswith("plate:")
+    made = data["definitions"][plate["definition"]]
+    assert made["file"] == "parts/arm.py" and (ROOT / made["file"]).read_text().splitlines()[made["line"] - 1].startswith("class BasePlate")
+    cap = next(one for one in data["occurrences"] if one["path"] == "hand/cap")
+    assert cap["file"] == "assemblies/end_effector.yaml"
+    servo = data["definitions"][next(one for one in data["occurrences"] if one["path"] == "yaw_servo")["definition"]]
+    assert servo["reference"] == "thingc_stock.dynamixel:XM430"
+    assert str(ROOT) not in json.dumps(data)
+
+
+@pytest.mark.parametrize(("robot", "most"), [("arm", 1.5e6), ("minchw", 2e6)])
+def test_pages_are_small(pages: Pages, robot: str, most: float) -> None:
+    assert (getattr(pages, robot) / f"html/{robot}.html").stat().st_size < most
+
+
+def test_the_program_was_made_from_these_sources() -> None:
+    """`make viewer` was run after the last change of `viewer/`: the digest is worked out as viewer/build.mjs does it."""
+    folder = ROOT / "viewer"
+    digest = hashlib.sha256()
+    names = [str(path.relative_to(folder)) for path in (folder / "src").rglob("*.ts")]
+    for name in sorted([*names, "package-lock.json"]):
+        digest.update(f"{name}\n".encode() + (folder / name).read_bytes())
+    first = (ROOT / "compiler/thingc/emit/html/page/viewer.js").read_text().partition("\n")[0]
+    assert first.endswith(f"sources {digest.hexdigest()}"), "run `make viewer`"

@@ -1,0 +1,25 @@
+// Bundles src/ and three.js into one script without imports, for a page that is opened as a file.
+// Its first line names the digest of what it was made from, by which a test sees whether it is that of these sources.
+import { createHash } from "node:crypto";
+import { readdirSync, readFileSync, writeFileSync } from "node:fs";
+import { fileURLToPath } from "node:url";
+import { join } from "node:path";
+import { build } from "esbuild";
+
+const here = fileURLToPath(new URL(".", import.meta.url));
+const target = join(here, "../compiler/thingc/emit/html/page/viewer.js");
+
+const digest = createHash("sha256");
+const sources = readdirSync(join(here, "src"), { recursive: true }).filter((name) => name.endsWith(".ts"));
+for (const name of [...sources.map((name) => `src/${name}`), "package-lock.json"].sort()) {
+  digest.update(`${name}\n`).update(readFileSync(join(here, name)));
+}
+
+const made = await build({
+  entryPoints: [join(here, "src/main.ts")], bundle: true, minify: true, format: "iife", target: "es2022", write: false,
+  legalComments: "inline", charset: "utf8",
+});
+// `</script` and `<!--` would end the element that the page has it in
+const text = made.outputFiles[0].text.replaceAll("</script", "<\\/script").replaceAll("<!--", "<\\!--");
+writeFileSync(target, `// thingc viewer, with three.js (MIT, https://threejs.org). Made from viewer/ by \`make viewer\`; sources ${digest.digest("hex")}\n${text}`);
+console.log(`${target}: ${(text.length / 1024).toFixed(0)} KiB`);

@@ -1,0 +1,144 @@
+// The page: reads what it was given, and wires panels, gestures and keys to the viewer.
+
+import type { BufferGeometry } from "three";
+import { type Robot, shownMass, VERSION } from "./data";
+import { listen, live } from "./live";
+import { restored, written } from "./permalink";
+import { geometriesOf } from "./scene";
+import { bomPanel } from "./ui/bom";
+import { card, editor } from "./ui/card";
+import { $, choices, make } from "./ui/dom";
+import { gestures, KEYS, keys } from "./ui/gestures";
+import { measurePanel } from "./ui/measure";
+import { posePanel } from "./ui/pose";
+import { showPanel } from "./ui/show";
+import { treePanel } from "./ui/tree";
+import { Viewer } from "./viewer";
+
+const PANELS: [string, string, (panel: HTMLElement, viewer: Viewer) => void][] = [
+  ["pose", "Move", posePanel], ["tree", "Parts", treePanel], ["bom", "Bill", bomPanel], ["show", "Show", showPanel], ["measure", "Measure", measurePanel],
+];
+
+async function start(): Promise<void> {
+  const robot = JSON.parse($("thingc-robot").textContent!) as Robot;
+  if (robot.version !== VERSION) throw new Error(`this page reads version ${VERSION} of a robot, and was given ${robot.version}`);
+  const packed = atob($("thingc-geometry").textContent!.trim());
+  const glb = Uint8Array.from(packed, (character) => character.charCodeAt(0)).buffer;
+  const canvas = $("canvas") as HTMLCanvasElement;
+  const viewer = new Viewer(canvas, $("labels"));
+  editor.link = document.querySelector<HTMLMetaElement>('meta[name="thingc-editor"]')?.content ?? null;
+
+  let shown = "pose";
+  const tabs = $("tabs");
+  const open = (name: string): void => {
+    shown = name;
+    for (const [own] of PANELS) $(`panel-${own}`).hidden = own !== name;
+    for (const tab of tabs.children) tab.setAttribute("aria-selected", String(tab.id === `tab-${name}`));
+  };
+  for (const [name, words, panel] of PANELS) {
+    tabs.append(make("button", { type: "button", role: "tab", id: `tab-${name}`, "aria-controls": `panel-${name}`, onclick: () => open(name) }, words));
+    $(`panel-${name}`).setAttribute("aria-labelledby", `tab-${name}`);
+    panel($(`panel-${name}`), viewer);
+  }
+  card($("card"), viewer);
+  header(viewer);
+  gestures(canvas, viewer, () => shown === "measure");
+  const help = helped();
+  keys(viewer, { find: () => { open("tree"); $("search").focus(); }, help });
+  actions(viewer, help);
+  open("pose");
+
+  new ResizeObserver(() => viewer.stage.resize()).observe($("view"));
+  viewer.stage.resize();
+  viewer.load(robot, await geometriesOf(glb));
+  restored(viewer, location.hash);
+  window.addEventListener("hashchange", () => restored(viewer, location.hash));
+  remember(viewer);
+  if (live()) listen(viewer, (fresh: Robot, geometries: BufferGeometry[]) => viewer.load(fresh, geometries));
+  // for whoever steers the page from outside: tests, notebooks, other pages
+  Object.assign(globalThis, { thingc: { viewer, ready: true } });
+}
+
+function header(viewer: Viewer): void {
+  let update = (): void => {};
+  viewer.listen((change) => {
+    if (change === "robot") {
+      const { robot } = viewer;
+      document.title = $("title").textContent = $("title").title = robot.name;
+      const moving = new Set(robot.joints.map((joint) => joint.joint)).size;
+      $("subtitle").textContent = `${shownMass(robot.mass)}, ${robot.links.length} links, ${moving} joints`;
+      update = choices($("modes"), robot.modes.map((mode) => mode.name), () => viewer.mode.name, (name) => viewer.setMode(name));
+    }
+    if (change === "mode") {
+      update();
+      const { root, base } = viewer.mode;
+      $("subtitle").title = `mode ${viewer.mode.name}: root ${root.path}, base ${base}`;
+    }
+    if (change === "options") document.documentElement.dataset.theme = viewer.options.theme;
+    if (change === "said") {
+      $("said").hidden = viewer.said === "";
+      $("said").textContent = viewer.said;
+    }
+  });
+  document.documentElement.dataset.theme = viewer.options.theme;
+}
+
+function actions(viewer: Viewer, help: () => void): void {
+  const button = (words: string, title: string, act: () => void): HTMLButtonElement => make("button", { type: "button", title, "aria-label": title, onclick: act }, words);
+  $("actions").append(
+    button("Fit", "the whole robot in the picture (r)", () => viewer.reset()),
+    button("Link", "copy a link to exactly this view", async () => {
+      history.replaceState(null, "", written(viewer));
+      await navigator.clipboard?.writeText(location.href).then(() => viewer.say("the link is copied"), () => viewer.say("the link is in the address bar"));
+    }),
+    button("Picture", "save this picture as PNG", () => saved(viewer)),
+    button("◐", "dark or light", () => viewer.setOptions({ theme: viewer.options.theme === "dark" ? "light" : "dark" })),
+    button("?", "keys and gestures (?)", help),
+  );
+}
+
+/** Hands the picture to the person, without its background. */
+function saved(viewer: Viewer): void {
+  viewer.stage.draw();
+  viewer.stage.canvas.toBlob((blob) => {
+    if (blob === null) return;
+    const url = URL.createObjectURL(blob);
+    make("a", { href: url, download: `${viewer.robot.name}_${viewer.mode.name}.png` }).click();
+    setTimeout(() => URL.revokeObjectURL(url), 1000);
+  });
+}
+
+function helped(): () => void {
+  const dialog = $("help") as HTMLDialogElement;
+  const table = make("table", {}, make("tbody", {}, ...KEYS.map(([key, words]) => make("tr", {}, make("td", {}, make("kbd", {}, key)), make("td", {}, words)))));
+  dialog.append(
+    make("h2", {}, "Gestures"),
+    make("p", {}, "Drag to turn, drag with the right button to shift, scroll to zoom. Click a part to see what it is. Drag a link with Shift, or after a long press, to pose the robot."),
+    make("h2", {}, "Keys"), table, make("p", {}, make("button", { type: "button", autofocus: true, onclick: () => dialog.close() }, "Close")),
+  );
+  return () => dialog.showModal();
+}
+
+/** The address follows what is shown, when it has been still for a while. */
+function remember(viewer: Viewer): void {
+  let waiting = 0;
+  const note = (): void => {
+    clearTimeout(waiting);
+    waiting = window.setTimeout(() => {
+      try {
+        history.replaceState(null, "", written(viewer));
+      } catch {
+        // a browser may forbid it in a page within another
+      }
+    }, 300);
+  };
+  viewer.listen((change) => { if (change !== "said") note(); });
+  viewer.stage.controls.addEventListener("end", note);
+}
+
+start().catch((fault: unknown) => {
+  const words = fault instanceof Error ? fault.message : String(fault);
+  $("said").hidden = false;
+  $("said").textContent = /webgl/i.test(words) ? "This browser cannot draw in three dimensions (WebGL is off)." : words;
+  throw fault;
+});

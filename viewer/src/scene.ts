@@ -1,0 +1,334 @@
+// What is drawn of a robot: every mesh once, however often it occurs (an InstancedMesh), in the frame of the world.
+
+import {
+  AmbientLight, BoxGeometry, BufferAttribute, type BufferGeometry, Box3, CapsuleGeometry, Color, CylinderGeometry, DirectionalLight, DoubleSide, FrontSide,
+  GridHelper, Group, HemisphereLight, InstancedMesh, type Material, Matrix4, type Mesh, MeshStandardMaterial, type Object3D, PerspectiveCamera,
+  Plane, Quaternion, Raycaster, Scene, SphereGeometry, SRGBColorSpace, Vector2, Vector3, WebGLRenderer,
+} from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
+import { toCreasedNormals } from "three/addons/utils/BufferGeometryUtils.js";
+import type { Robot, Shape } from "./data";
+import { matrixOf } from "./kinematics";
+
+/** Faces that meet at more than this angle [rad] have an edge between them. */
+const CREASE = 0.55;
+/** Of what has no colour. */
+export const PLAIN = "#bfc4c9";
+export const CHOSEN = new Color("#ff8a1f");
+const DOWN = new Vector3(0, 0, -1);
+
+interface Instance { occurrence: number; pose: Matrix4 }
+
+/** Instances of one geometry, of what is seen or of what collides. */
+interface Batch { mesh: InstancedMesh; instances: Instance[]; collides: boolean }
+
+export interface Hit { occurrence: number; point: Vector3 }
+
+const known = new Map<string, BufferGeometry>();
+
+/** Geometries by the number that the data has for them; those that were there before are not worked out again. */
+export async function geometriesOf(glb: ArrayBuffer): Promise<BufferGeometry[]> {
+  const loaded = await new GLTFLoader().parseAsync(glb, "");
+  const nodes = loaded.parser.json.nodes as { mesh: number }[] | undefined;
+  const names = loaded.parser.json.meshes as { name: string }[] | undefined;
+  const found: BufferGeometry[] = [];
+  for (const child of loaded.scene.children as Mesh[]) {
+    const number = loaded.parser.associations.get(child)!.nodes!;
+    const name = names![nodes![number].mesh].name;
+    if (!known.has(name)) known.set(name, toCreasedNormals(unpacked(child), CREASE));
+    found[number] = known.get(name)!;
+  }
+  return found;
+}
+
+/** Of a mesh whose file has its positions in 16 bits, and its node what they mean. */
+function unpacked(mesh: Mesh): BufferGeometry {
+  mesh.updateMatrix();
+  const packed = mesh.geometry.getAttribute("position");
+  const point = new Vector3();
+  const numbers = new Float32Array(packed.count * 3);
+  for (let k = 0; k < packed.count; k += 1) point.fromBufferAttribute(packed, k).applyMatrix4(mesh.matrix).toArray(numbers, 3 * k);
+  return mesh.geometry.clone().setAttribute("position", new BufferAttribute(numbers, 3));
+}
+
+/** The picture: camera, lights, floor, and the batches of a robot. */
+export class Stage {
+  readonly renderer: WebGLRenderer;
+  readonly scene = new Scene();
+  readonly camera = new PerspectiveCamera(35, 1, 0.001, 100);
+  readonly controls: OrbitControls;
+  /** What is in the world of the robot; turned so that gravity is down. */
+  readonly world = new Group();
+  /** The size of the robot [m]: the radius of a ball around it. */
+  size = 0.2;
+  private batches: Batch[] = [];
+  private floor: GridHelper | null = null;
+  private readonly section = new Plane(new Vector3(-1, 0, 0), 0);
+  private readonly raycaster = new Raycaster();
+  private asked = false;
+  private around: Box3 | null = null;
+  /** Called before each picture. */
+  prepare: () => void = () => {};
+  /** How long the script took for the last picture [ms]. */
+  spent = 0;
+
+  constructor(readonly canvas: HTMLCanvasElement) {
+    this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha: true, preserveDrawingBuffer: false, powerPreference: "high-performance" });
+    this.renderer.outputColorSpace = SRGBColorSpace;
+    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    this.renderer.localClippingEnabled = true;
+    this.camera.up.set(0, 0, 1);
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.enableDamping = false;
+    this.controls.addEventListener("change", () => this.ask());
+    const sky = new HemisphereLight("#ffffff", "#8d949c", 1.5);
+    sky.position.set(0, 0, 1);
+    this.scene.add(this.world, sky, new AmbientLight("#ffffff", 0.35));
+    for (const [x, y, z, bright] of [[1, -1.2, 2, 1.9], [-2, 0.6, 0.8, 0.7]]) {
+      const light = new DirectionalLight("#ffffff", bright);
+      light.position.set(x, y, z);
+      this.scene.add(light);
+    }
+  }
+
+  /** Draw a picture before long. */
+  ask(): void {
+    if (this.asked) return;
+    this.asked = true;
+    requestAnimationFrame(() => {
+      this.asked = false;
+      const began = performance.now();
+      this.prepare();
+      this.draw();
+      this.spent = performance.now() - began;
+    });
+  }
+
+  draw(): void {
+    this.renderer.render(this.scene, this.camera);
+  }
+
+  resize(): void {
+    const { clientWidth: width, clientHeight: height } = this.canvas.parentElement!;
+    if (width === 0 || height === 0) return;
+    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    this.renderer.setSize(width, height, false);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    this.ask();
+  }
+
+  /** Turns the world so that gravity points down in the picture. */
+  face(gravity: number[]): void {
+    const pull = new Vector3(...(gravity as [number, number, number]));
+    this.world.quaternion.copy(pull.length() > 0 ? new Quaternion().setFromUnitVectors(pull.normalize(), DOWN) : new Quaternion());
+    this.world.updateMatrixWorld(true);
+  }
+
+  /** Puts the meshes of a robot into the world, in place of those before. */
+  furnish(robot: Robot, geometries: BufferGeometry[]): void {
+    for (const { mesh } of this.batches) {
+      this.world.remove(mesh);
+      mesh.dispose();
+    }
+    this.batches = [];
+    this.around = null;
+    const wanted = new Map<string, { geometry: BufferGeometry; collides: boolean; alpha: number; instances: Instance[] }>();
+    const add = (key: string, geometry: () => BufferGeometry, collides: boolean, alpha: number, instance: Instance): void => {
+      const batch = wanted.get(key);
+      if (batch === undefined) wanted.set(key, { geometry: geometry(), collides, alpha, instances: [instance] });
+      else batch.instances.push(instance);
+    };
+    robot.occurrences.forEach((occurrence, index) => {
+      const { visual, color } = occurrence;
+      if (visual !== null) {
+        const alpha = color !== null && color.length === 9 ? parseInt(color.slice(7), 16) / 255 : 1;
+        add(`seen ${visual} ${alpha}`, () => geometries[visual], false, alpha, { occurrence: index, pose: new Matrix4() });
+      }
+      for (const shape of occurrence.collision) {
+        const [key, geometry, pose] = primitive(shape, geometries);
+        add(`felt ${key}`, geometry, true, 0.45, { occurrence: index, pose });
+      }
+    });
+    for (const { geometry, collides, alpha, instances } of wanted.values()) {
+      const mesh = new InstancedMesh(geometry, material(alpha, collides, [this.section]), instances.length);
+      mesh.frustumCulled = false;
+      mesh.renderOrder = collides ? 1 : 0;
+      instances.forEach((_, index) => mesh.setColorAt(index, CHOSEN));
+      this.world.add(mesh);
+      this.batches.push({ mesh, instances, collides });
+    }
+    this.clip(null, 0);
+  }
+
+  /** How many calls a picture takes. */
+  get calls(): number {
+    return this.renderer.info.render.calls;
+  }
+
+  show(seen: boolean, felt: boolean): void {
+    for (const { mesh, collides } of this.batches) {
+      mesh.visible = collides ? felt : seen;
+      const both = seen && felt;
+      if (collides) (mesh.material as MeshStandardMaterial).opacity = both ? 0.35 : 0.8;
+    }
+  }
+
+  /** Puts every occurrence where it is in the world, in its colour. */
+  arrange(poses: Matrix4[], colors: Color[]): void {
+    this.around = null;
+    const matrix = new Matrix4();
+    for (const { mesh, instances } of this.batches) {
+      instances.forEach(({ occurrence, pose }, index) => {
+        mesh.setMatrixAt(index, matrix.multiplyMatrices(poses[occurrence], pose));
+        mesh.setColorAt(index, colors[occurrence]);
+      });
+      mesh.instanceMatrix.needsUpdate = true;
+      mesh.instanceColor!.needsUpdate = true;
+      mesh.boundingSphere = null; // of rays, too
+      mesh.boundingBox = null;
+    }
+  }
+
+  /** The box around all that is there, in the world of the robot. */
+  bounds(): Box3 {
+    return (this.around ??= this.measured()).clone();
+  }
+
+  private measured(): Box3 {
+    const box = new Box3(), own = new Box3(), matrix = new Matrix4();
+    for (const { mesh, instances, collides } of this.batches) {
+      if (collides) continue;
+      mesh.geometry.boundingBox ?? mesh.geometry.computeBoundingBox();
+      instances.forEach((_, index) => {
+        mesh.getMatrixAt(index, matrix);
+        box.union(own.copy(mesh.geometry.boundingBox!).applyMatrix4(matrix));
+      });
+    }
+    return box.isEmpty() ? new Box3(new Vector3(-0.1, -0.1, -0.1), new Vector3(0.1, 0.1, 0.1)) : box;
+  }
+
+  /** The camera so far away that all is in the picture, and a floor as large. */
+  frame(): void {
+    const box = this.bounds();
+    const centre = box.getCenter(new Vector3()), radius = box.getSize(new Vector3()).length() / 2;
+    this.size = radius;
+    const middle = this.world.localToWorld(centre.clone());
+    const half = Math.tan((this.camera.fov * Math.PI) / 360) * Math.min(1, this.camera.aspect);
+    this.controls.target.copy(middle);
+    this.camera.position.copy(middle).add(new Vector3(0.62, -0.72, 0.42).normalize().multiplyScalar((1.12 * radius) / half));
+    this.reach();
+    this.controls.update();
+  }
+
+  /** What is near enough, and far enough, to be drawn. */
+  reach(): void {
+    const away = this.camera.position.distanceTo(this.controls.target);
+    this.camera.near = Math.max(away / 500, 1e-4);
+    this.camera.far = away + 60 * this.size;
+    this.camera.updateProjectionMatrix();
+  }
+
+  /** The grid on the plane z = 0 of the world, where models have their floor. */
+  lay(color: string, shown: boolean): void {
+    const key = `${color} ${this.size}`;
+    if (this.floor !== null) this.floor.visible = shown;
+    if (this.floor?.name === key) return;
+    if (this.floor !== null) {
+      this.world.remove(this.floor);
+      this.floor.dispose();
+    }
+    const cell = 10 ** Math.floor(Math.log10(Math.max(this.size, 1e-3)));
+    const count = 2 * Math.ceil((3 * this.size) / cell);
+    this.floor = new GridHelper(count * cell, count, color, color);
+    this.floor.name = key;
+    this.floor.rotation.x = Math.PI / 2;
+    (this.floor.material as Material).transparent = true;
+    (this.floor.material as Material).opacity = 0.55;
+    this.floor.visible = shown;
+    this.world.add(this.floor);
+  }
+
+  /** Cuts away what is beyond a plane normal to an axis of the world, at a part (0 to 1) of the robot; null cuts nothing. */
+  clip(axis: number | null, part: number): void {
+    const box = this.bounds();
+    const normal = new Vector3();
+    if (axis !== null) normal.setComponent(axis, -1);
+    const at = axis === null ? 1 : box.min.getComponent(axis) + part * (box.max.getComponent(axis) - box.min.getComponent(axis));
+    this.section.set(normal, at);
+    if (axis !== null) this.section.applyMatrix4(this.world.matrixWorld);
+    for (const { mesh } of this.batches) {
+      const own = mesh.material as MeshStandardMaterial;
+      const side = axis === null ? FrontSide : DoubleSide;
+      if (own.side === side && own.clippingPlanes!.length === (axis === null ? 0 : 1)) continue;
+      own.clippingPlanes = axis === null ? [] : [this.section];
+      own.side = side;
+      own.needsUpdate = true;
+    }
+  }
+
+  private ray(x: number, y: number): void {
+    const { left, top, width, height } = this.canvas.getBoundingClientRect();
+    this.raycaster.setFromCamera(new Vector2(((x - left) / width) * 2 - 1, 1 - ((y - top) / height) * 2), this.camera);
+  }
+
+  /** What is under a point of the window, and where, in the world of the robot. */
+  hit(x: number, y: number): Hit | null {
+    this.ray(x, y);
+    const shown: Object3D[] = this.batches.filter(({ mesh }) => mesh.visible).map(({ mesh }) => mesh);
+    for (const found of this.raycaster.intersectObjects(shown, false)) {
+      if (this.cutAway(found.object as InstancedMesh, found.point)) continue;
+      const batch = this.batches.find(({ mesh }) => mesh === found.object);
+      if (batch !== undefined && found.instanceId !== undefined) {
+        return { occurrence: batch.instances[found.instanceId].occurrence, point: this.world.worldToLocal(found.point.clone()) };
+      }
+    }
+    return null;
+  }
+
+  private cutAway(mesh: InstancedMesh, point: Vector3): boolean {
+    const planes = (mesh.material as MeshStandardMaterial).clippingPlanes ?? [];
+    return planes.some((plane) => plane.distanceToPoint(point) < 0);
+  }
+
+  /** Where the ray through a point of the window meets the plane through `point` that faces the camera, in the world of the robot. */
+  drawn(x: number, y: number, point: Vector3): Vector3 | null {
+    this.ray(x, y);
+    const facing = this.camera.getWorldDirection(new Vector3());
+    const plane = new Plane().setFromNormalAndCoplanarPoint(facing, this.world.localToWorld(point.clone()));
+    const met = this.raycaster.ray.intersectPlane(plane, new Vector3());
+    return met === null ? null : this.world.worldToLocal(met);
+  }
+
+  /** Where a point of the world of the robot is in the picture [px], null behind the camera. */
+  project(point: Vector3): { x: number; y: number } | null {
+    const seen = this.world.localToWorld(point.clone()).project(this.camera);
+    if (seen.z > 1) return null;
+    return { x: ((seen.x + 1) / 2) * this.canvas.clientWidth, y: ((1 - seen.y) / 2) * this.canvas.clientHeight };
+  }
+}
+
+function material(alpha: number, collides: boolean, planes: Plane[]): MeshStandardMaterial {
+  return new MeshStandardMaterial({
+    roughness: 0.62, metalness: 0.05, transparent: collides || alpha < 1, opacity: alpha, depthWrite: !collides && alpha === 1,
+    clippingPlanes: planes, flatShading: false,
+  });
+}
+
+/** The key, geometry and pose of what collides; sizes are MuJoCo's: half ones, and cylinders along z. */
+function primitive(shape: Shape, geometries: BufferGeometry[]): [string, () => BufferGeometry, Matrix4] {
+  if (shape.shape === "mesh") return [`mesh ${shape.mesh}`, () => geometries[shape.mesh], new Matrix4()];
+  const pose = matrixOf(shape.pose);
+  const [a, b, c] = shape.size;
+  switch (shape.shape) {
+    case "box":
+      return ["box", () => new BoxGeometry(2, 2, 2), pose.scale(new Vector3(a, b, c))];
+    case "sphere":
+      return ["sphere", () => new SphereGeometry(1, 24, 16), pose.scale(new Vector3(a, a, a))];
+    case "cylinder":
+      return ["cylinder", () => new CylinderGeometry(1, 1, 2, 32).rotateX(Math.PI / 2), pose.scale(new Vector3(a, a, b))];
+    case "capsule":
+      return [`capsule ${a} ${b}`, () => new CapsuleGeometry(a, 2 * b, 8, 24).rotateX(Math.PI / 2), pose];
+  }
+}

@@ -1,0 +1,177 @@
+// Loops kept closed, and links drawn to points: least squares over the coordinates of a mode, by damped Newton steps
+// (Levenberg and Marquardt; see Nocedal and Wright, Numerical Optimization, 2006, section 10.3).
+
+import { Matrix4, Quaternion, Vector3 } from "three";
+import type { Joint, Loop, Robot } from "./data";
+import { type Coordinates, Followers, matrixOf, move, Tree } from "./kinematics";
+
+/** How much of a metre a radian counts, in what loops leave open and in what is moved. */
+const RADIAN = 0.1;
+
+/** A loop is closed to here [m, and rad x RADIAN]. */
+export const CLOSED = 1e-7;
+
+export interface Goal { body: number; point: Vector3; target: Vector3 }
+
+export interface Answer { q: Coordinates; base: Matrix4; open: number }
+
+interface Unknown { path: string; lower: number; upper: number; turns: boolean }
+
+/** What may move in a mode, and what must meet. */
+export class Solver {
+  private readonly joints: Map<string, Joint>;
+  private readonly loops: { loop: Loop; X_PA: Matrix4; X_CB: Matrix4 }[];
+  private readonly placed: Matrix4[];
+
+  constructor(robot: Robot, private readonly tree: Tree, private readonly followers: Followers) {
+    this.joints = new Map(robot.joints.map((joint) => [joint.path, joint]));
+    this.loops = tree.mode.loops.map((loop) => ({ loop, X_PA: matrixOf(loop.X_PA), X_CB: matrixOf(loop.X_CB) }));
+    this.placed = tree.fresh();
+  }
+
+  /** Whether anything has to be kept closed. */
+  get closes(): boolean {
+    return this.loops.length > 0;
+  }
+
+  /** Whether the base has to move for it: one that floats is carried by what the mode holds. */
+  private get carries(): boolean {
+    return this.tree.mode.base === "free" && this.loops.some(({ loop }) => loop.hold);
+  }
+
+  /** How far the worst loop is from closed. */
+  openness(q: Coordinates, base: Matrix4): number {
+    return this.residuals(q, base, null, 1).reduce((worst, one) => Math.max(worst, Math.abs(one)), 0);
+  }
+
+  /**
+   * Coordinates near `q` at which the loops are closed, with `fixed` ones kept, and a point of a body as near its target as it comes.
+   * `open` is how far the worst loop still is from closed.
+   */
+  solve(q: Coordinates, base: Matrix4, fixed: ReadonlySet<string>, goal: Goal | null = null, rounds = 40): Answer {
+    const unknowns = this.unknowns(fixed);
+    let here: Answer = { q: { ...q }, base: base.clone(), open: 0 };
+    const weight = goal === null ? 1 : 1e2; // loops come before the goal
+    let residual = this.residuals(here.q, here.base, goal, weight);
+    let error = squares(residual), damping = goal === null ? 1e-6 : 1e-4;
+    for (let round = 0; round < rounds && error > 1e-22; round += 1) {
+      const jacobian = this.jacobian(unknowns, here, residual, goal, weight);
+      const step = damped(jacobian, residual, damping);
+      if (step === null) break;
+      const tried = this.moved(unknowns, here, step);
+      const after = this.residuals(tried.q, tried.base, goal, weight);
+      const left = squares(after);
+      if (left < error) {
+        const gained = error - left;
+        here = tried;
+        residual = after;
+        error = left;
+        damping = Math.max(damping / 10, 1e-12);
+        if (gained < 1e-12 * error) break;
+      } else if ((damping *= 10) > 1e6) break;
+    }
+    return { ...here, open: this.openness(here.q, here.base) };
+  }
+
+  private unknowns(fixed: ReadonlySet<string>): Unknown[] {
+    const paths = new Set<string>();
+    const kept = new Set([...fixed].map((path) => this.followers.leader(path).path));
+    const all = [...this.tree.bodies.flatMap((body) => body.joints), ...this.loops.flatMap(({ loop }) => loop.joints)];
+    for (const { path } of all) paths.add(this.followers.leader(path).path);
+    return [...paths].filter((path) => !kept.has(path)).map((path) => {
+      const joint = this.joints.get(path)!;
+      return { path, lower: joint.lower ?? -Infinity, upper: joint.upper ?? Infinity, turns: joint.turns };
+    });
+  }
+
+  private residuals(q: Coordinates, base: Matrix4, goal: Goal | null, weight: number): number[] {
+    const placed = this.tree.place(q, base, this.placed);
+    const residual: number[] = [];
+    for (const { loop, X_PA, X_CB } of this.loops) {
+      const a = loop.parent === null ? X_PA.clone() : new Matrix4().multiplyMatrices(placed[loop.parent], X_PA);
+      move(a, loop.joints, loop.at_once, q);
+      const b = new Matrix4().multiplyMatrices(placed[loop.child], X_CB);
+      const apart = a.invert().multiply(b);
+      const [x, y, z] = [apart.elements[12], apart.elements[13], apart.elements[14]];
+      residual.push(weight * x, weight * y, weight * z);
+      if (!loop.turns) residual.push(...rotationVector(apart).map((angle) => weight * RADIAN * angle));
+    }
+    if (goal !== null) {
+      const at = goal.point.clone().applyMatrix4(placed[goal.body]);
+      residual.push(at.x - goal.target.x, at.y - goal.target.y, at.z - goal.target.z);
+    }
+    return residual;
+  }
+
+  /** By differences; columns are the unknowns, then six of a base that moves. */
+  private jacobian(unknowns: Unknown[], here: Answer, residual: number[], goal: Goal | null, weight: number): number[][] {
+    const size = 1e-7;
+    const count = unknowns.length + (this.carries ? 6 : 0);
+    const columns: number[][] = [];
+    for (let column = 0; column < count; column += 1) {
+      const step = new Array<number>(count).fill(0);
+      step[column] = size;
+      const tried = this.moved(unknowns, here, step, false);
+      const after = this.residuals(tried.q, tried.base, goal, weight);
+      columns.push(after.map((value, row) => (value - residual[row]) / size));
+    }
+    return columns;
+  }
+
+  private moved(unknowns: Unknown[], here: Answer, step: number[], bounded = true): Answer {
+    const q = { ...here.q };
+    unknowns.forEach(({ path, lower, upper, turns }, index) => {
+      const value = q[path] + step[index] / (turns ? 1 : 1 / RADIAN);
+      q[path] = bounded ? Math.min(upper, Math.max(lower, value)) : value;
+    });
+    this.followers.settle(q);
+    if (!this.carries) return { q, base: here.base, open: 0 };
+    const [x, y, z, a, b, c] = step.slice(unknowns.length);
+    const spin = new Vector3(a, b, c);
+    const angle = spin.length();
+    const base = here.base.clone();
+    if (angle > 0) base.premultiply(new Matrix4().makeRotationAxis(spin.divideScalar(angle), angle));
+    base.setPosition(here.base.elements[12] + x * RADIAN, here.base.elements[13] + y * RADIAN, here.base.elements[14] + z * RADIAN);
+    return { q, base, open: 0 };
+  }
+}
+
+function rotationVector(pose: Matrix4): number[] {
+  const turn = new Quaternion().setFromRotationMatrix(pose);
+  const sign = turn.w < 0 ? -1 : 1;
+  const [x, y, z] = [sign * turn.x, sign * turn.y, sign * turn.z];
+  const sine = Math.hypot(x, y, z);
+  const factor = sine < 1e-12 ? 2 : (2 * Math.atan2(sine, sign * turn.w)) / sine;
+  return [factor * x, factor * y, factor * z];
+}
+
+const squares = (values: number[]): number => values.reduce((sum, value) => sum + value * value, 0);
+
+/** The step d with (J'J + damping diag) d = -J'r, by Cholesky's method; null where there is none. */
+function damped(columns: number[][], residual: number[], damping: number): number[] | null {
+  const n = columns.length;
+  if (n === 0) return null;
+  const A = columns.map((one) => columns.map((other) => one.reduce((sum, value, row) => sum + value * other[row], 0)));
+  const scale = Math.max(...A.map((row, k) => row[k]), 1e-12);
+  const b = columns.map((one) => -one.reduce((sum, value, row) => sum + value * residual[row], 0));
+  for (let k = 0; k < n; k += 1) A[k][k] += damping * scale;
+  for (let i = 0; i < n; i += 1) {
+    for (let j = 0; j <= i; j += 1) {
+      let sum = A[i][j];
+      for (let k = 0; k < j; k += 1) sum -= A[i][k] * A[j][k];
+      if (i === j) {
+        if (sum <= 0) return null;
+        A[i][i] = Math.sqrt(sum);
+      } else A[i][j] = sum / A[j][j];
+    }
+  }
+  for (let i = 0; i < n; i += 1) {
+    for (let k = 0; k < i; k += 1) b[i] -= A[i][k] * b[k];
+    b[i] /= A[i][i];
+  }
+  for (let i = n - 1; i >= 0; i -= 1) {
+    for (let k = i + 1; k < n; k += 1) b[i] -= A[k][i] * b[k];
+    b[i] /= A[i][i];
+  }
+  return b;
+}

@@ -1,0 +1,43 @@
+// The bill of materials: choosing a row chooses all its pieces.
+
+import { shownMass } from "../data";
+import type { Viewer } from "../viewer";
+import { make } from "./dom";
+
+export function bomPanel(panel: HTMLElement, viewer: Viewer): void {
+  let rows: { row: HTMLTableRowElement; pieces: number[] }[] = [];
+
+  const build = (): void => {
+    const { robot } = viewer;
+    rows = robot.bom.map((one) => {
+      const pieces = robot.occurrences.flatMap((other, index) =>
+        other.make === one.make && robot.definitions[other.definition].text === one.definition && other.source === one.source
+        && Math.abs(other.mass - one.mass) <= 1e-12 ? [index] : [],
+      );
+      const choose = (): void => viewer.choose(pieces);
+      const row = make(
+        "tr", { tabindex: 0, onclick: choose, onkeydown: (event) => { if ((event as KeyboardEvent).key === "Enter") choose(); } },
+        make("td", { class: "number" }, one.number), make("td", { title: one.definition }, one.name), make("td", { class: "number" }, String(one.quantity)),
+        make("td", {}, [one.make, one.material, one.supplier, one.cost].filter((word) => word !== null).join(", ")),
+        make("td", { class: "number", title: one.source }, shownMass(one.mass)),
+      );
+      return { row, pieces };
+    });
+    const head = make("tr", {}, ...["no.", "name", "qty", "how", "mass each"].map((word, k) => make("th", { class: [0, 2, 4].includes(k) ? "number" : "" }, word)));
+    panel.replaceChildren(make("table", {}, make("thead", {}, head), make("tbody", {}, ...rows.map(({ row }) => row))));
+    if (rows.length === 0) panel.replaceChildren(make("p", { class: "soft" }, "there is nothing to print or to buy"));
+    update();
+  };
+
+  const update = (): void => {
+    for (const { row, pieces } of rows) {
+      const chosen = pieces.length > 0 && pieces.length === viewer.choice.size && pieces.every((index) => viewer.choice.has(index));
+      row.setAttribute("aria-selected", String(chosen));
+    }
+  };
+
+  viewer.listen((change) => {
+    if (change === "robot") build();
+    else if (change === "choice") update();
+  });
+}

@@ -1,0 +1,51 @@
+// What is known of what is chosen.
+
+import { type Place, shownMass, trimmed } from "../data";
+import type { Viewer } from "../viewer";
+import { make, pairs } from "./dom";
+
+/** How a server that knows the folder opens files in an editor: a URL with `{file}` and `{line}`; null without one. */
+export const editor: { link: string | null } = { link: null };
+
+export function card(own: HTMLElement, viewer: Viewer): void {
+  const build = (): void => {
+    const chosen = [...viewer.choice];
+    own.hidden = chosen.length === 0;
+    if (chosen.length === 0) return;
+    const { occurrences, definitions, links } = viewer.robot;
+    const close = make("button", { class: "close", type: "button", "aria-label": "choose nothing", onclick: () => viewer.choose([]) }, "×");
+    const first = occurrences[chosen[0]], definition = definitions[first.definition];
+    const mass = chosen.reduce((sum, index) => sum + occurrences[index].mass, 0);
+    if (chosen.length > 1) {
+      const same = chosen.every((index) => occurrences[index].definition === first.definition);
+      own.replaceChildren(close, make("h2", {}, `${chosen.length} components`), pairs([
+        ["definition", same ? definition.label : null], ["mass", `${shownMass(mass)} together`],
+        ["part file", same ? place(definition) : null], ["components", chosen.slice(0, 12).map((index) => occurrences[index].path).join(", ") + (chosen.length > 12 ? ", ..." : "")],
+      ]));
+      return;
+    }
+    const source = first.estimate === null ? first.source : `${first.source} (${first.estimate})`;
+    const joint = viewer.joints.filter((one) => one.child === first.link).map((one) => one.path).join(", ");
+    own.replaceChildren(close, make("h2", {}, first.path), pairs([
+      ["definition", definition.label], ["mirrors", definition.mirrors],
+      ...definition.parameters.map(([name, value]): [string, string] => [name, value]),
+      ["material", first.material], ["mass", first.mass === 0 ? "none" : `${shownMass(first.mass)}, ${source}`],
+      ["centre", first.mass === 0 ? null : `${first.centre.map((x) => trimmed(1000 * x, 1)).join(", ")} mm`],
+      ["link", links[first.link].name], ["moved by", joint], ["collides with", first.collides], ["made by", first.make],
+      ["mounts", first.mounts.map((mount) => (mount.interface === null ? mount.name : `${mount.name} (${mount.interface})`)).join(", ")],
+      ["document", place(first)], ["part file", place(definition)],
+    ]));
+  };
+  viewer.listen((change) => {
+    if (change === "choice" || change === "robot" || change === "mode") build();
+  });
+}
+
+/** Where something is written; a link where an editor can be opened. */
+export function place({ file, line }: Place): Node | null {
+  if (file === null) return null;
+  const words = line === null ? file : `${file}:${line}`;
+  if (editor.link === null) return document.createTextNode(words);
+  const href = editor.link.replaceAll("{file}", encodeURI(file)).replaceAll("{line}", String(line ?? 1));
+  return make("a", { href }, words);
+}

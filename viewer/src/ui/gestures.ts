@@ -1,0 +1,137 @@
+// Pointer and keys on the picture: a click chooses, a drag with Shift (or one that begins with a long press) moves a link.
+
+import { Vector3 } from "three";
+import { MARKS, type Mark, SHOWN, type Viewer } from "../viewer";
+import { mountOf } from "../viewer";
+
+/** How far a pointer goes in a click [px], and how long it rests in a long press [ms]. */
+const CLICK = 5;
+const PRESS = 450;
+
+export function gestures(canvas: HTMLCanvasElement, viewer: Viewer, measuring: () => boolean): void {
+  let down: { x: number; y: number; id: number } | null = null;
+  let drag: { link: number; grip: Vector3; at: Vector3 } | null = null;
+  let press = 0;
+
+  const grab = (x: number, y: number): void => {
+    const hit = viewer.hit(x, y);
+    if (hit === null) return;
+    const link = viewer.robot.occurrences[hit.occurrence].link;
+    const refused = viewer.kept(link);
+    if (refused !== null) {
+      viewer.say(refused);
+      return;
+    }
+    drag = { link, grip: viewer.inLink(link, hit.point), at: hit.point };
+    viewer.stage.controls.enabled = false;
+    canvas.style.cursor = "grabbing";
+  };
+
+  canvas.addEventListener("pointerdown", (event) => {
+    down = { x: event.clientX, y: event.clientY, id: event.pointerId };
+    if (event.shiftKey && event.button === 0) {
+      event.stopImmediatePropagation();
+      canvas.setPointerCapture(event.pointerId);
+      grab(event.clientX, event.clientY);
+    } else if (event.pointerType === "touch") press = window.setTimeout(() => grab(event.clientX, event.clientY), PRESS);
+  }, { capture: true });
+  canvas.addEventListener("pointermove", (event) => {
+    if (down !== null && Math.hypot(event.clientX - down.x, event.clientY - down.y) > CLICK) clearTimeout(press);
+    if (drag === null) return;
+    const target = viewer.stage.drawn(event.clientX, event.clientY, drag.at);
+    if (target !== null) viewer.pull(drag.link, drag.grip, target);
+  });
+  const up = (event: PointerEvent): void => {
+    clearTimeout(press);
+    const still = down !== null && Math.hypot(event.clientX - down.x, event.clientY - down.y) <= CLICK;
+    const moved = drag !== null && !still;
+    down = drag = null;
+    viewer.stage.controls.enabled = true;
+    canvas.style.cursor = "";
+    if (still && !moved && event.type === "pointerup" && event.button === 0) click(event);
+  };
+  canvas.addEventListener("pointerup", up);
+  canvas.addEventListener("pointercancel", up);
+
+  const click = (event: PointerEvent): void => {
+    const hit = viewer.hit(event.clientX, event.clientY);
+    if (hit === null) viewer.choose([]);
+    else if (measuring()) nearest(viewer, hit.occurrence, hit.point);
+    else if (event.ctrlKey || event.metaKey) viewer.choose([...viewer.choice, hit.occurrence]);
+    else viewer.choose([hit.occurrence]);
+  };
+}
+
+/** The mount of an occurrence that is nearest to a point is measured from, or to. */
+function nearest(viewer: Viewer, occurrence: number, point: Vector3): void {
+  const keys = viewer.robot.occurrences[occurrence].mounts.map((mount) => `${occurrence}:${mount.name}`);
+  const away = (key: string): number => new Vector3().setFromMatrixPosition(viewer.mountPose(mountOf(key)!)).distanceTo(point);
+  keys.sort((a, b) => away(a) - away(b));
+  if (keys.length === 0) viewer.say(`${viewer.robot.occurrences[occurrence].path} has no mounts`);
+  else viewer.measure(viewer.measured[0] === "" || viewer.measured[1] !== "" ? 0 : 1, keys[0]);
+}
+
+const MARK_KEYS: Record<string, Mark> = { f: "frames", j: "joint axes", o: "mounts", c: "centres of mass", i: "inertia", n: "names", g: "floor" };
+
+/** What every key does, for the help. */
+export const KEYS: [string, string][] = [
+  ["m / M", "next, previous mode"], ["p / P", "next, previous pose"], ["v", "visual, collision or both"],
+  ...MARKS.map((mark): [string, string] => [Object.keys(MARK_KEYS).find((key) => MARK_KEYS[key] === mark)!, mark]),
+  ["r", "the whole robot in the picture"], ["arrows, + and -", "turn and zoom (picture focused)"], ["/", "find a component"], ["Esc", "choose nothing"], ["?", "this help"],
+];
+
+export function keys(viewer: Viewer, actions: { find: () => void; help: () => void }): void {
+  document.addEventListener("keydown", (event) => {
+    const field = event.target as HTMLElement;
+    if (event.ctrlKey || event.metaKey || event.altKey || field.closest("input, select, textarea, dialog")) return;
+    const { options, robot, mode } = viewer;
+    const cycled = (names: string[], here: string | undefined, by: number): string => names[(names.indexOf(here ?? "") + by + names.length) % names.length];
+    const by = event.key === event.key.toLowerCase() ? 1 : -1;
+    switch (event.key) {
+      case "m": case "M":
+        viewer.setMode(cycled(robot.modes.map((one) => one.name), mode.name, by));
+        break;
+      case "p": case "P":
+        if (mode.poses.length > 0) viewer.setPose(cycled(mode.poses.map((one) => one.name), viewer.pose?.name, by));
+        break;
+      case "v":
+        viewer.setOptions({ shown: SHOWN[(SHOWN.indexOf(options.shown) + 1) % SHOWN.length] });
+        break;
+      case "r":
+        viewer.reset();
+        break;
+      case "/":
+        actions.find();
+        break;
+      case "?":
+        actions.help();
+        break;
+      case "Escape":
+        viewer.choose([]);
+        break;
+      default:
+        if (event.key in MARK_KEYS) viewer.toggle(MARK_KEYS[event.key]);
+        else if (field.id === "canvas" && turned(viewer, event.key)) break;
+        else return;
+    }
+    event.preventDefault();
+  });
+}
+
+/** Turns the camera about what it looks at, or goes nearer; whether the key means that. */
+function turned(viewer: Viewer, key: string): boolean {
+  const { camera, controls } = viewer.stage;
+  const away = camera.position.clone().sub(controls.target);
+  const side = new Vector3(0, 0, 1).cross(away).normalize();
+  const steps: Record<string, () => void> = {
+    ArrowLeft: () => away.applyAxisAngle(new Vector3(0, 0, 1), -0.1), ArrowRight: () => away.applyAxisAngle(new Vector3(0, 0, 1), 0.1),
+    ArrowUp: () => away.applyAxisAngle(side, -0.08), ArrowDown: () => away.applyAxisAngle(side, 0.08),
+    "+": () => away.multiplyScalar(0.88), "-": () => away.multiplyScalar(1.14),
+  };
+  if (!(key in steps)) return false;
+  steps[key]();
+  camera.position.copy(controls.target).add(away);
+  controls.update();
+  viewer.stage.ask();
+  return true;
+}
