@@ -181,11 +181,61 @@ def test_limits_are_in_degrees_and_gains_per_degree(every: Compiled) -> None:
     assert driven == {"rail"}
 
 
+MIMIC = ", which Newton and, of turns with limits, PhysX read, where both turn or both slide"
+
+
+def schemas(prim: Any) -> set[str]:
+    """Those that are applied, known to usd-core or not."""
+    return set(prim.GetPrimTypeInfo().GetAppliedAPISchemas())
+
+
+def test_what_physx_reads_beside_newton(every: Compiled) -> None:
+    """In degrees, of turns and slides of the articulation; a dry friction is that at rest and in motion."""
+    first, degree = read(every, "first"), math.radians(1)
+    turn, values = first.joints["turn"].prim, {"armature": 0.3, "maxJointVelocity": 4 / degree}
+    assert {"PhysxJointAPI", "PhysxJointAxisAPI:angular"} <= schemas(turn)
+    assert said(turn, "physx") == {
+        **{f"physxJoint:{name}": value for name, value in values.items()},
+        **{f"physxJointAxis:angular:{name}": value for name, value in values.items()},
+        "physxJointAxis:angular:viscousFrictionCoefficient": 0.1 * degree,
+        "physxJointAxis:angular:staticFrictionEffort": 0.2, "physxJointAxis:angular:dynamicFrictionEffort": 0.2,
+    }
+    of = {joint.name: {one for one in schemas(joint.prim) if one.startswith("Physx")} for joint in first.joints.values()}
+    assert of["rail"] == set() and of["hip"] == set() and schemas(first.joints["hip"].prim) >= {"NewtonJointAPI"}
+    roots = [prim for prim in first.stage.Traverse() if "PhysxArticulationAPI" in schemas(prim)]
+    assert len(roots) == 1 and roots[0].HasAPI(UsdPhysics.ArticulationRootAPI)
+    assert said(roots[0], "physxArticulation") == {"physxArticulation:enabledSelfCollisions": True}
+
+
 def test_what_follows_has_newtons_schema(every: Compiled) -> None:
     prim = read(every, "last").joints["push"].prim
     assert "NewtonMimicAPI" in prim.GetPrimTypeInfo().GetAppliedAPISchemas() or "NewtonMimicAPI" in str(prim.GetMetadata("apiSchemas"))
     assert said(prim, "newton:mimic") == {"newton:mimicCoef0": 0.003, "newton:mimicCoef1": -2.0}
-    assert [str(path) for path in prim.GetRelationship("newton:mimicJoint").GetTargets()] == ["/every/joints/rail"]
+    for name in ("newton:mimicJoint", "physxMimicJoint:rotZ:referenceJoint"):
+        assert [str(path) for path in prim.GetRelationship(name).GetTargets()] == ["/every/joints/rail"]
+    assert "PhysxMimicJointAPI:rotZ" in schemas(prim) and said(prim, "physxMimic") == {
+        "physxMimicJoint:rotZ:referenceJointAxis": "rotZ", "physxMimicJoint:rotZ:gearing": 2.0, "physxMimicJoint:rotZ:offset": -0.003,
+    }
+
+
+def test_physx_takes_turns_that_follow_within_limits(tmp_path: Path) -> None:
+    document = MIMICS.replace("mimic: {joint: a, multiplier: 2", "limit: {lower: -9 rad, upper: 9 rad}, mimic: {joint: a, multiplier: 2")
+    made = Compiled(tmp_path, document.replace("  joints:", "  rest:").replace("joints.b", "rest.b"), "usd")
+    assert said(read(made, "m").joints["b"].prim, "physxMimic") == {
+        "physxMimicJoint:rotZ:referenceJointAxis": "rotZ", "physxMimicJoint:rotZ:gearing": -2.0, "physxMimicJoint:rotZ:offset": -30.0,
+    }
+
+
+def test_what_no_float_holds_is_a_loss(tmp_path: Path) -> None:
+    document = MIMICS.replace("  joints:", "  rest:").replace("joints.b", "rest.b").replace("effort: 7 N*m}", "velocity: 1e38 rad/s}")
+    document = document.replace("kp: 1 N*m/rad", "kp: 1 N*m/rad, kv: 1e39 N*m*s/rad").replace("mass: 1 kg", "mass: 1e200 kg", 1)
+    made = Compiled(tmp_path, document, "usd")
+    infinite = [loss[:3] for loss in made.losses(None) if "infinite" in loss[1]]
+    end = "it is infinite here, where numbers go up to 3.4e+38"
+    assert infinite == [
+        ("a", f"its kv of 1e+39 N m s/rad: {end}", "approximated"), ("d", f"its velocity limit of 1e+38 rad/s: {end}", "approximated"),
+        ("rest", f"its mass of 1e+200 kg: {end}", "approximated"),
+    ]
 
 
 MIMICS = """\
@@ -208,12 +258,13 @@ def test_a_follower_of_another_kind_is_a_loss_and_names_are_taken(tmp_path: Path
     made = Compiled(tmp_path / "good", document, "usd")
     joints = read(made, "m").joints
     assert said(joints["b"].prim, "newton:mimic") == {"newton:mimicCoef0": 30.0, "newton:mimicCoef1": 2.0}
-    assert said(joints["c"].prim, "newton:mimic") == {}
+    assert said(joints["c"].prim, "newton:mimic") == said(joints["c"].prim, "physxMimic") == {}
+    assert said(joints["b"].prim, "physxMimic") == {}  # has no limits
     assert UsdPhysics.Scene(read(made, "m").at("scene")).GetGravityMagnitudeAttr().Get() == 0.0
     assert said(joints["a"].prim, "drive:angular:physics:target") == {"drive:angular:physics:targetPosition": 10.0}
     assert [loss[:3] for loss in made.losses(None)] == [
-        ("b", "that it follows `a`, which Newton alone reads, where both turn or both slide", "carried as custom data"),
-        ("c", "that it follows `a`, which Newton alone reads, where both turn or both slide", "carried as custom data"),
+        ("b", f"that it follows `a`{MIMIC}", "carried as custom data"),
+        ("c", f"that it follows `a`{MIMIC}", "carried as custom data"),
         ("d", "its effort limit of 7 N m: there is that of a drive alone", "omitted"),
         ("c", "that it follows `a`: only a turn can follow a turn, and a slide a slide", "omitted"),
     ]
@@ -242,7 +293,7 @@ def test_what_is_lost_is_said_at_its_line(every: Compiled) -> None:
         lines = ["", *(line.strip() for line in EVERY.split("\n"))]
         return [(path, what, how, re.split(r"[:{]", lines[line])[0]) for path, what, how, line in every.losses(mode)]
 
-    newton, alone = "carried as custom data", ", which Newton alone reads, and of no generic joint"
+    newton, alone = "carried as custom data", ", which Newton and, but of balls, PhysX read, and of no generic joint"
     cone = "its cone of 1.0472 rad: here it bounds how far an axis leans, not how far the ball turns about it"
     assert lost(None) == [
         ("eye", "this sensor: UsdPhysics has none", "omitted", "eye"),
@@ -257,7 +308,7 @@ def test_what_is_lost_is_said_at_its_line(every: Compiled) -> None:
         ("turn", f"its armature of 0.3 kg m^2{alone}", newton, "turn"),
         ("turn", "its stiffness of 0.4 N m/rad", "omitted", "turn"),
         ("turn", f"its velocity limit of 4 rad/s{alone}", newton, "turn"),
-        ("push", "that it follows `rail`, which Newton alone reads, where both turn or both slide", newton, "mimic"),
+        ("push", f"that it follows `rail`{MIMIC}", newton, "mimic"),
         ("hip", f"its damping of 0.1 N m s/rad{alone}", newton, "hip"),
         ("hip", cone, "approximated", "hip"),
         ("hip_0", "its drive: motor about 0, 0, 1", "omitted", "drive"),

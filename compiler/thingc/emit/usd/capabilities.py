@@ -1,4 +1,4 @@
-"""What USD can say of a robot, by UsdPhysics and, for who reads it, Newton's schema."""
+"""What USD can say of a robot, by UsdPhysics and, for who reads them, Newton's and PhysX's schemas."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from thingc.emit.capabilities import OMITTED, SAYS, Capabilities, Loses, Says
 
 _GENERIC = Says("a generic joint (D6)")
 _EXCLUDED = Says("a joint that is excluded from the articulation")
-_NEWTON = Loses("carried as custom data", ", which Newton alone reads, and of no generic joint")
+_CUSTOM = Loses("carried as custom data", ", which Newton and, but of balls, PhysX read, and of no generic joint")
 _LIGHT = Loses("approximated", ": a link weighs 1e-9 kg here")
 _SMALL = Loses("approximated", ": its moments of inertia are 1e-12 kg m^2 here")
 _NONE = Loses("omitted", ": UsdPhysics has none")
@@ -19,8 +19,8 @@ CAPABILITIES: Capabilities = {
     },
     "of_joints": {
         "cone": Loses("approximated", ": here it bounds how far an axis leans, not how far the ball turns about it"),
-        "velocity": _NEWTON, "damping": _NEWTON, "friction": _NEWTON, "armature": _NEWTON, "stiffness": OMITTED,
-        "mimic": Loses("carried as custom data", ", which Newton alone reads, where both turn or both slide"),
+        "velocity": _CUSTOM, "damping": _CUSTOM, "friction": _CUSTOM, "armature": _CUSTOM, "stiffness": OMITTED,
+        "mimic": Loses("carried as custom data", ", which Newton and, of turns with limits, PhysX read, where both turn or both slide"),
     },
     "drives": {"position": SAYS, "velocity": SAYS, "motor": SAYS, "universal": SAYS, "ball": OMITTED},
     "loops": {

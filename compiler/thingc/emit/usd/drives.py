@@ -71,21 +71,15 @@ def _drive(prim: Prim, freedom: Freedom) -> None:
         prim.say(f"float drive:{name}:physics:targetVelocity", 0.0)
 
 
-def passive(prim: Prim, joint: UsdJoint) -> None:
-    """Armature, damping, friction and the velocity limit of a turn, a slide or a ball, as Newton's schema has them: it has one value of
-    each for all coordinates of a joint."""
+def passive(joint: UsdJoint) -> dict[str, float]:
+    """Armature, damping, friction and the velocity limit of a turn, a slide or a ball, by the names of Newton's schema, which has one value
+    of each for all coordinates of a joint: in degrees where it turns, but for the armature and the friction; without those that are 0."""
     if joint.type not in ("Revolute", "Prismatic", "Spherical") or not joint.freedoms:
-        return
-    of = joint.freedoms[0].joint
-    turns = joint.type != "Prismatic"
-    values = [
-        ("armature", of.dynamics.armature), ("damping", None if of.dynamics.damping is None else
-         of.dynamics.damping * (math.pi / 180.0 if turns else 1.0)), ("friction", of.dynamics.friction),
-    ]
-    if joint.single is not None and of.limit.velocity is not None:
-        values.append(("velocityLimit", math.degrees(of.limit.velocity) if turns else of.limit.velocity))
-    said = [(name, value) for name, value in values if value]
-    if said:
-        prim.schemas.append("NewtonJointAPI")
-    for name, value in said:
-        prim.say(f"float newton:{name}", value)
+        return {}
+    of, degrees = joint.freedoms[0].joint, 1.0 if joint.type == "Prismatic" else math.degrees(1.0)
+    damping, velocity = of.dynamics.damping, of.limit.velocity if joint.single is not None else None
+    values = {
+        "armature": of.dynamics.armature, "damping": None if damping is None else damping / degrees, "friction": of.dynamics.friction,
+        "velocityLimit": None if velocity is None else velocity * degrees,
+    }
+    return {name: value for name, value in values.items() if value}

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from thingc.emit.artifact import Loss
 from thingc.emit.usd.chain import connections
 from thingc.emit.usd.mimics import followers
+from thingc.emit.usd.usda import FLOAT_MAX
 from thingc.graph import joints_of
+from thingc.graph.types import JointEdge
 from thingc.robot.loop_solver import Loops, SolverState
-from thingc.robot.types import Robot
+from thingc.robot.types import CoreJoint, Robot
 from thingc.source import Origin
 
 
@@ -24,6 +27,14 @@ def losses(robot: Robot) -> Iterator[Loss]:
             if joint.limit.effort is not None and joint.actuator is None:
                 what = f"its effort limit of {joint.limit.effort:.6g} {'N m' if joint.twist.turns else 'N'}: there is that of a drive alone"
                 yield _loss(None, joint.path, what, "omitted", joint.origin)
+            yield from _of_floats(joint)
+    for body in robot.bodies:
+        link = robot.assembly.links[body.link]
+        for what, value, unit in (
+            ("mass", link.properties.mass, "kg"), ("inertia", max(map(max, link.properties.inertia)), "kg m^2"),
+            ("centre of mass", max(map(abs, link.properties.centre)), "m"),
+        ):
+            yield from _infinite(link.name, what, value, unit, link.origin)
     for follower in followers(robot).values():
         if not follower.said:
             what = f"that it follows `{follower.leader}`: only a turn can follow a turn, and a slide a slide"
@@ -35,6 +46,26 @@ def losses(robot: Robot) -> Iterator[Loss]:
         if one.material is not None and one.material.torsion is not None:
             what = "its torsional friction, which Newton alone reads"
             yield _loss(None, one.material.name, what, "carried as custom data", one.material.origin)
+
+
+def _of_floats(joint: CoreJoint | JointEdge) -> Iterator[Loss]:
+    """What numbers of a joint are too large for USD's floats."""
+    turns, drive, dynamics = joint.twist.turns, joint.actuator, joint.dynamics
+    q, push = ("rad", "N m") if turns else ("m", "N")
+    for what, value, unit in (
+        ("velocity limit", joint.limit.velocity, f"{q}/s"), ("effort limit", joint.limit.effort, push),
+        ("damping", dynamics.damping, f"{push} s/{q}"), ("dry friction", dynamics.friction, push),
+        ("armature", dynamics.armature, "kg m^2" if turns else "kg"),
+        ("kp", drive and drive.kp, f"{push}/{q}"), ("kv", drive and drive.kv, f"{push} s/{q}"),
+    ):
+        yield from _infinite(joint.path, what, value or 0.0, unit, joint.origin, degrees=turns and what == "velocity limit")
+
+
+def _infinite(path: str, what: str, value: float, unit: str, origin: Origin, *, degrees: bool = False) -> Iterator[Loss]:
+    """A number that no float holds, where it is one; of angles in degrees."""
+    if value > (math.radians(FLOAT_MAX) if degrees else FLOAT_MAX):
+        words = f"its {what} of {value:.6g} {unit}: it is infinite here, where numbers go up to {FLOAT_MAX:.2g}"
+        yield _loss(None, path, words, "approximated", origin)
 
 
 def _closed(robot: Robot) -> bool:

@@ -12,7 +12,7 @@ from thingc.source import Origin
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Follower:
     """A joint at `path` that follows the `leader`, which moves by itself: q = offset + multiplier q(leader) [rad or m]. `said`: both are
-    joints of one coordinate and of one kind, as Newton's schema has them."""
+    joints of one coordinate and of one kind, as Newton's schema has them; `bounded`: the leader has two limits."""
 
     path: str
     leader: str
@@ -20,6 +20,7 @@ class Follower:
     offset: float
     turns: bool
     said: bool
+    bounded: bool
     origin: Origin
 
 
@@ -31,7 +32,8 @@ def followers(robot: Robot) -> dict[str, Follower]:
     return {
         path: Follower(
             path=path, leader=leader, multiplier=multiplier, offset=offset, turns=joints[path].twist.turns,
-            said=path in single and single.get(leader) == single[path], origin=mimic.origin,
+            said=path in single and single.get(leader) == single[path],
+            bounded=None not in (joints[leader].limit.lower, joints[leader].limit.upper), origin=mimic.origin,
         )
         for path, (leader, multiplier, offset) in leaders(joints.values()).items() if (mimic := joints[path].mimic) is not None
     }

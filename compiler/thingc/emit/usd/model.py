@@ -20,9 +20,10 @@ from thingc.diagnostics import Report
 from thingc.emit.geometry import Geometry, Shape, Shapes, channels, linear, material_name, materials
 from thingc.emit.names import Names, frames, safe
 from thingc.emit.usd.chain import UsdConnection, UsdJoint, connections
-from thingc.emit.usd.drives import equip, passive
+from thingc.emit.usd.custom import articulation, dynamics, follow
+from thingc.emit.usd.drives import equip
 from thingc.emit.usd.meshes import MESH, free, identifiers
-from thingc.emit.usd.mimics import Follower, followers
+from thingc.emit.usd.mimics import followers
 from thingc.emit.usd.usda import Prim, quaternion, several
 from thingc.graph.types import Link
 from thingc.inertia import MassProperties, physical_fault, principal_axes
@@ -85,6 +86,7 @@ class _Builder:
             prim = self._body(name, links[index].properties, pose)
             if index == 0:
                 prim.schemas.append("PhysicsArticulationRootAPI")
+                articulation(prim)
             apart = [names[max(pair)] for pair in robot.excluded if min(pair) == index]
             if apart:
                 prim.schemas.append("PhysicsFilteredPairsAPI")
@@ -172,17 +174,10 @@ class _Builder:
         if not connection.in_tree:
             prim.say("bool physics:excludeFromArticulation", "1")
         equip(prim, joint, self.robot)
-        passive(prim, joint)
+        dynamics(prim, joint, in_tree=connection.in_tree)
         follower = self.followers.get(joint.single.path) if joint.single is not None else None
         if follower is not None and follower.said:
-            self._follow(prim, follower)
-
-    def _follow(self, prim: Prim, follower: Follower) -> None:
-        """What follows another, in degrees where it turns."""
-        prim.schemas.append("NewtonMimicAPI")
-        prim.say("rel newton:mimicJoint", f"<{self.path}/{JOINTS}/{safe(follower.leader)}>")
-        prim.say("float newton:mimicCoef0", math.degrees(follower.offset) if follower.turns else follower.offset)
-        prim.say("float newton:mimicCoef1", follower.multiplier)
+            follow(prim, joint, follower, f"{self.path}/{JOINTS}/{safe(follower.leader)}")
 
     def _shapes(self, prim: Prim, link: Link) -> None:
         """What is drawn of a link, and what of it collides, which viewers show on demand."""
