@@ -14,8 +14,10 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, settings
 
+from thingc.cli.main import main
 from thingc.diagnostics import Code, Diagnostic
 from thingc.realize.client import Workers
+from thingc.templates import TEMPLATES
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -55,10 +57,28 @@ _KEPT: dict[tuple[int, int], Workers] = {}
 def one_kernel(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is compiled in this process is modelled by workers that all such tests share: the kernel is loaded once, not once a test."""
 
+    _keep_workers(monkeypatch)
+
+
+def _keep_workers(patch: pytest.MonkeyPatch) -> None:
     def kept(jobs: int, *, seed: int = 0) -> Workers:
         return _KEPT.setdefault((jobs, seed), _Kept(jobs, seed=seed))
 
-    monkeypatch.setattr("thingc.realize.client.Workers", kept)
+    patch.setattr("thingc.realize.client.Workers", kept)
+
+
+@pytest.fixture(scope="session", params=TEMPLATES)
+def begun(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Path:
+    """The document of a workspace that `thingc new` has made, built: one for each template, its parts in the shared store."""
+    folder = tmp_path_factory.mktemp("begun")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("THINGC_STORE", shared_store)
+        patch.chdir(folder)
+        _keep_workers(patch)
+        assert main(["new", "rover", "--template", request.param]) == 0
+        patch.chdir(folder / "rover")
+        assert main(["build", "--strict", "rover.yaml"]) == 0
+    return folder / "rover" / "rover.yaml"
 
 
 def pytest_sessionfinish() -> None:

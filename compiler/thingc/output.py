@@ -1,4 +1,4 @@
-"""The build folder: it appears as a whole, or it stays as it was.
+"""The build folder: it appears as a whole, or it stays as it was. (So does the folder of a new workspace.)
 
 A build is written into a hidden folder beside its place and the two change places in one step of the system
 (`renameat2(RENAME_EXCHANGE)`; where that is not to be had two renames, which the next run mends). After a kill at any
@@ -120,6 +120,35 @@ def write_build(
                 _delete(fresh)
     except OSError as fault:
         raise OutputError(_words(folder, fault), f"{_cure(fault)} build into another folder with -o") from fault
+    return folder
+
+
+def write_new(folder: str, files: Mapping[str, bytes], finish: Callable[[str], None]) -> str:
+    """Make a folder that is not there, or is empty, with `files` (by path in it, with `/`), at once; its absolute path. Folders above it
+    are made. `finish` is called with the folder where all of this is written aside, and may write there, too.
+
+    Raises `OutputError` where there is something already, or the system refuses.
+    """
+    folder = os.path.realpath(folder)
+    place = shown_path(folder)
+    try:
+        os.makedirs(os.path.dirname(folder), exist_ok=True)
+        with _locked(folder, None):
+            if os.path.lexists(folder) and (not os.path.isdir(folder) or os.listdir(folder)):
+                what = "a folder with files in it" if os.path.isdir(folder) else "a file"
+                raise OutputError(f"`{place}` is there already: {what}", "choose another name, or move it away")
+            fresh = _beside(folder, "new")
+            _delete(fresh)
+            try:
+                _write_files(fresh, files, None)
+                finish(fresh)
+                os.rename(fresh, folder)
+            finally:
+                _delete(fresh)
+    except OSError as fault:
+        where = f" (`{shown_path(fault.filename)}`)" if isinstance(fault.filename, str) else ""
+        reason = (fault.strerror or str(fault)).lower()
+        raise OutputError(f"`{place}` cannot be made: {reason}{where}", "mend that, or choose another name or place") from fault
     return folder
 
 
@@ -297,9 +326,9 @@ def _enumerated(names: Sequence[str]) -> str:
     return f"{shown} and {len(names) - 8} more" if len(names) > 8 else shown
 
 
-def _write_files(fresh: str, files: Mapping[str, Content], store: Blobs) -> None:
-    """Everything into a new folder `fresh`, the manifest last and down to the disk: after a power failure it tells
-    which files did not get there."""
+def _write_files(fresh: str, files: Mapping[str, Content], store: Blobs | None) -> None:
+    """Everything into a new folder `fresh`, the manifest (if there is one) last and down to the disk: after a power failure it tells
+    which files did not get there. A store is needed where files lie in one."""
     os.mkdir(fresh)
     folders = {""}
     for path in sorted(files, key=lambda path: (path == MANIFEST, path)):
@@ -308,7 +337,11 @@ def _write_files(fresh: str, files: Mapping[str, Content], store: Blobs) -> None
             os.makedirs(os.path.join(fresh, above), exist_ok=True)
             folders.add(above)
         content = files[path]
-        data = store.read(content.sha256) if isinstance(content, Stored) else content
+        if isinstance(content, Stored):
+            assert store is not None
+            data = store.read(content.sha256)
+        else:
+            data = content
         with open(os.path.join(fresh, path), "xb") as stream:
             stream.write(data)
             if path == MANIFEST:

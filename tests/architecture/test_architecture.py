@@ -48,6 +48,7 @@ ROOMS: dict[str, set[str]] = {
     "modes": {"brief", "diagnostics", "typos"},  # read at run time, next to a simulation
     "render": {"frozen", "pose"},
     "reporting": {"frozen", "shown", "source", "diagnostics"},
+    "templates": set(),
     "layout": BASE | {"load", "spec"},
     "editor": BASE | {"load", "spec", "realize", "resolve", "environment"},
     "testing": BASE | {"printing", "checks", "resolve", "realize", "joints", "graph", "robot", "statics", "solids", "emit"},
@@ -61,7 +62,7 @@ ROOMS: dict[str, set[str]] = {
         "resolve", "graph", "robot", "statics", "emit", "output", "modes", "render"},
     "api": BASE | {"printing", "environment", "pipeline", "realize", "graph", "robot", "emit"},
     "cli": BASE | {"printing", "environment", "pipeline", "realize", "graph", "robot", "emit", "output", "stamp", "resolve", "render",
-        "reporting", "layout", "editor", "testing", "variants", "load", "spec", "affected"},
+        "reporting", "layout", "editor", "testing", "variants", "load", "spec", "affected", "templates"},
     "__init__": {"things", "api", "modes"},
     "__main__": {"cli"},
 }
@@ -126,7 +127,9 @@ CHECK_ROOMS = BASE | {"load", "spec", "checks", "resolve", "graph", "joints", "r
 
 
 def modules() -> list[Path]:
-    return sorted(PACKAGE.rglob("*.py"))
+    """Those of the compiler; in the folders of `templates/` are files of new workspaces."""
+    begun = PACKAGE / "templates"
+    return sorted(path for path in PACKAGE.rglob("*.py") if path.parent == begun or begun not in path.parents)
 
 
 def room_of(path: Path) -> str:

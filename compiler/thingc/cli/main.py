@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 COMMANDS = {
+    "new": "make a workspace that builds at once, with a robot to change",
     "build": "write simulation models and manufacturing files of a robot",
     "batch": "build every variant of a document of variants",
     "check": "say everything that is wrong with documents, and write nothing",

@@ -1,0 +1,124 @@
+"""`thingc new`: a workspace that builds at once, with a robot to change."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import shlex
+import sys
+
+from thingc.cli import common
+from thingc.diagnostics import Diagnostic, Report, shown_path
+from thingc.output import OutputError, write_new
+from thingc.templates import TEMPLATES, files_of
+
+EPILOG = """\
+Makes the folder NAME, which must not be there yet (or be empty), with a robot of that name: parts, a document with two modes and
+tests, settings for editors, git and GitHub. Nothing is asked.
+
+  thingc new rover                       {arm}
+  thingc new rover --template legged     {legged}
+  thingc new rover --template gripper    {gripper}
+  thingc new robots/rover --template empty
+""".format(**TEMPLATES)
+RESERVED = {"world", "root", "origin", "scene"}
+"""What something else is called in the files of a robot: the world, its frames, and scenes around MuJoCo models."""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `new`."""
+    parser.epilog = EPILOG
+    parser.add_argument("place", metavar="NAME", help="the folder that is made; its last word is the robot's name")
+    parser.add_argument(
+        "--template", type=_template, metavar="{" + ",".join(TEMPLATES) + "}", default=next(iter(TEMPLATES)),
+        help="the robot to begin with (default: %(default)s)",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exit code 0 where the workspace is there."""
+    report = Report()
+    try:
+        name = robot_name(arguments.place)
+        files = files_of(arguments.template, name)
+        folder = write_new(arguments.place, files, lambda fresh: _wire(fresh, report))
+    except common.WrongCommandLine as fault:
+        return _refuse(fault.diagnostic)
+    except ValueError as fault:
+        hint = f"write for example `thingc new {name}_robot`"
+        return _refuse(common.WrongCommandLine(f"a robot cannot be called so: {fault}", hint).diagnostic)
+    except OutputError as fault:
+        fault.diagnose(report)
+        return _refuse(*report.diagnostics)
+    common.say(*_next_steps(arguments, folder, name))
+    return 0
+
+
+def robot_name(place: str) -> str:
+    """The name of the robot in a folder: its last word, with `_` for hyphens, dots and spaces. Raises `WrongCommandLine`."""
+    word = os.path.basename(os.path.normpath(place)) if place else ""
+    if word in ("", os.curdir, os.pardir, os.sep):
+        raise common.WrongCommandLine(f"`{place}` names no folder that could be made", "write for example `thingc new rover`")
+    name = re.sub(r"[-. ]+", "_", word).strip("_")
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
+        near = re.sub(r"\W+", "_", f"robot_{name}", flags=re.ASCII).strip("_")
+        raise common.WrongCommandLine(
+            f"`{word}` is no name for a robot: a letter (a to z), then letters, digits and `_`", f"write for example `thingc new {near}`",
+        )
+    if name.lower() in RESERVED:
+        raise common.WrongCommandLine(
+            f"a robot cannot be called `{name}`: its files call something else so", f"write for example `thingc new {name}_robot`",
+        )
+    return name
+
+
+def _template(text: str) -> str:
+    if text not in TEMPLATES:
+        from thingc.typos import did_you_mean
+
+        *most, last = (f"`{one}`" for one in TEMPLATES)
+        hint = did_you_mean(text, TEMPLATES, what="templates")
+        raise argparse.ArgumentTypeError(f"expected {', '.join(most)} or {last}, found `{text}`{f' ({hint})' if hint else ''}")
+    return text
+
+
+def _wire(root: str, report: Report) -> None:
+    """Schemas of the documents, as far as they are known without modelling a part, and the settings that name them to editors."""
+    from thingc.editor.parts import ask
+    from thingc.editor.refresh import Schemas, workspace_of
+    from thingc.editor.wiring import wire
+    from thingc.environment import Options, store_of
+    from thingc.realize import NoWorkers
+
+    workspace = workspace_of(root, report)
+    if workspace is None:
+        return
+    with ask(workspace, store_of(Options()), timeout=workspace.part_timeout, workers=NoWorkers()) as geometry:
+        outcome = Schemas(workspace, geometry).refresh()
+    wire(root, outcome.documents, report)
+
+
+def _next_steps(arguments: argparse.Namespace, folder: str, name: str) -> list[str]:
+    """What was made, and what to type next."""
+    here, document = shown_path(folder), f"{name}.yaml"
+    said = [f"{here}: {TEMPLATES[arguments.template]}"]
+    if name != os.path.basename(folder):
+        said.append(f"the robot is called `{name}`: names are letters, digits and `_`")
+    steps = [
+        (f"cd {shlex.quote(here)}", ""),
+        (f"thingc check {document}", "is it right?"),
+        (f"thingc view {document}", "the robot in your browser; it follows every save"),
+        (f"thingc build {document}", f"models, meshes, print files, bill of materials in build/{name}/"),
+        (f"thingc test {document}", "what has to stay true of it"),
+        (f"thingc watch {document}", "builds again on every save"),
+    ]
+    if os.path.exists(os.path.join(folder, "walk.py")):
+        steps.insert(4, ("python walk.py", "ten seconds of walking in MuJoCo"))
+    width = max(len(command) for command, _ in steps)
+    return [*said, "", *(f"  {command:{width}}   {what}".rstrip() for command, what in steps)]
+
+
+def _refuse(*found: Diagnostic) -> int:
+    common.print_text(found, stream=sys.stderr, debug=False)
+    return common.exit_code(found)

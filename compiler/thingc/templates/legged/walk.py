@@ -1,0 +1,52 @@
+"""The robot walks in MuJoCo: hips and ankles swing as sines, a quarter of a period apart.
+
+    thingc build my_robot.yaml
+    python walk.py                  (--show opens MuJoCo's viewer; macOS: mjpython walk.py --show)
+"""
+
+import sys
+import time
+from math import cos, pi, radians, sin
+from pathlib import Path
+
+import mujoco
+
+FOLDER = Path(__file__).parent / "build" / "my_robot" / "mjcf"
+PERIOD = 0.8
+"""Of two steps [s]."""
+LEAN, SWING = radians(18), radians(20)
+"""How far the ankles tip the robot over to one side, and how far the hips turn [rad]."""
+SECONDS = 10
+
+
+def gait(t: float) -> dict[str, float]:
+    """Where each joint shall be at a time [s], in rad. A robot that leans on its left foot turns on it, and the right one goes ahead."""
+    phase, slowly = 2 * pi * t / PERIOD, min(t / PERIOD, 1.0)
+    lean, swing = slowly * LEAN * sin(phase), -slowly * SWING * cos(phase)
+    return {"left/ankle": lean, "right/ankle": lean, "left/hip": swing, "right/hip": swing}
+
+
+def main() -> None:
+    """Simulates ten seconds, and says how far the robot has come."""
+    model = mujoco.MjModel.from_xml_path(str(FOLDER / "scene_walking.xml"))
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    viewer = None
+    if "--show" in sys.argv:
+        from mujoco.viewer import launch_passive
+
+        viewer = launch_passive(model, data)
+    began = time.monotonic()
+    while data.time < SECONDS and (viewer is None or viewer.is_running()):
+        for joint, angle in gait(data.time).items():
+            data.actuator(joint).ctrl = angle
+        mujoco.mj_step(model, data)
+        if viewer is not None:
+            viewer.sync()
+            time.sleep(max(0.0, data.time - (time.monotonic() - began)))
+    x, y, z = data.body("body").xpos
+    print(f"after {data.time:.0f} s: {100 * x:.0f} cm ahead, {100 * abs(y):.0f} cm to the side, head {100 * z:.0f} cm above the floor")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,163 @@
+"""`thingc new`: what it writes is right, builds, passes its own tests and stands still in MuJoCo; names, and what is not written."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import runpy
+import tomllib
+from pathlib import Path
+
+import mujoco
+import numpy
+import pytest
+from ruamel.yaml import YAML
+
+import thingc
+from thingc.cli.main import COMMANDS, main
+from thingc.cli.new import robot_name
+from thingc.emit import TARGETS
+from thingc.templates import TEMPLATES, files_of
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture
+def here(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("THINGC_STORE", shared_store)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.slow
+def test_a_new_robot_is_right_and_passes_its_tests(
+    begun: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setenv("THINGC_STORE", shared_store)
+    monkeypatch.chdir(begun.parent)
+    documents = sorted(path.name for path in begun.parent.glob("*.yaml"))
+    assert main(["check", "--strict", *documents]) == 0
+    assert main(["fmt", "--check", "."]) == 0
+    assert main(["test", "--strict", "rover.yaml"]) == 0
+    out, err = capfd.readouterr()
+    assert err == "" and [line for line in out.splitlines() if line.endswith(": ok")] == [f"{name}: ok" for name in documents]
+    assert " 0 failed" in out
+    assert main(["schema", "--no-model"]) == 0  # the editor's files are those that `thingc schema` writes
+    assert ", 0 removed" not in capfd.readouterr().out and not (begun.parent / "my_robot.yaml").exists()
+
+
+@pytest.mark.slow
+def test_every_mode_of_a_new_robot_has_a_root_of_its_own_and_holds_its_pose(begun: Path) -> None:
+    told = json.loads((begun.parent / "build/rover/modes.json").read_text())
+    assert len(told) >= 2 and len({json.dumps(mode["root"]) for mode in told.values()}) == len(told)
+    things = re.findall(r"^class \w+\(Thing\)", "".join(path.read_text() for path in (begun.parent / "parts").glob("*.py")), re.MULTILINE)
+    assert len(things) >= 2
+    for mode in told:
+        model = mujoco.MjModel.from_xml_path(str(begun.parent / f"build/rover/mjcf/scene_{mode}.xml"))
+        data = mujoco.MjData(model)
+        assert model.nu > 0 and model.nkey > 0
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        start = data.qpos.copy()
+        while data.time < 1.0:
+            mujoco.mj_step(model, data)
+            assert numpy.abs(data.qvel).max() < 3.0, (mode, data.time)
+        assert numpy.abs(data.qvel).max() < 0.01 and numpy.abs(data.qpos - start).max() < 0.05, mode
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("begun", ["legged"], indirect=True)
+def test_the_legged_robot_walks(begun: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    runpy.run_path(str(begun.parent / "walk.py"), run_name="__main__")
+    ahead, aside, head = map(int, re.findall(r"(-?\d+) cm", capsys.readouterr().out))
+    assert ahead > 40 and aside < ahead / 2 and head > 7
+
+
+@pytest.mark.parametrize("template", TEMPLATES)
+def test_what_is_written_beside_the_robot(template: str, here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["new", "rover", "--template", template]) == 0
+    said = capsys.readouterr().out
+    folder = here / "rover"
+    assert said.startswith(f"rover: {TEMPLATES[template]}\n\n  cd rover\n  thingc check rover.yaml ")
+    readme = (folder / "README.md").read_text()
+    for text in (said, readme):
+        commands = re.findall(r"^ *thingc (\w+) rover\.yaml ", text, re.MULTILINE)
+        assert commands[:2] == ["check", "view"] and {"build", "test", "watch"} <= set(commands) <= {*COMMANDS, "view", "watch"}
+    for target in re.findall(r"\]\(([^)]+)\)", readme):
+        assert target.startswith("https://") or (folder / target).exists()
+    settings = json.loads((folder / ".vscode/settings.json").read_text())["yaml.schemas"]
+    documents = {path.name for path in folder.glob("*.yaml")}
+    assert set(settings.values()) == documents and all((folder / schema).is_file() for schema in settings)
+    assert json.loads((folder / ".vscode/tasks.json").read_text())["tasks"][0]["command"] == "thingc schema --watch"
+    assert tomllib.loads((folder / "thingc.toml").read_text()) == {"thingc": "workspace/1"}
+    assert "build/" in (folder / ".gitignore").read_text().split()
+    assert not any(b"my_robot" in path.read_bytes() for path in folder.rglob("*") if path.is_file())
+    assert not any("my_robot" in path.name or path.name.startswith("dot_") for path in folder.rglob("*"))
+    assert sorted(os.listdir(here)) == ["rover"]
+
+
+def test_the_gate_of_a_new_workspace_is_that_of_the_documentation() -> None:
+    job = YAML(typ="safe").load(files_of("arm", "rover")[".github/workflows/robots.yaml"])["jobs"]["robots"]
+    action = next(step for step in job["steps"] if step.get("uses", "").startswith("thingc/"))
+    assert action["uses"] == f"thingc/thingc@v{thingc.__version__}" and action["uses"] in (ROOT / "docs/gate.md").read_text()
+    inputs = YAML(typ="safe").load((ROOT / "action.yml").read_text())["inputs"]
+    assert set(action["with"]) <= set(inputs)
+    assert set(action["with"]["options"].removeprefix("--emit ").split(",")) <= set(TARGETS)
+    assert {"run": "thingc test rover.yaml"}.items() <= job["steps"][-1].items()
+
+
+@pytest.mark.parametrize(("place", "name"), [
+    ("rover", "rover"), ("my-rover", "my_rover"), ("my rover", "my_rover"), ("a/b/rover.v2/", "rover_v2"), ("class", "class"),
+    ("numpy", "numpy"), ("../Rover_3", "Rover_3"), ("-x-", "x"),
+])
+def test_the_name_of_a_robot_is_the_last_word_of_its_folder(place: str, name: str) -> None:
+    assert robot_name(place) == name
+
+
+@pytest.mark.parametrize("name", ["class", "numpy", "arm"])
+def test_words_of_python_and_names_of_modules_are_names_of_robots(name: str, here: Path) -> None:
+    assert main(["new", name]) == 0
+    assert main(["check", "--strict", f"{name}/{name}.yaml"]) == 0
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    (["3d"], "is no name for a robot: a letter (a to z), then letters, digits and `_`\n  help: write for example `thingc new robot_3d`"),
+    (["größe"], "`größe` is no name for a robot"),
+    (["a/b\nc"], "is no name for a robot"),
+    (["World"], "a robot cannot be called `World`: its files call something else so\n  help: write for example `thingc new World_robot`"),
+    (["scene"], "a robot cannot be called `scene`"),
+    (["."], "`.` names no folder that could be made\n  help: write for example `thingc new rover`"),
+    ([""], "`` names no folder that could be made"),
+    (["Leg", "--template", "legged"], "a robot cannot be called so: `Leg` is another document of the template `legged`"),
+    (["x", "--template", "leged"], "expected `arm`, `legged`, `gripper` or `empty`, found `leged` (did you mean `legged`?)"),
+    (["full"], "error[TC805]: `full` is there already: a folder with files in it\n  help: choose another name, or move it away"),
+    (["full/file"], "error[TC805]: `full/file` is there already: a file"),
+    (["full/file/rover"], "error[TC805]: `full/file/rover` cannot be made: file exists (`full/file`)"),
+    ([], "missing: NAME"),
+])
+def test_what_cannot_be_made_is_said_and_nothing_is_written(
+    words: list[str], said: str, here: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    (here / "full").mkdir()
+    (here / "full/file").write_text("mine")
+    assert main(["new", *words]) == 2
+    assert said in capsys.readouterr().err
+    assert sorted(path.relative_to(here).as_posix() for path in here.rglob("*")) == ["full", "full/file"]
+
+
+def test_an_empty_folder_is_taken(here: Path) -> None:
+    (here / "rover").mkdir()
+    assert main(["new", "rover", "--template", "empty"]) == 0
+    assert (here / "rover/rover.yaml").is_file()
+
+
+@pytest.mark.parametrize("instant", ["thingc.cli.new._wire", "os.rename"])
+def test_interrupted_it_leaves_nothing(
+    instant: str, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(instant, interrupt)
+    assert main(["new", "rover", "--template", "empty"]) == 130
+    assert os.listdir(here) == []
