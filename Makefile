@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # Of two cores: many tests wait for processes that they have started.
 JOBS ?= 3
 
-.PHONY: demo test lint bench bench-naming bench-designs bench-variants conformance bench-weld print-masses walk bridge-search mutants slips fuzz kills schemas docs pictures viewer freeze frozen clean
+.PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-viewer conformance bench-weld print-masses walk bridge-search mutants slips fuzz kills schemas docs pictures viewer freeze frozen clean
 
 demo: $(VENV)/.thingc
 	$(BIN)/thingc build assemblies/arm.yaml
@@ -46,6 +46,9 @@ bench-variants: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/variants/throughput.py --scale 10000
 	$(BIN)/python benchmarks/variants/cluster.py
 	$(BIN)/python benchmarks/variants/equal.py
+
+bench-viewer: $(VENV)/.thingc-dev
+	$(BIN)/python benchmarks/viewer/study.py
 
 mutants: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/mutants/study.py

@@ -22,8 +22,7 @@ const PANELS: [string, string, (panel: HTMLElement, viewer: Viewer) => void][] =
 async function start(): Promise<void> {
   const robot = JSON.parse($("thingc-robot").textContent!) as Robot;
   if (robot.version !== VERSION) throw new Error(`this page reads version ${VERSION} of a robot, and was given ${robot.version}`);
-  const packed = atob($("thingc-geometry").textContent!.trim());
-  const glb = Uint8Array.from(packed, (character) => character.charCodeAt(0)).buffer;
+  const glb = bytesOf($("thingc-geometry").textContent!.trim());
   const canvas = $("canvas") as HTMLCanvasElement;
   const viewer = new Viewer(canvas, $("labels"));
   editor.link = document.querySelector<HTMLMetaElement>('meta[name="thingc-editor"]')?.content ?? null;
@@ -52,11 +51,19 @@ async function start(): Promise<void> {
   viewer.stage.resize();
   viewer.load(robot, await geometriesOf(glb));
   restored(viewer, location.hash);
+  requestAnimationFrame(() => requestAnimationFrame(() => performance.mark("drawn")));
   window.addEventListener("hashchange", () => restored(viewer, location.hash));
   remember(viewer);
   if (live()) listen(viewer, (fresh: Robot, geometries: BufferGeometry[]) => viewer.load(fresh, geometries));
   // for whoever steers the page from outside: tests, notebooks, other pages
   Object.assign(globalThis, { thingc: { viewer, ready: true } });
+}
+
+function bytesOf(base64: string): ArrayBuffer {
+  const packed = atob(base64);
+  const bytes = new Uint8Array(packed.length);
+  for (let k = 0; k < bytes.length; k += 1) bytes[k] = packed.charCodeAt(k);
+  return bytes.buffer;
 }
 
 function header(viewer: Viewer): void {
