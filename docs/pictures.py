@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import html
 import os
 import shutil
 import subprocess
@@ -67,9 +69,66 @@ def batch_page(path: Path) -> None:
         picture.convert("RGB").save(path, optimize=True)
 
 
+HERO = (
+    ("front_foot", "step_rear", "0.95,-0.62,0.5"), ("front_foot_wall", "arched", "0.62,-1.05,0.25"), ("rear_foot_ceiling", "arched", "0.95,-0.7,-0.2"),
+)
+"""Modes of MInchW, each with a pose and whence it is looked at."""
+
+
+def hero(path: Path) -> None:
+    """The modes of MInchW as its document has them, and what they are in the viewer."""
+    sys.path.insert(0, str(ROOT / "tests"))
+    from viewer.browser import BROWSER, address, chromium, drawn, opened
+
+    if BROWSER is None:
+        print("no Chromium is installed: the first picture of the README stays as it is", file=sys.stderr)
+        return
+    document = (ROOT / "assemblies/minchw/minchw.yaml").read_text().splitlines()
+    start = document.index("modes:")
+    wanted = ("  front_foot:", "  rear_foot:", "  front_foot_wall:", "  rear_foot_ceiling:")
+    lines, keeping = ["modes:"], False
+    for line in document[start + 1 : document.index("sensors:")]:
+        if line.startswith("  ") and not line.startswith("   "):
+            keeping = line.startswith(wanted) and not line.startswith("  #")
+        if keeping:
+            lines.append(line.partition("  #")[0].rstrip())
+    with tempfile.TemporaryDirectory() as folder, chromium() as browser:
+        thingc("build", "assemblies/minchw/minchw.yaml", "-o", folder, "--emit", "html")
+        page = Path(folder) / "minchw/html/minchw.html"
+        shots: list[str] = []
+        for mode, pose, eye in HERO:
+            with opened(browser, address(page, f"#mode={mode}&pose={pose}&theme=light&panels=none&marks=floor"), (420, 560)) as shown:
+                shown.evaluate("""(eye) => { thingc.viewer.reset();
+                  const { stage } = thingc.viewer, [x, y, z] = eye.split(",").map(Number);
+                  const away = stage.camera.position.distanceTo(stage.controls.target) * 0.92;
+                  stage.camera.position.set(x, y, z).normalize().multiplyScalar(away).add(stage.controls.target);
+                  stage.controls.update(); stage.ask(); }""", eye)
+                drawn(shown)
+                picture = base64.b64encode(shown.locator("#view").screenshot()).decode()
+            shots.append(f'<figure><img src="data:image/png;base64,{picture}"><figcaption>{mode}</figcaption></figure>')
+        both = Path(folder) / "hero.html"
+        both.write_text(FRAME.replace("@TEXT@", html.escape("\n".join(lines))).replace("@SHOTS@", "".join(shots)))
+        steered = browser.new_page(viewport={"width": 1460, "height": 480}, device_scale_factor=1.5)
+        steered.goto(both.as_uri())
+        steered.locator("main").screenshot(path=str(path))
+    with Image.open(path) as picture:
+        picture.convert("RGB").quantize(255, dither=Image.Dither.NONE).save(path, optimize=True)
+
+
+FRAME = """<!doctype html><meta charset="utf-8"><style>
+  body { margin: 0; font: 15px system-ui, "DejaVu Sans", sans-serif; }
+  main { display: flex; width: 1460px; height: 480px; background: #fff; }
+  pre { margin: 0; padding: 20px 22px; width: 500px; flex: none; background: #1d242c; color: #e9edf1; font: 14px/1.6 "DejaVu Sans Mono", monospace; overflow: hidden; }
+  figure { position: relative; margin: 0; flex: 1; border-left: 1px solid #dde3e9; overflow: hidden; }
+  img { width: 100%; height: 100%; object-fit: cover; display: block; }
+  figcaption { position: absolute; left: 14px; top: 12px; padding: 2px 12px; border-radius: 99px; background: #1f6498; color: #fff; font-weight: 600; }
+</style><main><pre>@TEXT@</pre>@SHOTS@</main>"""
+
+
 def main() -> int:
     """Draw every strip, the page of a batch, and the assembly graph of the arm."""
     PICTURES.mkdir(exist_ok=True)
+    hero(PICTURES / "hero.png")
     for name, (document, shots) in STRIPS.items():
         strip(document, shots).save(PICTURES / name, optimize=True)
     batch_page(PICTURES / "batch_page.png")

@@ -81,7 +81,10 @@ function header(viewer: Viewer): void {
       const { root, base } = viewer.mode;
       $("subtitle").title = `mode ${viewer.mode.name}: root ${root.path}, base ${base}`;
     }
-    if (change === "options") document.documentElement.dataset.theme = viewer.options.theme;
+    if (change === "options") {
+      document.documentElement.dataset.theme = viewer.options.theme;
+      $("panels").hidden = !viewer.options.panels;
+    }
     if (change === "said") {
       $("said").hidden = viewer.said === "";
       $("said").textContent = viewer.said;
@@ -100,6 +103,7 @@ function actions(viewer: Viewer, help: () => void): void {
     }),
     button("Picture", "save this picture as PNG", () => saved(viewer)),
     button("◐", "dark or light", () => viewer.setOptions({ theme: viewer.options.theme === "dark" ? "light" : "dark" })),
+    button("☰", "panels beside the picture, or none", () => viewer.setOptions({ panels: !viewer.options.panels })),
     button("?", "keys and gestures (?)", help),
   );
 }

@@ -23,6 +23,8 @@ export interface Options {
   explode: number;
   section: { axis: "x" | "y" | "z" | null; part: number };
   theme: "light" | "dark";
+  /** Whether there are panels beside the picture. */
+  panels: boolean;
 }
 
 /** What a listener is told has changed. */
@@ -45,7 +47,7 @@ export class Viewer {
   choice: Choice = new Set();
   options: Options = {
     shown: "visual", marks: new Set<Mark>(["floor"]), colouring: "part", explode: 0, section: { axis: null, part: 0.5 },
-    theme: matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light",
+    theme: matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light", panels: true,
   };
   /** Two mounts between which is measured, `occurrence:mount`. */
   measured: [string, string] = ["", ""];
