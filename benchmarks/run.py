@@ -151,7 +151,7 @@ def scenarios(workspace: Workspace) -> list[Scenario]:
         Scenario("arm: build, nothing changed", ("build", arm), lambda: None, 0.05, 60.0),
         Scenario("arm: build, a limit edited", ("build", arm), limit, 0.20),
         Scenario("arm: a limit edited, text targets", ("build", "--emit", "mjcf,bom,hag,urdf,ros,sdf,usd", arm), limit, 0.35),
-        Scenario("arm: the page, from a full store", ("build", "--emit", "html", arm), workspace.unbuilt, 0.25),
+        Scenario("arm: the page, from a full store", ("build", "--emit", "html", arm), workspace.unbuilt, 0.10),
         Scenario("arm: build, a colour edited", ("build", arm), color, 0.65),
         Scenario("arm: build, one part's dimension", ("build", arm), dimension, 0.7),
         Scenario("arm: check, one value edited", ("check", arm), value, 0.11),

@@ -70,7 +70,8 @@ def batch_page(path: Path) -> None:
 
 
 HERO = (
-    ("front_foot", "step_rear", "0.95,-0.62,0.5"), ("front_foot_wall", "arched", "0.62,-1.05,0.25"), ("rear_foot_ceiling", "arched", "0.95,-0.7,-0.2"),
+    ("front_foot", "step_rear", "0.95,-0.62,0.5"), ("front_foot_wall", "arched", "0.62,-1.05,0.25"),
+    ("rear_foot_ceiling", "arched", "0.95,-0.7,-0.2"),
 )
 """Modes of MInchW, each with a pose and whence it is looked at."""
 
@@ -118,10 +119,12 @@ def hero(path: Path) -> None:
 FRAME = """<!doctype html><meta charset="utf-8"><style>
   body { margin: 0; font: 15px system-ui, "DejaVu Sans", sans-serif; }
   main { display: flex; width: 1460px; height: 480px; background: #fff; }
-  pre { margin: 0; padding: 20px 22px; width: 500px; flex: none; background: #1d242c; color: #e9edf1; font: 14px/1.6 "DejaVu Sans Mono", monospace; overflow: hidden; }
+  pre { margin: 0; padding: 20px 22px; width: 500px; flex: none; background: #1d242c; color: #e9edf1; overflow: hidden;
+    font: 14px/1.6 "DejaVu Sans Mono", monospace; }
   figure { position: relative; margin: 0; flex: 1; border-left: 1px solid #dde3e9; overflow: hidden; }
   img { width: 100%; height: 100%; object-fit: cover; display: block; }
-  figcaption { position: absolute; left: 14px; top: 12px; padding: 2px 12px; border-radius: 99px; background: #1f6498; color: #fff; font-weight: 600; }
+  figcaption { position: absolute; left: 14px; top: 12px; padding: 2px 12px; border-radius: 99px; background: #1f6498; color: #fff;
+    font-weight: 600; }
 </style><main><pre>@TEXT@</pre>@SHOTS@</main>"""
 
 
