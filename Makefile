@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # Of two cores: many tests wait for processes that they have started.
 JOBS ?= 3
 
-.PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-viewer conformance bench-weld print-masses walk bridge-search mutants slips fuzz kills schemas docs pictures viewer freeze frozen clean
+.PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-viewer conformance bench-weld print-masses walk bridge-search mutants slips fuzz kills schemas docs site pictures viewer freeze frozen clean
 
 demo: $(VENV)/.thingc
 	$(BIN)/thingc build assemblies/arm.yaml
@@ -99,6 +99,10 @@ $(VENV)/.thingc-dev: pyproject.toml
 docs: $(VENV)/.thingc-dev
 	$(BIN)/python docs/generate.py
 	$(BIN)/python docs/mate_picture.py
+
+# The documentation as a site, build/site/index.html, with the robots in it.
+site: $(VENV)/.thingc-dev
+	$(BIN)/python docs/website.py
 
 pictures: $(VENV)/.thingc-dev
 	$(BIN)/python docs/pictures.py

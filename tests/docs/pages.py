@@ -16,7 +16,8 @@ from pathlib import Path
 from thingc.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = (*sorted((ROOT / "docs").glob("*.md")), ROOT / "CONTRIBUTING.md")
+FOLDERS = (ROOT / "docs", ROOT / "docs" / "howto", ROOT / "docs" / "from")
+PAGES = (*(page for folder in FOLDERS for page in sorted(folder.glob("*.md"))), ROOT / "CONTRIBUTING.md")
 WITH_LINKS = (*PAGES, ROOT / "README.md", ROOT / "ARCHITECTURE.md")
 
 _FENCE = re.compile(r"^```(\w*)[^\n]*\n(.*?)^```$", re.MULTILINE | re.DOTALL)

@@ -1,0 +1,307 @@
+"""Builds the documentation as a site: `make site`, or `python docs/website.py [--without-viewers]`, writes `build/site`.
+
+The pages are the Markdown files of `docs/`, written for whoever reads them in the repository. They are laid in `build/pages` and there
+
+- a link out of `docs/` becomes one to a page of the site: the project's own pages (`PROJECT`), or a page that shows the source file;
+- lists are indented as Python-Markdown wants them;
+- a picture below the comment `<!-- viewer: arm -->` becomes a frame that shows it until somebody clicks at it, and then the robot itself:
+  `viewers/arm.html`, which `thingc build --emit html` makes of each of `robots()`. `<!-- viewer: arm#... -->` takes a permalink.
+
+zensical (`zensical.toml`) makes HTML of them, and `llms.txt` and `llms-full.txt` lie beside it: the list of the pages, and all of them.
+What the site then refers to has to be there, and nothing in it may be asked of another host.
+"""
+
+from __future__ import annotations
+
+import argparse
+import html
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+DOCS = Path(__file__).resolve().parent
+ROOT = DOCS.parent
+CONFIG = ROOT / "zensical.toml"
+PROJECT = {
+    "README.md": "index.md", "ARCHITECTURE.md": "architecture.md", "CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md",
+}
+"""The project's own pages, and what they are called on the site; in place of the first stands `docs/index.md`."""
+LANGUAGES = {".py": "python", ".yaml": "yaml", ".yml": "yaml", ".toml": "toml", ".json": "json"}
+SKIPPED = ("architecture.md", "contributing.md", "changelog.md", "api.md")
+"""Pages that `llms-full.txt` leaves out: they are of the project's inside, or made of docstrings when the site is built."""
+WORKERS = "https://unpkg.com/iframe-worker/shim"
+"""What zensical's pages ask for, where `docs/site/iframe-worker.js` is just that."""
+
+_TEXT = r"(?:`[^`]*`|!\[[^\]]*\]\([^)\s]*\)|[^\[\]`])*?"
+_TOKENS = re.compile(
+    rf"""(?P<fence>^(?P<indent>[ ]*)(?P<ticks>`{{3,}})[^\n]*\n.*?^(?P=indent)(?P=ticks)[ ]*$)
+    |(?P<viewer><!--[ ]viewer:[ ](?P<robot>[\w-]+)(?P<fragment>\#\S+)?[ ]-->\n+!\[(?P<says>[^\]]*)\]\((?P<picture>[^)\s]+)\))
+    |(?P<link>(?P<text>!?\[{_TEXT}\])\((?P<target>[^)\s]+)\))
+    |(?P<code>(?P<ticked>`+)(?!`).*?(?<!`)(?P=ticked)(?!`))""",
+    re.MULTILINE | re.DOTALL | re.VERBOSE,
+)
+"""What of a page is not plain words; what begins first has what is in it."""
+_ITEM = re.compile(r"( *)(?:[-*]|\d+\.) +(?=\S)")
+
+
+def robots() -> dict[str, Path]:
+    """The documents that the site shows live, by the robot's name: the arm, MInchW and the gallery's."""
+    gallery = sorted(path for path in ROOT.glob("gallery/*/*.yaml") if path.stem == path.parent.name)
+    return {path.stem: path for path in (ROOT / "assemblies/arm.yaml", ROOT / "assemblies/minchw/minchw.yaml", *gallery)}
+
+
+# --- pages ---------------------------------------------------------------------------------------------------------
+
+
+def pages() -> dict[str, str]:
+    """Every page of the site by its path there, as Markdown for zensical."""
+    own = {path.relative_to(DOCS).as_posix(): path for path in sorted(DOCS.rglob("*.md"))}
+    own |= {name: ROOT / file for file, name in PROJECT.items() if file != "README.md"}
+    sources: dict[str, Path] = {}
+    found = {name: indented(linked(path.read_text(encoding="utf-8"), name, path, sources)) for name, path in own.items()}
+    return found | {name: _source(name, path) for name, path in sorted(sources.items())}
+
+
+def linked(text: str, name: str, path: Path, sources: dict[str, Path]) -> str:
+    """A page `name` of the site, read from the file `path`, with the site's links; `sources` is told what else has to be shown."""
+
+    def token(found: re.Match[str]) -> str:
+        if found["viewer"]:
+            return _frame(found["robot"], found["fragment"] or "", found["says"], found["picture"], name)
+        if found["link"]:
+            inner = _TOKENS.sub(token, found["text"]) if "](" in found["text"] else found["text"]
+            return f"{inner}({_there(found['target'], name, path, sources)})"
+        if found["code"] and "\\|" in found[0]:  # in a table: Python-Markdown leaves the stroke
+            return f"<code>{html.escape(found[0].strip('`').strip()).replace(chr(92) + '|', '&#124;')}</code>"
+        return found[0]
+
+    return _TOKENS.sub(token, text)
+
+
+def _there(target: str, name: str, path: Path, sources: dict[str, Path]) -> str:
+    """Where a link of a page leads on the site."""
+    file, mark, anchor = target.partition("#")
+    if not file or "://" in file:
+        return target
+    there = (path.parent / file).resolve()
+    if there.is_relative_to(DOCS):
+        where = there.relative_to(DOCS).as_posix()
+    else:
+        inside = there.relative_to(ROOT).as_posix()
+        where = PROJECT.get(inside, f"source/{inside}.md")
+        if where.startswith("source/"):
+            sources[where] = there
+    return os.path.relpath(where, Path(name).parent).replace(os.sep, "/") + mark + anchor
+
+
+def _frame(robot: str, fragment: str, says: str, picture: str, name: str) -> str:
+    """A picture that becomes the robot itself when somebody clicks at it: a frame whose first page is the picture, a link."""
+    up = os.path.relpath(".", Path(name).parent) if "/" in name else "."
+    address = html.escape(f"{up}/viewers/{robot}.html{fragment}".removeprefix("./"))
+    style = "html,body{margin:0;height:100%}a{display:block;height:100%;position:relative}img{width:100%;height:100%;object-fit:contain}" \
+        "span{position:absolute;left:0;right:0;bottom:12px;text-align:center;font:15px sans-serif}" \
+        "b{background:#fffd;color:#123;border-radius:6px;padding:5px 12px;border:1px solid #8898}"
+    first = f'<style>{style}</style><a href="{address}"><img src="{html.escape(picture)}" alt="{html.escape(says)}">' \
+        "<span><b>Click to turn it</b></span></a>"
+    return (
+        f'<iframe class="viewer" title="{html.escape(says)}" src="{address}" srcdoc="{html.escape(first)}" loading="lazy"></iframe>\n'
+        f'<a class="alone" href="{address}">{html.escape(robot)} in a window of its own</a>'
+    )
+
+
+def _source(name: str, path: Path) -> str:
+    """The page of a file or folder that is no page, for who reads the site without the repository."""
+    title = f"---\nsearch: {{exclude: true}}\n---\n\n# {name.removeprefix('source/').removesuffix('.md')}\n\n"
+    if path.is_dir():
+        return title + "\n".join(f"- `{inner.name}`" for inner in sorted(path.iterdir()) if not inner.name.startswith(("_", "."))) + "\n"
+    return f"{title}`````{LANGUAGES.get(path.suffix, 'text')}\n{path.read_text(encoding='utf-8').rstrip()}\n`````\n"
+
+
+def indented(text: str) -> str:
+    """A page with its lists as Python-Markdown wants them: an empty line before each, and four spaces for what belongs to an item."""
+    lines: list[str] = []
+    items: list[int] = []
+    """Where the text of each item begins in which this line is."""
+    fence = ""
+    for line in text.split("\n"):
+        bare = line.lstrip()
+        at = len(line) - len(bare)
+        if fence:
+            lines.append(f"{'    ' * len(items)}{line[min(at, items[-1] if items else 0):]}")
+            fence = "" if bare.rstrip() == fence else fence
+            continue
+        item = _ITEM.match(line)
+        if not bare:
+            lines.append("")
+            continue
+        broken = not lines or not lines[-1]
+        if item or broken or at == 0 and bare.startswith(("```", "#", "<", "|")):
+            while items and at < items[-1]:
+                items.pop()
+        ticks = re.match("`{3,}", bare)
+        fence = ticks[0] if ticks else ""
+        if item:
+            if not broken and not items and not _ITEM.match(_last(lines)):
+                lines.append("")
+            lines.append("    " * len(items) + line[at:])
+            items.append(item.end())
+        else:
+            lines.append("    " * len(items) + line[min(at, items[-1] if items else 0) :])
+    return "\n".join(lines)
+
+
+def _last(lines: list[str]) -> str:
+    """The last line that begins at the margin, of the paragraph or list that goes on."""
+    for line in reversed(lines):
+        if not line:
+            return ""
+        if not line.startswith(" "):
+            return line
+    return ""
+
+
+# --- for language models -------------------------------------------------------------------------------------------
+
+
+def llms(texts: Mapping[str, str]) -> dict[str, str]:
+    """`llms.txt`, the list of the pages with their first sentences, and `llms-full.txt`, all of them in the order of the site."""
+    config = tomllib.loads(CONFIG.read_text(encoding="utf-8"))["project"]
+    title = f"# {config['site_name']}\n\n> {config['site_description']}\n"
+    index, full = [title], [title]
+    for section, names in sections(config["nav"]):
+        index.append(f"## {section}\n")
+        index += [f"- [{_title(texts[name])}]({name.removesuffix('.md')}.html){_first(texts[name])}" for name in names]
+        index.append("")
+        full += [f"<!-- {name} -->\n\n{_plain(texts[name])}" for name in names if name not in SKIPPED]
+    codes = sorted(name for name in texts if name.startswith("codes/"))
+    full += [f"<!-- {name} -->\n\n{_plain(texts[name])}" for name in codes]
+    return {"llms.txt": "\n".join(index), "llms-full.txt": "\n".join(full)}
+
+
+def sections(nav: Iterable[object]) -> Iterator[tuple[str, list[str]]]:
+    """The sections of the navigation, each with its pages in their order."""
+    for entry in nav:
+        assert isinstance(entry, dict), entry
+        for section, inner in entry.items():
+            yield section, [inner] if isinstance(inner, str) else list(inner)
+
+
+def _title(text: str) -> str:
+    found = re.search(r"^# (.*)$", text, re.MULTILINE)
+    assert found is not None, text[:80]
+    return found[1]
+
+
+def _first(text: str) -> str:
+    """The first sentence of a page, behind a colon; nothing of a page without words."""
+    words = re.search(r"^(?![#<|!`\s-])(.+?)(?:\n\n|\Z)", text, re.MULTILINE | re.DOTALL)
+    plain = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", words[1] if words else "").replace("**", "")
+    return plain and ": " + re.split(r"(?<=[.:])\s", re.sub(r"\s+", " ", plain))[0]
+
+
+def _plain(text: str) -> str:
+    """A page without frames."""
+    return re.sub(r"<iframe.*?</iframe>\n", "", text, flags=re.DOTALL).strip() + "\n"
+
+
+# --- what is built -------------------------------------------------------------------------------------------------
+
+
+class _References(HTMLParser):
+    """What a page refers to, and what in it can be referred to."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.targets: list[tuple[str, str]] = []
+        self.anchors = {"", "top"}
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Note what a tag says."""
+        for key, value in attrs:
+            if key in ("id", "name") and value:
+                self.anchors.add(value)
+            elif key in ("href", "src", "poster", "data") and value is not None:
+                self.targets.append((tag, value))
+            elif key == "srcdoc" and value:
+                self.targets += _References(value).targets
+
+
+def faults(site: Path) -> list[str]:
+    """What a built site refers to and does not have, and what it would ask of another host, each as `page: target`."""
+    read = {path: _References(path.read_text(encoding="utf-8")) for path in sorted(site.rglob("*.html")) if path.parent.name != "viewers"}
+    found = []
+    for path, references in read.items():
+        for tag, target in references.targets:
+            address = urlsplit(target)
+            if address.scheme or address.netloc:
+                if tag != "a" and address.scheme != "data" or address.scheme not in ("https", "http", "data"):
+                    found.append(f"{path.relative_to(site)}: <{tag}> asks {target}")
+                continue
+            there = (path.parent / unquote(address.path)).resolve() if address.path else path
+            if not there.exists() or there in read and unquote(address.fragment) not in read[there].anchors:
+                found.append(f"{path.relative_to(site)}: {target}")
+    asked = re.compile(r"@import[^;]*//|url\([\"']?(?:https?:)?//")
+    styles = [path for path in sorted(site.rglob("*.css")) if asked.search(path.read_text(encoding="utf-8"))]
+    return [*found, *(f"{path.relative_to(site)}: asks for what is elsewhere" for path in styles)]
+
+
+def lay(folder: Path, *, viewers: bool) -> None:
+    """Lay all that zensical reads into `folder`, anew; without `viewers` each robot's page is an empty one."""
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(DOCS / "pictures", folder / "pictures")
+    shutil.copytree(DOCS / "site", folder / "site")
+    texts = pages()
+    for name, text in (texts | llms(texts)).items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text, encoding="utf-8", newline="\n")
+    (folder / "viewers").mkdir()
+    for robot, document in robots().items():
+        page = folder / "viewers" / f"{robot}.html"
+        if viewers:
+            built = ROOT / "build" / "viewers"
+            command = [sys.executable, "-m", "thingc", "build", str(document), "--emit", "html", "--output", str(built)]
+            subprocess.run(command, cwd=ROOT, check=True)
+            shutil.copy(built / robot / "html" / page.name, page)
+        else:
+            page.write_text("<!doctype html><title>not built</title>\n", encoding="utf-8")
+
+
+def build(folder: Path) -> list[str]:
+    """Have zensical build `build/site` from the `zensical.toml` of a folder; what it complains of, and what the site refers to in vain."""
+    site = folder / "build" / "site"
+    shutil.rmtree(site, ignore_errors=True)
+    run = subprocess.run(
+        [sys.executable, "-m", "zensical", "build", "--clean", "--strict"], cwd=folder, capture_output=True, text=True, check=False,
+    )
+    said = run.stdout + run.stderr
+    if run.returncode or "warning" in said.lower():
+        return [said]
+    (site / "404.html").unlink()  # its links are those of a site that lies at the top of its host
+    for path in site.rglob("*.html"):
+        text = path.read_text(encoding="utf-8")
+        if WORKERS in text:
+            own = "../" * (len(path.relative_to(site).parts) - 1) + "site/iframe-worker.js"
+            path.write_text(text.replace(WORKERS, own), encoding="utf-8", newline="\n")
+    return faults(site)
+
+
+def main() -> int:
+    """The command line."""
+    parser = argparse.ArgumentParser(description="Build the documentation as a site.")
+    parser.add_argument("--without-viewers", action="store_true", help="leave the robots' pages empty: no part is modelled")
+    lay(ROOT / "build" / "pages", viewers=not parser.parse_args().without_viewers)
+    wrong = build(ROOT)
+    print("\n".join(wrong) or "build/site/index.html")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

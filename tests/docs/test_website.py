@@ -1,0 +1,99 @@
+"""The documentation as a site: every page in its navigation, every link of it there, and nothing asked of another host."""
+
+from __future__ import annotations
+
+import re
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from docs.pages import ROOT
+
+
+@pytest.fixture(scope="module")
+def website() -> Iterator[ModuleType]:
+    """`docs/website.py`."""
+    sys.path.insert(0, str(ROOT / "docs"))
+    import website
+
+    yield website
+    sys.path.remove(str(ROOT / "docs"))
+
+
+def test_every_page_is_in_the_navigation_once(website: ModuleType) -> None:
+    """A page that is not is found by nobody; `docs/codes` is reached from the table of the codes."""
+    nav = tomllib.loads(website.CONFIG.read_text())["project"]["nav"]
+    named = [page for _, pages in website.sections(nav) for page in pages]
+    pages = sorted(page for page in website.pages() if not page.startswith(("codes/", "source/")))
+    assert sorted(named) == pages, "zensical.toml and docs/ differ"
+
+
+def test_what_language_models_read_is_all_pages_without_frames(website: ModuleType) -> None:
+    texts = website.pages()
+    files = website.llms(texts)
+    assert files == website.llms(dict(reversed(texts.items()))), "the order in which files are found decides about nothing"
+    index, full = files["llms.txt"], files["llms-full.txt"]
+    linked = {name.replace(".html", ".md") for name in re.findall(r"^- \[.+\]\((\S+)\)(?:: \S|$)", index, re.MULTILINE)}
+    assert linked == {name for name in texts if not name.startswith(("codes/", "source/"))}
+    assert "# The document language" in full and "# TC302: " in full and "<iframe" not in full and "Copyright" not in full
+
+
+@pytest.mark.parametrize(("written", "wanted"), [
+    ("Words:\n- one\n  two\n- three\n", "Words:\n\n- one\n    two\n- three\n"),
+    ("1. one\n\n   ```\n   a\n     b\n   ```\n2. two\n\nend\n", "1. one\n\n    ```\n    a\n      b\n    ```\n\n2. two\n\nend\n"),
+    ("- a\n  - b\n\n    c\n\nd\n", "- a\n    - b\n\n        c\n\nd\n"),
+    ("```\n- no list\n  at all\n```\n", "```\n- no list\n  at all\n```\n"),
+    ("a - b\n1.5 m\n", "a - b\n1.5 m\n"),
+])
+def test_lists_are_indented_for_python_markdown(website: ModuleType, written: str, wanted: str) -> None:
+    assert website.indented(written) == wanted
+
+
+def test_links_out_of_the_pages_lead_to_pages_of_the_site(website: ModuleType) -> None:
+    sources: dict[str, Path] = {}
+    text = "[`a`](language.md#joints) [b](../README.md) [c\nd](../assemblies/arm.yaml) `[e](../f)` ![g](pictures/mate.svg) " \
+        "[h](https://x.y)\n| [![i](pictures/mate.svg)](../thingc.toml) | `k\\|l` |\n```\n[m](../n)\n```\n"
+    seen = website.linked(text, "howto/x.md", ROOT / "docs" / "x.md", sources)
+    assert seen == (
+        "[`a`](../language.md#joints) [b](../index.md) [c\nd](../source/assemblies/arm.yaml.md) `[e](../f)` ![g](../pictures/mate.svg) "
+        "[h](https://x.y)\n| [![i](../pictures/mate.svg)](../source/thingc.toml.md) | <code>k&#124;l</code> |\n```\n[m](../n)\n```\n"
+    )
+    assert sources == {"source/assemblies/arm.yaml.md": ROOT / "assemblies/arm.yaml", "source/thingc.toml.md": ROOT / "thingc.toml"}
+
+
+def test_a_viewer_is_a_frame_whose_first_page_is_the_picture(website: ModuleType) -> None:
+    text = "<!-- viewer: arm#m=bench -->\n![\"The\" arm](pictures/arm_modes.png)\n"
+    seen = website.linked(text, "howto/x.md", ROOT / "docs" / "howto" / "x.md", {})
+    assert seen.count("../viewers/arm.html#m=bench") == 3 and "&lt;img src=&quot;pictures/arm_modes.png&quot;" in seen
+    assert 'title="&quot;The&quot; arm"' in seen
+
+
+def test_faults_of_a_site_are_found(website: ModuleType, tmp_path: Path) -> None:
+    (tmp_path / "b.html").write_text('<h1 id="there">b</h1>')
+    (tmp_path / "a.css").write_text("@font-face { src: url(https://fonts.example/x.woff2) }")
+    (tmp_path / "a.html").write_text(
+        '<link rel="stylesheet" href="a.css"><a href="b.html#there">1</a><a href="b.html#gone">2</a><img src="c.png">'
+        '<a href="#top">3</a><a href="https://elsewhere.example">4</a><script src="//cdn.example/x.js"></script>'
+        '<iframe src="b.html" srcdoc="&lt;img src=d.png&gt;">'
+    )
+    assert website.faults(tmp_path) == [
+        "a.html: b.html#gone", "a.html: c.png", "a.html: <script> asks //cdn.example/x.js", "a.html: d.png",
+        "a.css: asks for what is elsewhere",
+    ]
+
+
+@pytest.mark.slow
+def test_the_site_is_built_without_a_warning_and_every_link_of_it_is_there(
+    website: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Zensical takes its folders from beside its configuration."""
+    (tmp_path / "zensical.toml").write_text(website.CONFIG.read_text().replace('paths = ["compiler"]', f'paths = ["{ROOT / "compiler"}"]'))
+    website.lay(tmp_path / "build" / "pages", viewers=False)
+    assert website.build(tmp_path) == []
+    site = tmp_path / "build" / "site"
+    assert {"index.html", "llms.txt", "llms-full.txt", "search.js", "codes", "viewers"} <= {path.name for path in site.iterdir()}
+    assert "properties" in (site / "api.html").read_text() and "https://unpkg.com/iframe-worker" not in (site / "index.html").read_text()
