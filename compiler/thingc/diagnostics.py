@@ -318,12 +318,13 @@ def allow_hint(code: Code) -> str:
 class Report:
     """Collects diagnostics through the passes. The only mutable thing that passes share.
 
-    A warning that one of the `allowances` covers is not said; `needed` are those that covered one.
+    A warning that one of the `allowances` covers is not said; `needed` are those that covered one, `allowed` is how often one did.
     """
 
     diagnostics: list[Diagnostic] = field(default_factory=list)
     allowances: Sequence[Allowance] = ()
     needed: set[Allowance] = field(default_factory=set)
+    allowed: int = 0
     _known: set[Diagnostic] = field(default_factory=set, repr=False)
 
     def add(
@@ -371,6 +372,7 @@ class Report:
         """Whether a warning that shows these places is allowed; then what allows it is needed."""
         covering = [allowance for allowance in self.allowances if allowance.covers(code, places)]
         self.needed.update(covering)
+        self.allowed += bool(covering)
         return bool(covering)
 
     def warn(
@@ -388,7 +390,7 @@ class Report:
 
     def continued(self) -> Report:
         """A report of its own that begins with what this one has."""
-        return Report(list(self.diagnostics), self.allowances, set(self.needed), set(self._known))
+        return Report(list(self.diagnostics), self.allowances, set(self.needed), self.allowed, set(self._known))
 
     def say_unneeded(self, document: str, stages: Collection[Stage]) -> None:
         """A warning for every allowance of `document` (an absolute path) of which no warning was found, if these stages, which

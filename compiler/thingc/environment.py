@@ -57,20 +57,23 @@ class Options:
 
 class Environment:
     """What compilations of one document share, whatever they set. A context manager: leaving it ends the geometry service, unless that
-    was given.
+    was given (by a function of the workspace and its store).
 
     `workspace` is None where none was found; `report` has what is said of the documents themselves, `memo` what passes need not work
     out again.
     """
 
-    def __init__(self, document: str, options: Options, geometry: GeometryService | None = None) -> None:
+    def __init__(
+        self, document: str, options: Options, geometry: Callable[[Workspace, Store], GeometryService] | None = None,
+        memo: Memo | None = None,
+    ) -> None:
         from thingc.workspace import Workspace
 
         self.started = time.time_ns()
         self.document = os.path.abspath(document)
         self.options = options
         self.report = Report()
-        self.memo = Memo()
+        self.memo = memo if memo is not None else Memo()
         self.workspace: Workspace | None = Workspace.find(self.document, self.report)
         self._lent = geometry
         self._lock_report = Report()
@@ -92,7 +95,7 @@ class Environment:
         """Who answers for parts: the geometry service, or, where no code may run, the lock. Only where there is a workspace."""
         assert self.workspace is not None, "parts belong to a workspace, and none was found"
         if self._lent is not None:
-            return self._lent
+            return self._lent(self.workspace, self.store)
         if self.options.code:
             return geometry_of(self.workspace, self.options, self.store, self._lock if self.options.lock else None)
         from thingc.realize.lock.locked import LockedGeometry

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 from thingc.diagnostics import Code, Report, Stage, shown_path
 from thingc.environment import Environment, geometry_of
 from thingc.frozen import dataclass
+from thingc.memo import Memo
 from thingc.typos import did_you_mean
 
 if TYPE_CHECKING:
@@ -110,7 +111,7 @@ def compile(environment: Environment, modes: Sequence[str] = (), *, kinds: Seque
     report; raises `UnknownChoice`, and `BlobMissing` where the store turns out to be damaged (see `environment.attempted`)."""
     sources = read(environment, kinds, modelling=True)
     settings = Settings(parameters=environment.options.parameters, choices=environment.options.choices)
-    compilation = _passes(environment, sources, settings, modes)
+    compilation = _passes(environment, sources, settings, modes, None)
     if compilation.assembly is not None and not compilation.report.failed:
         from thingc.robot import check_starts
 
@@ -121,7 +122,7 @@ def compile(environment: Environment, modes: Sequence[str] = (), *, kinds: Seque
 def recompile(environment: Environment, sources: Sources | None, settings: Settings, modes: Sequence[str] = ()) -> Compilation:
     """What has been read, with other settings: see `compile`. What is looked for in single robots alone (starts within the floor, solids
     within each other) is not looked for."""
-    return replace(_passes(environment, sources, settings, modes), repeated=True)
+    return replace(_passes(environment, sources, settings, modes, environment.memo), repeated=True)
 
 
 def modules_of_build(targets: Collection[str]) -> tuple[str, ...]:
@@ -143,7 +144,7 @@ def build(
         from thingc.emit import step
 
         step.begin(request)
-    check_overlaps(request.assembly, environment.store, compilation.report)
+    check_overlaps(request.assembly, environment.store, compilation.report, environment.memo)
     return _emitted(request, targets)
 
 
@@ -160,10 +161,10 @@ def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, mode
     if workspace is None:
         return None
     kernel_loads = modelling and environment.parts.anticipate()
-    documents = load(environment.document, workspace, report, kinds=kinds, texts=environment.options.texts)
+    documents = load(environment.document, workspace, report, kinds=kinds, texts=environment.options.texts, memo=environment.memo)
     if documents is None:
         return None
-    specs = validate(documents, report)
+    specs = validate(documents, report, environment.memo)
     named = part_references(specs, documents) if documents.root.kind == "assembly" else ()
     if kernel_loads:
         for module in (*PASSES, *environment.options.ahead):
@@ -172,15 +173,16 @@ def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, mode
     return Sources(workspace=workspace, documents=documents, specs=specs, schemas=schemas)
 
 
-def choose(environment: Environment, sources: Sources, choices: Mapping[str, str], report: Report) -> Sources:
-    """The sources, with the documents and parts that `choices` name; what is wrong with those is in `report`."""
+def choose(environment: Environment, sources: Sources, choices: Mapping[str, str], report: Report, memo: Memo | None) -> Sources:
+    """The sources, with the documents and parts that `choices` name; what is wrong with those is in `report`. `memo` is of this text of
+    the documents."""
     if not choices:
         return sources
     from thingc.resolve.choices import documents_and_parts
 
     assemblies, parts = documents_and_parts(choices)
     place = ("choices", frozenset(assemblies), frozenset(parts))
-    widened, faults = environment.memo(place, lambda: _widened(environment, sources, assemblies, parts))
+    widened, faults = (memo or Memo())(place, lambda: _widened(environment, sources, assemblies, parts))
     for fault in faults.diagnostics:  # what has no place in a document is said of the choice
         code, path = (fault.code, fault.path) if fault.span is not None else (Code.CHOICE_OPTION, "--set")
         report.add(code, fault.message, fault.span, help=fault.help, path=path, notes=fault.notes, severity=fault.severity)
@@ -207,15 +209,18 @@ def model(environment: Environment, own: Sources, settings: Settings, report: Re
     where nothing is sound."""
     from thingc.resolve import resolve
 
-    sources = choose(environment, own, settings.choices, report)
+    sources = choose(environment, own, settings.choices, report, environment.memo)
     return resolve(
         sources.documents, sources.specs, sources.workspace, sources.schemas, settings.parameters, report, settings.choices,
         environment.memo,
     )
 
 
-def _passes(environment: Environment, own: Sources | None, settings: Settings, modes: Sequence[str]) -> Compilation:
-    """From what was read to the robots."""
+def _passes(
+    environment: Environment, own: Sources | None, settings: Settings, modes: Sequence[str], of_text: Memo | None,
+) -> Compilation:
+    """From what was read to the robots. `of_text` has answers that hold as long as the documents stand as they are, line by line; those of
+    the environment hold for all."""
     from thingc.graph import link, slicings_of
     from thingc.resolve import part_definitions, resolve, resolve_materials
     from thingc.robot import root, stand
@@ -224,7 +229,7 @@ def _passes(environment: Environment, own: Sources | None, settings: Settings, m
     if own is None:
         return Compilation(settings=settings, report=report)
     parts = environment.parts
-    sources = choose(environment, own, settings.choices, report)
+    sources = choose(environment, own, settings.choices, report, of_text)
     documents, specs, workspace = sources.documents, sources.specs, sources.workspace
     report.allowances = specs.allowances
     _say_hidden(environment, sources, report)
@@ -233,7 +238,7 @@ def _passes(environment: Environment, own: Sources | None, settings: Settings, m
         resolve_materials(documents, specs, workspace, report)
     if documents.root.kind != "assembly":
         return compilation
-    model = resolve(documents, specs, workspace, sources.schemas, settings.parameters, report, settings.choices, memo)
+    model = resolve(documents, specs, workspace, sources.schemas, settings.parameters, report, settings.choices, of_text)
     if model is None:
         return compilation
     if not report.failed:
@@ -333,16 +338,29 @@ def inputs(environment: Environment, compilation: Compilation) -> dict[str, str 
 
     None where a file changed while it was being read: nobody knows which content the answer is of.
     """
-    from thingc.resolve.choices import chosen_files
     from thingc.stamp import state_of
 
     workspace, documents = environment.workspace, compilation.documents
     assert workspace is not None and documents is not None
     states = {**workspace.inputs, **{document.path: document.sha256 for document in documents.by_path.values()}}
-    others = {*chosen_files(compilation.settings.choices, environment.document), *environment.parts.inputs, *documents.files}
-    states.update({path: state_of(path) for path in others if path not in states})
+    states.update({path: state_of(path) for path in looked_at(environment, compilation) if path not in states})
     changed = any(state is not None and os.stat(path).st_mtime_ns >= environment.started for path, state in states.items())
     return None if changed else states
+
+
+def looked_at(environment: Environment, compilation: Compilation) -> set[str]:
+    """Absolute paths of everything that a compilation, sound or not, depends on in the workspace and in packages tracked by content: files
+    and folders, there or not."""
+    from thingc.resolve.choices import chosen_files
+    from thingc.workspace import settings_files
+
+    workspace, documents = environment.workspace, compilation.documents
+    paths = {environment.document, *(workspace.inputs if workspace is not None else settings_files(environment.document))}
+    if workspace is not None:
+        paths.update(environment.parts.inputs, chosen_files(compilation.settings.choices, environment.document))
+    if documents is not None:
+        paths.update(documents.files, (document.path for document in documents.by_path.values()))
+    return paths
 
 
 def say_unneeded(compilation: Compilation, stages: Collection[Stage]) -> None:

@@ -141,6 +141,15 @@ class Workspace:
         return _inside(path, self.root)
 
 
+def settings_files(document: str) -> list[str]:
+    """The absolute paths of all files, there or not, that may say what the workspace of a document is: beside it and above."""
+    folder = os.path.dirname(os.path.abspath(document))
+    folders = [folder]
+    while (above := os.path.dirname(folder)) != folder:
+        folders.append(folder := above)
+    return [os.path.join(folder, name) for folder in folders for name in (OWN_FILE, SHARED_FILE)]
+
+
 def _inside(path: str, root: str) -> bool:
     real, top = os.path.realpath(path), os.path.realpath(root)
     return real == top or real.startswith(top.rstrip(os.sep) + os.sep)

@@ -8,19 +8,19 @@ import shlex
 import sys
 import textwrap
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from thingc import pipeline, stamp
+from thingc import building, pipeline, stamp
+from thingc.building import Built, Wish
 from thingc.cli import common
 from thingc.cli.targets import add_compat, add_emit, chosen_compat, chosen_targets, in_words
-from thingc.diagnostics import Code, Diagnostic, Report, Severity, Stage, shown_path
-from thingc.emit.artifact import Content, Loss
+from thingc.diagnostics import Code, Diagnostic, Severity, shown_path
 from thingc.environment import Environment, Options, attempted, store_of
-from thingc.output import OutputError, build_folder, unswept, verify, write_build
-from thingc.pipeline import Compilation, UnknownChoice
+from thingc.output import OutputError, build_folder, unswept, verify
+from thingc.pipeline import UnknownChoice
 
 EPILOG = """\
 {about}
@@ -74,7 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
         more = {"artifacts": artifacts, "modelled": answer["modelled"], "reused": answer["reused"]}
     common.print_found(diagnostics, arguments.format, stream=sys.stderr, debug=arguments.debug, **more)
     if answer is not None and arguments.format != "json":
-        _tell(answer, arguments)
+        tell(answer, arguments)
     return common.exit_code(diagnostics)
 
 
@@ -94,39 +94,38 @@ def _build(
         if _stands(answer):
             parts = sorted({*answer["reused"], *answer["modelled"]})
             return said, {**answer, "modelled": [], "reused": parts, "unchanged": True}
-    return attempted(arguments.document, options, partial(_built, arguments, targets, key))
+    return attempted(arguments.document, options, partial(_built, wish_of(arguments, targets), key))
 
 
-def _built(
-    arguments: argparse.Namespace, targets: tuple[str, ...], key: str, environment: Environment,
-) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:
+def wish_of(arguments: argparse.Namespace, targets: tuple[str, ...]) -> Wish:
+    """What the command line wishes the build to be."""
+    return Wish(
+        targets=targets, modes=arguments.mode, compat=chosen_compat(arguments), output=arguments.output, strict=arguments.strict,
+        deny_loss=arguments.deny_loss, force=arguments.force, twice=getattr(arguments, "twice", False),
+    )
+
+
+def _built(wish: Wish, key: str, environment: Environment) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:
     """Build, write, and remember it under `key`."""
-    compilation = pipeline.compile(environment, arguments.mode)
-    report = compilation.report
-    diagnostics = common.final(report, strict=arguments.strict)
-    if common.exit_code(diagnostics):
+    built = building.build(environment, wish)
+    diagnostics, compilation = list(built.diagnostics), built.compilation
+    if built.files is None:
         return diagnostics, None
-    twice = pipeline.model_again(environment, compilation) if arguments.twice else 0
-    if report.failed:
-        return common.final(report, strict=arguments.strict), None
-    assert compilation.assembly is not None
-    compat = chosen_compat(arguments) or environment.geometry.workspace.compat
-    folder = build_folder(_parent(arguments, environment), compilation.assembly.name)
-    artifacts = pipeline.build(environment, compilation, targets, folder, compat)
-    losses = [loss for target in targets for loss in artifacts[target].losses]
-    if arguments.deny_loss:
-        _deny(losses, report)
-    if not arguments.mode:
-        pipeline.say_unneeded(compilation, [Stage.CHECK, Stage.BUILD] if "mjcf" in targets else [Stage.CHECK])
-    diagnostics = common.final(report, strict=arguments.strict)
-    if common.exit_code(diagnostics):
-        return diagnostics, None
+    folder = building.write(environment, built, wish, common.say_waiting)
     answer = {
-        **_written(arguments, environment, compilation, pipeline.files(environment, compilation, artifacts, compat)),
-        "modelled": compilation.modelled, "reused": compilation.reused, "losses": dict(Counter(loss.target for loss in losses)),
+        **answer_of(built, folder), "place": building.place(environment, compilation, wish),
+        "manifest": stamp.state_of(os.path.join(folder, "manifest.json")),
     }
     stamp.save(environment.store, key, pipeline.inputs(environment, compilation), diagnostics, answer)
-    return diagnostics, {**answer, "twice": twice}
+    return diagnostics, {**answer, "twice": built.twice}
+
+
+def answer_of(built: Built, folder: str) -> dict[str, Any]:
+    """What there is to tell of a build that was written."""
+    return {
+        "folder": folder, "artifacts": sorted(built.files or ()), "modelled": built.compilation.modelled,
+        "reused": built.compilation.reused, "losses": dict(Counter(loss.target for loss in built.losses)),
+    }
 
 
 def _stands(answer: Mapping[str, Any]) -> bool:
@@ -137,42 +136,7 @@ def _stands(answer: Mapping[str, Any]) -> bool:
     return stamp.state_of(os.path.join(folder, "manifest.json")) == answer["manifest"] and verify(folder) is not None
 
 
-def _deny(losses: Sequence[Loss], report: Report) -> None:
-    for loss in losses:
-        mode = f" in mode `{loss.mode}`" if loss.mode is not None else ""
-        report.add(
-            Code.LOSS_DENIED, f"{loss.target} cannot say this of `{loss.path}`{mode}: {loss.what} ({loss.how})", loss.span, path=loss.path,
-            help="leave it out, or build without --deny-loss",
-        )
-
-
-def _written(
-    arguments: argparse.Namespace, environment: Environment, compilation: Compilation, files: Mapping[str, Content],
-) -> dict[str, Any]:
-    """Put everything into the build folder at once; what there is to remember of it."""
-    assembly, documents = compilation.assembly, compilation.documents
-    assert assembly is not None and documents is not None
-
-    def on_wait(folder: str) -> None:
-        common.say(f"another build of {shown_path(folder)} is under way; waiting for it", stream=sys.stderr)
-
-    parent = _parent(arguments, environment)
-    folder = write_build(
-        parent, assembly.name, files, environment.store, documents.root.relative, force=arguments.force, on_wait=on_wait,
-    )
-    return {
-        "folder": folder, "place": [os.path.abspath(parent), assembly.name],
-        "manifest": stamp.state_of(os.path.join(folder, "manifest.json")), "artifacts": sorted(files),
-    }
-
-
-def _parent(arguments: argparse.Namespace, environment: Environment) -> str:
-    """The folder in which the build folder lies."""
-    assert environment.workspace is not None
-    return arguments.output or os.path.join(environment.workspace.root, environment.workspace.build)
-
-
-def _tell(answer: Mapping[str, Any], arguments: argparse.Namespace) -> None:
+def tell(answer: Mapping[str, Any], arguments: argparse.Namespace) -> None:
     """What happened, for people, on standard error."""
     if answer.get("twice"):
         common.say(f"{common.counted(answer['twice'], 'part')} modelled twice: equal", stream=sys.stderr)

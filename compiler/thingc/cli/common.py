@@ -209,6 +209,11 @@ def show_printed(part: str, lines: Sequence[str]) -> None:
     say(*(f"{part} | {line}" for line in lines), stream=sys.stderr)
 
 
+def say_waiting(folder: str) -> None:
+    """That another build of a folder must be waited for, on standard error."""
+    say(f"another build of {shown_path(folder)} is under way; waiting for it", stream=sys.stderr)
+
+
 def say(*lines: str, stream: TextIO | None = None) -> None:
     """Lines for people, on standard output unless told otherwise: the one way by which what is no diagnostic gets there.
 

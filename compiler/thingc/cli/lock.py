@@ -109,7 +109,7 @@ def _used(
     definitions: dict[str, PartDefinition] = {}
     slicings: dict[str, set[Slicing]] = {}
     for document in documents_in(workspace.root, workspace):
-        environment = Environment(document, options, geometry)
+        environment = Environment(document, options, lambda *_: geometry)
         sources = read(environment, kinds=("assembly", "materials", "variants"), modelling=True)
         own = Report()
         if sources is not None and sources.documents.root.kind == "assembly":

@@ -15,6 +15,7 @@ from typing import NoReturn
 COMMANDS = {
     "new": "make a workspace that builds at once, with a robot to change",
     "build": "write simulation models and manufacturing files of a robot",
+    "watch": "build a robot again after every save, with the CAD kernel loaded",
     "batch": "build every variant of a document of variants",
     "check": "say everything that is wrong with documents, and write nothing",
     "set": "write values into a document, at their paths; comments and layout stay",

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from thingc.diagnostics import Report
 from thingc.editor.facts import Names, Records, usual_mounts
-from thingc.editor.reading import Stat, stat_of
 from thingc.realize import ABSENT
 from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema
+from thingc.watching import Watched
 
 if TYPE_CHECKING:
     from thingc.environment import Progress
@@ -38,7 +38,7 @@ class Parts:
     records: dict[str, PartRecord | PartFailure] = field(default_factory=dict)
     unreadable: frozenset[str] = frozenset()
     _reach: tuple[str, ...] | None = None
-    _inputs: dict[str, Stat] = field(default_factory=dict)
+    _inputs: Watched = field(default_factory=Watched)
 
     def describe(self, references: Iterable[str]) -> Mapping[str, PartSchema | PartFailure]:
         """What every class in reach takes, and those that are named."""
@@ -103,14 +103,11 @@ class Parts:
 
     def note(self) -> None:
         """Remember what the files that the answers depend on are like."""
-        for path in self.service.inputs:
-            if path not in self._inputs:
-                self._inputs[path] = stat_of(path)
+        self._inputs.note(self.service.inputs)
 
     def current(self) -> bool:
         """Whether they are still like that."""
-        return all(stat_of(path) == state for path, state in self._inputs.items())
-
+        return self._inputs.current()
 
 
 def ask(

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from thingc.diagnostics import Code, Report
 from thingc.frozen import dataclass
 from thingc.realize.record import PartFailure, PartSchema
+from thingc.watching import Stat, stat_of
 
 if TYPE_CHECKING:
     from thingc.load import Documents
@@ -17,9 +17,6 @@ if TYPE_CHECKING:
     from thingc.workspace import Workspace
 
 KINDS = ("assembly", "materials", "variants", "workspace")
-
-Stat = tuple[int, int] | None
-"""When a file was changed [ns] and how long it is; None where there is none."""
 
 _ELSEWHERE = {Code.MISSING_FILE, Code.UNREADABLE, Code.WRONG_KIND, Code.SYNTAX, Code.HEADER}
 """Faults that a change of another file can mend."""
@@ -53,15 +50,6 @@ class Reading:
         from thingc.resolve import resolve
 
         return resolve(self.documents, self.specs, workspace, schemas, {}, Report())
-
-
-def stat_of(path: str) -> Stat:
-    """What a file is like, without reading it."""
-    try:
-        status = os.stat(path)
-    except OSError:
-        return None
-    return status.st_mtime_ns, status.st_size
 
 
 def read(path: str, workspace: Workspace, seen: Mapping[str, Stat]) -> Reading | None:

@@ -11,12 +11,13 @@ from thingc.editor import folder
 from thingc.editor.facts import Facts, facts_of
 from thingc.editor.narrowing import Surroundings, narrowed, remembered
 from thingc.editor.parts import Missing, Parts
-from thingc.editor.reading import KINDS, Reading, Stat, read, stat_of
+from thingc.editor.reading import KINDS, Reading, read
 from thingc.editor.symbols import DocumentSymbols, near, of_variants, read_symbols
 from thingc.frozen import dataclass
 from thingc.load import documents_in, packaged_documents
 from thingc.realize.record import PartDefinition
 from thingc.source import ScalarNode
+from thingc.watching import Stat, Watched, stat_of
 from thingc.workspace import OWN_FILE, Workspace
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ class Schemas:
         self._models: dict[str, AssemblyDefinition | None] = {}
         self._symbols: dict[str, DocumentSymbols] = {}
         self._done: dict[str, tuple[object, Surroundings]] = {}
-        self._settings: dict[str, Stat] = {path: stat_of(path) for path in workspace.inputs}
+        self._settings = Watched(workspace.inputs)
 
     def changed(self) -> bool:
         """Whether a document or a file that parts depend on is another than at the last refresh."""
@@ -62,7 +63,7 @@ class Schemas:
 
     def moved(self) -> bool:
         """Whether the workspace's own file has changed: then it may be another workspace."""
-        return any(stat_of(path) != state for path, state in self._settings.items())
+        return not self._settings.current()
 
     def outdated(self) -> bool:
         """Whether a file that parts depend on has changed: then `renew` comes before the next refresh."""

@@ -15,13 +15,14 @@ from thingc.diagnostics import Report
 from thingc.editor.parts import Missing, ask
 from thingc.editor.refresh import RefreshOutcome, Schemas
 from thingc.realize import EndingWorkers, NoWorkers
+from thingc.watching import looks
 from thingc.workspace import OWN_FILE, Workspace
 
 if TYPE_CHECKING:
     from thingc.realize import GeometryService, Store
 
 PAUSE = 0.2
-"""Between two looks [s]; longer where a look takes long, so that watching stays below a fifth of a core."""
+"""Between two looks [s]."""
 
 Say = Callable[[RefreshOutcome, float], None]
 """`say(outcome, seconds)` after every refresh."""
@@ -46,11 +47,8 @@ class Watch:
         """Refresh now, and after every change. Ends the workers when it ends. Raises OSError where it cannot write."""
         try:
             self._refresh(say)
-            while not self.stop.is_set():
-                started = time.monotonic()
+            for changed in looks(self._schemas.changed, self.stop, PAUSE):
                 found_out = self._helper is not None and not self._helper.is_alive()
-                changed = self._schemas.changed()
-                looked = time.monotonic() - started
                 if found_out:
                     self._helper = None
                 if changed and self._schemas.moved():
@@ -61,7 +59,6 @@ class Watch:
                     self._asked = Missing()
                 if changed or found_out:
                     self._refresh(say)
-                self.stop.wait(max(PAUSE, 4.0 * looked))
         finally:
             if self._workers is not None:
                 self._workers.end()

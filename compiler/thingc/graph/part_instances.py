@@ -105,14 +105,15 @@ class PartInstances:
         return self._known[key]
 
     def _remembered(self, component: Component, scope: AssemblyDefinition, path: str, origin: Origin) -> PartInstance | None:
-        """The leaf as it was worked out last, if nothing at all was to be said then."""
+        """The leaf as it was worked out last, if nothing at all was to be said then, or was allowed."""
         record = self._records.get(component.definition.text) if isinstance(component.definition, PartDefinition) else None
         material = scope.materials.get(record.material) if isinstance(record, PartRecord) and record.material else None
         inputs = (component, record, material, scope.materials_known)
         instance: PartInstance | None = self._memo.last(("leaf", path), inputs)
         if instance is None:
+            report, allowed = self._findings.report, self._findings.report.allowed
             instance = self._work_out(component, scope, path, origin)
-            told = self._findings.incomplete or self._findings.report.diagnostics or self._unknown
+            told = self._findings.incomplete or report.diagnostics or report.allowed > allowed or self._unknown
             if instance is not None and not told:
                 self._memo.keep(("leaf", path), inputs, instance)
         return instance

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 from thingc.diagnostics import Code, Note, Report
 from thingc.frozen import dataclass
 from thingc.load.packaged import find_packaged, is_packaged
-from thingc.load.paths import DOCUMENT_SUFFIXES, PART_SUFFIXES, find_file, refuse_name
+from thingc.load.paths import DOCUMENT_SUFFIXES, PART_SUFFIXES, find_file, named, refuse_name
 from thingc.load.text import MAX_ALL_BYTES, MAX_FAULTS, decode
+from thingc.memo import Memo
 from thingc.shown import unseen
 from thingc.source import Document, MappingNode, Node, ScalarNode, SequenceNode, Span
 from thingc.typos import did_you_mean, near_hint, nearest
@@ -35,8 +36,8 @@ class Documents:
 
     `by_path` is keyed by path in the workspace, in the order first named. `links` maps (path of a document, text in it)
     to the path of the document that the text names. `broken` are the documents on a cycle of assemblies (reported).
-    `files` are the absolute paths of all files that they name, documents and parts, as they are named: a symbolic link is itself,
-    and may lead elsewhere tomorrow; and those that were looked at for a document of a package, there or not.
+    `files` are the absolute paths of all files in the workspace that they name, documents and parts, there or not, as they are named: a
+    symbolic link is itself, and may lead elsewhere tomorrow; and those that were looked at for a document of a package, there or not.
     """
 
     root: Document
@@ -53,13 +54,13 @@ class Documents:
 
 def load(
     document: str, workspace: Workspace, report: Report, *, kinds: Collection[str] = ("assembly",),
-    texts: Mapping[str, bytes] | None = None,
+    texts: Mapping[str, bytes] | None = None, memo: Memo | None = None,
 ) -> Documents | None:
     """Read a document and follow its `assembly:` and `materials:`.
 
     Everything wrong is reported; what can still be read is returned, None where the document itself cannot be.
     `kinds` are the kinds that the document itself may have; `texts` what documents hold instead of what is on disk, by absolute
-    path.
+    path; `memo` knows documents that have been read before.
     """
     path = os.path.abspath(document)
     if not path.lower().endswith(DOCUMENT_SUFFIXES):
@@ -75,7 +76,7 @@ def load(
     if unseen(workspace.relative(path)):
         refuse_name(workspace.relative(path), None, report)
         return None
-    reader = _Reader(workspace, report, texts)
+    reader = _Reader(workspace, report, texts, memo)
     root = reader.read(path)
     if root is None:
         return None
@@ -153,10 +154,13 @@ def read_tree(path: str, data: bytes, report: Report) -> MappingNode | None:
 class _Reader:
     """Reads every file once; `by_path` in the order first named."""
 
-    def __init__(self, workspace: Workspace, report: Report, texts: Mapping[str, bytes] | None = None) -> None:
+    def __init__(
+        self, workspace: Workspace, report: Report, texts: Mapping[str, bytes] | None = None, memo: Memo | None = None,
+    ) -> None:
         self.workspace = workspace
         self.report = report
         self.texts = texts or {}
+        self.memo = memo or Memo()
         self.by_path: dict[str, Document] = {}
         self.failed: set[str] = set()
         self.done: set[str] = set()
@@ -175,12 +179,12 @@ class _Reader:
 
     def find(self, text: str, document: Document, where: Span | None, suffixes: tuple[str, ...], what: str) -> str | None:
         """The absolute path of the file that a document names (see `find_file`)."""
-        path = find_file(
+        wanted = named(text, document.path)
+        if wanted is not None and self.workspace.contains(wanted):
+            self.files.add(wanted)
+        return find_file(
             text, beside=document.path, where=where, workspace=self.workspace, suffixes=suffixes, what=what, report=self.report,
         )
-        if path is not None:
-            self.files.add(path)
-        return path
 
     def enough(self, where: Span) -> bool:
         """Whether nothing more is to be read: more has been, or more has been said, than anybody looks through."""
@@ -208,14 +212,19 @@ class _Reader:
             self.report.add(Code.UNREADABLE, f"cannot read `{name}`: {reason[:1].lower()}{reason[1:]}", None)
             return None
         self.bytes += len(data)
-        tree = read_tree(path, data, self.report)
-        kind = None if tree is None else document_kind(tree, self.report)
-        if tree is None or kind is None:
-            return None
-        document = Document(
-            path=path, relative=relative, kind=kind, tree=tree, sha256=hashlib.sha256(data).hexdigest(),
-            text=data.decode("utf-8-sig"),
-        )
+        place, content = ("document", path, relative), (hashlib.sha256(data).hexdigest(),)
+        document: Document | None = self.memo.last(place, content)
+        if document is None:
+            said = len(self.report.diagnostics)
+            tree = read_tree(path, data, self.report)
+            kind = None if tree is None else document_kind(tree, self.report)
+            if tree is None or kind is None:
+                return None
+            document = Document(
+                path=path, relative=relative, kind=kind, tree=tree, sha256=content[0], text=data.decode("utf-8-sig"),
+            )
+            if len(self.report.diagnostics) == said:
+                self.memo.keep(place, content, document)
         self.by_path[relative] = document
         self.failed.discard(relative)
         return document

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING
 
 from thingc.diagnostics import Code, Note, Report, allow_hint
 from thingc.frozen import dataclass
-from thingc.graph.types import Assembly, Link, Occurrence
+from thingc.graph.types import Assembly, Occurrence
+from thingc.memo import Memo
 from thingc.pose import Pose, Vector
 from thingc.realize.store.local import Store
+
+if TYPE_CHECKING:
+    from thingc.solids.shapes import PartSolids
 
 SHARE = 0.2
 """How much of the smaller of two parts the other may take: screws in their holes and cells in their holders take a twentieth."""
@@ -38,32 +44,33 @@ class _Pair:
         return min((self.one, self.other), key=_volume)
 
 
-def check_overlaps(assembly: Assembly, store: Store, report: Report) -> None:
+def check_overlaps(assembly: Assembly, store: Store, report: Report, memo: Memo) -> None:
     """A warning for each two parts of a link that share more than `SHARE` of the smaller one, and more than `LEAST`.
 
     Boxes say which can; those are looked at exactly, unless all of them have been before.
     """
-    pairs = [pair for link in assembly.links for pair in _candidates(assembly, link)]
+    pairs: list[_Pair] = []
+    for link in assembly.links:
+        parts = tuple(assembly.occurrences[member] for member in link.members)
+        pairs += memo(("overlaps", link.name), _candidates, parts, link.poses)
     if not pairs:
         return
     content = [[_mesh(part) for part in (pair.one, pair.other)] + [repr(pair.at_one), repr(pair.at_other)] for pair in pairs]
     key = hashlib.sha256(json.dumps([SHARE, LEAST, content]).encode()).hexdigest()
-    if store.get_json(KIND, key) is None and not _look(pairs, store, report):
+    if store.get_json(KIND, key) is None and not _look(pairs, store, report, memo):
         store.put_json(KIND, key, True)
 
 
-def _look(pairs: Sequence[_Pair], store: Store, report: Report) -> bool:
+def _look(pairs: Sequence[_Pair], store: Store, report: Report, memo: Memo) -> bool:
     """Whether any of the pairs is one too many; each such place of the documents is said once, however often it is used."""
-    from thingc.solids.shapes import PartSolids, at, overlap
+    from thingc.solids.shapes import PartSolids
 
     shapes = PartSolids(store)
     overlapping = False
     said: set[tuple[object, object]] = set()
     for pair in pairs:
-        solids = [shapes.solid(part.record) for part in (pair.one, pair.other) if part.record is not None]
-        if any(solid is None for solid in solids):
-            continue
-        shared = overlap(at(solids[0], pair.at_one), at(solids[1], pair.at_other))[0]
+        where = ("overlap", pair.one.path, pair.other.path)
+        shared = memo(where, partial(_shared, shapes, pair), _mesh(pair.one), _mesh(pair.other), pair.at_one, pair.at_other)
         if shared <= max(LEAST, SHARE * _volume(pair.smaller)):
             continue
         overlapping = True
@@ -71,6 +78,14 @@ def _look(pairs: Sequence[_Pair], store: Store, report: Report) -> bool:
         if place not in said and _warn(pair, shared, report):
             said.add(place)
     return overlapping
+
+
+def _shared(shapes: PartSolids, pair: _Pair, *_: object) -> float:
+    """The volume [m^3] that two parts share."""
+    from thingc.solids.shapes import at, overlap
+
+    solids = [shapes.solid(part.record) for part in (pair.one, pair.other) if part.record is not None]
+    return 0.0 if any(solid is None for solid in solids) else overlap(at(solids[0], pair.at_one), at(solids[1], pair.at_other))[0]
 
 
 def _warn(pair: _Pair, shared: float, report: Report) -> bool:
@@ -94,11 +109,11 @@ def _cubic(volume: float) -> str:
     return f"{float(f'{scale * volume:.3g}'):g} {unit}"  # 1000 mm^3, not 1e+03
 
 
-def _candidates(assembly: Assembly, link: Link) -> Iterator[_Pair]:
-    """The pairs of parts of which the boxes share as much as would be too much. Parts whose surface has gaps have no inside."""
+def _candidates(members: tuple[Occurrence, ...], poses: tuple[Pose, ...]) -> list[_Pair]:
+    """The pairs of a link's parts of which the boxes share as much as would be too much. Parts whose surface has gaps have no inside."""
+    pairs: list[_Pair] = []
     parts: list[tuple[Occurrence, Pose, Box]] = []
-    for member, pose in zip(link.members, link.poses, strict=True):
-        part = assembly.occurrences[member]
+    for part, pose in zip(members, poses, strict=True):
         mesh = part.record.meshes.get("mesh") if part.record is not None and part.record.exact else None
         if part.record is not None and part.record.box is not None and mesh is not None and mesh.closed:
             parts.append((part, pose, pose.around(part.record.box)))
@@ -108,7 +123,8 @@ def _candidates(assembly: Assembly, link: Link) -> Iterator[_Pair]:
             for axis in range(3):
                 common *= max(0.0, min(box[1][axis], beside[1][axis]) - max(box[0][axis], beside[0][axis]))
             if common > max(LEAST, SHARE * min(_volume(one), _volume(other))):
-                yield _Pair(one, other, at_one, at_other)
+                pairs.append(_Pair(one, other, at_one, at_other))
+    return pairs
 
 
 def _volume(part: Occurrence) -> float:

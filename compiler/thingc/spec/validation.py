@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from pydantic_core import ValidationError
 
 from thingc.diagnostics import Code, Report
+from thingc.memo import Memo
 from thingc.source import Document, ScalarNode, SequenceNode, Span, walk
 from thingc.spec.allowances import allowances
 from thingc.spec.assembly import AssemblySpec
@@ -41,15 +42,18 @@ def model_of(kind: str) -> type[Model] | None:
     return None
 
 
-def validate(documents: Documents, report: Report) -> Specs:
+def validate(documents: Documents, report: Report, memo: Memo | None = None) -> Specs:
     """Check every document by itself: path in the workspace to its model.
 
     Of a document with faults (all reported) the model is that of its sound rest, and `doubts` says what was left out.
-    Documents of which nothing useful stays are absent.
+    Documents of which nothing useful stays are absent. `memo` knows the models of sound documents.
     """
-    specs = Specs()
+    specs, memo = Specs(), memo or Memo()
     for path, document in documents.by_path.items():
-        spec, doubts = _sound(document, report)
+        place, content, said = ("spec", path), (document.sha256,), len(report.diagnostics)
+        spec, doubts = memo.last(place, content) or _sound(document, report)
+        if len(report.diagnostics) == said:
+            memo.keep(place, content, (spec, doubts))
         if isinstance(spec, (AssemblySpec, MaterialsSpec)) and path not in documents.broken:
             specs[path] = spec
             if doubts:

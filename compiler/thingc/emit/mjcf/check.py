@@ -5,6 +5,7 @@ MuJoCo is only imported when there is a model that it has not accepted before.
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -82,31 +83,49 @@ def check(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store: S
     start.say(instants, report)
 
 
-def passes(candidate: Candidate, meshes: Sequence[MeshAsset], store: Store, memo: Memo) -> bool:
-    """Whether MuJoCo takes a model without a word, found out quickly: for the many models of a session.
+def doubtful(
+    candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store: Store, memo: Memo, *, starts: bool,
+) -> list[Candidate]:
+    """Those of the models that `check` has to look at: of the others MuJoCo takes them without a word, which is found out quickly, for the
+    many models of a session.
 
-    Only where it has taken every mesh and the same scene before. The model is compiled by itself, with tetrahedra in the place of
-    the meshes; where anything is said against it, `check` has to find out what and why.
+    Only where it has taken every mesh and the same scene before, and with `starts` looked at the same first instant. A model is compiled
+    by itself, with tetrahedra in the place of the meshes; where anything is said against it, `check` has to find out what and why.
     """
+    known = [one for one in candidates if memo.last(("mujoco scene", one.mode), (one.scene.text,)) is not None]
+    if starts and known:
+        instants = Known(store, mujoco_version())
+        known = [one for one in known if instants.start(start.key(one.model.text), meshes)]
+    known = [one for one in known if not about_meshes(one.root)]
+    files = _known_files(meshes, store, memo) if known else None
+    if files is None:
+        return list(candidates)
+    from concurrent.futures import ThreadPoolExecutor
+
     import mujoco
 
-    if memo.last(("mujoco scene", candidate.mode), (candidate.scene.text,)) is None:
-        return False
+    def accepted(candidate: Candidate) -> bool:
+        # threads for the meshes cost more than they save where every mesh is a tetrahedron
+        text = candidate.model.text.replace("<compiler ", '<compiler usethread="false" ', 1)
+        try:
+            mujoco.MjModel.from_xml_string(text, vfs=files)
+        except (ValueError, mujoco.FatalError):
+            return False
+        return True
+
+    with heard() as warnings, ThreadPoolExecutor(min(len(known), os.cpu_count() or 1)) as threads:
+        sound = {one.mode for one, good in zip(known, threads.map(accepted, known), strict=True) if good}
+    return list(candidates) if warnings else [one for one in candidates if one.mode not in sound]
+
+
+def _known_files(meshes: Sequence[MeshAsset], store: Store, memo: Memo) -> Any | None:
+    """`_files`, made once for the same meshes."""
     files = memo.last("mujoco files", (tuple(meshes),))
     if files is None:
         files = _files(meshes, store)
         if files is not None:
             memo.keep("mujoco files", (tuple(meshes),), files)
-    if files is None or about_meshes(candidate.root):
-        return False
-    # threads for the meshes cost more than they save where every mesh is a tetrahedron
-    text = candidate.model.text.replace("<compiler ", '<compiler usethread="false" ', 1)
-    with heard() as warnings:
-        try:
-            mujoco.MjModel.from_xml_string(text, vfs=files)
-        except (ValueError, mujoco.FatalError):
-            return False
-    return not warnings
+    return files
 
 
 def _files(meshes: Sequence[MeshAsset], store: Store) -> Any | None:

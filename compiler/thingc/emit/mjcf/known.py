@@ -7,6 +7,7 @@ model whose limits, masses or poses were edited is compiled with a tetrahedron i
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import json
 import os
@@ -86,8 +87,10 @@ class Known:
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
+@functools.cache
 def mujoco_version() -> str:
-    """The version of the installed MuJoCo, from the name of its metadata folder, because importing it takes 0.1 s."""
+    """The version of the installed MuJoCo, from the name of its metadata folder, because importing it takes 0.1 s. Looked up once in a
+    process."""
     from importlib.util import find_spec
 
     spec = find_spec("mujoco")

@@ -62,11 +62,11 @@ def models(request: EmitRequest) -> Models:
     lost |= suited
     every = tuple(candidates)
     if request.verify:
-        if request.repeated:
-            candidates = [one for one in candidates if not check.passes(one, geometry.meshes, request.store, request.memo)]
-        check.check(candidates, geometry.meshes, request.store, report, starts=not request.repeated)
+        starts = not request.repeated
+        waiting = check.doubtful(every, geometry.meshes, request.store, request.memo, starts=starts)
+        check.check(waiting, geometry.meshes, request.store, report, starts=starts)
         if not report.diagnostics:
-            for one in candidates:
+            for one in waiting:
                 request.memo.keep(("mujoco scene", one.mode), (one.scene.text,), True)
     made = Models(candidates=every, assets=geometry.assets, losses=tuple(lost))
     request.made["mjcf"] = made

@@ -1,0 +1,134 @@
+"""`thingc watch`: builds a document again after every save, until Ctrl-C."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+from thingc import pipeline
+from thingc.building import Wish
+from thingc.cli import common
+from thingc.cli.build import answer_of, tell, wish_of
+from thingc.cli.targets import add_compat, add_emit, chosen_targets
+from thingc.diagnostics import Code, Diagnostic, Severity, shown_path
+from thingc.live import Live, Round
+from thingc.output import OutputError
+from thingc.pipeline import UnknownChoice
+
+EPILOG = """\
+Whatever the build depends on is watched: documents, part modules and the files that they read, materials, thingc.toml. A save with errors
+shows them, and the last good build stays. The CAD kernel is loaded once.
+
+  thingc watch assemblies/arm.yaml
+  thingc watch assemblies/arm.yaml --mode bench --emit mjcf
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `watch`."""
+    parser.epilog = EPILOG
+    common.add_document(parser)
+    parser.add_argument("-o", "--output", metavar="DIR", help="write DIR/NAME/ (default: the workspace's build folder)")
+    parser.add_argument("--mode", metavar="M", action="append", default=[], help="only this mode (may be repeated; default: all)")
+    add_emit(parser)
+    add_compat(parser)
+    parser.add_argument(
+        "--force", action="store_true", help="give up files in the build folder that no build wrote, or that were changed since"
+    )
+    parser.add_argument("--deny-loss", action="store_true", help="what a target cannot say is an error")
+    common.add_compiling(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exit code 0 after Ctrl-C; 2 where there is nothing to watch."""
+    try:
+        live = live_of(arguments)
+    except common.WrongCommandLine as fault:
+        common.print_text([fault.diagnostic], stream=sys.stderr, debug=arguments.debug)
+        return common.USAGE
+    return until_interrupted(live, Lines(arguments).say)
+
+
+def live_of(arguments: argparse.Namespace) -> Live:
+    """What the command line wants built after every save. Raises `WrongCommandLine`."""
+    common.require_document(arguments.document)
+    options = common.options_of(arguments)
+    targets, _ = chosen_targets(arguments)
+    options = replace(options, ahead=pipeline.modules_of_build(targets))
+
+    def wish() -> Wish | Sequence[Diagnostic]:
+        targets, wrong = chosen_targets(arguments)
+        return wrong or wish_of(arguments, targets)
+
+    return Live(arguments.document, options, wish, refused, common.say_waiting)
+
+
+def refused(fault: Exception) -> Diagnostic:
+    """An exception that ended a round, in words."""
+    if isinstance(fault, UnknownChoice | OutputError):
+        code = fault.code if isinstance(fault, OutputError) else Code.COMMAND_LINE
+        return Diagnostic(code=code, severity=Severity.ERROR, message=fault.message, help=fault.hint)
+    if isinstance(fault, common.WrongCommandLine):
+        return fault.diagnostic
+    return common.of_exception(fault)
+
+
+def until_interrupted(live: Live, hear: Callable[[Round], None]) -> int:
+    """Go through the rounds until Ctrl-C or SIGTERM; nothing of them is alive then."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        with live:
+            for made in live.rounds(threading.Event()):
+                hear(made)
+                if made.number == 1 and common.exit_code(made.diagnostics) == common.USAGE:
+                    return common.USAGE
+    except KeyboardInterrupt:
+        common.say_in_place()
+    return 0
+
+
+class Lines:
+    """What is said of rounds, on standard error: what is wrong as `thingc build` says it, unless it has just been said, then one line."""
+
+    def __init__(self, arguments: argparse.Namespace) -> None:
+        self._arguments = arguments
+        self._said: tuple[Diagnostic, ...] = ()
+        self._built = False
+
+    def say(self, made: Round) -> None:
+        """Say what came of a save."""
+        common.say_in_place()
+        known = made.good and made.diagnostics == self._said
+        if not known:
+            common.print_text(made.diagnostics, stream=sys.stderr, debug=self._arguments.debug)
+        self._said = made.diagnostics
+        if made.number > 1:
+            saved = _enumerated([shown_path(path) for path in made.saved])
+            outcome = _outcome(made) if self._built or not made.good else f"built in {made.seconds:.2f} s"
+            stand = f"; {common.counted(len(made.diagnostics), 'warning')} as before" if known and made.diagnostics else ""
+            common.say(f"{time.strftime('%H:%M:%S')} {saved}: {outcome}{stand}", stream=sys.stderr)
+        if made.built is not None and made.folder is not None and not self._built:
+            tell(answer_of(made.built, made.folder), self._arguments)
+        self._built = self._built or made.good
+        if made.number == 1:
+            common.say("watching; Ctrl-C ends it" if made.good else "nothing is built yet; watching, Ctrl-C ends it", stream=sys.stderr)
+
+
+def _outcome(made: Round) -> str:
+    """What a save has changed, in words."""
+    if made.built is None or made.folder is None:
+        return f"not built ({made.seconds:.2f} s); {'the last good build stays' if made.kept else 'there is no good build yet'}"
+    modelled = made.built.compilation.modelled
+    said = ["right again"] if made.mended else []
+    said += [f"modelled {_enumerated(modelled)}"] if modelled else []
+    said += [f"{common.counted(len(made.changed), 'file')} changed ({_enumerated(made.changed)})" if made.changed else "no file changed"]
+    return f"{'; '.join(said)} in {made.seconds:.2f} s"
+
+
+def _enumerated(names: Sequence[str]) -> str:
+    return ", ".join(names) if len(names) <= 3 else f"{', '.join(names[:2])} and {len(names) - 2} more"

@@ -1,0 +1,225 @@
+"""A document built again whenever something that it depends on was saved, by workers that have the kernel loaded.
+
+Everything is what a single build does (`building`); a round only begins with what the last one has left: the answers of pure functions
+(`memo`), and the geometry service as long as no file that parts depend on has changed. A round whose files change under it is not
+written: the next one begins at once.
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from thingc import building, pipeline
+from thingc.building import Built, Wish
+from thingc.diagnostics import Diagnostic, Report
+from thingc.emit.artifact import MANIFEST, Content
+from thingc.environment import Environment, Options, geometry_of
+from thingc.frozen import dataclass
+from thingc.memo import Memo
+from thingc.output import Waiting
+from thingc.realize import BlobMissing, EndingWorkers, GeometryService, Store
+from thingc.stamp import state_of
+from thingc.watching import Watched, looks, stat_of
+
+if TYPE_CHECKING:
+    from thingc.workspace import Workspace
+
+PAUSE = 0.02
+"""Between two looks at the files [s]."""
+QUIET = 0.03
+"""How long [s] nothing may have been saved before a round begins: editors write in pieces, and many files at once."""
+ABSENT = 0.3
+"""How long [s] to wait for a file that is gone or empty all of a sudden: who writes it anew will be done then."""
+CLOCK = 0.02
+"""By how much [s] the time of a save may lie before it: file systems count in ticks."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Round:
+    """What came of one save. `saved` are the absolute paths of the files that had changed (none in the first round), `seconds` how long it
+    took from when they were quiet; `folder` is the build folder that was written (None with errors: it is as it was), `built` the rest
+    of what came of it, where it came so far. `changed` are the artifacts, by path in the folder, that are others than in the last good
+    round, or are gone; `mended`: the last round had errors, and this one has none; `kept`: it has errors, and the folder is that of an
+    earlier round."""
+
+    number: int
+    saved: tuple[str, ...]
+    seconds: float
+    diagnostics: tuple[Diagnostic, ...]
+    built: Built | None = None
+    folder: str | None = None
+    changed: tuple[str, ...] = ()
+    mended: bool = False
+    kept: bool = False
+
+    @property
+    def good(self) -> bool:
+        """Whether it has no errors."""
+        return self.folder is not None
+
+
+class Live:
+    """One document and its rounds. A context manager: leaving it ends the workers.
+
+    `wish` is asked in every round (what the workspace says may have changed): it gives what to build, or what is wrong with that. `refused`
+    puts an exception into words. `on_wait` hears that another build of the folder is waited for.
+    """
+
+    def __init__(
+        self, document: str, options: Options, wish: Callable[[], Wish | Sequence[Diagnostic]],
+        refused: Callable[[Exception], Diagnostic], on_wait: Waiting | None = None,
+    ) -> None:
+        self.document = os.path.abspath(document)
+        self.options = options
+        self.environment: Environment | None = None
+        self._wish = wish
+        self._refused = refused
+        self._on_wait = on_wait
+        self._workers = EndingWorkers(options.jobs or os.cpu_count() or 1)
+        self._memo = Memo()
+        self._geometry: GeometryService | None = None
+        self._watched = Watched([self.document], content=state_of)
+        self._last: Mapping[str, str] | None = None
+        self._documents: frozenset[str] = frozenset()
+        self._number = 0
+        self._failed = False
+
+    def __enter__(self) -> Live:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._workers.end()
+
+    def rounds(self, stop: threading.Event) -> Iterator[Round]:
+        """The first round, then one after every save, until `stop` is set."""
+        saved: tuple[str, ...] = ()
+        first = True
+        for found in looks(self._watched.changed, stop, PAUSE):
+            saved = tuple(dict.fromkeys((*saved, *found)))
+            if not (saved or first):
+                continue
+            if not self._small(saved):
+                saved = self._settled(saved)
+            made, more = self._round(saved)
+            if more:  # saved again meanwhile: what was read may be of both
+                saved = tuple(dict.fromkeys((*saved, *more)))
+                continue
+            yield made
+            if first:  # what the next round will need is made ready while nobody waits
+                if made.built is not None and made.built.compilation.decisions:
+                    self._workers.warm()
+                for module in self.options.ahead:
+                    import_module(module)
+            saved, first = (), False
+            gc.collect()
+
+    def _small(self, saved: tuple[str, ...]) -> bool:
+        """Whether it is one document that was saved: looking at it takes no longer than waiting whether more comes. Parts are modelled when
+        nothing more does."""
+        return len(saved) == 1 and saved[0] in self._documents and (_time_and_size(saved[0]) or (0.0, 0))[1] > 0
+
+    def _settled(self, saved: tuple[str, ...]) -> tuple[str, ...]:
+        """What was saved, when nothing has been for a while."""
+        began = time.monotonic()
+        while True:
+            absent = any((_time_and_size(path) or (0.0, 0))[1] == 0 for path in saved) and time.monotonic() - began < ABSENT
+            if not absent and (unquiet := _unquiet(saved)) == 0.0:
+                return saved
+            time.sleep(0.01 if absent else unquiet)
+            saved = tuple(dict.fromkeys((*saved, *self._watched.changed())))
+
+    def _round(self, saved: tuple[str, ...]) -> tuple[Round, tuple[str, ...]]:
+        """What comes of the document now, and what was saved while it was looked at: then nothing has been written."""
+        started, clock = time.perf_counter(), time.time()
+        built: Built | None = None
+        folder: str | None = None
+        if self._failed or self._geometry is not None and not self._geometry.inputs.isdisjoint(saved):
+            self._geometry = None
+        self.environment = Environment(self.document, self.options, self._lent, self._memo)
+        said: Sequence[Diagnostic]
+        more: tuple[str, ...] = ()
+        try:
+            wish = self._wish()
+            if isinstance(wish, Wish):
+                built = self._built(wish)
+                said = built.diagnostics
+            else:
+                said = wish
+            time.sleep(_unquiet(saved))
+            more = self._look(clock, built)
+            if not more and built is not None and built.files is not None and isinstance(wish, Wish):
+                folder = building.write(self.environment, built, wish, self._on_wait)
+        except Exception as fault:  # whatever it is, the next save may mend it
+            said = [self._refused(fault)]
+            more = self._look(clock, built)
+        if more:
+            return Round(number=self._number, saved=saved, seconds=0.0, diagnostics=()), more
+        now = _digests(built.files) if folder is not None and built is not None and built.files is not None else None
+        before = self._last if self._last is not None and now is not None else now
+        changed = () if now is None or before is None else tuple(sorted(
+            path for path in {*before, *now} if before.get(path) != now.get(path)
+        ))
+        self._number += 1
+        made = Round(
+            number=self._number, saved=saved, seconds=time.perf_counter() - started, diagnostics=tuple(said), built=built, folder=folder,
+            changed=changed, mended=self._failed and folder is not None, kept=folder is None and self._last is not None,
+        )
+        self._failed, self._last = folder is None, now if now is not None else self._last
+        return made, ()
+
+    def _built(self, wish: Wish) -> Built:
+        assert self.environment is not None
+        try:
+            return building.build(self.environment, wish)
+        except BlobMissing:  # the store is damaged: it is mended with other eyes
+            self._geometry, self._memo = None, Memo()
+            self.environment = Environment(self.document, self.options, self._lent, self._memo)
+            return building.build(self.environment, wish)
+
+    def _lent(self, workspace: Workspace, store: Store) -> GeometryService:
+        """A service that has seen nothing yet, or the last one where that has seen nothing else."""
+        if self._geometry is None or self._geometry.workspace != workspace:
+            self._geometry = geometry_of(workspace, self.options, store, workers=self._workers)
+        return self._geometry
+
+    def _look(self, clock: float, built: Built | None) -> tuple[str, ...]:
+        """Watch what this round has looked at; what of that was saved since it began, at the time `clock` [s]."""
+        assert self.environment is not None
+        compilation = built.compilation if built is not None else pipeline.Compilation(settings=pipeline.Settings(), report=Report())
+        paths = pipeline.looked_at(self.environment, compilation)
+        fresh = paths - self._watched.paths
+        if compilation.documents is not None:
+            self._documents = frozenset(document.path for document in compilation.documents.by_path.values())
+        if built is not None and built.files is not None:
+            self._watched.only(paths)
+        else:
+            self._watched.note(paths)
+        late = [path for path in fresh if (state := _time_and_size(path)) is not None and state[0] > clock - CLOCK]
+        return tuple(dict.fromkeys((*late, *self._watched.changed())))
+
+
+def _unquiet(saved: Sequence[str]) -> float:
+    """How long [s] it will take until nothing has been saved for a while. A time of a save that cannot be is none."""
+    since = time.time() - max((stat[0] for path in saved if (stat := _time_and_size(path)) is not None), default=0.0)
+    return QUIET - since if 0.0 <= since < QUIET else 0.0
+
+
+def _time_and_size(path: str) -> tuple[float, int] | None:
+    """When a file was changed [s], and how long it is (a folder: 1); None where there is none."""
+    stat = stat_of(path)
+    return None if stat is None else (stat[0] / 1e9, 1 if os.path.isdir(path) else stat[1])
+
+
+def _digests(files: Mapping[str, Content]) -> Mapping[str, str]:
+    """The SHA-256 of every artifact, by path in the build folder, as the manifest lists them."""
+    content = files[MANIFEST]
+    assert isinstance(content, bytes)
+    listed: dict[str, str] = json.loads(content)["files"]
+    return listed

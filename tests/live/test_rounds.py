@@ -1,0 +1,245 @@
+"""Rounds of a document that is being worked on: each gives what a build by itself gives, and each save is seen, however an editor saves."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import threading
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from live.documents import DOCUMENTS, FINGER, ROBOT, write
+from thingc import building
+from thingc.building import Wish
+from thingc.cli.watch import refused
+from thingc.environment import Options, attempted
+from thingc.live import Live, Round
+
+WISH = Wish(targets=("mjcf", "bom"))
+PATIENCE = 60.0
+
+
+class Working:
+    """A document that somebody works on, and the rounds that come of it."""
+
+    def __init__(self, folder: Path, store: str, wish: Callable[[], Wish] = lambda: WISH) -> None:
+        self.folder = folder
+        self.options = Options(store=store)
+        self.document = str(write(folder))
+        self.stop = threading.Event()
+        self.live = Live(self.document, self.options, wish, refused)
+        self._rounds = self.live.rounds(self.stop)
+
+    def round(self) -> Round:
+        """The next one; it fails where none comes."""
+        timer = threading.Timer(PATIENCE, self.stop.set)
+        timer.start()
+        try:
+            return next(self._rounds)
+        finally:
+            timer.cancel()
+
+    def save(self, name: str, text: str) -> Round:
+        """What comes of a save."""
+        (self.folder / name).write_text(text)
+        return self.round()
+
+    def silent(self) -> bool:
+        """Whether nothing comes of what was done last."""
+        timer = threading.Timer(0.5, self.stop.set)
+        timer.start()
+        made = next(self._rounds, None)
+        timer.cancel()
+        return made is None
+
+    def digests(self) -> dict[str, str]:
+        """What the manifest lists."""
+        found: dict[str, str] = json.loads((self.folder / "build/robot/manifest.json").read_text())["files"]
+        return found
+
+    def alone(self) -> building.Built:
+        """What a build by itself says and writes."""
+        return attempted(self.document, self.options, partial(building.build, wish=WISH))
+
+
+@pytest.fixture
+def working(tmp_path: Path, shared_store: str) -> Iterator[Working]:
+    made = Working(tmp_path, shared_store)
+    with made.live:
+        assert made.round().good
+        yield made
+
+
+def test_a_round_is_a_build(working: Working) -> None:
+    """Edits of every kind, one upon the other; lines that move with nothing else changed are where origins go stale."""
+    texts = dict(DOCUMENTS)
+    edits: list[tuple[str, str, str]] = [
+        ("robot.yaml", r"upper: [\d.]+ deg", "upper: {n} deg"),  # a number
+        ("robot.yaml", r"\A", "# {n}\n"),  # every line moves
+        ("finger.yaml", r"\A", "# {n}\n"),
+        ("robot.yaml", r"yaw_0: [\d.-]+ deg", "yaw_0: 300 deg"),  # beyond its limit: an error, shown at its line
+        ("robot.yaml", r"\A", "# {n}\n"),
+        ("robot.yaml", r"yaw_0: [\d.-]+ deg", "yaw_0: 30 deg"),
+        ("robot.yaml", r"\A", "# {n}\n"),
+        ("robot.yaml", r"upper: [\d.]+ deg", "upper: 20 deg"),  # a pose that was not touched is wrong now
+        ("robot.yaml", r"upper: [\d.]+ deg", "upper: 120 deg"),
+        ("finger.yaml", r"10 g", "-10 g"),
+        ("materials.yaml", r"\A", "\n"),
+        ("finger.yaml", r"-10 g", "10 g"),
+        ("robot.yaml", r"count: 2", "count: 3"),
+        ("robot.yaml", r"poses:", "poses: ["),  # no YAML
+        ("robot.yaml", r"poses: \[", "poses:"),
+        ("materials.yaml", r"700", "9e9"),
+        ("materials.yaml", r"9e9", "700"),
+        ("robot.yaml", r"\A", "# {n}\n"),
+        # what was not touched in the nested document moves now, and weighs nothing
+        ("robot.yaml", r"type: fixed", "type: continuous"),
+    ]
+    found: set[str] = set()
+    for number, (name, pattern, text) in enumerate(edits):
+        texts[name], times = re.subn(pattern, text.format(n=number + 40), texts[name], count=1)
+        assert times == 1, pattern
+        made, alone = working.save(name, texts[name]), working.alone()
+        assert list(made.diagnostics) == list(alone.diagnostics), (name, pattern)
+        assert made.good == (alone.files is not None)
+        if alone.files is not None:
+            files = json.loads(bytes(alone.files["manifest.json"]))  # type: ignore[arg-type]
+            assert working.digests() == files["files"]
+        found |= {d.code.code for d in made.diagnostics}
+    assert len(found) > 3, "errors and warnings are among them"
+
+
+def test_a_failing_save_keeps_the_last_good_build(working: Working) -> None:
+    before = working.digests()
+    wrong = working.save("robot.yaml", ROBOT.replace("yaw_0: 30 deg", "yaw_0: 300 deg"))
+    assert (wrong.good, wrong.kept, wrong.changed) == (False, True, ())
+    assert [(d.code.code, d.span and d.span.line) for d in wrong.diagnostics] == [("TC601", 23)]
+    assert working.digests() == before
+    right = working.save("robot.yaml", ROBOT.replace("yaw_0: 30 deg", "yaw_0: 31 deg"))
+    assert right.good and right.mended and right.saved == (str(working.folder / "robot.yaml"),)
+    assert {path for path, digest in working.digests().items() if before[path] != digest} == set(right.changed)
+
+
+def test_what_was_saved_and_says_nothing_new(working: Working) -> None:
+    """The same bytes again are no save; other bytes that mean the same change no file."""
+    os.utime(working.document)
+    commented = working.save("robot.yaml", f"# words\n{ROBOT}")
+    assert (commented.good, commented.changed, commented.number) == (True, (), 2)
+    (working.folder / "robot.yaml").write_text(f"# words\n{ROBOT}")
+    assert working.silent()
+
+
+def test_editors_that_save_by_renaming_and_in_pieces(working: Working) -> None:
+    aside = working.folder / ".robot.yaml.swp"
+    aside.write_text(ROBOT.replace("120 deg", "121 deg"))
+    aside.replace(working.document)
+    assert working.round().good
+    # half of a document is YAML, too; nobody hears of it
+    text = ROBOT.replace("120 deg", "122 deg")
+
+    def in_pieces() -> None:
+        with open(working.document, "w") as stream:
+            for start in range(0, len(text), 200):
+                stream.write(text[start : start + 200])
+                stream.flush()
+                time.sleep(0.004)
+
+    writer = threading.Thread(target=in_pieces)
+    writer.start()
+    made = working.round()
+    writer.join()
+    assert made.good and b"122 deg" in (working.folder / "robot.yaml").read_bytes()
+    # gone for a moment
+    os.unlink(working.document)
+    threading.Timer(0.1, lambda: write(working.folder)).start()
+    made = working.round()
+    assert made.good and made.diagnostics == ()
+    # all at once: one round
+    for name, text in DOCUMENTS.items():
+        (working.folder / name).write_text(f"# anew\n{text}")
+    assert {os.path.basename(path) for path in working.round().saved} == set(DOCUMENTS)
+
+
+def test_a_document_that_is_deleted_and_comes_back(working: Working) -> None:
+    os.unlink(working.document)
+    gone = working.round()
+    assert [d.code.code for d in gone.diagnostics] == ["TC101"] and gone.kept
+    assert working.save("robot.yaml", ROBOT).mended
+
+
+def test_files_that_are_named_and_not_there_yet(working: Working) -> None:
+    missing = working.save("robot.yaml", ROBOT.replace("finger.yaml", "other/thumb.yaml"))
+    assert [d.code.title for d in missing.diagnostics] == ["a file that a document names is not there"]
+    (working.folder / "other").mkdir()
+    found = working.save("other/thumb.yaml", FINGER)
+    assert found.good and found.mended and found.saved[-1].endswith("other/thumb.yaml")
+    shutil.rmtree(working.folder / "other")
+    assert not working.round().good
+
+
+def test_the_workspace_is_watched(tmp_path: Path, shared_store: str) -> None:
+    """Its own file: what it says counts at once, and a fault in it can be mended. So does one that appears."""
+    from thingc.workspace import Workspace
+
+    def wish() -> Wish:
+        from thingc.diagnostics import Report
+
+        workspace = Workspace.find(str(tmp_path / "robot.yaml"), Report())
+        return Wish(targets=(workspace.emit if workspace is not None else ()) or ("bom",))
+
+    working = Working(tmp_path, shared_store, wish)
+    with working.live:
+        assert working.round().good and set(working.digests()) == {"bom.csv", "bom.json"}
+        head = 'thingc = "workspace/1"\n'
+        assert "hag.svg" in working.save("thingc.toml", f'{head}emit = ["hag"]\n').changed
+        broken = working.save("thingc.toml", f"{head}emit = [\n")
+        assert not broken.good and broken.diagnostics[0].span is not None
+        assert working.save("thingc.toml", f'{head}build = "made"\nemit = ["bom"]\n').mended
+        assert (tmp_path / "made/robot/bom.csv").exists()
+        (tmp_path / "thingc.toml").unlink()
+        assert working.round().good
+        assert working.save("thingc.toml", head).good
+
+
+def test_what_refuses_to_be_written_is_said_and_the_next_save_tries_again(working: Working) -> None:
+    strange = working.folder / "build/robot/notes.txt"
+    strange.write_text("mine")
+    refused = working.save("robot.yaml", f"# 1\n{ROBOT}")
+    assert [d.code.code for d in refused.diagnostics] == ["TC804"] and "notes.txt" in refused.diagnostics[0].message
+    strange.unlink()
+    assert working.save("robot.yaml", f"# 2\n{ROBOT}").mended
+
+
+def test_an_exception_ends_one_round_and_not_the_watch(working: Working, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object, **__: object) -> None:
+        raise ZeroDivisionError("a defect")
+
+    said: list[Exception] = []
+    monkeypatch.setattr(working.live, "_refused", lambda fault: (said.append(fault), refused(OSError(2, "no", "file")))[1])
+    with monkeypatch.context() as patched:
+        patched.setattr(building, "build", broken)
+        made = working.save("robot.yaml", f"# 1\n{ROBOT}")
+    assert not made.good and [str(fault) for fault in said] == ["a defect"]
+    assert working.save("robot.yaml", f"# 2\n{ROBOT}").mended
+
+
+def test_a_save_while_a_round_is_under_way_is_not_lost(working: Working, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And what was read of both is not written."""
+    build, texts = building.build, iter([ROBOT.replace("120 deg", "124 deg")])
+
+    def slow(*arguments: object) -> building.Built:
+        built = build(*arguments)  # type: ignore[arg-type]
+        for text in texts:
+            (working.folder / "robot.yaml").write_text(text)
+        return built
+
+    monkeypatch.setattr(building, "build", slow)
+    made = working.save("robot.yaml", ROBOT.replace("120 deg", "123 deg"))
+    assert made.number == 2 and "2.164" in (working.folder / "build/robot/mjcf/robot_bench.xml").read_text()  # 124 deg
+    assert working.silent()

@@ -1,0 +1,157 @@
+"""`thingc watch` as a person runs it: what it says of saves, and how it ends."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import textwrap
+from collections.abc import Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+
+from editor.language_server import wait_until
+from live.documents import ROBOT, write
+
+BLOCKS = """
+    from pathlib import Path
+    from build123d import Box, Pos
+    from thingc import Length, MountPoint, Thing
+
+    class Block(Thing):
+        def __init__(self, width: Length = 30):
+            super().__init__(material="oak")
+            self.body = Box(width, 20, float(Path(__file__).with_name("height.txt").read_text()))
+            self.body += Pos(0, 0, 100) * Box(1, 1, 1)  # apart
+            self.top = MountPoint(Pos(0, 0, 5))
+
+        def result(self):
+            return self.body
+"""
+RIG = """\
+thingc: assembly/1
+name: rig
+materials: {oak: {density: 700 kg/m^3}}
+components:
+  block: {part: "blocks:Block", allow: {TC414: two of them are meant}}
+"""
+
+
+class Watching:
+    """A process that watches, and what it has printed."""
+
+    def __init__(self, document: Path, store: str, *words: str) -> None:
+        self.folder, self.printed = document.parent, document.parent / "printed.txt"
+        with open(self.printed, "w") as stream:
+            self.process = subprocess.Popen(
+                [sys.executable, "-P", "-m", "thingc", "watch", document.name, *words], cwd=self.folder, stdout=stream, stderr=stream,
+                env={**os.environ, "THINGC_STORE": store},
+            )
+        assert self.says("Ctrl-C ends it"), self.text()
+
+    def text(self) -> str:
+        return self.printed.read_text()
+
+    def says(self, word: str) -> str:
+        """The line with a word in it, waited for."""
+        assert wait_until(lambda: word in self.text() or self.process.poll() is not None, 60.0), self.text()
+        return next((line for line in self.text().splitlines() if word in line), "")
+
+
+@pytest.fixture
+def watching(tmp_path: Path, shared_store: str) -> Iterator[Watching]:
+    found = Watching(write(tmp_path), shared_store, "--emit", "mjcf")
+    yield found
+    found.process.kill()
+    found.process.wait()
+
+
+def test_lines(watching: Watching) -> None:
+    """A build, a save, one that fails, one that mends it, one that means the same; then Ctrl-C."""
+    assert watching.text() == "build/robot: 6 files; 0 parts modelled, 0 reused\nwatching; Ctrl-C ends it\n"
+    robot = watching.folder / "robot.yaml"
+    robot.write_text(ROBOT.replace("120 deg", "125 deg"))
+    watching.says(" s\n")
+    robot.write_text(ROBOT.replace("yaw_0: 30 deg", "yaw_0: 300 deg"))
+    watching.says("stays")
+    robot.write_text(ROBOT.replace("yaw_0: 30 deg", "yaw_0: 31 deg"))
+    watching.says("right again")
+    robot.write_text(f"# words\n{ROBOT.replace('yaw_0: 30 deg', 'yaw_0: 31 deg')}")
+    watching.says("no file changed")
+    watching.process.send_signal(signal.SIGINT)
+    assert watching.process.wait(20.0) == 0
+    said = re.sub(r"\d\.\d\d s", "T s", re.sub(r"(?m)^\d\d:\d\d:\d\d", "NOW", watching.text()))
+    assert [line for line in said.splitlines() if line.startswith("NOW")] == [
+        "NOW robot.yaml: 2 files changed (mjcf/robot_bench.xml, mjcf/robot_held.xml) in T s",
+        "NOW robot.yaml: not built (T s); the last good build stays",
+        "NOW robot.yaml: right again; 3 files changed (mjcf/robot_bench.xml, mjcf/robot_held.xml, modes.json) in T s",
+        "NOW robot.yaml: no file changed in T s",
+    ]
+    failed = "error[TC601]: pose `out` puts `yaw_0` at 300 deg, outside its limits -90 deg to 120 deg\n    --> robot.yaml:23:16\n"
+    assert said.count(failed) == 1 and said.count("\n1 error\n") == 1 and "Traceback" not in said
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    (["none.yaml"], "there is no document `none.yaml`"),
+    (["robot.yaml", "--mode", "walk"], "`robot.yaml` has no mode `walk`"),
+    (["robot.yaml", "-p", "weight=2"], "weight"),
+    (["robot.yaml", "--emit", "stl3"], "there is no target `stl3`"),
+])
+def test_a_wrong_command_line_is_not_watched(tmp_path: Path, shared_store: str, words: list[str], said: str) -> None:
+    write(tmp_path)
+    done = subprocess.run(
+        [sys.executable, "-P", "-m", "thingc", "watch", *words], cwd=tmp_path, capture_output=True, text=True, timeout=60.0,
+        env={**os.environ, "THINGC_STORE": shared_store},
+    )
+    assert done.returncode == 2 and said in done.stderr and "Traceback" not in done.stderr
+
+
+def test_it_begins_with_a_document_that_is_wrong(tmp_path: Path, shared_store: str) -> None:
+    document = write(tmp_path)
+    document.write_text(ROBOT.replace("poses:", "poses: ["))
+    watching = Watching(document, shared_store, "--emit", "bom")
+    try:
+        assert watching.text().endswith("\n1 error\nnothing is built yet; watching, Ctrl-C ends it\n")
+        document.write_text(ROBOT)
+        assert watching.says("build/robot: 3 files; 0 parts modelled, 0 reused")
+        assert " robot.yaml: built in " in watching.text()
+        watching.process.send_signal(signal.SIGTERM)
+        assert watching.process.wait(20.0) == 0 and "Traceback" not in watching.text()
+    finally:
+        watching.process.kill()
+
+
+def test_parts_and_what_they_read(tmp_path: Path, shared_store: str) -> None:
+    """The kernel is loaded once; what a part reads is watched; nobody is left behind by a kill. A warning that is allowed stays so."""
+    (tmp_path / "parts").mkdir()
+    blocks, height, rig = tmp_path / "parts/blocks.py", tmp_path / "parts/height.txt", tmp_path / "rig.yaml"
+    blocks.write_text(textwrap.dedent(BLOCKS))
+    height.write_text("10")
+    rig.write_text(RIG)
+    watching = Watching(rig, shared_store, "--emit", "mjcf")
+    try:
+        workers = wait_until(lambda: psutil.Process(watching.process.pid).children(recursive=True), 30.0)
+        rig.write_text(f"# words\n{RIG}")
+        watching.says("no file changed")
+        blocks.write_text(blocks.read_text().replace("20", "21"))
+        assert "parts/blocks.py: modelled blocks:Block; " in watching.says("parts/blocks.py")
+        height.write_text("11")
+        assert "parts/height.txt: modelled blocks:Block; " in watching.says("parts/height.txt")
+        blocks.write_text(blocks.read_text().replace("return self.body", "return self.bodi"))
+        watching.says("stays")
+        assert "the `result` of `blocks:Block`" in watching.text() or "bodi" in watching.text()
+        blocks.write_text(blocks.read_text().replace("self.bodi", "self.body"))
+        watching.says("right again")
+        assert "warning" not in watching.text()
+        rig.write_text(RIG.replace(", allow: {TC414: two of them are meant}", ""))
+        watching.says("warning[TC414]")
+        assert workers and workers[0].is_running(), "the first worker has done all of it"
+        watching.process.kill()
+        assert not psutil.wait_procs(workers, timeout=20.0)[1]
+    finally:
+        watching.process.kill()
+        watching.process.wait()
