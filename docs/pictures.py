@@ -11,6 +11,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+import terminal
 from PIL import Image
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -132,6 +133,7 @@ def main() -> int:
     """Draw every strip, the page of a batch, and the assembly graph of the arm."""
     PICTURES.mkdir(exist_ok=True)
     hero(PICTURES / "hero.png")
+    terminal.write(PICTURES / "terminal.svg")
     for name, (document, shots) in STRIPS.items():
         strip(document, shots).save(PICTURES / name, optimize=True)
     batch_page(PICTURES / "batch_page.png")
