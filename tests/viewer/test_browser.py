@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import io
 import json
 import math
@@ -17,11 +18,13 @@ from emit import small_robot
 from robot.test_spanning_tree_properties import build, robots
 from thingc.emit.html.described import describe
 from thingc.emit.html.packed import Packed
+from thingc.emit.html.target import Page
 from thingc.graph import coordinates, joints_of
 from thingc.realize.store.local import Store
 from thingc.robot import body_poses, link_names
 from viewer.browser import address, drawn, links, needed, opened, spot
 from viewer.conftest import Pages
+from viewer.test_page import element
 
 pytestmark = [needed, pytest.mark.slow]
 
@@ -303,3 +306,21 @@ def test_gravity_is_down_in_every_mode(browser: Any, pages: Pages) -> None:
               const down = viewer.stage.camera.position.clone().fromArray(viewer.mode.gravity);
               return down.applyQuaternion(viewer.stage.world.quaternion).toArray(); }""", mode)
             assert np.allclose(down, [0, 0, -9.81], atol=1e-9)
+
+
+def test_another_robot_is_seen_through_it(browser: Any, pages: Pages, tmp_path: Path) -> None:
+    """A page `against` another: in the same pose where that has one of the name, and both in the picture."""
+    def page_of(name: str) -> Page:
+        text = (getattr(pages, name) / f"html/{name}.html").read_text()
+        return Page(name=name, data=element(text, "thingc-robot"), glb=base64.b64decode(element(text, "thingc-geometry")))
+
+    own, other = page_of("arm"), page_of("minchw")
+    (tmp_path / "alone.html").write_bytes(own.html())
+    (tmp_path / "both.html").write_bytes(own.html(against=other))
+    seen = []
+    for name in ("alone", "both"):
+        with opened(browser, address(tmp_path / f"{name}.html", "#mode=bench&pose=home&camera=0.9,-0.9,0.7,0,0,0&theme=light")) as page:
+            drawn(page)
+            seen.append(picture(page))
+            assert page.evaluate("thingc.viewer.robot.name") == "arm"
+    assert (np.abs(seen[0] - seen[1]).max(axis=2) > 30).mean() > 0.002

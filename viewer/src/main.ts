@@ -20,9 +20,7 @@ const PANELS: [string, string, (panel: HTMLElement, viewer: Viewer) => void][] =
 ];
 
 async function start(): Promise<void> {
-  const robot = JSON.parse($("thingc-robot").textContent!) as Robot;
-  if (robot.version !== VERSION) throw new Error(`this page reads version ${VERSION} of a robot, and was given ${robot.version}`);
-  const glb = bytesOf($("thingc-geometry").textContent!.trim());
+  const { robot, glb } = given("thingc-robot", "thingc-geometry")!;
   const canvas = $("canvas") as HTMLCanvasElement;
   const viewer = new Viewer(canvas, $("labels"));
   editor.link = document.querySelector<HTMLMetaElement>('meta[name="thingc-editor"]')?.content ?? null;
@@ -50,6 +48,8 @@ async function start(): Promise<void> {
   new ResizeObserver(() => viewer.stage.resize()).observe($("view"));
   viewer.stage.resize();
   viewer.load(robot, await geometriesOf(glb));
+  const other = given("thingc-against-robot", "thingc-against-geometry");
+  if (other !== null) viewer.against(other.robot, await geometriesOf(other.glb));
   restored(viewer, location.hash);
   requestAnimationFrame(() => requestAnimationFrame(() => performance.mark("drawn")));
   window.addEventListener("hashchange", () => restored(viewer, location.hash));
@@ -57,6 +57,15 @@ async function start(): Promise<void> {
   if (live()) listen(viewer, (fresh: Robot, geometries: BufferGeometry[]) => viewer.load(fresh, geometries));
   // for whoever steers the page from outside: tests, notebooks, other pages
   Object.assign(globalThis, { thingc: { viewer, ready: true } });
+}
+
+/** A robot and its meshes, as two elements of the page have them; null where it has none. */
+function given(data: string, meshes: string): { robot: Robot; glb: ArrayBuffer } | null {
+  const text = document.getElementById(data)?.textContent;
+  if (text == null) return null;
+  const robot = JSON.parse(text) as Robot;
+  if (robot.version !== VERSION) throw new Error(`this page reads version ${VERSION} of a robot, and was given ${robot.version}`);
+  return { robot, glb: bytesOf($(meshes).textContent!.trim()) };
 }
 
 function bytesOf(base64: string): ArrayBuffer {

@@ -63,6 +63,7 @@ export class Stage {
   /** The size of the robot [m]: the radius of a ball around it. */
   size = 0.2;
   private batches: Batch[] = [];
+  private ghosts: Batch[] = [];
   private floor: GridHelper | null = null;
   private readonly section = new Plane(new Vector3(-1, 0, 0), 0);
   private readonly raycaster = new Raycaster();
@@ -128,38 +129,22 @@ export class Stage {
 
   /** Puts the meshes of a robot into the world, in place of those before. */
   furnish(robot: Robot, geometries: BufferGeometry[]): void {
-    for (const { mesh } of this.batches) {
-      this.world.remove(mesh);
-      mesh.dispose();
-    }
-    this.batches = [];
+    for (const batch of this.batches) discard(this.world, batch);
+    this.batches = batchesOf(robot, geometries, this.section);
+    for (const { mesh } of this.batches) this.world.add(mesh);
     this.around = null;
-    const wanted = new Map<string, { geometry: BufferGeometry; collides: boolean; alpha: number; instances: Instance[] }>();
-    const add = (key: string, geometry: () => BufferGeometry, collides: boolean, alpha: number, instance: Instance): void => {
-      const batch = wanted.get(key);
-      if (batch === undefined) wanted.set(key, { geometry: geometry(), collides, alpha, instances: [instance] });
-      else batch.instances.push(instance);
-    };
-    robot.occurrences.forEach((occurrence, index) => {
-      const { visual, color } = occurrence;
-      if (visual !== null) {
-        const alpha = color !== null && color.length === 9 ? parseInt(color.slice(7), 16) / 255 : 1;
-        add(`seen ${visual} ${alpha}`, () => geometries[visual], false, alpha, { occurrence: index, pose: new Matrix4() });
-      }
-      for (const shape of occurrence.collision) {
-        const [key, geometry, pose] = primitive(shape, geometries);
-        add(`felt ${key}`, geometry, true, 0.45, { occurrence: index, pose });
-      }
-    });
-    for (const { geometry, collides, alpha, instances } of wanted.values()) {
-      const mesh = new InstancedMesh(geometry, material(alpha, collides, [this.section]), instances.length);
-      mesh.frustumCulled = false;
-      mesh.renderOrder = collides ? 1 : 0;
-      instances.forEach((_, index) => mesh.setColorAt(index, CHOSEN));
-      this.world.add(mesh);
-      this.batches.push({ mesh, instances, collides });
-    }
     this.clip(null, 0);
+  }
+
+  /** Puts another robot into the world, to be seen through; null takes it away. */
+  overlay(robot: Robot | null, geometries: BufferGeometry[]): void {
+    for (const batch of this.ghosts) discard(this.world, batch);
+    this.ghosts = robot === null ? [] : batchesOf(robot, geometries, this.section).filter(({ collides }) => !collides);
+    for (const { mesh } of this.ghosts) {
+      Object.assign(mesh.material as MeshStandardMaterial, { transparent: true, opacity: 0.45, depthWrite: false });
+      mesh.renderOrder = 1;
+      this.world.add(mesh);
+    }
   }
 
   /** How many calls a picture takes. */
@@ -178,17 +163,12 @@ export class Stage {
   /** Puts every occurrence where it is in the world, in its colour. */
   arrange(poses: Matrix4[], colors: Color[]): void {
     this.around = null;
-    const matrix = new Matrix4();
-    for (const { mesh, instances } of this.batches) {
-      instances.forEach(({ occurrence, pose }, index) => {
-        mesh.setMatrixAt(index, matrix.multiplyMatrices(poses[occurrence], pose));
-        mesh.setColorAt(index, colors[occurrence]);
-      });
-      mesh.instanceMatrix.needsUpdate = true;
-      mesh.instanceColor!.needsUpdate = true;
-      mesh.boundingSphere = null; // of rays, too
-      mesh.boundingBox = null;
-    }
+    for (const batch of this.batches) put(batch, poses, colors);
+  }
+
+  /** The same of the robot that is seen through. */
+  arrangeOverlay(poses: Matrix4[], color: Color): void {
+    for (const batch of this.ghosts) put(batch, poses, poses.map(() => color));
   }
 
   /** The box around all that is there, in the world of the robot. */
@@ -307,6 +287,53 @@ export class Stage {
     if (seen.z > 1) return null;
     return { x: ((seen.x + 1) / 2) * this.canvas.clientWidth, y: ((1 - seen.y) / 2) * this.canvas.clientHeight };
   }
+}
+
+/** A batch of every shape, all of whose occurrences are at the origin. */
+function batchesOf(robot: Robot, geometries: BufferGeometry[], section: Plane): Batch[] {
+  const wanted = new Map<string, { geometry: BufferGeometry; collides: boolean; alpha: number; instances: Instance[] }>();
+  const add = (key: string, geometry: () => BufferGeometry, collides: boolean, alpha: number, instance: Instance): void => {
+    const batch = wanted.get(key);
+    if (batch === undefined) wanted.set(key, { geometry: geometry(), collides, alpha, instances: [instance] });
+    else batch.instances.push(instance);
+  };
+  robot.occurrences.forEach((occurrence, index) => {
+    const { visual, color } = occurrence;
+    if (visual !== null) {
+      const alpha = color !== null && color.length === 9 ? parseInt(color.slice(7), 16) / 255 : 1;
+      add(`seen ${visual} ${alpha}`, () => geometries[visual], false, alpha, { occurrence: index, pose: new Matrix4() });
+    }
+    for (const shape of occurrence.collision) {
+      const [key, geometry, pose] = primitive(shape, geometries);
+      add(`felt ${key}`, geometry, true, 0.45, { occurrence: index, pose });
+    }
+  });
+  return [...wanted.values()].map(({ geometry, collides, alpha, instances }) => {
+    const mesh = new InstancedMesh(geometry, material(alpha, collides, [section]), instances.length);
+    mesh.frustumCulled = false;
+    mesh.renderOrder = collides ? 1 : 0;
+    instances.forEach((_, index) => mesh.setColorAt(index, CHOSEN));
+    return { mesh, instances, collides };
+  });
+}
+
+const placed = new Matrix4();
+
+function put({ mesh, instances }: Batch, poses: Matrix4[], colors: Color[]): void {
+  instances.forEach(({ occurrence, pose }, index) => {
+    mesh.setMatrixAt(index, placed.multiplyMatrices(poses[occurrence], pose));
+    mesh.setColorAt(index, colors[occurrence]);
+  });
+  mesh.instanceMatrix.needsUpdate = true;
+  mesh.instanceColor!.needsUpdate = true;
+  mesh.boundingSphere = null; // of rays, too
+  mesh.boundingBox = null;
+}
+
+function discard(world: Group, { mesh }: Batch): void {
+  world.remove(mesh);
+  mesh.dispose();
+  (mesh.material as Material).dispose();
 }
 
 function material(alpha: number, collides: boolean, planes: Plane[]): MeshStandardMaterial {

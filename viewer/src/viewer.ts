@@ -32,6 +32,8 @@ export type Change = "robot" | "mode" | "coordinates" | "choice" | "options" | "
 
 const MOTION = 450; // ms from pose to pose
 const HINT = 6000; // ms that a remark stays
+/** Of a robot that is shown through another. */
+const OTHER = new Color("#2f7fd6");
 /** Poses are those of their names to here [rad or m]. */
 const SAME = 1e-9;
 
@@ -64,6 +66,7 @@ export class Viewer {
   private motion = 0;
   private saying = 0;
   private stale = true;
+  private other: { robot: Robot; followers: Followers; within: Matrix4[] } | null = null;
   private known: { robot: Robot; by: Colouring; pose: NamedPose | null; coloured: Coloured } | null = null;
   private names: Name[] = [];
 
@@ -111,6 +114,13 @@ export class Viewer {
     this.tell("robot");
     this.tell("mode");
     if (before === undefined) this.reset();
+  }
+
+  /** Show another robot through this one, in the same mode and at the same coordinates where it has them. */
+  against(robot: Robot, geometries: BufferGeometry[]): void {
+    this.other = { robot, followers: new Followers(robot), within: robot.occurrences.map((one) => matrixOf(one.pose)) };
+    this.stage.overlay(robot, geometries);
+    this.tell("robot");
   }
 
   get mode(): Mode {
@@ -336,6 +346,21 @@ export class Viewer {
     if (this.options.explode > 0) this.explode(poses);
     this.drawn = poses;
     this.stage.arrange(poses, colors);
+    this.placeOther();
+  }
+
+  /** The other robot: in the pose of the same name, else at the same coordinates, else at 0. */
+  private placeOther(): void {
+    if (this.other === null) return;
+    const { robot, followers, within } = this.other;
+    const mode = robot.modes.find((one) => one.name === this.mode.name) ?? robot.modes[0];
+    const tree = new Tree(mode);
+    const pose = mode.poses.find((one) => one.name === this.pose?.name);
+    const q = pose?.q ?? followers.settle(Object.fromEntries(robot.joints.map((joint) => [joint.path, this.q[joint.path] ?? 0])));
+    const base = pose?.base != null ? matrixOf(pose.base) : mode.name === this.mode.name && pose === undefined ? this.base : tree.home;
+    const bodies = tree.place(q, base, tree.fresh());
+    const poses = robot.occurrences.map((one, index) => bodies[tree.bodyOf.get(one.link)!].clone().multiply(within[index]));
+    this.stage.arrangeOverlay(poses, OTHER);
   }
 
   /** Moves what is one assembly away from the middle of that in which it is, level by level. */

@@ -18,6 +18,11 @@ from thingc.shown import json_text, shown
 _ESCAPED = {ord("<"): "\\u003c", ord(">"): "\\u003e", ord("&"): "\\u0026"}
 """What could end a `<script>`, as JSON writes it instead."""
 
+_AGAINST = (
+    '<script id="thingc-against-robot" type="application/json">{data}</script>\n'
+    '<script id="thingc-against-geometry" type="text/plain">{glb}</script>'
+)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Page:
@@ -27,13 +32,15 @@ class Page:
     data: str
     glb: bytes
 
-    def html(self, *, live: bool = False) -> bytes:
-        """The page. A `live` one asks the server that it comes from for what has changed."""
+    def html(self, *, live: bool = False, against: Page | None = None) -> bytes:
+        """The page. A `live` one asks the server that it comes from for what has changed; the robot of `against` is seen through its
+        own."""
         own = resources.files("thingc.emit.html") / "page"
         texts = {
             "@STYLE@": (own / "viewer.css").read_text(encoding="utf-8"), "@SCRIPT@": (own / "viewer.js").read_text(encoding="utf-8"),
             "@TITLE@": html.escape(shown(self.name)), "@LIVE@": '<meta name="thingc-live" content="1">' if live else "",
             "@CONNECT@": "'self'" if live else "'none'", "@ROBOT@": self.data, "@GEOMETRY@": base64.b64encode(self.glb).decode(),
+            "@AGAINST@": "" if against is None else _AGAINST.format(data=against.data, glb=base64.b64encode(against.glb).decode()),
         }
         # cut before anything is put in: a name may hold the word for a place
         pieces = re.split("(@[A-Z]+@)", (own / "viewer.html").read_text(encoding="utf-8"))
