@@ -7,12 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import field
 
 from thingc import pipeline
-from thingc.diagnostics import Code, Diagnostic, Report, Severity, Stage
+from thingc.diagnostics import Code, Diagnostic, Report, Severity, Stage, allow_hint
 from thingc.emit.artifact import Content, Loss
 from thingc.environment import Environment
 from thingc.frozen import dataclass
 from thingc.output import Waiting, build_folder, write_build
 from thingc.pipeline import Compilation
+from thingc.source import Origin
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +58,8 @@ def build(environment: Environment, wish: Wish) -> Built:
     artifacts = pipeline.build(environment, compilation, wish.targets, build_folder(parent, name), compat)
     losses = [loss for target in wish.targets for loss in artifacts[target].losses]
     if wish.deny_loss:
-        _deny(losses, report)
+        assert compilation.assembly is not None
+        _deny(losses, compilation.assembly.definition.origin, report)
     if not wish.modes:
         pipeline.say_unneeded(compilation, [Stage.CHECK, Stage.BUILD] if "mjcf" in wish.targets else [Stage.CHECK])
     if _failed(report, wish):
@@ -94,10 +96,12 @@ def _failed(report: Report, wish: Wish) -> bool:
     return any(d.severity is Severity.ERROR for d in _said(report, wish))
 
 
-def _deny(losses: Sequence[Loss], report: Report) -> None:
+def _deny(losses: Sequence[Loss], document: Origin, report: Report) -> None:
+    """Every loss that is not allowed where it is made, nor at the top of the document that is built."""
     for loss in losses:
-        mode = f" in mode `{loss.mode}`" if loss.mode is not None else ""
-        report.add(
-            Code.LOSS_DENIED, f"{loss.target} cannot say this of `{loss.path}`{mode}: {loss.what} ({loss.how})", loss.span, path=loss.path,
-            help="leave it out, or build without --deny-loss",
-        )
+        if not report.allows(Code.LOSS_DENIED, (*loss.origin, *document)):
+            mode = f" in mode `{loss.mode}`" if loss.mode is not None else ""
+            report.add(
+                Code.LOSS_DENIED, f"{loss.target} cannot say this of `{loss.path}`{mode}: {loss.what} ({loss.how})", loss.origin,
+                path=loss.path, help=allow_hint(Code.LOSS_DENIED),
+            )

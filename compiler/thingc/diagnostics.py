@@ -30,6 +30,7 @@ class Stage(str, Enum):
     CHECK = "check"
     BUILD = "build"
     COMPAT = "build --compat"
+    DENY = "build --deny-loss"
     TEST = "test"
 
 
@@ -37,7 +38,7 @@ class Code(Enum):
     """Every diagnostic there is: `NAME = ("code", "title", "cure")`. Codes are never used twice or renumbered.
 
     A code that is, or may be, a warning of an assembly document has a fourth value, the command that says it: such a warning can
-    be allowed where it stands (`allow: {TC407: reason}`).
+    be allowed where it stands (`allow: {TC407: reason}`), and so can a loss.
 
     TC1xx reading, TC2xx one document, TC3xx names and values across documents, TC4xx parts, TC5xx the assembly,
     TC6xx modes (TC65x tests), TC7xx targets, TC8xx folders and files, TC9xx variants.
@@ -211,7 +212,7 @@ class Code(Enum):
     MJCF_REFUSED = ("TC702", "MuJoCo refuses the model", "Change what stands at the place named, as MuJoCo's words say.")
     MJCF_WARNING = ("TC703", "MuJoCo warns of the model", "Change what stands at the place named, as MuJoCo's words say.", Stage.BUILD)
     COLLISION_MISSING = ("TC704", "no such collision shape", "Choose another `collision`, or give the Thing a `collision()`.")
-    LOSS_DENIED = ("TC706", "a target cannot say this", "Leave it out of the document, or build without --deny-loss.")
+    LOSS_DENIED = ("TC706", "a target cannot say this", "Leave it out of the document, or allow the loss where it is meant.", Stage.DENY)
     RAW_FIXED = ("TC707", "raw attribute that identifies", "Say it in the words of the document, as the hint shows.")
     TOO_LIGHT = ("TC708", "link too light for MuJoCo", "Check the units of its files, sizes and masses, or attach it to another link.")
     SAME_NAME = ("TC709", "two names that a target cannot tell apart", "Rename one of the two.")

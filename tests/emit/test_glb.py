@@ -155,7 +155,7 @@ def test_what_the_document_does_not_draw_is_not_there(store: Store) -> None:
 def test_a_robot_without_anything_to_see_has_no_file(store: Store) -> None:
     robot = assembly(store)
     bare = replace(robot, occurrences=tuple(replace(one, record=None) for one in robot.occurrences))
-    whole = Loss(target="glb", mode=None, path="arm", what="nothing in the robot is drawn", how="omitted", span=robot.definition.origin[0])
+    whole = Loss(target="glb", mode=None, path="arm", what="nothing in the robot is drawn", how="omitted", origin=robot.definition.origin)
     assert emit(request(bare, store)) == Artifacts(files={}, losses=(whole,))
 
 
@@ -282,18 +282,13 @@ def test_what_does_not_follow_a_turned_joint_is_a_loss(store: Store) -> None:
     joint = replace(follower.joints[0], mimic=mimic("j1", 2.0))
     third = replace(asked.robots[2], bodies=(*asked.robots[2].bodies[:-1], replace(follower, joints=(joint,))))
     robots = (asked.robots[0], replace(closed, closures=(held, loop)), third)
-    span = screw.origin[0]
-    assert emit(replace(asked, robots=robots)).losses == (
-        Loss(
-            target="glb", mode=None, path="j6", what="its thread: its node slides only if it is shifted, too, when it is turned",
-            how="omitted", span=span,
-        ),
-        Loss(target="glb", mode="m3", path="c3/b", what="that it is held where it is: turned joints move it", how="omitted", span=span),
-        Loss(target="glb", mode="m3", path="close", what="the loop through it: turned joints open it", how="omitted", span=span),
-        Loss(
-            target="glb", mode=None, path=joint.path, what="that it follows `j1`: its node stays when that one is turned", how="omitted",
-            span=span,
-        ),
+    lost = (
+        (None, "j6", "its thread: its node slides only if it is shifted, too, when it is turned"),
+        ("m3", "c3/b", "that it is held where it is: turned joints move it"), ("m3", "close", "the loop through it: turned joints open it"),
+        (None, joint.path, "that it follows `j1`: its node stays when that one is turned"),
+    )
+    assert emit(replace(asked, robots=robots)).losses == tuple(
+        Loss(target="glb", mode=mode, path=path, what=what, how="omitted", origin=screw.origin) for mode, path, what in lost
     )
 
 

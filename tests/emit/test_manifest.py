@@ -20,8 +20,8 @@ from thingc.output import verify, write_build
 from thingc.realize.store.local import Store
 
 LOSSES = (
-    Loss(target="mjcf", mode="bench", path="yaw", what="velocity limit", how="carried as custom data", span=span(40)),
-    Loss(target="step", mode=None, path="motor", what="a mesh", how="omitted", span=None),
+    Loss(target="mjcf", mode="bench", path="yaw", what="velocity limit", how="carried as custom data", origin=(span(40),)),
+    Loss(target="step", mode=None, path="motor", what="a mesh", how="omitted"),
 )
 
 

@@ -132,7 +132,7 @@ def test_nothing_with_geometry_is_no_file(tmp_path: Path) -> None:
     assert made.files == {}
     assert made.losses == (Loss(
         target="step", mode=None, path="arm", what="nothing in the robot has geometry", how="omitted",
-        span=whole.definition.origin[0],
+        origin=whole.definition.origin,
     ),)
 
 

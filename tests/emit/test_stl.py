@@ -70,7 +70,7 @@ def test_an_open_mesh_is_a_loss(store: Store) -> None:
     made = emit(request(changed(whole, "motor", record=replace(motor.record, meshes={"print": mesh})), store))
     assert "stl/cad.motor.step.stl" in made.files
     assert made.losses == (Loss(
-        target="stl", mode=None, path="motor", how="approximated", span=motor.origin[0],
+        target="stl", mode=None, path="motor", how="approximated", origin=motor.origin,
         what="the surface of `cad/motor.step` is not closed, so it encloses no volume to print",
     ),)
 

@@ -290,6 +290,26 @@ def test_what_is_said_of_a_refused_variant_is_in_the_units_of_the_documents(tmp_
     )
 
 
+def test_what_targets_cannot_say_is_counted(tmp_path: Path, shared_store: str) -> None:
+    """In the table, and at the end of the batch, also of variants that an earlier run has built."""
+    here = workspace(tmp_path, fast="""
+        thingc: variants/1
+        assembly: pendulum.yaml
+        name: fast
+        emit: [mjcf, bom]
+        parameters:
+          joints.swing.limit.velocity: [2 rad/s, 3 rad/s]
+    """)
+    first = batch(here, shared_store, "fast", pictures=0, limit=1)
+    assert (first.lossy, first.losses) == (1, {"carried as custom data": 1})
+    done = thingc("batch", "fast.yaml", "--resume", "--pictures", "none", cwd=here, env=environment(shared_store))
+    said = "2 variants with targets that cannot say 2 things (2 carried as custom data): see `losses` in the table\n"
+    assert done.returncode == 0 and said in done.stderr
+    table = rows(here / "build" / "fast")
+    assert [(row["status"], row["losses"]) for row in table] == [("built", "1"), ("built", "1")]
+    assert list(table[0])[-6:] == ["losses", "path", "command", *RUN_COLUMNS]
+
+
 # --- folders ---------------------------------------------------------------------------------------------------------
 
 

@@ -213,7 +213,7 @@ def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
     if arguments.format == "json":
         common.print_json(
             summary.notes, folder=shown_path(summary.folder), count=summary.count, statuses=summary.statuses, modelled=summary.modelled,
-            duplicates=summary.duplicates,
+            duplicates=summary.duplicates, losses=summary.losses,
         )
         return code
     common.print_text(summary.notes, stream=sys.stderr, debug=False)
@@ -221,6 +221,10 @@ def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
     earlier = f" ({summary.before} of them before)" if summary.before else ""
     lines = [f"{shown_path(summary.folder)}: {_variants(summary.count)}{earlier}: {counts}; {summary.modelled} parts modelled"]
     lines += [f"{summary.duplicates} more are equal to one of these"] if summary.duplicates else []
+    if summary.lossy:
+        number = common.counted(sum(summary.losses.values()), "thing")
+        how = common.losses_in_words(summary.losses)
+        lines.append(f"{_variants(summary.lossy)} with targets that cannot say {number} ({how}): see `losses` in the table")
     lines += _unpictured(arguments, summary.count)
     lines += _complaints(summary.folder) if code else []
     common.say(*lines, stream=sys.stderr)

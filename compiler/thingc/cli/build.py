@@ -7,7 +7,6 @@ import os
 import shlex
 import sys
 import textwrap
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
@@ -18,6 +17,7 @@ from thingc.building import Built, Wish
 from thingc.cli import common
 from thingc.cli.targets import add_compat, add_emit, chosen_compat, chosen_targets, in_words
 from thingc.diagnostics import Code, Diagnostic, Severity, shown_path
+from thingc.emit.artifact import counted
 from thingc.environment import Environment, Options, attempted, store_of
 from thingc.output import OutputError, build_folder, unswept, verify
 from thingc.pipeline import UnknownChoice
@@ -44,7 +44,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--force", action="store_true", help="give up files in the build folder that no build wrote, or that were changed since"
     )
-    parser.add_argument("--deny-loss", action="store_true", help="what a target cannot say is an error")
+    parser.add_argument("--deny-loss", action="store_true", help="what a target cannot say is an error, unless it is allowed")
     parser.add_argument(
         "--twice", action="store_true", help="to debug parts: model each two times, whatever the store has; one that differs is an error"
     )
@@ -122,9 +122,11 @@ def _built(wish: Wish, key: str, environment: Environment) -> tuple[list[Diagnos
 
 def answer_of(built: Built, folder: str) -> dict[str, Any]:
     """What there is to tell of a build that was written."""
+    targets = dict.fromkeys(loss.target for loss in built.losses)
+    lost = {target: counted(loss for loss in built.losses if loss.target == target) for target in targets}
     return {
         "folder": folder, "artifacts": sorted(built.files or ()), "modelled": built.compilation.modelled,
-        "reused": built.compilation.reused, "losses": dict(Counter(loss.target for loss in built.losses)),
+        "reused": built.compilation.reused, "losses": lost,
     }
 
 
@@ -149,5 +151,6 @@ def tell(answer: Mapping[str, Any], arguments: argparse.Namespace) -> None:
         common.say(f"{folder}: {count} files; {modelled} parts modelled, {reused} reused", stream=sys.stderr)
     words = shlex.join(["thingc", "why", "--losses", arguments.document, *(f"--emit={word}" for word in arguments.emit),
                         *(f"--compat={word}" for word in arguments.compat)])
-    for target, number in answer["losses"].items():
-        common.say(f"{target}: {common.counted(number, 'thing')} it cannot say: {words}", stream=sys.stderr)
+    for target, counts in answer["losses"].items():
+        number = common.counted(sum(counts.values()), "thing")
+        common.say(f"{target}: {number} it cannot say ({common.losses_in_words(counts)}): {words}", stream=sys.stderr)

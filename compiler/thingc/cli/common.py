@@ -310,6 +310,11 @@ def counted(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
+def losses_in_words(counts: Mapping[str, int]) -> str:
+    """`2 omitted, 1 approximated`."""
+    return ", ".join(f"{count} {how}" for how, count in counts.items())
+
+
 def final(report: Report, *, strict: bool) -> list[Diagnostic]:
     """The diagnostics in order, warnings made errors where that was asked."""
     return (report.strict() if strict else report).ordered()

@@ -40,7 +40,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--force", action="store_true", help="give up files in the build folder that no build wrote, or that were changed since"
     )
-    parser.add_argument("--deny-loss", action="store_true", help="what a target cannot say is an error")
+    parser.add_argument("--deny-loss", action="store_true", help="what a target cannot say is an error, unless it is allowed")
     common.add_compiling(parser)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import field
 
 from thingc.frozen import dataclass
@@ -21,23 +23,37 @@ class Stored:
 
 Content = bytes | Stored
 
+HOW = ("omitted", "approximated", "carried as custom data")
+"""What becomes of what a target cannot say, the worst first."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loss:
-    """Something a target cannot say. `how` is `approximated | carried as custom data | omitted`; `mode` None where it
-    is not of one mode; `path` of the occurrence, joint or mount; `what` in words."""
+    """Something a target cannot say. `how` is one of `HOW`; `mode` None where it is not of one mode; `path` of the occurrence, joint or
+    mount; `what` in words; `origin` what in the documents made it."""
 
     target: str
     mode: str | None
     path: str
     what: str
     how: str
-    span: Span | None
+    origin: Origin = ()
+
+    @property
+    def span(self) -> Span | None:
+        """Where it is shown: the first place of its origin."""
+        return next(iter(self.origin), None)
 
     @staticmethod
     def of(origin: Origin, target: str, mode: str | None, path: str, what: str, how: str) -> Loss:
-        """The loss of what an origin made: it is shown at the first place."""
-        return Loss(target=target, mode=mode, path=path, what=what, how=how, span=next(iter(origin), None))
+        """The loss of what an origin made."""
+        return Loss(target=target, mode=mode, path=path, what=what, how=how, origin=origin)
+
+
+def counted(losses: Iterable[Loss]) -> dict[str, int]:
+    """How many there are, by what becomes of them."""
+    counts = Counter(loss.how for loss in losses)
+    return {how: counts[how] for how in HOW if counts[how]}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

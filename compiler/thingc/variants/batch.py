@@ -17,6 +17,7 @@ from itertools import islice
 from typing import Any
 
 from thingc.diagnostics import Code, Diagnostic, Report, shown_path
+from thingc.emit.artifact import HOW
 from thingc.environment import Options, store_of
 from thingc.variants import places
 from thingc.variants.description import describe, job_of, seen
@@ -24,7 +25,7 @@ from thingc.variants.engine import RUNNERS, Cancelled, LocalExecutor, RunnersBro
 from thingc.variants.executors import Carrier, Cluster
 from thingc.variants.folder import BatchFault, begin, cleared, differences, in_words, locked, read_batch, remember, write_batch
 from thingc.variants.job import STOPPED, Row, Task
-from thingc.variants.journal import Journal, Line, lines
+from thingc.variants.journal import Journal, Line, in_order, lines
 from thingc.variants.page import write_page
 from thingc.variants.pictures import OnPicture, usual
 from thingc.variants.planning import Plan, PlanError, Variant
@@ -233,10 +234,12 @@ class _Batch:
             write_batch(self.folder, describe(self.plan, finished=True, wanted=wanted))
             remember(self.folder, places.TABLE_CSV, places.TABLE_PARQUET)
         statuses = self.earlier + self.counts
+        lossy = [line["losses"] for line in in_order(os.path.join(self.folder, places.JOURNAL)) if line.get("losses")]
         return Summary(
             folder=self.folder, name=self.plan.name, count=self.count, statuses=dict(sorted(statuses.items())),
             before=sum(self.earlier.values()), modelled=len(self.modelled), duplicates=self.plan.written - self.plan.count,
-            seconds=time.monotonic() - self.started, notes=self.plan.notes,
+            seconds=time.monotonic() - self.started, lossy=len(lossy),
+            losses={how: count for how in HOW if (count := sum(one.get(how, 0) for one in lossy))}, notes=self.plan.notes,
         )
 
     def _shipping(self, cluster: Cluster | None) -> contextlib.AbstractContextManager[Shipping | None]:

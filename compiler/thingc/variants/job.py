@@ -72,7 +72,8 @@ class Task:
 
 Row = dict[str, Any]
 """What came of one variant: `index`, `id`, `status` (`built | kept_out | refused | failed`), `rule`, `code`, `message`, `detail`,
-`results`, `seconds`, `modelled`, `reused` (definition texts) and `pid` of the runner, as far as there is something to say."""
+`results`, `losses` (how many, by what becomes of them), `seconds`, `modelled`, `reused` (definition texts) and `pid` of the runner, as
+far as there is something to say."""
 
 
 def row(task: Task, status: str, **more: Any) -> Row:

@@ -42,7 +42,8 @@ class Progress(Brief):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Summary(Brief):
     """What came of a batch: how many variants have each status (those of earlier runs included), parts that were modelled in this
-    run, and how long it took [s]. `duplicates` were asked for more than once; `notes` are the warnings about the documents."""
+    run, and how long it took [s]. `duplicates` were asked for more than once; `lossy` variants, those of earlier runs included, have
+    `losses`, by what becomes of them; `notes` are the warnings about the documents."""
 
     folder: str
     name: str
@@ -52,6 +53,8 @@ class Summary(Brief):
     modelled: int
     duplicates: int
     seconds: float
+    lossy: int
+    losses: dict[str, int]
     notes: tuple[Diagnostic, ...] = ()
 
 

@@ -22,6 +22,9 @@ BLOCK = 1024
 """Rows of one group in the Parquet file."""
 
 HEAD = ("index", "id", "name", "status", "rule", "code", "message")
+LOSSES = "losses"
+"""The column of how many things the targets of a variant cannot say."""
+
 TAIL = ("path", "command")
 RUN = ("parts_modelled", "parts_reused", "seconds")
 """Columns that tell of the run and differ from one to the next."""
@@ -50,6 +53,7 @@ def columns(parameters: Sequence[Column], choices: Sequence[str], lengths: Seque
         *(replace(one, name=setting(one.name)) for one in parameters),
         *(Column(name=path, kind="text") for path in choices),
         *(Column(name=name, kind="number", unit=unit_of(dimension_of(name))) for name in (*RESULTS, *lengths)),
+        Column(name=LOSSES, kind="integer"),
         *(Column(name=name, kind="text") for name in TAIL),
         *(Column(name=name, kind="number" if name == "seconds" else "integer", unit="s" if name == "seconds" else "") for name in RUN),
     )
@@ -70,6 +74,7 @@ def flat(line: Line) -> dict[str, Any]:
         **{setting(name): value for name, value in line["parameters"].items()},
         **line["choices"],
         **line.get("results", {}),
+        LOSSES: sum(line["losses"].values()) if "losses" in line else None,
         **{name: line.get(name) for name in TAIL},
         "parts_modelled": len(line["modelled"]) if "modelled" in line else None,
         "parts_reused": line.get("reused"),
