@@ -65,7 +65,8 @@ ROOMS: dict[str, set[str]] = {
         "resolve", "graph", "robot", "statics", "emit", "output", "modes", "render"},
     "api": BASE | {"printing", "environment", "pipeline", "realize", "graph", "robot", "emit"},
     "cli": BASE | {"printing", "environment", "pipeline", "realize", "graph", "robot", "emit", "output", "stamp", "resolve", "render",
-        "reporting", "layout", "editor", "testing", "variants", "load", "spec", "affected", "building", "live", "templates"},
+        "reporting", "layout", "editor", "testing", "variants", "load", "spec", "joints", "checks", "affected",
+        "building", "live", "templates"},
     "__init__": {"things", "api", "modes"},
     "__main__": {"cli"},
 }

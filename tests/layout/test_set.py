@@ -15,7 +15,7 @@ from ruamel.yaml import YAML
 
 from thingc.cli.main import main
 from thingc.diagnostics import Report
-from thingc.layout.setting import Unsettable, with_values
+from thingc.layout.setting import Unsettable, with_values, without
 from thingc.load import read_tree
 from thingc.source import Document, MappingNode
 
@@ -113,6 +113,43 @@ def test_only_the_values_change(name: str, values: Mapping[str, str], lines: lis
             for key in path.split("."):
                 found = found[key]
             assert found in (value, {"true": True, "0": 0, "0.5": 0.5, "1.50": 1.5}.get(value))
+
+
+@pytest.mark.parametrize(("name", "path", "value", "lines"), [
+    ("a.yaml", "joints.c", {"type": "screw", "limit": {"lower": "-1 deg"}, "pins": ["a, b", "2"]}, [
+        "+  c:", "+    type: screw", "+    limit: {lower: -1 deg}", "+    pins: ['a, b', 2]"]),
+    ("a.yaml", "parameters.c", {"value": "1 mm"}, ["+  c: {value: 1 mm}"]),
+    ("a.yaml", "modes.c", {"root": "a.b"}, ["-modes: {}", "+modes: {c: {root: a.b}}"]),
+    ("a.yaml", "tests.c", {"mass": {"max": "1 kg"}}, ["+", "+tests:", "+  c: {mass: {max: 1 kg}}"]),
+    ("a.toml", "joints.c", {"type": "screw", "pins": ["a", "2"]}, ['+c = {type = "screw", pins = ["a", 2]}']),
+    ("a.toml", "tests.c", {"mass": {"max": "1 kg"}}, ["+", "+[tests]", '+c = {mass = {max = "1 kg"}}']),
+])
+def test_a_new_mapping_is_written_as_its_neighbours_are(name: str, path: str, value: Any, lines: list[str]) -> None:
+    before = TOML_TEXT if name.endswith("toml") else YAML_TEXT
+    assert changed(before, with_values(document(before, name), {tuple(path.split(".")): value})) == lines
+
+
+@pytest.mark.parametrize(("name", "path", "lines"), [
+    ("a.yaml", "components.plate.part", ["-  plate: {part: arm:Plate,", "-          params: {a: 1 mm}}   # on two lines",
+                                         "+  plate: {params: {a: 1 mm}}   # on two lines"]),
+    ("a.yaml", "joints.a.limit", ["-  a: {type: revolute, limit: {lower: 0 deg, upper: 1 deg}}  # c", "+  a: {type: revolute}  # c"]),
+    ("a.yaml", "components.motor.part", ['-    part: "m:M"']),
+    ("a.yaml", "joints.b.pins", ["-    pins: [{at: 1 mm}]"]),
+    ("a.yaml", "note", ["-note: |", "-  two", "-  lines"]),
+    ("a.toml", "parameters.wide.min", ['-wide = {value = "3 mm", min = "1 mm"}', '+wide = {value = "3 mm" }']),
+    ("a.toml", "components.motor.part", ['-part = "m:M"']),
+])
+def test_only_what_is_taken_out_goes(name: str, path: str, lines: list[str]) -> None:
+    text = TOML_TEXT if name.endswith("toml") else YAML_TEXT
+    for line_end in ("\n", "\r\n"):
+        before = text.replace("\n", line_end)
+        after = without(document(before, name), tuple(path.split(".")))
+        assert changed(before, after) == lines and after.count("\n") == after.count(line_end)
+
+
+def test_what_an_anchor_names_is_not_taken_out() -> None:
+    with pytest.raises(Unsettable, match="`a.x` cannot be taken out alone"):
+        without(document("a: &it {x: 1, z: 2}\nb: *it\n", "a.yaml"), ("a", "x"))
 
 
 @pytest.mark.parametrize(("text", "path"), [

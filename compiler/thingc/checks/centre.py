@@ -133,5 +133,6 @@ PAGE = """\
 
 KIND = CheckKind(
     name="centre", position=2, summary="The centre of mass lies within a box.", examples=[{"within": {"x": ["-10 mm", "10 mm"]}}],
+    stub={"within": {"z": ["-1 m", "1 m"]}},
     page=PAGE, model=CentreTest, read=read, run=run,
 )

@@ -132,5 +132,7 @@ stands or rolls on the floor is named by `except`.
 
 KIND = CheckKind(
     name="ground_clearance", position=8, summary="The robot keeps a distance from a level plane.",
-    examples=[{"at_least": "5 mm", "except": ["foot"]}], page=PAGE, model=GroundClearanceTest, read=read, run=run,
+    examples=[{"at_least": "5 mm", "except": ["foot"]}],
+    stub={"at_least": "0"},
+    page=PAGE, model=GroundClearanceTest, read=read, run=run,
 )

@@ -50,7 +50,8 @@ class CheckKind(Generic[Written, Stated]):
     the passes that read the language import those that come after them: every kind's functions name them.)
 
     `position` is the place among the kinds in the documentation; `summary` one sentence for a schema and a table; `examples` values
-    of the key; `page` what the documentation says, with a table of keys for each model of the file. `of_limits`: what is read depends
+    of the key; `stub` what a new test of this kind says, which is right in any robot, `$mount` and `$base` standing for mounts of it;
+    `page` what the documentation says, with a table of keys for each model of the file. `of_limits`: what is read depends
     on the limits of joints.
     """
 
@@ -58,6 +59,7 @@ class CheckKind(Generic[Written, Stated]):
     position: int
     summary: str
     examples: Sequence[Mapping[str, Any]]
+    stub: Mapping[str, Any]
     page: str
     model: type[Written]
     read: Callable[[Written, Any], Stated | None]

@@ -73,6 +73,8 @@ PAGE = """\
 """
 
 KIND = CheckKind(
-    name="mass", position=1, summary="The mass is within bounds.", examples=[{"max": "2.2 kg"}], page=PAGE,
+    name="mass", position=1, summary="The mass is within bounds.", examples=[{"max": "2.2 kg"}],
+    stub={"max": "10 kg"},
+    page=PAGE,
     model=MassTest, read=read, run=run,
 )

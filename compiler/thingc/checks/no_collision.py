@@ -280,6 +280,8 @@ An allowance that no mode, pose or position has needed is a warning.
 
 KIND = CheckKind(
     name="no_collision", position=5, summary="Nothing overlaps, in poses or over ranges of joints.",
-    examples=[{"pose": "all"}, {"joints": {"elbow": "all"}, "clearance": "1 mm"}], page=PAGE, model=NoCollisionTest, read=read, run=run,
+    examples=[{"pose": "all"}, {"joints": {"elbow": "all"}, "clearance": "1 mm"}],
+    stub={"pose": "all"},
+    page=PAGE, model=NoCollisionTest, read=read, run=run,
     poses=poses, finish=finish, of_limits=True,
 )

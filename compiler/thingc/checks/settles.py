@@ -156,6 +156,8 @@ all parts.
 """
 
 KIND = CheckKind(
-    name="settles", position=7, summary="The simulated robot comes to rest.", examples=[{"within": "2 s", "drift": "1 mm"}], page=PAGE,
+    name="settles", position=7, summary="The simulated robot comes to rest.", examples=[{"within": "2 s", "drift": "1 mm"}],
+    stub={"within": "2 s", "drift": "1 mm"},
+    page=PAGE,
     model=SettlesTest, read=read, run=run,
 )

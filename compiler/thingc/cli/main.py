@@ -18,6 +18,7 @@ COMMANDS = {
     "watch": "build a robot again after every save, with the CAD kernel loaded",
     "batch": "build every variant of a document of variants",
     "check": "say everything that is wrong with documents, and write nothing",
+    "add": "put a part, assembly, mode, joint or test where it belongs, to begin with; comments and layout stay",
     "set": "write values into a document, at their paths; comments and layout stay",
     "fmt": "write documents in canonical layout; comments stay",
     "test": "run the tests that a document states of its robot",

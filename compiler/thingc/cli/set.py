@@ -15,6 +15,7 @@ from thingc.diagnostics import Code, Diagnostic, Severity, Stage, shown_path
 from thingc.environment import Environment, Options
 from thingc.layout import write_in_place
 from thingc.layout.setting import Keys, Unsettable, changes, with_values
+from thingc.load import Documents
 from thingc.printing import OPTIONS
 from thingc.source import Document, MappingNode, node_at
 from thingc.spec.choices import nested, parse
@@ -73,9 +74,10 @@ def write(document: str, given: Mapping[str, str], options: Options, arguments: 
     parameters = {path: text for path, text in given.items() if "." not in path}
     choices = {path: text for path, text in given.items() if "." in path}
     strict = getattr(arguments, "strict", False)
-    root, diagnostics = _checked(document, replace(options, parameters=parameters, choices=choices), strict=strict)
-    if root is None or any(d.code in (Code.CHOICE_OPTION, Code.PARAMETER_OPTION) for d in diagnostics):
+    documents, diagnostics = checked(document, replace(options, parameters=parameters, choices=choices), strict=strict)
+    if documents is None or any(d.code in (Code.CHOICE_OPTION, Code.PARAMETER_OPTION) for d in diagnostics):
         return _say(arguments, [_as_typed(one, typed) for one in diagnostics])
+    root = documents.root
     elsewhere = [fault for path in choices if (fault := _elsewhere(root, path)) is not None]
     if elsewhere:
         return _say(arguments, elsewhere)
@@ -84,17 +86,15 @@ def write(document: str, given: Mapping[str, str], options: Options, arguments: 
         text = with_values(root, values)
     except Unsettable as fault:
         return _say(arguments, [_wrong(str(fault), "write it by hand")])
-    with open(root.path, "rb") as stream:
-        before = stream.read()
-    after = (b"\xef\xbb\xbf" if before.startswith(b"\xef\xbb\xbf") else b"") + text.encode()
-    _, diagnostics = _checked(document, replace(options, texts={root.path: after}), strict=strict)
+    before, after = both(root, text)
+    _, diagnostics = checked(document, replace(options, texts={root.path: after}), strict=strict)
     if any(d.severity is Severity.ERROR for d in diagnostics):
         return _say(arguments, diagnostics, texts={root.path: text})
     if diff:
         name = shown_path(root.path)
         common.say_lines_of_documents(difflib.unified_diff(root.text.splitlines(), text.splitlines(), name, name, lineterm=""))
         return common.exit_code(diagnostics)
-    refused = _put(root, before, after)
+    refused = put(root, before, after)
     if refused is not None:
         return _say(arguments, [refused])
     return _say(arguments, diagnostics, done=list(changes(root, values)))
@@ -115,7 +115,14 @@ def _as_typed(found: Diagnostic, typed: Mapping[str, str]) -> Diagnostic:
     return replace(found, path=f"set {typed.get(path, path)}")
 
 
-def _put(root: Document, before: bytes, after: bytes) -> Diagnostic | None:
+def both(root: Document, text: str) -> tuple[bytes, bytes]:
+    """The bytes of a document as they are, and as they would be with that text. Raises OSError where it cannot be read."""
+    with open(root.path, "rb") as stream:
+        before = stream.read()
+    return before, (b"\xef\xbb\xbf" if before.startswith(b"\xef\xbb\xbf") else b"") + text.encode()
+
+
+def put(root: Document, before: bytes, after: bytes) -> Diagnostic | None:
     """Put new bytes into a document; why not, where it cannot be written or is not what was read any more."""
     name = shown_path(root.path)
     message = f"`{name}` has changed meanwhile, and is left as it is"
@@ -129,13 +136,12 @@ def _put(root: Document, before: bytes, after: bytes) -> Diagnostic | None:
     return Diagnostic(code=Code.OUTPUT, severity=Severity.ERROR, message=message)
 
 
-def _checked(document: str, options: Options, *, strict: bool) -> tuple[Document | None, list[Diagnostic]]:
-    """The document, None where it cannot be read, and what a check says of it."""
+def checked(document: str, options: Options, *, strict: bool = False) -> tuple[Documents | None, list[Diagnostic]]:
+    """The document with all that it names, None where it cannot be read, and what a check says of it."""
     with Environment(document, replace(options, lock=True)) as environment:
         compilation = pipeline.compile(environment)
     pipeline.say_unneeded(compilation, [Stage.CHECK])
-    documents = compilation.documents
-    return None if documents is None else documents.root, common.final(compilation.report, strict=strict)
+    return compilation.documents, common.final(compilation.report, strict=strict)
 
 
 def _keys(root: Document, path: str) -> Keys:

@@ -1,10 +1,11 @@
-"""Values written into the text of a document at their paths: everything else of the text, comments and layout, stays as it is."""
+"""Values written into the text of a document at their paths, and taken out of it: everything else of the text, comments and layout,
+stays as it is."""
 
 from __future__ import annotations
 
 import copy
 import io
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from thingc.diagnostics import Report
@@ -14,27 +15,53 @@ from thingc.load.text import Source
 from thingc.source import Document, MappingNode, Node, Plain, ScalarNode, SequenceNode, Span, node_at
 
 Keys = tuple[str, ...]
+Written = str | Mapping[str, "Written"] | Sequence["Written"]
+"""A value as a document has it: the text of a scalar (`120 mm`), or what holds such texts."""
 
 
 class Unsettable(Exception):
     """A value that cannot be written at its place without changing something else; the message says why."""
 
 
-def with_values(document: Document, values: Mapping[Keys, str]) -> str:
+def with_values(document: Document, values: Mapping[Keys, Written]) -> str:
     """The text of a document in which each value (as a document has it: `120 mm`) stands at its keys. What was not there is added behind
-    what is there, as a mapping in braces where that needs one.
+    what is there, as a mapping in braces where that needs one. A mapping in a section that has its mappings on several lines, or that was
+    not there, is written as they are.
 
     Raises `Unsettable` where the text would then say something else than what it said with those values.
     """
-    set_one = _in_toml if document.path.lower().endswith(".toml") else _in_yaml
+    set_one = _in_toml if _is_toml(document.path) else _in_yaml
     text = document.text
     for keys, value in values.items():
-        expected = _plain_with(_tree(document.path, text).plain(), keys, core_value(value))
+        expected = _plain_with(_tree(document.path, text).plain(), keys, _meant(value))
         text = set_one(document.path, text, keys, value)
         if _said(document.path, text) != expected:
             what = "what stands there is used elsewhere, too, or written in a way of its own"
             raise Unsettable(f"`{'.'.join(keys)}` cannot be set alone: {what}")
     return text
+
+
+def without(document: Document, keys: Keys) -> str:
+    """The text of a document without a key, which is there beside another one, and its value.
+
+    Raises `Unsettable` where the text would then say something else than what it said without them.
+    """
+    expected = _plain_without(document.tree.plain(), keys)
+    text = (_out_of_toml if _is_toml(document.path) else _out_of_yaml)(document, keys)
+    if _said(document.path, text) != expected:
+        raise Unsettable(f"`{'.'.join(keys)}` cannot be taken out alone: it is used elsewhere, too, or written in a way of its own")
+    return text
+
+
+def _is_toml(path: str) -> bool:
+    return path.lower().endswith(".toml")
+
+
+def _meant(value: Written) -> Plain:
+    """What a value says."""
+    if isinstance(value, str):
+        return core_value(value)
+    return {key: _meant(one) for key, one in value.items()} if isinstance(value, Mapping) else [_meant(one) for one in value]
 
 
 def _tree(path: str, text: str) -> MappingNode:
@@ -63,10 +90,20 @@ def _plain_with(plain: Plain, keys: Keys, value: Any) -> Plain:
     return whole
 
 
+def _plain_without(plain: Plain, keys: Keys) -> Plain:
+    """The values of a document without one of them."""
+    whole = copy.deepcopy(plain)
+    inner: Any = whole
+    for key in keys[:-1]:
+        inner = inner[key]
+    del inner[keys[-1]]
+    return whole
+
+
 # --- YAML -------------------------------------------------------------------------------------------------------------
 
 
-def _in_yaml(path: str, text: str, keys: Keys, value: str) -> str:
+def _in_yaml(path: str, text: str, keys: Keys, value: Written) -> str:
     source = Source(path, text)
     tree: Node = _tree(path, text)
     depth = next((k for k in range(len(keys), 0, -1) if node_at(tree, keys[:k]) is not None), 0)
@@ -77,7 +114,7 @@ def _in_yaml(path: str, text: str, keys: Keys, value: str) -> str:
         if isinstance(node, (MappingNode, SequenceNode)) and text[start] not in "{[":
             raise Unsettable(f"`{'.'.join(keys)}` is written over several lines: set the values in it")
         space = "" if end > start or text[start - 1 : start].isspace() else " "
-        written = _scalar(value) if not rest else "{" + _entry(rest, value) + "}"
+        written = _flow(value) if not rest else "{" + _entry(rest, value) + "}"
         return text[:start] + space + written + text[end:]
     if text[start] == "{":
         at = max((_place(source, one.span)[1] for one in node.entries.values()), default=start + 1)
@@ -85,7 +122,38 @@ def _in_yaml(path: str, text: str, keys: Keys, value: str) -> str:
     indent = next(iter(node.keys.values())).column - 1
     line = _last_line(source, node)
     at = source.starts[line - 1] + len(source.line(line - 1))
-    return text[:at] + ("\r\n" if "\r\n" in text else "\n") + " " * indent + _entry(rest, value) + text[at:]
+    lines = _lines(source, node, rest, value)
+    return text[:at] + "".join(("\r\n" if "\r\n" in text else "\n") + (" " * indent + one if one else "") for one in lines) + text[at:]
+
+
+def _lines(source: Source, node: MappingNode, rest: Keys, value: Written) -> list[str]:
+    """The lines of a new entry of a mapping that stands on several lines itself, without its indentation."""
+    last = list(node.entries.values())[-1]
+    if isinstance(value, Mapping) and len(rest) == 2:  # a section that was not there
+        return ["", f"{_scalar(rest[0])}:", f"  {_entry(rest[1:], value)}"]
+    start, end = _place(source, last.span)
+    if isinstance(value, Mapping) and len(rest) == 1 and isinstance(last, MappingNode) and last.entries and source.text[start] != "{":
+        deep = " " * (next(iter(last.keys.values())).column - next(iter(node.keys.values())).column)
+        return [f"{_scalar(rest[0])}:", *(f"{deep}{_scalar(key)}: {_flow(one)}" for key, one in value.items())]
+    return [_entry(rest, value)]
+
+
+def _out_of_yaml(document: Document, keys: Keys) -> str:
+    source, text = Source(document.path, document.text), document.text
+    node = node_at(document.tree, keys[:-1])
+    assert isinstance(node, MappingNode)
+    order = list(node.entries)
+    where = order.index(keys[-1])
+    key, value = node.keys[keys[-1]], node.entries[keys[-1]]
+    start, end = source.starts[key.line - 1] + key.column - 1, _place(source, value.span)[1]
+    if text[_place(source, node.span)[0]] != "{":
+        last = _last_line(source, value)
+        return text[: source.starts[key.line - 1]] + (text[source.starts[last] :] if last < len(source.starts) else "")
+    if where + 1 < len(order):
+        after = node.keys[order[where + 1]]
+        return text[:start] + text[source.starts[after.line - 1] + after.column - 1 :]
+    before = _place(source, node.entries[order[where - 1]].span)[1] if where else start
+    return text[:before] + text[end:]
 
 
 def _place(source: Source, span: Span) -> tuple[int, int]:
@@ -102,10 +170,19 @@ def _last_line(source: Source, node: Node) -> int:
     return source.line_at(start + len(source.text[start:end].rstrip())) + 1
 
 
-def _entry(keys: Keys, value: str) -> str:
+def _entry(keys: Keys, value: Written) -> str:
     """`limit: {upper: 60 deg}`."""
     first, *rest = keys
-    return f"{_scalar(first)}: {'{' + _entry(tuple(rest), value) + '}' if rest else _scalar(value)}"
+    return f"{_scalar(first)}: {'{' + _entry(tuple(rest), value) + '}' if rest else _flow(value)}"
+
+
+def _flow(value: Written) -> str:
+    """A value on one line."""
+    if isinstance(value, str):
+        return _scalar(value)
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{_scalar(key)}: {_flow(one)}" for key, one in value.items()) + "}"
+    return "[" + ", ".join(map(_flow, value)) + "]"
 
 
 def _scalar(text: str) -> str:
@@ -124,31 +201,53 @@ def _scalar(text: str) -> str:
 # --- TOML -------------------------------------------------------------------------------------------------------------
 
 
-def _in_toml(path: str, text: str, keys: Keys, value: str) -> str:
+def _in_toml(path: str, text: str, keys: Keys, value: Written) -> str:
     import tomlkit
 
     line_end = "\r\n" if "\r\n" in text else "\n"
     document = tomlkit.parse(text.replace("\r\n", "\n"))
     table: Any = document
-    for key in keys[:-1]:
+    for depth, key in enumerate(keys[:-1]):
         if not isinstance(table.get(key), Mapping):
-            table[key] = tomlkit.inline_table()
+            section = depth == 0 and len(keys) == 2 and isinstance(value, Mapping)
+            table[key] = tomlkit.table() if section else tomlkit.inline_table()
         table = table[key]
     table[keys[-1]] = _toml_value(value)
     return tomlkit.dumps(document).replace("\n", line_end)
 
 
-def _toml_value(text: str) -> Any:
+def _out_of_toml(document: Document, keys: Keys) -> str:
+    import tomlkit
+
+    line_end = "\r\n" if "\r\n" in document.text else "\n"
+    whole = tomlkit.parse(document.text.replace("\r\n", "\n"))
+    table: Any = whole
+    for key in keys[:-1]:
+        table = table[key]
+    del table[keys[-1]]
+    return tomlkit.dumps(whole).replace("\n", line_end)
+
+
+def _toml_value(value: Written) -> Any:
     import tomlkit
     from tomlkit.exceptions import TOMLKitError
 
-    value = core_value(text)
-    if isinstance(value, str) or value is None:
-        return text
-    try:
-        return tomlkit.value(text)
-    except TOMLKitError:  # a number as only YAML writes it: `.5`
+    if isinstance(value, Mapping):
+        table = tomlkit.inline_table()
+        for key, one in value.items():
+            table[key] = _toml_value(one)
+        return table
+    if not isinstance(value, str):
+        array = tomlkit.array()
+        array.extend(_toml_value(one) for one in value)
+        return array
+    plain = core_value(value)
+    if isinstance(plain, str) or plain is None:
         return value
+    try:
+        return tomlkit.value(value)
+    except TOMLKitError:  # a number as only YAML writes it: `.5`
+        return plain
 
 
 def changes(document: Document, values: Mapping[Keys, str]) -> Iterator[tuple[str, str | None, str]]:

@@ -1,4 +1,5 @@
-"""What `thingc new` begins a workspace with: one folder here for each template, and `common/` for what all of them have.
+"""What `thingc new` begins a workspace with: one folder here for each template, and `common/` for what all of them have. `stubs/` has
+what `thingc add` begins a part with.
 
 In a template the robot is called `my_robot`, in names of files and in texts; so each of them is a workspace as it lies here. A name that
 begins with `dot_` begins with a dot in the workspace.
@@ -32,3 +33,10 @@ def files_of(template: str, name: str) -> dict[str, bytes]:
                 place = "/".join(f".{word.removeprefix('dot_')}" if word.startswith("dot_") else word for word in words)
                 files[place.replace(PLACEHOLDER, name)] = path.read_bytes().replace(PLACEHOLDER.encode(), name.encode())
     return files
+
+
+def new_part(name: str, material: str | None) -> str:
+    """A module of parts with one class of that name, of that material (None: of what the document says)."""
+    text = (_HERE / "stubs" / "part.py").read_text(encoding="utf-8")
+    stated = "" if material is None else f'material="{material}"'
+    return text.replace("MyPart", name).replace('material="pla"', stated)

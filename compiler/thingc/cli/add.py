@@ -1,0 +1,193 @@
+"""`thingc add`: a part, assembly, mode, joint or test to begin with, where it belongs; comments and layout of documents stay."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import get_args
+
+from thingc.cli import common
+from thingc.cli.set import both, checked, put
+from thingc.cli.stubs import BASES, STUBS, Addition
+from thingc.diagnostics import Diagnostic, Report, Severity, shown_path
+from thingc.environment import Options
+from thingc.joints.kind import JointType
+from thingc.layout import format_document, write_in_place
+from thingc.layout.setting import Unsettable, with_values, without
+from thingc.load import Documents, read_tree
+from thingc.source import Document, MappingNode
+from thingc.typos import did_you_mean
+
+EPILOG = """\
+Nothing is written unless all of the document would be right with what is added. It is a stub: change it as you like.
+
+  thingc add part Bracket --to rover.yaml --on base.top       parts/bracket.py with a class, and a component that is one
+  thingc add part links:Bracket                               only the class, in parts/links.py
+  thingc add joint hinge --to rover.yaml --parent base.top --child bracket.bottom
+  thingc add mode hung --to rover.yaml --root bracket.top --base held
+  thingc add test light --to rover.yaml --kind mass
+  thingc add assembly leg --to rover.yaml                     leg.yaml, and a component that is one
+"""
+WHAT = ("part", "assembly", "mode", "joint", "test")
+OPTIONS = {
+    "on": ("part", "assembly"), "root": ("mode",), "base": ("mode",), "pose": ("mode",),
+    "gravity": ("mode",), "type": ("joint",), "parent": ("joint",),
+    "child": ("joint",), "loop": ("joint",), "kind": ("test",),
+}
+"""What each option belongs to."""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `add`."""
+    parser.epilog = EPILOG
+    parser.add_argument("what", type=_choice(WHAT), metavar="{" + ",".join(WHAT) + "}", help="what is added")
+    parser.add_argument("name", metavar="NAME", help="its name; of a part the name of its class, or MODULE:CLASS")
+    parser.add_argument("--to", metavar="DOC", help="the document that it is added to; a part or an assembly may be for none yet")
+    parser.add_argument("--on", metavar="MOUNT", help="of a part or an assembly: the mount that it is attached to")
+    parser.add_argument("--root", metavar="ROOT", help="of a mode: a component or a mount; that of the first mode unless given")
+    parser.add_argument(
+        "--base", type=_choice(BASES), metavar="{" + ",".join(BASES) + "}",
+        help="of a mode: the first that no other mode with this root has, unless given",
+    )
+    parser.add_argument("--pose", metavar="POSE", help="of a mode: where it starts; as the first mode does unless given")
+    parser.add_argument("--gravity", metavar="GRAVITY", help="of a mode: wall, ceiling, or three accelerations; floor unless given")
+    parser.add_argument(
+        "--type", type=_choice(get_args(JointType)), metavar="TYPE", help="of a joint: its kind; revolute unless given",
+    )
+    parser.add_argument("--parent", metavar="MOUNT", help="of a joint: the mount that it is measured from")
+    parser.add_argument("--child", metavar="MOUNT", help="of a joint: the mount that moves; what had placed its component is taken out")
+    parser.add_argument("--loop", action="store_true", default=None, help="of a joint: closes a loop instead of placing the child")
+    parser.add_argument("--kind", metavar="KIND", help="of a test: what it measures, for example mass")
+    common.add_format(parser)
+    common.add_geometry(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exit code 0 where it is added."""
+    try:
+        return _add(arguments, common.options_of(arguments))
+    except common.WrongCommandLine as fault:
+        return _say(arguments, [fault.diagnostic])
+
+
+def _add(arguments: argparse.Namespace, options: Options) -> int:
+    what = arguments.what
+    for option, owners in OPTIONS.items():
+        if getattr(arguments, option) is not None and what not in owners:
+            raise common.WrongCommandLine(f"--{option} is for {_enumerated(owners)}, and this is {_article(what)}", "take it out")
+    if arguments.to is None:
+        if what not in ("part", "assembly"):
+            raise common.WrongCommandLine(
+                f"{_article(what)} belongs to a document", f"write for example `thingc add {what} {arguments.name} --to robot.yaml`",
+            )
+        if arguments.on is not None:
+            raise common.WrongCommandLine("--on names a mount of the document that --to names", "write --to as well")
+        return _write(arguments, options, None, STUBS[what](arguments, None))
+    common.require_document(arguments.to)
+    documents, found = checked(arguments.to, options)
+    if documents is None or any(one.severity is Severity.ERROR for one in found):
+        return _say(arguments, found)
+    return _write(arguments, options, documents, STUBS[what](arguments, documents))
+
+
+def _write(arguments: argparse.Namespace, options: Options, documents: Documents | None, addition: Addition) -> int:
+    """Write files and document, unless something would be wrong then."""
+    with _files(addition.files) as keep:
+        found: list[Diagnostic] = []
+        if documents is not None:
+            root = documents.root
+            text = _with_addition(root, addition)
+            before, after = both(root, text)
+            _, found = checked(root.path, replace(options, texts={root.path: after}))
+            if any(one.severity is Severity.ERROR for one in found):
+                return _say(arguments, found, texts={root.path: text})
+            refused = put(root, before, after)
+            if refused is not None:
+                return _say(arguments, [refused])
+        keep()
+    where = [] if documents is None else [f"{shown_path(documents.root.path)}: {'.'.join(keys)}" for keys in addition.values]
+    done = [*(shown_path(path) for path in addition.files), *where]
+    return _say(arguments, found, done=done)
+
+
+def _with_addition(root: Document, addition: Addition) -> str:
+    """The text of the document with it; laid out, where it was laid out before. Raises `WrongCommandLine` where that cannot be."""
+    document = root
+    try:
+        for keys in addition.placed:
+            text = without(document, keys)
+            tree = read_tree(root.path, text.encode(), Report())
+            assert isinstance(tree, MappingNode)
+            document = replace(document, text=text, tree=tree)
+        text = with_values(document, addition.values)
+    except Unsettable as fault:
+        raise common.WrongCommandLine(str(fault), "write it by hand") from fault
+    if format_document(root.path, root.text.encode(), Report()) == root.text.encode():
+        formatted = format_document(root.path, text.encode(), Report())
+        return text if formatted is None else formatted.decode()
+    return text
+
+
+@contextlib.contextmanager
+def _files(files: Mapping[str, str]) -> Iterator[Callable[[], None]]:
+    """The files written, and as they were again afterwards, unless what is given is called: then they stay."""
+    before: dict[str, bytes | None] = {}
+    kept = False
+
+    def keep() -> None:
+        nonlocal kept
+        kept = True
+
+    try:
+        for path, text in files.items():
+            if os.path.exists(path):
+                with open(path, "rb") as stream:
+                    before[path] = stream.read()
+                write_in_place(path, text.encode())
+            else:
+                os.makedirs(os.path.dirname(path), exist_ok=True)
+                with open(path, "x", encoding="utf-8") as new:
+                    before[path] = None
+                    new.write(text)
+        yield keep
+    finally:
+        for path, data in () if kept else before.items():
+            if data is None:
+                os.unlink(path)
+            else:
+                write_in_place(path, data)
+
+
+def _choice(known: Sequence[str]) -> Callable[[str], str]:
+    def choice(text: str) -> str:
+        if text not in known:
+            hint = did_you_mean(text, known, what="choices")
+            words = ", ".join(f"`{one}`" for one in known[:-1]) + f" or `{known[-1]}`"
+            raise argparse.ArgumentTypeError(f"expected {words}, found `{text}`{f' ({hint})' if hint else ''}")
+        return text
+
+    return choice
+
+
+def _article(what: str) -> str:
+    return f"an {what}" if what == "assembly" else f"a {what}"
+
+
+def _enumerated(owners: Sequence[str]) -> str:
+    return " or ".join(map(_article, owners))
+
+
+def _say(
+    arguments: argparse.Namespace, found: Sequence[Diagnostic], *, done: Sequence[str] = (), texts: Mapping[str, str] | None = None,
+) -> int:
+    """Print what was added, or why nothing was; `texts` are those of documents as they would be."""
+    if arguments.format == "text":
+        common.say(*done)
+        common.print_text(found, stream=sys.stdout, debug=arguments.debug, texts=texts)
+    else:
+        common.print_json(found, added=list(done))
+    return common.exit_code(found)

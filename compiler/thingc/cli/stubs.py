@@ -1,0 +1,297 @@
+"""What `thingc add` begins with: a part, an assembly, a mode, a joint or a test that is right where it is added."""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import importlib.util
+import keyword
+import os
+import re
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from thingc.cli import common
+from thingc.diagnostics import Report, shown_path
+from thingc.layout.setting import Keys, Written
+from thingc.load import Documents
+from thingc.source import Document, MappingNode, SequenceNode, node_at
+from thingc.typos import did_you_mean
+from thingc.units import ANGLE
+
+BASES = ("fixed", "held", "free", "planar", "ball")
+"""What a mode may have for a base."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Addition:
+    """What is added: `values` in the document at their keys, of which `placed` (if any) is taken out before; `files` that are new, or have
+    other texts then, by path."""
+
+    values: Mapping[Keys, Written]
+    placed: tuple[Keys, ...] = ()
+    files: Mapping[str, str] = field(default_factory=dict)
+
+
+def _part(arguments: argparse.Namespace, documents: Documents | None) -> Addition:
+    from thingc.templates import new_part
+    from thingc.workspace import Workspace
+
+    module, colon, given = arguments.name.partition(":")
+    name = _identifier(given if colon else module)
+    name = "".join(word[:1].upper() + word[1:] for word in name.split("_"))
+    component = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
+    module = _identifier(module) if colon else component
+    if keyword.iskeyword(name) or name in _bound(ast.parse(new_part("_", None))):
+        raise common.WrongCommandLine(f"`{name}` is no name for a class of parts: it means something else there", "choose another name")
+    report = Report()
+    workspace = Workspace.find(os.path.abspath("document") if documents is None else documents.root.path, report)
+    if workspace is None:
+        raise common.WrongCommandLine(report.diagnostics[0].message, "mend the workspace first")
+    path = os.path.join(next(iter(workspace.parts), os.path.join(workspace.root, "parts")), f"{module}.py")
+    placed = None if documents is None else _component(documents.root, component, arguments.on, "bottom")
+    material = "pla" if documents is None else _material(documents)
+    text = new_part(name, material)
+    if os.path.exists(path):
+        text = _appended(path, name, text)
+    elif keyword.iskeyword(module) or _installed(module):
+        what = "a word of Python" if keyword.iskeyword(module) else "a module that Python has already"
+        raise common.WrongCommandLine(f"`{module}` is {what}", f"name the module yourself: `thingc add part {module}_parts:{name}`")
+    if placed is None:
+        return Addition(values={}, files={path: text})
+    weight = {} if material is not None else {"mass": {"value": "20 g", "source": "estimated"}}
+    return Addition(values={("components", component): {"part": f"{module}:{name}", **weight, **placed}}, files={path: text})
+
+
+def _assembly(arguments: argparse.Namespace, documents: Documents | None) -> Addition:
+    name = _identifier(arguments.name)
+    beside = "robot.yaml" if documents is None else documents.root.path
+    path = os.path.join(os.path.dirname(os.path.abspath(beside)), name + os.path.splitext(beside)[1])
+    if os.path.lexists(path):
+        raise common.WrongCommandLine(f"`{shown_path(path)}` is there already", "choose another name")
+    text = ASSEMBLY_TOML if path.lower().endswith(".toml") else ASSEMBLY
+    files = {path: text.replace("NAME", name)}
+    if documents is None:
+        return Addition(values={}, files=files)
+    placed = _component(documents.root, name, arguments.on, "base")
+    return Addition(values={("components", name): {"assembly": os.path.basename(path), **placed}}, files=files)
+
+
+ASSEMBLY = """\
+thingc: assembly/1
+name: NAME
+
+components:
+  frame:                            # a mass at a place, until there are parts
+    frame: true
+    mass: {value: 20 g, source: estimated}
+
+mounts:
+  base: frame.origin
+"""
+ASSEMBLY_TOML = """\
+thingc = "assembly/1"
+name = "NAME"
+
+# a mass at a place, until there are parts
+[components.frame]
+frame = true
+mass = {value = "20 g", source = "estimated"}
+
+[mounts]
+base = "frame.origin"
+"""
+
+
+def _mode(arguments: argparse.Namespace, documents: Documents | None) -> Addition:
+    assert documents is not None
+    root = documents.root
+    name = _new(root, "modes", arguments.name)
+    modes = _section(root, "modes")
+    first: Mapping[str, object] = _extended(modes, next(iter(modes))) if modes else {"root": _base(root)}
+    stands = arguments.root or str(first["root"])
+    taken = {str(mode.get("base", "fixed")) for mode in (_extended(modes, one) for one in modes) if mode.get("root") == stands}
+    base = arguments.base or next((one for one in BASES[:3] if one not in taken), BASES[0])
+    value: dict[str, Written] = {"root": stands, "base": base}
+    if stands == first["root"] and base in ("fixed", "held"):
+        value |= {"at": _written(first["at"])} if "at" in first else {}
+    elif _shaped(root):
+        value["at"] = {"on": "floor"}
+    if arguments.gravity is not None:
+        value["gravity"] = arguments.gravity
+    pose = arguments.pose or first.get("pose")
+    return Addition(values={("modes", name): {**value, **({"pose": str(pose)} if pose else {})}})
+
+
+def _written(plain: object) -> Written:
+    """What a document says, as it would say it again."""
+    if isinstance(plain, dict):
+        return {key: _written(one) for key, one in plain.items()}
+    return [_written(one) for one in plain] if isinstance(plain, list) else str(plain)
+
+
+def _joint(arguments: argparse.Namespace, documents: Documents | None) -> Addition:
+    from thingc.joints import kind_of
+
+    assert documents is not None
+    root = documents.root
+    name = _new(root, "joints", arguments.name)
+    if arguments.parent is None or arguments.child is None:
+        raise common.WrongCommandLine(
+            "a joint needs --parent and --child, two mounts", "write for example `--parent base.top --child bracket.bottom`",
+        )
+    kind = kind_of(arguments.type or "revolute")
+    value: dict[str, Written] = {"type": kind.name, "parent": arguments.parent, "child": arguments.child}
+    if arguments.loop:
+        value["loop"] = "true"
+    if kind.leads:
+        value["lead"] = "2 mm"
+    if kind.limits == "required":
+        turns = kind.coordinate == ANGLE
+        value["limit"] = {"lower": "-90 deg", "upper": "90 deg"} if turns else {"lower": "0", "upper": "50 mm"}
+    component = arguments.child.partition(".")[0]
+    ways = () if arguments.loop else ("attach", "at")
+    placed = tuple(("components", component, way) for way in ways if node_at(root.tree, ("components", component, way)) is not None)
+    return Addition(values={("joints", name): value}, placed=placed)
+
+
+def _test(arguments: argparse.Namespace, documents: Documents | None) -> Addition:
+    from thingc.checks import kinds
+
+    assert documents is not None
+    root = documents.root
+    name = _new(root, "tests", arguments.name)
+    if arguments.kind not in kinds():
+        known = ", ".join(f"`{kind}`" for kind in kinds())
+        found = "none is here" if arguments.kind is None else f"found `{arguments.kind}`"
+        hint = did_you_mean(arguments.kind or "", kinds(), what="kinds") if arguments.kind else "write for example `--kind mass`"
+        raise common.WrongCommandLine(f"a test needs a --kind ({known}); {found}", hint)
+    mounts = _section(root, "mounts")
+    last = list(_section(root, "components"))[-1]
+    words = {"$base": f"{_base(root)}.origin", "$mount": next(iter(mounts), f"{last}.origin")}
+    stub = {key: words.get(value, value) if isinstance(value, str) else value for key, value in kinds()[arguments.kind].stub.items()}
+    return Addition(values={("tests", name): {arguments.kind: stub}})
+
+
+STUBS: dict[str, Callable[[argparse.Namespace, Documents | None], Addition]] = {
+    "part": _part, "assembly": _assembly, "mode": _mode, "joint": _joint, "test": _test,
+}
+
+
+# --- what the document has --------------------------------------------------------------------------------------------
+
+
+def _section(root: Document, section: str) -> dict[str, object]:
+    """A section of the document as it is written, empty where there is none."""
+    node = node_at(root.tree, (section,))
+    return {key: one.plain() for key, one in node.entries.items()} if isinstance(node, MappingNode) else {}
+
+
+def _extended(modes: Mapping[str, object], name: str) -> dict[str, object]:
+    """The keys of a mode over those of the modes that it extends, in a document that is right."""
+    mode = modes[name]
+    assert isinstance(mode, dict)
+    return {**_extended(modes, mode["extends"]), **mode} if "extends" in mode else mode
+
+
+def _base(root: Document) -> str:
+    """The component that nothing places."""
+    joints = [joint for joint in _section(root, "joints").values() if isinstance(joint, dict) and not joint.get("loop")]
+    children = {str(joint.get("child", "")).partition(".")[0] for joint in joints}
+    components = _section(root, "components")
+    free = (
+        name for name, one in components.items() if isinstance(one, dict) and not {"attach", "at"} & set(one) and name not in children
+    )
+    return next(free, next(iter(components)))
+
+
+def _component(root: Document, name: str, on: str | None, mount: str) -> dict[str, Written]:
+    """How a new component is placed: by its `mount` on a mount of the document, else beside the base."""
+    _new(root, "components", name)
+    if on is not None:
+        return {"attach": {mount: on}}
+    return {"at": {"in": f"{_base(root)}.origin", "xyz": "0 0 100 mm" if _shaped(root) else "0 0 30 mm"}}
+
+
+def _shaped(root: Document) -> bool:
+    """Whether the document has more than masses at places."""
+    return any(isinstance(one, dict) and "frame" not in one for one in _section(root, "components").values())
+
+
+def _material(documents: Documents) -> str | None:
+    """A material that the document has in scope, for a print if there is one; None where it has none, or states one by `defaults`."""
+    root = documents.root
+    node = node_at(root.tree, ("materials",))
+    names: list[str] = list(node.entries) if isinstance(node, MappingNode) else []
+    for one in node.items if isinstance(node, SequenceNode) else ():
+        document = documents.named(root, str(one.plain()))
+        names += [] if document is None else _section(document, "materials")
+    usual = next((name for name in ("pla", "petg") if name in names), next(iter(names), None))
+    return None if node_at(root.tree, ("defaults", "component", "material")) is not None else usual
+
+
+def _new(root: Document, section: str, name: str) -> str:
+    """A name that the section does not have. Raises `WrongCommandLine`."""
+    _identifier(name)
+    taken = {known.lower(): known for known in _section(root, section)}
+    if name.lower() in taken:
+        document, what = shown_path(root.path), section.removesuffix("s")
+        raise common.WrongCommandLine(f"`{document}` has a {what} `{taken[name.lower()]}` already", "choose another name")
+    return name
+
+
+def _identifier(name: str) -> str:
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name, re.ASCII):
+        near = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_")
+        hint = f"write for example `{near}`" if re.fullmatch(r"[A-Za-z]\w*", near, re.ASCII) else "choose another name"
+        raise common.WrongCommandLine(f"`{name}` is no name: a letter, then letters, digits and `_`", hint)
+    return name
+
+
+def _installed(module: str) -> bool:
+    """Whether Python has a module of that name, which one of parts would stand before."""
+    spec = None if module in sys.stdlib_module_names else importlib.util.find_spec(module)
+    return module in sys.stdlib_module_names or (spec is not None and spec.origin is not None)
+
+
+# --- a class behind others ----------------------------------------------------------------------------------------------
+
+
+def _bound(module: ast.Module) -> set[str]:
+    """What the imports, classes and functions of a module are called in it; `module.*` for a star."""
+    names: set[str] = set()
+    for node in module.body:
+        if isinstance(node, (ast.Import, ast.ImportFrom)):
+            names |= {alias.asname or alias.name for alias in node.names if alias.name != "*"}
+            names |= {f"{getattr(node, 'module', '')}.*" for alias in node.names if alias.name == "*"}
+        elif isinstance(node, (ast.ClassDef, ast.FunctionDef)):
+            names.add(node.name)
+    return names
+
+
+def _appended(path: str, name: str, text: str) -> str:
+    """The text of the module with the class of `text` behind its own, and the imports that it needs and has not."""
+    with open(path, encoding="utf-8") as stream:
+        before = stream.read()
+    try:
+        module = ast.parse(before)
+    except SyntaxError as fault:
+        raise common.WrongCommandLine(f"`{shown_path(path)}` cannot be read as Python: {fault.msg}", f"mend line {fault.lineno}") from fault
+    bound = _bound(module)
+    if name in bound:
+        raise common.WrongCommandLine(f"`{shown_path(path)}` has a `{name}` already", "choose another name")
+    missing = []
+    for node in ast.parse(text).body:
+        if isinstance(node, ast.ImportFrom) and f"{node.module}.*" not in bound:
+            names = [alias.name for alias in node.names if alias.name not in bound]
+            missing += [f"from {node.module} import {', '.join(names)}\n"] if names else []
+    lines = before.splitlines(keepends=True)
+    if lines and not lines[-1].endswith("\n"):
+        lines[-1] += "\n"
+    imports = [node for node in module.body if isinstance(node, (ast.Import, ast.ImportFrom))]
+    doc = ast.get_docstring(module) is not None
+    at = (imports[-1].end_lineno if imports else module.body[0].end_lineno if doc else 0) or 0
+    return "".join([*lines[:at], *missing, *lines[at:], "\n\n", text[text.index("class ") :]])
+
+

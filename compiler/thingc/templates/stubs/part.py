@@ -1,0 +1,28 @@
+"""Parts of the robot."""
+
+from build123d import Axis, Box, Location, Pos, fillet
+
+from thingc import Length, MountPoint, Thing
+
+
+class MyPart(Thing):
+    """What it is for.
+
+    The origin is in the middle of the underside; z is up.
+
+    Args:
+        length: along x
+        width: along y
+        height: along z
+    """
+
+    def __init__(self, length: Length = 40, width: Length = 30, height: Length = 10):
+        super().__init__(material="pla")
+        self.bottom = MountPoint(Location((0, 0, 0), (0, 180, 0)))
+        self.top = MountPoint(Location((0, 0, height)))
+        block = Pos(0, 0, height / 2) * Box(length, width, height)
+        self.body = fillet(block.edges().filter_by(Axis.Z), min(length, width) / 10)
+
+    def result(self):
+        """The block."""
+        return self.body

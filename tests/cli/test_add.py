@@ -1,0 +1,242 @@
+"""`thingc add`: what is added is right where it stands, in YAML and TOML; all else stays, and nothing is written that would be wrong."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from pathlib import Path
+from typing import Any, get_args
+
+import pytest
+from ruamel.yaml import YAML
+
+from thingc.checks import kinds
+from thingc.cli.main import main
+from thingc.joints.kind import JointType
+
+YAML_TEXT = """\
+thingc: assembly/1
+name: rover                         # its name
+
+components:
+  # what it stands on
+  base:
+    frame: true
+    mass: 1 kg
+    inertia: {ixx: 1e-3 kg*m^2, iyy: 1e-3 kg*m^2, izz: 1e-3 kg*m^2}
+    mounts: {top: {xyz: 0 0 10 mm}}
+  arm:
+    frame: true
+    mass: 100 g
+    inertia: {ixx: 1e-4 kg*m^2, iyy: 1e-4 kg*m^2, izz: 1e-4 kg*m^2}
+    at: {in: base.top}              # goes with the joint
+    mounts: {seat: {}, end: {xyz: 0 0 10 mm}}
+  hand: {frame: true, mass: 10 g, inertia: {ixx: 1e-5 kg*m^2, iyy: 1e-5 kg*m^2, izz: 1e-5 kg*m^2}, mounts: {seat: {}}}
+
+joints:
+  # the only one
+  wrist:
+    type: revolute
+    parent: arm.end
+    child: hand.seat
+    limit: {lower: -1 rad, upper: 1 rad}
+    drive: {kind: position, kp: 1 N*m/rad, effort: 1 N*m}
+"""
+TOML_TEXT = """\
+thingc = "assembly/1"
+name = "rover"  # its name
+
+# what it stands on
+[components.base]
+frame = true
+mass = "1 kg"
+inertia = {ixx = "1e-3 kg*m^2", iyy = "1e-3 kg*m^2", izz = "1e-3 kg*m^2"}
+mounts = {top = {xyz = "0 0 10 mm"}}
+
+[components.arm]
+frame = true
+mass = "100 g"
+inertia = {ixx = "1e-4 kg*m^2", iyy = "1e-4 kg*m^2", izz = "1e-4 kg*m^2"}
+at = {in = "base.top"}
+mounts = {seat = {}, end = {xyz = "0 0 10 mm"}}
+
+[components.hand]
+frame = true
+mass = "10 g"
+inertia = {ixx = "1e-5 kg*m^2", iyy = "1e-5 kg*m^2", izz = "1e-5 kg*m^2"}
+mounts = {seat = {}}
+
+# the only one
+[joints.wrist]
+type = "revolute"
+parent = "arm.end"
+child = "hand.seat"
+limit = {lower = "-1 rad", upper = "1 rad"}
+drive = {kind = "position", kp = "1 N*m/rad", effort = "1 N*m"}
+"""
+
+
+@pytest.fixture(params=["yaml", "toml"])
+def document(request: pytest.FixtureRequest, tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch, one_kernel: None) -> Path:
+    monkeypatch.setenv("THINGC_STORE", shared_store)
+    monkeypatch.setenv("NO_COLOR", "1")
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / f"rover.{request.param}"
+    path.write_text(YAML_TEXT if request.param == "yaml" else TOML_TEXT)
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    return path
+
+
+def read(path: Path) -> Any:
+    return tomllib.loads(path.read_text()) if path.suffix == ".toml" else YAML(typ="safe").load(path.read_text())
+
+
+def added(document: Path, *words: str) -> tuple[list[str], list[str]]:
+    """Lines that came, and lines that went, of a document that is right and laid out afterwards."""
+    before = document.read_text().splitlines()
+    assert main(["add", *words, "--to", document.name]) == 0
+    assert main(["check", "--strict", document.name]) == 0
+    assert main(["fmt", "--check", "."]) == 0
+    lines = [line for line in difflib.ndiff(before, document.read_text().splitlines()) if line[0] in "+-"]
+    return [line[2:] for line in lines if line[0] == "+"], [line[2:] for line in lines if line[0] == "-"]
+
+
+@pytest.mark.parametrize("kind", get_args(JointType))
+def test_a_joint_takes_the_place_of_what_held_its_child(document: Path, kind: str) -> None:
+    came, went = added(document, "joint", "turn", "--type", kind, "--parent", "base.top", "--child", "arm.seat")
+    assert [line.strip().partition(" ")[0] for line in went] == ["at" if document.suffix == ".toml" else "at:"]
+    joint = read(document)["joints"]["turn"]
+    assert (joint["type"], joint["parent"], joint["child"]) == (kind, "base.top", "arm.seat")
+    assert ("limit" in joint) == (kind in ("revolute", "prismatic")) and ("lead" in joint) == (kind == "screw")
+    if document.suffix == ".yaml":
+        assert came[:4] == ["  turn:", f"    type: {kind}", "    parent: base.top", "    child: arm.seat"]
+
+
+def test_a_joint_that_closes_a_loop_takes_nothing_away(document: Path) -> None:
+    added(document, "joint", "turn", "--parent", "base.top", "--child", "arm.seat")
+    _, went = added(document, "joint", "close", "--type", "ball", "--parent", "base.origin", "--child", "hand.seat", "--loop")
+    assert went == [] and read(document)["joints"]["close"]["loop"] is True
+
+
+@pytest.mark.parametrize("kind", kinds())
+def test_a_test_of_every_kind_is_right_in_a_robot_that_knows_nothing_of_it(document: Path, kind: str) -> None:
+    came, went = added(document, "test", "first", "--kind", kind)
+    assert went == [] and list(read(document)["tests"]["first"]) == [kind]
+    if document.suffix == ".yaml":
+        assert came[:2] == ["", "tests:"] and len(came) == 3 and came[2].startswith(f"  first: {{{kind}: {{")
+
+
+def test_modes_differ_and_stand_where_sections_belong(document: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    added(document, "test", "light", "--kind", "mass")
+    for number, base in enumerate(("fixed", "held", "free")):
+        came, went = added(document, "mode", f"m{number}")
+        assert went == [] and read(document)["modes"][f"m{number}"] == {"root": "base", "base": base}
+    assert list(read(document))[-2:] == ["modes", "tests"]
+    added(document, "mode", "hand", "--root", "hand.seat", "--base", "planar", "--gravity", "ceiling")
+    assert list(read(document)["modes"]) == ["m0", "m1", "m2", "hand"]
+
+
+def test_a_mode_starts_in_the_pose_of_the_first_one_or_of_its_own(document: Path) -> None:
+    head, tail = ("poses:\n  up: {wrist: 0.5 rad}\n  down: {}\n\n", "modes:\n  first: {root: hand, pose: up}\n  second: {extends: first}\n")
+    if document.suffix == ".toml":
+        head, tail = ('[poses]\nup = {wrist = "0.5 rad"}\ndown = {}\n\n', '[modes]\nfirst = {root = "hand", pose = "up"}\n'
+                      'second = {extends = "first", base = "held"}\n')
+    else:
+        tail = tail.replace("first}", "first, base: held}")
+    document.write_text(document.read_text() + "\n" + head + tail)
+    came, went = added(document, "mode", "third")
+    added(document, "mode", "fourth", "--pose", "down", "--base", "fixed")
+    assert went == [] and len(came) == 1
+    modes = read(document)["modes"]
+    assert modes["third"] == {"root": "hand", "base": "free", "pose": "up"} and modes["fourth"]["pose"] == "down"
+
+
+def test_an_assembly_is_a_document_of_the_same_form(document: Path) -> None:
+    added(document, "assembly", "leg")
+    added(document, "assembly", "arm_2", "--on", "base.top")
+    nested = document.with_name(f"leg{document.suffix}")
+    assert read(nested)["name"] == "leg" and main(["check", "--strict", nested.name]) == 0
+    components = read(document)["components"]
+    assert components["leg"] == {"assembly": nested.name, "at": {"in": "base.origin", "xyz": "0 0 30 mm"}}
+    assert components["arm_2"] == {"assembly": f"arm_2{document.suffix}", "attach": {"base": "base.top"}}
+
+
+@pytest.mark.slow
+def test_a_part_is_a_class_and_a_component(document: Path) -> None:
+    came, went = added(document, "part", "FrontBracket")
+    assert went == [] and "class FrontBracket(Thing):" in (document.parent / "parts/front_bracket.py").read_text()
+    assert read(document)["components"]["front_bracket"] == {
+        "part": "front_bracket:FrontBracket", "mass": {"value": "20 g", "source": "estimated"},
+        "at": {"in": "base.origin", "xyz": "0 0 30 mm"},
+    }
+    materials = 'materials = ["thingc_stock.materials"]\n' if document.suffix == ".toml" else "materials: [thingc_stock.materials]\n"
+    text = document.read_text()
+    head = text.index("\n\n") + 2
+    document.write_text(text[:head] + materials + "\n" + text[head:])
+    (document.parent / "parts/shelf.py").write_text('"""Mine."""\nfrom build123d import *\nfrom thingc import Thing\n\nX = 1  # stays\n')
+    added(document, "part", "shelf:board", "--on", "arm.end")
+    assert read(document)["components"]["board"] == {"part": "shelf:Board", "attach": {"bottom": "arm.end"}}
+    shelf = (document.parent / "parts/shelf.py").read_text()
+    imports = "from build123d import *\nfrom thingc import Thing\nfrom thingc import Length, MountPoint\n"
+    assert shelf.startswith(f'"""Mine."""\n{imports}\nX = 1  # stays\n')
+    assert 'super().__init__(material="pla")' in shelf and shelf.count("import") == 3
+    added(document, "joint", "lift", "--type", "prismatic", "--parent", "arm.end", "--child", "board.bottom")
+    assert read(document)["components"]["board"] == {"part": "shelf:Board"}
+
+
+def test_a_part_for_no_document_yet(document: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["add", "part", "Bracket"]) == 0
+    assert capsys.readouterr().out == "parts/bracket.py\n"
+    assert main(["add", "assembly", "leg"]) == 0
+    assert capsys.readouterr().out == "leg.yaml\n"
+    assert document.read_text() in (YAML_TEXT, TOML_TEXT)
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    ("mode x", "a mode belongs to a document\n  help: write for example `thingc add mode x --to robot.yaml`"),
+    ("mode x --to D --kind mass", "--kind is for a test, and this is a mode"),
+    ("part X --on base.top", "--on names a mount of the document that --to names\n  help: write --to as well"),
+    ("mood x --to D", "expected `part`, `assembly`, `mode`, `joint` or `test`, found `mood` (did you mean `mode`?)"),
+    ("test x --to D", "a test needs a --kind (`mass`, `centre`, `reach`, `point`, `no_collision`, `torque_margin`, `settles`, "
+     "`ground_clearance`); none is here\n  help: write for example `--kind mass`"),
+    ("test x --to D --kind mas", "found `mas`\n  help: did you mean `mass`?"),
+    ("joint x --to D", "a joint needs --parent and --child, two mounts\n  help: write for example `--parent base.top"),
+    ("joint Wrist --to D --parent base.top --child arm.seat", "has a joint `wrist` already\n  help: choose another name"),
+    ("joint x --to D --type hinge --parent a.b --child c.d", "expected `fixed`, `revolute`"),
+    ("joint x --to D --parent base.top --child arm.seet", "error[TC303]"),
+    ("joint x --to D --parent arm.end --child base.origin", "error[TC321]"),
+    ("mode x --to D --root nothing", "error[TC302]"),
+    ("mode x-y --to D", "`x-y` is no name: a letter, then letters, digits and `_`\n  help: write for example `x_y`"),
+    ("mode x --to D --pose nowhere", "`nowhere`"),
+    ("assembly root --to D", "error[TC"),
+    ("assembly rover --to D", "` is there already"),
+    ("part class --to D", "`class` is a word of Python\n  help: name the module yourself: `thingc add part class_parts:Class`"),
+    ("part numpy", "`numpy` is a module that Python has already\n  help: name the module yourself: `thingc add part numpy_parts:Numpy`"),
+    ("part parts:None", "`None` is no name for a class of parts"),
+    ("part parts:Box", "`Box` is no name for a class of parts"),
+    ("part Hand --to D", "has a component `hand` already"),
+    ("part old:Old", "`parts/old.py` has a `Old` already"),
+    ("part broken:New", "`parts/broken.py` cannot be read as Python: "),
+    ("part New --to D --on base.bottom", "error[TC303]"),
+    ("mode x --to missing.yaml", "error[TC802]"),
+])
+def test_what_cannot_be_added_is_said_and_nothing_is_written(
+    words: str, said: str, document: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    parts = document.parent / "parts"
+    parts.mkdir()
+    (parts / "old.py").write_text("class Old:\n    pass\n")
+    (parts / "broken.py").write_text("class\n")
+    (document.parent / "rover.yaml").touch()
+    before = {path: path.read_bytes() for path in document.parent.rglob("*") if path.is_file()}
+    assert main(["add", *words.replace(" D", f" {document.name}").split()]) in (1, 2)
+    out, err = capsys.readouterr()
+    assert said in out + err
+    after = {path: path.read_bytes() for path in document.parent.rglob("*") if path.is_file() and "__pycache__" not in path.parts}
+    assert after == before
+
+
+def test_a_document_that_is_wrong_already_stays(document: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    document.write_text(document.read_text().replace("1 kg", "1 mm"))
+    assert main(["add", "mode", "x", "--to", document.name, "--format", "json"]) == 1
+    assert "TC207" in capsys.readouterr().out and "modes" not in read(document)
