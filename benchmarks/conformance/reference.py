@@ -45,9 +45,9 @@ FORMATS = {".urdf": "URDF", ".sdf": "SDF", ".xml": "MJCF", ".usda": "USD"}
 """The format of a file."""
 
 
-def question(file: Path, mjcf: Path, seed: int = 0) -> Question:
-    """Of one URDF, SDF or USD file, or of the MJCF file itself. Frames are seen from the root link; gravity acts in the world of a base
-    that is fixed, else in the root's axes."""
+def question(file: Path, mjcf: Path, seed: int = 0, count: int = CONFIGURATIONS) -> Question:
+    """Of one URDF, SDF or USD file, or of the MJCF file itself, at `count` configurations. Frames are seen from the root link; gravity acts
+    in the world of a base that is fixed, else in the root's axes."""
     model, format = mujoco.MjModel.from_xml_path(str(mjcf)), FORMATS[file.suffix]
     tree = ElementTree.Element("none") if format == "USD" else ElementTree.parse(file).getroot()
     types = {joint.attrib["name"]: joint.attrib.get("type", "") for joint in tree.iter("joint") if "name" in joint.attrib}
@@ -73,7 +73,7 @@ def question(file: Path, mjcf: Path, seed: int = 0) -> Question:
     mimics = [_mimic(model, one, by_path) if format != "USD" or ":slide" not in one.path else None for one in coordinates]
     slides = [model.jnt_type[model.joint(one.path).id] == mujoco.mjtJoint.mjJNT_SLIDE for one in coordinates]
     names = [one.name for one in coordinates]
-    q = _configurations(names, slides, mimics, np.random.default_rng(seed))
+    q = _configurations(names, slides, mimics, np.random.default_rng(seed), count)
     on_joints = [k for k in range(model.nu) if model.actuator_trntype[k] == mujoco.mjtTrn.mjTRN_JOINT]
     driven = {model.joint(model.actuator_trnid[k][0]).name for k in on_joints}
     request = {
@@ -198,9 +198,11 @@ def _range(names: list[str], ranges: list[list[float] | None], k: int, follows: 
     return None if ends is None else sorted(multiplier * end + offset for end in ends)
 
 
-def _configurations(names: list[str], prismatic: list[bool], mimics: list[Follows | None], rng: np.random.Generator) -> Any:
+def _configurations(
+    names: list[str], prismatic: list[bool], mimics: list[Follows | None], rng: np.random.Generator, count: int,
+) -> Any:
     """Joints within half a turn or 0.1 m, those that mimic where their leader has them."""
-    q = rng.uniform(-1.0, 1.0, (CONFIGURATIONS, len(names))) * [0.1 if slides else np.pi for slides in prismatic]
+    q = rng.uniform(-1.0, 1.0, (count, len(names))) * [0.1 if slides else np.pi for slides in prismatic]
     waiting = {k: one for k, one in enumerate(mimics) if one is not None}
     while waiting:
         follower = next(k for k, (leader, _, _) in waiting.items() if names.index(leader) not in waiting)

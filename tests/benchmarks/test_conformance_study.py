@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -45,17 +44,11 @@ def both(tmp_path_factory: pytest.TempPathFactory, shared_store: str):
         for file in sorted((folder / "urdf").glob("*.urdf")):
             questions["URDF"].append(question(file, folder / "mjcf" / f"{file.stem}.xml"))
         for file in sorted((folder / "sdf").glob("*/model.sdf")):
-            questions["SDF"].append(fewer(question(file, folder / "mjcf" / f"{file.parent.name}.xml")))
+            questions["SDF"].append(question(file, folder / "mjcf" / f"{file.parent.name}.xml", count=FEW))
         for file in sorted((folder / "usd").glob("*.usda")):
-            questions["USD"].append(fewer(question(file, folder / "mjcf" / f"{file.stem}.xml")))
+            questions["USD"].append(question(file, folder / "mjcf" / f"{file.stem}.xml", count=FEW))
     assert [len(of) for of in questions.values()] == [3 * len(SEEDS)] * 3
     return questions
-
-
-def fewer(one):
-    """A question about the first configurations only."""
-    answers = {key: one.answer[key][:FEW] for key in ("frames", "mass_matrix", "torque", "centre")}
-    return replace(one, request={**one.request, "q": one.request["q"][:FEW]}, answer={**one.answer, **answers})
 
 
 @pytest.fixture

@@ -1,0 +1,64 @@
+"""What of `make conformance` needs no environment of its own: both robots in all modes, at a few configurations, by the same questions and
+scripts. Readers that this machine has not are skipped."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from emit import usd_answers
+from thingc.cli.main import main
+
+ROOT = Path(__file__).resolve().parents[2]
+FOLDER = ROOT / "benchmarks" / "conformance"
+FEW = 5
+"""At how many configurations."""
+
+SUFFIXES = {"URDF": "urdf", "USD": "usda"}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def on_path() -> Iterator[None]:
+    sys.path.insert(0, str(FOLDER))
+    yield
+    sys.path.remove(str(FOLDER))
+
+
+@pytest.fixture(scope="module")
+def asked(on_path: None, tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> dict[str, list[Any]]:
+    """Questions to all modes of both robots, by format."""
+    from reference import question
+    from study import ROBOTS
+
+    base = tmp_path_factory.mktemp("robots")
+    questions: dict[str, list[Any]] = {format: [] for format in SUFFIXES}
+    for path in ROBOTS:
+        assert main(["build", str(ROOT / path), "--emit", "mjcf,urdf,usd", "-o", str(base), "--store", shared_store]) == 0
+        folder = base / Path(path).stem
+        for mjcf in sorted((folder / "mjcf").glob(f"{folder.name}_*.xml")):
+            for format, suffix in SUFFIXES.items():
+                file = next((folder / suffix.removesuffix("a")).glob(f"{mjcf.stem}.{suffix}"))
+                questions[format].append(question(file, mjcf, count=FEW))
+    assert [len(some) for some in questions.values()] == [15, 15]
+    return questions
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "format"), [("mujoco", "URDF"), ("check_urdf", "URDF"), ("usdchecker", "USD"), ("ours", "USD")])
+def test_both_robots_are_one_robot_in_every_mode(asked: dict[str, list[Any]], name: str, format: str) -> None:
+    """`ours` follows UsdPhysics's frames by itself: what others make of them only `make conformance` asks."""
+    from study import READERS, Judged, succeeds
+
+    reader = next((one for one in READERS if one.name == name), None)
+    if reader is not None and not all(map(succeeds, reader.needs)):
+        pytest.skip(f"`{' '.join(reader.needs)}` is not here")
+    answer = usd_answers.answer if reader is None else import_module(f"ask_{name}").answer
+    verdict = Judged(floats=format == "USD")
+    for one in asked[format]:
+        verdict.add(one.name, answer(one.request), one.answer, one.request["joints"])
+    assert verdict.faults == [] and verdict.files == 15
