@@ -30,12 +30,12 @@ DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
 CONFIG = ROOT / "zensical.toml"
 PROJECT = {
-    "README.md": "index.md", "ARCHITECTURE.md": "architecture.md", "CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md",
+    "README.md": "readme.md", "ARCHITECTURE.md": "architecture.md", "CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md",
 }
-"""The project's own pages, and what they are called on the site; in place of the first stands `docs/index.md`."""
+"""The project's own pages, and what they are called on the site."""
 LANGUAGES = {".py": "python", ".yaml": "yaml", ".yml": "yaml", ".toml": "toml", ".json": "json"}
-SKIPPED = ("architecture.md", "contributing.md", "changelog.md", "api.md")
-"""Pages that `llms-full.txt` leaves out: they are of the project's inside, or made of docstrings when the site is built."""
+SKIPPED = ("readme.md", "architecture.md", "contributing.md", "changelog.md", "api.md")
+"""Pages that `llms-full.txt` leaves out: said elsewhere, of the project's inside, or docstrings, which are there when the site is built."""
 WORKERS = "https://unpkg.com/iframe-worker/shim"
 """What zensical's pages ask for, where `docs/site/iframe-worker.js` is just that."""
 
@@ -63,7 +63,7 @@ def robots() -> dict[str, Path]:
 def pages() -> dict[str, str]:
     """Every page of the site by its path there, as Markdown for zensical."""
     own = {path.relative_to(DOCS).as_posix(): path for path in sorted(DOCS.rglob("*.md"))}
-    own |= {name: ROOT / file for file, name in PROJECT.items() if file != "README.md"}
+    own |= {name: ROOT / file for file, name in PROJECT.items()}
     sources: dict[str, Path] = {}
     found = {name: indented(linked(path.read_text(encoding="utf-8"), name, path, sources)) for name, path in own.items()}
     return found | {name: _source(name, path) for name, path in sorted(sources.items())}
@@ -190,7 +190,8 @@ def sections(nav: Iterable[object]) -> Iterator[tuple[str, list[str]]]:
     for entry in nav:
         assert isinstance(entry, dict), entry
         for section, inner in entry.items():
-            yield section, [inner] if isinstance(inner, str) else list(inner)
+            named = [inner] if isinstance(inner, str) else inner
+            yield section, [page if isinstance(page, str) else next(iter(page.values())) for page in named]
 
 
 def _title(text: str) -> str:

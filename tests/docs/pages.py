@@ -21,7 +21,7 @@ PAGES = (*(page for folder in FOLDERS for page in sorted(folder.glob("*.md"))), 
 WITH_LINKS = (*PAGES, ROOT / "README.md", ROOT / "ARCHITECTURE.md")
 
 _FENCE = re.compile(r"^```(\w*)[^\n]*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
-_FILE = re.compile(r"# ([\w/]+\.(?:yaml|toml|py))$")
+_FILE = re.compile(r"(?:# ([\w/]+\.(?:yaml|toml|py))|<!-- ([\w/]+\.(?:urdf|xml)) -->)$")
 _PROGRESS = re.compile(r"^(modelling|decomposing|slicing) parts: \d+ of \d+\n", re.MULTILINE)
 
 
@@ -42,7 +42,7 @@ def blocks(page: Path) -> list[Block]:
         first = match.group(2).partition("\n")[0]
         named = _FILE.match(first)
         line = text.count("\n", 0, match.start()) + 1
-        found.append(Block(language=match.group(1), text=match.group(2), file=named.group(1) if named else None, line=line))
+        found.append(Block(language=match.group(1), text=match.group(2), file=named[1] or named[2] if named else None, line=line))
     return found
 
 
