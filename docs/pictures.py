@@ -14,6 +14,8 @@ from pathlib import Path
 import terminal
 from PIL import Image
 
+from thingc.templates import TEMPLATES
+
 ROOT = Path(__file__).resolve().parent.parent
 PICTURES = ROOT / "docs" / "pictures"
 WIDTH, HEIGHT = 640, 480
@@ -28,6 +30,11 @@ STRIPS: dict[str, tuple[str, list[list[str]]]] = {
         ["--mode", "crawl", "--azimuth", "125"],
         ["--mode", "front_foot_wall", "--pose", "step_rear", "--azimuth", "55", "--elevation", "-8"],
         ["--mode", "rear_foot_ceiling", "--pose", "arched", "--azimuth", "125"],
+    ]),
+    "new_legged.png": ("compiler/thingc/templates/legged/my_robot.yaml", [
+        ["--mode", "walking", "--azimuth", "215"],
+        ["--mode", "on_left", "--azimuth", "195", "--elevation", "-10"],
+        ["--mode", "on_right", "--azimuth", "165", "--elevation", "-10"],
     ]),
     "arm_frames.png": ("assemblies/arm.yaml", [["--mode", "drawing", "--joints", "--root", "--mounts-of", "hand.fixture"]]),
 }
@@ -50,6 +57,16 @@ def strip(document: str, shots: list[list[str]]) -> Image.Image:
             with Image.open(path) as picture:
                 whole.paste(picture, (index * WIDTH, 0))
     return whole
+
+
+def new_robots(path: Path) -> None:
+    """What each template of `thingc new` begins with, side by side."""
+    documents = [f"compiler/thingc/templates/{template}/my_robot.yaml" for template in TEMPLATES]
+    pictures = [strip(document, [["--azimuth", "215" if "legged" in document else "130"]]) for document in documents]
+    whole = Image.new("RGB", (WIDTH * len(pictures), HEIGHT))
+    for index, picture in enumerate(pictures):
+        whole.paste(picture, (index * WIDTH, 0))
+    whole.resize((whole.width // 2, HEIGHT // 2)).save(path, optimize=True)
 
 
 def batch_page(path: Path) -> None:
@@ -136,6 +153,7 @@ def main() -> int:
     terminal.write(PICTURES / "terminal.svg")
     for name, (document, shots) in STRIPS.items():
         strip(document, shots).save(PICTURES / name, optimize=True)
+    new_robots(PICTURES / "new_robots.png")
     batch_page(PICTURES / "batch_page.png")
     (PICTURES / "arm_hag.svg").write_text(thingc("hag", "assemblies/arm.yaml", "--format", "svg"))
     return 0

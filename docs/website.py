@@ -52,9 +52,10 @@ _ITEM = re.compile(r"( *)(?:[-*]|\d+\.) +(?=\S)")
 
 
 def robots() -> dict[str, Path]:
-    """The documents that the site shows live, by the robot's name: the arm, MInchW and the gallery's."""
+    """The documents that the site shows live, by a name: the arm, MInchW, the gallery's, and what `thingc new` begins with."""
     gallery = sorted(path for path in ROOT.glob("gallery/*/*.yaml") if path.stem == path.parent.name)
-    return {path.stem: path for path in (ROOT / "assemblies/arm.yaml", ROOT / "assemblies/minchw/minchw.yaml", *gallery)}
+    named = {path.stem: path for path in (ROOT / "assemblies/arm.yaml", ROOT / "assemblies/minchw/minchw.yaml", *gallery)}
+    return named | {f"new_{path.parent.name}": path for path in sorted(ROOT.glob("compiler/thingc/templates/*/my_robot.yaml"))}
 
 
 # --- pages ---------------------------------------------------------------------------------------------------------
@@ -267,10 +268,10 @@ def lay(folder: Path, *, viewers: bool) -> None:
     for robot, document in robots().items():
         page = folder / "viewers" / f"{robot}.html"
         if viewers:
-            built = ROOT / "build" / "viewers"
+            built = ROOT / "build" / "viewers" / robot
             command = [sys.executable, "-m", "thingc", "build", str(document), "--emit", "html", "--output", str(built)]
             subprocess.run(command, cwd=ROOT, check=True)
-            shutil.copy(built / robot / "html" / page.name, page)
+            shutil.copy(built / document.stem / "html" / f"{document.stem}.html", page)
         else:
             page.write_text("<!doctype html><title>not built</title>\n", encoding="utf-8")
 

@@ -114,12 +114,14 @@ def commands(page: Path) -> list[tuple[str, str]]:
 
 
 def run(command: str) -> str:
-    """What a `thingc` or `python FILE` command prints here, standard output first, without progress."""
+    """What a `thingc` or `python FILE` command prints here, standard output first, without progress; `cd FOLDER` goes there."""
     words = shlex.split(command, comments=True)
     out, err = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         if words[0] == "thingc":
             main(words[1:])
+        elif words[0] == "cd":
+            os.chdir(words[1])
         else:
             assert words[0] == "python", command
             before = sys.path[:]

@@ -6,6 +6,7 @@ import json
 import os
 import re
 import runpy
+import shutil
 import tomllib
 from pathlib import Path
 
@@ -71,6 +72,22 @@ def test_the_legged_robot_walks(begun: Path, capsys: pytest.CaptureFixture[str])
     runpy.run_path(str(begun.parent / "walk.py"), run_name="__main__")
     ahead, aside, head = map(int, re.findall(r"(-?\d+) cm", capsys.readouterr().out))
     assert ahead > 40 and aside < ahead / 2 and head > 7
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("begun", ["legged"], indirect=True)
+def test_what_is_added_to_a_new_robot_builds(begun: Path, here: Path, one_kernel: None, capsys: pytest.CaptureFixture[str]) -> None:
+    shutil.copytree(begun.parent, here / "rover", ignore=shutil.ignore_patterns("build"))
+    os.chdir(here / "rover")
+    for words in (
+        ["part", "Hat", "--on", "lid.top"], ["joint", "nod", "--parent", "lid.top", "--child", "hat.bottom"], ["assembly", "tail"],
+        ["mode", "hung", "--root", "left.sole", "--base", "free"], ["test", "light", "--kind", "mass"],
+    ):
+        assert main(["add", *words, "--to", "rover.yaml"]) == 0
+    assert main(["build", "--strict", "rover.yaml", "--emit", "mjcf"]) == 0
+    assert main(["fmt", "--check", "."]) == 0
+    out, err = capsys.readouterr()
+    assert "warning" not in out + err and "error" not in out + err
 
 
 @pytest.mark.parametrize("template", TEMPLATES)

@@ -12,7 +12,7 @@ from pathlib import Path
 import mujoco
 
 FOLDER = Path(__file__).parent / "build" / "my_robot" / "mjcf"
-PERIOD = 0.8
+PERIOD = 1.0
 """Of two steps [s]."""
 LEAN, SWING = radians(18), radians(20)
 """How far the ankles tip the robot over to one side, and how far the hips turn [rad]."""

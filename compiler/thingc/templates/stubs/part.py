@@ -26,3 +26,7 @@ class MyPart(Thing):
     def result(self):
         """The block."""
         return self.body
+
+    def collision(self):
+        """What simulators touch where a document says `collision: part`: convex solids."""
+        return [self.body]

@@ -113,6 +113,7 @@ class Lid(Thing):
     def __init__(self, width: Annotated[Length, Range(100, 200)] = 126.5):
         super().__init__(material="pla_teal")
         self.seat = MountPoint(MATE, interface=f"rim-{width:g}")
+        self.top = MountPoint(Pos(0, 0, 4))
         plate = Box(66, width, 4, align=STANDING)
         plate = fillet(plate.edges().filter_by(Axis.Z), CORNER)
         self.plate = chamfer(plate.edges().group_by(Axis.Z)[-1], 2)
