@@ -39,6 +39,13 @@ SKIPPED = ("readme.md", "architecture.md", "contributing.md", "changelog.md", "a
 WORKERS = "https://unpkg.com/iframe-worker/shim"
 """What zensical's pages ask for, where `docs/site/iframe-worker.js` is just that."""
 
+FRAME = (
+    "html,body{margin:0;height:100%;background:#dcdcdc}a{display:block;height:100%;position:relative}"
+    "img{width:100%;height:100%;object-fit:contain}span{position:absolute;left:0;right:0;bottom:9px;text-align:center;font:15px sans-serif}"
+    "b{background:#fffd;color:#123;border-radius:6px;padding:5px 12px;border:1px solid #8898}"
+)
+"""How the picture of a frame lies in it."""
+
 _TEXT = r"(?:`[^`]*`|!\[[^\]]*\]\([^)\s]*\)|[^\[\]`])*?"
 _TOKENS = re.compile(
     rf"""(?P<fence>^(?P<indent>[ ]*)(?P<ticks>`{{3,}})[^\n]*\n.*?^(?P=indent)(?P=ticks)[ ]*$)
@@ -106,10 +113,7 @@ def _frame(robot: str, fragment: str, says: str, picture: str, name: str) -> str
     """A picture that becomes the robot itself when somebody clicks at it: a frame whose first page is the picture, a link."""
     up = os.path.relpath(".", Path(name).parent) if "/" in name else "."
     address = html.escape(f"{up}/viewers/{robot}.html{fragment}".removeprefix("./"))
-    style = "html,body{margin:0;height:100%}a{display:block;height:100%;position:relative}img{width:100%;height:100%;object-fit:contain}" \
-        "span{position:absolute;left:0;right:0;bottom:12px;text-align:center;font:15px sans-serif}" \
-        "b{background:#fffd;color:#123;border-radius:6px;padding:5px 12px;border:1px solid #8898}"
-    first = f'<style>{style}</style><a href="{address}"><img src="{html.escape(picture)}" alt="{html.escape(says)}">' \
+    first = f'<style>{FRAME}</style><a href="{address}"><img src="{html.escape(picture)}" alt="{html.escape(says)}">' \
         "<span><b>Click to turn it</b></span></a>"
     return (
         f'<iframe class="viewer" title="{html.escape(says)}" src="{address}" srcdoc="{html.escape(first)}" loading="lazy"></iframe>\n'
