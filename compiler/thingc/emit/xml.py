@@ -50,8 +50,17 @@ class Element:
         return self._opening
 
     def copy(self) -> Element:
-        """The same element, to be changed; only of one without children."""
-        return Element(tag=self.tag, attributes=dict(self.attributes), origin=self.origin)
+        """The same tree, to be changed: of elements that are in no other."""
+        top = self._alone()
+        waiting = [(self, top)]
+        while waiting:
+            old, new = waiting.pop()
+            new.children = [child._alone() for child in old.children]
+            waiting += zip(old.children, new.children, strict=True)
+        return top
+
+    def _alone(self) -> Element:
+        return Element(tag=self.tag, attributes=dict(self.attributes), text=self.text, origin=self.origin, raw=dict(self.raw))
 
     def add(self, tag: str, attributes: Mapping[str, str] | None = None, origin: Origin = ()) -> Element:
         """A new last child."""

@@ -6,25 +6,20 @@ almost massless links between.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
-from thingc.emit.sdf.zero import ZeroState
+from thingc.emit.connections import Connection
 from thingc.frozen import dataclass
 from thingc.graph.types import JointEdge
 from thingc.joints import Twist
 from thingc.pose import NO_POSE, Vector, dot
-from thingc.robot.tree import BASE
-from thingc.robot.types import Closure, CoreJoint, Robot
-from thingc.source import Origin
+from thingc.robot.types import CoreJoint
 
 SdfType = Literal["fixed", "continuous", "revolute", "prismatic", "screw", "universal", "ball"]
 
 LINK = "_link"
 """What the name of a link between the joints of a chain ends with, behind that of the joint before: components are called like joints."""
-
-HOLD = "_hold"
-"""What the name of the joint ends with that holds a mount."""
 
 MEET = 1e-9
 """Axes that pass at less than this [m] meet, and are at right angles where the cosine is less."""
@@ -49,64 +44,20 @@ class SdfJoint:
     axes: tuple[SdfAxis, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Connection:
-    """How a body meets another (None: the world), by their indices: by one joint, or a `chain` of them. `path` is that of the whole joint,
-    `joints` are its coordinates, where it is one of the document; one `in_tree` is what carries the child in the tree of the mode, others
-    close loops and hold."""
-
-    parent: int | None
-    child: int
-    path: str
-    chain: tuple[SdfJoint, ...]
-    origin: Origin
-    joints: tuple[CoreJoint | JointEdge, ...] = ()
-    in_tree: bool = True
-
-
-def connections(robot: Robot, zero: ZeroState) -> tuple[Connection, ...]:
-    """The joints of a mode whose file has it at `zero`: those of its tree in the order of its bodies, then those that close it."""
-    closures = robot.closures if zero.closed else ()
-    return (*_of_tree(robot, zero.q), *(_of_closure(closure, zero.q) for closure in closures))
-
-
-def _of_tree(robot: Robot, q: Mapping[str, float]) -> Iterator[Connection]:
-    for index, body in enumerate(robot.bodies):
-        path, origin = BASE, robot.mode.origin
-        if body.joints:
-            path, origin = robot.assembly.mates[body.joints[0].mate].name or body.joints[0].path, body.joints[0].origin
-            chain = _chain(path, body.joints, body.twists, q)
-        elif robot.moves:
-            at_zero = dict.fromkeys((joint.path for joint in robot.moves), 0.0)
-            chain = _chain(BASE, robot.moves, [joint.twist for joint in robot.moves], at_zero)
-        elif robot.base != "free":
-            chain = (SdfJoint(path=BASE, type="fixed", at=NO_POSE.translation),)
-        else:
-            continue
-        yield Connection(parent=body.parent, child=index, path=path, chain=chain, origin=origin, joints=body.joints)
-
-
-def _of_closure(closure: Closure, q: Mapping[str, float]) -> Connection:
-    path = f"{closure.path}{HOLD}" if closure.hold else closure.path
-    if closure.joints:
-        chain = _chain(path, closure.joints, [twist.seen_from(closure.X_CB) for twist in closure.twists], q)
-    else:
-        chain = (SdfJoint(path=path, type="ball" if closure.turns else "fixed", at=closure.X_CB.translation),)
-    return Connection(
-        parent=closure.parent, child=closure.child, path=path, chain=chain, origin=closure.origin, joints=closure.joints, in_tree=False,
-    )
-
-
-def _chain(path: str, joints: Sequence[CoreJoint | JointEdge], twists: Sequence[Twist], q: Mapping[str, float]) -> tuple[SdfJoint, ...]:
-    """The joints of SDF's that move a link by `twists` (seen in its frame at 0 of those after each), one after the other, or by those of a
-    ball; where the file has them the coordinates are at `q` [rad or m]. `path` is that of the whole joint."""
+def chain(connection: Connection, q: Mapping[str, float]) -> tuple[SdfJoint, ...]:
+    """The joints of SDF that connect two bodies, one after the other; where the file has them the coordinates are at `q` [rad or m], those
+    of a base, of which it says nothing, at 0."""
+    path, joints = connection.path, connection.coordinates
+    if not joints:
+        return (SdfJoint(path=path, type="ball" if connection.turns else "fixed", at=connection.X_1.translation),)
+    twists = [twist.seen_from(connection.X_1) for twist in connection.twists]
     if joints[0].kind.at_once:
         return (SdfJoint(path=path, type="ball", at=twists[0].anchor),)
     axes: list[SdfAxis] = []
     later = NO_POSE
     for joint, twist in zip(reversed(joints), reversed(twists), strict=True):
         axes.insert(0, SdfAxis(joint=joint, twist=twist.seen_from(later.inverse())))
-        later = twist.exponential(q[joint.path]) @ later
+        later = twist.exponential(q.get(joint.path, 0.0)) @ later
     if _universal([axis.twist for axis in axes]):
         return (SdfJoint(path=path, type="universal", at=axes[1].twist.anchor, axes=tuple(axes)),)
     return tuple(SdfJoint(path=axis.joint.path, type=_type(axis), at=axis.twist.anchor, axes=(axis,)) for axis in axes)

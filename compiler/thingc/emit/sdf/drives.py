@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from thingc.emit.names import safe
-from thingc.emit.sdf.chain import Connection
+from thingc.emit.sdf.chain import SdfJoint
 from thingc.emit.sdf.zero import ZeroState
 from thingc.emit.xml import Element, number
 from thingc.graph.types import ActuatorModel, JointEdge
@@ -15,10 +15,10 @@ UNBOUNDED = 1e9
 """An effort [N m or N] where the drive has no limit: Gazebo's controllers have one of 1000."""
 
 
-def plugin(robot: Robot, zero: ZeroState, connection: Connection) -> Iterator[Element]:
+def plugin(robot: Robot, zero: ZeroState, steps: Iterable[SdfJoint]) -> Iterator[Element]:
     """The controllers of what is driven in this mode and has one axis: a PID with the drive's gains as forces, or for a motor what hands
     them on."""
-    for step in connection.chain:
+    for step in steps:
         if len(step.axes) == 1 and step.axes[0].joint.path in robot.present:
             joint = step.axes[0].joint
             if joint.actuator is not None:

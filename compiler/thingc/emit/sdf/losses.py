@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from thingc.emit.artifact import Loss
-from thingc.emit.sdf.chain import Connection, connections
+from thingc.emit.connections import Connection, connections
+from thingc.emit.sdf.chain import chain
 from thingc.emit.sdf.zero import ZeroState
 from thingc.emit.sensors import elsewhere, on_free_root
 from thingc.robot.types import Robot
@@ -15,8 +16,8 @@ from thingc.source import Origin
 def losses(robot: Robot, zero: ZeroState) -> Iterator[Loss]:
     """Of one mode, whose file has the robot at `zero`; what is lost of every mode alike is of none."""
     mode = robot.mode
-    for connection in connections(robot, zero):
-        yield from _of_joint(connection)
+    for connection in connections(robot, closed=zero.closed):
+        yield from _of_joint(connection, len(chain(connection, zero.q)))
     yield from _of_sensors(robot)
     if zero.pose is not None:
         what = f"what q its joints are at: here it counts from the pose `{zero.pose}`, in which loops and holds are closed"
@@ -26,9 +27,9 @@ def losses(robot: Robot, zero: ZeroState) -> Iterator[Loss]:
         yield _loss(mode.name, closure.path, f"{what}: no pose of the mode closes it", "omitted", closure.origin)
 
 
-def _of_joint(connection: Connection) -> Iterator[Loss]:
-    """What a joint of the document loses, of which there is none in the base or a hold."""
-    if len(connection.chain) > 1 and connection.joints:
+def _of_joint(connection: Connection, number: int) -> Iterator[Loss]:
+    """What a joint of the document loses that is so many here, of which there is none in the base or a hold."""
+    if number > 1 and connection.joints:
         yield _loss(None, connection.path, "that what it connects never touches", "omitted", connection.origin)
     for joint in (joint for joint in connection.joints[:1] if joint.kind.at_once):
         of = joint.dynamics

@@ -9,9 +9,10 @@ from __future__ import annotations
 import math
 
 from thingc.diagnostics import Report
+from thingc.emit.connections import Connection, connections
 from thingc.emit.geometry import Geometry, Shape, channels
 from thingc.emit.names import Names, frames, safe
-from thingc.emit.sdf.chain import LINK, Connection, SdfAxis, SdfJoint, connections
+from thingc.emit.sdf.chain import LINK, SdfAxis, SdfJoint, chain
 from thingc.emit.sdf.drives import plugin
 from thingc.emit.sdf.sensors import sensors_of_joint, sensors_of_link
 from thingc.emit.sdf.zero import ZeroState
@@ -60,8 +61,8 @@ class _Builder:
         self.names = Names("have the name", "SDF", report)
         self.parts = Names("have the name", "SDF", report)
         self.root = Element(tag="sdf", attributes={"version": PLAIN}, origin=robot.mode.origin)
-        self.connections = connections(robot, zero)
-        moved = [(step, axis, word) for one in self.connections for step in one.chain for axis, word in zip(step.axes, AXES, strict=False)]
+        self.connections = [(one, chain(one, zero.q)) for one in connections(robot, closed=zero.closed)]
+        moved = [(step, axis, word) for _, steps in self.connections for step in steps for axis, word in zip(step.axes, AXES, strict=False)]
         self.axes = {axis.joint.path: (safe(step.path), word) for step, axis, word in moved}
         self.follows = leaders(joint for joint in joints_of(robot.assembly) if joint.path in self.axes)
 
@@ -78,20 +79,20 @@ class _Builder:
                 self._link(model, names[index], index, self.zero.base)
             else:
                 self._link(model, names[index], index, carried(body, NO_POSE, self.zero.q), names[body.parent])
-        for connection in self.connections:
-            self._lead(model, WORLD if connection.parent is None else names[connection.parent], names[connection.child], connection)
+        for one, steps in self.connections:
+            self._lead(model, WORLD if one.parent is None else names[one.parent], names[one.child], one, steps)
         for index, sites in frames(robot).items():
             for site in sites:
                 if self.names.free(site.path, site.origin, f"frame `{site.path}`"):
                     frame = model.add("frame", {"name": safe(site.path), "attached_to": names[index]}, site.origin)
                     _place(frame, site.pose)
-        for connection in self.connections:
-            model.children.extend(plugin(robot, self.zero, connection))
+        for _, steps in self.connections:
+            model.children.extend(plugin(robot, self.zero, steps))
         return self.root
 
-    def _lead(self, model: Element, parent: str, child: str, connection: Connection) -> None:
+    def _lead(self, model: Element, parent: str, child: str, connection: Connection, steps: tuple[SdfJoint, ...]) -> None:
         """The joints from a link to another, and the links between them, which are where the last is."""
-        *before, last = connection.chain
+        *before, last = steps
         for step in before:
             between = self.names.take(f"{step.path}{LINK}", connection.origin, f"the link behind joint `{step.path}`")
             link = model.add("link", {"name": between}, connection.origin)

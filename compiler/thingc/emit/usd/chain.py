@@ -9,21 +9,17 @@ readers; this is Newton's. What such a joint cannot do is a chain of two, with a
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Literal
 
+from thingc.emit.connections import Connection
 from thingc.frozen import dataclass
 from thingc.graph.types import JointEdge
 from thingc.joints import Twist
 from thingc.pose import IDENTITY, NO_POSE, Matrix, Pose, Vector, along, cross, dot, shifted, transpose
-from thingc.robot.tree import BASE
-from thingc.robot.types import CoreJoint, Robot
-from thingc.source import Origin
+from thingc.robot.types import CoreJoint
 
 UsdType = Literal["Fixed", "Revolute", "Prismatic", "Spherical", "D6"]
-
-HOLD = "_hold"
-"""What the name of the joint ends with that holds a mount."""
 
 PARALLEL = 1e-9
 """Axes are parallel, or at right angles, where the cosine is this near to 1, or to 0."""
@@ -63,49 +59,12 @@ class UsdJoint:
         return self.freedoms[0].joint if self.type in ("Revolute", "Prismatic") else None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UsdConnection:
-    """How a body meets another (None: the world), by their indices: by one joint, or a `chain` of them. `path` is that of the whole joint,
-    `joints` are its coordinates, where it is one of the document; with F the frame of a joint in the chain, `X_0 @ F` is it on the parent
-    and `X_1 @ F` on the child. What is not `in_tree` closes loops and holds."""
-
-    parent: int | None
-    child: int
-    path: str
-    chain: tuple[UsdJoint, ...]
-    X_0: Pose
-    X_1: Pose
-    origin: Origin
-    joints: tuple[CoreJoint | JointEdge, ...] = ()
-    in_tree: bool = True
-
-
-def connections(robot: Robot) -> Iterator[UsdConnection]:
-    """The joints of a mode: those of its tree in the order of its bodies, then loops and holds."""
-    for index, body in enumerate(robot.bodies):
-        path, origin, joints = BASE, robot.mode.origin, body.joints or robot.moves
-        if body.joints:
-            path, origin = robot.assembly.mates[joints[0].mate].name or joints[0].path, joints[0].origin
-        if body.parent is None and robot.base == "free":
-            continue
-        chain = _chain(path, joints, [joint.twist for joint in joints]) if joints else (UsdJoint(path=BASE, type="Fixed"),)
-        yield UsdConnection(
-            parent=body.parent, child=index, path=path, chain=chain, X_0=body.X_PL, X_1=NO_POSE, origin=origin, joints=body.joints,
-        )
-    for closure in robot.closures:
-        path = f"{closure.path}{HOLD}" if closure.hold else closure.path
-        if closure.joints:
-            chain = _chain(path, closure.joints, closure.twists)
-        else:
-            chain = (UsdJoint(path=path, type="Spherical" if closure.turns else "Fixed"),)
-        yield UsdConnection(
-            parent=closure.parent, child=closure.child, path=path, chain=chain, X_0=closure.X_PA, X_1=closure.X_CB, origin=closure.origin,
-            joints=closure.joints, in_tree=False,
-        )
-
-
-def _chain(path: str, joints: Sequence[CoreJoint | JointEdge], twists: Sequence[Twist]) -> tuple[UsdJoint, ...]:
-    """The joints that move a link by `twists` (seen in its frame at 0 of those after each), one after the other, or by those of a ball."""
+def chain(connection: Connection) -> tuple[UsdJoint, ...]:
+    """The joints that connect two bodies, one after the other; with F the frame of one of them, `X_0 @ F` is it on the parent and `X_1 @ F`
+    on the child."""
+    path, joints, twists = connection.path, connection.coordinates, connection.twists
+    if not joints:
+        return (UsdJoint(path=path, type="Spherical" if connection.turns else "Fixed"),)
     if joints[0].kind.at_once:
         backwards = isinstance(joints[0], CoreJoint) and joints[0].reversed
         # Backwards the tree has the coordinates the other way round, and each of them negated.

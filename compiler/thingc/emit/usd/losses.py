@@ -6,7 +6,8 @@ import math
 from collections.abc import Iterator
 
 from thingc.emit.artifact import Loss
-from thingc.emit.usd.chain import connections
+from thingc.emit.connections import connections
+from thingc.emit.usd.chain import chain
 from thingc.emit.usd.mimics import followers
 from thingc.emit.usd.usda import FLOAT_MAX
 from thingc.graph import joints_of
@@ -20,8 +21,8 @@ def losses(robot: Robot) -> Iterator[Loss]:
     """Of one mode, besides what no file of the format says; what is lost of every mode alike is of none."""
     mode = robot.mode
     for connection in connections(robot):
-        if len(connection.chain) > 1:
-            what = f"its motion as one joint's: it is {len(connection.chain)} joints here, with a link of 1e-9 kg between"
+        if (number := len(chain(connection))) > 1:
+            what = f"its motion as one joint's: it is {number} joints here, with a link of 1e-9 kg between"
             yield _loss(mode.name, connection.path, what, "approximated", connection.origin)
         for joint in connection.joints:
             if joint.limit.effort is not None and joint.actuator is None:

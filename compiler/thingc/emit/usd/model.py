@@ -17,9 +17,10 @@ from __future__ import annotations
 import math
 
 from thingc.diagnostics import Report
+from thingc.emit.connections import Connection, connections
 from thingc.emit.geometry import Geometry, Shape, Shapes, channels, linear, material_name, materials
 from thingc.emit.names import Names, frames, safe
-from thingc.emit.usd.chain import UsdConnection, UsdJoint, connections
+from thingc.emit.usd.chain import UsdJoint, chain
 from thingc.emit.usd.custom import articulation, dynamics, follow
 from thingc.emit.usd.drives import equip
 from thingc.emit.usd.meshes import MESH, free, identifiers
@@ -146,10 +147,10 @@ class _Builder:
         prim.place(pose)
         return prim
 
-    def _lead(self, holder: Prim, names: list[str], poses: tuple[Pose, ...], connection: UsdConnection) -> None:
+    def _lead(self, holder: Prim, names: list[str], poses: tuple[Pose, ...], connection: Connection) -> None:
         """The joints from a link to another, and the links between them, which are where the last is."""
         parent, X_0 = self.path if connection.parent is None else f"{self.path}/{names[connection.parent]}", connection.X_0
-        *before, last = connection.chain
+        *before, last = chain(connection)
         for step in before:
             between = self.names.take(f"{step.path}{LINK}", connection.origin, f"the link behind joint `{step.path}`")
             start = Pose() if connection.parent is None else poses[connection.parent]
@@ -158,7 +159,7 @@ class _Builder:
             parent, X_0 = f"{self.path}/{between}", Pose()
         self._joint(holder, last, connection, (parent, X_0), (f"{self.path}/{names[connection.child]}", connection.X_1))
 
-    def _joint(self, holder: Prim, joint: UsdJoint, connection: UsdConnection, one: tuple[str, Pose], other: tuple[str, Pose]) -> None:
+    def _joint(self, holder: Prim, joint: UsdJoint, connection: Connection, one: tuple[str, Pose], other: tuple[str, Pose]) -> None:
         made = f"the joint that holds `{connection.path}`" if connection.parent is None and not connection.in_tree else None
         kind = "PhysicsJoint" if joint.type == "D6" else f"Physics{joint.type}Joint"
         prim = holder.add(kind, self.joints.take(joint.path, connection.origin, made))

@@ -33,7 +33,7 @@ def suited(
     refuses all the same."""
     losses: dict[Loss, None] = {}
     refused: dict[tuple[str, Refusal], list[str]] = {}
-    made = [_copied(root) for root in roots] if names else list(roots)
+    made = [root.copy() for root in roots] if names else list(roots)
     for consumer in CONSUMERS:
         for robot, root in zip(robots, made, strict=True) if consumer.name in names else ():
             losses |= dict.fromkeys(consumer.suit(robot, root))
@@ -44,18 +44,3 @@ def suited(
         message, hint = f"{label} will refuse {which}: {one.what}", f"{one.hint}; {allow_hint(Code.COMPAT)}"
         report.warn(Code.COMPAT, message, one.origin, path=one.path, help=hint)
     return made, losses
-
-
-def _copied(root: Element) -> Element:
-    """The same tree, of elements that are in no other."""
-    top = _twin(root)
-    waiting = [(root, top)]
-    while waiting:
-        old, new = waiting.pop()
-        new.children = [_twin(child) for child in old.children]
-        waiting += zip(old.children, new.children, strict=True)
-    return top
-
-
-def _twin(element: Element) -> Element:
-    return Element(tag=element.tag, attributes=dict(element.attributes), origin=element.origin, raw=dict(element.raw))
