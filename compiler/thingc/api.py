@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import field
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,8 @@ from thingc.inertia import MassProperties
 from thingc.printing import as_text
 
 if TYPE_CHECKING:
+    from thingc.emit import Page
+    from thingc.emit.request import EmitRequest
     from thingc.graph.types import Assembly
     from thingc.realize.store.local import Store
     from thingc.robot.types import Robot
@@ -57,6 +60,23 @@ class CompiledMode(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Shown(Brief):
+    """A page (HTML) that a notebook shows in a frame of its own, `height` pixels high."""
+
+    page: str
+    height: int
+
+    def _repr_html_(self) -> str:
+        """What Jupyter asks for. The frame may run the page's program, and reach nothing of the notebook."""
+        from html import escape
+
+        return (
+            f'<iframe srcdoc="{escape(self.page)}" sandbox="allow-scripts allow-downloads" '
+            f'style="width: 100%; height: {self.height}px; border: 0" title="robot"></iframe>'
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Compiled(Brief):
     """A robot, compiled. `modes` in document order; `diagnostics` the warnings; `modelled` and `reused` definition texts."""
 
@@ -66,6 +86,12 @@ class Compiled(Brief):
     diagnostics: tuple[Diagnostic, ...]
     modelled: tuple[str, ...]
     reused: tuple[str, ...]
+    _page: Callable[[], Page] = field(repr=False, compare=False)
+
+    def show(self, height: int = 600) -> Shown:
+        """The robot's page, which a notebook shows in a cell of so many pixels. Raises `BlobMissing` where its meshes are not in the store
+        any more."""
+        return Shown(page=self._page().html().decode(), height=height)
 
     @property
     def hag(self) -> Any:
@@ -134,7 +160,14 @@ def _compiled(environment: Environment, modes: Sequence[str], strict: bool) -> C
         diagnostics=tuple(compilation.report.ordered()),
         modelled=tuple(compilation.modelled),
         reused=tuple(compilation.reused),
+        _page=partial(_page, pipeline.request_of(environment, compilation)),
     )
+
+
+def _page(request: EmitRequest) -> Page:
+    from thingc.emit import page_of
+
+    return page_of(request)
 
 
 def _stop_on_errors(report: Report, strict: bool) -> None:

@@ -115,7 +115,7 @@ def test_it_begins_with_a_document_that_is_wrong(tmp_path: Path, shared_store: s
     document.write_text(ROBOT.replace("poses:", "poses: ["))
     watching = Watching(document, shared_store, "--emit", "bom")
     try:
-        assert watching.text().endswith("\n1 error\nnothing is built yet; watching, Ctrl-C ends it\n")
+        assert watching.text().endswith("\n1 error\nnothing is built yet; watching; Ctrl-C ends it\n")
         document.write_text(ROBOT)
         assert watching.says("build/robot: 3 files; 0 parts modelled, 0 reused")
         assert " robot.yaml: built in " in watching.text()

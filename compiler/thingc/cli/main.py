@@ -16,6 +16,7 @@ COMMANDS = {
     "new": "make a workspace that builds at once, with a robot to change",
     "build": "write simulation models and manufacturing files of a robot",
     "watch": "build a robot again after every save, with the CAD kernel loaded",
+    "view": "show a robot in the browser, as its document stands after every save",
     "batch": "build every variant of a document of variants",
     "check": "say everything that is wrong with documents, and write nothing",
     "add": "put a part, assembly, mode, joint or test where it belongs, to begin with; comments and layout stay",

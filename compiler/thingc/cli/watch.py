@@ -95,7 +95,8 @@ def until_interrupted(live: Live, hear: Callable[[Round], None]) -> int:
 class Lines:
     """What is said of rounds, on standard error: what is wrong as `thingc build` says it, unless it has just been said, then one line."""
 
-    def __init__(self, arguments: argparse.Namespace) -> None:
+    def __init__(self, arguments: argparse.Namespace, doing: str = "watching") -> None:
+        self._doing = doing
         self._arguments = arguments
         self._said: tuple[Diagnostic, ...] = ()
         self._built = False
@@ -116,18 +117,20 @@ class Lines:
             tell(answer_of(made.built, made.folder), self._arguments)
         self._built = self._built or made.good
         if made.number == 1:
-            common.say("watching; Ctrl-C ends it" if made.good else "nothing is built yet; watching, Ctrl-C ends it", stream=sys.stderr)
+            common.say(f"{'' if made.good else 'nothing is built yet; '}{self._doing}; Ctrl-C ends it", stream=sys.stderr)
 
 
 def _outcome(made: Round) -> str:
     """What a save has changed, in words."""
-    if made.built is None or made.folder is None:
+    if made.built is None or not made.good:
         return f"not built ({made.seconds:.2f} s); {'the last good build stays' if made.kept else 'there is no good build yet'}"
     modelled = made.built.compilation.modelled
     said = ["right again"] if made.mended else []
     said += [f"modelled {_enumerated(modelled)}"] if modelled else []
-    said += [f"{common.counted(len(made.changed), 'file')} changed ({_enumerated(made.changed)})" if made.changed else "no file changed"]
-    return f"{'; '.join(said)} in {made.seconds:.2f} s"
+    if made.folder is not None:
+        changed = f"{common.counted(len(made.changed), 'file')} changed ({_enumerated(made.changed)})"
+        said.append(changed if made.changed else "no file changed")
+    return f"{'; '.join(said) or 'compiled'} in {made.seconds:.2f} s"
 
 
 def _enumerated(names: Sequence[str]) -> str:

@@ -19,13 +19,14 @@ from thingc.typos import did_you_mean
 
 if TYPE_CHECKING:
     from thingc.emit.artifact import Artifacts
+    from thingc.emit.html.target import Page, page_of
     from thingc.emit.manifest import versions
     from thingc.emit.request import EmitRequest
 
     Emitter = Callable[[EmitRequest], Artifacts]
 
 __all__ = [
-    "TARGETS", "chosen", "emitter", "module_of", "modules_of", "targets", "unknown", "unstated", "versions", "written",
+    "TARGETS", "Page", "chosen", "emitter", "module_of", "modules_of", "page_of", "targets", "unknown", "unstated", "versions", "written",
 ]
 
 GROUP = "thingc.emitters"
@@ -95,6 +96,10 @@ def __getattr__(name: str) -> Any:
         from thingc.emit.manifest import versions
 
         return versions
+    if name in ("Page", "page_of"):
+        from thingc.emit.html import target
+
+        return getattr(target, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

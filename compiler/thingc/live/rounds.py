@@ -44,37 +44,34 @@ CLOCK = 0.02
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Round:
     """What came of one save. `saved` are the absolute paths of the files that had changed (none in the first round), `seconds` how long it
-    took from when they were quiet; `folder` is the build folder that was written (None with errors: it is as it was), `built` the rest
-    of what came of it, where it came so far. `changed` are the artifacts, by path in the folder, that are others than in the last good
-    round, or are gone; `mended`: the last round had errors, and this one has none; `kept`: it has errors, and the folder is that of an
-    earlier round."""
+    took from when they were quiet; `good`: it has no errors; `folder` is the build folder that was written (None with errors: it is as
+    it was; and where nothing is written at all), `built` the rest of what came of it, where it came so far. `changed` are the artifacts,
+    by path in the folder, that are others than in the last good round, or are gone; `mended`: the last round had errors, and this one
+    has none; `kept`: it has errors, and what stands is of an earlier round."""
 
     number: int
     saved: tuple[str, ...]
     seconds: float
     diagnostics: tuple[Diagnostic, ...]
+    good: bool = False
     built: Built | None = None
     folder: str | None = None
     changed: tuple[str, ...] = ()
     mended: bool = False
     kept: bool = False
 
-    @property
-    def good(self) -> bool:
-        """Whether it has no errors."""
-        return self.folder is not None
-
 
 class Live:
     """One document and its rounds. A context manager: leaving it ends the workers.
 
     `wish` is asked in every round (what the workspace says may have changed): it gives what to build, or what is wrong with that. `refused`
-    puts an exception into words. `on_wait` hears that another build of the folder is waited for.
+    puts an exception into words. `on_wait` hears that another build of the folder is waited for. Unless it `writes`, everything is done
+    but that.
     """
 
     def __init__(
         self, document: str, options: Options, wish: Callable[[], Wish | Sequence[Diagnostic]],
-        refused: Callable[[Exception], Diagnostic], on_wait: Waiting | None = None,
+        refused: Callable[[Exception], Diagnostic], on_wait: Waiting | None = None, *, writes: bool = True,
     ) -> None:
         self.document = os.path.abspath(document)
         self.options = options
@@ -82,6 +79,7 @@ class Live:
         self._wish = wish
         self._refused = refused
         self._on_wait = on_wait
+        self._writes = writes
         self._workers = EndingWorkers(options.jobs or os.cpu_count() or 1)
         self._memo = Memo()
         self._geometry: GeometryService | None = None
@@ -140,6 +138,7 @@ class Live:
         started, clock = time.perf_counter(), time.time()
         built: Built | None = None
         folder: str | None = None
+        good = False
         if self._failed or self._geometry is not None and not self._geometry.inputs.isdisjoint(saved):
             self._geometry = None
         self.environment = Environment(self.document, self.options, self._lent, self._memo)
@@ -155,23 +154,24 @@ class Live:
             time.sleep(_unquiet(saved))
             more = self._look(clock, built)
             if not more and built is not None and built.files is not None and isinstance(wish, Wish):
-                folder = building.write(self.environment, built, wish, self._on_wait)
+                folder = building.write(self.environment, built, wish, self._on_wait) if self._writes else None
+                good = True
         except Exception as fault:  # whatever it is, the next save may mend it
             said = [self._refused(fault)]
             more = self._look(clock, built)
         if more:
             return Round(number=self._number, saved=saved, seconds=0.0, diagnostics=()), more
-        now = _digests(built.files) if folder is not None and built is not None and built.files is not None else None
+        now = _digests(built.files) if good and built is not None and built.files is not None else None
         before = self._last if self._last is not None and now is not None else now
         changed = () if now is None or before is None else tuple(sorted(
             path for path in {*before, *now} if before.get(path) != now.get(path)
         ))
         self._number += 1
         made = Round(
-            number=self._number, saved=saved, seconds=time.perf_counter() - started, diagnostics=tuple(said), built=built, folder=folder,
-            changed=changed, mended=self._failed and folder is not None, kept=folder is None and self._last is not None,
+            number=self._number, saved=saved, seconds=time.perf_counter() - started, diagnostics=tuple(said), good=good, built=built,
+            folder=folder, changed=changed, mended=self._failed and good, kept=not good and self._last is not None,
         )
-        self._failed, self._last = folder is None, now if now is not None else self._last
+        self._failed, self._last = not good, now if now is not None else self._last
         return made, ()
 
     def _built(self, wish: Wish) -> Built:

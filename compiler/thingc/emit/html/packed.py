@@ -45,7 +45,8 @@ class Packed:
             _add(sha256, self._store.read(sha256), tree, data)
         scene = {"scene": 0, "scenes": [{"nodes": list(range(len(tree["nodes"])))}], "buffers": [{"byteLength": len(data)}], **tree}
         packing = {"extensionsUsed": [PACKING], "extensionsRequired": [PACKING]}
-        return _file({"asset": {"version": "2.0", "generator": "thingc"}, **packing, **(scene if data else {})}, bytes(data))
+        nothing = {"scene": 0, "scenes": [{}]}  # a list of none would be no glTF
+        return _file({"asset": {"version": "2.0", "generator": "thingc"}, **packing, **(scene if data else nothing)}, bytes(data))
 
 
 def _add(sha256: str, obj: bytes, tree: dict[str, list[dict[str, object]]], data: bytearray) -> None:

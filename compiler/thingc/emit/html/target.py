@@ -32,13 +32,16 @@ class Page:
     data: str
     glb: bytes
 
-    def html(self, *, live: bool = False, against: Page | None = None) -> bytes:
-        """The page. A `live` one asks the server that it comes from for what has changed; the robot of `against` is seen through its
-        own."""
+    def html(self, *, live: bool = False, editor: str | None = None, against: Page | None = None) -> bytes:
+        """The page. A `live` one asks the server that it comes from for what has changed. `editor` is an address that opens a place in an
+        editor, with `{file}` (its path in the workspace) and `{line}`. The robot of `against` is seen through its own."""
         own = resources.files("thingc.emit.html") / "page"
         texts = {
             "@STYLE@": (own / "viewer.css").read_text(encoding="utf-8"), "@SCRIPT@": (own / "viewer.js").read_text(encoding="utf-8"),
-            "@TITLE@": html.escape(shown(self.name)), "@LIVE@": '<meta name="thingc-live" content="1">' if live else "",
+            "@TITLE@": html.escape(shown(self.name)), "@LIVE@": "\n".join(
+                f'<meta name="thingc-{name}" content="{html.escape(content)}">'
+                for name, content in (("live", "1" if live else None), ("editor", editor)) if content is not None
+            ),
             "@CONNECT@": "'self'" if live else "'none'", "@ROBOT@": self.data, "@GEOMETRY@": base64.b64encode(self.glb).decode(),
             "@AGAINST@": "" if against is None else _AGAINST.format(data=against.data, glb=base64.b64encode(against.glb).decode()),
         }

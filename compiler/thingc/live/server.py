@@ -1,0 +1,199 @@
+"""What a browser on this machine is shown of a document: its page, and news of every round.
+
+Nobody else gets anything. The server listens on the loopback interface alone; every address begins with a random word that only who has
+started it knows; a name of another host in the request is refused (a page elsewhere may have let its own name lead here); no other page may
+read the answers. What is sent are a handful of texts in memory: no address names a file.
+"""
+
+from __future__ import annotations
+
+import hmac
+import json
+import secrets
+import threading
+from collections.abc import Mapping, Sequence
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+
+from thingc.diagnostics import Diagnostic
+from thingc.emit import Page
+from thingc.shown import json_text
+from thingc.workspace import Workspace
+
+LOOPBACK = "127.0.0.1"
+SILENCE = 15.0
+"""After how long [s] without news a browser is told that there are none: who has gone away is found out then."""
+
+HEADERS = {
+    "Cache-Control": "no-store", "Referrer-Policy": "no-referrer", "X-Content-Type-Options": "nosniff", "X-Frame-Options": "DENY",
+    "Cross-Origin-Resource-Policy": "same-origin", "Cross-Origin-Opener-Policy": "same-origin",
+}
+HTML, JSON, GLB = "text/html; charset=utf-8", "application/json", "model/gltf-binary"
+
+WAITING = b"""<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>thingc view</title><meta name="color-scheme" content="light dark">
+<meta http-equiv="Content-Security-Policy" content="default-src 'none'; connect-src 'self'; script-src 'unsafe-inline'"></head>
+<body><h1>Nothing is built yet</h1><p>The page comes by itself when the document has no errors.</p><pre id="findings"></pre><script>
+new EventSource("events").onmessage = (message) => {
+  const news = JSON.parse(message.data);
+  if (news.build > 0) location.reload();
+  document.getElementById("findings").textContent = news.findings.map(({severity, code, message, file, line, help}) =>
+    `${severity} ${code}: ${message}\\n  ${file ?? ""}:${line ?? ""}\\n  ${help ?? ""}`).join("\\n\\n");
+};
+</script></body></html>
+"""
+"""What is shown until there is a good build."""
+
+
+class Server:
+    """A server on a free port of this machine, or on `port`. A context manager: it serves from entering to leaving. Raises OSError where
+    the port is taken. `editor` is what `Page.html` takes."""
+
+    def __init__(self, port: int = 0, editor: str | None = None) -> None:
+        self._news = threading.Condition()
+        self._editor = editor
+        self._page: Page | None = None
+        self._build = 0
+        self._told = ""
+        self._closed = False
+        self._number = 0
+        self._token = secrets.token_urlsafe(16)
+        self._http = ThreadingHTTPServer((LOOPBACK, port), _handler(self), bind_and_activate=True)
+        self._http.daemon_threads = True
+        self._thread = threading.Thread(target=self._http.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True)
+
+    def __enter__(self) -> Server:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        with self._news:
+            self._closed = True
+            self._news.notify_all()
+        self._http.shutdown()
+        self._http.server_close()
+
+    @property
+    def port(self) -> int:
+        """The port that it listens on."""
+        return int(self._http.server_address[1])
+
+    @property
+    def address(self) -> str:
+        """Where a browser finds the page."""
+        return f"http://{LOOPBACK}:{self.port}/{self._token}/"
+
+    def tell(self, page: Page | None, seconds: float, findings: Sequence[Mapping[str, object]]) -> None:
+        """What came of a round: its page (None: that of the last good one stays), how long it took, and what there is to say."""
+        with self._news:
+            if page is not None:
+                self._page, self._build = page, self._build + 1
+            self._number += 1
+            self._told = json_text(json.dumps({"build": self._build, "seconds": seconds, "findings": list(findings)}, ensure_ascii=False))
+            self._news.notify_all()
+
+    def hosted(self, host: str | None) -> bool:
+        """Whether a request is meant for this server, by the host that it names."""
+        return host in (f"{LOOPBACK}:{self.port}", f"localhost:{self.port}")
+
+    def inside(self, path: str) -> str | None:
+        """What a request asks for behind the word that only this machine's user knows; None without it."""
+        word, slash, rest = path.partition("?")[0].removeprefix("/").partition("/")
+        return rest if slash and hmac.compare_digest(word.encode(), self._token.encode()) else None
+
+    def content(self, name: str) -> tuple[str, bytes] | None:
+        """Type and bytes of what is asked for by name; None where there is nothing of that name."""
+        with self._news:
+            page = self._page
+        if name == "":
+            return HTML, WAITING if page is None else page.html(live=True, editor=self._editor)
+        if page is not None and name == "robot.json":
+            return JSON, page.data.encode()
+        return (GLB, page.glb) if page is not None and name == "geometry.glb" else None
+
+    def news(self, after: int) -> tuple[int, str] | None:
+        """The last news and their number, as soon as there are any after that number; the same number where there are none for a while,
+        None at the end."""
+        with self._news:
+            self._news.wait_for(lambda: self._closed or self._number > after, SILENCE)
+            return None if self._closed else (self._number, self._told)
+
+
+def findings_of(diagnostics: Sequence[Diagnostic], workspace: Workspace | None) -> list[dict[str, object]]:
+    """Diagnostics as the page takes them: `file` is the path in the workspace."""
+    return [
+        {
+            "code": d.code.code, "severity": d.severity.value, "message": d.message, "help": d.help,
+            "file": workspace.relative(d.span.file) if d.span is not None and d.span.option is None and workspace is not None else None,
+            "line": d.span.line if d.span is not None else None,
+        }
+        for d in diagnostics
+    ]
+
+
+def _handler(server: Server) -> type[BaseHTTPRequestHandler]:
+    """Requests to one server."""
+
+    class Handler(BaseHTTPRequestHandler):
+        """One request: GET or HEAD of what the server has."""
+
+        protocol_version = "HTTP/1.1"
+        server_version = "thingc"
+        sys_version = ""
+        timeout = 60.0
+
+        def do_GET(self) -> None:
+            """Send it."""
+            self._answer(body=True)
+
+        def do_HEAD(self) -> None:
+            """Say what would be sent."""
+            self._answer(body=False)
+
+        def log_message(self, *_: Any) -> None:
+            """Nobody hears of requests."""
+
+        def _answer(self, *, body: bool) -> None:
+            if not server.hosted(self.headers.get("Host")):
+                return self._refuse(HTTPStatus.MISDIRECTED_REQUEST)
+            name = server.inside(self.path)
+            if name == "events":
+                return self._events(body=body)
+            found = None if name is None else server.content(name)
+            if found is None:
+                return self._refuse(HTTPStatus.NOT_FOUND)
+            kind, content = found
+            self._begin(HTTPStatus.OK, kind, len(content))
+            if body:
+                self.wfile.write(content)
+            return None
+
+        def _begin(self, status: HTTPStatus, kind: str, length: int | None) -> None:
+            self.send_response(status)
+            self.send_header("Content-Type", kind)
+            for header, value in HEADERS.items():
+                self.send_header(header, value)
+            if length is None:
+                self.close_connection = True
+            else:
+                self.send_header("Content-Length", str(length))
+            self.end_headers()
+
+        def _refuse(self, status: HTTPStatus) -> None:
+            self._begin(status, "text/plain; charset=utf-8", 0)
+
+        def _events(self, *, body: bool) -> None:
+            """News as they come (Server-Sent Events, WHATWG HTML 9.2), until one end goes away."""
+            self._begin(HTTPStatus.OK, "text/event-stream", None)
+            seen = 0
+            try:
+                while body and (latest := server.news(seen)) is not None:
+                    number, told = latest
+                    self.wfile.write(f"data: {told}\n\n".encode() if number > seen else b": nothing new\n\n")
+                    self.wfile.flush()
+                    seen = number
+            except OSError:  # the browser has gone away
+                self.close_connection = True
+
+    return Handler

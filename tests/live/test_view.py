@@ -1,0 +1,211 @@
+"""`thingc view`: what the server gives and refuses, news of saves as a browser reads them, and the page in a real browser."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import math
+import os
+import re
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import pytest
+
+from editor.language_server import wait_until
+from live.documents import ROBOT, write
+from thingc.emit import Page
+from thingc.live import Server
+from viewer.browser import chromium, needed, opened
+
+WRONG = ROBOT.replace("yaw_0: 30 deg", "yaw_0: 300 deg")
+
+
+class News:
+    """Server-Sent Events, read as they come."""
+
+    def __init__(self, address: str) -> None:
+        url = urlsplit(address)
+        self._connection = http.client.HTTPConnection(url.hostname or "", url.port, timeout=60.0)
+        self._connection.request("GET", f"{url.path}events")
+        self._answer = self._connection.getresponse()
+        assert self._answer.headers["Content-Type"] == "text/event-stream"
+
+    def next(self) -> dict[str, Any]:
+        """The next ones."""
+        while True:
+            line = self._answer.readline().decode()
+            assert line, "the server has gone"
+            if line.startswith("data: "):
+                found: dict[str, Any] = json.loads(line.removeprefix("data: "))
+                return found
+
+    def close(self) -> None:
+        self._connection.close()
+
+
+def asked(address: str, path: str | None = None, method: str = "GET", host: str | None = None) -> tuple[int, dict[str, str], bytes]:
+    """Status, headers and content of one request; `path` as it is, dots and all."""
+    url = urlsplit(address)
+    connection = http.client.HTTPConnection(url.hostname or "", url.port, timeout=20.0)
+    connection.putrequest(method, url.path if path is None else path, skip_host=True)
+    connection.putheader("Host", url.netloc if host is None else host)
+    connection.endheaders()
+    answer = connection.getresponse()
+    found = answer.status, dict(answer.headers), answer.read()
+    connection.close()
+    return found
+
+
+class Viewing:
+    """A process that shows a document."""
+
+    def __init__(self, document: Path, store: str, *words: str) -> None:
+        self.document, self.printed = document, document.parent / "printed.txt"
+        with open(self.printed, "w") as stream:
+            self.process = subprocess.Popen(
+                [sys.executable, "-P", "-m", "thingc", "view", document.name, "--no-open", *words], cwd=document.parent, stdout=stream,
+                stderr=stream, env={**os.environ, "THINGC_STORE": store},
+            )
+        assert wait_until(lambda: "http://" in self.printed.read_text() or self.process.poll() is not None, 60.0), self.printed.read_text()
+        self.address = next(line for line in self.printed.read_text().splitlines() if line.startswith("http://"))
+
+
+@contextmanager
+def viewing(folder: Path, store: str, *words: str, text: str = ROBOT) -> Iterator[Viewing]:
+    document = write(folder)
+    document.write_text(text)
+    found = Viewing(document, store, *words)
+    try:
+        yield found
+    finally:
+        found.process.kill()
+        found.process.wait()
+
+
+@pytest.fixture
+def server() -> Iterator[Server]:
+    with Server(editor="odd://open?{file}#{line}&\"<") as made:
+        made.tell(Page(name="<b>", data='{"name": "one"}', glb=b"glTF"), 0.5, [])
+        yield made
+
+
+def test_what_there_is(server: Server) -> None:
+    assert re.fullmatch(r"http://127\.0\.0\.1:\d+/[\w-]{20,}/", server.address)
+    status, headers, page = asked(server.address)
+    assert (status, headers["Content-Type"]) == (200, "text/html; charset=utf-8") and b"<title>&lt;b&gt;</title>" in page
+    assert b'<meta name="thingc-live" content="1">' in page
+    assert b'<meta name="thingc-editor" content="odd://open?{file}#{line}&amp;&quot;&lt;">' in page
+    assert "Access-Control-Allow-Origin" not in headers and headers["Cross-Origin-Resource-Policy"] == "same-origin"
+    assert headers["Referrer-Policy"] == "no-referrer" and headers["X-Frame-Options"] == "DENY" and headers["Cache-Control"] == "no-store"
+    assert asked(f"{server.address}robot.json")[::2] == (200, b'{"name": "one"}')
+    assert asked(f"{server.address}geometry.glb")[::2] == (200, b"glTF")
+    status, headers, nothing = asked(f"{server.address}robot.json", method="HEAD")
+    assert (status, headers["Content-Length"], nothing) == (200, "15", b"")
+
+
+def test_what_is_refused(server: Server) -> None:
+    token = urlsplit(server.address).path
+    for path in ("/", "/robot.json", "/x/robot.json", f"{token[:-2]}/robot.json", f"{token}../../../../etc/passwd", f"{token}%2e%2e/x",
+                 f"{token}/etc/passwd", f"{token}thingc.toml", "//etc/passwd", f"{token}robot.json/", "", f"/é{token}"):
+        status, _, content = asked(server.address, path.encode("latin-1").decode("latin-1") if path.isascii() else "/%C3%A9/robot.json")
+        assert (status, content) == (404, b""), path
+    for host in ("evil.example", f"evil.example:{server.port}", "127.0.0.1", f"127.0.0.1:{server.port + 1}", ""):
+        assert asked(server.address, host=host)[::2] == (421, b""), host
+    assert asked(server.address, host=f"localhost:{server.port}")[0] == 200
+    for method in ("POST", "PUT", "DELETE", "OPTIONS", "PATCH"):
+        assert asked(server.address, method=method)[0] == 501
+    # nobody but this machine can connect: of all interfaces only the loopback one has the port
+    addresses = {str(info[4][0]) for info in socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET)} - {"127.0.0.1"}
+    for address in addresses:
+        if not address.startswith("127."):
+            with pytest.raises(OSError):
+                socket.create_connection((address, server.port), timeout=2.0)
+
+
+def test_news_reach_who_listens_and_who_comes_late(server: Server) -> None:
+    first = News(server.address)
+    assert first.next() == {"build": 1, "seconds": 0.5, "findings": []}
+    server.tell(None, 0.1, [{"code": "TC601"}])
+    assert first.next() == {"build": 1, "seconds": 0.1, "findings": [{"code": "TC601"}]}
+    late = News(server.address)
+    assert late.next()["findings"] == [{"code": "TC601"}]
+    first.close()
+    server.tell(Page(name="two", data='{"name": "two"}', glb=b""), 0.2, [])
+    assert late.next()["build"] == 2 and asked(f"{server.address}robot.json")[2] == b'{"name": "two"}'
+
+
+def test_a_save_is_shown(tmp_path: Path, shared_store: str) -> None:
+    """With its findings, whose files are paths in the workspace, and nothing of it on disk; Ctrl-C ends the server."""
+    with viewing(tmp_path, shared_store) as shown:
+        news = News(shown.address)
+        assert news.next()["build"] == 1
+        shown.document.write_text(WRONG)
+        wrong = news.next()
+        found = wrong["findings"][0]
+        assert (wrong["build"], found["code"], found["file"], found["line"]) == (1, "TC601", "robot.yaml", 23)
+        assert found["help"] == "write a value within the limits, or widen them"
+        shown.document.write_text(ROBOT.replace("120 deg", "125 deg"))
+        right = news.next()
+        assert (right["build"], right["findings"]) == (2, [])
+        joint = next(one for one in json.loads(asked(f"{shown.address}robot.json")[2])["joints"] if one["path"] == "yaw_0")
+        assert joint["upper"] == pytest.approx(math.radians(125.0))
+        assert not (tmp_path / "build").exists()
+        shown.process.send_signal(2)
+        assert shown.process.wait(20.0) == 0 and "Traceback" not in shown.printed.read_text()
+
+
+def test_builds_and_wrong_command_lines(tmp_path: Path, shared_store: str) -> None:
+    def run(*words: str) -> tuple[int, str]:
+        done = subprocess.run(
+            [sys.executable, "-P", "-m", "thingc", *words], cwd=tmp_path, capture_output=True, text=True, timeout=60.0,
+            env={**os.environ, "THINGC_STORE": shared_store},
+        )
+        assert "Traceback" not in done.stderr
+        return done.returncode, done.stdout + done.stderr
+
+    write(tmp_path)
+    assert run("build", "robot.yaml", "--emit", "bom")[0] == 0
+    code, said = run("view", "build/robot", "--no-open")
+    assert code == 2 and "the build `build/robot` has no page" in said and "--emit html" in said
+    code, said = run("view", "build", "--no-open")
+    assert code == 2 and "`build` is a folder without a build" in said
+    assert run("build", "robot.yaml", "--emit", "html")[0] == 0
+    assert run("view", "build/robot", "--no-open") == (0, "build/robot/html/robot.html\n")
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        code, said = run("view", "robot.yaml", "--no-open", "--port", str(port))
+        assert code == 2 and f"port {port} cannot be had: Address already in use" in said
+    code, said = run("view", "robot.yaml", "--port", "0")
+    assert code == 2 and "expected a port from 1 to 65535, found `0`" in said
+
+
+@needed
+def test_in_a_browser(tmp_path: Path, shared_store: str) -> None:
+    """Begun with a document that is wrong; then saves come into the page, which stays in its mode and looks from where it looked."""
+    with chromium() as browser, viewing(tmp_path, shared_store, text=WRONG) as shown:
+        context = browser.new_context()
+        page = context.new_page()
+        page.goto(shown.address)
+        page.wait_for_function("() => document.body.innerText.includes('TC601')")
+        shown.document.write_text(ROBOT)
+        page.wait_for_function("() => globalThis.thingc?.ready")
+        context.close()
+        with opened(browser, shown.address) as page:
+            page.evaluate("() => { thingc.viewer.setMode('held'); thingc.viewer.stage.camera.position.set(0.5, -0.4, 0.3); }")
+            before = page.evaluate("() => thingc.viewer.stage.camera.position.toArray()")
+            shown.document.write_text(WRONG)
+            page.wait_for_selector("#findings a")
+            assert page.locator("#findings a").get_attribute("href") == f"vscode://file{tmp_path}/robot.yaml:23"
+            assert "outside its limits" in page.locator("#findings").inner_text()
+            shown.document.write_text(ROBOT.replace("count: 2", "count: 3"))
+            page.wait_for_function("() => thingc.viewer.robot.joints.some((joint) => joint.path === 'yaw_2')")
+            assert page.locator("#findings").is_hidden()
+            assert page.evaluate("() => thingc.viewer.mode.name") == "held"
+            assert page.evaluate("() => thingc.viewer.stage.camera.position.toArray()") == pytest.approx(before, abs=1e-6)
