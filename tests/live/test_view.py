@@ -142,8 +142,8 @@ def test_news_reach_who_listens_and_who_comes_late(server: Server) -> None:
 
 
 def test_a_save_is_shown(tmp_path: Path, shared_store: str) -> None:
-    """With its findings, whose files are paths in the workspace, and nothing of it on disk; Ctrl-C ends the server."""
-    with viewing(tmp_path, shared_store) as shown:
+    """With its findings, whose files are paths in the workspace, and nothing of it on disk, against itself as it was; Ctrl-C ends it."""
+    with viewing(tmp_path, shared_store, "--against", "robot.yaml") as shown:
         news = News(shown.address)
         assert news.next()["build"] == 1
         shown.document.write_text(WRONG)
@@ -156,6 +156,12 @@ def test_a_save_is_shown(tmp_path: Path, shared_store: str) -> None:
         assert (right["build"], right["findings"]) == (2, [])
         joint = next(one for one in json.loads(asked(f"{shown.address}robot.json")[2])["joints"] if one["path"] == "yaw_0")
         assert joint["upper"] == pytest.approx(math.radians(125.0))
+        page = asked(shown.address)[2].decode()
+        own, other = (json.loads(page.partition(f'<script id="thingc-{name}robot" type="application/json">')[2].partition("</script>")[0])
+                      for name in ("", "against-"))
+        assert next(one for one in own["joints"] if one["path"] == "yaw_0") == joint
+        before = next(one for one in other["joints"] if one["path"] == "yaw_0")
+        assert before == {**joint, "upper": pytest.approx(math.radians(120.0))}
         assert not (tmp_path / "build").exists()
         shown.process.send_signal(2)
         assert shown.process.wait(20.0) == 0 and "Traceback" not in shown.printed.read_text()
@@ -171,6 +177,9 @@ def test_builds_and_wrong_command_lines(tmp_path: Path, shared_store: str) -> No
         return done.returncode, done.stdout + done.stderr
 
     write(tmp_path)
+    (tmp_path / "wrong.yaml").write_text(WRONG)
+    code, said = run("view", "robot.yaml", "--no-open", "--against", "wrong.yaml")
+    assert code == 1 and "TC601" in said and "wrong.yaml:23:16" in said
     assert run("build", "robot.yaml", "--emit", "bom")[0] == 0
     code, said = run("view", "build/robot", "--no-open")
     assert code == 2 and "the build `build/robot` has no page" in said and "--emit html" in said

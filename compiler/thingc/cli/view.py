@@ -14,9 +14,10 @@ from thingc import pipeline
 from thingc.building import Wish
 from thingc.cli import common
 from thingc.cli.watch import Lines, refused, until_interrupted
-from thingc.diagnostics import Code, shown_path
-from thingc.emit import page_of
+from thingc.diagnostics import Code, Diagnostic, shown_path
+from thingc.emit import Page, page_of
 from thingc.emit.artifact import MANIFEST
+from thingc.environment import Environment, attempted
 from thingc.live import Live, Round, Server, findings_of
 
 EDITOR = "vscode://file{file}:{line}"
@@ -27,6 +28,7 @@ turn, with what `thingc check` says on top. Nothing is written. A build folder w
 
   thingc view assemblies/arm.yaml
   thingc view assemblies/arm.yaml --mode bench --no-open
+  thingc view assemblies/arm.yaml --against assemblies/arm.yaml      what an edit changes
   thingc view build/arm
 """
 
@@ -36,6 +38,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG
     parser.add_argument("document", metavar="DOC|BUILD", help="an assembly document (YAML or TOML), or a build folder with html/")
     parser.add_argument("--mode", metavar="M", action="append", default=[], help="only this mode (may be repeated; default: all)")
+    parser.add_argument("--against", metavar="DOC", help="a second document, or this one as it is now, to be seen through the robot")
     parser.add_argument("--port", metavar="N", type=_port, default=0, help="the port to listen on (default: a free one)")
     parser.add_argument("--no-open", action="store_true", help="only print the address")
     parser.add_argument(
@@ -52,10 +55,17 @@ def run(arguments: argparse.Namespace) -> int:
             return _open_build(arguments)
         common.require_document(arguments.document)
         options = common.options_of(arguments)
+        against = None
+        if arguments.against is not None:
+            common.require_document(arguments.against)
+            against, found = attempted(arguments.against, replace(options, parameters={}, choices={}), _page)
+            if against is None:
+                common.print_text(found, stream=sys.stderr, debug=arguments.debug)
+                return common.exit_code(found)
         live = Live(
             arguments.document, options, lambda: Wish(targets=(), modes=arguments.mode, strict=arguments.strict), refused, writes=False,
         )
-        server = _server(arguments)
+        server = _server(arguments, against)
     except common.WrongCommandLine as fault:
         common.print_text([fault.diagnostic], stream=sys.stderr, debug=arguments.debug)
         return common.USAGE
@@ -81,7 +91,14 @@ def run(arguments: argparse.Namespace) -> int:
         return until_interrupted(live, hear)
 
 
-def _server(arguments: argparse.Namespace) -> Server:
+def _page(environment: Environment) -> tuple[Page | None, list[Diagnostic]]:
+    """The page of a document as it stands, None where it has errors; and what is said of it."""
+    compilation = pipeline.compile(environment)
+    found = common.final(compilation.report, strict=False)
+    return None if compilation.report.failed else page_of(pipeline.request_of(environment, compilation)), found
+
+
+def _server(arguments: argparse.Namespace, against: Page | None) -> Server:
     from thingc.diagnostics import Report
     from thingc.workspace import Workspace
 
@@ -89,7 +106,7 @@ def _server(arguments: argparse.Namespace) -> Server:
     root = workspace.root if workspace is not None else os.path.dirname(os.path.abspath(arguments.document))
     editor = arguments.editor.replace("{file}", f"{quote(root)}/{{file}}")
     try:
-        return Server(arguments.port, editor)
+        return Server(arguments.port, editor, against)
     except OSError as fault:
         reason = fault.strerror or str(fault)
         raise common.WrongCommandLine(f"port {arguments.port} cannot be had: {reason}", "leave --port out: a free one is taken") from fault
@@ -97,6 +114,8 @@ def _server(arguments: argparse.Namespace) -> Server:
 
 def _open_build(arguments: argparse.Namespace) -> int:
     """Show the page of a finished build. Raises `WrongCommandLine` where it has none."""
+    if arguments.against is not None:
+        raise common.WrongCommandLine("--against is about documents", "name both documents, not their builds")
     folder = Path(arguments.document)
     pages = sorted(folder.glob("html/*.html"))
     if not pages:

@@ -48,11 +48,12 @@ new EventSource("events").onmessage = (message) => {
 
 class Server:
     """A server on a free port of this machine, or on `port`. A context manager: it serves from entering to leaving. Raises OSError where
-    the port is taken. `editor` is what `Page.html` takes."""
+    the port is taken. `editor` and `against` are what `Page.html` takes."""
 
-    def __init__(self, port: int = 0, editor: str | None = None) -> None:
+    def __init__(self, port: int = 0, editor: str | None = None, against: Page | None = None) -> None:
         self._news = threading.Condition()
         self._editor = editor
+        self._against = against
         self._page: Page | None = None
         self._build = 0
         self._told = ""
@@ -107,7 +108,7 @@ class Server:
         with self._news:
             page = self._page
         if name == "":
-            return HTML, WAITING if page is None else page.html(live=True, editor=self._editor)
+            return HTML, WAITING if page is None else page.html(live=True, editor=self._editor, against=self._against)
         if page is not None and name == "robot.json":
             return JSON, page.data.encode()
         return (GLB, page.glb) if page is not None and name == "geometry.glb" else None
