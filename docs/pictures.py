@@ -36,6 +36,20 @@ STRIPS: dict[str, tuple[str, list[list[str]]]] = {
         ["--mode", "on_left", "--azimuth", "195", "--elevation", "-10"],
         ["--mode", "on_right", "--azimuth", "165", "--elevation", "-10"],
     ]),
+    "gallery_hexapod.png": ("gallery/hexapod/hexapod.yaml", [
+        ["--mode", "standing", "--azimuth", "145"], ["--mode", "tripod", "--azimuth", "125"],
+    ]),
+    "gallery_gripper.png": ("gallery/gripper/gripper.yaml", [
+        ["--mode", "bench", "--azimuth", "20"], ["--mode", "dangling", "--azimuth", "60", "--elevation", "-15"],
+    ]),
+    "gallery_delta.png": ("gallery/delta/delta.yaml", [["--mode", "bench"], ["--mode", "reaching"]]),
+    "gallery_balancer.png": ("gallery/balancer/balancer.yaml", [
+        ["--mode", "balancing", "--azimuth", "150", "--elevation", "-14"], ["--mode", "fallen", "--azimuth", "150", "--elevation", "-14"],
+    ]),
+    "gallery_hand.png": ("gallery/hand/hand.yaml", [
+        ["--mode", "bench", "--pose", "ok", "--azimuth", "215"], ["--mode", "hanging", "--azimuth", "215"],
+    ]),
+    "gallery_gecko.png": ("gallery/gecko/gecko.yaml", [["--mode", "floor"], ["--mode", "right_front"]]),
     "arm_frames.png": ("assemblies/arm.yaml", [["--mode", "drawing", "--joints", "--root", "--mounts-of", "hand.fixture"]]),
 }
 """Pictures side by side: the document, and how each is taken."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import acos, cos, sin
 
-from build123d import Axis, Face, Location, Plane, Pos, Solid, Wire
+from build123d import Axis, Edge, Face, Location, Plane, Pos, Solid, Wire
 
 Point = tuple[float, float]
 
@@ -43,3 +44,23 @@ def bevelled(diameter: float, height: float, bevel: float, bottom: float = 0.0, 
 def spots(diameter: float, count: int, start: float = 0.0) -> list[Location]:
     """`count` places around a circle, the first at `start` [deg] from x, on towards +y."""
     return [Location((0, 0, 0), (0, 0, start + 360.0 * k / count)) * Pos(diameter / 2, 0, 0) for k in range(count)]
+
+
+def bar(length: float, start: float, end: float, thickness: float, bottom: float = 0.0) -> Solid:
+    """A flat link along y from z = `bottom` up: the hull of discs of radius `start` at the origin and `end` at y = `length`."""
+    lean = acos((start - end) / length)
+    corners = [(start * sin(lean), start * cos(lean)), (end * sin(lean), length + end * cos(lean))]
+    (x0, y0), (x1, y1) = corners
+    outline = [
+        Edge.make_line((x0, y0, bottom), (x1, y1, bottom)),
+        Edge.make_three_point_arc((x1, y1, bottom), (0, length + end, bottom), (-x1, y1, bottom)),
+        Edge.make_line((-x1, y1, bottom), (-x0, y0, bottom)),
+        Edge.make_three_point_arc((-x0, y0, bottom), (0, -start, bottom), (x0, y0, bottom)),
+    ]
+    return Solid.extrude(Face(Wire(outline)), (0, 0, thickness))
+
+
+def softened(solid: Solid, size: float, axis: Axis = Axis.Z) -> Solid:
+    """A solid whose edges around its two end faces along an axis are cut off by `size` at 45 deg."""
+    faces = solid.faces().filter_by(axis).sort_by(axis)
+    return solid.chamfer(size, None, [*faces[0].outer_wire().edges(), *faces[-1].outer_wire().edges()])

@@ -92,6 +92,8 @@ def anchors(page: Path) -> set[str]:
 def unpack(page: Path, folder: Path) -> Path:
     """The files that the page shows, in a folder that has the repository's documents and its `arm.py`, too."""
     shutil.copytree(ROOT / "assemblies", folder / "assemblies")
+    if any(" gallery/" in command for command, _ in commands(page)):
+        shutil.copytree(ROOT / "gallery", folder / "gallery", ignore=shutil.ignore_patterns("build", "__pycache__"))
     (folder / "parts").mkdir()
     shutil.copy(ROOT / "parts" / "arm.py", folder / "parts")
     shutil.copy(ROOT / "thingc.toml", folder)

@@ -1,0 +1,103 @@
+"""The robots of the gallery: nothing is said of them, their own tests pass, and every mode is simulated from where it starts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+import thingc
+from thingc.cli.main import main
+
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("one_kernel")]
+
+ROOT = Path(__file__).resolve().parents[2]
+NAMES = ("balancer", "delta", "gecko", "gripper", "hand", "hexapod")
+ROOTS = {  # the links that trees begin with, and the modes: another root is another tree of the same robot
+    "balancer": ({"body", "left_wheel"}, 4), "delta": ({"top", "platform"}, 3),
+    "gecko": ({"chest", "left_front/arm", "right_front/arm", "left_rear/arm", "right_rear/arm"}, 6),
+    "gripper": ({"base", "left_finger"}, 3), "hand": ({"forearm", "index/distal"}, 3),
+    "hexapod": ({"chassis", "leg_0/knee_servo", "leg_1/knee_servo"}, 5),
+}
+_MADE: dict[str, thingc.Compiled] = {}
+
+
+def document(name: str) -> str:
+    return str(ROOT / "gallery" / name / f"{name}.yaml")
+
+
+def compiled(name: str, store: str) -> thingc.Compiled:
+    """The robot, compiled once; warnings are errors."""
+    if name not in _MADE:
+        _MADE[name] = thingc.compile(document(name), store=store, strict=True)
+    return _MADE[name]
+
+
+def scene(mode: thingc.CompiledMode) -> mujoco.MjModel:
+    """The mode's scene: the robot on its floor."""
+    files = {path.removeprefix("mjcf/"): data for path, data in mode.files.items() if path.endswith(".xml")}
+    name = next(path for path in files if path == f"scene_{mode.name}.xml")
+    return mujoco.MjModel.from_xml_string(files[name].decode(), {**files, **mode.assets()})
+
+
+def root_of(mode: thingc.CompiledMode) -> str:
+    return mode.robot.assembly.links[mode.robot.bodies[0].link].name
+
+
+def test_every_folder_is_a_robot() -> None:
+    assert sorted(path.name for path in (ROOT / "gallery").iterdir() if path.is_dir()) == list(NAMES)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_mode_is_simulated(name: str, shared_store: str) -> None:
+    """Half a second from its first keyframe, drives set to it: finite, without MuJoCo's warnings, loops closed, nothing flung away."""
+    robot = compiled(name, shared_store)
+    assert robot.diagnostics == ()
+    roots, number = ROOTS[name]
+    assert len(robot.modes) == number and {root_of(mode) for mode in robot.modes.values()} == roots
+    for mode in robot.modes.values():
+        model = scene(mode)
+        data = mujoco.MjData(model)
+        if model.nkey:
+            mujoco.mj_resetDataKeyframe(model, data, 0)
+        mujoco.mj_forward(model, data)
+        start = data.xipos.copy()
+        while data.time < 0.5:
+            mujoco.mj_step(model, data)
+        assert sum(warning.number for warning in data.warning) == 0, mode
+        assert np.isfinite(data.qpos).all() and np.abs(data.qvel).max() < 30.0, mode
+        assert np.linalg.norm(data.xipos - start, axis=1).max() < 0.15, mode
+        closed = data.efc_type[: data.nefc] == mujoco.mjtConstraint.mjCNSTR_EQUALITY
+        assert not closed.any() or np.abs(data.efc_pos[: data.nefc][closed]).max() < 2e-3, mode
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_its_own_tests_pass(name: str, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["test", document(name), "--strict", "--store", shared_store]) == 0, capsys.readouterr()
+
+
+def test_the_balancer_balances(shared_store: str) -> None:
+    """A lean and its rate, fed back to both wheels, keep it up; without them it falls."""
+    model = scene(compiled("balancer", shared_store).modes["balancing"])
+    body, (left, right) = model.body("body").id, (model.joint(name).dofadr[0] for name in ("left", "right"))
+    signs = [np.sign(model.joint(name).axis[2]) for name in ("left", "right")]
+
+    def leans(gain: float) -> float:
+        data = mujoco.MjData(model)
+        data.qvel[4] = 0.3  # a push
+        greatest = 0.0
+        while data.time < 3.0:
+            axes = data.xmat[body].reshape(3, 3)
+            lean = np.arctan2(axes[0, 2], axes[2, 2])
+            forwards = (data.qvel[left] - data.qvel[right]) / 2.0
+            torque = gain * (1.6 * lean + 0.16 * data.qvel[4] + 0.012 * forwards)
+            data.ctrl[:] = (torque, -torque)
+            mujoco.mj_step(model, data)
+            greatest = max(greatest, abs(lean))
+        return greatest
+
+    assert signs == [1.0, 1.0]
+    assert leans(0.0) > 1.0
+    assert leans(1.0) < 0.2
