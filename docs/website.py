@@ -26,6 +26,8 @@ from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
+from PIL import Image
+
 DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
 CONFIG = ROOT / "zensical.toml"
@@ -82,7 +84,7 @@ def linked(text: str, name: str, path: Path, sources: dict[str, Path]) -> str:
 
     def token(found: re.Match[str]) -> str:
         if found["viewer"]:
-            return _frame(found["robot"], found["fragment"] or "", found["says"], found["picture"], name)
+            return _frame(found["robot"], found["fragment"] or "", found["says"], path.parent / found["picture"], name)
         if found["link"]:
             inner = _TOKENS.sub(token, found["text"]) if "](" in found["text"] else found["text"]
             return f"{inner}({_there(found['target'], name, path, sources)})"
@@ -109,15 +111,21 @@ def _there(target: str, name: str, path: Path, sources: dict[str, Path]) -> str:
     return os.path.relpath(where, Path(name).parent).replace(os.sep, "/") + mark + anchor
 
 
-def _frame(robot: str, fragment: str, says: str, picture: str, name: str) -> str:
-    """A picture that becomes the robot itself when somebody clicks at it: a frame whose first page is the picture, a link."""
+def _frame(robot: str, fragment: str, says: str, picture: Path, name: str) -> str:
+    """A picture that becomes the robot itself when somebody clicks at it: a frame, as wide and high as the picture, whose first page is
+    the picture as a link. The second page that it loads is the robot, for which it takes the height that `site.css` gives it."""
     up = os.path.relpath(".", Path(name).parent) if "/" in name else "."
     address = html.escape(f"{up}/viewers/{robot}.html{fragment}".removeprefix("./"))
-    first = f'<style>{FRAME}</style><a href="{address}"><img src="{html.escape(picture)}" alt="{html.escape(says)}">' \
+    shown = os.path.relpath(picture.resolve(), DOCS / Path(name).parent).replace(os.sep, "/")
+    with Image.open(picture) as opened:
+        width, height = opened.size
+    first = f'<style>{FRAME}</style><a href="{address}"><img src="{html.escape(shown)}" alt="{html.escape(says)}">' \
         "<span><b>Click to turn it</b></span></a>"
     return (
-        f'<iframe class="viewer" title="{html.escape(says)}" src="{address}" srcdoc="{html.escape(first)}" loading="lazy"></iframe>\n'
-        f'<a class="alone" href="{address}">{html.escape(robot)} in a window of its own</a>'
+        f'<iframe class="viewer" title="{html.escape(says)}" src="{address}" srcdoc="{html.escape(first)}" loading="lazy" '
+        f'style="aspect-ratio: {width} / {height}" '
+        'onload="this.pages = (this.pages || 0) + 1; this.classList.toggle(\'live\', this.pages > 1)"></iframe>'
+        f'\n<a class="alone" href="{address}">Open it in a window of its own</a>'
     )
 
 

@@ -12,6 +12,7 @@ from types import ModuleType
 import pytest
 
 from docs.pages import ROOT
+from viewer.browser import OWN, chromium, needed
 
 
 @pytest.fixture(scope="module")
@@ -67,10 +68,10 @@ def test_links_out_of_the_pages_lead_to_pages_of_the_site(website: ModuleType) -
 
 
 def test_a_viewer_is_a_frame_whose_first_page_is_the_picture(website: ModuleType) -> None:
-    text = "<!-- viewer: arm#m=bench -->\n![\"The\" arm](pictures/arm_modes.png)\n"
+    text = "<!-- viewer: arm#m=bench -->\n\n![\"The\" arm](../pictures/arm_modes.png)\n"
     seen = website.linked(text, "howto/x.md", ROOT / "docs" / "howto" / "x.md", {})
-    assert seen.count("../viewers/arm.html#m=bench") == 3 and "&lt;img src=&quot;pictures/arm_modes.png&quot;" in seen
-    assert 'title="&quot;The&quot; arm"' in seen
+    assert seen.count("../viewers/arm.html#m=bench") == 3 and "&lt;img src=&quot;../pictures/arm_modes.png&quot;" in seen
+    assert 'title="&quot;The&quot; arm"' in seen and "aspect-ratio: 1" in seen
 
 
 def test_faults_of_a_site_are_found(website: ModuleType, tmp_path: Path) -> None:
@@ -87,14 +88,38 @@ def test_faults_of_a_site_are_found(website: ModuleType, tmp_path: Path) -> None
     ]
 
 
+@pytest.fixture(scope="module")
+def site(website: ModuleType, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site, with empty pages for robots. zensical takes its folders from beside its configuration."""
+    folder = tmp_path_factory.mktemp("site")
+    (folder / "zensical.toml").write_text(website.CONFIG.read_text().replace('paths = ["compiler"]', f'paths = ["{ROOT / "compiler"}"]'))
+    website.lay(folder / "build" / "pages", viewers=False)
+    assert website.build(folder) == [], "warnings of zensical, or links that lead nowhere"
+    return folder / "build" / "site"
+
+
 @pytest.mark.slow
-def test_the_site_is_built_without_a_warning_and_every_link_of_it_is_there(
-    website: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Zensical takes its folders from beside its configuration."""
-    (tmp_path / "zensical.toml").write_text(website.CONFIG.read_text().replace('paths = ["compiler"]', f'paths = ["{ROOT / "compiler"}"]'))
-    website.lay(tmp_path / "build" / "pages", viewers=False)
-    assert website.build(tmp_path) == []
-    site = tmp_path / "build" / "site"
+def test_the_site_is_built_without_a_warning_and_every_link_of_it_is_there(site: Path) -> None:
     assert {"index.html", "llms.txt", "llms-full.txt", "search.js", "codes", "viewers"} <= {path.name for path in site.iterdir()}
     assert "properties" in (site / "api.html").read_text() and "https://unpkg.com/iframe-worker" not in (site / "index.html").read_text()
+
+
+@pytest.mark.slow
+@needed
+def test_the_site_is_searched_and_shows_robots_from_a_disk_and_asks_nothing_of_a_network(site: Path) -> None:
+    with chromium() as browser:
+        page = browser.new_page(viewport={"width": 400, "height": 800})
+        faults: list[str] = []
+        page.on("pageerror", lambda fault: faults.append(str(fault)))
+        page.on("request", lambda asked: faults.append(asked.url) if not asked.url.startswith(OWN) else None)
+        page.goto((site / "index.html").as_uri())
+        assert page.evaluate("document.documentElement.scrollWidth <= innerWidth"), "wider than a telephone"
+        page.set_viewport_size({"width": 1200, "height": 800})
+        page.locator(".md-search__button").click()
+        page.keyboard.type("mimic")
+        page.get_by_text("TC325").first.wait_for()
+        page.keyboard.press("Escape")
+        page.frame_locator("iframe.viewer").locator("a").click()
+        page.wait_for_selector("iframe.viewer.live")
+        assert page.frames[1].url.endswith("viewers/arm.html")
+        assert faults == []
