@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from thingc.diagnostics import Code
 from thingc.emit.artifact import Artifacts, Content, Loss, Stored
 from thingc.emit.capabilities import losses
 from thingc.emit.mjcf import check, compat, raw, scene
@@ -61,6 +62,12 @@ def models(request: EmitRequest) -> Models:
         ))
     lost |= suited
     every = tuple(candidates)
+    scenes = {f"scene_{one.mode}.xml" for one in every}
+    for file in sorted(scenes & {one.file for one in every}):
+        report.add(
+            Code.SAME_NAME, f"a model of the robot `{assembly.name}` and a scene would both be `mjcf/{file}`", assembly.definition.origin,
+            help="rename the robot",
+        )
     if request.verify:
         starts = not request.repeated
         waiting = check.doubtful(every, geometry.meshes, request.store, request.memo, starts=starts)
