@@ -11,7 +11,7 @@ export type Twist = [Vector, Vector, Vector];
 export interface Place { file: string | null; line: number | null }
 
 export interface Definition extends Place {
-  text: string; label: string; reference: string; kind: "part" | "file" | "frame" | "assembly"; mirrors: string | null;
+  text: string; label: string; kind: "part" | "file" | "frame" | "assembly"; mirrors: string | null;
   parameters: [string, string][];
 }
 
@@ -45,7 +45,7 @@ export interface Loop {
   path: string; hold: boolean; parent: number | null; child: number; turns: boolean; at_once: boolean; X_PA: Rows; X_CB: Rows; joints: Moving[];
 }
 
-export interface NamedPose extends Place { name: string; q: Record<string, number>; base: Rows | null; margins: Record<string, number> }
+export interface NamedPose { name: string; q: Record<string, number>; base: Rows | null; margins: Record<string, number> }
 
 export interface Mode extends Place {
   name: string; root: MountAt; base: "fixed" | "held" | "free" | "planar" | "ball"; gravity: Vector; bodies: Body[]; loops: Loop[];
@@ -59,7 +59,7 @@ export interface BomRow {
 
 export interface Robot {
   version: number; name: string; mass: number; definitions: Definition[]; links: Link[]; occurrences: Occurrence[];
-  mounts: (MountAt & { mount: string })[]; joints: Joint[]; magnets: (MountAt & { force: number })[]; bom: BomRow[]; modes: Mode[];
+  mounts: (MountAt & { mount: string })[]; joints: Joint[]; magnets: MountAt[]; bom: BomRow[]; modes: Mode[];
 }
 
 /** An angle in degrees or a length in millimetres, as people read a coordinate. */

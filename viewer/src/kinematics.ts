@@ -10,6 +10,10 @@ export function matrixOf(rows: Rows): Matrix4 {
   return new Matrix4(...(rows as [number, number, number, number, number, number, number, number, number, number, number, number]), 0, 0, 0, 1);
 }
 
+export function rowsOf(pose: Matrix4): Rows {
+  return pose.clone().transpose().elements.slice(0, 12);
+}
+
 const turn = new Matrix4();
 const axis = new Vector3();
 
@@ -47,11 +51,18 @@ export class Tree {
   readonly bodies: Body[];
   /** Where each link's body is among the bodies. */
   readonly bodyOf: Map<number, number>;
+  /** What each coordinate moves: of a body in its parent, or across a loop where it is cut. */
+  private readonly movers = new Map<string, { parent: number | null; offset: Matrix4; joints: Moving[]; at: number; atOnce: boolean }>();
 
   constructor(readonly mode: Mode) {
     this.bodies = mode.bodies;
     this.offsets = mode.bodies.map((body) => matrixOf(body.X));
     this.bodyOf = new Map(mode.bodies.map((body, index) => [body.link, index]));
+    const moves = [
+      ...mode.bodies.map((body, index) => ({ parent: body.parent, offset: this.offsets[index], joints: body.joints, atOnce: body.at_once })),
+      ...mode.loops.map((loop) => ({ parent: loop.parent, offset: matrixOf(loop.X_PA), joints: loop.joints, atOnce: loop.at_once })),
+    ];
+    for (const one of moves) one.joints.forEach(({ path }, at) => this.movers.set(path, { ...one, at }));
   }
 
   /** Where the mode puts its root link. */
@@ -72,17 +83,14 @@ export class Tree {
     return this.bodies.map(() => new Matrix4());
   }
 
-  /** The frame in the world in which the twist of a coordinate is given, at q; the links at `placed`. */
+  /** The frame in the world in which the twist of a coordinate is given, at q; the bodies at `placed`. */
   frameOf(path: string, q: Coordinates, placed: Matrix4[]): { frame: Matrix4; twist: Twist } | null {
-    for (const [index, body] of this.bodies.entries()) {
-      const at = body.joints.findIndex((joint) => joint.path === path);
-      if (at < 0 || body.parent === null) continue;
-      const frame = new Matrix4().multiplyMatrices(placed[body.parent], this.offsets[index]);
-      if (body.at_once) move(frame, body.joints, true, q);
-      else move(frame, body.joints.slice(0, at), false, q);
-      return { frame, twist: body.joints[at].twist };
-    }
-    return null;
+    const known = this.movers.get(path);
+    if (known === undefined) return null;
+    const { parent, offset, joints, at, atOnce } = known;
+    const frame = parent === null ? offset.clone() : new Matrix4().multiplyMatrices(placed[parent], offset);
+    move(frame, atOnce ? joints : joints.slice(0, at), atOnce, q);
+    return { frame, twist: joints[at].twist };
   }
 
   /** The bodies between a body and the root, itself first. */
@@ -93,26 +101,36 @@ export class Tree {
   }
 }
 
-/** Which coordinates follow others, and how. */
-export class Followers {
+/** The coordinates of a robot: which follow others, and how far each may go. */
+export class Couplings {
   private readonly joints: Map<string, Joint>;
+  private readonly leaders = new Map<string, { path: string; factor: number; shift: number }>();
+  private readonly ranges = new Map<string, [number, number]>();
+  private readonly cones: { paths: string[]; cone: number }[];
 
   constructor(robot: Robot) {
     this.joints = new Map(robot.joints.map((joint) => [joint.path, joint]));
+    for (const path of this.joints.keys()) this.leaders.set(path, this.found(path));
+    for (const [path, { path: leader, factor, shift }] of this.leaders) {
+      const { lower, upper } = this.joints.get(path)!;
+      const [low, high] = this.ranges.get(leader) ?? [-Infinity, Infinity];
+      const ends = [lower ?? -Infinity, upper ?? Infinity].map((end) => (end - shift) / factor);
+      if (factor !== 0) this.ranges.set(leader, [Math.max(low, Math.min(...ends)), Math.min(high, Math.max(...ends))]);
+    }
+    const balls = new Map<string, string[]>();
+    for (const { path, joint, kind } of robot.joints) if (kind === "ball") balls.set(joint, [...(balls.get(joint) ?? []), path]);
+    this.cones = [...balls.values()].flatMap((paths) => {
+      const cone = this.joints.get(paths[0])!.cone;
+      return cone === null ? [] : [{ paths, cone }];
+    });
   }
 
-  follows(path: string): boolean {
-    const mimic = this.joints.get(path)?.mimic;
-    return mimic != null && this.joints.has(mimic.joint);
-  }
-
-  /** The coordinate that `path` follows in the end (itself where it follows none), q = factor * q(leader) + shift. */
-  leader(path: string): { path: string; factor: number; shift: number } {
+  private found(path: string): { path: string; factor: number; shift: number } {
     let here = path, factor = 1, shift = 0;
-    const met = new Set<string>();
-    while (this.follows(here) && !met.has(here)) {
+    for (const met = new Set<string>(); !met.has(here); ) {
       met.add(here);
-      const mimic = this.joints.get(here)!.mimic!;
+      const mimic = this.joints.get(here)!.mimic;
+      if (mimic === null || !this.joints.has(mimic.joint)) break;
       shift += factor * mimic.offset;
       factor *= mimic.multiplier;
       here = mimic.joint;
@@ -120,12 +138,44 @@ export class Followers {
     return { path: here, factor, shift };
   }
 
-  /** Puts every follower where its leader has it. */
+  /** The coordinate that `path` follows in the end (itself where it follows none), q = factor * q(leader) + shift. */
+  leader(path: string): { path: string; factor: number; shift: number } {
+    return this.leaders.get(path)!;
+  }
+
+  follows(path: string): boolean {
+    return this.leader(path).path !== path;
+  }
+
+  /** How far a coordinate may go, such that all that is coupled to it stays within its limits. */
+  range(path: string): [number, number] {
+    const { path: leader, factor, shift } = this.leader(path);
+    const ends = (this.ranges.get(leader) ?? [-Infinity, Infinity]).map((end) => factor * end + shift);
+    return factor === 0 ? [shift, shift] : [Math.min(...ends), Math.max(...ends)];
+  }
+
+  /** The coordinate of the leader at which `path` is at a value. */
+  led(path: string, value: number): number {
+    const { factor, shift } = this.leader(path);
+    return factor === 0 ? 0 : (value - shift) / factor;
+  }
+
+  /** Puts every leader within its range, every ball within its cone, and every follower where its leader has it. */
   settle(q: Coordinates): Coordinates {
-    for (const path of this.joints.keys()) {
-      if (!this.follows(path)) continue;
-      const { path: leader, factor, shift } = this.leader(path);
-      if (leader !== path) q[path] = factor * (q[leader] ?? 0) + shift;
+    for (const [path, [low, high]] of this.ranges) if (path in q) q[path] = Math.min(high, Math.max(low, q[path]));
+    for (const { paths, cone } of this.cones) {
+      const angle = Math.hypot(...paths.map((path) => q[path]));
+      if (angle > cone) for (const path of paths) q[path] *= cone / angle;
+    }
+    for (const [path, { path: leader, factor, shift }] of this.leaders) if (path !== leader) q[path] = factor * (q[leader] ?? 0) + shift;
+    return q;
+  }
+
+  /** Turns that have no end, and nothing coupled to them, within half a turn of 0. */
+  unwound(q: Coordinates): Coordinates {
+    for (const [path, { kind, turns, lower, upper }] of this.joints) {
+      const alone = ![...this.leaders].some(([other, { path: leader }]) => other !== leader && (leader === path || other === path));
+      if (turns && kind !== "ball" && lower === null && upper === null && alone) q[path] -= 2 * Math.PI * Math.round(q[path] / (2 * Math.PI));
     }
     return q;
   }

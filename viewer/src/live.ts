@@ -3,8 +3,8 @@
 import type { BufferGeometry } from "three";
 import type { Robot } from "./data";
 import { geometriesOf } from "./scene";
-import { place } from "./ui/card";
 import { $, make } from "./ui/dom";
+import { place } from "./ui/place";
 import type { Viewer } from "./viewer";
 
 interface Finding { code: string; severity: string; message: string; file: string | null; line: number | null; help: string | null }

@@ -1,15 +1,18 @@
 // The page: reads what it was given, and wires panels, gestures and keys to the viewer.
 
 import type { BufferGeometry } from "three";
+import { RINGS } from "./annotate";
 import { type Robot, shownMass, VERSION } from "./data";
 import { listen, live } from "./live";
 import { restored, written } from "./permalink";
 import { geometriesOf } from "./scene";
 import { bomPanel } from "./ui/bom";
-import { card, editor } from "./ui/card";
+import { card } from "./ui/card";
+import { copied } from "./ui/copying";
 import { $, choices, make } from "./ui/dom";
 import { gestures, KEYS, keys } from "./ui/gestures";
 import { measurePanel } from "./ui/measure";
+import { editor } from "./ui/place";
 import { posePanel } from "./ui/pose";
 import { showPanel } from "./ui/show";
 import { treePanel } from "./ui/tree";
@@ -30,8 +33,18 @@ async function start(): Promise<void> {
   const open = (name: string): void => {
     shown = name;
     for (const [own] of PANELS) $(`panel-${own}`).hidden = own !== name;
-    for (const tab of tabs.children) tab.setAttribute("aria-selected", String(tab.id === `tab-${name}`));
+    for (const tab of tabs.children as HTMLCollectionOf<HTMLElement>) {
+      tab.setAttribute("aria-selected", String(tab.id === `tab-${name}`));
+      tab.tabIndex = tab.id === `tab-${name}` ? 0 : -1;
+    }
   };
+  tabs.addEventListener("keydown", (event) => {
+    const by = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+    if (by === undefined) return;
+    const names = PANELS.map(([name]) => name);
+    open(names[(names.indexOf(shown) + by + names.length) % names.length]);
+    $(`tab-${shown}`).focus();
+  });
   for (const [name, words, panel] of PANELS) {
     tabs.append(make("button", { type: "button", role: "tab", id: `tab-${name}`, "aria-controls": `panel-${name}`, onclick: () => open(name) }, words));
     $(`panel-${name}`).setAttribute("aria-labelledby", `tab-${name}`);
@@ -43,6 +56,7 @@ async function start(): Promise<void> {
   const help = helped();
   keys(viewer, { find: () => { open("tree"); $("search").focus(); }, help });
   actions(viewer, help);
+  views(viewer);
   open("pose");
 
   new ResizeObserver(() => viewer.stage.resize()).observe($("view"));
@@ -87,8 +101,8 @@ function header(viewer: Viewer): void {
     }
     if (change === "mode") {
       update();
-      const { root, base } = viewer.mode;
-      $("subtitle").title = `mode ${viewer.mode.name}: root ${root.path}, base ${base}`;
+      const { name, root, base, file, line } = viewer.mode;
+      $("modes").title = `mode ${name}: root ${root.path}, base ${base}${file === null ? "" : `\n${file}:${line}`}`;
     }
     if (change === "options") {
       document.documentElement.dataset.theme = viewer.options.theme;
@@ -102,19 +116,26 @@ function header(viewer: Viewer): void {
   document.documentElement.dataset.theme = viewer.options.theme;
 }
 
+/** Whence the robot is looked at. */
+const VIEWS: [string, [number, number, number]][] = [["Iso", [0.62, -0.72, 0.42]], ["Front", [1, 0, 0]], ["Side", [0, -1, 0]], ["Top", [0, -1e-4, 1]]];
+
 function actions(viewer: Viewer, help: () => void): void {
   const button = (words: string, title: string, act: () => void): HTMLButtonElement => make("button", { type: "button", title, "aria-label": title, onclick: act }, words);
   $("actions").append(
     button("Fit", "the whole robot in the picture (r)", () => viewer.reset()),
-    button("Link", "copy a link to exactly this view", async () => {
-      history.replaceState(null, "", written(viewer));
-      await navigator.clipboard?.writeText(location.href).then(() => viewer.say("the link is copied"), () => viewer.say("the link is in the address bar"));
+    button("Link", "copy a link to exactly this view", () => {
+      noted(viewer);
+      void copied(viewer, location.href.replace(/#.*/, "") + written(viewer), "the link is copied");
     }),
     button("Picture", "save this picture as PNG", () => saved(viewer)),
     button("◐", "dark or light", () => viewer.setOptions({ theme: viewer.options.theme === "dark" ? "light" : "dark" })),
     button("☰", "panels beside the picture, or none", () => viewer.setOptions({ panels: !viewer.options.panels })),
     button("?", "keys and gestures (?)", help),
   );
+}
+
+function views(viewer: Viewer): void {
+  $("views").append(...VIEWS.map(([words, from]) => make("button", { type: "button", title: `look from here: ${words}`, onclick: () => viewer.reset(from) }, words)));
 }
 
 /** Hands the picture to the person, without its background. */
@@ -134,9 +155,22 @@ function helped(): () => void {
   dialog.append(
     make("h2", {}, "Gestures"),
     make("p", {}, "Drag to turn, drag with the right button to shift, scroll to zoom. Click a part to see what it is. Drag a link with Shift, or after a long press, to pose the robot."),
-    make("h2", {}, "Keys"), table, make("p", {}, make("button", { type: "button", autofocus: true, onclick: () => dialog.close() }, "Close")),
+    make("h2", {}, "Marks"), make("ul", { class: "rings" }, ...RINGS.map(([color, shape, words]) => {
+      const sample = make("i", { class: shape });
+      sample.style.color = color;
+      return make("li", {}, sample, words);
+    })), make("h2", {}, "Keys"), table, make("p", {}, make("button", { type: "button", onclick: () => dialog.close() }, "Close")),
   );
   return () => dialog.showModal();
+}
+
+/** What is shown, in the address. */
+function noted(viewer: Viewer): void {
+  try {
+    history.replaceState(null, "", written(viewer));
+  } catch {
+    // a browser may forbid it in a page within another
+  }
 }
 
 /** The address follows what is shown, when it has been still for a while. */
@@ -144,15 +178,9 @@ function remember(viewer: Viewer): void {
   let waiting = 0;
   const note = (): void => {
     clearTimeout(waiting);
-    waiting = window.setTimeout(() => {
-      try {
-        history.replaceState(null, "", written(viewer));
-      } catch {
-        // a browser may forbid it in a page within another
-      }
-    }, 300);
+    waiting = window.setTimeout(() => noted(viewer), 300);
   };
-  viewer.listen((change) => { if (change !== "said") note(); });
+  viewer.listen((change) => { if (change !== "said" && change !== "hover") note(); });
   viewer.stage.controls.addEventListener("end", note);
 }
 

@@ -64,6 +64,7 @@ export class Marks {
   private readonly balls: Many;
   private readonly ellipsoids: Many;
   private readonly rings: Many;
+  private readonly lines: Many;
 
   constructor(stage: Stage) {
     const shaft = new CylinderGeometry(0.022, 0.022, 0.8, 10).translate(0, 0.4, 0);
@@ -71,6 +72,7 @@ export class Marks {
     const arrow = mergeGeometries([shaft, head]).rotateX(Math.PI / 2);
     const over = new MeshBasicMaterial({ depthTest: false, transparent: true, opacity: 0.95, toneMapped: false, side: DoubleSide });
     this.arrows = new Many(stage, arrow, over);
+    this.lines = new Many(stage, new CylinderGeometry(1, 1, 1, 8).translate(0, 0.5, 0).rotateX(Math.PI / 2), over);
     this.balls = new Many(stage, new SphereGeometry(1, 20, 14), over);
     this.rings = new Many(stage, new RingGeometry(0.82, 1, 48), over);
     this.ellipsoids = new Many(
@@ -79,7 +81,7 @@ export class Marks {
   }
 
   private get all(): Many[] {
-    return [this.arrows, this.balls, this.ellipsoids, this.rings];
+    return [this.arrows, this.balls, this.ellipsoids, this.rings, this.lines];
   }
 
   begin(): void {
@@ -94,6 +96,14 @@ export class Marks {
   arrow(from: Vector3, along: Vector3, length: number, color: Color): void {
     const turn = new Quaternion().setFromUnitVectors(UP, along.clone().normalize());
     this.arrows.add(new Matrix4().compose(from, turn, new Vector3(length, length, length)), color);
+  }
+
+  /** From one point to another, so thick. */
+  line(from: Vector3, to: Vector3, radius: number, color: Color): void {
+    const along = to.clone().sub(from), length = along.length();
+    if (length === 0) return;
+    const turn = new Quaternion().setFromUnitVectors(UP, along.divideScalar(length));
+    this.lines.add(new Matrix4().compose(from, turn, new Vector3(radius, radius, length)), color);
   }
 
   /** The axes of a frame, x red, y green, z blue. */

@@ -2,6 +2,7 @@
 
 import { Vector3 } from "three";
 import { COLOURINGS } from "./colors";
+import { matrixOf, rowsOf } from "./kinematics";
 import { MARKS, SHOWN, type Viewer } from "./viewer";
 
 const DIGITS = 6;
@@ -14,6 +15,7 @@ export function written(viewer: Viewer): string {
   told.set("mode", viewer.mode.name);
   if (viewer.pose !== null) told.set("pose", viewer.pose.name);
   else told.set("q", viewer.joints.filter((joint) => !viewer.follows(joint.path)).map((joint) => `${joint.path}:${viewer.q[joint.path].toPrecision(10)}`).join(","));
+  if (viewer.pose === null && !viewer.configuration.atHome) told.set("base", rowsOf(viewer.configuration.base).map((x) => x.toPrecision(10)).join(","));
   const { camera, controls } = stage;
   told.set("camera", [...camera.position.toArray(), ...controls.target.toArray()].map(short).join(","));
   if (options.shown !== "visual") told.set("show", options.shown);
@@ -34,13 +36,15 @@ export function written(viewer: Viewer): string {
 /** Restores what a fragment says, as far as it is there in this robot. Whether it said anything. */
 export function restored(viewer: Viewer, fragment: string): boolean {
   const told = new URLSearchParams(fragment.replace(/^#/, ""));
+  const { stage } = viewer;
   if (told.size === 0) return false;
-  const numbers = (text: string | null): number[] => (text ?? "").split(",").map(Number).filter(Number.isFinite);
+  const numbers = (text: string | null): number[] => (text ?? "").split(",").filter((word) => word !== "").map(Number).filter(Number.isFinite);
   if (told.has("mode")) viewer.setMode(told.get("mode")!);
   if (told.has("pose")) viewer.setPose(told.get("pose")!, false);
   else if (told.has("q")) {
-    const pairs = told.get("q")!.split(",").map((pair) => [pair.slice(0, pair.lastIndexOf(":")), Number(pair.slice(pair.lastIndexOf(":") + 1))] as const);
-    viewer.restore(Object.fromEntries(pairs));
+    const pairs = told.get("q")!.split(",").map((pair) => /^(.*):([^:]+)$/.exec(pair)).filter((found) => found !== null);
+    const base = numbers(told.get("base"));
+    viewer.restore(Object.fromEntries(pairs.map(([, path, value]) => [path, Number(value)])), base.length === 12 ? matrixOf(base) : null);
   }
   const [axis, part] = (told.get("section") ?? "").split(":");
   viewer.setOptions({
@@ -56,10 +60,12 @@ export function restored(viewer: Viewer, fragment: string): boolean {
   const keys = [...viewer.mountKeys()];
   ([0, 1] as const).forEach((which) => viewer.measure(which, keys.find(([, words]) => words === ends[which])?.[0] ?? ""));
   const seen = numbers(told.get("camera"));
-  if (seen.length === 6) {
-    viewer.stage.camera.position.copy(new Vector3(...(seen.slice(0, 3) as [number, number, number])));
-    viewer.stage.controls.target.set(seen[3], seen[4], seen[5]);
-    viewer.stage.controls.update();
+  const [from, to] = [new Vector3(...seen.slice(0, 3)), new Vector3(...seen.slice(3))];
+  const away = from.distanceTo(to);
+  if (seen.length === 6 && away > 1e-3 * stage.size && away < 1e4 * stage.size) {
+    stage.camera.position.copy(from);
+    stage.controls.target.copy(to);
+    stage.controls.update();
   }
   return true;
 }

@@ -1,8 +1,8 @@
 // What is drawn of a robot: every mesh once, however often it occurs (an InstancedMesh), in the frame of the world.
 
 import {
-  AmbientLight, BoxGeometry, BufferAttribute, type BufferGeometry, Box3, CapsuleGeometry, Color, CylinderGeometry, DirectionalLight, DoubleSide, FrontSide,
-  GridHelper, Group, HemisphereLight, InstancedMesh, type Material, Matrix4, type Mesh, MeshStandardMaterial, type Object3D, PerspectiveCamera,
+  AmbientLight, BoxGeometry, BufferAttribute, type BufferGeometry, Box3, CapsuleGeometry, Color, CylinderGeometry, DirectionalLight, DoubleSide, EdgesGeometry, FrontSide,
+  GridHelper, Group, HemisphereLight, InstancedMesh, LineBasicMaterial, LineSegments, type Material, Matrix4, type Mesh, MeshStandardMaterial, type Object3D, PerspectiveCamera,
   Plane, Quaternion, Raycaster, Scene, SphereGeometry, SRGBColorSpace, Vector2, Vector3, WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
@@ -25,6 +25,7 @@ interface Batch { mesh: InstancedMesh; instances: Instance[]; collides: boolean 
 
 export interface Hit { occurrence: number; point: Vector3 }
 
+const edgesOf = new WeakMap<BufferGeometry, EdgesGeometry>();
 const known = new Map<string, BufferGeometry>();
 
 /** Geometries by the number that the data has for them; those that were there before are not worked out again. */
@@ -33,7 +34,7 @@ export async function geometriesOf(glb: ArrayBuffer): Promise<BufferGeometry[]> 
   const nodes = loaded.parser.json.nodes as { mesh: number }[] | undefined;
   const names = loaded.parser.json.meshes as { name: string }[] | undefined;
   const found: BufferGeometry[] = [];
-  for (const child of loaded.scene.children as Mesh[]) {
+  for (const child of (loaded.scene?.children ?? []) as Mesh[]) { // no scene where there are no meshes
     const number = loaded.parser.associations.get(child)!.nodes!;
     const name = names![nodes![number].mesh].name;
     if (!known.has(name)) known.set(name, toCreasedNormals(unpacked(child), CREASE));
@@ -69,6 +70,10 @@ export class Stage {
   private readonly raycaster = new Raycaster();
   private asked = false;
   private around: Box3 | null = null;
+  private frames: Matrix4[] = [];
+  private edges: LineSegments[] = [];
+  /** The box around the robot when the camera was put before it last. */
+  framed = new Box3();
   /** Called before each picture. */
   prepare: () => void = () => {};
   /** How long the script took for the last picture [ms]. */
@@ -113,7 +118,8 @@ export class Stage {
   resize(): void {
     const { clientWidth: width, clientHeight: height } = this.canvas.parentElement!;
     if (width === 0 || height === 0) return;
-    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    const ratio = Math.min(window.devicePixelRatio, 2);
+    if (ratio !== this.renderer.getPixelRatio()) this.renderer.setPixelRatio(ratio);
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
@@ -160,9 +166,10 @@ export class Stage {
     }
   }
 
-  /** Puts every occurrence where it is in the world, in its colour. */
-  arrange(poses: Matrix4[], colors: Color[]): void {
+  /** Puts every occurrence where it is in the world, in its colour; `frames` are those of the links, for a robot of which nothing is seen. */
+  arrange(poses: Matrix4[], colors: Color[], frames: Matrix4[]): void {
     this.around = null;
+    this.frames = frames;
     for (const batch of this.batches) put(batch, poses, colors);
   }
 
@@ -178,26 +185,52 @@ export class Stage {
 
   private measured(): Box3 {
     const box = new Box3(), own = new Box3(), matrix = new Matrix4();
-    for (const { mesh, instances, collides } of this.batches) {
-      if (collides) continue;
-      mesh.geometry.boundingBox ?? mesh.geometry.computeBoundingBox();
-      instances.forEach((_, index) => {
-        mesh.getMatrixAt(index, matrix);
-        box.union(own.copy(mesh.geometry.boundingBox!).applyMatrix4(matrix));
-      });
+    for (const seen of [true, false]) {
+      for (const { mesh, instances, collides } of this.batches) {
+        if (collides === seen) continue;
+        mesh.geometry.boundingBox ?? mesh.geometry.computeBoundingBox();
+        instances.forEach((_, index) => {
+          mesh.getMatrixAt(index, matrix);
+          box.union(own.copy(mesh.geometry.boundingBox!).applyMatrix4(matrix));
+        });
+      }
+      if (!box.isEmpty()) return box;
     }
-    return box.isEmpty() ? new Box3(new Vector3(-0.1, -0.1, -0.1), new Vector3(0.1, 0.1, 0.1)) : box;
+    for (const frame of this.frames) box.expandByPoint(new Vector3().setFromMatrixPosition(frame));
+    return box.expandByScalar(Math.max(0.2 * box.getSize(new Vector3()).length(), 0.02));
   }
 
-  /** The camera so far away that all is in the picture, and a floor as large. */
-  frame(): void {
-    const box = this.bounds();
+  /** Draws the edges of some occurrences. */
+  edge(occurrences: number[], poses: Matrix4[]): void {
+    for (const line of this.edges) {
+      this.world.remove(line);
+      (line.material as Material).dispose();
+    }
+    this.edges = [];
+    for (const { mesh, instances, collides } of this.batches) {
+      if (collides || !mesh.visible) continue;
+      for (const { occurrence } of instances) {
+        if (!occurrences.includes(occurrence)) continue;
+        if (!edgesOf.has(mesh.geometry)) edgesOf.set(mesh.geometry, new EdgesGeometry(mesh.geometry, 25));
+        const line = new LineSegments(edgesOf.get(mesh.geometry), new LineBasicMaterial({ color: CHOSEN, clippingPlanes: (mesh.material as Material).clippingPlanes }));
+        line.matrixAutoUpdate = false;
+        line.matrix.copy(poses[occurrence]);
+        line.renderOrder = 1;
+        this.edges.push(line);
+        this.world.add(line);
+      }
+    }
+  }
+
+  /** The camera so far away that all is in the picture, looking from there, and a floor as large. */
+  frame(from: [number, number, number] = [0.62, -0.72, 0.42]): void {
+    const box = (this.framed = this.bounds());
     const centre = box.getCenter(new Vector3()), radius = box.getSize(new Vector3()).length() / 2;
     this.size = radius;
     const middle = this.world.localToWorld(centre.clone());
     const half = Math.tan((this.camera.fov * Math.PI) / 360) * Math.min(1, this.camera.aspect);
     this.controls.target.copy(middle);
-    this.camera.position.copy(middle).add(new Vector3(0.62, -0.72, 0.42).normalize().multiplyScalar((1.12 * radius) / half));
+    this.camera.position.copy(middle).add(new Vector3(...from).normalize().multiplyScalar((1.12 * radius) / half));
     this.reach();
     this.controls.update();
   }
@@ -232,7 +265,7 @@ export class Stage {
 
   /** Cuts away what is beyond a plane normal to an axis of the world, at a part (0 to 1) of the robot; null cuts nothing. */
   clip(axis: number | null, part: number): void {
-    const box = this.bounds();
+    const box = this.framed;
     const normal = new Vector3();
     if (axis !== null) normal.setComponent(axis, -1);
     const at = axis === null ? 1 : box.min.getComponent(axis) + part * (box.max.getComponent(axis) - box.min.getComponent(axis));
@@ -281,11 +314,13 @@ export class Stage {
     return met === null ? null : this.world.worldToLocal(met);
   }
 
-  /** Where a point of the world of the robot is in the picture [px], null behind the camera. */
-  project(point: Vector3): { x: number; y: number } | null {
-    const seen = this.world.localToWorld(point.clone()).project(this.camera);
-    if (seen.z > 1) return null;
-    return { x: ((seen.x + 1) / 2) * this.canvas.clientWidth, y: ((1 - seen.y) / 2) * this.canvas.clientHeight };
+  /** Where points of the world of the robot are in the picture [px], null behind the camera. */
+  project(points: Vector3[]): ({ x: number; y: number } | null)[] {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    return points.map((point) => {
+      const seen = this.world.localToWorld(point.clone()).project(this.camera);
+      return seen.z > 1 ? null : { x: ((seen.x + 1) / 2) * width, y: ((1 - seen.y) / 2) * height };
+    });
   }
 }
 

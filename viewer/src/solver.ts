@@ -2,31 +2,33 @@
 // (Levenberg and Marquardt; see Nocedal and Wright, Numerical Optimization, 2006, section 10.3).
 
 import { Matrix4, Quaternion, Vector3 } from "three";
-import type { Joint, Loop, Robot } from "./data";
-import { type Coordinates, Followers, matrixOf, move, Tree } from "./kinematics";
-
-/** How much of a metre a radian counts, in what loops leave open and in what is moved. */
-const RADIAN = 0.1;
-
-/** A loop is closed to here [m, and rad x RADIAN]. */
-export const CLOSED = 1e-7;
+import type { Loop, Robot } from "./data";
+import { type Coordinates, type Couplings, matrixOf, move, type Tree } from "./kinematics";
 
 export interface Goal { body: number; point: Vector3; target: Vector3 }
 
 export interface Answer { q: Coordinates; base: Matrix4; open: number }
 
-interface Unknown { path: string; lower: number; upper: number; turns: boolean }
+/** A coordinate that may move, how far, and how much of it a step of 1 is. */
+interface Unknown { path: string; lower: number; upper: number; scale: number }
+
+/** How much more a loop counts than a goal. */
+const WEIGHT = 1e2;
 
 /** What may move in a mode, and what must meet. */
 export class Solver {
-  private readonly joints: Map<string, Joint>;
   private readonly loops: { loop: Loop; X_PA: Matrix4; X_CB: Matrix4 }[];
   private readonly placed: Matrix4[];
+  private readonly turns: Map<string, boolean>;
+  /** How much of a metre a radian counts: it moves what is as far away as half the robot is large. */
+  private readonly radian: number;
 
-  constructor(robot: Robot, private readonly tree: Tree, private readonly followers: Followers) {
-    this.joints = new Map(robot.joints.map((joint) => [joint.path, joint]));
+  /** `size` [m] is that of the robot: how exact is exact enough. */
+  constructor(robot: Robot, private readonly tree: Tree, private readonly couplings: Couplings, private readonly size: number) {
+    this.turns = new Map(robot.joints.map((joint) => [joint.path, joint.turns]));
     this.loops = tree.mode.loops.map((loop) => ({ loop, X_PA: matrixOf(loop.X_PA), X_CB: matrixOf(loop.X_CB) }));
     this.placed = tree.fresh();
+    this.radian = size / 2;
   }
 
   /** Whether anything has to be kept closed. */
@@ -34,14 +36,19 @@ export class Solver {
     return this.loops.length > 0;
   }
 
+  /** Whether something is open by no more than nobody could see. */
+  closed({ open }: Answer): boolean {
+    return open <= 1e-6 * this.size;
+  }
+
   /** Whether the base has to move for it: one that floats is carried by what the mode holds. */
   private get carries(): boolean {
     return this.tree.mode.base === "free" && this.loops.some(({ loop }) => loop.hold);
   }
 
-  /** How far the worst loop is from closed. */
+  /** How far [m] the worst loop is from closed. */
   openness(q: Coordinates, base: Matrix4): number {
-    return this.residuals(q, base, null, 1).reduce((worst, one) => Math.max(worst, Math.abs(one)), 0);
+    return this.residuals(q, base, null).reduce((worst, one) => Math.max(worst, Math.abs(one)), 0);
   }
 
   /**
@@ -51,21 +58,18 @@ export class Solver {
   solve(q: Coordinates, base: Matrix4, fixed: ReadonlySet<string>, goal: Goal | null = null, rounds = 40): Answer {
     const unknowns = this.unknowns(fixed);
     let here: Answer = { q: { ...q }, base: base.clone(), open: 0 };
-    const weight = goal === null ? 1 : 1e2; // loops come before the goal
-    let residual = this.residuals(here.q, here.base, goal, weight);
+    let residual = this.residuals(here.q, here.base, goal);
     let error = squares(residual), damping = goal === null ? 1e-6 : 1e-4;
-    for (let round = 0; round < rounds && error > 1e-22; round += 1) {
-      const jacobian = this.jacobian(unknowns, here, residual, goal, weight);
-      const step = damped(jacobian, residual, damping);
+    const enough = (1e-11 * this.size) ** 2;
+    for (let round = 0; round < rounds && error > enough; round += 1) {
+      const step = this.step(unknowns, here, residual, goal, damping);
       if (step === null) break;
       const tried = this.moved(unknowns, here, step);
-      const after = this.residuals(tried.q, tried.base, goal, weight);
+      const after = this.residuals(tried.q, tried.base, goal);
       const left = squares(after);
       if (left < error) {
         const gained = error - left;
-        here = tried;
-        residual = after;
-        error = left;
+        [here, residual, error] = [tried, after, left];
         damping = Math.max(damping / 10, 1e-12);
         if (gained < 1e-12 * error) break;
       } else if ((damping *= 10) > 1e6) break;
@@ -74,17 +78,17 @@ export class Solver {
   }
 
   private unknowns(fixed: ReadonlySet<string>): Unknown[] {
-    const paths = new Set<string>();
-    const kept = new Set([...fixed].map((path) => this.followers.leader(path).path));
+    const kept = new Set([...fixed].map((path) => this.couplings.leader(path).path));
     const all = [...this.tree.bodies.flatMap((body) => body.joints), ...this.loops.flatMap(({ loop }) => loop.joints)];
-    for (const { path } of all) paths.add(this.followers.leader(path).path);
+    const paths = new Set(all.map(({ path }) => this.couplings.leader(path).path));
     return [...paths].filter((path) => !kept.has(path)).map((path) => {
-      const joint = this.joints.get(path)!;
-      return { path, lower: joint.lower ?? -Infinity, upper: joint.upper ?? Infinity, turns: joint.turns };
+      const [lower, upper] = this.couplings.range(path);
+      return { path, lower, upper, scale: this.turns.get(path) ? 1 : this.radian };
     });
   }
 
-  private residuals(q: Coordinates, base: Matrix4, goal: Goal | null, weight: number): number[] {
+  private residuals(q: Coordinates, base: Matrix4, goal: Goal | null): number[] {
+    const weight = goal === null ? 1 : WEIGHT;
     const placed = this.tree.place(q, base, this.placed);
     const residual: number[] = [];
     for (const { loop, X_PA, X_CB } of this.loops) {
@@ -94,7 +98,7 @@ export class Solver {
       const apart = a.invert().multiply(b);
       const [x, y, z] = [apart.elements[12], apart.elements[13], apart.elements[14]];
       residual.push(weight * x, weight * y, weight * z);
-      if (!loop.turns) residual.push(...rotationVector(apart).map((angle) => weight * RADIAN * angle));
+      if (!loop.turns) residual.push(...rotationVector(apart).map((angle) => weight * this.radian * angle));
     }
     if (goal !== null) {
       const at = goal.point.clone().applyMatrix4(placed[goal.body]);
@@ -103,35 +107,52 @@ export class Solver {
     return residual;
   }
 
-  /** By differences; columns are the unknowns, then six of a base that moves. */
-  private jacobian(unknowns: Unknown[], here: Answer, residual: number[], goal: Goal | null, weight: number): number[][] {
-    const size = 1e-7;
-    const count = unknowns.length + (this.carries ? 6 : 0);
-    const columns: number[][] = [];
-    for (let column = 0; column < count; column += 1) {
-      const step = new Array<number>(count).fill(0);
-      step[column] = size;
-      const tried = this.moved(unknowns, here, step, false);
-      const after = this.residuals(tried.q, tried.base, goal, weight);
-      columns.push(after.map((value, row) => (value - residual[row]) / size));
+  /** A damped step; what stands at its limit and would go on stays there, and the others do without it. */
+  private step(unknowns: Unknown[], here: Answer, residual: number[], goal: Goal | null, damping: number): number[] | null {
+    const columns = this.jacobian(unknowns, here, residual, goal);
+    const active = columns.map((_, column) => column);
+    for (;;) {
+      const part = damped(active.map((column) => columns[column]), residual, damping);
+      if (part === null) return null;
+      const step = columns.map(() => 0);
+      active.forEach((column, k) => { step[column] = part[k]; });
+      const stopped = active.filter((column) => {
+        const own = unknowns[column] as Unknown | undefined; // none of the base
+        return own !== undefined && ((here.q[own.path] <= own.lower && step[column] < 0) || (here.q[own.path] >= own.upper && step[column] > 0));
+      });
+      if (stopped.length === 0) return step;
+      for (const column of stopped) active.splice(active.indexOf(column), 1);
     }
-    return columns;
   }
 
-  private moved(unknowns: Unknown[], here: Answer, step: number[], bounded = true): Answer {
-    const q = { ...here.q };
-    unknowns.forEach(({ path, lower, upper, turns }, index) => {
-      const value = q[path] + step[index] / (turns ? 1 : 1 / RADIAN);
-      q[path] = bounded ? Math.min(upper, Math.max(lower, value)) : value;
+  /** By differences; columns are the unknowns, then six of a base that moves. */
+  private jacobian(unknowns: Unknown[], here: Answer, residual: number[], goal: Goal | null): number[][] {
+    const size = 1e-7;
+    const count = unknowns.length + (this.carries ? 6 : 0);
+    return Array.from({ length: count }, (_, column) => {
+      const step = new Array<number>(count).fill(0);
+      // away from a limit that it stands at, where settling would undo it
+      const own = unknowns[column] as Unknown | undefined;
+      const back = own !== undefined && here.q[own.path] + size * own.scale > own.upper ? -size : size;
+      step[column] = back;
+      const tried = this.moved(unknowns, here, step);
+      const after = this.residuals(tried.q, tried.base, goal);
+      return after.map((value, row) => (value - residual[row]) / back);
     });
-    this.followers.settle(q);
+  }
+
+  private moved(unknowns: Unknown[], here: Answer, step: number[]): Answer {
+    const q = { ...here.q };
+    unknowns.forEach(({ path, scale }, index) => { q[path] += step[index] * scale; });
+    this.couplings.settle(q);
     if (!this.carries) return { q, base: here.base, open: 0 };
     const [x, y, z, a, b, c] = step.slice(unknowns.length);
     const spin = new Vector3(a, b, c);
     const angle = spin.length();
     const base = here.base.clone();
     if (angle > 0) base.premultiply(new Matrix4().makeRotationAxis(spin.divideScalar(angle), angle));
-    base.setPosition(here.base.elements[12] + x * RADIAN, here.base.elements[13] + y * RADIAN, here.base.elements[14] + z * RADIAN);
+    const at = new Vector3(x, y, z).multiplyScalar(this.radian).add(new Vector3().setFromMatrixPosition(here.base));
+    base.setPosition(at);
     return { q, base, open: 0 };
   }
 }
@@ -152,7 +173,7 @@ function damped(columns: number[][], residual: number[], damping: number): numbe
   const n = columns.length;
   if (n === 0) return null;
   const A = columns.map((one) => columns.map((other) => one.reduce((sum, value, row) => sum + value * other[row], 0)));
-  const scale = Math.max(...A.map((row, k) => row[k]), 1e-12);
+  const scale = Math.max(...A.map((row, k) => row[k]), 1e-300);
   const b = columns.map((one) => -one.reduce((sum, value, row) => sum + value * residual[row], 0));
   for (let k = 0; k < n; k += 1) A[k][k] += damping * scale;
   for (let i = 0; i < n; i += 1) {

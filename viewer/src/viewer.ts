@@ -1,12 +1,13 @@
 // The state of the page, and the one way in which it changes: what calls a method here is heard by everybody who listens.
 
-import { type BufferGeometry, Color, Matrix4, Quaternion, Vector3 } from "three";
+import { type BufferGeometry, Color, Matrix4, Vector3 } from "three";
+import { annotate, type Name } from "./annotate";
 import { type Colouring, type Coloured, colouring } from "./colors";
+import { Configuration } from "./configuration";
 import type { Joint, Mode, MountAt, NamedPose, Robot } from "./data";
-import { type Coordinates, Followers, matrixOf, Tree } from "./kinematics";
+import { type Coordinates, matrixOf } from "./kinematics";
 import { Marks } from "./marks";
 import { CHOSEN, type Hit, Stage } from "./scene";
-import { CLOSED, Solver } from "./solver";
 
 export const SHOWN = ["visual", "collision", "both"] as const;
 export const MARKS = ["frames", "joint axes", "mounts", "centres of mass", "inertia", "names", "floor"] as const;
@@ -28,24 +29,18 @@ export interface Options {
 }
 
 /** What a listener is told has changed. */
-export type Change = "robot" | "mode" | "coordinates" | "choice" | "options" | "said" | "measure";
+export type Change = "robot" | "mode" | "coordinates" | "choice" | "options" | "said" | "measure" | "hover";
 
 const MOTION = 450; // ms from pose to pose
 const HINT = 6000; // ms that a remark stays
 /** Of a robot that is shown through another. */
 const OTHER = new Color("#2f7fd6");
-/** Poses are those of their names to here [rad or m]. */
-const SAME = 1e-9;
-
-interface Name { words: string; at: Vector3; chosen: boolean }
+/** As many chosen occurrences have their edges drawn. */
+const EDGED = 24;
 
 export class Viewer {
   robot!: Robot;
-  tree!: Tree;
-  q: Coordinates = {};
-  base = new Matrix4();
-  /** The pose that the robot is in, as long as nothing has been moved. */
-  pose: NamedPose | null = null;
+  configuration!: Configuration;
   choice: Choice = new Set();
   options: Options = {
     shown: "visual", marks: new Set<Mark>(["floor"]), colouring: "part", explode: 0, section: { axis: null, part: 0.5 },
@@ -53,20 +48,20 @@ export class Viewer {
   };
   /** Two mounts between which is measured, `occurrence:mount`. */
   measured: [string, string] = ["", ""];
+  /** The coordinate that a pointer is over in a panel. */
+  hovered: string | null = null;
   said = "";
   readonly stage: Stage;
+  /** Where bodies are in the world, and occurrences in the picture: apart from one another where the robot is exploded. */
+  bodies: Matrix4[] = [];
+  drawn: Matrix4[] = [];
   private readonly marks: Marks;
   private readonly listeners: ((change: Change) => void)[] = [];
-  private followers!: Followers;
-  private solver!: Solver;
-  private placed: Matrix4[] = [];
   private within: Matrix4[] = [];
-  /** Where occurrences are drawn, apart from one another where the robot is exploded. */
-  private drawn: Matrix4[] = [];
   private motion = 0;
   private saying = 0;
   private stale = true;
-  private other: { robot: Robot; followers: Followers; within: Matrix4[] } | null = null;
+  private other: { robot: Robot; within: Matrix4[] } | null = null;
   private known: { robot: Robot; by: Colouring; pose: NamedPose | null; coloured: Coloured } | null = null;
   private names: Name[] = [];
 
@@ -99,32 +94,43 @@ export class Viewer {
 
   /** Show a robot; one that was shown before keeps mode, coordinates, camera and choice as far as they are there again. */
   load(robot: Robot, geometries: BufferGeometry[]): void {
-    const before = this.robot as Robot | undefined;
-    const kept = before === undefined ? null : { mode: this.mode.name, q: this.q, pose: this.pose?.name, chosen: [...this.choice].map((one) => before.occurrences[one].path) };
+    const before = this.robot === undefined ? null : { robot: this.robot, at: this.configuration };
+    const chosen = new Set([...this.choice].map((one) => before!.robot.occurrences[one].path));
     this.robot = robot;
-    this.followers = new Followers(robot);
     this.within = robot.occurrences.map((one) => matrixOf(one.pose));
     this.stage.furnish(robot, geometries);
-    this.choice = new Set(robot.occurrences.flatMap((one, index) => (kept?.chosen.includes(one.path) ? [index] : [])));
-    const mode = robot.modes.find((one) => one.name === kept?.mode) ?? robot.modes[0];
+    this.choice = new Set(robot.occurrences.flatMap((one, index) => (chosen.has(one.path) ? [index] : [])));
+    this.measured = ["", ""];
+    const mode = robot.modes.find((one) => one.name === before?.at.mode.name) ?? robot.modes[0];
     this.enter(mode);
-    const same = mode.poses.find((one) => one.name === kept?.pose);
-    if (same !== undefined) this.take(same);
-    else if (kept !== null && kept.pose === undefined) this.restore(kept.q);
+    if (before === null) {
+      this.reset();
+      this.enter(mode); // now that its size is known, which says how exact is exact enough
+    }
+    const same = mode.poses.find((one) => one.name === before?.at.pose?.name);
+    if (same !== undefined) this.configuration.take(same);
+    else if (before !== null && before.at.pose === null) this.configuration.restore(before.at.q, before.at.atHome ? null : before.at.base);
     this.tell("robot");
     this.tell("mode");
-    if (before === undefined) this.reset();
   }
 
   /** Show another robot through this one, in the same mode and at the same coordinates where it has them. */
   against(robot: Robot, geometries: BufferGeometry[]): void {
-    this.other = { robot, followers: new Followers(robot), within: robot.occurrences.map((one) => matrixOf(one.pose)) };
+    this.other = { robot, within: robot.occurrences.map((one) => matrixOf(one.pose)) };
     this.stage.overlay(robot, geometries);
     this.tell("robot");
   }
 
   get mode(): Mode {
-    return this.tree.mode;
+    return this.configuration.mode;
+  }
+
+  get q(): Readonly<Coordinates> {
+    return this.configuration.q;
+  }
+
+  get pose(): NamedPose | null {
+    return this.configuration.pose;
   }
 
   /** Coordinates of the mode's tree, and of the joints that it cuts, in the document's order. */
@@ -138,24 +144,10 @@ export class Viewer {
 
   private enter(mode: Mode): void {
     this.motion += 1;
-    this.tree = new Tree(mode);
-    this.solver = new Solver(this.robot, this.tree, this.followers);
-    this.placed = this.tree.fresh();
+    this.configuration = new Configuration(this.robot, mode, this.stage.size);
+    this.bodies = this.configuration.tree.fresh();
     this.stage.face(mode.gravity);
-    const start = mode.poses.find((pose) => pose.name === mode.start) ?? null;
-    if (start !== null) this.take(start);
-    else {
-      this.pose = null;
-      this.base = this.tree.home.clone();
-      this.q = this.followers.settle(Object.fromEntries(this.robot.joints.map((joint) => [joint.path, 0])));
-      if (this.solver.closes) this.close(new Set());
-    }
-  }
-
-  private take(pose: NamedPose): void {
-    this.q = { ...pose.q };
-    this.base = pose.base === null ? this.tree.home.clone() : matrixOf(pose.base);
-    this.pose = pose;
+    if (!this.configuration.closed) this.say(`the loops of mode ${mode.name} are open: it has no pose in which they close`);
   }
 
   /** The mode called so, where it starts, seen from the same place. */
@@ -170,23 +162,20 @@ export class Viewer {
 
   /** A pose of the mode, reached in a smooth motion on which loops stay closed. */
   setPose(name: string, motion = true): void {
+    const { configuration } = this;
     const pose = this.mode.poses.find((one) => one.name === name);
     if (pose === undefined) return;
     const still = !motion || matchMedia("(prefers-reduced-motion: reduce)").matches;
-    const from = { q: { ...this.q }, base: this.base.clone() };
-    const to = { q: pose.q, base: pose.base === null ? this.tree.home : matrixOf(pose.base) };
+    const from = { q: { ...configuration.q }, base: configuration.base.clone() };
+    const to = { q: pose.q, base: pose.base === null ? configuration.tree.home : matrixOf(pose.base) };
     const own = (this.motion += 1);
     const began = performance.now();
     const step = (): void => {
       if (own !== this.motion) return;
       const part = still ? 1 : Math.min(1, (performance.now() - began) / MOTION);
-      if (part === 1) this.take(pose);
+      if (part === 1) configuration.take(pose);
       else {
-        const eased = part * part * (3 - 2 * part);
-        for (const path of Object.keys(to.q)) this.q[path] = from.q[path] + eased * (to.q[path] - from.q[path]);
-        this.base = between(from.base, to.base, eased);
-        this.pose = null;
-        if (this.solver.closes) this.close(new Set(), 6);
+        configuration.between(from, to, part * part * (3 - 2 * part));
         requestAnimationFrame(step);
       }
       this.tell("coordinates");
@@ -194,81 +183,51 @@ export class Viewer {
     step();
   }
 
-  /** Moves one coordinate, and what has to go with it. Says so where the loops do not close there. */
+  /** Moves one coordinate, and what has to go with it. Says so where the loops let it go no further. */
   setCoordinate(path: string, value: number): void {
     this.motion += 1;
-    const before = { q: this.q, base: this.base };
-    this.q = { ...this.q, [this.followers.leader(path).path]: this.led(path, value) };
-    this.followers.settle(this.q);
-    this.pose = null;
-    if (this.solver.closes && !this.close(new Set([path]))) {
-      ({ q: this.q, base: this.base } = before);
-      this.say(`${path} goes no further: the loops of this mode would not close`);
-    }
+    if (!this.configuration.set(path, value)) this.say(`${path} goes no further: the loops of this mode would not close`);
     this.tell("coordinates");
-  }
-
-  private led(path: string, value: number): number {
-    const { factor, shift } = this.followers.leader(path);
-    return factor === 0 ? 0 : (value - shift) / factor;
   }
 
   /** Whether another coordinate leads this one. */
   follows(path: string): boolean {
-    return this.followers.follows(path);
+    return this.configuration.couplings.follows(path);
   }
 
-  private close(fixed: ReadonlySet<string>, rounds = 40): boolean {
-    const answer = this.solver.solve(this.q, this.base, fixed, null, rounds);
-    if (answer.open > 1e-5) return false;
-    this.q = answer.q;
-    this.base = answer.base;
-    return true;
+  /** How far a coordinate goes, with all that is coupled to it. */
+  range(path: string): [number, number] {
+    return this.configuration.couplings.range(path);
   }
 
-  /** Coordinates by path, as a permalink has them; those that are not there are left out. */
-  restore(values: Coordinates): void {
+  /** Coordinates by path and a base, as a permalink has them; those that are not there are left out. */
+  restore(values: Coordinates, base: Matrix4 | null = null): void {
     this.motion += 1;
-    const q = { ...this.q };
-    for (const [path, value] of Object.entries(values)) if (path in q && Number.isFinite(value)) q[path] = value;
-    this.q = this.followers.settle(q);
-    this.pose = null;
-    if (this.solver.closes && this.solver.openness(this.q, this.base) > CLOSED) this.close(new Set());
-    const same = this.mode.poses.find((pose) => Object.entries(pose.q).every(([path, value]) => Math.abs(value - this.q[path]) < SAME));
-    if (same !== undefined) this.take(same);
+    this.configuration.restore(values, base);
     this.tell("coordinates");
   }
 
-  // --- drawing links to points -----------------------------------------------------------------------------------------
-
   /** Why a link cannot be drawn elsewhere in this mode, in words; null where it can. */
   kept(link: number): string | null {
-    const name = this.robot.links[link].name;
-    const body = this.tree.bodyOf.get(link)!;
-    if (this.mode.loops.some((loop) => loop.hold && loop.child === body)) return `${name} is held in mode ${this.mode.name}: it stays where it is`;
-    if (body === 0 && this.mode.base !== "free") return `the robot stands on ${name} in mode ${this.mode.name}: choose another mode to move it`;
-    if (!this.tree.above(body).some((index) => this.tree.bodies[index].joints.length > 0) && !this.solver.closes) {
-      return `no joint moves ${name} in mode ${this.mode.name}`;
-    }
-    return null;
+    return this.configuration.kept(link);
   }
 
-  /** Draws a point of an occurrence (in the world where the link is now) towards a target in the world, as near as the joints let it. */
+  /** Draws a point of a link (in its frame) towards a target in the world, as near as the joints let it. */
   pull(link: number, grip: Vector3, target: Vector3): void {
-    const body = this.tree.bodyOf.get(link)!;
-    const answer = this.solver.solve(this.q, this.base, new Set(), { body, point: grip, target }, 12);
-    if (this.solver.closes && answer.open > 1e-4) return;
     this.motion += 1;
-    this.q = answer.q;
-    this.base = answer.base;
-    this.pose = null;
+    this.configuration.pull(this.bodyOf(link), grip, target);
     this.tell("coordinates");
   }
 
   /** A point of the world in the frame of a link. */
   inLink(link: number, point: Vector3): Vector3 {
     this.place();
-    return point.clone().applyMatrix4(this.placed[this.tree.bodyOf.get(link)!].clone().invert());
+    return point.clone().applyMatrix4(this.bodies[this.bodyOf(link)].clone().invert());
+  }
+
+  /** Where a link is among the bodies. */
+  bodyOf(link: number): number {
+    return this.configuration.tree.bodyOf.get(link)!;
   }
 
   // --- choosing and showing ----------------------------------------------------------------------------------------
@@ -289,22 +248,29 @@ export class Viewer {
     this.setOptions({ marks });
   }
 
+  /** Marks the joint of a coordinate, and what it moves; null none. */
+  hover(path: string | null): void {
+    this.hovered = path;
+    this.tell("hover");
+  }
+
   measure(which: 0 | 1, mount: string): void {
     this.measured = which === 0 ? [mount, this.measured[1]] : [this.measured[0], mount];
     this.tell("measure");
   }
 
-  /** The camera where all is in the picture. */
-  reset(): void {
+  /** The camera where all is in the picture, seen from a direction. */
+  reset(from?: [number, number, number]): void {
     this.place();
-    this.stage.frame();
-    this.stage.ask();
+    this.stage.frame(from);
+    this.tell("options");
   }
 
   /** The camera goes with a robot that is elsewhere in another mode. */
   private keepInView(): void {
-    const centre = this.stage.world.localToWorld(this.stage.bounds().getCenter(new Vector3()));
     const { camera, controls } = this.stage;
+    this.stage.framed = this.stage.bounds();
+    const centre = this.stage.world.localToWorld(this.stage.framed.getCenter(new Vector3()));
     camera.position.add(centre.clone().sub(controls.target));
     controls.target.copy(centre);
     controls.update();
@@ -316,14 +282,22 @@ export class Viewer {
   /** The pose of every link in the world by name, 16 numbers by rows. */
   links(): Record<string, number[]> {
     this.place();
-    return Object.fromEntries(this.tree.bodies.map((body, index) => [this.robot.links[body.link].name, this.placed[index].clone().transpose().elements.slice()]));
+    const named = this.mode.bodies.map((body, index) => [this.robot.links[body.link].name, this.bodies[index].clone().transpose().elements.slice()]);
+    return Object.fromEntries(named) as Record<string, number[]>;
   }
 
   /** The pose of a mount in the world; its component's own frame without a mount. */
   mountPose(at: { occurrence: number; mount: string | null }): Matrix4 {
-    const occurrence = this.robot.occurrences[at.occurrence];
-    const pose = this.placed[this.tree.bodyOf.get(occurrence.link)!].clone().multiply(this.within[at.occurrence]);
-    const mount = occurrence.mounts.find((one) => one.name === at.mount);
+    return this.onOccurrence(at, this.bodies[this.bodyOf(this.robot.occurrences[at.occurrence].link)].clone().multiply(this.within[at.occurrence]));
+  }
+
+  /** The same in the picture, where an exploded robot has its components elsewhere. */
+  mountDrawn(at: { occurrence: number; mount: string | null }): Matrix4 {
+    return this.onOccurrence(at, this.drawn[at.occurrence].clone());
+  }
+
+  private onOccurrence(at: { occurrence: number; mount: string | null }, pose: Matrix4): Matrix4 {
+    const mount = this.robot.occurrences[at.occurrence].mounts.find((one) => one.name === at.mount);
     return mount === undefined ? pose : pose.multiply(matrixOf(mount.pose));
   }
 
@@ -338,29 +312,32 @@ export class Viewer {
 
   /** Bodies, then occurrences, then colours, into the picture. */
   private place(): void {
-    this.tree.place(this.q, this.base, this.placed);
-    const poses = this.robot.occurrences.map((one, index) =>
-      new Matrix4().multiplyMatrices(this.placed[this.tree.bodyOf.get(one.link)!], this.within[index]),
-    );
-    const colors = this.coloured.colors.map((color, index) => (this.choice.has(index) ? color.clone().lerp(CHOSEN, 0.72) : color));
+    const { tree, q, base } = this.configuration;
+    tree.place(q, base, this.bodies);
+    const poses = this.robot.occurrences.map((one, index) => new Matrix4().multiplyMatrices(this.bodies[this.bodyOf(one.link)], this.within[index]));
+    const moved = this.robot.joints.find((joint) => joint.path === this.hovered)?.child;
+    const colors = this.coloured.colors.map((color, index) => {
+      if (this.choice.has(index)) return color.clone().lerp(CHOSEN, 0.45);
+      return this.robot.occurrences[index].link === moved ? color.clone().lerp(CHOSEN, 0.25) : color;
+    });
     if (this.options.explode > 0) this.explode(poses);
     this.drawn = poses;
-    this.stage.arrange(poses, colors);
+    this.stage.arrange(poses, colors, this.bodies);
+    this.stage.edge([...this.choice].slice(0, EDGED), poses);
     this.placeOther();
   }
 
   /** The other robot: in the pose of the same name, else at the same coordinates, else at 0. */
   private placeOther(): void {
     if (this.other === null) return;
-    const { robot, followers, within } = this.other;
+    const { robot, within } = this.other;
     const mode = robot.modes.find((one) => one.name === this.mode.name) ?? robot.modes[0];
-    const tree = new Tree(mode);
+    const there = new Configuration(robot, mode, this.stage.size);
     const pose = mode.poses.find((one) => one.name === this.pose?.name);
-    const q = pose?.q ?? followers.settle(Object.fromEntries(robot.joints.map((joint) => [joint.path, this.q[joint.path] ?? 0])));
-    const base = pose?.base != null ? matrixOf(pose.base) : mode.name === this.mode.name && pose === undefined ? this.base : tree.home;
-    const bodies = tree.place(q, base, tree.fresh());
-    const poses = robot.occurrences.map((one, index) => bodies[tree.bodyOf.get(one.link)!].clone().multiply(within[index]));
-    this.stage.arrangeOverlay(poses, OTHER);
+    if (pose !== undefined) there.take(pose);
+    else there.restore(this.q, mode.name === this.mode.name && !this.configuration.atHome ? this.configuration.base : null);
+    const bodies = there.tree.place(there.q, there.base, there.tree.fresh());
+    this.stage.arrangeOverlay(robot.occurrences.map((one, index) => bodies[there.tree.bodyOf.get(one.link)!].clone().multiply(within[index])), OTHER);
   }
 
   /** Moves what is one assembly away from the middle of that in which it is, level by level. */
@@ -389,6 +366,7 @@ export class Viewer {
 
   /** Before a picture: all that has changed, and where names are in it. */
   private prepare(): void {
+    if (this.robot === undefined) return;
     if (this.stale) this.renew();
     this.stale = false;
     this.stage.reach();
@@ -401,114 +379,21 @@ export class Viewer {
     stage.show(options.shown !== "collision", options.shown !== "visual");
     stage.clip(options.section.axis === null ? null : "xyz".indexOf(options.section.axis), options.section.part);
     stage.lay(options.theme === "dark" ? "#4a5460" : "#c4ccd4", options.marks.has("floor"));
-    this.mark();
+    this.marks.begin();
+    this.names = annotate(this, this.marks);
+    this.marks.end();
   }
 
-  private mark(): void {
-    const { marks, options } = this;
-    const on = options.marks, size = this.stage.size;
-    const ink = new Color(options.theme === "dark" ? "#f2f4f7" : "#1f2933");
-    marks.begin();
-    const names: Name[] = [];
-    this.tree.bodies.forEach((body, index) => {
-      const link = this.robot.links[body.link];
-      const pose = this.placed[index];
-      const centre = new Vector3(...link.centre).applyMatrix4(pose);
-      if (on.has("frames")) marks.frame(pose, 0.16 * size);
-      if (on.has("centres of mass") && link.mass > 0) {
-        marks.ball(centre, Math.cbrt(link.mass / Math.max(this.robot.mass, 1e-12)) * 0.045 * size + 0.006 * size, new Color("#111111"));
-      }
-      if (on.has("inertia") && link.mass > 0) {
-        const [x, y, z] = link.moments;
-        const radius = (sum: number): number => Math.sqrt(Math.max(2.5 * sum, 0) / link.mass); // of a solid ellipsoid with these moments
-        const own = matrixOf([0, 1, 2].flatMap((row) => [...link.axes.slice(3 * row, 3 * row + 3), link.centre[row]]));
-        marks.ellipsoid(pose.clone().multiply(own), new Vector3(radius(y + z - x), radius(x + z - y), radius(x + y - z)), new Color("#3e7cb1"));
-      }
-      if (on.has("names")) names.push({ words: link.name, at: centre, chosen: false });
-    });
-    if (on.has("centres of mass")) {
-      const whole = new Vector3();
-      let mass = 0;
-      this.tree.bodies.forEach((body, index) => {
-        const link = this.robot.links[body.link];
-        whole.addScaledVector(new Vector3(...link.centre).applyMatrix4(this.placed[index]), link.mass);
-        mass += link.mass;
-      });
-      if (mass > 0) marks.ball(whole.divideScalar(mass), 0.05 * size, new Color("#e5484d"));
-    }
-    if (on.has("joint axes")) {
-      for (const joint of this.joints) {
-        const found = this.tree.frameOf(joint.path, this.q, this.placed);
-        if (found === null) continue;
-        const [angular, linear, anchor] = found.twist;
-        const along = new Vector3(...(joint.turns ? angular : linear)).transformDirection(found.frame);
-        const at = new Vector3(...anchor).applyMatrix4(found.frame);
-        marks.arrow(at.clone().addScaledVector(along, -0.14 * size), along, 0.28 * size, new Color(joint.turns ? "#b14bd8" : "#0e9bb5"));
-        if (on.has("names")) names.push({ words: joint.path, at: at.addScaledVector(along, 0.15 * size), chosen: false });
-      }
-    }
-    if (on.has("mounts")) {
-      this.robot.occurrences.forEach((one, index) => {
-        for (const mount of one.mounts) {
-          const pose = this.mountPose({ occurrence: index, mount: mount.name });
-          const z = new Vector3().setFromMatrixColumn(pose, 2);
-          marks.arrow(new Vector3().setFromMatrixPosition(pose), z, 0.07 * size, new Color("#0e9bb5"));
-        }
-      });
-      for (const mount of this.robot.mounts) marks.frame(this.mountPose(mount), 0.1 * size);
-      if (on.has("names")) {
-        for (const mount of this.robot.mounts) {
-          names.push({ words: mount.path, at: new Vector3().setFromMatrixPosition(this.mountPose(mount)), chosen: false });
-        }
-      }
-    }
-    this.markRoot(ink);
-    this.measured.forEach((key) => {
-      const at = mountOf(key);
-      if (at !== null) marks.frame(this.mountPose(at), 0.12 * size);
-    });
-    for (const index of this.choice) {
-      const one = this.robot.occurrences[index];
-      if (this.choice.size > 1 && !on.has("names")) break;
-      names.push({ words: one.path, at: new Vector3(...one.centre).applyMatrix4(this.drawn[index]), chosen: true });
-      if (names.length > 200) break;
-    }
-    marks.end();
-    this.names = names;
-  }
-
-  /** What the mode stands on, holds and pulls with, and which way gravity goes. */
-  private markRoot(ink: Color): void {
-    const { marks, mode } = this;
-    const size = this.stage.size;
-    const root = this.mountPose(mode.root);
-    marks.ring(root, 0.13 * size, new Color(mode.base === "free" ? "#0e9bb5" : "#ff8a1f"));
-    for (const foot of mode.feet) marks.ring(this.mountPose(foot), 0.1 * size, new Color("#30a46c"));
-    for (const loop of mode.loops) {
-      if (!loop.hold) continue;
-      marks.ring(this.placed[loop.child].clone().multiply(matrixOf(loop.X_CB)), 0.1 * size, new Color("#ff8a1f"));
-    }
-    for (const magnet of this.robot.magnets) {
-      if (!(magnet.path in mode.adhesion)) continue;
-      const pose = this.mountPose(magnet);
-      marks.arrow(new Vector3().setFromMatrixPosition(pose), new Vector3().setFromMatrixColumn(pose, 2), 0.16 * size, new Color("#d6409f"));
-    }
-    const pull = new Vector3(...mode.gravity);
-    if (pull.length() > 0) {
-      const at = this.stage.bounds().getCenter(new Vector3());
-      const side = new Vector3(-0.62, -0.72, 0).applyQuaternion(this.stage.world.quaternion.clone().invert());
-      marks.arrow(at.addScaledVector(side, 1.05 * size), pull.normalize(), 0.24 * size, ink);
-    }
-  }
-
+  /** Names at their places: all are worked out before the first is written, so that the page is laid out once. */
   private write(): void {
     const { labels, names } = this;
+    const spots = this.stage.project(names.map(({ at }) => at));
     while (labels.children.length > names.length) labels.lastChild!.remove();
     while (labels.children.length < names.length) labels.append(document.createElement("span"));
-    names.forEach(({ words, at, chosen }, index) => {
+    names.forEach(({ words, chosen }, index) => {
       const label = labels.children[index] as HTMLElement;
-      const spot = this.stage.project(at);
-      label.textContent = words;
+      const spot = spots[index];
+      if (label.textContent !== words) label.textContent = words;
       label.className = chosen ? "chosen" : "";
       label.hidden = spot === null;
       if (spot !== null) label.style.transform = `translate(${spot.x.toFixed(1)}px, ${spot.y.toFixed(1)}px) translate(-50%, -130%)`;
@@ -548,10 +433,8 @@ export function mountOf(key: string): (MountAt & { mount: string }) | null {
   return cut < 0 ? null : { path: key, occurrence: Number(key.slice(0, cut)), mount: key.slice(cut + 1) };
 }
 
-function between(from: Matrix4, to: Matrix4, part: number): Matrix4 {
-  const [p, r, s] = [new Vector3(), new Quaternion(), new Vector3()];
-  const [p2, r2] = [new Vector3(), new Quaternion()];
-  from.decompose(p, r, s);
-  to.decompose(p2, r2, s);
-  return new Matrix4().compose(p.lerp(p2, part), r.slerp(r2, part), new Vector3(1, 1, 1));
+
+/** A choice without others that are in it already, else with them. */
+export function toggled(choice: Choice, others: number[]): number[] {
+  return others.every((one) => choice.has(one)) ? [...choice].filter((one) => !others.includes(one)) : [...choice, ...others];
 }

@@ -1,11 +1,9 @@
 // What is known of what is chosen.
 
-import { type Place, shownMass, trimmed } from "../data";
+import { shownMass, trimmed } from "../data";
 import type { Viewer } from "../viewer";
 import { make, pairs } from "./dom";
-
-/** How a server that knows the folder opens files in an editor: a URL with `{file}` and `{line}`; null without one. */
-export const editor: { link: string | null } = { link: null };
+import { place } from "./place";
 
 export function card(own: HTMLElement, viewer: Viewer): void {
   const build = (): void => {
@@ -25,7 +23,7 @@ export function card(own: HTMLElement, viewer: Viewer): void {
       return;
     }
     const source = first.estimate === null ? first.source : `${first.source} (${first.estimate})`;
-    const joint = viewer.joints.filter((one) => one.child === first.link).map((one) => one.path).join(", ");
+    const joint = viewer.mode.bodies[viewer.bodyOf(first.link)].joints.map((one) => one.path).join(", ");
     own.replaceChildren(close, make("h2", {}, first.path), pairs([
       ["definition", definition.label], ["mirrors", definition.mirrors],
       ...definition.parameters.map(([name, value]): [string, string] => [name, value]),
@@ -39,13 +37,4 @@ export function card(own: HTMLElement, viewer: Viewer): void {
   viewer.listen((change) => {
     if (change === "choice" || change === "robot" || change === "mode") build();
   });
-}
-
-/** Where something is written; a link where an editor can be opened. */
-export function place({ file, line }: Place): Node | null {
-  if (file === null) return null;
-  const words = line === null ? file : `${file}:${line}`;
-  if (editor.link === null) return document.createTextNode(words);
-  const href = editor.link.replaceAll("{file}", encodeURI(file)).replaceAll("{line}", String(line ?? 1));
-  return make("a", { href }, words);
 }

@@ -1,8 +1,7 @@
 // Pointer and keys on the picture: a click chooses, a drag with Shift (or one that begins with a long press) moves a link.
 
 import { Vector3 } from "three";
-import { MARKS, type Mark, SHOWN, type Viewer } from "../viewer";
-import { mountOf } from "../viewer";
+import { MARKS, type Mark, mountOf, SHOWN, toggled, type Viewer } from "../viewer";
 
 /** How far a pointer goes in a click [px], and how long it rests in a long press [ms]. */
 const CLICK = 5;
@@ -10,24 +9,44 @@ const PRESS = 450;
 
 export function gestures(canvas: HTMLCanvasElement, viewer: Viewer, measuring: () => boolean): void {
   let down: { x: number; y: number; id: number } | null = null;
-  let drag: { link: number; grip: Vector3; at: Vector3 } | null = null;
+  let drag: { link: number; grip: Vector3; at: Vector3; target: Vector3 | null } | null = null;
   let press = 0;
 
   const grab = (x: number, y: number): void => {
     const hit = viewer.hit(x, y);
-    if (hit === null) return;
+    if (hit === null || viewer.options.explode > 0) return;
     const link = viewer.robot.occurrences[hit.occurrence].link;
     const refused = viewer.kept(link);
     if (refused !== null) {
       viewer.say(refused);
       return;
     }
-    drag = { link, grip: viewer.inLink(link, hit.point), at: hit.point };
+    drag = { link, grip: viewer.inLink(link, hit.point), at: hit.point, target: null };
     viewer.stage.controls.enabled = false;
     canvas.style.cursor = "grabbing";
   };
 
+  /** Once for each picture, however many events there are. */
+  const pull = (): void => {
+    if (drag?.target == null) return;
+    viewer.pull(drag.link, drag.grip, drag.target);
+    drag.target = null;
+  };
+
+  const release = (): void => {
+    clearTimeout(press);
+    pull();
+    down = drag = null;
+    viewer.stage.controls.enabled = true;
+    canvas.style.cursor = "";
+  };
+
   canvas.addEventListener("pointerdown", (event) => {
+    clearTimeout(press);
+    if (down !== null) { // a second finger turns and zooms
+      release();
+      return;
+    }
     down = { x: event.clientX, y: event.clientY, id: event.pointerId };
     if (event.shiftKey && event.button === 0) {
       event.stopImmediatePropagation();
@@ -36,19 +55,18 @@ export function gestures(canvas: HTMLCanvasElement, viewer: Viewer, measuring: (
     } else if (event.pointerType === "touch") press = window.setTimeout(() => grab(event.clientX, event.clientY), PRESS);
   }, { capture: true });
   canvas.addEventListener("pointermove", (event) => {
-    if (down !== null && Math.hypot(event.clientX - down.x, event.clientY - down.y) > CLICK) clearTimeout(press);
+    if (down === null || event.pointerId !== down.id) return;
+    if (Math.hypot(event.clientX - down.x, event.clientY - down.y) > CLICK) clearTimeout(press);
     if (drag === null) return;
-    const target = viewer.stage.drawn(event.clientX, event.clientY, drag.at);
-    if (target !== null) viewer.pull(drag.link, drag.grip, target);
+    const waiting = drag.target !== null;
+    drag.target = viewer.stage.drawn(event.clientX, event.clientY, drag.at);
+    if (!waiting) requestAnimationFrame(pull);
   });
   const up = (event: PointerEvent): void => {
-    clearTimeout(press);
-    const still = down !== null && Math.hypot(event.clientX - down.x, event.clientY - down.y) <= CLICK;
-    const moved = drag !== null && !still;
-    down = drag = null;
-    viewer.stage.controls.enabled = true;
-    canvas.style.cursor = "";
-    if (still && !moved && event.type === "pointerup" && event.button === 0) click(event);
+    if (down === null || event.pointerId !== down.id) return;
+    const still = Math.hypot(event.clientX - down.x, event.clientY - down.y) <= CLICK;
+    release();
+    if (still && event.type === "pointerup" && event.button === 0 && !event.shiftKey) click(event);
   };
   canvas.addEventListener("pointerup", up);
   canvas.addEventListener("pointercancel", up);
@@ -57,7 +75,7 @@ export function gestures(canvas: HTMLCanvasElement, viewer: Viewer, measuring: (
     const hit = viewer.hit(event.clientX, event.clientY);
     if (hit === null) viewer.choose([]);
     else if (measuring()) nearest(viewer, hit.occurrence, hit.point);
-    else if (event.ctrlKey || event.metaKey) viewer.choose([...viewer.choice, hit.occurrence]);
+    else if (event.ctrlKey || event.metaKey) viewer.choose(toggled(viewer.choice, [hit.occurrence]));
     else viewer.choose([hit.occurrence]);
   };
 }
@@ -65,7 +83,7 @@ export function gestures(canvas: HTMLCanvasElement, viewer: Viewer, measuring: (
 /** The mount of an occurrence that is nearest to a point is measured from, or to. */
 function nearest(viewer: Viewer, occurrence: number, point: Vector3): void {
   const keys = viewer.robot.occurrences[occurrence].mounts.map((mount) => `${occurrence}:${mount.name}`);
-  const away = (key: string): number => new Vector3().setFromMatrixPosition(viewer.mountPose(mountOf(key)!)).distanceTo(point);
+  const away = (key: string): number => new Vector3().setFromMatrixPosition(viewer.mountDrawn(mountOf(key)!)).distanceTo(point);
   keys.sort((a, b) => away(a) - away(b));
   if (keys.length === 0) viewer.say(`${viewer.robot.occurrences[occurrence].path} has no mounts`);
   else viewer.measure(viewer.measured[0] === "" || viewer.measured[1] !== "" ? 0 : 1, keys[0]);
@@ -83,7 +101,7 @@ export const KEYS: [string, string][] = [
 export function keys(viewer: Viewer, actions: { find: () => void; help: () => void }): void {
   document.addEventListener("keydown", (event) => {
     const field = event.target as HTMLElement;
-    if (event.ctrlKey || event.metaKey || event.altKey || field.closest("input, select, textarea, dialog")) return;
+    if (event.ctrlKey || event.metaKey || event.altKey || field.closest('input:not([type="range"], [type="checkbox"]), select, textarea, dialog')) return;
     const { options, robot, mode } = viewer;
     const cycled = (names: string[], here: string | undefined, by: number): string => names[(names.indexOf(here ?? "") + by + names.length) % names.length];
     const by = event.key === event.key.toLowerCase() ? 1 : -1;

@@ -1,6 +1,6 @@
 // How the robot is shown: what is drawn, marks, colours, section, explosion.
 
-import { COLOURINGS, type Colouring } from "../colors";
+import { COLOURINGS, type Coloured, type Colouring } from "../colors";
 import { MARKS, SHOWN, type Viewer } from "../viewer";
 import { $, choices, make, select } from "./dom";
 
@@ -41,12 +41,16 @@ export function showPanel(panel: HTMLElement, viewer: Viewer): void {
     make("h2", {}, "Geometry"), shown, make("h2", {}, "Marks"), marks, make("h2", {}, "Colours"), colour,
     make("h2", {}, "Explode"), explode, make("h2", {}, "Section"), axis, part,
   );
+  let shownColours: Coloured | null = null;
   const update = (): void => {
     for (const one of updates) one();
   };
   viewer.listen((change) => {
     if (change === "options" || change === "robot") update();
-    if (change !== "said") legend(viewer);
+    if (viewer.robot !== undefined && viewer.coloured !== shownColours) {
+      shownColours = viewer.coloured;
+      legend(viewer);
+    }
   });
   update();
 }

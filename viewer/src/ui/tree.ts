@@ -1,7 +1,7 @@
 // The assembly graph as a tree of components; what is chosen there is chosen in the picture, and the other way round.
 
 import { shownMass } from "../data";
-import type { Viewer } from "../viewer";
+import { toggled, type Viewer } from "../viewer";
 import { make } from "./dom";
 
 interface Branch { name: string; leaves: number[]; below: Map<string, Branch> }
@@ -15,7 +15,7 @@ export function treePanel(panel: HTMLElement, viewer: Viewer): void {
       onclick: (event) => {
         event.preventDefault();
         const more = (event as MouseEvent).ctrlKey || (event as MouseEvent).metaKey;
-        viewer.choose(more ? [...viewer.choice, ...leaves] : leaves);
+        viewer.choose(more ? toggled(viewer.choice, leaves) : leaves);
       },
     }, words, make("small", {}, aside));
     buttons.push({ button, leaves });
@@ -32,9 +32,14 @@ export function treePanel(panel: HTMLElement, viewer: Viewer): void {
         continue;
       }
       const mass = child.leaves.reduce((sum, index) => sum + viewer.robot.occurrences[index].mass, 0);
-      const own = make("details", { open: true },
-        make("summary", {}, entry(child.name, `${child.leaves.length} parts, ${shownMass(mass)}`, child.leaves, child.name)), grown(child));
-      list.append(make("li", {}, own));
+      const below = grown(child);
+      const fold = make("button", { class: "fold", type: "button", "aria-expanded": "true", "aria-label": `what is in ${child.name}` }, "▾");
+      fold.addEventListener("click", () => {
+        below.hidden = !below.hidden;
+        fold.setAttribute("aria-expanded", String(!below.hidden));
+        fold.textContent = below.hidden ? "▸" : "▾";
+      });
+      list.append(make("li", {}, fold, entry(child.name, `${child.leaves.length} parts, ${shownMass(mass)}`, child.leaves, child.name), below));
     }
     return list;
   };
@@ -63,7 +68,9 @@ export function treePanel(panel: HTMLElement, viewer: Viewer): void {
         for (const inner of button.closest("li")!.querySelectorAll("li")) inner.hidden = false;
       }
     });
-    panel.replaceChildren(search, tree, definitions(viewer, entry));
+    const none = make("p", { class: "soft", hidden: true }, "nothing is called so");
+    search.addEventListener("input", () => { none.hidden = buttons.some(({ button }) => !button.closest("li")!.hidden); });
+    panel.replaceChildren(search, none, tree, definitions(viewer, entry));
     update();
   };
 

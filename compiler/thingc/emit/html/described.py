@@ -53,7 +53,7 @@ def describe(assembly: Assembly, robots: Sequence[Robot], workspace: Workspace, 
         ],
         "mounts": [{"path": one.path, "occurrence": one.occurrence, "mount": one.mount} for one in assembly.exported],
         "joints": [_joint(joint, mate, assembly, places) for mate in assembly.mates for joint in mate.joints],
-        "magnets": [{"path": one.path, "occurrence": one.occurrence, "mount": one.mount, "force": one.force} for one in assembly.adhesions],
+        "magnets": [{"path": one.path, "occurrence": one.occurrence, "mount": one.mount} for one in assembly.adhesions],
         "bom": [
             {
                 "number": row.number, "name": row.name, "definition": row.definition, "quantity": row.quantity, "make": row.make,
@@ -107,7 +107,7 @@ def _definition(occurrence: Occurrence, places: _Places) -> Data:
         where = {"file": definition.reference, "line": None}
     words = [*zip((name for name, _ in made.parameters), made.words, strict=False)] if isinstance(made, PartDefinition) else []
     return {
-        "text": definition.text, "label": definition.label, "reference": definition.reference, "kind": definition.kind,
+        "text": definition.text, "label": definition.label, "kind": definition.kind,
         "mirrors": definition.plain.label if definition.plain is not None else None, "parameters": words, **where,
     }
 
@@ -169,7 +169,7 @@ def _mode(robot: Robot, places: _Places) -> Data:
         "adhesion": {path: force for path, force in robot.adhesion.items() if force > 0.0},
         "driven": robot.present,
         "start": start.name if start is not None else None,
-        "poses": [_pose(robot, frame, places) for frame in robot.keyframes],
+        "poses": [_pose(robot, frame) for frame in robot.keyframes],
         "unclosed": [one.name for one in robot.unclosed],
         **places.of(mode.origin),
     }
@@ -192,7 +192,7 @@ def _loop(closure: Closure) -> Data:
     }
 
 
-def _pose(robot: Robot, frame: Keyframe, places: _Places) -> Data:
+def _pose(robot: Robot, frame: Keyframe) -> Data:
     """A pose of a mode: q by path, where the base stands if that is elsewhere, and how many times over the drives hold it (`margins`)."""
     q = coordinates(joints_of(robot.assembly), frame.q)
     base = frame.base or robot.bodies[0].X_PL
@@ -200,7 +200,7 @@ def _pose(robot: Robot, frame: Keyframe, places: _Places) -> Data:
     margins = held.margins if held is not None and held.fall is None else {}
     return {
         "name": frame.name, "q": q, "base": _rows(frame.base) if frame.base is not None else None,
-        "margins": {path: margin for path, margin in margins.items() if math.isfinite(margin)}, **places.of(frame.origin),
+        "margins": {path: margin for path, margin in margins.items() if math.isfinite(margin)},
     }
 
 

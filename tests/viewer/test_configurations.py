@@ -1,0 +1,205 @@
+"""How the page moves robots of frames alone: loops, limits of what is coupled, cones, bases, and links that restore all of it.
+
+Where links are is asked of the page; where they should be says trigonometry, or MuJoCo.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from loops.robots import Built, compiled, pose_of
+from thingc.cli.main import main
+from viewer.browser import address, drawn, needed, opened
+
+pytestmark = [needed, pytest.mark.slow]
+
+MASS = "frame: true, mass: 0.1 kg, inertia: {ixx: 1e-4 kg*m^2, iyy: 2e-4 kg*m^2, izz: 1.5e-4 kg*m^2}"
+CRANK, COUPLER, ROCKER, GROUND = 60.0, 180.0, 120.0, 200.0
+FOUR_BAR = f"""
+thingc: assembly/1
+name: fourbar
+components:
+  ground: {{{MASS}, mounts: {{a: {{}}, d: {{xyz: {GROUND:g} 0 0 mm}}}}}}
+  crank: {{{MASS}, mounts: {{low: {{rpy: 180 0 -90 deg}}, high: {{xyz: {CRANK:g} 0 0 mm}}}}}}
+  coupler: {{{MASS}, mounts: {{low: {{rpy: 180 0 -90 deg}}, high: {{xyz: {COUPLER:g} 0 0 mm}}}}}}
+  rocker: {{{MASS}, mounts: {{low: {{rpy: 180 0 -90 deg}}, high: {{xyz: {ROCKER:g} 0 0 mm, rpy: 180 0 -90 deg}}}}}}
+joints:
+  drive: {{type: continuous, parent: ground.a, child: crank.low, drive: {{kind: position, kp: 5 N*m/rad, kv: 0.05 N*m*s/rad}}}}
+  elbow: {{type: continuous, parent: crank.high, child: coupler.low}}
+  pivot: {{type: revolute, parent: ground.d, child: rocker.low, limit: {{lower: 5 deg, upper: 175 deg}}}}
+  wrist: {{type: continuous, parent: coupler.high, child: rocker.high, loop: true}}
+poses:
+  at_20: {{drive: 20 deg}}
+  at_200: {{drive: 200 deg}}
+modes:
+  bench: {{root: ground, pose: at_20}}
+  unposed: {{root: ground}}
+"""
+FINGER = f"""
+thingc: assembly/1
+name: finger
+components:
+  palm: {{{MASS}, mounts: {{a: {{}}}}}}
+  one: {{{MASS}, mounts: {{low: {{}}, high: {{xyz: 50 0 0 mm}}}}}}
+  two: {{{MASS}, mounts: {{low: {{}}, high: {{xyz: 50 0 0 mm}}}}}}
+  eye: {{{MASS}, mounts: {{low: {{}}, high: {{}}}}}}
+joints:
+  lead: {{type: revolute, parent: palm.a, child: one.low, limit: {{lower: -90 deg, upper: 90 deg}}}}
+  follow:
+    type: revolute
+    parent: one.high
+    child: two.low
+    limit: {{lower: -40 deg, upper: 40 deg}}
+    mimic: {{joint: lead, multiplier: -0.8, offset: 4 deg}}
+  gaze: {{type: ball, parent: two.high, child: eye.low, limit: {{cone: 30 deg}}}}
+  spin: {{type: continuous, parent: eye.high, child: tip.low}}
+modes:
+  still: {{root: palm}}
+  adrift: {{root: one, base: free, at: {{xyz: 0 0 200 mm}}}}
+""".replace("joints:", f"  tip: {{{MASS}, mounts: {{low: {{}}}}}}\njoints:", 1)
+
+
+@contextmanager
+def page_of(browser: Any, folder: Path, text: str, fragment: str = "") -> Iterator[Any]:
+    name = text.partition("name: ")[2].partition("\n")[0]
+    if not (folder / "out").exists():
+        (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')
+        (folder / "robot.yaml").write_text(text)
+        code = main(["build", str(folder / "robot.yaml"), "-o", str(folder / "out"), "--emit", "html", "--store", str(folder / "store")])
+        assert code == 0
+    with opened(browser, address(folder / f"out/{name}/html/{name}.html", fragment)) as page:
+        yield page
+
+
+@pytest.fixture
+def four_bar(tmp_path: Path) -> Built:
+    """What MuJoCo is asked about the four-bar."""
+    folder = tmp_path / "compiled"
+    folder.mkdir()
+    return compiled(folder, FOUR_BAR)
+
+
+def q_of(page: Any) -> dict[str, float]:
+    found: dict[str, float] = page.evaluate("({...thingc.viewer.q})")
+    return found
+
+
+def gap(page: Any) -> float:
+    """How far [mm] the ends of coupler and rocker are apart, by the law that each is where its link is."""
+    links = {name: np.array(numbers).reshape(4, 4) for name, numbers in page.evaluate("thingc.viewer.links()").items()}
+    ends = [1000.0 * links[name][:3, 3] + length * links[name][:3, 0] for name, length in (("coupler", COUPLER), ("rocker", ROCKER))]
+    return float(np.linalg.norm(ends[0] - ends[1]))
+
+
+def opposite(drive: float) -> float:
+    """How far [mm] the end of the crank is from the rocker's bearing."""
+    return math.hypot(CRANK * math.cos(drive) - GROUND, CRANK * math.sin(drive))
+
+
+@pytest.mark.parametrize("mode", ["bench", "unposed"])
+def test_a_crank_turns_all_round_with_its_loop_closed(browser: Any, tmp_path: Path, mode: str) -> None:
+    """It has the shortest link and turns all round (Grashof), however far a slider is moved at once; the triangle of coupler, rocker
+    and what is left between them has the angle that the law of cosines says."""
+    with page_of(browser, tmp_path, FOUR_BAR, f"#mode={mode}") as page:
+        assert gap(page) < 1e-3
+        for drive in (-170.0, 179.0, -60.0, 120.0, 20.0):
+            page.evaluate(f"thingc.viewer.setCoordinate('drive', {math.radians(drive)})")
+            q = q_of(page)
+            assert math.degrees(q["drive"]) == pytest.approx(drive, abs=1e-9) and gap(page) < 1e-3
+            assert page.evaluate("thingc.viewer.said") == ""
+            assert math.radians(5.0) <= q["pivot"] <= math.radians(175.0) and abs(q["elbow"]) <= math.pi
+            inner = math.acos((COUPLER**2 + ROCKER**2 - opposite(math.radians(drive)) ** 2) / (2 * COUPLER * ROCKER))
+            links = {name: np.array(numbers).reshape(4, 4)[:3, 0] for name, numbers in page.evaluate("thingc.viewer.links()").items()}
+            assert math.acos(float(links["coupler"] @ links["rocker"])) == pytest.approx(inner, abs=1e-6)
+
+
+def test_a_loop_stays_closed_on_the_way_between_poses(browser: Any, tmp_path: Path) -> None:
+    with page_of(browser, tmp_path, FOUR_BAR, "#mode=bench&pose=at_20") as page:
+        between = """(part) => { const { configuration: here, mode } = thingc.viewer, [from, to] = mode.poses;
+          here.between({ q: from.q, base: here.tree.home }, { q: to.q, base: here.tree.home }, part); return { ...here.q }; }"""
+        parts = [page.evaluate(between, part / 12) for part in range(1, 12)]
+        assert gap(page) < 1e-3
+        for before, after in itertools.pairwise(parts):
+            assert max(abs(after[name] - before[name]) for name in ("drive", "elbow", "pivot")) < 0.5
+        assert math.degrees(parts[5]["drive"]) == pytest.approx(110.0, abs=1e-6)
+
+
+def test_the_page_has_links_where_mujoco_closes_the_loop(browser: Any, tmp_path: Path, four_bar: Built) -> None:
+    import mujoco
+
+    model = four_bar.model("bench")
+    with page_of(browser, tmp_path, FOUR_BAR, "#mode=bench&pose=at_20") as page:
+        page.evaluate("thingc.viewer.setCoordinate('drive', 1.7)")
+        data = mujoco.MjData(model)
+        for name in ("drive", "elbow", "pivot"):
+            data.joint(name).qpos = q_of(page)[name]
+        mujoco.mj_forward(model, data)
+        rows = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
+        assert rows.any() and np.abs(data.efc_pos[rows]).max() < 1e-6
+        for name, numbers in page.evaluate("thingc.viewer.links()").items():
+            assert np.abs(np.array(numbers).reshape(4, 4) - pose_of(data.body(name))).max() < 1e-9
+
+
+def test_what_is_coupled_stays_within_every_limit(browser: Any, tmp_path: Path) -> None:
+    """The leader stops where its follower is at a limit: -0.8 q + 4 deg within 40 deg leaves -45 to 55 deg of its own 90."""
+    with page_of(browser, tmp_path, FINGER, "#mode=still") as page:
+        number = page.get_by_role("spinbutton", name="lead value")
+        for typed, leads, follows in ((90, 55, -40), (-90, -45, 40)):
+            number.fill(str(typed))
+            number.press("Enter")
+            q = q_of(page)
+            assert (math.degrees(q["lead"]), math.degrees(q["follow"])) == pytest.approx((leads, follows), abs=1e-9)
+            assert float(number.input_value()) == pytest.approx(leads)  # what was typed is not left standing
+        page.evaluate("thingc.viewer.setCoordinate('follow', 0.1)")
+        assert q_of(page)["follow"] == pytest.approx(0.1) and q_of(page)["lead"] == pytest.approx((math.radians(4) - 0.1) / 0.8)
+
+
+def test_a_ball_stays_in_its_cone(browser: Any, tmp_path: Path) -> None:
+    with page_of(browser, tmp_path, FINGER, "#mode=still") as page:
+        page.evaluate("thingc.viewer.setCoordinate('gaze_0', 2.0); thingc.viewer.setCoordinate('gaze_1', 2.0)")
+        q = q_of(page)
+        assert math.degrees(math.hypot(*(q[f"gaze_{k}"] for k in range(3)))) == pytest.approx(30.0, abs=1e-9)
+
+
+def test_a_robot_without_geometry_is_seen_by_its_frames(browser: Any, tmp_path: Path) -> None:
+    with page_of(browser, tmp_path, FINGER) as page:
+        page.evaluate("thingc.viewer.toggle('frames'); thingc.viewer.toggle('names')")
+        drawn(page)
+        assert page.locator("#labels span").all_inner_texts() == ["palm", "one", "two", "eye", "tip"]
+        assert 0.05 < page.evaluate("thingc.viewer.stage.size") < 0.5  # 100 mm long
+
+
+@pytest.mark.parametrize("fragment", [
+    "q=lead:9,spin:1e300,toString:1,:,lead", "camera=0,0,0,0,0,0", "camera=1e308,0,0,0,0,0", "section=x", "%%%=&q=&mode=no",
+])
+def test_rubbish_in_a_link_does_no_harm(browser: Any, tmp_path: Path, fragment: str) -> None:
+    with page_of(browser, tmp_path, FINGER, f"#{fragment}") as page:
+        drawn(page)
+        assert -1.0 < q_of(page)["lead"] <= math.radians(55) + 1e-12
+        away = page.evaluate("thingc.viewer.stage.camera.position.distanceTo(thingc.viewer.stage.controls.target)")
+        assert 0.01 < away < 10.0
+        assert page.evaluate("thingc.viewer.options.section.part") == 0.5
+
+
+def test_a_base_that_floats_can_be_moved_and_is_in_the_link(browser: Any, tmp_path: Path) -> None:
+    with page_of(browser, tmp_path, FINGER, "#mode=adrift") as page:
+        moved = """() => { const { viewer } = thingc, link = viewer.robot.links.findIndex(({ name }) => name === "one");
+          const zero = viewer.stage.camera.position.clone().set(0, 0, 0);
+          viewer.pull(link, zero, zero.clone().set(0.1, 0.2, 0.3)); return viewer.links(); }"""
+        before = page.evaluate(moved)
+        assert np.allclose(np.array(before["one"]).reshape(4, 4)[:3, 3], [0.1, 0.2, 0.3])
+        page.wait_for_function("() => location.hash.includes('base=')")
+        fragment = page.evaluate("location.hash")
+    with page_of(browser, tmp_path, FINGER, fragment) as page:
+        after = page.evaluate("thingc.viewer.links()")
+        assert max(np.abs(np.array(after[name]) - np.array(before[name])).max() for name in before) < 1e-9
+    with page_of(browser, tmp_path, FINGER, "#mode=still") as page:
+        assert "stands on" in page.evaluate("thingc.viewer.kept(0)")
