@@ -60,9 +60,9 @@ def test_a_part_folder_goes_before_a_package(tmp_path: Path, installed: Path) ->
     ("nuts.away", Code.MISSING_FILE, "there is no document `nuts.away`: `nuts` has none of that name",  # a link out of the package
      "did you mean `nuts.metals`?"),
     ("missing.metals", Code.MISSING_FILE, "there is no document `missing.metals`: the package `missing` is not installed", "install it"),
-    ("bolts.metals", Code.FILE_TYPE,
-     "expected a path (.yaml, .yml, .toml), or a document in a package that the workspace allows, found `bolts.metals`",
-     "did you mean `nuts.metals`?"),
+    ("bolts.metals", Code.FILE_TYPE, "expected a materials document (.yaml, .yml, .toml), found `bolts.metals`",
+     "did you mean `nuts.metals`?"),  # installed, and not allowed
+    ("metals.txt", Code.FILE_TYPE, "expected a materials document (.yaml, .yml, .toml), found `metals.txt`", None),
     ("nuts.robot", Code.WRONG_KIND, "expected a materials document, found `nuts.robot` of kind `assembly`", None),
 ])
 def test_what_is_said_of_names_of_packages(

@@ -11,7 +11,7 @@ from thingc.diagnostics import Code, Report
 from thingc.installed import package_folder
 from thingc.load.paths import DOCUMENT_SUFFIXES
 from thingc.source import Span
-from thingc.typos import did_you_mean
+from thingc.typos import did_you_mean, near_hint
 from thingc.units import shortened
 
 if TYPE_CHECKING:
@@ -38,17 +38,18 @@ def find_packaged(text: str, *, where: Span | None, workspace: Workspace, looked
             looked_at.add(path)
             if os.path.isfile(path) and _stays(path, top, workspace):
                 return path
-    near = did_you_mean(text, packaged_documents(workspace), what="documents of packages")
-    shown = shortened(text)
+    shown, known = shortened(text), packaged_documents(workspace)
     if any(os.path.isdir(top) for top in tops):
-        report.add(Code.MISSING_FILE, f"there is no document `{shown}`: `{package}` has none of that name", where, help=near)
+        report.add(
+            Code.MISSING_FILE, f"there is no document `{shown}`: `{package}` has none of that name", where,
+            help=did_you_mean(text, known, what="documents of packages"),
+        )
     elif package in workspace.packages:
         report.add(Code.MISSING_FILE, f"there is no document `{shown}`: the package `{package}` is not installed", where, help="install it")
-    else:
+    else:  # a file of another type, as likely as not
         report.add(
-            Code.FILE_TYPE,
-            f"expected a path ({', '.join(DOCUMENT_SUFFIXES)}), or a document in a package that the workspace allows, found `{shown}`",
-            where, help=near,
+            Code.FILE_TYPE, f"expected a materials document ({', '.join(DOCUMENT_SUFFIXES)}), found `{shown}`", where,
+            help=near_hint(text, known),
         )
     return None
 
