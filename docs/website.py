@@ -215,14 +215,14 @@ def _title(text: str) -> str:
 
 def _first(text: str) -> str:
     """The first sentence of a page, behind a colon; nothing of a page without words."""
-    words = re.search(r"^(?![#<|!`\s-])(.+?)(?:\n\n|\Z)", text, re.MULTILINE | re.DOTALL)
+    words = re.search(r"^(?![#<|!\s-])(.+?)(?:\n\n|\Z)", re.sub(r"(?ms)^`{3}.*?^`{3}$", "", text), re.MULTILINE | re.DOTALL)
     plain = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", words[1] if words else "").replace("**", "")
-    return plain and ": " + re.split(r"(?<=[.:])\s", re.sub(r"\s+", " ", plain))[0]
+    return plain and ": " + re.split(r"(?<=\.)\s", re.sub(r"\s+", " ", plain))[0].rstrip(":")
 
 
 def _plain(text: str) -> str:
-    """A page without frames."""
-    return re.sub(r"<iframe.*?</iframe>\n", "", text, flags=re.DOTALL).strip() + "\n"
+    """A page without frames, and without what lays it out."""
+    return re.sub(r"<iframe.*?</iframe>\n|</?div[^>]*>\n+", "", text, flags=re.DOTALL).strip() + "\n"
 
 
 # --- what is built -------------------------------------------------------------------------------------------------
