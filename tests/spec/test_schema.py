@@ -10,14 +10,16 @@ import jsonschema
 import pytest
 
 from thingc.diagnostics import Report
-from thingc.load.documents import read_tree
+from thingc.load import is_document, read_tree
 from thingc.spec.schema import json_schema, text_of, write
 from thingc.spec.validation import KINDS
 
 ROOT = Path(__file__).resolve().parents[2]
-DOCUMENTS = sorted(path for folder in ("assemblies", ".") for path in (ROOT / folder).glob("**/*" if folder != "." else "*")
-                   if path.suffix in (".yaml", ".yml",
-                       ".toml") and path.name not in ("pyproject.toml", "action.yml") and not path.name.startswith("."))
+FOLDERS = {"assemblies": "**/*", "compiler/thingc/templates": "**/*", ".": "*"}
+DOCUMENTS = sorted(
+    path for folder, pattern in FOLDERS.items() for path in (ROOT / folder).glob(pattern)
+    if path.suffix in (".yaml", ".yml", ".toml") and is_document(str(path))
+)
 
 
 @pytest.mark.parametrize("kind", KINDS)
