@@ -80,7 +80,8 @@ def refused(fault: Exception) -> Diagnostic:
 
 def until_interrupted(live: Live, hear: Callable[[Round], None]) -> int:
     """Go through the rounds until Ctrl-C or SIGTERM; nothing of them is alive then."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    for number in (signal.SIGINT, signal.SIGTERM):  # a shell has its background jobs ignore the first
+        signal.signal(number, signal.default_int_handler)
     try:
         with live:
             for made in live.rounds(threading.Event()):
