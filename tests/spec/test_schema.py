@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = {"assemblies": "**/*", "compiler/thingc/templates": "**/*", ".": "*"}
 DOCUMENTS = sorted(
     path for folder, pattern in FOLDERS.items() for path in (ROOT / folder).glob(pattern)
-    if path.suffix in (".yaml", ".yml", ".toml") and is_document(str(path))
+    if path.name == "thingc.toml" or (path.suffix in (".yaml", ".yml", ".toml") and is_document(str(path)))
 )
 
 
