@@ -84,7 +84,7 @@ def question(file: Path, mjcf: Path, seed: int = 0, count: int = CONFIGURATIONS)
     }
     zeros = np.array([one.zero for one in coordinates])
     answers = {**_answers(model, coordinates, frames, q + zeros), "mimic": mimics}
-    if format == "URDF":
+    if format in ("URDF", "USD"):
         answers["range"] = [_range(names, answers["range"], k, follows) for k, follows in enumerate(mimics)]
     if format == "SDF":  # what follows another is moved by it, without an effort of its own that could be too little
         answers["effort"] = [np.inf if follows and not own else own for own, follows in zip(answers["effort"], mimics, strict=True)]

@@ -218,12 +218,13 @@ def test_what_follows_has_newtons_schema(every: Compiled) -> None:
     }
 
 
-def test_physx_takes_turns_that_follow_within_limits(tmp_path: Path) -> None:
-    document = MIMICS.replace("mimic: {joint: a, multiplier: 2", "limit: {lower: -9 rad, upper: 9 rad}, mimic: {joint: a, multiplier: 2")
+def test_physx_takes_no_turns_that_follow_without_limits(tmp_path: Path) -> None:
+    bounded = "revolute, parent: c0.a, child: c1.b, limit: {lower: 10 deg, upper: 90 deg}"
+    document = MIMICS.replace(bounded, "continuous, parent: c0.a, child: c1.b")
     made = Compiled(tmp_path, document.replace("  joints:", "  rest:").replace("joints.b", "rest.b"), "usd")
-    assert said(read(made, "m").joints["b"].prim, "physxMimic") == {
-        "physxMimicJoint:rotZ:referenceJointAxis": "rotZ", "physxMimicJoint:rotZ:gearing": -2.0, "physxMimicJoint:rotZ:offset": -30.0,
-    }
+    prim = read(made, "m").joints["b"].prim
+    assert said(prim, "physxMimic", "physics:lower") == {}
+    assert {one for one in schemas(prim) if "Mimic" in one} == {"NewtonMimicAPI"}
 
 
 def test_what_no_float_holds_is_a_loss(tmp_path: Path) -> None:
@@ -259,7 +260,10 @@ def test_a_follower_of_another_kind_is_a_loss_and_names_are_taken(tmp_path: Path
     joints = read(made, "m").joints
     assert said(joints["b"].prim, "newton:mimic") == {"newton:mimicCoef0": 30.0, "newton:mimicCoef1": 2.0}
     assert said(joints["c"].prim, "newton:mimic") == said(joints["c"].prim, "physxMimic") == {}
-    assert said(joints["b"].prim, "physxMimic") == {}  # has no limits
+    assert said(joints["b"].prim, "physics:lower", "physics:upper", "physxMimic") == {  # where the limits of `a` take it
+        "physics:lowerLimit": 50.0, "physics:upperLimit": 210.0, "physxMimicJoint:rotZ:referenceJointAxis": "rotZ",
+        "physxMimicJoint:rotZ:gearing": -2.0, "physxMimicJoint:rotZ:offset": -30.0,
+    }
     assert UsdPhysics.Scene(read(made, "m").at("scene")).GetGravityMagnitudeAttr().Get() == 0.0
     assert said(joints["a"].prim, "drive:angular:physics:target") == {"drive:angular:physics:targetPosition": 10.0}
     assert [loss[:3] for loss in made.losses(None)] == [

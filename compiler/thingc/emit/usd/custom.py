@@ -50,14 +50,19 @@ def dynamics(prim: Prim, joint: UsdJoint, *, in_tree: bool) -> None:
 
 
 def follow(prim: Prim, joint: UsdJoint, follower: Follower, leader: str) -> None:
-    """What follows the joint at the path `leader`, in degrees where it turns. PhysX takes no turn without limits, and counts the other way
-    round: q + gearing * q(leader) + offset = 0."""
-    offset = math.degrees(follower.offset) if follower.turns else follower.offset
+    """What follows the joint at the path `leader`, in degrees where it turns. Without limits of its own it has those to which the leader's
+    take it: PhysX takes no turn without, and counts the other way round: q + gearing * q(leader) + offset = 0."""
+    unit = math.degrees(1.0) if follower.turns else 1.0
+    offset, own = follower.offset * unit, ends(joint.freedoms[0])
+    if follower.reach is not None and own == (-math.inf, math.inf):
+        own = follower.reach[0] * unit, follower.reach[1] * unit
+        prim.say("float physics:lowerLimit", own[0])
+        prim.say("float physics:upperLimit", own[1])
     prim.schemas.append("NewtonMimicAPI")
     prim.say("rel newton:mimicJoint", f"<{leader}>")
     prim.say("float newton:mimicCoef0", offset)
     prim.say("float newton:mimicCoef1", follower.multiplier)
-    if not follower.turns or follower.bounded and all(map(math.isfinite, ends(joint.freedoms[0]))):
+    if not follower.turns or follower.reach is not None and all(map(math.isfinite, own)):
         prim.schemas.append(f"PhysxMimicJointAPI:{AXIS}")
         prim.say(f"rel physxMimicJoint:{AXIS}:referenceJoint", f"<{leader}>")
         prim.say(f"uniform token physxMimicJoint:{AXIS}:referenceJointAxis", f'"{AXIS}"')

@@ -6,6 +6,7 @@ from thingc.emit.connections import connections
 from thingc.emit.usd.chain import chain
 from thingc.frozen import dataclass
 from thingc.graph import joints_of, leaders
+from thingc.resolve.model import Limit
 from thingc.robot.types import Robot
 from thingc.source import Origin
 
@@ -13,7 +14,8 @@ from thingc.source import Origin
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Follower:
     """A joint at `path` that follows the `leader`, which moves by itself: q = offset + multiplier q(leader) [rad or m]. `said`: both are
-    joints of one coordinate and of one kind, as Newton's schema has them; `bounded`: the leader has two limits."""
+    joints of one coordinate and of one kind, as Newton's schema has them. `reach`: between which values the leader's limits take it, None
+    where that has no two."""
 
     path: str
     leader: str
@@ -21,7 +23,7 @@ class Follower:
     offset: float
     turns: bool
     said: bool
-    bounded: bool
+    reach: tuple[float, float] | None
     origin: Origin
 
 
@@ -34,7 +36,14 @@ def followers(robot: Robot) -> dict[str, Follower]:
         path: Follower(
             path=path, leader=leader, multiplier=multiplier, offset=offset, turns=joints[path].twist.turns,
             said=path in single and single.get(leader) == single[path],
-            bounded=None not in (joints[leader].limit.lower, joints[leader].limit.upper), origin=mimic.origin,
+            reach=_reach(joints[leader].limit, multiplier, offset), origin=mimic.origin,
         )
         for path, (leader, multiplier, offset) in leaders(joints.values()).items() if (mimic := joints[path].mimic) is not None
     }
+
+
+def _reach(limit: Limit, multiplier: float, offset: float) -> tuple[float, float] | None:
+    if limit.lower is None or limit.upper is None:
+        return None
+    one, other = (offset + multiplier * end for end in (limit.lower, limit.upper))
+    return min(one, other), max(one, other)
