@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # Of two cores: many tests wait for processes that they have started.
 JOBS ?= 3
 
-.PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-viewer conformance bench-weld print-masses walk bridge-search mutants slips fuzz kills schemas docs site pictures viewer freeze frozen clean
+.PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-viewer conformance bench-weld print-masses walk climb bridge-search mutants slips fuzz kills schemas docs site pictures viewer freeze frozen clean
 
 demo: $(VENV)/.thingc
 	$(BIN)/thingc build assemblies/arm.yaml
@@ -38,6 +38,9 @@ print-masses: $(VENV)/.thingc-dev
 
 walk: $(VENV)/.thingc-dev
 	$(BIN)/python examples/walk.py --gif docs/pictures/minchw_walk.gif --page docs/walking.md
+
+climb: $(VENV)/.thingc-dev
+	$(BIN)/python examples/climb.py --film docs/pictures/minchw_climb.webp --plot docs/pictures/minchw_speeds.png --page docs/walking.md
 
 bridge-search: $(VENV)/.thingc-dev
 	$(BIN)/python examples/longest_bridge.py --docs docs

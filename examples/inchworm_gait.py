@@ -7,7 +7,7 @@ the same plan. Units are SI; a vector of six joints is in the order of `JOINTS`.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -25,6 +25,9 @@ PULL = 300.0
 SWING, PRESS, TRANSFER, RELEASE, REST = 1.5, 0.15, 0.35, 0.15, 0.2
 """How long [s] a foot is in the air, its magnet takes hold, the load moves over to it, the other magnet lets go, and all is
 still."""
+
+DRAWN_UP = np.array([0.0, 1.5, 1.5, 0.0, 1.5, 1.5])
+"""Joint angles (6,) near which the robot stands on both feet, the knees above the ankles."""
 
 DEGREE, KNOTS = 24, 49
 """Of the polynomials through the joints' paths, and how many points they are fitted to."""
@@ -55,11 +58,15 @@ class Instant:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Swing:
-    """One foot's way through the air while the other holds: Chebyshev coefficients (degree + 1, 6) of q over s in [-1, 1]."""
+    """One foot's way through the air while the other holds: Chebyshev coefficients (degree + 1, 6) of q over s in [-1, 1];
+    how long [s] it is in the air, and its magnet takes hold. At `pace` 2, everything takes half its time."""
 
     holds: str
     moves: str
     path: Array
+    seconds: float = SWING
+    press: float = PRESS
+    pace: float = 1.0
 
     @property
     def begin(self) -> Instant:
@@ -68,14 +75,33 @@ class Swing:
         magnets = {self.holds: PULL, self.moves: 0.0}
         return Instant(phase="stand", q=start, v=still, a=still, share=0.0, magnets=magnets)
 
+    @property
+    def end(self) -> Array:
+        """q (6,) when the foot is put down."""
+        return np.asarray(chebyshev.chebval(1.0, self.path))
+
+    def bent(self, begin: Array, end: Array) -> Swing:
+        """The same way, from other joint angles (6,) to others."""
+        over = np.linspace(-1.0, 1.0, KNOTS)
+        done = chebyshev.chebfit(over, smooth(0.5 + 0.5 * over), 9)
+        path = self.path.copy()
+        path[: len(done)] += np.outer(done, (end - self.end) - (begin - self.begin.q))
+        path[0] += begin - self.begin.q
+        return replace(self, path=path)
+
+    @property
+    def duration(self) -> float:
+        """From lifting one foot to the load on it and the other free [s]."""
+        return (self.seconds + self.press + TRANSFER + RELEASE + REST) / self.pace
+
     def instants(self, timestep: float) -> Iterator[Instant]:
         """From lifting one foot to the load on it and the other free."""
-        velocity = chebyshev.chebder(self.path) * (2.0 / SWING)
-        acceleration = chebyshev.chebder(velocity) * (2.0 / SWING)
+        velocity = chebyshev.chebder(self.path) * (2.0 * self.pace / self.seconds)
+        acceleration = chebyshev.chebder(velocity) * (2.0 * self.pace / self.seconds)
         for phase, duration in (
-            ("swing", SWING), ("press", PRESS), ("transfer", TRANSFER), ("release", RELEASE), ("rest", REST)
+            ("swing", self.seconds), ("press", self.press), ("transfer", TRANSFER), ("release", RELEASE), ("rest", REST)
         ):
-            steps = round(duration / timestep)
+            steps = round(duration / self.pace / timestep)
             done = (1.0 + np.arange(steps)) / steps
             moving = 1.0 if phase == "swing" else 0.0
             at = 2.0 * done - 1.0 if moving else np.ones(steps)
@@ -101,18 +127,23 @@ class Legs:
         self.holds, self.moves = holds, other(holds)
         self.columns = [int(model.joint(name).dofadr[0]) for name in PITCHING]
 
-    def solve(self, distance: float, height: float, pitch: float, near: Array) -> Array:
-        """q (6,) with the moving sole `distance` [m] along x from the held one, `height` [m] above it and level, and the body's
-        nose `pitch` [rad] up. `near` (6,) is where the search starts. Raises `ValueError` where there is no such q."""
+    def solve(self, x: float, z: float, turn: float, pitch: float, near: Array) -> Array:
+        """q (6,) with the moving sole at `x` and `z` [m] from the held one, as this stands on its steel (x ahead, z out of the
+        steel), turned from it by `turn` [rad], toe up, and the body's nose `pitch` [rad] up. `near` (6,) is where the search
+        starts. Raises `ValueError` where there is no such q."""
         q = near.copy()
         for _ in range(50):
-            error, jacobian = self._error(q, distance, height, pitch)
+            error, jacobian = self._error(q, x, z, turn, pitch)
             if np.abs(error).max() < 1e-12:
                 return q
             q[[JOINTS.index(name) for name in PITCHING]] -= np.linalg.solve(jacobian, error)
-        raise ValueError(f"the legs do not reach {distance:.3f} m apart with a foot lifted by {height:.3f} m")
+        raise ValueError(f"the legs do not reach {x:.3f} m ahead and {z:.3f} m up, turned by {turn:.3f} rad")
 
-    def _error(self, q: Array, distance: float, height: float, pitch: float) -> tuple[Array, Array]:
+    def pitch(self, q: Array) -> float:
+        """Of the body [rad], nose up, at q (6,)."""
+        return -float(self._error(q, 0.0, 0.0, 0.0, 0.0)[0][3])
+
+    def _error(self, q: Array, x: float, z: float, turn: float, pitch: float) -> tuple[Array, Array]:
         """(4,) and (4, 4): x and z of the moving sole, its pitch, and that of the body, by the four joints that pitch."""
         for name, value in zip(JOINTS, q, strict=True):
             self.data.joint(name).qpos = value
@@ -124,13 +155,46 @@ class Legs:
         mujoco.mj_jacBody(self.model, self.data, None, turning, self.model.body("body").id)
         down, ahead = sole.xmat.reshape(3, 3)[:, 2], body.xmat.reshape(3, 3)[:, 0]
         between = sole.xpos - self.data.site(f"{self.holds}/sole").xpos
-        side = 1.0 if self.moves == "front" else -1.0
-        # A turn by `a` about the world's y takes the sole's -z towards -x, and the body's x towards -z.
+        # A turn by `a` about the world's y takes the sole's -z towards x, and the body's x towards -z.
         error = [
-            between[0] - side * distance, between[2] - height, np.arctan2(-down[0], -down[2]), np.arctan2(-ahead[2], ahead[0]) + pitch
+            between[0] - x, between[2] - z, np.arctan2(-down[0], -down[2]) + turn, np.arctan2(-ahead[2], ahead[0]) + pitch
         ]
         rows = np.vstack([linear[0], linear[2], angular[1], turning[1]])
         return np.array(error), rows[:, self.columns]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stance:
+    """Standing on both feet, seen from the one that holds: where the other one is [m], how it is turned from it, and the pitch of the
+    body [rad], as `Legs.solve` has them."""
+
+    x: float
+    z: float = 0.0
+    turn: float = 0.0
+    pitch: float = 0.0
+
+
+def swing(legs: Legs, near: Array, begin: Stance, end: Stance, *, lift: float, nose: float, sink: float, seconds: float = SWING) -> Swing:
+    """From one stance to another, from the joint angles `near` (6,) on.
+
+    The foot is lifted by `lift` [m] from its steel, with the nose of the body `nose` [rad] further up than between the stances, and put
+    down `sink` [m] below the steel: the servos press it on gently, before its magnet would snatch it. Raises `ValueError` where the
+    legs do not reach.
+    """
+    q, knots = near, []
+    s = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, KNOTS))
+    done, up = smooth(s), 64.0 * (s * (1.0 - s)) ** 3
+    turn, pitch = (a + (b - a) * done for a, b in ((begin.turn, end.turn), (begin.pitch, end.pitch)))
+    # Away from the steel that is left and from the one that is come to. The foot that moves now is the one that the other was pressed
+    # down from, by `sink` along the normal of the steel under the foot that holds.
+    leaving, coming = lift * up * (1.0 - done), (lift * up - sink) * done
+    x = begin.x + (end.x - begin.x) * done - leaving * np.sin(begin.turn) - coming * np.sin(end.turn)
+    z = begin.z + (end.z - begin.z) * done + leaving * np.cos(begin.turn) + coming * np.cos(end.turn) + sink * (1.0 - done)
+    for row in zip(x, z, turn, pitch + nose * up, strict=True):
+        q = legs.solve(*(float(value) for value in row), q)
+        knots.append(q)
+    path = np.asarray(chebyshev.chebfit(2.0 * s - 1.0, np.array(knots), DEGREE), dtype=float)
+    return Swing(holds=legs.holds, moves=legs.moves, path=path, seconds=seconds)
 
 
 def swings(models: dict[str, mujoco.MjModel], steps: int, short: float, stride: float, lift: float, sink: float) -> list[Swing]:
@@ -138,20 +202,14 @@ def swings(models: dict[str, mujoco.MjModel], steps: int, short: float, stride: 
 
     `models` are those of the modes that a foot holds, by foot. The soles are `short` [m] apart when the robot is drawn up; a
     foot is lifted by `lift` [m], which the body does with half its pitch and the legs with the rest, and put down `sink` [m] below
-    the steel: the servos press it on gently, before its magnet would snatch it.
+    the steel.
     """
-    start = np.array([0.0, 1.5, 1.5, 0.0, 1.5, 1.5])
+    start = DRAWN_UP
     found = {}
-    s = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, KNOTS))
     for holds, begin, end in (("rear", short, short + stride), ("front", short + stride, short)):
-        legs, side = Legs(models[holds], holds), 1.0 if holds == "rear" else -1.0
-        q, knots = start, []
-        between, up = begin + (end - begin) * smooth(s), lift * 64.0 * (s * (1.0 - s)) ** 3
-        height = up + sink * (1.0 - 2.0 * smooth(s))  # the foot that moves now is the one that the other was pressed down from
-        for row in zip(between, height, side * up / short, strict=True):
-            q = legs.solve(*(float(value) for value in row), q)
-            knots.append(q)
-        start = knots[-1]
-        path = np.asarray(chebyshev.chebfit(2.0 * s - 1.0, np.array(knots), DEGREE), dtype=float)
-        found[holds] = Swing(holds=holds, moves=other(holds), path=path)
+        side = 1.0 if holds == "rear" else -1.0
+        found[holds] = swing(
+            Legs(models[holds], holds), start, Stance(x=side * begin), Stance(x=side * end), lift=lift, nose=side * lift / short, sink=sink
+        )
+        start = found[holds].end
     return [found[holds] for _ in range(steps) for holds in ("rear", "front")]

@@ -7,14 +7,15 @@ motion needs, by inverse dynamics in the mode of the foot that carries the robot
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
-from inchworm_gait import FEET, JOINTS, PULL, Array, Instant, Swing, other
+from inchworm_film import decorate_tunnel
+from inchworm_gait import FEET, JOINTS, PULL, Array, Instant, Legs, Stance, Swing, other
 from inchworm_scenery import decorate
 from thingc.modes import Modes
 
@@ -40,7 +41,21 @@ LEANS = 1e-5
 cylinder) takes what rounding leaves of the direction in which a cylinder leans for that direction: it may find the foot 24 mm deep. Less
 than 1e-6 it takes for nothing."""
 
-Watch = Callable[[mujoco.MjModel, mujoco.MjData], None]
+Watch = Callable[[mujoco.MjModel, mujoco.MjData, float], None]
+"""Is called after every step, with the pull margin [N] of the feet that carry the robot."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Face:
+    """A plane of steel: a point of it [m], and how it is turned about y [rad] from a floor, its x ahead."""
+
+    name: str
+    x: float = 0.0
+    z: float = 0.0
+    turn: float = 0.0
+
+
+BEAM = (Face(name="steel"),)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -69,27 +84,34 @@ class Seen:
     """What touched the steel or the robot itself, other than soles the steel."""
 
 
-def on_steel(folder: Path, mode: str) -> mujoco.MjModel:
-    """The model of a mode on the face of a beam (z = 0)."""
+def on_steel(folder: Path, mode: str, faces: Sequence[Face] = BEAM) -> mujoco.MjModel:
+    """The model of a mode on the face of a beam (z = 0), or between other faces."""
     spec = mujoco.MjSpec.from_file(str(folder / "mjcf" / f"minchw_{mode}.xml"))
     spec.option.timestep = TIMESTEP
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.impratio = 10.0
     for geom in spec.geoms:
         geom.margin = 0.0  # the steel has a gap instead
-    spec.worldbody.add_geom(
-        name="steel", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05], quat=[1, LEANS / 2, 0, 0], rgba=[0, 0, 0, 0], group=4,
-        **STEEL
-    )
-    decorate(spec, next((place for place in ("wall", "ceiling") if mode.endswith(place)), "floor"))
+    for face in faces:
+        turned = np.zeros(4)
+        mujoco.mju_mulQuat(turned, np.array([np.cos(face.turn / 2), 0, -np.sin(face.turn / 2), 0]), np.array([1, LEANS / 2, 0, 0]))
+        spec.worldbody.add_geom(
+            name=face.name, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05], pos=[face.x, 0, face.z], quat=turned, rgba=[0, 0, 0, 0],
+            group=4, **STEEL
+        )
+    if faces is BEAM:
+        decorate(spec, next((place for place in ("wall", "ceiling") if mode.endswith(place)), "floor"))
+    else:
+        decorate_tunnel(spec, max(face.x for face in faces), max(face.z for face in faces))
     return spec.compile()
 
 
 class World:
     """One mode's model and state."""
 
-    def __init__(self, folder: Path, mode: str) -> None:
-        self.mode, self.model = mode, on_steel(folder, mode)
+    def __init__(self, folder: Path, mode: str, faces: Sequence[Face] = BEAM) -> None:
+        self.mode, self.model = mode, on_steel(folder, mode, faces)
+        self.faces = {face.name for face in faces}
         self.data = mujoco.MjData(self.model)
         self.names = [self.model.geom(number).name for number in range(self.model.ngeom)]
         self.qpos = [int(self.model.joint(name).qposadr[0]) for name in JOINTS]
@@ -106,10 +128,24 @@ class World:
         """The middle of a sole in the world (3,)."""
         return np.array(self.data.site(f"{foot}/sole").xpos)
 
+    def normal(self, foot: str) -> Array:
+        """(3,) of the steel on which a foot stands, from the steel to the robot: along an axis of the world, as all steel here."""
+        return -np.round(self.data.site(f"{foot}/sole").xmat.reshape(3, 3)[:, 2])
+
+    def turn(self, foot: str) -> float:
+        """How a sole is turned from a floor [rad], toe up."""
+        x, _, z = self.data.site(f"{foot}/sole").xmat.reshape(3, 3)[:, 2]
+        return float(np.arctan2(x, -z))
+
+    def gravity(self, foot: str) -> Array:
+        """(3,) in the frame of the steel on which a foot stands: z from the steel to the robot, x ahead. As in the document's modes
+        `..._wall` and `..._ceiling`, whatever the steel is to the world."""
+        normal, gravity = self.normal(foot), self.model.opt.gravity
+        return np.array([normal[2] * gravity[0] - normal[0] * gravity[2], gravity[1], gravity @ normal])
+
     def tilt(self, foot: str) -> float:
         """The angle [rad] between a sole and the steel."""
-        x, y, _ = self.data.site(f"{foot}/sole").xmat.reshape(3, 3)[:, 2]
-        return float(np.hypot(x, y))
+        return float(np.linalg.norm(cross(self.data.site(f"{foot}/sole").xmat.reshape(3, 3)[:, 2], self.normal(foot))))
 
     def contacts(self) -> Iterator[set[str]]:
         """The names of the geoms of each contact."""
@@ -132,7 +168,9 @@ class World:
             wrench[:3], wrench[3:] = sum_of(self.on_sole(foot, centre))
             _, force, moment = self.hold(foot, centre)
             wrench += np.concatenate([force, moment])
-        return float(wrench[2]), float(np.hypot(*wrench[:2])), float(np.hypot(*wrench[3:5]))
+        normal = self.normal(foot)
+        along, tipping = (float(np.linalg.norm(cross(part, normal))) for part in (wrench[:3], wrench[3:]))
+        return float(wrench[:3] @ normal), along, tipping
 
     def on_sole(self, foot: str, centre: Array) -> Iterator[tuple[Array, Array]]:
         """Force [N] and moment about `centre` [N m] of each contact of a foot with the steel."""
@@ -152,7 +190,7 @@ class World:
         points = self.data.contact.pos[(bodies == [0, body]).all(axis=1)]
         if not len(points):
             return 0, np.zeros(3), np.zeros(3)
-        force = np.array([0.0, 0.0, -float(self.data.actuator(f"{foot}/sole").force[0])])
+        force = -float(self.data.actuator(f"{foot}/sole").force[0]) * self.normal(foot)
         return len(points), force, cross(points.mean(axis=0) - centre, force)
 
     def drive(self, now: Instant, torque: Array) -> None:
@@ -180,8 +218,9 @@ class Dynamics:
         self.world, self.model = world, on_no_steel(world.model)
         self.data = mujoco.MjData(self.model)
 
-    def torque(self, now: Instant) -> Array:
-        """[N m], friction and damping of the joints included."""
+    def torque(self, now: Instant, gravity: Array) -> Array:
+        """[N m], friction and damping of the joints included; `gravity` (3,) in the frame of the steel on which the foot stands."""
+        self.model.opt.gravity[:] = gravity
         self.data.qpos[self.world.qpos] = now.q
         self.data.qvel[self.world.dofs], self.data.qacc[self.world.dofs] = now.v, now.a
         mujoco.mj_inverse(self.model, self.data)
@@ -196,21 +235,28 @@ def on_no_steel(model: mujoco.MjModel) -> mujoco.MjModel:
 
 
 class Climb:
-    """The robot on a floor (`where=""`), a wall (`"_wall"`) or a ceiling (`"_ceiling"`): the worlds of its modes, and what was seen."""
+    """The robot on a floor (`where=""`), a wall (`"_wall"`) or a ceiling (`"_ceiling"`), or between several faces: the worlds of its
+    modes, and what was seen."""
 
-    def __init__(self, folder: Path, where: str) -> None:
+    def __init__(self, folder: Path, where: str, faces: Sequence[Face] = BEAM) -> None:
         self.robot = Modes.load(folder)
-        self.held = {foot: World(folder, f"{foot}_foot{where}") for foot in FEET}
-        self.free = World(folder, f"crawl{where}")
+        self.held = {foot: World(folder, f"{foot}_foot{where}", faces) for foot in FEET}
+        self.free = World(folder, f"crawl{where}", faces)
         self.dynamics = {foot: Dynamics(world) for foot, world in self.held.items()}
         self.models = {foot: world.model for foot, world in self.held.items()}
+        self.legs = {foot: Legs(model, foot) for foot, model in self.models.items()}
 
-    def rooted(self, plan: list[Swing], watch: Watch | None = None) -> Seen:
-        """Walk rooted at the foot that holds; the other becomes the root when it has landed and carries the robot."""
+    def rooted(self, plan: list[Swing], watch: Watch | None = None, footholds: Sequence[Stance] | None = None) -> Seen:
+        """Walk rooted at the foot that holds; the other becomes the root when it has landed and carries the robot.
+
+        With `footholds`, where the sole of each swing should land in the world, each is aimed anew from where the root stands.
+        """
         seen = Seen(steps=len(plan) // 2)
         world = self._start(plan[0])
-        begin = self._stand(world, plan[0])
-        for swing in plan:
+        begin, q = self._stand(world, plan[0]), plan[0].begin.q
+        for k, planned in enumerate(plan):
+            swing = planned if footholds is None else self._aimed(world, planned, q, footholds[k])
+            q = swing.end
             self._follow(world, swing, seen, watch)
             following = self.held[swing.moves]
             switched = self.robot.switch((world.mode, world.data), (following.mode, following.data), on_motion="impact")
@@ -221,14 +267,16 @@ class Climb:
         seen.progress = float(((world.sole("front") + world.sole("rear")) / 2 - begin)[0])
         return seen
 
-    def adhering(self, plan: list[Swing], watch: Watch | None = None) -> Seen:
+    def adhering(self, plan: list[Swing], watch: Watch | None = None, footholds: Sequence[Stance] | None = None) -> Seen:
         """Walk the same plan with a free base: nothing but the magnets keeps a foot where it is."""
         seen = Seen(steps=len(plan) // 2)
         first = self._start(plan[0])
         self.robot.switch((first.mode, first.data), (self.free.mode, self.free.data))
         mujoco.mj_forward(self.free.model, self.free.data)
-        begin = self._stand(self.free, plan[0])
-        for swing in plan:
+        begin, q = self._stand(self.free, plan[0]), plan[0].begin.q
+        for k, planned in enumerate(plan):
+            swing = planned if footholds is None else self._aimed(self.free, planned, q, footholds[k])
+            q = swing.end
             self._follow(self.free, swing, seen, watch)
         seen.progress = float(((self.free.sole("front") + self.free.sole("rear")) / 2 - begin)[0])
         return seen
@@ -238,13 +286,14 @@ class Climb:
         world, now = self.held[swing.holds], swing.begin
         mujoco.mj_resetDataKeyframe(world.model, world.data, 0)
         world.data.qpos[world.qpos] = now.q
-        world.drive(now, self.dynamics[swing.holds].torque(now))
+        mujoco.mj_kinematics(world.model, world.data)
+        world.drive(now, self._torque(world, swing, now))
         mujoco.mj_forward(world.model, world.data)
         return world
 
     def _stand(self, world: World, swing: Swing) -> Array:
         """Let it come to rest on both feet: the middle between the soles."""
-        world.drive(swing.begin, self.dynamics[swing.holds].torque(swing.begin))
+        world.drive(swing.begin, self._torque(world, swing, swing.begin))
         for _ in range(round(STAND / TIMESTEP)):
             mujoco.mj_step(world.model, world.data)
         return (world.sole("front") + world.sole("rear")) / 2
@@ -253,33 +302,49 @@ class Climb:
         stood = world.sole(swing.holds)
         landed: Array | None = None
         for now in swing.instants(TIMESTEP):
-            torque = self.dynamics[swing.holds].torque(now)
-            if now.share > 0.0:
-                torque = (1.0 - now.share) * torque + now.share * self.dynamics[swing.moves].torque(now)
-            world.drive(now, torque)
+            world.drive(now, self._torque(world, swing, now))
             mujoco.mj_step(world.model, world.data)
-            self._measure(world, swing, now, seen)
+            pull = self._measure(world, swing, now, seen)
             if now.phase == "transfer" and landed is None:
                 landed = world.sole(swing.moves)
             if watch is not None:
-                watch(world.model, world.data)
+                watch(world.model, world.data, PULL - pull)
         assert landed is not None
         seen.tilt = max(seen.tilt, world.tilt(swing.moves))
         for what, before, foot in (("standing", stood, swing.holds), ("landing", landed, swing.moves)):
-            slip = float(np.hypot(*(world.sole(foot) - before)[:2]))
+            slip = float(np.linalg.norm(cross(world.sole(foot) - before, world.normal(foot))))
             seen.slips[what] = max(seen.slips[what], slip)
 
-    def _measure(self, world: World, swing: Swing, now: Instant, seen: Seen) -> None:
-        data = world.data
+    def _aimed(self, world: World, swing: Swing, q: Array, foothold: Stance) -> Swing:
+        """The swing from the joint angles (6,) to which the one before it led, to a foothold in the world."""
+        legs, turn = self.legs[swing.holds], world.turn(swing.holds)
+        x, _, z = np.array([foothold.x, 0.0, foothold.z]) - world.sole(swing.holds)
+        turned = (foothold.turn - turn + np.pi) % (2.0 * np.pi) - np.pi
+        end = legs.solve(
+            x * np.cos(turn) + z * np.sin(turn), z * np.cos(turn) - x * np.sin(turn), turned, legs.pitch(swing.end), swing.end
+        )
+        return swing.bent(q, end)
+
+    def _torque(self, world: World, swing: Swing, now: Instant) -> Array:
+        """What the servos must give (6,), by the dynamics of the foot that carries the robot; while the load moves over, a mixture."""
+        torque = self.dynamics[swing.holds].torque(now, world.gravity(swing.holds))
+        if now.share == 0.0:
+            return torque
+        return (1.0 - now.share) * torque + now.share * self.dynamics[swing.moves].torque(now, world.gravity(swing.moves))
+
+    def _measure(self, world: World, swing: Swing, now: Instant, seen: Seen) -> float:
+        """The largest pull [N] that a foot which carries the robot must bear now."""
+        data, most = world.data, -np.inf
         carrying = [swing.holds] if now.share == 0.0 else [swing.moves] if now.share == 1.0 else FEET
         for foot in carrying:
             held = world.model.body_mocapid[world.model.body(f"{foot}/foot").id] >= 0
             if not held and world.hold(foot, world.sole(foot))[0] == 0:
-                seen.pull, seen.pulled = np.inf, now.phase  # it has come off
+                seen.pull, seen.pulled, most = np.inf, now.phase, np.inf  # it has come off
                 continue
             normal, along, tipping = world.reaction(foot)
-            if tipping / POLE - normal > seen.pull:
-                seen.pull, seen.pulled = tipping / POLE - normal, now.phase
+            most = max(most, tipping / POLE - normal)
+            if most > seen.pull:
+                seen.pull, seen.pulled = most, now.phase
             seen.shear = max(seen.shear, along / (SLIDE * max(PULL + normal, 1e-9)))
         force, speed = data.actuator_force[world.drives], np.abs(data.qvel[world.dofs])
         for name, part in zip(JOINTS, np.abs(force) / world.stall, strict=True):
@@ -288,6 +353,7 @@ class Climb:
         seen.speed = max(seen.speed, float((np.abs(force) / world.stall + speed / no_load).max()))
         seen.tracking = max(seen.tracking, float(np.abs(world.joints() - now.q).max()))
         for pair in world.contacts():
-            if not any(pair == {"steel", f"{foot}/magnet:collision"} for foot in FEET):
+            if not any(pair == {steel, f"{foot}/magnet:collision"} for foot in FEET for steel in world.faces):
                 seen.touches |= {" and ".join(sorted(pair))}
+        return most
 

@@ -68,7 +68,7 @@ class Film:
         self.frames: list[Image.Image] = []
         self.renderers: dict[int, mujoco.Renderer] = {}
 
-    def __call__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+    def __call__(self, model: mujoco.MjModel, data: mujoco.MjData, margin: float) -> None:
         """Take a frame where `every` [s] has passed since the last one."""
         if data.time < len(self.frames) * self.every:
             return

@@ -75,11 +75,11 @@ def report(found: dict[tuple[str, str], Seen]) -> str:
     return "\n".join(f"{name:38}" + "".join(f"{cell:>16}" for cell in cells) for name, cells in rows)
 
 
-def write(page: Path, marker: str, found: dict[tuple[str, str], Seen]) -> None:
+def write(page: Path, marker: str, text: str) -> None:
     """Put a report into the block of a page that follows a marker."""
     head, opening, rest = page.read_text().partition(f"<!-- {marker} -->\n```text\n")
     assert opening, f"{page} has no block <!-- {marker} -->"
-    page.write_text(head + opening + report(found) + "\n```" + rest.partition("\n```")[2])
+    page.write_text(head + opening + text + "\n```" + rest.partition("\n```")[2])
 
 
 def _only(way: str, value: float) -> str:
@@ -105,8 +105,9 @@ def main() -> int:
         found = walk(folder, given.steps, given.gif, given.on, 1e-3 * given.sink)
         print(report(found))
         if given.page is not None:
-            write(given.page, "report", found)
-            write(given.page, "report of feet put down at the steel", walk(folder, given.steps, places=["ceiling"], sink=0.0))
+            write(given.page, "report", report(found))
+            snatched = walk(folder, given.steps, places=["ceiling"], sink=0.0)
+            write(given.page, "report of feet put down at the steel", report(snatched))
     return 0
 
 

@@ -53,6 +53,7 @@ GIVEN = {
     "docs/speed.md": {"0.34 ms": "`make bench-variants` prints it", "300 variants": "`make bench-variants` prints it"},
     "docs/walking.md": {
         "90 mm": "STRIDE of examples/walk.py", "0.1 mm": "SINK of examples/walk.py", "300 N": "data of the magnet",
+        "1.5 s": "PRESS of examples/inchworm_tunnel.py", "0.15 s": "PRESS of examples/inchworm_gait.py",
         "20.4 N": "the weight of 2.08 kg", "25 mm": "POLE of examples/inchworm_physics.py", "4 mm": "STEEL of examples/inchworm_physics.py",
     },
 }

@@ -138,7 +138,7 @@ def test_the_docs_show_what_is_printed(walking: ModuleType, walked: dict, tmp_pa
     """The columns of the ceiling, every number to what another processor may make of it; words are equal, but for which ankle."""
     page = tmp_path / "walking.md"
     page.write_text(DOCS.read_text())
-    walking.write(page, "report", {key: seen for key, seen in walked.items() if key[0] == "ceiling"})
+    walking.write(page, "report", walking.report({key: seen for key, seen in walked.items() if key[0] == "ceiling"}))
     shown, printed = table(DOCS, "report"), table(page, "report")
     assert list(shown) == list(printed) and len(shown[""]) == len(PLACES) * len(WAYS)
     for name, cells in shown.items():
