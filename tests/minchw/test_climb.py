@@ -106,6 +106,26 @@ def test_on_the_wall_it_is_the_mode_of_the_wall(climbed: tuple, minchw: Path) ->
     assert np.abs(here.qfrc_bias).max() > 0.5
 
 
+def test_a_swing_is_aimed_from_where_the_root_stands(climbing: ModuleType, minchw: Path) -> None:
+    """The rear foot as root a millimetre nearer to the wall and half a degree askew: the front foot lands where it should all the same."""
+    tunnel = climbing.Tunnel()
+    robot = climbing.Climb(minchw, "", tunnel.faces)
+    swing, foothold, world = tunnel.plan(robot.models)[2], tunnel.footholds()[2], robot.held["rear"]
+    world.data.mocap_pos[0] += [0.091, 0.0, 0.0]
+    tilt = np.array([cos(radians(0.25)), 0.0, -sin(radians(0.25)), 0.0])
+    mujoco.mju_mulQuat(world.data.mocap_quat[0], tilt, world.data.mocap_quat[0].copy())
+    landed = []
+    mujoco.mj_kinematics(world.model, world.data)
+    for each in (robot._aimed(world, swing, swing.begin.q, foothold), swing):
+        np.testing.assert_allclose(each.begin.q, swing.begin.q, atol=1e-9)
+        world.data.qpos[world.qpos] = each.end
+        mujoco.mj_kinematics(world.model, world.data)
+        x, _, z = world.sole("front")
+        landed.append((x - foothold.x, z - foothold.z, world.turn("front") - foothold.turn))
+    np.testing.assert_allclose(landed[0], 0.0, atol=1e-7)
+    assert np.abs(landed[1]).max() > 1e-3  # and would not have
+
+
 def test_every_step_of_the_way_has_a_foothold(climbing: ModuleType, climbed: tuple) -> None:
     robot, tunnel = climbed[:2]
     footholds, plan = tunnel.footholds(), tunnel.plan(robot.models)
