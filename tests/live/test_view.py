@@ -104,10 +104,9 @@ def test_what_there_is(server: Server) -> None:
     assert b'<meta name="thingc-editor" content="odd://open?{file}#{line}&amp;&quot;&lt;">' in page
     assert "Access-Control-Allow-Origin" not in headers and headers["Cross-Origin-Resource-Policy"] == "same-origin"
     assert headers["Referrer-Policy"] == "no-referrer" and headers["X-Frame-Options"] == "DENY" and headers["Cache-Control"] == "no-store"
-    assert asked(f"{server.address}robot.json")[::2] == (200, b'{"name": "one"}')
-    assert asked(f"{server.address}geometry.glb")[::2] == (200, b"glTF")
+    assert asked(f"{server.address}robot.json")[::2] == (200, b'{"robot": {"name": "one"}, "geometry": "Z2xURg=="}')
     status, headers, nothing = asked(f"{server.address}robot.json", method="HEAD")
-    assert (status, headers["Content-Length"], nothing) == (200, "15", b"")
+    assert (status, headers["Content-Length"], nothing) == (200, "50", b"")
 
 
 def test_what_is_refused(server: Server) -> None:
@@ -138,7 +137,7 @@ def test_news_reach_who_listens_and_who_comes_late(server: Server) -> None:
     assert late.next()["findings"] == [{"code": "TC601"}]
     first.close()
     server.tell(Page(name="two", data='{"name": "two"}', glb=b""), 0.2, [])
-    assert late.next()["build"] == 2 and asked(f"{server.address}robot.json")[2] == b'{"name": "two"}'
+    assert late.next()["build"] == 2 and asked(f"{server.address}robot.json")[2].startswith(b'{"robot": {"name": "two"}')
 
 
 def test_a_save_is_shown(tmp_path: Path, shared_store: str) -> None:
@@ -154,7 +153,7 @@ def test_a_save_is_shown(tmp_path: Path, shared_store: str) -> None:
         shown.document.write_text(ROBOT.replace("120 deg", "125 deg"))
         right = news.next()
         assert (right["build"], right["findings"]) == (2, [])
-        joint = next(one for one in json.loads(asked(f"{shown.address}robot.json")[2])["joints"] if one["path"] == "yaw_0")
+        joint = next(one for one in json.loads(asked(f"{shown.address}robot.json")[2])["robot"]["joints"] if one["path"] == "yaw_0")
         assert joint["upper"] == pytest.approx(math.radians(125.0))
         page = asked(shown.address)[2].decode()
         own, other = (json.loads(page.partition(f'<script id="thingc-{name}robot" type="application/json">')[2].partition("</script>")[0])

@@ -2,7 +2,7 @@
 
 import type { BufferGeometry } from "three";
 import type { Robot } from "./data";
-import { geometriesOf } from "./scene";
+import { bytesOf, geometriesOf } from "./scene";
 import { $, make } from "./ui/dom";
 import { place } from "./ui/place";
 import type { Viewer } from "./viewer";
@@ -21,11 +21,9 @@ export function listen(viewer: Viewer, update: (robot: Robot, geometries: Buffer
     findings(news.findings);
     if (news.build === build) return;
     build = news.build;
-    const [robot, glb] = await Promise.all([
-      fetch("robot.json").then((answer) => answer.json() as Promise<Robot>), fetch("geometry.glb").then((answer) => answer.arrayBuffer()),
-    ]);
+    const { robot, geometry } = await fetch("robot.json").then((answer) => answer.json() as Promise<{ robot: Robot; geometry: string }>);
     if (news.build !== build) return; // there is a newer one already
-    update(robot, await geometriesOf(glb));
+    update(robot, await geometriesOf(bytesOf(geometry)));
     viewer.say(`built in ${news.seconds.toFixed(2)} s`);
   };
   events.onerror = () => viewer.say("thingc view is not there any more: start it again");

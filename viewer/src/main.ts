@@ -5,7 +5,7 @@ import { RINGS } from "./annotate";
 import { type Robot, shownMass, VERSION } from "./data";
 import { listen, live } from "./live";
 import { restored, written } from "./permalink";
-import { geometriesOf } from "./scene";
+import { bytesOf, geometriesOf } from "./scene";
 import { bomPanel } from "./ui/bom";
 import { card } from "./ui/card";
 import { copied } from "./ui/copying";
@@ -80,13 +80,6 @@ function given(data: string, meshes: string): { robot: Robot; glb: ArrayBuffer }
   const robot = JSON.parse(text) as Robot;
   if (robot.version !== VERSION) throw new Error(`this page reads version ${VERSION} of a robot, and was given ${robot.version}`);
   return { robot, glb: bytesOf($(meshes).textContent!.trim()) };
-}
-
-function bytesOf(base64: string): ArrayBuffer {
-  const packed = atob(base64);
-  const bytes = new Uint8Array(packed.length);
-  for (let k = 0; k < bytes.length; k += 1) bytes[k] = packed.charCodeAt(k);
-  return bytes.buffer;
 }
 
 function header(viewer: Viewer): void {

@@ -28,6 +28,14 @@ export interface Hit { occurrence: number; point: Vector3 }
 const edgesOf = new WeakMap<BufferGeometry, EdgesGeometry>();
 const known = new Map<string, BufferGeometry>();
 
+/** What a text in base64 stands for. */
+export function bytesOf(base64: string): ArrayBuffer {
+  const packed = atob(base64);
+  const bytes = new Uint8Array(packed.length);
+  for (let k = 0; k < bytes.length; k += 1) bytes[k] = packed.charCodeAt(k);
+  return bytes.buffer;
+}
+
 /** Geometries by the number that the data has for them; those that were there before are not worked out again. */
 export async function geometriesOf(glb: ArrayBuffer): Promise<BufferGeometry[]> {
   const loaded = await new GLTFLoader().parseAsync(glb, "");

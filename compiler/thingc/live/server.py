@@ -29,7 +29,7 @@ HEADERS = {
     "Cache-Control": "no-store", "Referrer-Policy": "no-referrer", "X-Content-Type-Options": "nosniff", "X-Frame-Options": "DENY",
     "Cross-Origin-Resource-Policy": "same-origin", "Cross-Origin-Opener-Policy": "same-origin",
 }
-HTML, JSON, GLB = "text/html; charset=utf-8", "application/json", "model/gltf-binary"
+HTML, JSON = "text/html; charset=utf-8", "application/json"
 
 WAITING = b"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>thingc view</title><meta name="color-scheme" content="light dark">
@@ -109,9 +109,7 @@ class Server:
             page = self._page
         if name == "":
             return HTML, WAITING if page is None else page.html(live=True, editor=self._editor, against=self._against)
-        if page is not None and name == "robot.json":
-            return JSON, page.data.encode()
-        return (GLB, page.glb) if page is not None and name == "geometry.glb" else None
+        return (JSON, page.news()) if page is not None and name == "robot.json" else None
 
     def news(self, after: int) -> tuple[int, str] | None:
         """The last news and their number, as soon as there are any after that number; the same number where there are none for a while,

@@ -49,6 +49,10 @@ class Page:
         pieces = re.split("(@[A-Z]+@)", (own / "viewer.html").read_text(encoding="utf-8"))
         return "".join(texts.get(piece, piece) for piece in pieces).encode()
 
+    def news(self) -> bytes:
+        """What a live page takes of it, JSON: `robot` and `geometry`, of one and the same build."""
+        return f'{{"robot": {self.data}, "geometry": "{base64.b64encode(self.glb).decode()}"}}'.encode()
+
 
 def page_of(request: EmitRequest) -> Page:
     """The page of a robot in all chosen modes. Raises `BlobMissing`."""
