@@ -14,26 +14,28 @@ from thingc_stock.shapes import turned
 
 @dataclass(frozen=True, slots=True)
 class Sizes:
-    """Bore, outer diameter and width [mm], and the mass [kg]."""
+    """Bore, outer diameter and width [mm], the mass [kg] and its source."""
 
     bore: float
     diameter: float
     width: float
     mass: float
+    source: str = "vendor"
 
 
 BEARINGS = {
-    # ISO 15 for the sizes; masses by the SKF catalogue "Rolling bearings", those of MR105 and 688 by NMB's of miniature bearings
-    "MR105": Sizes(5.0, 10.0, 4.0, 0.0013),
+    # Sizes and masses as in the tables of bd_warehouse (single_row_capped_deep_groove_ball_bearing_parameters.csv, designations with -2Z;
+    # 688 is 628/8-2Z there; 61800 and 6000 from the table of open ones, single_row_deep_groove_...). MR105 and 6001 are not in them.
+    "MR105": Sizes(5.0, 10.0, 4.0, 0.0013, "estimated"),
     "623": Sizes(3.0, 10.0, 4.0, 0.0015),
     "624": Sizes(4.0, 13.0, 5.0, 0.0031),
     "625": Sizes(5.0, 16.0, 5.0, 0.0050),
     "626": Sizes(6.0, 19.0, 6.0, 0.0084),
-    "688": Sizes(8.0, 16.0, 5.0, 0.0040),
+    "688": Sizes(8.0, 16.0, 5.0, 0.0036),
     "608": Sizes(8.0, 22.0, 7.0, 0.0120),
     "61800": Sizes(10.0, 19.0, 5.0, 0.0053),
     "6000": Sizes(10.0, 26.0, 8.0, 0.0190),
-    "6001": Sizes(12.0, 28.0, 8.0, 0.0220),
+    "6001": Sizes(12.0, 28.0, 8.0, 0.0220, "estimated"),
 }
 Designation = Literal["MR105", "623", "624", "625", "626", "688", "608", "61800", "6000", "6001"]
 
@@ -59,8 +61,9 @@ class Bearing(Thing):
         self.back = MountPoint(Location((0, 0, -self.width / 2)) * MATE, f"bearing-{designation}")
 
     def mass(self) -> tuple[float, str]:
-        """That of the catalogue."""
-        return (BEARINGS[self.p.designation].mass, "vendor")
+        """That of the table above."""
+        sizes = BEARINGS[self.p.designation]
+        return (sizes.mass, sizes.source)
 
     def seat(self, depth: float) -> Solid:
         """What a housing leaves free, from the bearing's middle plane `depth` [mm] up: a bore of the outer diameter."""

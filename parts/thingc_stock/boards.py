@@ -67,12 +67,13 @@ class Board(Thing):
 class RaspberryPi4(Board):
     """Raspberry Pi 4 Model B.
 
-    Mechanical drawing (datasheets.raspberrypi.com, rpi4-mechanical-drawing): 85 x 56 mm, holes of 2.7 mm 58 x 49 mm apart, 3.5 mm from
-    the edges; 46 g by its product brief. Heights of sockets to 0.5 mm.
+    As in github.com/RalfLangeDresden/RaspberryPiCases, raspberry/PiPcbConstants.scad: 85 x 56 mm, holes of 2.75 mm 58 x 49 mm apart,
+    3.5 mm from the edges. 46 g as weighed by G. Halfacree ("Benchmarking the Raspberry Pi 4"), cited at
+    4ort.xyz/entity/raspberry-pi-4-model-b. Places and heights of the sockets are estimated.
     """
 
     layout = Layout(
-        size=(85.0, 56.0), corner=3.0, hole_middle=(-10.0, 0.0), holes=(58.0, 49.0), hole=2.7,
+        size=(85.0, 56.0), corner=3.0, hole_middle=(-10.0, 0.0), holes=(58.0, 49.0), hole=2.75,
         blocks=(
             (33.0, 17.75, 21.3, 16.0, 13.5), (34.7, -1.0, 17.5, 13.2, 16.0), (34.7, -19.0, 17.5, 13.2, 16.0), (-10.0, 24.5, 51.0, 5.1, 8.5),
             (-31.3, -24.7, 9.0, 7.5, 3.2), (-16.5, -24.7, 7.0, 7.5, 3.0), (-3.0, -24.7, 7.0, 7.5, 3.0), (11.5, -22.5, 7.0, 14.0, 6.0),
@@ -82,15 +83,15 @@ class RaspberryPi4(Board):
     bom = {"make": "buy", "number": "Raspberry Pi 4 Model B", "supplier": "Raspberry Pi"}
 
     def mass(self) -> tuple[float, str]:
-        """46 g, product brief."""
-        return (0.046, "vendor")
+        """46 g."""
+        return (0.046, "measured")
 
 
 class RaspberryPiZero2(Board):
     """Raspberry Pi Zero 2 W with a header of pins.
 
-    Mechanical drawing (datasheets.raspberrypi.com, rpi-zero-2-w): 65 x 30 mm, holes of 2.75 mm 58 x 23 mm apart, 3.5 mm from the edges.
-    The mass, 11 g, is an estimate.
+    As the Raspberry Pi Zero in github.com/RalfLangeDresden/RaspberryPiCases, raspberry/PiPcbConstants.scad: 65 x 30 mm, holes of 2.75 mm
+    58 x 23 mm apart. The mass, 11 g, and what stands on the board are estimated.
     """
 
     layout = Layout(
@@ -110,7 +111,8 @@ class RaspberryPiZero2(Board):
 class ArduinoNano(Board):
     """Arduino Nano with pins below.
 
-    docs.arduino.cc/hardware/nano: 45 x 18 mm, 7 g; holes of 1.65 mm 41.9 x 15.2 mm apart.
+    docs.arduino.cc/hardware/nano (read as github.com/arduino/docs-content, content/hardware/03.nano/boards/nano/tech-specs.yml): 45 x
+    18 mm, 7 g. Holes and what stands on the board are estimated.
     """
 
     layout = Layout(
@@ -133,8 +135,8 @@ class ArduinoNano(Board):
 class Esp32DevKitC(Board):
     """Espressif ESP32-DevKitC V4 with pins below.
 
-    docs.espressif.com, "ESP32-DevKitC V4 Getting Started Guide": 54.4 x 27.9 mm. It has no holes; those here are its corner pins, 48.3 x
-    25.4 mm apart. The mass, 10 g, is an estimate.
+    27.9 mm wide, its rows of pins 25.4 mm apart, as in github.com/wokwi/wokwi-boards, boards/esp32-devkit-c-v4/board.json. The length,
+    54.4 mm, and the mass, 10 g, are estimated. It has no holes; those here are its corner pins.
     """
 
     layout = Layout(

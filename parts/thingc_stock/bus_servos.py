@@ -44,7 +44,7 @@ class BusServo(Thing):
     Mounts: `rotor`, the face of the horn; `idler`; the faces of the case at their centres: `front`, `back_face`, `left`, `right`,
     `top`, `bottom`. `screws_horn` are the threaded holes of the horn, number 0 at +x, counted towards +y.
 
-    The solid is full; the mass is the maker's, and the inertia is the solid's scaled to it.
+    The solid is full; the mass is the model's, and the inertia is the solid's scaled to it.
     """
 
     drawing: ClassVar[Drawing]
@@ -71,7 +71,7 @@ class BusServo(Thing):
 
     @abstractmethod
     def mass(self) -> tuple[float, str]:
-        """The maker's mass [kg] and its source; a model states it."""
+        """The model's mass [kg] and its source."""
 
     def case_hull(self, play: float = 0.0) -> Solid:
         """The case without horn and idler, `play` [mm] larger all around: what a bracket leaves free."""
@@ -101,8 +101,9 @@ class BusServo(Thing):
 class XL330(BusServo):
     """ROBOTIS Dynamixel XL330-M288-T.
 
-    e-Manual (emanual.robotis.com/docs/en/dxl/x/xl330-m288): 20 x 34 x 26 mm, 18 g, gear 288.35 : 1, at 5 V stall torque 0.52 N m and
-    no-load speed 103 rpm. Drawing XL-330: the axis 9.5 mm from the top, horn 16 mm with 4 x M2 on a circle of 12 mm, 3 mm over the case.
+    e-Manual (emanual.robotis.com/docs/en/dxl/x/xl330-m288): 20 x 34 x 26 mm, 18 g, gear 288.4 : 1, at 5 V stall torque 0.52 N m and
+    no-load speed 103 rpm. ROBOTIS's drawing was not read: that the case is 23 mm deep, the axis 9.5 mm from the top, the horn 16 mm with
+    four holes of 2 mm on a circle of 12 mm is as in a model of it, github.com/wyolum/orbigator, fabricate/dynamixel_motor.scad.
 
     The rotor's inertia is that of XM430 scaled as between similar motors, with the fifth power of the width of the case.
     """
@@ -112,7 +113,7 @@ class XL330(BusServo):
         circle=12.0, holes=4, screw="M2", interface="xl330",
     )
     actuator = servo_drive(
-        stall_torque=0.52, no_load_speed=103.0 * 2.0 * pi / 60.0, gear_ratio=288.35, rotor_inertia=ROTOR * (20.0 / 28.5) ** 5,
+        stall_torque=0.52, no_load_speed=103.0 * 2.0 * pi / 60.0, gear_ratio=288.4, rotor_inertia=ROTOR * (20.0 / 28.5) ** 5,
     )
     bom = {"make": "buy", "number": "XL330-M288-T", "supplier": "ROBOTIS"}
 
@@ -127,25 +128,27 @@ class XL330(BusServo):
 class STS3215(BusServo):
     """Feetech STS3215-C018, the bus servo of 30 kg for 12 V (that of the arms SO-100 and SO-101, there also for 7.4 V).
 
-    Specification of STS3215 (feetechrc.com): 45.2 x 24.7 x 35 mm with both horns, 55 g, gear 345 : 1, at 12 V 30 kgf cm and 0.222 s for
-    60 deg. The drawing there, to 0.5 mm: the axis 10.1 mm from the end, horns 20 mm with 4 x M3 on a circle of 14 mm.
+    Feetech's data, as quoted in github.com/TheRobotStudio/SO-ARM100 (issue 134) and by those who tested it (robonine.com, "Testing of
+    Feetech STS3215 servomotor"): gear 345 : 1, at 12 V 30 kgf cm and 45 rpm. The sizes are those of the model with which the arms were
+    designed, there in STEP/SO100/STS3215_03a.step: 45.4 x 24.8 mm, 31.8 mm deep without the rim about the horn, the axis 10.2 mm from
+    the end, horns 20 mm with four holes of 2.5 mm, for M3, on a circle of 14 mm, their faces 18.7 mm before and 17.7 mm behind.
 
-    The gain as delivered is not published: full torque at an error of 5 deg is an estimate. The rotor's inertia is that of XM430 scaled
-    as between similar motors, with the fifth power of the width of the case.
+    Estimated: the mass, 55 g; the gain, as full torque at an error of 5 deg; the rotor's inertia, that of XM430 scaled as between
+    similar motors, with the fifth power of the width of the case.
     """
 
     drawing = Drawing(
-        width=24.7, height=45.2, depth=29.4, axis_to_top=10.1, corner=1.0, horn=(20.0, 2.8), idler=(20.0, 2.8),
+        width=24.8, height=45.4, depth=31.8, axis_to_top=10.2, corner=1.0, horn=(20.0, 2.8), idler=(20.0, 1.8),
         circle=14.0, holes=4, screw="M3", interface="sts3215",
     )
     actuator = Actuator(
         kind="position",
         stall_torque=(30.0 * KGF_CM, "vendor"),
-        no_load_speed=(pi / 3.0 / 0.222, "vendor"),
+        no_load_speed=(45.0 * 2.0 * pi / 60.0, "vendor"),
         gear_ratio=(345.0, "vendor"),
-        rotor_inertia=(ROTOR * (24.7 / 28.5) ** 5, "estimated"),
+        rotor_inertia=(ROTOR * (24.8 / 28.5) ** 5, "estimated"),
         kp=(30.0 * KGF_CM / (pi / 36.0), "estimated"),
-        kv=(velocity_gain(30.0 * KGF_CM, pi / 3.0 / 0.222), "estimated"),
+        kv=(velocity_gain(30.0 * KGF_CM, 45.0 * 2.0 * pi / 60.0), "estimated"),
     )
     bom = {"make": "buy", "number": "STS3215-C018", "supplier": "Feetech"}
 
@@ -153,5 +156,5 @@ class STS3215(BusServo):
         super().__init__(color=color)
 
     def mass(self) -> tuple[float, str]:
-        """55 g, specification."""
-        return (0.055, "vendor")
+        """55 g."""
+        return (0.055, "estimated")

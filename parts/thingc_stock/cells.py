@@ -129,7 +129,7 @@ class CellTray(Thing):
 class Pack2S(Thing):
     """A pack of two lithium cells in series, ProModeler B2S2500: 2500 mAh, 7.4 V.
 
-    promodeler.com/B2S2500: 66 x 36 x 18 mm, 107 g. The origin is in the middle of the underside; x along the cells, z up.
+    www.promodeler.com/B2S2500: 66 x 36 x 18 mm, 107 g. The origin is in the middle of the underside; x along the cells, z up.
 
     Mounts: `bottom` and `top`; `lead`, where the leads come out (+x).
     """

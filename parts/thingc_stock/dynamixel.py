@@ -256,10 +256,12 @@ class XM430(XSeries):
 
 
 class XL430(XSeries):
-    """ROBOTIS Dynamixel XL430-W250-T with horn HN11-N101 and idler HN11-I101: the case and the holes of X-430, in plastic.
+    """ROBOTIS Dynamixel XL430-W250-T with a horn and an idler, in plastic.
 
-    e-Manual (emanual.robotis.com/docs/en/dxl/x/xl430-w250): 28.5 x 46.5 x 34 mm, 57.2 g, gear 258.5 : 1, at 12 V stall torque
-    1.5 N m and no-load speed 61 rpm. The rotor's inertia is that of the XM430-W350, which is as wide: an estimate.
+    e-Manual (emanual.robotis.com/docs/en/dxl/x/xl430-w250; read as github.com/ROBOTIS-GIT/emanual, _data/dxl_x_info.yml): 28.5 x 46.5 x
+    34 mm, 57.2 g, gear 258.5 : 1, at 12 V stall torque 1.5 N m and no-load speed 61 rpm. It lists the model among those of one form
+    with the XM430-W350: holes and horns here are that one's, for the drawing of this one was not read. The rotor's inertia is
+    that of the XM430-W350, too, which is as wide: an estimate.
 
     Args:
         idler: whether the idler is mounted on the back

@@ -16,22 +16,28 @@ from thingc_stock.shapes import bevelled, block, disc, spots
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stepper:
-    """What a maker publishes of a motor: length of the body [mm], mass [kg], holding torque [N m], inertia of the rotor [kg m^2]."""
+    """What a maker publishes of a motor: length of the body [mm], mass [kg], holding torque [N m], inertia of the rotor [kg m^2]; the
+    inertia with its source."""
 
     length: float
     mass: float
     torque: float
-    inertia: float
+    inertia: tuple[float, str]
 
 
 STEPPERS = {
-    # STEPPERONLINE (omc-stepperonline.com), full data sheets 17HS13-0404S1, 17HS15-1504S1, 17HS19-2004S1
-    "17HS13": Stepper(length=34.0, mass=0.220, torque=0.26, inertia=34e-7),
-    "17HS15": Stepper(length=39.0, mass=0.280, torque=0.45, inertia=54e-7),
-    "17HS19": Stepper(length=48.0, mass=0.400, torque=0.59, inertia=82e-7),
+    # Lengths, torques and inertias of 17HS13 and 17HS19: STEPPERONLINE's data in github.com/eddietheengineer/stepper-calculator,
+    # motordatabase.csv. Masses: of the motor with the torque, length, resistance and inductance of 17HS13 in
+    # github.com/mattybabaallos/ACIS (wiki, "Motors Information"); of 17HS19 in the maker's data copied to
+    # github.com/markcarroll/makerspace (2022-12-29-stepperonline-data-sheet.md). 17HS15: a copy of the maker's page "Nema 17
+    # Bipolar 45Ncm(63.74oz.in) 1.5A 42x42x39mm"; its inertia is that of 17HS16-2004S1 in the table, 1 mm longer.
+    "17HS13": Stepper(length=34.0, mass=0.230, torque=0.26, inertia=(38e-7, "vendor")),
+    "17HS15": Stepper(length=39.0, mass=0.280, torque=0.45, inertia=(54e-7, "estimated")),
+    "17HS19": Stepper(length=48.0, mass=0.390, torque=0.59, inertia=(82e-7, "vendor")),
 }
 FLANGE, HOLES, PILOT, SHAFT = 42.3, 31.0, 22.0, 5.0
-"""NEMA ICS 16, size 17: edge of the flange, distance of the holes, diameters of pilot and shaft [mm]."""
+"""Size 17, as in github.com/nophead/NopSCADlib, vitamins/stepper_motors.scad: edge of the flange, distance of the holes, diameters of pilot
+and shaft [mm]."""
 
 
 class _Nema17(Thing):
@@ -59,7 +65,7 @@ class _Nema17(Thing):
         self.threads: list[Hole] = [threaded_hole(mount.location, "M3", 4.5) for mount in self.hole]
 
     def mass(self) -> tuple[float, str]:
-        """That of the data sheet."""
+        """That of the table above."""
         return (STEPPERS[self.model].mass, "vendor")
 
     def result(self) -> Solid:
@@ -81,13 +87,13 @@ def _drive(model: str, speed: float) -> Actuator:
     motor = STEPPERS[model]
     return Actuator(
         kind="position", stall_torque=(motor.torque, "vendor"), no_load_speed=(speed, "estimated"), gear_ratio=1.0,
-        rotor_inertia=(motor.inertia, "vendor"), kp=(motor.torque / (1.8 * pi / 180.0), "estimated"),
+        rotor_inertia=motor.inertia, kp=(motor.torque / (1.8 * pi / 180.0), "estimated"),
         kv=(motor.torque / speed, "estimated"),
     )
 
 
 class Nema17Short(_Nema17):
-    """STEPPERONLINE 17HS13-0404S1: 34 mm long, 220 g, 0.26 N m."""
+    """STEPPERONLINE 17HS13-0404S1: 34 mm long, 230 g, 0.26 N m."""
 
     model = "17HS13"
     actuator = _drive("17HS13", 80.0)
@@ -103,7 +109,7 @@ class Nema17(_Nema17):
 
 
 class Nema17Long(_Nema17):
-    """STEPPERONLINE 17HS19-2004S1: 48 mm long, 400 g, 0.59 N m."""
+    """STEPPERONLINE 17HS19-2004S1: 48 mm long, 390 g, 0.59 N m."""
 
     model = "17HS19"
     actuator = _drive("17HS19", 80.0)
@@ -114,7 +120,7 @@ class ShaftHub(Thing):
     """A clamping hub: a collar on a shaft, with a flange and four threaded holes for what turns with it.
 
     The origin is in the middle of the flange's back, on the shaft's axis; z points out of the shaft's end. No vendor's drawing: the
-    proportions are those of the usual hubs of aluminium for a shaft of 5 mm.
+    proportions are estimates of the usual hubs of aluminium for a shaft of 5 mm.
 
     Mounts: `shaft`, in the back of the collar, which goes onto a motor's `rotor`; `face`, the flange's outer face; `hole_0` and on.
 

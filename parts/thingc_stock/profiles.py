@@ -14,8 +14,9 @@ from thingc_stock.shapes import disc, prism
 class Profile2020(Thing):
     """An aluminium profile 20 x 20 mm with a slot of 6 mm on each side, cut to length.
 
-    The section is that of the usual profiles of series 5, type I (slot of 6 mm, 1.5 mm deep to the chamber, bore of 4.3 mm for M5):
-    0.45 kg/m, where makers' catalogues have 0.40 to 0.50 kg/m.
+    The bore of 4.3 mm, for M5, is that of series L5 (industrialprofile.com/profile-technical-data); the slot of 6 mm with a chamber about
+    12 mm wide is as in github.com/nophead/NopSCADlib, vitamins/extrusions.scad, E2020. The rest of the section is estimated. By it a
+    profile weighs 0.45 kg/m; makers' sections differ.
 
     The origin is in the middle of one end, z along the profile.
 

@@ -1,8 +1,7 @@
 """Hobby servos with a splined shaft, of four makers, and the discs that go onto their shafts.
 
-One class; a model is a `Drawing`, an actuator and a mass. Sizes, masses, torques and speeds are those that the makers publish (named at
-each model). What makers do not publish is estimated, and said to be: gains, rotor inertia and gear ratio; of cases the heights of ears
-and lids, as the usual drawings of that size have them, to 0.5 mm.
+One class; a model is a `Drawing`, an actuator and a mass. Each model says what was read, and where; a mass or torque for which nothing
+was found has the source `estimated`. Of all, estimates are gains, rotor inertia, gear ratio and the case's heights beside the ears.
 """
 
 from __future__ import annotations
@@ -46,8 +45,8 @@ class Drawing:
     interface: str
 
 
-def hobby_drive(torque: float, seconds: float, width: float) -> Actuator:
-    """A position drive from the published stall torque [kgf cm] and the time for 60 deg without a load [s].
+def hobby_drive(torque: float, seconds: float, width: float, source: str = "vendor") -> Actuator:
+    """A position drive from the stall torque [kgf cm] and the time for 60 deg without a load [s], both from `source`.
 
     Estimated: the gain, as full torque at an error of 6 deg; the damping, as of a DC motor whose torque falls from stall to nothing at the
     no-load speed; the rotor, as between similar motors with the fifth power of the case's `width` [mm]; the gear, 250 : 1.
@@ -55,8 +54,8 @@ def hobby_drive(torque: float, seconds: float, width: float) -> Actuator:
     stall, speed = torque * KGF_CM, radians(60.0) / seconds
     return Actuator(
         kind="position",
-        stall_torque=(stall, "vendor"),
-        no_load_speed=(speed, "vendor"),
+        stall_torque=(stall, source),
+        no_load_speed=(speed, source),
         gear_ratio=(250.0, "estimated"),
         rotor_inertia=(ROTOR * (width / 28.5) ** 5, "estimated"),
         kp=(stall / radians(6.0), "estimated"),
@@ -73,7 +72,7 @@ class HobbyServo(Thing):
     Mounts: `flange`, the underside of the ears in the middle of the case, looking down onto the frame; `rotor`, where a horn's back
     lies; `bottom`, `left` (+x), `right`, `front` (+y) and `back`, the faces of the case; `ear_0` and on, the heads of the screws.
 
-    The solid is full; the mass is the maker's, and the inertia is the solid's scaled to it.
+    The solid is full; the mass is the model's, and the inertia is the solid's scaled to it.
     """
 
     drawing: ClassVar[Drawing]
@@ -100,7 +99,7 @@ class HobbyServo(Thing):
 
     @abstractmethod
     def mass(self) -> tuple[float, str]:
-        """The maker's mass [kg] and its source; a model states it."""
+        """The model's mass [kg] and its source."""
 
     def case_hull(self, play: float = 0.0) -> Solid:
         """The case without ears, lid and shaft, `play` [mm] larger all around."""
@@ -144,7 +143,9 @@ _MICRO = Drawing(
 class SG90(HobbyServo):
     """Tower Pro SG90, the blue micro servo with nylon gears.
 
-    Maker's page (towerpro.com.tw/product/sg90-7): 22.2 x 11.8 x 31 mm, 9 g, at 4.8 V 1.8 kgf cm and 0.1 s for 60 deg.
+    Its data sheet, as quoted by the National University of Singapore (nus.atlassian.net/wiki, page 27625578): about 22.2 x 11.8 x 31 mm,
+    9 g, at 4.8 V 1.8 kgf cm and 0.1 s for 60 deg. Ears, holes and axis are within 0.4 mm of those measured on copies in
+    github.com/kartchnb/openscad-servo-library (servos/sg90_clone.scad).
     """
 
     drawing = _MICRO
@@ -155,15 +156,16 @@ class SG90(HobbyServo):
         super().__init__(color=color)
 
     def mass(self) -> tuple[float, str]:
-        """9 g, maker's page."""
+        """9 g, data sheet."""
         return (0.009, "vendor")
 
 
 class MG90S(HobbyServo):
     """Tower Pro MG90S, the micro servo with metal gears.
 
-    Maker's page (towerpro.com.tw/product/mg90s-3): 22.5 x 12 x 35.5 mm, 13.4 g, at 6 V 2.2 kgf cm and 0.08 s for 60 deg.
-    The case is 22.5 mm long and 12 mm wide, and 35.5 mm with shaft and the horn's screw, of which 32 mm are case and shaft.
+    Data sheet (github.com/TrDA-hab/Projects, Servo+ESP8266/MG90S-Datasheet.pdf): about 22.5 x 12 x 35.5 mm, 13.4 g, at 6 V 2.2 kgf cm
+    and 0.08 s for 60 deg. Of the 35.5 mm, 32 mm are taken to be case and shaft: copies measured in
+    github.com/kartchnb/openscad-servo-library (servos/mg90s_clone.scad) have 32.5 mm, and ears, holes and axis within 0.4 mm of these.
     """
 
     drawing = Drawing(
@@ -174,14 +176,17 @@ class MG90S(HobbyServo):
     bom = {"make": "buy", "number": "MG90S", "supplier": "Tower Pro"}
 
     def mass(self) -> tuple[float, str]:
-        """13.4 g, maker's page."""
+        """13.4 g, data sheet."""
         return (0.0134, "vendor")
 
 
 class S3003(HobbyServo):
     """Futaba S3003, the standard analogue servo.
 
-    Maker's data (futabausa.com, S3003): 40.4 x 19.8 x 36.0 mm, 37 g, at 6 V 4.1 kgf cm and 0.19 s for 60 deg.
+    ServoCity's page of it, as quoted in github.com/rngadam/XinCheJian-GGHC (wiki, "Mechanical design"): 41 x 20 x 36 mm (rounded from
+    inches), 37.2 g, at 6 V 4.1 kgf cm and 0.19 s for 60 deg. Length and width to 0.1 mm are those of its sister S3001, as quoted from
+    Futaba in github.com/pichim/PM2_PES_Board_Example (markdown/servo.md). Ears and holes are estimated, within 1 mm of those of a copy
+    measured in github.com/kartchnb/openscad-servo-library (servos/s3003_clone.scad).
     """
 
     drawing = Drawing(
@@ -192,51 +197,52 @@ class S3003(HobbyServo):
     bom = {"make": "buy", "number": "S3003", "supplier": "Futaba"}
 
     def mass(self) -> tuple[float, str]:
-        """37 g, maker's data."""
-        return (0.037, "vendor")
+        """37.2 g, seller's page."""
+        return (0.0372, "vendor")
 
 
 class HS422(HobbyServo):
     """Hitec HS-422, the standard deluxe servo.
 
-    Maker's data (hitecrcd.com, HS-422): 40.6 x 19.8 x 36.6 mm, 45.5 g, at 6 V 4.1 kgf cm and 0.16 s for 60 deg.
+    Estimated, for no data sheet of it was found: 40.6 x 19.8 x 36.6 mm, 45.5 g, at 6 V 4.1 kgf cm and 0.16 s for 60 deg. Ears and holes
+    are those of its sister HS-311 in Hitec's "Announced specification of HS-311 standard servo".
     """
 
     drawing = Drawing(
         width=19.8, length=40.6, axis_to_end=10.2, below=26.7, above=7.9, lid=2.0, spline=(5.8, 3.8), ears=52.8, ear=2.5,
-        holes=(48.0, 10.0), hole=4.4, interface="servo-24t",
+        holes=(47.8, 10.2), hole=4.4, interface="servo-24t",
     )
-    actuator = hobby_drive(torque=4.1, seconds=0.16, width=19.8)
+    actuator = hobby_drive(torque=4.1, seconds=0.16, width=19.8, source="estimated")
     bom = {"make": "buy", "number": "HS-422", "supplier": "Hitec"}
 
     def mass(self) -> tuple[float, str]:
-        """45.5 g, maker's data."""
-        return (0.0455, "vendor")
+        """45.5 g."""
+        return (0.0455, "estimated")
 
 
 class DS3218(HobbyServo):
     """DSServo DS3218, the digital servo of 20 kg with metal gears.
 
-    Maker's data sheet (dsservo.com, DS3218 control specification): 40 x 20 x 40.5 mm, 60 g, at 6.8 V 21.5 kgf cm and 0.14 s for 60 deg.
+    Estimated, for no data sheet of it was found: 40 x 20 x 40.5 mm, 60 g, at 6.8 V 21.5 kgf cm and 0.14 s for 60 deg.
     """
 
     drawing = Drawing(
         width=20.0, length=40.0, axis_to_end=10.0, below=28.0, above=9.5, lid=3.0, spline=(5.9, 4.0), ears=54.0, ear=2.5,
         holes=(49.5, 10.0), hole=4.4, interface="servo-25t",
     )
-    actuator = hobby_drive(torque=21.5, seconds=0.14, width=20.0)
+    actuator = hobby_drive(torque=21.5, seconds=0.14, width=20.0, source="estimated")
     bom = {"make": "buy", "number": "DS3218", "supplier": "DSServo"}
 
     def mass(self) -> tuple[float, str]:
-        """60 g, maker's data sheet."""
-        return (0.060, "vendor")
+        """60 g."""
+        return (0.060, "estimated")
 
 
 class Horn(Thing):
     """A round horn on a splined shaft: a bevelled disc with a hub and a circle of threaded holes.
 
-    The origin is in the middle of its back, z points along the shaft. Makers publish no drawings; the defaults are those of the usual
-    discs of aluminium for 25 teeth, `Horn(diameter=14, thickness=2, circle=10, screw="M2", hub=7)` is one for a micro servo.
+    The origin is in the middle of its back, z points along the shaft. No maker's drawing: the defaults are estimates
+    of the usual discs of aluminium for 25 teeth, `Horn(diameter=14, thickness=2, circle=10, screw="M2", hub=7)` is one for a micro servo.
 
     Mounts: `spline`, its back, which lies on a servo's `rotor`; `face`; `hole_0` and on, the holes' mouths.
 

@@ -103,8 +103,8 @@ class Tyre(Thing):
 class CasterSocket(Thing):
     """The housing of a ball caster: a cup with a flange for two screws, whose ball turns in it.
 
-    The origin is in the middle of the flange's top, which lies against the robot; z points down to the floor. Proportions as of the
-    plastic casters of Pololu (pololu.com/category/45).
+    The origin is in the middle of the flange's top, which lies against the robot; z points down to the floor. No maker's
+    drawing: the proportions are estimates of the usual casters of plastic.
 
     Mounts: `top`, against the robot; `ball`, the centre of the ball, looking down; `screw_0` and `screw_1`, on y.
 

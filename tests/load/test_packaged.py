@@ -106,7 +106,7 @@ def test_commands_in_a_workspace_of_its_own(tmp_path: Path, shared_store: str) -
     program = str(Path(sys.executable).with_name("thingc"))  # `python -m` looks into the working folder first, and is refused
     done = subprocess.run([program, "check", "--no-code", "a.yaml"], cwd=tmp_path, capture_output=True, text=True)
     assert done.stdout == "a.yaml: ok\n", done
-    assert "x: 8.47 g" in thingc("info", "a.yaml", **run).out
+    assert "x: 8.50 g" in thingc("info", "a.yaml", **run).out
     assert thingc("build", "a.yaml", "--emit", "bom", **run).code == 0
     assert '"thingc_stock.materials": "' in (tmp_path / "build/x/manifest.json").read_text()
     assert "nothing changed" in thingc("build", "a.yaml", "--emit", "bom", **run).err
