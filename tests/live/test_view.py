@@ -210,7 +210,7 @@ def test_in_a_browser(tmp_path: Path, shared_store: str) -> None:
             before = page.evaluate("() => thingc.viewer.stage.camera.position.toArray()")
             shown.document.write_text(WRONG)
             page.wait_for_selector("#findings a")
-            assert page.locator("#findings a").get_attribute("href") == f"vscode://file{tmp_path}/robot.yaml:23"
+            assert page.locator("#findings a").first.get_attribute("href") == f"vscode://file{tmp_path}/robot.yaml:23"
             assert "outside its limits" in page.locator("#findings").inner_text()
             shown.document.write_text(ROBOT.replace("count: 2", "count: 3"))
             page.wait_for_function("() => thingc.viewer.robot.joints.some((joint) => joint.path === 'yaw_2')")

@@ -32,7 +32,7 @@ def chromium() -> Iterator[Any]:
 
 
 @contextmanager
-def opened(browser: Any, address: str, size: tuple[int, int] = (1100, 700)) -> Iterator[Any]:
+def opened(browser: Any, address: str, size: tuple[int, int] = (760, 480)) -> Iterator[Any]:
     """A page that has been read to its end and shows its robot; nothing may go wrong in it, and nothing be asked of a network."""
     context = browser.new_context(viewport={"width": size[0], "height": size[1]}, reduced_motion="reduce", accept_downloads=True)
     page = context.new_page()

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from conftest import ROOT
+from conformance.harness import ROOT
 from emit import small_robot
 from thingc.emit.artifact import Artifacts
 from thingc.emit.html.packed import Packed

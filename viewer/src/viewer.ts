@@ -112,6 +112,10 @@ export class Viewer {
     else if (before !== null && before.at.pose === null) this.configuration.restore(before.at.q, before.at.atHome ? null : before.at.base);
     this.tell("robot");
     this.tell("mode");
+    if (before !== null && before.at.mode.name !== mode.name) { // the one that was shown is gone
+      this.place();
+      this.keepInView();
+    }
   }
 
   /** Show another robot through this one, in the same mode and at the same coordinates where it has them. */

@@ -127,18 +127,20 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code: 0 good, 1 errors in documents or parts, 2 a wrong command line."""
     words = list(sys.argv[1:] if arguments is None else arguments)
+    options: argparse.Namespace | None = None
     try:
         options = parsed(words)
-    except SystemExit as leaving:
-        return int(leaving.code or 0)
-    except WrongUsage as fault:
-        return _refuse(fault, words)
-    if options is None:
-        return 0
-    try:
+        if options is None:
+            return 0
         os.getcwd()  # raises where the folder is gone, which every command would stumble over somewhere
         code: int = importlib.import_module(f"thingc.cli.{options.command}").run(options)
         sys.stdout.flush()
+    except SystemExit as leaving:
+        if options is not None:
+            raise
+        return int(leaving.code or 0)
+    except WrongUsage as fault:
+        return _refuse(fault, words)
     except BrokenPipeError:
         # `thingc info ... | head`: the reader has what it wants; without this Python complains while it shuts down.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

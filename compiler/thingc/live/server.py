@@ -10,6 +10,7 @@ from __future__ import annotations
 import hmac
 import json
 import secrets
+import sys
 import threading
 from collections.abc import Mapping, Sequence
 from http import HTTPStatus
@@ -19,6 +20,7 @@ from typing import Any
 from thingc.diagnostics import Diagnostic
 from thingc.emit import Page
 from thingc.shown import json_text
+from thingc.source import Span
 from thingc.workspace import Workspace
 
 LOOPBACK = "127.0.0.1"
@@ -46,6 +48,17 @@ new EventSource("events").onmessage = (message) => {
 """What is shown until there is a good build."""
 
 
+class _Quiet(ThreadingHTTPServer):
+    """Says nothing of browsers that go away in the middle of a request."""
+
+    daemon_threads = True
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Anything but a lost connection is a defect."""
+        if not isinstance(sys.exc_info()[1], OSError):
+            super().handle_error(request, client_address)
+
+
 class Server:
     """A server on a free port of this machine, or on `port`. A context manager: it serves from entering to leaving. Raises OSError where
     the port is taken. `editor` and `against` are what `Page.html` takes."""
@@ -60,8 +73,7 @@ class Server:
         self._closed = False
         self._number = 0
         self._token = secrets.token_urlsafe(16)
-        self._http = ThreadingHTTPServer((LOOPBACK, port), _handler(self), bind_and_activate=True)
-        self._http.daemon_threads = True
+        self._http = _Quiet((LOOPBACK, port), _handler(self))
         self._thread = threading.Thread(target=self._http.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True)
 
     def __enter__(self) -> Server:
@@ -124,11 +136,18 @@ def findings_of(diagnostics: Sequence[Diagnostic], workspace: Workspace | None) 
     return [
         {
             "code": d.code.code, "severity": d.severity.value, "message": d.message, "help": d.help,
-            "file": workspace.relative(d.span.file) if d.span is not None and d.span.option is None and workspace is not None else None,
-            "line": d.span.line if d.span is not None else None,
+            **_place(d.span, workspace),
+            "notes": [{"message": note.message, **_place(note.span, workspace)} for note in d.notes],
         }
         for d in diagnostics
     ]
+
+
+def _place(span: Span | None, workspace: Workspace | None) -> dict[str, object]:
+    """`file`, its path in the workspace, and `line` of a place; null for what is not in a file."""
+    if span is None or span.option is not None or workspace is None:
+        return {"file": None, "line": None}
+    return {"file": workspace.relative(span.file), "line": span.line}
 
 
 def _handler(server: Server) -> type[BaseHTTPRequestHandler]:
