@@ -52,7 +52,7 @@ def test_every_folder_is_a_robot() -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_mode_is_simulated(name: str, shared_store: str) -> None:
-    """A quarter of a second from its first keyframe, drives set to it: finite, no warnings of MuJoCo, loops closed, nothing flung away."""
+    """Half a second from its first keyframe, drives set to it: finite, no warnings of MuJoCo, loops closed, nothing flung away."""
     robot = compiled(name, shared_store)
     assert robot.diagnostics == ()
     roots, number = ROOTS[name]
@@ -64,7 +64,7 @@ def test_every_mode_is_simulated(name: str, shared_store: str) -> None:
             mujoco.mj_resetDataKeyframe(model, data, 0)
         mujoco.mj_forward(model, data)
         start = data.xipos.copy()
-        while data.time < 0.25:
+        while data.time < 0.5:
             mujoco.mj_step(model, data)
         assert sum(warning.number for warning in data.warning) == 0, mode
         assert np.isfinite(data.qpos).all() and np.abs(data.qvel).max() < 30.0, mode

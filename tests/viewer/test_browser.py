@@ -64,7 +64,7 @@ def test_random_trees_with_every_kind_of_joint(browser: Any, pages: Pages, tmp_p
     """Forward kinematics of the page against that of the compiler, at random coordinates, in modes that cross joints backwards."""
     rng = np.random.default_rng(7)
     with opened(browser, address(pages.arm / "html/arm.html")) as page:
-        for seed in range(8):
+        for seed in range(5):
             tree = build(seed, 6)
             made = robots(tree.assembly)
             told = describe(tree.assembly, list(made.values()), small_robot.WORKSPACE, Packed(Store(str(tmp_path))))

@@ -7,6 +7,7 @@ written: the next one begins at once.
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import json
 import os
@@ -35,6 +36,8 @@ PAUSE = 0.02
 """Between two looks at the files [s]."""
 QUIET = 0.03
 """How long [s] nothing may have been saved before a round begins: editors write in pieces, and many files at once."""
+IMPATIENT = 1.0
+"""How long [s] a round goes on whatever is saved: after that a save ends workers that still model what stood there before."""
 ABSENT = 0.3
 """How long [s] to wait for a file that is gone or empty all of a sudden: who writes it anew will be done then."""
 CLOCK = 0.02
@@ -80,7 +83,8 @@ class Live:
         self._refused = refused
         self._on_wait = on_wait
         self._writes = writes
-        self._workers = EndingWorkers(options.jobs or os.cpu_count() or 1)
+        self._workers = self._fresh_workers()
+        self._abandoned: tuple[str, ...] = ()
         self._memo = Memo()
         self._geometry: GeometryService | None = None
         self._watched = Watched([self.document], content=state_of)
@@ -88,6 +92,9 @@ class Live:
         self._documents: frozenset[str] = frozenset()
         self._number = 0
         self._failed = False
+
+    def _fresh_workers(self) -> EndingWorkers:
+        return EndingWorkers(self.options.jobs or os.cpu_count() or 1)
 
     def __enter__(self) -> Live:
         return self
@@ -152,13 +159,13 @@ class Live:
             else:
                 said = wish
             time.sleep(_unquiet(saved))
-            more = self._look(clock, built)
+            more = self._look(clock, built) or self._abandoned
             if not more and built is not None and built.files is not None and isinstance(wish, Wish):
                 folder = building.write(self.environment, built, wish, self._on_wait) if self._writes else None
                 good = True
         except Exception as fault:  # whatever it is, the next save may mend it
             said = [self._refused(fault)]
-            more = self._look(clock, built)
+            more = self._look(clock, built) or self._abandoned
         if more:
             return Round(number=self._number, saved=saved, seconds=0.0, diagnostics=()), more
         now = _digests(built.files) if good and built is not None and built.files is not None else None
@@ -176,12 +183,40 @@ class Live:
 
     def _built(self, wish: Wish) -> Built:
         assert self.environment is not None
+        with self._abandoning():
+            try:
+                return building.build(self.environment, wish)
+            except BlobMissing:  # the store is damaged: it is mended with other eyes
+                self._geometry, self._memo = None, Memo()
+                self.environment = Environment(self.document, self.options, self._lent, self._memo)
+                return building.build(self.environment, wish)
+
+    @contextlib.contextmanager
+    def _abandoning(self) -> Iterator[None]:
+        """Meanwhile a save of what is watched ends the workers, if the round has been going on for a while: a part that never ends would
+        else be waited for, and what was saved to mend it with it. Which files those were is in `_abandoned`."""
+        self._abandoned = ()
+        before = {path: stat_of(path) for path in self._watched.paths}
+        done = threading.Event()
+
+        def look() -> None:
+            pause = IMPATIENT
+            while not done.wait(pause):
+                self._abandoned = tuple(path for path, stat in before.items() if stat_of(path) != stat)
+                if self._abandoned:
+                    self._workers.end()
+                    return
+                pause = 0.1
+
+        looking = threading.Thread(target=look, daemon=True)
+        looking.start()
         try:
-            return building.build(self.environment, wish)
-        except BlobMissing:  # the store is damaged: it is mended with other eyes
-            self._geometry, self._memo = None, Memo()
-            self.environment = Environment(self.document, self.options, self._lent, self._memo)
-            return building.build(self.environment, wish)
+            yield
+        finally:
+            done.set()
+            looking.join()
+            if self._abandoned:
+                self._workers, self._geometry = self._fresh_workers(), None
 
     def _lent(self, workspace: Workspace, store: Store) -> GeometryService:
         """A service that has seen nothing yet, or the last one where that has seen nothing else."""
