@@ -228,6 +228,8 @@ def watched(workspace: Workspace, saved: Save, times: int) -> tuple[list[float],
             saved.save()
             start = time.perf_counter()
             while folder.stat().st_ino == before:
+                if process.poll() is not None or time.perf_counter() - start > 60.0:
+                    raise SystemExit(f"{saved.name}: nothing was built after the save")
                 time.sleep(0.0005)
             seconds.append(time.perf_counter() - start)
         process.send_signal(signal.SIGINT)
