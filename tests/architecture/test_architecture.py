@@ -29,7 +29,7 @@ ROOMS: dict[str, set[str]] = {
     "printing": {"shown", "source", "diagnostics"}, "units": {"frozen", "diagnostics", "typos"},
     "expressions": {"frozen", "diagnostics", "typos", "units"},
     "pose": {"frozen"}, "inertia": {"frozen", "brief", "pose"}, "memo": set(), "installed": set(), "later": set(), "packaging": {"frozen"},
-    "archives": {"frozen"}, "csvcell": {"shown"},
+    "archives": {"frozen"}, "csvcell": {"shown"}, "webpage": {"shown"},
     "workspace": BASE | {"load", "spec"},
     "load": BASE,
     "spec": BASE | {"load", "joints", "checks"},
@@ -44,7 +44,7 @@ ROOMS: dict[str, set[str]] = {
     "solids": BASE | {"realize", "graph"},
     "statics": BASE | {"joints", "graph", "robot"},
     "drawing": {"frozen"},
-    "emit": BASE | {"later", "archives", "csvcell", "resolve", "realize", "joints", "graph", "robot", "statics", "drawing"},
+    "emit": BASE | {"later", "archives", "csvcell", "webpage", "resolve", "realize", "joints", "graph", "robot", "statics", "drawing"},
     "modes": {"brief", "diagnostics", "typos"},  # read at run time, next to a simulation
     "render": {"frozen", "pose"},
     "reporting": {"frozen", "shown", "source", "diagnostics"},
@@ -61,8 +61,8 @@ ROOMS: dict[str, set[str]] = {
     "building": BASE | {"environment", "pipeline", "output", "emit"},
     "watching": set(),
     "live": BASE | {"watching", "environment", "pipeline", "building", "output", "stamp", "realize", "emit"},
-    "variants": BASE | {"printing", "archives", "csvcell", "environment", "pipeline", "stamp", "session", "load", "spec", "realize",
-        "resolve", "graph", "robot", "statics", "emit", "output", "modes", "render"},
+    "variants": BASE | {"printing", "archives", "csvcell", "webpage", "environment", "pipeline", "stamp", "session", "load", "spec",
+        "realize", "resolve", "graph", "robot", "statics", "emit", "output", "modes", "render"},
     "api": BASE | {"printing", "environment", "pipeline", "realize", "graph", "robot", "emit"},
     "cli": BASE | {"printing", "environment", "pipeline", "realize", "graph", "robot", "emit", "output", "stamp", "resolve", "render",
         "reporting", "layout", "editor", "testing", "variants", "load", "spec", "joints", "checks", "affected",
@@ -175,7 +175,7 @@ def test_imports_point_one_way(path: Path) -> None:
 
 @pytest.mark.parametrize("satellite", SATELLITES)
 def test_satellites_use_the_door(satellite: str) -> None:
-    below = BASE | {"printing", "archives", "csvcell", "watching", satellite}
+    below = BASE | {"printing", "archives", "csvcell", "webpage", "watching", satellite}
     seen: dict[str, set[str]] = {}
     for path in (PACKAGE / satellite).rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):

@@ -15,7 +15,7 @@ from typing import Any
 from thingc import building, pipeline, stamp
 from thingc.building import Built, Wish
 from thingc.cli import common
-from thingc.cli.targets import add_compat, add_emit, chosen_compat, chosen_targets, in_words
+from thingc.cli.targets import add_building, chosen_compat, chosen_targets, in_words
 from thingc.diagnostics import Code, Diagnostic, Severity, shown_path
 from thingc.emit.artifact import counted
 from thingc.environment import Environment, Options, attempted, store_of
@@ -37,14 +37,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     about = f"Everything appears at once in build/NAME/ (or DIR/NAME/), or nothing does. {in_words()}"
     parser.epilog = EPILOG.format(about=textwrap.fill(about, 120))
     common.add_document(parser)
-    parser.add_argument("-o", "--output", metavar="DIR", help="write DIR/NAME/ (default: the workspace's build folder)")
-    parser.add_argument("--mode", metavar="M", action="append", default=[], help="only this mode (may be repeated; default: all)")
-    add_emit(parser)
-    add_compat(parser)
-    parser.add_argument(
-        "--force", action="store_true", help="give up files in the build folder that no build wrote, or that were changed since"
-    )
-    parser.add_argument("--deny-loss", action="store_true", help="what a target cannot say is an error, unless it is allowed")
+    add_building(parser)
     parser.add_argument(
         "--twice", action="store_true", help="to debug parts: model each two times, whatever the store has; one that differs is an error"
     )

@@ -35,6 +35,18 @@ def add_compat(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_building(parser: argparse.ArgumentParser) -> None:
+    """The options that say what a build folder holds, and where it is."""
+    parser.add_argument("-o", "--output", metavar="DIR", help="write DIR/NAME/ (default: the workspace's build folder)")
+    parser.add_argument("--mode", metavar="M", action="append", default=[], help="only this mode (may be repeated; default: all)")
+    add_emit(parser)
+    add_compat(parser)
+    parser.add_argument(
+        "--force", action="store_true", help="give up files in the build folder that no build wrote, or that were changed since"
+    )
+    parser.add_argument("--deny-loss", action="store_true", help="what a target cannot say is an error, unless it is allowed")
+
+
 def chosen_compat(arguments: argparse.Namespace) -> tuple[str, ...]:
     """Those that `--compat` names, in the order of the table; empty where it names none. Raises `WrongCommandLine`."""
     words = [word for text in arguments.compat for word in text.split(",") if word]

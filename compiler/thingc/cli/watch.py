@@ -14,7 +14,7 @@ from thingc import pipeline
 from thingc.building import Wish
 from thingc.cli import common
 from thingc.cli.build import answer_of, tell, wish_of
-from thingc.cli.targets import add_compat, add_emit, chosen_targets
+from thingc.cli.targets import add_building, chosen_targets
 from thingc.diagnostics import Code, Diagnostic, Severity, shown_path
 from thingc.live import Live, Round
 from thingc.output import OutputError
@@ -33,14 +33,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `watch`."""
     parser.epilog = EPILOG
     common.add_document(parser)
-    parser.add_argument("-o", "--output", metavar="DIR", help="write DIR/NAME/ (default: the workspace's build folder)")
-    parser.add_argument("--mode", metavar="M", action="append", default=[], help="only this mode (may be repeated; default: all)")
-    add_emit(parser)
-    add_compat(parser)
-    parser.add_argument(
-        "--force", action="store_true", help="give up files in the build folder that no build wrote, or that were changed since"
-    )
-    parser.add_argument("--deny-loss", action="store_true", help="what a target cannot say is an error, unless it is allowed")
+    add_building(parser)
     common.add_compiling(parser)
 
 

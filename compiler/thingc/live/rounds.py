@@ -143,6 +143,7 @@ class Live:
     def _round(self, saved: tuple[str, ...]) -> tuple[Round, tuple[str, ...]]:
         """What comes of the document now, and what was saved while it was looked at: then nothing has been written."""
         started, clock = time.perf_counter(), time.time()
+        self._abandoned = ()
         built: Built | None = None
         folder: str | None = None
         good = False
@@ -195,7 +196,6 @@ class Live:
     def _abandoning(self) -> Iterator[None]:
         """Meanwhile a save of what is watched ends the workers, if the round has been going on for a while: a part that never ends would
         else be waited for, and what was saved to mend it with it. Which files those were is in `_abandoned`."""
-        self._abandoned = ()
         before = {path: stat_of(path) for path in self._watched.paths}
         done = threading.Event()
 

@@ -7,25 +7,21 @@ gives the same bytes; what tells of the run (`parts_modelled`, `seconds`, ...) i
 from __future__ import annotations
 
 import html
-import json
 import math
 import os
-import re
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from typing import Any
 
-from thingc.shown import json_text, shown
+from thingc.shown import shown
 from thingc.variants import places
 from thingc.variants.journal import in_order
 from thingc.variants.tables import RUN, Column, cells
 from thingc.variants.values import size_of
+from thingc.webpage import in_script, pieces
 
 MOST = 50_000
 """Rows of a page: about 20 MB. A browser takes no more; the tables have all."""
-
-_ESCAPED = {ord("<"): "\\u003c", ord(">"): "\\u003e", ord("&"): "\\u0026"}
-"""What could end a `<script>`, as JSON writes it instead."""
 
 
 def write_page(folder: str, described: Mapping[str, Any], wanted: Sequence[Column]) -> str:
@@ -49,7 +45,7 @@ def write_page(folder: str, described: Mapping[str, Any], wanted: Sequence[Colum
                 _plain(value if size is None else _in_unit(value, size))
                 for value, (_, size) in zip(cells(line, wanted), units, strict=True)
             ]
-            stream.write((",\n" if number else "\n") + _encoded([*row, int(line["id"] in pictures)]))
+            stream.write((",\n" if number else "\n") + in_script([*row, int(line["id"] in pictures)]))
         stream.write("\n]}" + after)
     os.replace(fresh, path)
     return path
@@ -60,9 +56,8 @@ def _frame(described: Mapping[str, Any]) -> tuple[str, str]:
     own = resources.files("thingc.variants")
     texts = {place: (own / name).read_text(encoding="utf-8") for place, name in (("@STYLE@", "page.css"), ("@SCRIPT@", "page.js"))}
     texts["@TITLE@"] = html.escape(shown(f"{described['name']}: variants of {described['assembly']}"))
-    # cut before anything is put in: a name may hold the word for a place
-    pieces = re.split("(@[A-Z]+@)", (own / "page.html").read_text(encoding="utf-8"))
-    before, after = pieces[: pieces.index("@DATA@")], pieces[pieces.index("@DATA@") + 1 :]
+    frame = pieces((own / "page.html").read_text(encoding="utf-8"))
+    before, after = frame[: frame.index("@DATA@")], frame[frame.index("@DATA@") + 1 :]
     return "".join(texts.get(piece, piece) for piece in before), "".join(texts.get(piece, piece) for piece in after)
 
 
@@ -88,7 +83,7 @@ def _head(described: Mapping[str, Any], wanted: Sequence[Column], units: Sequenc
     told: dict[str, Any] = {name: _plain(described[name]) for name in ("name", "document", "assembly", "count", "pose", "finished")}
     told["modes"] = [shown(name) for name in described["modes"]]
     told["columns"] = [{"name": column.name, "kind": column.kind, "unit": unit} for column, unit in zip(wanted, units, strict=True)]
-    return _encoded(told)[:-1] + ',"rows":['
+    return in_script(told)[:-1] + ',"rows":['
 
 
 def _plain(value: Any) -> Any:
@@ -96,8 +91,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, str):
         return shown(value)
     return "inf" if isinstance(value, float) and not math.isfinite(value) else value
-
-
-def _encoded(value: Any) -> str:
-    """JSON that can stand in a `<script>` whatever names and messages say."""
-    return json_text(json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False)).translate(_ESCAPED)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import base64
 import html
-import json
-import re
 from importlib import resources
 
 from thingc.emit.artifact import Artifacts
@@ -13,10 +11,8 @@ from thingc.emit.html.described import describe
 from thingc.emit.html.packed import Packed
 from thingc.emit.request import EmitRequest
 from thingc.frozen import dataclass
-from thingc.shown import json_text, shown
-
-_ESCAPED = {ord("<"): "\\u003c", ord(">"): "\\u003e", ord("&"): "\\u0026"}
-"""What could end a `<script>`, as JSON writes it instead."""
+from thingc.shown import shown
+from thingc.webpage import in_script, pieces
 
 _AGAINST = (
     '<script id="thingc-against-robot" type="application/json">{data}</script>\n'
@@ -45,9 +41,8 @@ class Page:
             "@CONNECT@": "'self'" if live else "'none'", "@ROBOT@": self.data, "@GEOMETRY@": base64.b64encode(self.glb).decode(),
             "@AGAINST@": "" if against is None else _AGAINST.format(data=against.data, glb=base64.b64encode(against.glb).decode()),
         }
-        # cut before anything is put in: a name may hold the word for a place
-        pieces = re.split("(@[A-Z]+@)", (own / "viewer.html").read_text(encoding="utf-8"))
-        return "".join(texts.get(piece, piece) for piece in pieces).encode()
+        frame = pieces((own / "viewer.html").read_text(encoding="utf-8"))
+        return "".join(texts.get(piece, piece) for piece in frame).encode()
 
     def news(self) -> bytes:
         """What a live page takes of it, JSON: `robot` and `geometry`, of one and the same build."""
@@ -58,8 +53,7 @@ def page_of(request: EmitRequest) -> Page:
     """The page of a robot in all chosen modes. Raises `BlobMissing`."""
     packed = Packed(request.store)
     data = describe(request.assembly, request.robots, request.workspace, packed)
-    text = json_text(json.dumps(data, separators=(",", ":"), ensure_ascii=False, allow_nan=False)).translate(_ESCAPED)
-    return Page(name=request.assembly.name, data=text, glb=packed.glb())
+    return Page(name=request.assembly.name, data=in_script(data), glb=packed.glb())
 
 
 def emit(request: EmitRequest) -> Artifacts:
