@@ -181,6 +181,10 @@ def _declared_at(schema: PartSchema) -> list[Note]:
     return [Note(message=f"`{schema.reference}` is written here", span=place)]
 
 
+USES_SHOWN = 3
+"""Of parts that one fault keeps from being loaded: those whose place in a document is shown."""
+
+
 def _report_failure(context: Context, node: Node, reference: str, failure: PartFailure) -> None:
     if reference in context.failed_parts:
         return
@@ -188,6 +192,9 @@ def _report_failure(context: Context, node: Node, reference: str, failure: PartF
         raise Enough
     context.failed_parts.add(reference)
     path = (*node.path, "part")
+    if failure.kind == "raised" and failure.file is not None and failure.line is not None:
+        _report_unloaded(context, node.scope.span(path), reference, failure, failure.file, failure.line)
+        return
     notes: list[Note] = []
     if failure.file is not None and failure.line is not None:
         place = Span(file=failure.file, line=failure.line, column=1, end_line=failure.line, end_column=1)
@@ -216,6 +223,27 @@ def _report_failure(context: Context, node: Node, reference: str, failure: PartF
         _FAILURES.get(failure.kind, Code.PART_INVALID), message, node.scope.span(path),
         help=help,
         path=f"{'.'.join(str(step) for step in path)}", notes=notes, detail=failure.detail,
+    )
+
+
+def _report_unloaded(context: Context, where: Span, reference: str, failure: PartFailure, file: str, line: int) -> None:
+    """What went wrong at a line of a part file: one fault, however many parts cannot be loaded for it. `where` is the part that was met."""
+    from thingc.spec import part_references
+
+    uses = {reference: where}
+    for other, place in part_references(context.specs, context.documents):
+        known = context.schemas.get(other)
+        if isinstance(known, PartFailure) and (known.message, known.file, known.line) == (failure.message, file, line):
+            uses.setdefault(other, place)
+    context.failed_parts.update(uses)
+    more = len(uses) - 1
+    others = f" and {more} other part{'' if more == 1 else 's'}" if more else ""
+    notes = [Note(message=f"`{used}` is used here", span=place) for used, place in list(uses.items())[:USES_SHOWN]]
+    if len(uses) > USES_SHOWN:
+        notes.append(Note(message="also used: " + ", ".join(f"`{used}`" for used in list(uses)[USES_SHOWN:])))
+    context.report.add(
+        Code.PART_RAISED, f"part `{reference}`{others} cannot be loaded: {failure.message}",
+        Span(file=file, line=line, column=1, end_line=line, end_column=1), help="mend the part file", notes=notes, detail=failure.detail,
     )
 
 
