@@ -140,9 +140,7 @@ def scenarios(workspace: Workspace) -> list[Scenario]:
     value = edited(arm, r"(yaw:(?:.|\n)*?upper: )[\d.]+", lambda n: f"{150 - n / 1000.0:.3f}")
     color = edited("assemblies/materials.yaml", r"(petg:(?:.|\n)*?color: )(?:[a-z]+|\"[^\"]*\")", lambda n: f'"#{n:02x}aa{n:02x}"')
     dimension = edited("parts/arm.py", r"(class BasePlate(?:.|\n)*?thickness: Annotated.* = )[\d.]+", lambda n: f"{5 + n / 1000.0:.3f}")
-    bracket = edited(
-        "parts/minchw/leg.py", r"(class HipBracket(?:.|\n)*?thickness: Annotated.* = )[\d.]+", lambda n: f"{5 + n / 1000.0:.3f}",
-    )
+    bracket = edited("parts/minchw/leg.py", r"(class HipBracket(?:.|\n)*?boss_diameter__add=)[\d.]+", lambda n: f"{6 + n / 1000.0:.3f}")
     forty = write_forty(workspace.folder)
     one_of_forty = edited(
         "parts/forty.py", r"(class Plate7(?:.|\n)*?thickness: Annotated.* = )[\d.]+", lambda n: f"{3 + n / 1000.0:.3f}",
@@ -197,9 +195,9 @@ def saves(workspace: Workspace) -> list[Save]:
 
     yaw = edited(arm, r"(yaw:(?:.|\n)*?lower: -)[\d.]+", lambda n: f"{140 - n / 1000.0:.3f}")
     knee = edited("assemblies/minchw/leg.yaml", r"(knee:(?:.|\n)*?upper: )[\d.]+", lambda n: f"{113 - n / 1000.0:.3f}")
-    thickness = r"(class %s(?:.|\n)*?thickness: Annotated.* = )[\d.]+"
-    plate = edited("parts/arm.py", thickness % "BasePlate", lambda n: f"{5.2 + n / 1000.0:.3f}")
-    bracket = edited("parts/minchw/leg.py", thickness % "HipBracket", lambda n: f"{5.2 + n / 1000.0:.3f}")
+    plate = edited("parts/arm.py", r"(class BasePlate(?:.|\n)*?thickness: Annotated.* = )[\d.]+", lambda n: f"{5.2 + n / 1000.0:.3f}")
+    # documents give its thickness, so that another default would change nothing
+    bracket = edited("parts/minchw/leg.py", r"(class HipBracket(?:.|\n)*?boss_diameter__add=)[\d.]+", lambda n: f"{6.2 + n / 100.0:.2f}")
     return [
         Save("arm: watch, a limit saved", arm, yaw, 0.065),
         Save("minchw: watch, a limit saved", minchw, knee, 0.065),
