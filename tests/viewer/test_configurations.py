@@ -12,8 +12,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from loops.robots import Built, compiled, pose_of
 from thingc.cli.main import main
@@ -64,19 +66,45 @@ joints:
 modes:
   still: {{root: palm}}
   adrift: {{root: one, base: free, at: {{xyz: 0 0 200 mm}}}}
+  rolling: {{root: palm.a, base: planar, at: {{xyz: 30 20 10 mm, rpy: 20 -30 40 deg}}}}
+  turning: {{root: palm, base: ball, at: {{xyz: 30 20 10 mm, rpy: 20 -30 40 deg}}}}
 """.replace("joints:", f"  tip: {{{MASS}, mounts: {{low: {{}}}}}}\njoints:", 1)
+
+REACHER = f"""
+thingc: assembly/1
+name: reacher
+components:
+  palm: {{{MASS}, mounts: {{a: {{}}}}}}
+  one: {{{MASS}, mounts: {{low: {{rpy: 180 0 0 deg}}, high: {{xyz: 50 0 0 mm}}}}}}
+  two: {{{MASS}, mounts: {{low: {{rpy: 180 0 0 deg}}, high: {{xyz: 50 0 0 mm}}}}}}
+  three: {{{MASS}, mounts: {{low: {{rpy: 180 0 0 deg}}, tip: {{xyz: 20 0 0 mm}}}}}}
+joints:
+  first: {{type: continuous, parent: palm.a, child: one.low}}
+  second: {{type: continuous, parent: one.high, child: two.low}}
+  third: {{type: continuous, parent: two.high, child: three.low}}
+poses:
+  bent: {{first: 40 deg, second: -90 deg, third: 30 deg}}
+modes:
+  pinned: {{root: palm.a, base: planar, pose: bent, hold: {{three.tip: here}}}}
+"""
 
 
 @contextmanager
 def page_of(browser: Any, folder: Path, text: str, fragment: str = "") -> Iterator[Any]:
     name = text.partition("name: ")[2].partition("\n")[0]
-    if not (folder / "out").exists():
+    if not (folder / "out" / name).exists():
         (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')
-        (folder / "robot.yaml").write_text(text)
-        code = main(["build", str(folder / "robot.yaml"), "-o", str(folder / "out"), "--emit", "html", "--store", str(folder / "store")])
+        (folder / f"{name}.yaml").write_text(text)
+        code = main(["build", str(folder / f"{name}.yaml"), "-o", str(folder / "out"), "--emit", "html", "--store", str(folder / "store")])
         assert code == 0
     with opened(browser, address(folder / f"out/{name}/html/{name}.html", fragment)) as page:
         yield page
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where each robot is built once."""
+    return tmp_path_factory.mktemp("robots")
 
 
 @pytest.fixture
@@ -105,10 +133,10 @@ def opposite(drive: float) -> float:
 
 
 @pytest.mark.parametrize("mode", ["bench", "unposed"])
-def test_a_crank_turns_all_round_with_its_loop_closed(browser: Any, tmp_path: Path, mode: str) -> None:
+def test_a_crank_turns_all_round_with_its_loop_closed(browser: Any, folder: Path, mode: str) -> None:
     """It has the shortest link and turns all round (Grashof), however far a slider is moved at once; the triangle of coupler, rocker
     and what is left between them has the angle that the law of cosines says."""
-    with page_of(browser, tmp_path, FOUR_BAR, f"#mode={mode}") as page:
+    with page_of(browser, folder, FOUR_BAR, f"#mode={mode}") as page:
         assert gap(page) < 1e-3
         for drive in (-170.0, 179.0, -60.0, 120.0, 20.0):
             page.evaluate(f"thingc.viewer.setCoordinate('drive', {math.radians(drive)})")
@@ -121,8 +149,8 @@ def test_a_crank_turns_all_round_with_its_loop_closed(browser: Any, tmp_path: Pa
             assert math.acos(float(links["coupler"] @ links["rocker"])) == pytest.approx(inner, abs=1e-6)
 
 
-def test_a_loop_stays_closed_on_the_way_between_poses(browser: Any, tmp_path: Path) -> None:
-    with page_of(browser, tmp_path, FOUR_BAR, "#mode=bench&pose=at_20") as page:
+def test_a_loop_stays_closed_on_the_way_between_poses(browser: Any, folder: Path) -> None:
+    with page_of(browser, folder, FOUR_BAR, "#mode=bench&pose=at_20") as page:
         between = """(part) => { const { configuration: here, mode } = thingc.viewer, [from, to] = mode.poses;
           here.between({ q: from.q, base: here.tree.home }, { q: to.q, base: here.tree.home }, part); return { ...here.q }; }"""
         parts = [page.evaluate(between, part / 12) for part in range(1, 12)]
@@ -132,11 +160,9 @@ def test_a_loop_stays_closed_on_the_way_between_poses(browser: Any, tmp_path: Pa
         assert math.degrees(parts[5]["drive"]) == pytest.approx(110.0, abs=1e-6)
 
 
-def test_the_page_has_links_where_mujoco_closes_the_loop(browser: Any, tmp_path: Path, four_bar: Built) -> None:
-    import mujoco
-
+def test_the_page_has_links_where_mujoco_closes_the_loop(browser: Any, folder: Path, four_bar: Built) -> None:
     model = four_bar.model("bench")
-    with page_of(browser, tmp_path, FOUR_BAR, "#mode=bench&pose=at_20") as page:
+    with page_of(browser, folder, FOUR_BAR, "#mode=bench&pose=at_20") as page:
         page.evaluate("thingc.viewer.setCoordinate('drive', 1.7)")
         data = mujoco.MjData(model)
         for name in ("drive", "elbow", "pivot"):
@@ -148,9 +174,9 @@ def test_the_page_has_links_where_mujoco_closes_the_loop(browser: Any, tmp_path:
             assert np.abs(np.array(numbers).reshape(4, 4) - pose_of(data.body(name))).max() < 1e-9
 
 
-def test_what_is_coupled_stays_within_every_limit(browser: Any, tmp_path: Path) -> None:
+def test_what_is_coupled_stays_within_every_limit(browser: Any, folder: Path) -> None:
     """The leader stops where its follower is at a limit: -0.8 q + 4 deg within 40 deg leaves -45 to 55 deg of its own 90."""
-    with page_of(browser, tmp_path, FINGER, "#mode=still") as page:
+    with page_of(browser, folder, FINGER, "#mode=still") as page:
         number = page.get_by_role("spinbutton", name="lead value")
         for typed, leads, follows in ((90, 55, -40), (-90, -45, 40)):
             number.fill(str(typed))
@@ -162,15 +188,15 @@ def test_what_is_coupled_stays_within_every_limit(browser: Any, tmp_path: Path) 
         assert q_of(page)["follow"] == pytest.approx(0.1) and q_of(page)["lead"] == pytest.approx((math.radians(4) - 0.1) / 0.8)
 
 
-def test_a_ball_stays_in_its_cone(browser: Any, tmp_path: Path) -> None:
-    with page_of(browser, tmp_path, FINGER, "#mode=still") as page:
+def test_a_ball_stays_in_its_cone(browser: Any, folder: Path) -> None:
+    with page_of(browser, folder, FINGER, "#mode=still") as page:
         page.evaluate("thingc.viewer.setCoordinate('gaze_0', 2.0); thingc.viewer.setCoordinate('gaze_1', 2.0)")
         q = q_of(page)
         assert math.degrees(math.hypot(*(q[f"gaze_{k}"] for k in range(3)))) == pytest.approx(30.0, abs=1e-9)
 
 
-def test_a_robot_without_geometry_is_seen_by_its_frames(browser: Any, tmp_path: Path) -> None:
-    with page_of(browser, tmp_path, FINGER) as page:
+def test_a_robot_without_geometry_is_seen_by_its_frames(browser: Any, folder: Path) -> None:
+    with page_of(browser, folder, FINGER) as page:
         page.evaluate("thingc.viewer.toggle('frames'); thingc.viewer.toggle('names')")
         drawn(page)
         assert page.locator("#labels span").all_inner_texts() == ["palm", "one", "two", "eye", "tip"]
@@ -180,8 +206,8 @@ def test_a_robot_without_geometry_is_seen_by_its_frames(browser: Any, tmp_path: 
 @pytest.mark.parametrize("fragment", [
     "q=lead:9,spin:1e300,toString:1,:,lead", "camera=0,0,0,0,0,0", "camera=1e308,0,0,0,0,0", "section=x", "%%%=&q=&mode=no",
 ])
-def test_rubbish_in_a_link_does_no_harm(browser: Any, tmp_path: Path, fragment: str) -> None:
-    with page_of(browser, tmp_path, FINGER, f"#{fragment}") as page:
+def test_rubbish_in_a_link_does_no_harm(browser: Any, folder: Path, fragment: str) -> None:
+    with page_of(browser, folder, FINGER, f"#{fragment}") as page:
         drawn(page)
         assert -1.0 < q_of(page)["lead"] <= math.radians(55) + 1e-12
         away = page.evaluate("thingc.viewer.stage.camera.position.distanceTo(thingc.viewer.stage.controls.target)")
@@ -189,8 +215,8 @@ def test_rubbish_in_a_link_does_no_harm(browser: Any, tmp_path: Path, fragment: 
         assert page.evaluate("thingc.viewer.options.section.part") == 0.5
 
 
-def test_a_base_that_floats_can_be_moved_and_is_in_the_link(browser: Any, tmp_path: Path) -> None:
-    with page_of(browser, tmp_path, FINGER, "#mode=adrift") as page:
+def test_a_base_that_floats_can_be_moved_and_is_in_the_link(browser: Any, folder: Path) -> None:
+    with page_of(browser, folder, FINGER, "#mode=adrift") as page:
         moved = """() => { const { viewer } = thingc, link = viewer.robot.links.findIndex(({ name }) => name === "one");
           const zero = viewer.stage.camera.position.clone().set(0, 0, 0);
           viewer.pull(link, zero, zero.clone().set(0.1, 0.2, 0.3)); return viewer.links(); }"""
@@ -198,8 +224,79 @@ def test_a_base_that_floats_can_be_moved_and_is_in_the_link(browser: Any, tmp_pa
         assert np.allclose(np.array(before["one"]).reshape(4, 4)[:3, 3], [0.1, 0.2, 0.3])
         page.wait_for_function("() => location.hash.includes('base=')")
         fragment = page.evaluate("location.hash")
-    with page_of(browser, tmp_path, FINGER, fragment) as page:
+    with page_of(browser, folder, FINGER, fragment) as page:
         after = page.evaluate("thingc.viewer.links()")
         assert max(np.abs(np.array(after[name]) - np.array(before[name])).max() for name in before) < 1e-9
-    with page_of(browser, tmp_path, FINGER, "#mode=still") as page:
+    with page_of(browser, folder, FINGER, "#mode=still") as page:
         assert "stands on" in page.evaluate("thingc.viewer.kept(0)")
+
+
+def test_a_base_moves_as_its_mode_lets_it(browser: Any, folder: Path, tmp_path: Path) -> None:
+    """Sliders of a planar base against MuJoCo's joints, of a ball and of a floating one against matrices: turns are rotation vectors in the
+    axes of `at`, about its origin."""
+    compiled_there = compiled(tmp_path, FINGER)
+    at = np.eye(4)
+    at[:3, :3], at[:3, 3] = Rotation.from_euler("xyz", [20, -30, 40], degrees=True).as_matrix(), [0.03, 0.02, 0.01]
+    with page_of(browser, folder, FINGER, "#mode=rolling") as page:
+        slide(page, root_0=25, root_1=-40, root_2=70)
+        model = compiled_there.model("rolling")
+        data = mujoco.MjData(model)
+        for name, value in (("root_0", 0.025), ("root_1", -0.04), ("root_2", math.radians(70))):
+            data.joint(name).qpos = data.joint(name).qpos + value
+        data.joint("follow").qpos = q_of(page)["follow"]
+        mujoco.mj_forward(model, data)
+        placed = page.evaluate("thingc.viewer.links()")
+        for name, numbers in placed.items():
+            assert np.abs(np.array(numbers).reshape(4, 4) - pose_of(data.body(name))).max() < 1e-9, name
+        page.get_by_role("button", name="copy a link to exactly this view").click()
+        fragment = page.evaluate("location.hash")
+        # what is drawn by a pointer goes along the plane alone
+        page.evaluate("""() => { const zero = thingc.viewer.stage.camera.position.clone().set(0, 0, 0);
+          thingc.viewer.pull(0, zero, zero.clone().set(0.3, 0.3, 0.3)); }""")
+        before, after = (np.array(found["palm"]).reshape(4, 4) for found in (placed, page.evaluate("thingc.viewer.links()")))
+        moved = np.linalg.inv(at)[:3, :3] @ (after - before)[:3, 3]
+        assert abs(moved[2]) < 1e-9 < 0.1 < np.linalg.norm(moved) and np.allclose(after[:3, :3], before[:3, :3], atol=1e-9)
+        page.evaluate("thingc.viewer.setMode('turning')")
+        home = np.array(page.evaluate("thingc.viewer.links()")["palm"]).reshape(4, 4)
+        slide(page, root_0=30, root_1=-50, root_2=80)
+        turn = np.eye(4)
+        turn[:3, :3] = Rotation.from_rotvec(np.radians([30, -50, 80])).as_matrix()
+        found = np.array(page.evaluate("thingc.viewer.links()")["palm"]).reshape(4, 4)
+        assert np.abs(found - at @ turn @ np.linalg.inv(at) @ home).max() < 1e-9
+        assert [page.get_by_role("spinbutton", name=f"root_{k} value").input_value() for k in range(3)] == ["30.0", "-50.0", "80.0"]
+        assert "about y" in page.locator(".joint", has_text="root_1").inner_text()
+        page.evaluate("thingc.viewer.setMode('adrift')")
+        home = np.array(page.evaluate("thingc.viewer.links()")["one"]).reshape(4, 4)
+        slide(page, root_2=-50, root_4=90)
+        turn[:3, :3], turn[:3, 3] = Rotation.from_rotvec([0, math.pi / 2, 0]).as_matrix(), [0, 0, -0.05]
+        at[:3, :3], at[:3, 3] = np.eye(3), [0, 0, 0.2]
+        found = np.array(page.evaluate("thingc.viewer.links()")["one"]).reshape(4, 4)
+        assert np.abs(found - at @ turn @ np.linalg.inv(at) @ home).max() < 1e-9
+    with page_of(browser, folder, FINGER, fragment) as page:
+        again = page.evaluate("thingc.viewer.links()")
+        assert max(np.abs(np.array(again[name]) - np.array(placed[name])).max() for name in placed) < 1e-8
+
+
+def slide(page: Any, **values: float) -> None:
+    """Types values [deg or mm] of coordinates, as a person does."""
+    for name, value in values.items():
+        page.get_by_role("spinbutton", name=f"{name} value").fill(str(value))
+        page.get_by_role("spinbutton", name=f"{name} value").press("Enter")
+
+
+def test_a_base_goes_no_further_than_what_is_held_lets_it(browser: Any, folder: Path) -> None:
+    """A planar base whose other end is held: joints go along as it moves, and out of their reach it stops, with the hold still closed."""
+    with page_of(browser, folder, REACHER, "#mode=pinned") as page:
+        held, q = np.array(page.evaluate("thingc.viewer.links()")["three"]), q_of(page)
+        slide(page, root_0=5)
+        assert page.evaluate("thingc.viewer.said") == "" and abs(q_of(page)["second"] - q["second"]) > 1e-2
+        slide(page, root_0=-500)
+        assert "the base goes no further" in page.locator("#said").inner_text()
+        assert -0.15 < page.evaluate("thingc.viewer.configuration.moves.read(thingc.viewer.configuration.base)[0]") < -0.01
+        assert np.abs(np.array(page.evaluate("thingc.viewer.links()")["three"]) - held).max() < 1e-6
+
+
+def test_a_base_that_stays_is_not_moved_by_a_link(browser: Any, folder: Path) -> None:
+    with page_of(browser, folder, FINGER, "#mode=still&q=lead:0.1&base=1,0,0,0.5,0,1,0,0,0,0,1,0") as page:
+        assert page.evaluate("thingc.viewer.configuration.atHome") and q_of(page)["lead"] == pytest.approx(0.1)
+        assert page.locator("h2", has_text="Base").count() == 0

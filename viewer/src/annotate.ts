@@ -76,6 +76,10 @@ function axes(viewer: Viewer, marks: Marks, names: Name[]): void {
     marks.arrow(at.clone().addScaledVector(along, -0.14 * size), along, 0.28 * size, hovered ? CHOSEN : joint.turns ? TURN : SLIDE);
     if (on.has("names") || hovered) names.push({ words: joint.path, at: at.addScaledVector(along, 0.15 * size), chosen: hovered });
   }
+  const own = configuration.moves.coordinates.find(({ path }) => path === viewer.hovered);
+  if (own === undefined) return;
+  const along = new Vector3().setFromMatrixColumn(matrixOf(viewer.mode.at), own.at % 3);
+  marks.arrow(origin(viewer.mountPose(viewer.mode.root)).addScaledVector(along, -0.14 * size), along, 0.28 * size, CHOSEN);
 }
 
 function mounts(viewer: Viewer, marks: Marks, names: Name[]): void {

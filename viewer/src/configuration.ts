@@ -1,8 +1,9 @@
 // A robot in one mode at one configuration: coordinates and base, and the ways to change them that keep loops closed.
 
 import { Matrix4, Quaternion, Vector3 } from "three";
+import { BaseMotion } from "./base";
 import type { Mode, NamedPose, Robot } from "./data";
-import { type Coordinates, Couplings, matrixOf, Tree } from "./kinematics";
+import { type Coordinates, Couplings, matrixOf, rotationVector, Tree } from "./kinematics";
 import { Solver } from "./solver";
 
 /** How far a coordinate goes at most [rad, and part of the robot's size] before loops are closed again. */
@@ -13,6 +14,7 @@ const SAME = 1e-9;
 export class Configuration {
   readonly tree: Tree;
   readonly couplings: Couplings;
+  readonly moves: BaseMotion;
   q: Coordinates;
   base: Matrix4;
   /** The pose that it is, as long as nothing has been moved. */
@@ -23,6 +25,7 @@ export class Configuration {
   constructor(private readonly robot: Robot, readonly mode: Mode, private readonly size: number) {
     this.tree = new Tree(mode);
     this.couplings = new Couplings(robot);
+    this.moves = new BaseMotion(mode, this.tree.home);
     this.solver = new Solver(robot, this.tree, this.couplings, size);
     this.base = this.tree.home.clone();
     this.q = this.couplings.settle(Object.fromEntries(robot.joints.map((joint) => [joint.path, 0])));
@@ -54,6 +57,30 @@ export class Configuration {
     const reached = this.approach({ [leader]: Math.min(high, Math.max(low, this.couplings.led(path, value))) });
     if (this.closes) this.couplings.unwound(this.q);
     return reached;
+  }
+
+  /** Moves the base by one of its coordinates. Whether it got there: it stops where what the mode holds would not stay. */
+  setBase(at: number, value: number): boolean {
+    const to = this.moves.read(this.base);
+    to[at] = value;
+    return this.stand(this.moves.placed(to));
+  }
+
+  /** Puts the base elsewhere, in steps so small that loops stay in the branch that they are in; what does not hang on the world goes along. */
+  private stand(base: Matrix4): boolean {
+    this.pose = null;
+    const from = this.base, held = this.mode.loops.some((loop) => loop.hold);
+    const away = new Vector3().setFromMatrixPosition(from).distanceTo(new Vector3().setFromMatrixPosition(base)) / this.size;
+    const count = held ? Math.max(1, Math.ceil(Math.max(away, angleBetween(from, base)) / STEP)) : 1;
+    for (let k = 1; k <= count; k += 1) {
+      const before = { q: this.q, base: this.base };
+      this.base = k === count ? base : this.moves.nearest(mixed(from, base, k / count));
+      if (held && !this.close(new Set())) {
+        ({ q: this.q, base: this.base } = before);
+        return false;
+      }
+    }
+    return true;
   }
 
   /** Leads some coordinates to values, in steps so small that loops stay in the branch that they are in. */
@@ -88,27 +115,28 @@ export class Configuration {
   /** On the way from one configuration to another, a part (0 to 1) of it behind: drives lead, and loops follow. */
   between(from: { q: Coordinates; base: Matrix4 }, to: { q: Coordinates; base: Matrix4 }, part: number): void {
     const at = (path: string): number => from.q[path] + part * (to.q[path] - from.q[path]);
+    const base = this.moves.nearest(mixed(from.base, to.base, part));
     if (!this.closes) {
       this.q = Object.fromEntries(Object.keys(to.q).map((path) => [path, at(path)]));
-      this.base = mixed(from.base, to.base, part);
+      this.base = base;
       this.pose = null;
       return;
     }
     const moved = new Set(this.mode.bodies.flatMap((body) => body.joints.map((joint) => joint.path)));
     const drives = [...new Set(this.mode.driven.map((path) => this.couplings.leader(path).path))].filter((path) => moved.has(path));
     const before = { q: this.q, base: this.base };
+    if (!this.mode.loops.some((loop) => loop.hold)) this.base = base;
     if (drives.length > 0 && this.approach(Object.fromEntries(drives.map((path) => [path, at(path)])))) return;
     // drives that loops leave no freedom: as near to all coordinates as they close
-    ({ q: this.q, base: this.base } = { q: Object.fromEntries(Object.keys(to.q).map((path) => [path, at(path)])), base: mixed(from.base, to.base, part) });
+    ({ q: this.q, base: this.base } = { q: Object.fromEntries(Object.keys(to.q).map((path) => [path, at(path)])), base });
     if (!this.close(new Set(), 8)) ({ q: this.q, base: this.base } = before);
   }
 
   /** Draws a point of a link (in its frame) towards a target in the world, as near as joints and loops let it. */
   pull(body: number, grip: Vector3, target: Vector3): void {
     this.pose = null;
-    if (body === 0) { // a base that floats goes along
-      const at = grip.clone().applyMatrix4(this.base);
-      this.base = new Matrix4().makeTranslation(target.clone().sub(at)).multiply(this.base);
+    if (body === 0) {
+      this.stand(this.moves.drawn(this.base, grip.clone().applyMatrix4(this.base), target));
       return;
     }
     const before = { q: this.q, base: this.base };
@@ -121,7 +149,7 @@ export class Configuration {
   restore(values: Coordinates, base: Matrix4 | null): void {
     for (const [path, value] of Object.entries(values)) if (Object.hasOwn(this.q, path) && Number.isFinite(value)) this.q[path] = value;
     this.couplings.settle(this.q);
-    if (base !== null) this.base = base;
+    if (base !== null) this.base = this.moves.nearest(base);
     this.pose = null;
     if (!this.closed) this.close(new Set());
     const there = (pose: NamedPose): boolean =>
@@ -142,12 +170,16 @@ export class Configuration {
     const body = this.tree.bodyOf.get(link)!;
     const { base, loops, name: mode } = this.mode;
     if (loops.some((loop) => loop.hold && loop.child === body)) return `${name} is held in mode ${mode}: it stays where it is`;
-    if (body === 0 && base === "free" && !loops.some((loop) => loop.hold)) return null;
+    if (body === 0 && this.moves.coordinates.length > 0) return null;
     if (body === 0 && base === "free") return `${name} moves with what mode ${mode} holds: draw another link`;
     if (body === 0) return `the robot stands on ${name} in mode ${mode} (base ${base}): choose another mode to move it`;
     const moves = this.tree.above(body).some((index) => this.tree.bodies[index].joints.length > 0);
     return moves || this.closes ? null : `no joint moves ${name} in mode ${mode}`;
   }
+}
+
+function angleBetween(from: Matrix4, to: Matrix4): number {
+  return Math.hypot(...rotationVector(from.clone().invert().multiply(to)));
 }
 
 function mixed(from: Matrix4, to: Matrix4, part: number): Matrix4 {

@@ -32,7 +32,7 @@ export interface Occurrence extends Place {
 export interface MountAt { path: string; occurrence: number; mount: string | null }
 
 export interface Joint extends Place {
-  path: string; joint: string; kind: string; turns: boolean; parent: number; child: number; lower: number | null; upper: number | null;
+  path: string; joint: string; kind: string; turns: boolean; axis: string; parent: number; child: number; lower: number | null; upper: number | null;
   cone: number | null; offset: number; effort: number | null; velocity: number | null;
   mimic: { joint: string; multiplier: number; offset: number } | null; drive: string | null;
 }
@@ -48,7 +48,7 @@ export interface Loop {
 export interface NamedPose { name: string; q: Record<string, number>; base: Rows | null; margins: Record<string, number> }
 
 export interface Mode extends Place {
-  name: string; root: MountAt; base: "fixed" | "held" | "free" | "planar" | "ball"; gravity: Vector; bodies: Body[]; loops: Loop[];
+  name: string; root: MountAt; base: "fixed" | "held" | "free" | "planar" | "ball"; at: Rows; gravity: Vector; bodies: Body[]; loops: Loop[];
   feet: MountAt[]; adhesion: Record<string, number>; driven: string[]; start: string | null; poses: NamedPose[]; unclosed: string[];
 }
 

@@ -1,6 +1,6 @@
 // Where the links of a mode are at given coordinates. Doubles throughout: three.js rounds only what it draws.
 
-import { Matrix4, Vector3 } from "three";
+import { Matrix4, Quaternion, Vector3 } from "three";
 import type { Body, Joint, Mode, Moving, Robot, Rows, Twist } from "./data";
 
 /** q [rad or m] of every coordinate by path. */
@@ -43,6 +43,16 @@ export function move(pose: Matrix4, joints: Moving[], atOnce: boolean, q: Coordi
   const angle = vector.length();
   if (angle === 0) return pose;
   return pose.multiply(exponential([vector.divideScalar(angle).toArray(), [0, 0, 0], joints[0].twist[2]], angle, step));
+}
+
+/** The axis of a pose's turn times its angle [rad], which is at most half a turn. */
+export function rotationVector(pose: Matrix4): number[] {
+  const turn = new Quaternion().setFromRotationMatrix(pose);
+  const sign = turn.w < 0 ? -1 : 1;
+  const [x, y, z] = [sign * turn.x, sign * turn.y, sign * turn.z];
+  const sine = Math.hypot(x, y, z);
+  const factor = sine < 1e-12 ? 2 : (2 * Math.atan2(sine, sign * turn.w)) / sine;
+  return [factor * x, factor * y, factor * z];
 }
 
 /** A mode's tree: where its bodies are in the world. */
@@ -107,6 +117,8 @@ export class Couplings {
   private readonly leaders = new Map<string, { path: string; factor: number; shift: number }>();
   private readonly ranges = new Map<string, [number, number]>();
   private readonly cones: { paths: string[]; cone: number }[];
+  /** Turns that have no end, and nothing coupled to them. */
+  private readonly endless: string[];
 
   constructor(robot: Robot) {
     this.joints = new Map(robot.joints.map((joint) => [joint.path, joint]));
@@ -117,6 +129,10 @@ export class Couplings {
       const ends = [lower ?? -Infinity, upper ?? Infinity].map((end) => (end - shift) / factor);
       if (factor !== 0) this.ranges.set(leader, [Math.max(low, Math.min(...ends)), Math.min(high, Math.max(...ends))]);
     }
+    const coupled = new Set([...this.leaders].flatMap(([path, { path: leader }]) => (path === leader ? [] : [path, leader])));
+    this.endless = robot.joints.flatMap(({ path, kind, turns, lower, upper }) =>
+      turns && kind !== "ball" && lower === null && upper === null && !coupled.has(path) ? [path] : [],
+    );
     const balls = new Map<string, string[]>();
     for (const { path, joint, kind } of robot.joints) if (kind === "ball") balls.set(joint, [...(balls.get(joint) ?? []), path]);
     this.cones = [...balls.values()].flatMap((paths) => {
@@ -173,10 +189,7 @@ export class Couplings {
 
   /** Turns that have no end, and nothing coupled to them, within half a turn of 0. */
   unwound(q: Coordinates): Coordinates {
-    for (const [path, { kind, turns, lower, upper }] of this.joints) {
-      const alone = ![...this.leaders].some(([other, { path: leader }]) => other !== leader && (leader === path || other === path));
-      if (turns && kind !== "ball" && lower === null && upper === null && alone) q[path] -= 2 * Math.PI * Math.round(q[path] / (2 * Math.PI));
-    }
+    for (const path of this.endless) q[path] -= 2 * Math.PI * Math.round(q[path] / (2 * Math.PI));
     return q;
   }
 }

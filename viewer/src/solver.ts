@@ -1,9 +1,9 @@
 // Loops kept closed, and links drawn to points: least squares over the coordinates of a mode, by damped Newton steps
 // (Levenberg and Marquardt; see Nocedal and Wright, Numerical Optimization, 2006, section 10.3).
 
-import { Matrix4, Quaternion, Vector3 } from "three";
+import { Matrix4, Vector3 } from "three";
 import type { Loop, Robot } from "./data";
-import { type Coordinates, type Couplings, matrixOf, move, type Tree } from "./kinematics";
+import { type Coordinates, type Couplings, matrixOf, move, rotationVector, type Tree } from "./kinematics";
 
 export interface Goal { body: number; point: Vector3; target: Vector3 }
 
@@ -155,15 +155,6 @@ export class Solver {
     base.setPosition(at);
     return { q, base, open: 0 };
   }
-}
-
-function rotationVector(pose: Matrix4): number[] {
-  const turn = new Quaternion().setFromRotationMatrix(pose);
-  const sign = turn.w < 0 ? -1 : 1;
-  const [x, y, z] = [sign * turn.x, sign * turn.y, sign * turn.z];
-  const sine = Math.hypot(x, y, z);
-  const factor = sine < 1e-12 ? 2 : (2 * Math.atan2(sine, sign * turn.w)) / sine;
-  return [factor * x, factor * y, factor * z];
 }
 
 const squares = (values: number[]): number => values.reduce((sum, value) => sum + value * value, 0);

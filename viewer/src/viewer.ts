@@ -48,7 +48,7 @@ export class Viewer {
   };
   /** Two mounts between which is measured, `occurrence:mount`. */
   measured: [string, string] = ["", ""];
-  /** The coordinate that a pointer is over in a panel. */
+  /** The coordinate that a pointer is over in a panel, of a joint or of the base. */
   hovered: string | null = null;
   said = "";
   readonly stage: Stage;
@@ -191,6 +191,13 @@ export class Viewer {
   setCoordinate(path: string, value: number): void {
     this.motion += 1;
     if (!this.configuration.set(path, value)) this.say(`${path} goes no further: the loops of this mode would not close`);
+    this.tell("coordinates");
+  }
+
+  /** The base by one of its coordinates, and what has to go with it. Says so where what the mode holds lets it go no further. */
+  setBase(at: number, value: number): void {
+    this.motion += 1;
+    if (!this.configuration.setBase(at, value)) this.say("the base goes no further: what this mode holds would not stay");
     this.tell("coordinates");
   }
 

@@ -1,5 +1,6 @@
 // The panel of poses and joints: a button for each pose of the mode, a slider for each of its coordinates.
 
+import type { BaseCoordinate } from "../base";
 import { type Joint, scaleOf, shownCoordinate, trimmed, unitOf } from "../data";
 import type { Viewer } from "../viewer";
 import { copied } from "./copying";
@@ -16,20 +17,26 @@ export function posePanel(panel: HTMLElement, viewer: Viewer): void {
     updates = [
       choices(poses, viewer.mode.poses.map((pose) => pose.name), () => viewer.pose?.name ?? null, (name) => viewer.setPose(name)),
     ];
-    const joints = viewer.joints.map((joint) => {
-      const { node, update } = slider(joint, viewer);
-      updates.push(update);
-      return node;
-    });
+    const sliders = (title: string, all: Sliding[]): HTMLElement[] => {
+      const made = all.map((one) => slider(one, viewer));
+      updates.push(...made.map(({ update }) => update));
+      return made.length > 0 ? [make("h2", {}, title), ...made.map(({ node }) => node)] : [];
+    };
+    const { base, driven, unclosed } = viewer.mode;
+    const [drives, others] = [true, false].map((own) => viewer.joints.filter((joint) => driven.includes(joint.path) === own).map((joint) => ofJoint(joint, viewer)));
+    const joints = [
+      ...sliders("Driven joints", drives), ...sliders(drives.length > 0 ? "Other joints" : "Joints", others),
+    ];
+    const root = sliders(`Base (${base})`, viewer.configuration.moves.coordinates.map((one) => ofBase(one, viewer)));
     const copy = make("button", {
       type: "button", title: "these coordinates, as the `poses` of a document have them",
       onclick: () => copied(viewer, yaml(viewer), "the pose is copied"),
     }, "Copy as a pose");
-    const unclosed = viewer.mode.unclosed;
     panel.replaceChildren(
       ...(viewer.mode.poses.length > 0 ? [make("h2", {}, "Poses"), poses] : []),
       ...(unclosed.length > 0 ? [make("p", { class: "soft" }, `its loops do not close in: ${unclosed.join(", ")}`)] : []),
-      ...(joints.length > 0 ? [make("h2", {}, "Joints"), ...joints, copy] : [make("p", { class: "soft" }, "nothing moves in this mode")]),
+      ...joints, ...root, ...(joints.length > 0 ? [copy] : []),
+      ...(joints.length + root.length > 0 ? [] : [make("p", { class: "soft" }, "nothing moves in this mode")]),
     );
     for (const update of updates) update();
   };
@@ -40,38 +47,61 @@ export function posePanel(panel: HTMLElement, viewer: Viewer): void {
   });
 }
 
-function slider(joint: Joint, viewer: Viewer): { node: HTMLElement; update: () => void } {
-  const scale = scaleOf(joint);
-  const [lower, upper] = viewer.range(joint.path);
-  const reach = joint.turns ? TURN : 2 * viewer.stage.size;
+/** What a slider moves: a coordinate of a joint, or one of the base. `words` are of its middle, `about` is all else that is known of it. */
+interface Sliding {
+  path: string; turns: boolean; range: [number, number]; words: string; about: string;
+  value: () => number;
+  set: (value: number) => void;
+}
+
+function ofJoint(joint: Joint, viewer: Viewer): Sliding {
+  const { path, turns, cone, mimic } = joint;
+  const axis = path === joint.joint ? "" : `${turns ? "about" : "along"} ${joint.axis}`; // of one coordinate it is z
+  const follows = viewer.follows(path) ? `follows ${mimic!.joint} x ${Number(mimic!.multiplier.toFixed(3))}` : "";
+  return {
+    path, turns, range: viewer.range(path), words: follows || [axis, cone === null ? "" : `cone ${shownCoordinate(joint, cone)}`].filter(Boolean).join(", "),
+    about: about(joint), value: () => viewer.q[path], set: (value) => viewer.setCoordinate(path, value),
+  };
+}
+
+function ofBase({ path, turns, words, at }: BaseCoordinate, viewer: Viewer): Sliding {
+  const { base, root } = viewer.mode;
+  return {
+    path, turns, range: [-Infinity, Infinity], words, about: `${path}: ${root.path} ${words} of its place in the world (base ${base})`,
+    value: () => viewer.configuration.moves.read(viewer.configuration.base)[at], set: (value) => viewer.setBase(at, value),
+  };
+}
+
+function slider(one: Sliding, viewer: Viewer): { node: HTMLElement; update: () => void } {
+  const scale = scaleOf(one);
+  const [lower, upper] = one.range;
+  const reach = one.turns ? TURN : 2 * viewer.stage.size;
   const ends = [Number.isFinite(lower) ? lower : Math.min(-reach, upper - reach), Number.isFinite(upper) ? upper : Math.max(reach, lower + reach)];
   const move = (text: string): void => {
     const value = Number(text) / scale;
-    if (text !== "" && Number.isFinite(value)) viewer.setCoordinate(joint.path, Math.min(upper, Math.max(lower, value)));
+    if (text !== "" && Number.isFinite(value)) one.set(Math.min(upper, Math.max(lower, value)));
   };
   const [min, max] = ends.map((end) => trimmed(end * scale, 3));
   const range = make("input", {
-    type: "range", min, max, step: joint.turns ? 0.1 : 0.01, "aria-label": `${joint.path} slider, ${unitOf(joint)}`,
+    type: "range", min, max, step: one.turns ? 0.1 : 0.01, "aria-label": `${one.path} slider, ${unitOf(one)}`,
     oninput: (event) => move((event.target as HTMLInputElement).value),
   });
   const number = make("input", {
-    type: "number", step: joint.turns ? 1 : 0.1, "aria-label": `${joint.path} value, ${unitOf(joint)}`,
+    type: "number", step: one.turns ? 1 : 0.1, "aria-label": `${one.path} value, ${unitOf(one)}`,
     onchange: (event) => { move((event.target as HTMLInputElement).value); show(); },
   });
-  const follows = viewer.follows(joint.path) ? `follows ${joint.mimic!.joint} x ${trimmed(joint.mimic!.multiplier, 3)}` : "";
-  const end = (value: number, word: string): string => (Number.isFinite(value) ? shownCoordinate(joint, value) : `no ${word} limit`);
-  const cone = joint.cone === null ? "" : `cone ${shownCoordinate(joint, joint.cone)}`;
+  const end = (value: number, word: string): string => (Number.isFinite(value) ? shownCoordinate(one, value) : `no ${word} limit`);
   const node = make(
     "div", {
-      class: "joint", title: about(joint), onpointerenter: () => viewer.hover(joint.path), onpointerleave: () => viewer.hover(null),
-      ondblclick: (event) => { if (event.target === range) viewer.setCoordinate(joint.path, Math.min(upper, Math.max(lower, 0))); },
+      class: "joint", title: one.about, onpointerenter: () => viewer.hover(one.path), onpointerleave: () => viewer.hover(null),
+      ondblclick: (event) => { if (event.target === range) one.set(Math.min(upper, Math.max(lower, 0))); },
     },
-    make("span", { class: "name" }, joint.path), number, make("span", { class: "unit" }, unitOf(joint)), range,
-    make("div", { class: "ends" }, make("span", {}, end(lower, "lower")), make("span", { title: follows }, follows || cone), make("span", {}, end(upper, "upper"))),
+    make("span", { class: "name" }, one.path), number, make("span", { class: "unit" }, unitOf(one)), range,
+    make("div", { class: "ends" }, make("span", {}, end(lower, "lower")), make("span", { title: one.words }, one.words), make("span", {}, end(upper, "upper"))),
   );
-  const show = (): void => { number.value = trimmed(viewer.q[joint.path] * scale, joint.turns ? 1 : 2); };
+  const show = (): void => { number.value = trimmed(one.value() * scale, one.turns ? 1 : 2); };
   const update = (): void => {
-    const value = viewer.q[joint.path] * scale;
+    const value = one.value() * scale;
     range.min = String(Math.min(Number(min), value)); // a pose may be further round than a slider without limits
     range.max = String(Math.max(Number(max), value));
     range.value = String(value);

@@ -146,6 +146,7 @@ def _joint(joint: JointEdge, mate: Mate, assembly: Assembly, places: _Places) ->
     drive = joint.actuator
     return {
         "path": joint.path, "joint": mate.name, "kind": joint.kind.name, "turns": joint.twist.turns,
+        "axis": "xyz"[max(range(3), key=lambda k: abs(joint.twist.axis[k]))],
         "parent": assembly.link_of[mate.parent], "child": assembly.link_of[mate.child],
         "lower": joint.limit.lower, "upper": joint.limit.upper, "cone": joint.limit.cone, "offset": joint.offset,
         "effort": joint.limit.effort, "velocity": joint.limit.velocity,
@@ -162,7 +163,7 @@ def _mode(robot: Robot, places: _Places) -> Data:
     start = robot.start
     return {
         "name": mode.name, "root": {"path": mode.root.path, "occurrence": mode.root.occurrence, "mount": mode.root.mount},
-        "base": robot.base, "gravity": robot.gravity,
+        "base": robot.base, "at": _rows(mode.at), "gravity": robot.gravity,
         "bodies": [_body(body) for body in robot.bodies],
         "loops": [_loop(closure) for closure in robot.closures],
         "feet": [{"path": foot.mount.path, "occurrence": foot.mount.occurrence, "mount": foot.mount.mount} for foot in mode.feet],
