@@ -1,4 +1,4 @@
-"""How the compiler's data shows itself: one line, whatever hangs on it."""
+"""How the compiler's data shows itself: one line, whatever hangs on it; and numbers of things."""
 
 from __future__ import annotations
 
@@ -28,6 +28,11 @@ class Brief:
     def __init_subclass__(cls) -> None:
         if "__repr__" not in vars(cls):
             cls.__repr__ = _line  # type: ignore[method-assign]
+
+
+def counted(number: int, noun: str) -> str:
+    """`1 document`, `2 documents`."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def _line(self: Any) -> str:

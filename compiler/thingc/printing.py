@@ -6,6 +6,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 
+from thingc.brief import counted
 from thingc.diagnostics import Diagnostic, Severity, shown_path
 from thingc.shown import shown, shown_line
 from thingc.source import SET, Span
@@ -78,7 +79,7 @@ def summary(diagnostics: Sequence[Diagnostic]) -> str:
     for severity in (Severity.ERROR, Severity.WARNING):
         count = sum(1 for d in diagnostics if d.severity is severity)
         if count:
-            parts.append(f"{count} {severity.value}{'' if count == 1 else 's'}")
+            parts.append(counted(count, severity.value))
     return ", ".join(parts)
 
 

@@ -26,7 +26,7 @@ BASE = {
 ROOMS: dict[str, set[str]] = {
     "frozen": set(), "shown": set(), "source": {"frozen"}, "brief": {"source"}, "typos": set(),
     "diagnostics": {"brief", "shown", "source", "typos"},
-    "printing": {"shown", "source", "diagnostics"}, "units": {"frozen", "diagnostics", "typos"},
+    "printing": {"brief", "shown", "source", "diagnostics"}, "units": {"frozen", "diagnostics", "typos"},
     "expressions": {"frozen", "diagnostics", "typos", "units"},
     "pose": {"frozen"}, "inertia": {"frozen", "brief", "pose"}, "memo": set(), "installed": set(), "later": set(), "packaging": {"frozen"},
     "archives": {"frozen"}, "csvcell": {"shown"}, "webpage": {"shown"},

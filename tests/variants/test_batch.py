@@ -472,7 +472,7 @@ def test_a_dry_run_counts_what_limits_and_poses_will_refuse(tmp_path: Path, shar
     assert batch(here, shared_store, "stops", pictures=0).statuses == {"built": 2, "kept_out": 6, "refused": 10}
     said = thingc("batch", "plates.yaml", "--dry-run", cwd=here, env=env).stdout
     assert "\n10 would be refused: TC601 (pose outside joint limits), first `stops_03`: pose `tilted` does not set `twist`" in said
-    assert "models 1 parts" in said and "drawn from" not in said
+    assert "models 1 part," in said and "drawn from" not in said
 
 
 def test_a_dry_run_of_very_many_looks_at_some(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from thingc.brief import Brief
+from thingc.brief import Brief, counted
 from thingc.checks.kind import CheckKind, Names
 from thingc.checks.outcome import Failure, Measure, Outcome, shown
 from thingc.diagnostics import Code, Note
@@ -74,7 +74,7 @@ def run(case: Case, check: GroundClearance) -> Outcome:
         others = [(other, name) for other, name in heights[1:] if other < check.least]
         notes = [Note(message=f"`{name}` is {_over(other)}, too") for other, name in others[:LISTED]]
         if len(others) > LISTED:
-            notes.append(Note(message=f"and {len(others) - LISTED} more parts"))
+            notes.append(Note(message=f"and {counted(len(others) - LISTED, 'more part')}"))
         failure = Failure(
             code=Code.TEST_CLEARANCE, key="at_least", notes=tuple(notes),
             message=f"the lowest point of `{path}` is {_over(height)}, and {Quantity(check.least, LENGTH)} were asked for",

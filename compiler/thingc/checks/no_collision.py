@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import ConfigDict, Field, model_validator
 
-from thingc.brief import Brief
+from thingc.brief import Brief, counted
 from thingc.checks.kind import CheckKind, Names
 from thingc.checks.outcome import Failure, Measure, Outcome, shown
 from thingc.diagnostics import Code, Note, Report
@@ -163,8 +163,8 @@ def run(case: Case, check: CollisionCheck) -> Outcome:
         measured["not_closing"] = case.missing
     if nearest is not None:
         measured["pair"] = _pair_text(collisions.assembly, nearest, "")
-    counted = f", {len(case.frames)} position{'' if len(case.frames) == 1 else 's'}" if check.ranges else ""
-    counted += f", {case.missing} more that do not close" if case.missing else ""
+    looked = f", {counted(len(case.frames), 'position')}" if check.ranges else ""
+    looked += f", {case.missing} more that do not close" if case.missing else ""
     failure: Failure | None = None
     if worst:
         failure = _failure(case, check, sorted(worst.values(), key=lambda near: near.badness, reverse=True), collisions)
@@ -175,7 +175,7 @@ def run(case: Case, check: CollisionCheck) -> Outcome:
     else:
         said = f"least gap {shown(nearest.gap, LENGTH)}, {_pair_text(collisions.assembly, nearest, '')}"
     return Outcome(
-        measured=measured, expected={"clearance": check.clearance}, said=f"{said}{counted}", failure=failure, needed=frozenset(needed),
+        measured=measured, expected={"clearance": check.clearance}, said=f"{said}{looked}", failure=failure, needed=frozenset(needed),
     )
 
 
@@ -212,7 +212,7 @@ def _failure(case: Case, check: CollisionCheck, worst: Sequence[Near], collision
         Note(message=f"also {_how(assembly, near, check.clearance)}{_at(case, check, near)}") for near in worst[1 : LISTED + 1]
     ]
     if len(worst) > LISTED + 1:
-        notes.append(Note(message=f"and {len(worst) - LISTED - 1} more pairs"))
+        notes.append(Note(message=f"and {counted(len(worst) - LISTED - 1, 'more pair')}"))
     notes += [
         Note(message=f"the surface of `{path}` is not closed: its convex hull stands for it")
         for path in collisions.hulls if path in (assembly.occurrences[first.one].path, assembly.occurrences[first.other].path)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from thingc import pipeline
+from thingc.brief import counted
 from thingc.cli import common
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, shown_path
 from thingc.environment import Environment, Options
@@ -45,8 +46,8 @@ def run_fix(arguments: argparse.Namespace, documents: Sequence[str], options: Op
             return _say(arguments, [refused], [])
     elif arguments.format == "text":
         _print_diff(texts, disk)
-        places = common.counted(len(mended), "place")
-        common.say(f"{places} would be mended, {common.counted(len(diagnostics), 'diagnostic')} would be left")
+        places = counted(len(mended), "place")
+        common.say(f"{places} would be mended, {counted(len(diagnostics), 'diagnostic')} would be left")
         return common.exit_code(diagnostics)
     return _say(arguments, diagnostics, mended)
 
@@ -121,7 +122,7 @@ def _say(arguments: argparse.Namespace, found: Sequence[Diagnostic], mended: Seq
             common.say("")
     common.print_found(found, arguments.format, stream=sys.stdout, debug=arguments.debug, mended=rows)
     if arguments.format == "text" and not found:
-        common.say(f"{common.counted(len(mended), 'place')} mended, nothing is left")
+        common.say(f"{counted(len(mended), 'place')} mended, nothing is left")
     return common.exit_code(found)
 
 

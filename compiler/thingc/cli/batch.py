@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from thingc.brief import counted
 from thingc.cli import common
 from thingc.diagnostics import Diagnostic, shown_path
 from thingc.environment import Options
@@ -96,7 +97,8 @@ def run(arguments: argparse.Namespace) -> int:
         return _refuse(arguments, [fault.diagnostic])
     except Interrupted as fault:
         common.say_in_place()
-        common.say(f"interrupted: {fault.done} of {fault.count} variants are done; go on with: {_again(arguments)}", stream=sys.stderr)
+        done = f"{fault.done} of {counted(fault.count, 'variant')} are done"
+        common.say(f"interrupted: {done}; go on with: {_again(arguments)}", stream=sys.stderr)
         return INTERRUPTED
     return _answer(arguments, summary)
 
@@ -158,7 +160,7 @@ class _Show:
         counts = ", ".join(f"{count} {STATUSES[status]}" for status, count in sorted(progress.counts.items())) or "none yet"
         left = progress.left
         estimate = f", {_time(left)} left" if left is not None else ""
-        line = f"{progress.done} of {progress.count} variants ({counts}); {progress.rate:.3g} a second{estimate}"
+        line = f"{progress.done} of {counted(progress.count, 'variant')} ({counts}); {progress.rate:.3g} a second{estimate}"
         if sys.stderr.isatty():
             common.say_in_place(line)
         elif time.monotonic() - self.said >= PAUSE:
@@ -168,7 +170,7 @@ class _Show:
 
 def _draw(done: int, count: int) -> None:
     """How many pictures are drawn, on a terminal."""
-    common.say_in_place(f"{done} of {count} pictures")
+    common.say_in_place(f"{done} of {counted(count, 'picture')}")
 
 
 def _page(arguments: argparse.Namespace, options: Options) -> int:
@@ -204,10 +206,6 @@ def _time(seconds: float) -> str:
     return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
 
 
-def _variants(count: int) -> str:
-    return "1 variant" if count == 1 else f"{count} variants"
-
-
 def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
     code = 1 if summary.statuses.get("refused") or summary.statuses.get("failed") else 0
     if arguments.format == "json":
@@ -219,12 +217,13 @@ def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
     common.print_text(summary.notes, stream=sys.stderr, debug=False)
     counts = ", ".join(f"{summary.statuses[status]} {spoken}" for status, spoken in STATUSES.items() if status in summary.statuses)
     earlier = f" ({summary.before} of them before)" if summary.before else ""
-    lines = [f"{shown_path(summary.folder)}: {_variants(summary.count)}{earlier}: {counts}; {summary.modelled} parts modelled"]
+    modelled = f"{counted(summary.modelled, 'part')} modelled"
+    lines = [f"{shown_path(summary.folder)}: {counted(summary.count, 'variant')}{earlier}: {counts}; {modelled}"]
     lines += [f"{summary.duplicates} more are equal to one of these"] if summary.duplicates else []
     if summary.lossy:
-        number = common.counted(sum(summary.losses.values()), "thing")
+        number = counted(sum(summary.losses.values()), "thing")
         how = common.losses_in_words(summary.losses)
-        lines.append(f"{_variants(summary.lossy)} with targets that cannot say {number} ({how}): see `losses` in the table")
+        lines.append(f"{counted(summary.lossy, 'variant')} with targets that cannot say {number} ({how}): see `losses` in the table")
     lines += _unpictured(arguments, summary.count)
     lines += _complaints(summary.folder) if code else []
     common.say(*lines, stream=sys.stderr)
@@ -304,7 +303,7 @@ def _adopt(arguments: argparse.Namespace, options: Options) -> int:
 
 def _told(planned: Plan, found: Forecast) -> list[str]:
     """A forecast for people."""
-    some = f"{found.count} of {_variants(planned.count)}" if found.count != planned.count else _variants(found.count)
+    some = f"{found.count} of {counted(planned.count, 'variant')}" if found.count != planned.count else counted(found.count, "variant")
     lines = [f"{planned.name}: {some} of {planned.assembly_relative}; modes {', '.join(planned.modes)}; "
              f"targets {', '.join(planned.emit)}"]
     for axis in planned.axes:
@@ -322,7 +321,7 @@ def _told(planned: Plan, found: Forecast) -> list[str]:
     for code, count in sorted(found.unsound.items()):
         name, wrong = found.examples[code]
         lines.append(f"{count} would be refused: {code} ({wrong.code.title}), first `{name}`: {wrong.message}")
-    lines.append(f"models {found.parts - found.known} parts, reuses {found.known}")
+    lines.append(f"models {counted(found.parts - found.known, 'part')}, reuses {found.known}")
     for one in found.first:
         settings = {**one.parameters, **one.choices}
         shown = ", ".join(f"{name}={text}" for name, text in settings.items()) or "as the assembly says"

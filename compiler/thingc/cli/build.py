@@ -13,11 +13,12 @@ from functools import partial
 from typing import Any
 
 from thingc import building, pipeline, stamp
+from thingc.brief import counted
 from thingc.building import Built, Wish
 from thingc.cli import common
 from thingc.cli.targets import add_building, chosen_compat, chosen_targets, in_words
 from thingc.diagnostics import Code, Diagnostic, Severity, shown_path
-from thingc.emit.artifact import counted
+from thingc.emit.artifact import counts_of
 from thingc.environment import Environment, Options, attempted, store_of
 from thingc.output import OutputError, build_folder, unswept, verify
 from thingc.pipeline import UnknownChoice
@@ -116,7 +117,7 @@ def _built(wish: Wish, key: str, environment: Environment) -> tuple[list[Diagnos
 def answer_of(built: Built, folder: str) -> dict[str, Any]:
     """What there is to tell of a build that was written."""
     targets = dict.fromkeys(loss.target for loss in built.losses)
-    lost = {target: counted(loss for loss in built.losses if loss.target == target) for target in targets}
+    lost = {target: counts_of(loss for loss in built.losses if loss.target == target) for target in targets}
     return {
         "folder": folder, "artifacts": sorted(built.files or ()), "modelled": built.compilation.modelled,
         "reused": built.compilation.reused, "losses": lost,
@@ -134,16 +135,16 @@ def _stands(answer: Mapping[str, Any]) -> bool:
 def tell(answer: Mapping[str, Any], arguments: argparse.Namespace) -> None:
     """What happened, for people, on standard error."""
     if answer.get("twice"):
-        common.say(f"{common.counted(answer['twice'], 'part')} modelled twice: equal", stream=sys.stderr)
+        common.say(f"{counted(answer['twice'], 'part')} modelled twice: equal", stream=sys.stderr)
     folder = shown_path(answer["folder"])
     count = len(answer["artifacts"])
     if answer.get("unchanged"):
-        common.say(f"{folder}: nothing changed ({count} files)", stream=sys.stderr)
+        common.say(f"{folder}: nothing changed ({counted(count, 'file')})", stream=sys.stderr)
     else:
         modelled, reused = len(answer["modelled"]), len(answer["reused"])
-        common.say(f"{folder}: {count} files; {modelled} parts modelled, {reused} reused", stream=sys.stderr)
+        common.say(f"{folder}: {counted(count, 'file')}; {counted(modelled, 'part')} modelled, {reused} reused", stream=sys.stderr)
     words = shlex.join(["thingc", "why", "--losses", arguments.document, *(f"--emit={word}" for word in arguments.emit),
                         *(f"--compat={word}" for word in arguments.compat)])
     for target, counts in answer["losses"].items():
-        number = common.counted(sum(counts.values()), "thing")
+        number = counted(sum(counts.values()), "thing")
         common.say(f"{target}: {number} it cannot say ({common.losses_in_words(counts)}): {words}", stream=sys.stderr)

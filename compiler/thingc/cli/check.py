@@ -10,6 +10,7 @@ from dataclasses import replace
 from functools import partial
 
 from thingc import pipeline, stamp
+from thingc.brief import counted
 from thingc.cli import common
 from thingc.diagnostics import Diagnostic, Report, Severity, shown_path
 from thingc.environment import Environment, Options, attempted, store_of
@@ -135,7 +136,7 @@ def _answer(arguments: argparse.Namespace, found: list[Diagnostic], good: list[s
         for document in good:
             common.say(f"{document}: ok")
         if of is not None:
-            common.say(f"{common.counted(of, 'document')} checked, {'all' if len(good) == of else len(good)} ok")
+            common.say(f"{counted(of, 'document')} checked, {'all' if len(good) == of else len(good)} ok")
     return common.exit_code(found)
 
 

@@ -305,11 +305,6 @@ def _documentation() -> str | None:
     return next((url.strip() for label, _, url in labelled if label.strip().lower() == "diagnostics"), None)
 
 
-def counted(number: int, what: str) -> str:
-    """`1 document`, `2 documents`."""
-    return f"{number} {what}{'' if number == 1 else 's'}"
-
-
 def losses_in_words(counts: Mapping[str, int]) -> str:
     """`2 omitted, 1 approximated`."""
     return ", ".join(f"{count} {how}" for how, count in counts.items())

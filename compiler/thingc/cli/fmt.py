@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Iterator
 
+from thingc.brief import counted
 from thingc.cli import common
 from thingc.diagnostics import Code, Report, shown_path
 from thingc.layout import format_document, write_in_place
@@ -60,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
     code = common.exit_code(report.diagnostics)
     if not arguments.diff:
         would = " would be" if arguments.check else ""
-        common.say(f"{changed} of {common.counted(count, 'document')}{would} changed")
+        common.say(f"{changed} of {counted(count, 'document')}{would} changed")
     return code or int(arguments.check and changed > 0)
 
 

@@ -6,6 +6,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
+from thingc.brief import counted
 from thingc.cli import common
 from thingc.cli.tables import axes, millimetres, table
 from thingc.environment import attempted
@@ -96,8 +97,8 @@ def as_text(assembly: Assembly, robots: tuple[Robot, ...]) -> list[str]:
     """The same for people, line by line: grams and millimetres."""
     whole = assembly.properties
     lines = [
-        f"{assembly.name}: {_grams(whole.mass)} in {len(assembly.occurrences)} occurrences, {len(assembly.links)} links, "
-        f"{sum(1 for mate in assembly.mates if mate.joints)} joints",
+        f"{assembly.name}: {_grams(whole.mass)} in {counted(len(assembly.occurrences), 'occurrence')}, "
+        f"{counted(len(assembly.links), 'link')}, {counted(sum(1 for mate in assembly.mates if mate.joints), 'joint')}",
         "centre of mass  " + "  ".join(f"{1000.0 * x:z.3f}" for x in whole.centre) + "  mm, in the frame of "
         f"`{assembly.occurrences[assembly.base].path}` at q = 0",
         "inertia         "

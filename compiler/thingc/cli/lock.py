@@ -8,6 +8,7 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
+from thingc.brief import counted
 from thingc.cli import common
 from thingc.diagnostics import Code, Report, shown_path
 from thingc.environment import Environment, Options, geometry_of
@@ -83,7 +84,7 @@ def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str 
             report.add(Code.TOO_LARGE, f"`{LOCK_FILE}` would have more than {MAX_BYTES} bytes", None, help="split the workspace")
             return None
         _write(path, text)
-        return f"{shown}: {count} part{'' if count == 1 else 's'}"
+        return f"{shown}: {counted(count, 'part')}"
     if not os.path.lexists(path):
         report.add(Code.NO_LOCK, f"there is no `{LOCK_FILE}` in the folder of the workspace", workspace.origin, help=REMAKE)
         return None

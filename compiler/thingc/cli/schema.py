@@ -8,6 +8,7 @@ import signal
 import sys
 from typing import TYPE_CHECKING
 
+from thingc.brief import counted
 from thingc.cli import common
 from thingc.diagnostics import Code, Report, shown_path
 
@@ -133,7 +134,7 @@ def _watch(
 def _wire(workspace: Workspace, outcome: RefreshOutcome, report: Report) -> None:
     from thingc.editor.wiring import wire
 
-    documents = common.counted(len(outcome.documents), "document")
+    documents = counted(len(outcome.documents), "document")
     for name in wire(workspace.root, outcome.documents, report):
         common.say(f"{shown_path(os.path.join(workspace.root, name))}: names {documents} and their schemas")
 
@@ -145,7 +146,7 @@ def _say_all(workspace: Workspace, outcome: RefreshOutcome) -> None:
     same = len(outcome.documents) - len(outcome.written) - len(outcome.kept)
     said = [f"{len(outcome.written)} written", f"{same} as they were"]
     said += [f"{len(outcome.removed)} removed"] if outcome.removed else []
-    common.say(f"{folder}: schemas of {common.counted(len(outcome.documents), 'document')}: {', '.join(said)}")
+    common.say(f"{folder}: schemas of {counted(len(outcome.documents), 'document')}: {', '.join(said)}")
     _say_kept(workspace, outcome)
 
 

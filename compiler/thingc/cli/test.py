@@ -9,6 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from thingc import pipeline
+from thingc.brief import counted
 from thingc.cli import common
 from thingc.diagnostics import Code, Diagnostic, Severity, Stage, shown_path
 from thingc.environment import Environment, attempted
@@ -122,7 +123,7 @@ def _tell(arguments: argparse.Namespace, name: str, results: Sequence[Result], f
     common.print_text(found, stream=sys.stdout, debug=arguments.debug)
     passed = sum(1 for result in results if result.passed)
     if results:
-        common.say(f"{common.counted(len(results), 'test')}: {passed} passed, {len(results) - passed} failed")
+        common.say(f"{counted(len(results), 'test')}: {passed} passed, {len(results) - passed} failed")
     elif not common.exit_code(list(found)):
         chosen = " that run in the modes chosen" if arguments.mode else ""
         common.say(f"{shown_path(arguments.document)}: no tests{chosen}")

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from thingc import pipeline
+from thingc.brief import counted
 from thingc.building import Wish
 from thingc.cli import common
 from thingc.cli.build import answer_of, tell, wish_of
@@ -105,7 +106,7 @@ class Lines:
         if made.number > 1:
             saved = _enumerated([shown_path(path) for path in made.saved])
             outcome = _outcome(made) if self._built or not made.good else f"built in {made.seconds:.2f} s"
-            stand = f"; {common.counted(len(made.diagnostics), 'warning')} as before" if known and made.diagnostics else ""
+            stand = f"; {counted(len(made.diagnostics), 'warning')} as before" if known and made.diagnostics else ""
             common.say(f"{time.strftime('%H:%M:%S')} {saved}: {outcome}{stand}", stream=sys.stderr)
         if made.built is not None and made.folder is not None and not self._built:
             tell(answer_of(made.built, made.folder), self._arguments)
@@ -122,7 +123,7 @@ def _outcome(made: Round) -> str:
     said = ["right again"] if made.mended else []
     said += [f"modelled {_enumerated(modelled)}"] if modelled else []
     if made.folder is not None:
-        changed = f"{common.counted(len(made.changed), 'file')} changed ({_enumerated(made.changed)})"
+        changed = f"{counted(len(made.changed), 'file')} changed ({_enumerated(made.changed)})"
         said.append(changed if made.changed else "no file changed")
     return f"{'; '.join(said) or 'compiled'} in {made.seconds:.2f} s"
 

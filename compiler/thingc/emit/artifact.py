@@ -50,7 +50,7 @@ class Loss:
         return Loss(target=target, mode=mode, path=path, what=what, how=how, origin=origin)
 
 
-def counted(losses: Iterable[Loss]) -> dict[str, int]:
+def counts_of(losses: Iterable[Loss]) -> dict[str, int]:
     """How many there are, by what becomes of them."""
     counts = Counter(loss.how for loss in losses)
     return {how: counts[how] for how in HOW if counts[how]}

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from typing import cast
 
+from thingc.brief import counted
 from thingc.diagnostics import Code, Note, allow_hint
 from thingc.frozen import dataclass
 from thingc.graph.findings import Findings, line_of, noted, written_at
@@ -132,7 +133,7 @@ class PartInstances:
             others = [note for place, other in reversed(places.items()) for note in noted(f"so is `{other.name}`", place)]
             notes += others[: _SHOWN_PLACES - 1]
             if len(others) >= _SHOWN_PLACES:
-                notes.append(Note(message=f"and {len(others) - _SHOWN_PLACES + 1} more components"))
+                notes.append(Note(message=f"and {counted(len(others) - _SHOWN_PLACES + 1, 'more component')}"))
             say = self._findings.error if needed else self._findings.warn
             say(
                 Code.UNKNOWN_MATERIAL,
@@ -151,7 +152,7 @@ class PartInstances:
             code, what, help = _FAILED.get(failure.kind, _FAILED["invalid"])
             notes = [note for other, _, place in users[1:_SHOWN_PLACES] for note in noted(f"`{other.name}` is one, too", place)]
             if len(users) > _SHOWN_PLACES:
-                notes.append(Note(message=f"and {len(users) - _SHOWN_PLACES} more components"))
+                notes.append(Note(message=f"and {counted(len(users) - _SHOWN_PLACES, 'more component')}"))
             if component.definition.parameters:
                 given = zip(component.definition.parameters, component.definition.words)
                 notes.append(Note(message=f"its parameters: {', '.join(f'{name}={words}' for (name, _), words in given)}"))
@@ -462,5 +463,5 @@ def _line(warning: PartWarning) -> str:
 def _places(warnings: Sequence[PartWarning]) -> list[Note]:
     """Notes at the lines of part files, where there are any."""
     places = [line_of(warning.file, warning.line or 1) for warning in warnings if warning.file is not None]
-    more = [Note(message=f"and {len(places) - _SHOWN_PLACES} more lines")] if len(places) > _SHOWN_PLACES else []
+    more = [Note(message=f"and {counted(len(places) - _SHOWN_PLACES, 'more line')}")] if len(places) > _SHOWN_PLACES else []
     return [*(Note(message="in the part file, here", span=place) for place in places[:_SHOWN_PLACES]), *more]

@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Collection
 
+from thingc.brief import counted
 from thingc.diagnostics import MAX_FAULTS, Code, Note
 from thingc.expressions import Found, kind_of, words_of
 from thingc.load.paths import PART_SUFFIXES, named
@@ -237,7 +238,7 @@ def _report_unloaded(context: Context, where: Span, reference: str, failure: Par
             uses.setdefault(other, place)
     context.failed_parts.update(uses)
     more = len(uses) - 1
-    others = f" and {more} other part{'' if more == 1 else 's'}" if more else ""
+    others = f" and {counted(more, 'other part')}" if more else ""
     notes = [Note(message=f"`{used}` is used here", span=place) for used, place in list(uses.items())[:USES_SHOWN]]
     if len(uses) > USES_SHOWN:
         notes.append(Note(message="also used: " + ", ".join(f"`{used}`" for used in list(uses)[USES_SHOWN:])))

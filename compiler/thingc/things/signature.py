@@ -41,7 +41,7 @@ class Signature:
         """
         if len(args) > self.positional:
             raise self._error(
-                f"`{self.owner}` takes {self.positional} arguments by place, found {len(args)}",
+                f"`{self.owner}` takes {self.positional} argument{'' if self.positional == 1 else 's'} by place, found {len(args)}",
                 self.names[0] if self.parameters else "",
             )
         given = dict(zip(self.names, args))

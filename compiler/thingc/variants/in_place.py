@@ -14,6 +14,7 @@ import os
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from thingc.brief import counted
 from thingc.diagnostics import shown_path
 from thingc.variants.loading import BuiltVariant, Family, FamilyError, load
 
@@ -118,7 +119,7 @@ def apply(model: mujoco.MjModel, fields: Mapping[str, Any], index: int) -> None:
     """
     count = min((len(values) for values in fields.values()), default=index + 1)
     if not 0 <= index < count:
-        raise FamilyError(f"there are fields for {count} variants, and none for place {index}")
+        raise FamilyError(f"there are fields for {counted(count, 'variant')}, and none for place {index}")
     for name, values in fields.items():
         owner, field = _place(model, name)
         here = getattr(owner, field, None)

@@ -18,7 +18,7 @@ from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, overload
 
-from thingc.brief import Brief
+from thingc.brief import Brief, counted
 from thingc.diagnostics import shown_path
 from thingc.frozen import dataclass
 from thingc.typos import did_you_mean
@@ -186,11 +186,11 @@ class Family(Sequence[BuiltVariant]):
                 raise UnknownVariant(f"batch `{self.name}` has no variant `{key}`: {did_you_mean(key, names, what='variants')}")
             return self._by_name[key]
         if not -len(self) <= key < len(self):
-            raise IndexError(f"batch `{self.name}` has {len(self)} variants here, and none at place {key}")
+            raise IndexError(f"batch `{self.name}` has {counted(len(self), 'variant')} here, and none at place {key}")
         return self._variants[key]
 
     def __repr__(self) -> str:
-        return f"Family({self.name!r}, {len(self)} of {self.planned} variants)"
+        return f"Family({self.name!r}, {len(self)} of {counted(self.planned, 'variant')})"
 
     @cached_property
     def _by_name(self) -> dict[str, BuiltVariant]:

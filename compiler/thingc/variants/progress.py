@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from thingc.brief import Brief
+from thingc.brief import Brief, counted
 from thingc.diagnostics import Diagnostic
 from thingc.frozen import dataclass
 
@@ -13,7 +13,7 @@ class Interrupted(Exception):
     """Somebody stopped the batch: `done` of `count` variants are in the journal of `folder`."""
 
     def __init__(self, folder: str, done: int, count: int) -> None:
-        super().__init__(f"interrupted after {done} of {count} variants")
+        super().__init__(f"interrupted after {done} of {counted(count, 'variant')}")
         self.folder = folder
         self.done = done
         self.count = count

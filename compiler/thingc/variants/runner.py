@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from thingc.diagnostics import Code, Diagnostic, Report, Severity
-from thingc.emit.artifact import counted
+from thingc.emit.artifact import counts_of
 from thingc.environment import Options
 from thingc.expressions import ExpressionError, Found, parse_expression
 from thingc.pipeline import Settings
@@ -110,7 +110,7 @@ class Runner:
             return row(task, "refused", **_said(compilation.report), results=shown, **parts)
         if self.job.folder is not None:
             write_variant(self.job.folder, task.id, self.session.files(compilation, artifacts), self.session.environment.store)
-        losses = counted(loss for one in artifacts.values() for loss in one.losses)
+        losses = counts_of(loss for one in artifacts.values() for loss in one.losses)
         return row(task, "built", results=shown, losses=losses, **parts)
 
     def _measured(self, compilation: Compilation) -> Results:

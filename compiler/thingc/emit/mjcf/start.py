@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
+from thingc.brief import counted
 from thingc.diagnostics import Code, Note, Report, allow_hint
 from thingc.emit.mjcf.compat.pymjcf import SEPARATOR
 from thingc.frozen import dataclass
@@ -268,7 +269,7 @@ def _say_inside(start: Start, others: Sequence[str], report: Report) -> None:
         for one in start.inside[1 : SHOWN + 1]
     ]
     if len(start.inside) > SHOWN + 1:
-        notes.append(Note(message=f"and {len(start.inside) - SHOWN - 1} more pairs"))
+        notes.append(Note(message=f"and {counted(len(start.inside) - SHOWN - 1, 'more pair')}"))
     if others:
         notes.append(Note(message=f"so {'does' if len(others) == 1 else 'do'} mode{'' if len(others) == 1 else 's'} "
                           + ", ".join(f"`{name}`" for name in others)))
