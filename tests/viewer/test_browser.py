@@ -22,6 +22,7 @@ from thingc.emit.html.target import Page
 from thingc.graph import coordinates, joints_of
 from thingc.realize.store.local import Store
 from thingc.robot import body_poses, link_names
+from thingc.statics.loads import loads
 from viewer.browser import address, drawn, links, needed, opened, spot
 from viewer.conftest import Pages
 from viewer.test_page import element
@@ -61,7 +62,7 @@ def test_every_pose_of_every_mode_is_where_mujoco_has_it(browser: Any, pages: Pa
 
 
 def test_random_trees_with_every_kind_of_joint(browser: Any, pages: Pages, tmp_path: Path) -> None:
-    """Forward kinematics of the page against that of the compiler, at random coordinates, in modes that cross joints backwards."""
+    """Where links are, and what joints bear, in the page as in the compiler, at random q, in modes that cross joints backwards."""
     rng = np.random.default_rng(7)
     with opened(browser, address(pages.arm / "html/arm.html")) as page:
         for seed in range(5):
@@ -73,10 +74,61 @@ def test_random_trees_with_every_kind_of_joint(browser: Any, pages: Pages, tmp_p
             page.evaluate("(told) => thingc.viewer.load(told, [])", json.loads(json.dumps(told)))
             for name, robot in made.items():
                 q = coordinates(joints_of(tree.assembly), {joint.path: float(rng.uniform(-2, 2)) for joint in joints_of(tree.assembly)})
-                there = "([mode, q]) => { thingc.viewer.setMode(mode); thingc.viewer.restore(q); return thingc.viewer.links(); }"
-                found = page.evaluate(there, [name, q])
+                there = """([mode, q]) => { thingc.viewer.setMode(mode); thingc.viewer.restore(q);
+                  return [thingc.viewer.links(), thingc.viewer.loads()]; }"""
+                found, borne = page.evaluate(there, [name, q])
+                assert borne == pytest.approx(loads(robot, q, body_poses(robot, q)), rel=1e-9, abs=1e-9)
                 for link, pose in zip(link_names(robot), body_poses(robot, q), strict=True):
                     assert np.abs(np.array(found[link]).reshape(4, 4) - np.array(pose.rows())).max() < 1e-9
+
+
+@pytest.mark.parametrize("robot", ["arm", "minchw"])
+def test_margins_of_any_configuration(browser: Any, pages: Pages, robot: str) -> None:
+    """How many times over drives hold the robot: in all poses as the compiler says, and elsewhere by MuJoCo's inverse dynamics at rest, as
+    long as loads are those of a tree; how loops and feet share them is known of poses alone, and the page says so."""
+    folder, rng = getattr(pages, robot), np.random.default_rng(3)
+    told = json.loads(element((folder / f"html/{robot}.html").read_text(), "thingc-robot"))
+    limits = {joint["path"]: joint["effort"] for joint in told["joints"]}
+    there = "([mode, q]) => { const { viewer } = thingc; viewer.setMode(mode); viewer.restore(q); return viewer.held(); }"
+    trees = 0
+    with opened(browser, address(folder / f"html/{robot}.html")) as page:
+        for mode in told["modes"]:
+            for pose in mode["poses"]:
+                posed = "(at) => { thingc.viewer.setMode(at[0]); thingc.viewer.setPose(at[1]); return thingc.viewer.held().margins; }"
+                assert page.evaluate(posed, [mode["name"], pose["name"]]) == pytest.approx(pose["margins"], rel=1e-6), pose["name"]
+            paths = [joint["path"] for body in mode["bodies"] for joint in body["joints"]]
+            model, data = model_of(folder, robot, mode["name"])
+            for _ in range(3):
+                q = {path: float(rng.uniform(*np.clip(model.joint(path).range, -3, 3))) for path in paths}
+                held = page.evaluate(there, [mode["name"], q])
+                if mode["loops"] or mode["base"] == "free":
+                    assert held["margins"] == {} and ("named poses alone" in held["note"] or "floats" in held["note"])
+                    continue
+                trees += 1
+                for path, value in q.items():
+                    data.joint(path).qpos = value
+                mujoco.mj_forward(model, data)
+                dof = {path: model.joint(path).dofadr[0] for path in mode["driven"]}
+                borne = {path: data.qfrc_bias[at] - data.qfrc_spring[at] for path, at in dof.items()}
+                margins = {path: limits[path] / abs(effort) for path, effort in borne.items() if abs(effort) > 1e-12}
+                # where a joint bears next to nothing (1e-6 of its limit) a margin is the rounding of two programs
+                assert {path: min(margin, 1e6) for path, margin in held["margins"].items()} == pytest.approx(
+                    {path: min(margin, 1e6) for path, margin in margins.items()}, rel=1e-6)
+    assert trees >= 6
+
+
+def test_margins_follow_a_slider(browser: Any, pages: Pages) -> None:
+    """The colours of the picture, and their legend, are those of where the robot is."""
+    with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&pose=home&colour=torque+margin")) as page:
+        seen = []
+        for angle in (0, 60):
+            page.get_by_role("spinbutton", name="shoulder value").fill(str(angle))
+            page.get_by_role("spinbutton", name="shoulder value").press("Enter")
+            drawn(page)
+            seen.append((page.locator("#legend").inner_text(), picture(page)))
+            margin = page.evaluate("thingc.viewer.held().margins.shoulder")
+            assert f"shoulder: {margin:.2f} times" in seen[-1][0]
+        assert seen[0][0] != seen[1][0]
 
 
 def test_a_slider_moves_its_joint_and_stops_at_its_limits(browser: Any, pages: Pages) -> None:

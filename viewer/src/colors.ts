@@ -1,8 +1,10 @@
 // By what the parts of a robot are coloured, and what the colours mean.
 
 import { Color } from "three";
-import type { NamedPose, Occurrence, Robot } from "./data";
+import type { Configuration } from "./configuration";
+import type { Occurrence, Robot } from "./data";
 import { PLAIN } from "./scene";
+import { held } from "./statics";
 
 export const COLOURINGS = ["part", "link", "material", "mass source", "definition", "torque margin"] as const;
 export type Colouring = (typeof COLOURINGS)[number];
@@ -24,8 +26,8 @@ function ofMargin(margin: number): string {
   return margin < 1 ? "#d4373c" : `#${new Color("#e8a33d").lerp(new Color("#2f9e5b"), part).getHexString()}`;
 }
 
-/** The colours of all occurrences; `pose` is the one that the robot is in, if it is in any. */
-export function colouring(robot: Robot, by: Colouring, pose: NamedPose | null): Coloured {
+/** The colours of all occurrences of a robot as it stands. */
+export function colouring(robot: Robot, by: Colouring, at: Configuration): Coloured {
   switch (by) {
     case "part":
       return { colors: robot.occurrences.map(({ color }) => new Color((color ?? PLAIN).slice(0, 7))), legend: [], note: null };
@@ -38,7 +40,7 @@ export function colouring(robot: Robot, by: Colouring, pose: NamedPose | null): 
     case "mass source":
       return grouped(robot, (one) => (one.mass === 0 ? "no mass" : one.source), (words) => SOURCES[words] ?? PLAIN);
     case "torque margin":
-      return byMargin(robot, pose);
+      return byMargin(robot, at);
   }
 }
 
@@ -52,20 +54,17 @@ function grouped(robot: Robot, of: (one: Occurrence) => string, tint?: (words: s
   return { colors, legend: [...met].map(([words, color]) => ({ color, words })), note: null };
 }
 
-function byMargin(robot: Robot, pose: NamedPose | null): Coloured {
-  const plain = robot.occurrences.map(() => new Color(PLAIN));
-  if (pose === null) return { colors: plain, legend: [], note: "known of named poses: choose one" };
-  if (Object.keys(pose.margins).length === 0) return { colors: plain, legend: [], note: "no drive with a limit bears a load in this pose" };
+/** What a joint moves has the colour of its drive's margin; of several drives that of the one with the least. */
+function byMargin(robot: Robot, at: Configuration): Coloured {
+  const { margins, note } = held(robot, at);
+  const least = new Map<number, number>();
   const legend: Legend[] = [];
-  const colors = plain.slice();
-  for (const [path, margin] of Object.entries(pose.margins)) {
-    const joint = robot.joints.find((one) => one.path === path);
-    if (joint === undefined) continue;
-    const color = ofMargin(margin);
-    legend.push({ color, words: `${path}: ${margin >= 100 ? "over 100" : margin.toFixed(2)} times` });
-    robot.occurrences.forEach((one, index) => {
-      if (one.link === joint.child) colors[index] = new Color(color);
-    });
+  for (const { path, child } of robot.joints) {
+    const margin = margins[path];
+    if (margin === undefined) continue;
+    legend.push({ color: ofMargin(margin), words: `${path}: ${margin >= 100 ? "over 100" : margin.toFixed(2)} times` });
+    least.set(child, Math.min(margin, least.get(child) ?? Infinity));
   }
-  return { colors, legend, note: null };
+  const colors = robot.occurrences.map(({ link }) => new Color(least.has(link) ? ofMargin(least.get(link)!) : PLAIN));
+  return { colors, legend, note: note ?? (legend.length > 0 ? null : "no drive with a limit bears a load") };
 }

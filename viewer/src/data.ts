@@ -34,7 +34,7 @@ export interface MountAt { path: string; occurrence: number; mount: string | nul
 export interface Joint extends Place {
   path: string; joint: string; kind: string; turns: boolean; axis: string; parent: number; child: number; lower: number | null; upper: number | null;
   cone: number | null; offset: number; effort: number | null; velocity: number | null;
-  mimic: { joint: string; multiplier: number; offset: number } | null; drive: string | null;
+  stiffness: number | null; mimic: { joint: string; multiplier: number; offset: number } | null; drive: string | null; drive_axis: Vector | null;
 }
 
 export interface Moving { path: string; twist: Twist }
@@ -45,7 +45,7 @@ export interface Loop {
   path: string; hold: boolean; parent: number | null; child: number; turns: boolean; at_once: boolean; X_PA: Rows; X_CB: Rows; joints: Moving[];
 }
 
-export interface NamedPose { name: string; q: Record<string, number>; base: Rows | null; margins: Record<string, number> }
+export interface NamedPose { name: string; q: Record<string, number>; base: Rows | null; margins: Record<string, number>; falls: boolean; unheld: string | null }
 
 export interface Mode extends Place {
   name: string; root: MountAt; base: "fixed" | "held" | "free" | "planar" | "ball"; at: Rows; gravity: Vector; bodies: Body[]; loops: Loop[];

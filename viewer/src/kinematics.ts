@@ -1,6 +1,6 @@
 // Where the links of a mode are at given coordinates. Doubles throughout: three.js rounds only what it draws.
 
-import { Matrix4, Quaternion, Vector3 } from "three";
+import { Matrix3, Matrix4, Quaternion, Vector3 } from "three";
 import type { Body, Joint, Mode, Moving, Robot, Rows, Twist } from "./data";
 
 /** q [rad or m] of every coordinate by path. */
@@ -38,11 +38,28 @@ export function move(pose: Matrix4, joints: Moving[], atOnce: boolean, q: Coordi
     for (const joint of joints) pose.multiply(exponential(joint.twist, q[joint.path], step));
     return pose;
   }
-  const vector = new Vector3();
-  for (const { path, twist } of joints) vector.addScaledVector(axis.fromArray(twist[0]), q[path]);
-  const angle = vector.length();
+  const vector = turned(joints, q), angle = vector.length();
   if (angle === 0) return pose;
   return pose.multiply(exponential([vector.divideScalar(angle).toArray(), [0, 0, 0], joints[0].twist[2]], angle, step));
+}
+
+/** The rotation vector of a ball, in the frame that its turns are given in. */
+function turned(joints: Moving[], q: Coordinates): Vector3 {
+  const vector = new Vector3();
+  for (const { path, twist } of joints) vector.addScaledVector(axis.fromArray(twist[0]), q[path]);
+  return vector;
+}
+
+/**
+ * How fast what is turned by the rotation vector w turns, in its own axes, while w changes by v: `v - b w x v + c w x (w x v)` with
+ * b = (1 - cos a) / a^2, c = (a - sin a) / a^3, a = |w| (Chirikjian, Stochastic Models, Information Theory, and Lie Groups 2, 2012,
+ * section 10.3.3); near 0 by their series.
+ */
+function rightJacobian(w: Vector3, v: Vector3): Vector3 {
+  const a = w.length();
+  const [b, c] = a > 1e-4 ? [(1 - Math.cos(a)) / a ** 2, (a - Math.sin(a)) / a ** 3] : [0.5 - a ** 2 / 24, 1 / 6 - a ** 2 / 120];
+  const once = w.clone().cross(v);
+  return v.clone().addScaledVector(once, -b).addScaledVector(w.clone().cross(once), c);
 }
 
 /** The axis of a pose's turn times its angle [rad], which is at most half a turn. */
@@ -101,6 +118,20 @@ export class Tree {
     const frame = parent === null ? offset.clone() : new Matrix4().multiplyMatrices(placed[parent], offset);
     move(frame, atOnce ? joints : joints.slice(0, at), atOnce, q);
     return { frame, twist: joints[at].twist };
+  }
+
+  /** How what a coordinate moves goes per unit of it, in the world: its turn (no unit vector, of a ball), its slide, and a point on its axis. */
+  rate(path: string, q: Coordinates, placed: Matrix4[]): { angular: Vector3; linear: Vector3; anchor: Vector3 } | null {
+    const found = this.frameOf(path, q, placed);
+    if (found === null) return null;
+    const { frame, twist: [angular, linear, anchor] } = found;
+    const { joints, atOnce } = this.movers.get(path)!;
+    const rotation = new Matrix3().setFromMatrix4(frame);
+    const own = new Vector3(...angular);
+    return {
+      angular: (atOnce ? rightJacobian(turned(joints, q), own) : own).applyMatrix3(rotation),
+      linear: new Vector3(...linear).applyMatrix3(rotation), anchor: new Vector3(...anchor).applyMatrix4(frame),
+    };
   }
 
   /** The bodies between a body and the root, itself first. */

@@ -8,6 +8,7 @@ import type { Joint, Mode, MountAt, NamedPose, Robot } from "./data";
 import { type Coordinates, matrixOf } from "./kinematics";
 import { Marks } from "./marks";
 import { CHOSEN, type Hit, Stage } from "./scene";
+import { type Held, held, loads } from "./statics";
 
 export const SHOWN = ["visual", "collision", "both"] as const;
 export const MARKS = ["frames", "joint axes", "mounts", "centres of mass", "inertia", "names", "floor"] as const;
@@ -62,7 +63,7 @@ export class Viewer {
   private saying = 0;
   private stale = true;
   private other: { robot: Robot; within: Matrix4[] } | null = null;
-  private known: { robot: Robot; by: Colouring; pose: NamedPose | null; coloured: Coloured } | null = null;
+  private known: { robot: Robot; by: Colouring; coloured: Coloured } | null = null;
   private names: Name[] = [];
 
   constructor(canvas: HTMLCanvasElement, private readonly labels: HTMLElement) {
@@ -78,6 +79,7 @@ export class Viewer {
 
   private tell(change: Change): void {
     this.stale = true;
+    if (this.known?.by === "torque margin" && (change === "coordinates" || change === "mode")) this.known = null;
     for (const heard of this.listeners) heard(change);
     this.stage.ask();
   }
@@ -162,6 +164,16 @@ export class Viewer {
     this.tell("mode");
     this.place();
     this.keepInView();
+  }
+
+  /** What gravity and springs do on every coordinate of the mode's tree [N m or N]. */
+  loads(): Coordinates {
+    return loads(this.robot, this.configuration);
+  }
+
+  /** How many times over each drive holds what it has to where the robot is. */
+  held(): Held {
+    return held(this.robot, this.configuration);
   }
 
   /** A pose of the mode, reached in a smooth motion on which loops stay closed. */
@@ -314,10 +326,8 @@ export class Viewer {
 
   /** The colours of all occurrences, and what they mean. */
   get coloured(): Coloured {
-    const { robot, pose, known, options: { colouring: by } } = this;
-    if (known === null || known.robot !== robot || known.by !== by || known.pose !== pose) {
-      this.known = { robot, by, pose, coloured: colouring(robot, by, pose) };
-    }
+    const { robot, known, options: { colouring: by } } = this;
+    if (known === null || known.robot !== robot || known.by !== by) this.known = { robot, by, coloured: colouring(robot, by, this.configuration) };
     return this.known!.coloured;
   }
 

@@ -32,6 +32,9 @@ from thingc.workspace import Workspace
 VERSION = 1
 """Of the form of the data: the page refuses another."""
 
+SLACK = 1e-6
+"""What part of the gravity on the joints may stay unbalanced: rounding."""
+
 Data = dict[str, object]
 
 
@@ -150,10 +153,11 @@ def _joint(joint: JointEdge, mate: Mate, assembly: Assembly, places: _Places) ->
         "parent": assembly.link_of[mate.parent], "child": assembly.link_of[mate.child],
         "lower": joint.limit.lower, "upper": joint.limit.upper, "cone": joint.limit.cone, "offset": joint.offset,
         "effort": joint.limit.effort, "velocity": joint.limit.velocity,
+        "stiffness": joint.dynamics.stiffness,
         "mimic": None if joint.mimic is None else {
             "joint": joint.mimic.joint.path, "multiplier": joint.mimic.multiplier, "offset": joint.mimic.offset,
         },
-        "drive": None if drive is None else drive.kind,
+        "drive": None if drive is None else drive.kind, "drive_axis": None if drive is None else drive.axis,
         **places.of(joint.origin),
     }
 
@@ -194,14 +198,17 @@ def _loop(closure: Closure) -> Data:
 
 
 def _pose(robot: Robot, frame: Keyframe) -> Data:
-    """A pose of a mode: q by path, where the base stands if that is elsewhere, and how many times over the drives hold it (`margins`)."""
+    """A pose of a mode: q by path, where the base stands if that is elsewhere, how many times over the drives hold it (`margins`), whether
+    it `falls` whatever they give, and the joint that they leave `unheld` (empty for the base, null without any)."""
     q = coordinates(joints_of(robot.assembly), frame.q)
     base = frame.base or robot.bodies[0].X_PL
     held = static_efforts(robot, q, placed_bodies(robot.bodies, q, base)) if robot.base != "free" or robot.carried else None
-    margins = held.margins if held is not None and held.fall is None else {}
+    falls = held is not None and held.fall is not None
+    margins = held.margins if held is not None and not falls else {}
     return {
         "name": frame.name, "q": q, "base": _rows(frame.base) if frame.base is not None else None,
         "margins": {path: margin for path, margin in margins.items() if math.isfinite(margin)},
+        "falls": falls, "unheld": held.where if held is not None and held.unheld > SLACK else None,
     }
 
 

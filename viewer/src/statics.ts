@@ -1,0 +1,85 @@
+// What the drives of a mode have to give for its robot to stay where it is, and how many times over they can (compiler/thingc/statics says
+// what of): in closed form, at any configuration of a tree. How loops, holds and feet share a load is known of named poses alone, from the compiler.
+
+import { Vector3 } from "three";
+import type { Configuration } from "./configuration";
+import type { Joint, Mode, Robot } from "./data";
+import type { Coordinates } from "./kinematics";
+
+/** Efforts [N m or N] below this are none; loads below this part of the greatest are rounding. */
+const NO_LOAD = 1e-12;
+const SLACK = 1e-6;
+
+/** By path of the joint, how many times over its drive holds what it has to, of those that have a limit and a load; and what is to be said. */
+export interface Held { margins: Record<string, number>; note: string | null }
+
+export function held(robot: Robot, at: Configuration): Held {
+  const { mode, pose } = at;
+  const shared = sharing(robot, mode);
+  if (shared === null) return ofTree(robot, at);
+  if (shared.unknown || pose === null) return { margins: {}, note: shared.words };
+  if (pose.falls) return { margins: {}, note: "nothing carries the robot in this pose: it falls" };
+  return { margins: pose.margins, note: pose.unheld === null ? null : unheld(pose.unheld) };
+}
+
+const unheld = (path: string): string => `no effort of the drives holds this: ${path === "" ? "the robot" : path} would move`;
+
+/** Why the loads of a mode are those of no tree, in words; null where they are. `unknown` in every pose. */
+function sharing(robot: Robot, mode: Mode): { words: string; unknown: boolean } | null {
+  const named = mode.poses.length > 0 ? ": choose one" : "";
+  if (mode.base === "free" && mode.feet.length === 0 && !mode.loops.some((loop) => loop.hold)) {
+    return { words: `nothing carries the robot: mode ${mode.name} floats, and stands on and holds nothing`, unknown: true };
+  }
+  const about = robot.joints.some(({ path, drive_axis: axis }) => axis !== null && mode.driven.includes(path));
+  const what = mode.loops.some((loop) => loop.hold) ? "what the mode holds shares" : mode.loops.length > 0 ? "its loops share"
+    : mode.base === "free" ? "its feet share" : about ? "the drives of a ball share" : null;
+  return what === null ? null : { words: `how ${what} the load is known of named poses alone${named}`, unknown: false };
+}
+
+/** Of drives on one coordinate, with factors f and limits l, the least sum of (t / l)^2 with sum f t = -Q is at t = -Q f l^2 / sum (f l)^2. */
+function ofTree(robot: Robot, at: Configuration): Held {
+  const load: Coordinates = {};
+  const own = loads(robot, at);
+  const { couplings } = at;
+  for (const [path, value] of Object.entries(own)) {
+    const { path: leader, factor } = couplings.leader(path);
+    load[leader] = (load[leader] ?? 0) + factor * value;
+  }
+  const drives = robot.joints.filter(({ path }) => at.mode.driven.includes(path)).map((joint) => ({ joint, ...couplings.leader(joint.path) }));
+  const weight = (joint: Joint, factor: number): number => (factor * (joint.effort || 1)) ** 2;
+  const total: Coordinates = {};
+  for (const { joint, path, factor } of drives) total[path] = (total[path] ?? 0) + weight(joint, factor);
+  const margins: Record<string, number> = {};
+  for (const { joint, path, factor } of drives) {
+    const effort = factor === 0 ? 0 : (load[path] * (weight(joint, factor) / total[path])) / factor;
+    if (joint.effort !== null && Math.abs(effort) > NO_LOAD) margins[joint.path] = joint.effort / Math.abs(effort);
+  }
+  const greatest = Math.max(0, ...Object.values(load).map(Math.abs));
+  const loose = Object.keys(load).filter((path) => !(total[path] > 0)).sort((a, b) => Math.abs(load[b]) - Math.abs(load[a]))[0];
+  return { margins, note: loose !== undefined && Math.abs(load[loose]) > SLACK * greatest ? unheld(loose) : null };
+}
+
+/**
+ * What gravity and its own spring do on every coordinate of a tree [N m or N], positive along positive q: the weight of all that is behind it,
+ * about its axis (Featherstone, Rigid Body Dynamics Algorithms, section 5.3, at rest).
+ */
+export function loads(robot: Robot, { tree, mode, q, base }: Configuration): Coordinates {
+  const placed = tree.place(q, base, tree.fresh());
+  const masses = mode.bodies.map((body) => robot.links[body.link].mass);
+  const moments = mode.bodies.map((body, index) => new Vector3(...robot.links[body.link].centre).applyMatrix4(placed[index]).multiplyScalar(masses[index]));
+  const stiffness = new Map(robot.joints.map((joint) => [joint.path, joint.stiffness ?? 0]));
+  const gravity = new Vector3(...mode.gravity);
+  const load: Coordinates = {};
+  for (let index = mode.bodies.length - 1; index >= 0; index -= 1) {
+    const { parent, joints } = mode.bodies[index];
+    for (const { path } of joints) {
+      const { angular, linear, anchor } = tree.rate(path, q, placed)!;
+      const arm = moments[index].clone().addScaledVector(anchor, -masses[index]);
+      load[path] = arm.cross(gravity).dot(angular) + masses[index] * linear.dot(gravity) - stiffness.get(path)! * q[path];
+    }
+    if (parent === null) continue;
+    masses[parent] += masses[index];
+    moments[parent].add(moments[index]);
+  }
+  return load;
+}
