@@ -155,7 +155,7 @@ def test_parameters_that_the_lock_does_not_hold(workspace: Path) -> None:
     done = checked(workspace)
     assert done.code == 0
     assert UNKNOWN in done.out
-    assert "`arm:BasePlate(size=0.12)`" in done.out
+    assert "`arm:BasePlate(size=120 mm)`" in done.out
     # What can be checked is checked: bounds from the schema, and the names of mounts.
     edit(arm, "size: 120 mm", "size: 1200 mm")
     assert "error[TC3" in (bounds := checked(workspace)).out and bounds.code == 1 and "at most 300 mm" in bounds.out.replace("0.3 m",

@@ -71,8 +71,9 @@ def _lock(folder: str, options: Options, report: Report, *, check: bool) -> str 
     with geometry_of(workspace, options) as geometry:
         references, definitions, slicings = _used(workspace, geometry, options, report)
         made = locked(geometry, references, definitions, slicings)
+    labels = {definition.text: definition.label for definition in definitions}
     for failure in made.failures:
-        _say(failure, report)
+        _say(failure, labels.get(failure.subject, failure.subject), report)
     if report.failed:
         return None
     text = lock_text(made.values)
@@ -131,13 +132,13 @@ def _used(
     return sorted(known), list(definitions.values()), slicings
 
 
-def _say(failure: PartFailure, report: Report) -> None:
+def _say(failure: PartFailure, called: str, report: Report) -> None:
     span = None
     if failure.file is not None:
         line = failure.line or 1
         span = Span(file=failure.file, line=line, column=1, end_line=line, end_column=1)
     report.add(
-        Code.PART_UNREADABLE, f"`{failure.subject}` cannot be locked: {failure.message}", span, path=failure.subject,
+        Code.PART_UNREADABLE, f"`{called}` cannot be locked: {failure.message}", span, path=failure.subject,
         help="mend the part file", detail=failure.detail,
     )
 

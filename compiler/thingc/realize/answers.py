@@ -23,7 +23,7 @@ SHOWN = 8
 class PartAnswers(Protocol):
     """Part schemas and part records.
 
-    `unknown` are definitions of which nobody may know more than their names, `broken` faults of the lock that were met."""
+    `unknown` are the labels of definitions of which nobody may know more than their names, `broken` faults of the lock that were met."""
 
     workspace: Workspace
     unknown: list[str]
@@ -81,13 +81,13 @@ def report_gaps(parts: PartAnswers, report: Report, *, severity: Severity = Seve
     file = lock_path(parts.workspace)
     for fault in parts.broken[:SHOWN]:
         report_bad(file, fault, report, severity=severity)
-    texts = sorted(set(parts.unknown))
-    if not texts:
+    labels = sorted(set(parts.unknown))
+    if not labels:
         return
-    what = "1 part has" if len(texts) == 1 else f"{len(texts)} parts have"
-    their = "its" if len(texts) == 1 else "their"
-    more = [Note(message=f"and {len(texts) - SHOWN} more")] if len(texts) > SHOWN else []
+    what = "1 part has" if len(labels) == 1 else f"{len(labels)} parts have"
+    their = "its" if len(labels) == 1 else "their"
+    more = [Note(message=f"and {len(labels) - SHOWN} more")] if len(labels) > SHOWN else []
     report.add(
         Code.NOT_LOOKED_AT, f"{what} parameters or a process that `{LOCK_FILE}` does not hold: {their} geometry was not looked at",
-        top_of(file), help=REMAKE, notes=[*(Note(message=f"`{text[:200]}`") for text in texts[:SHOWN]), *more], severity=Severity.NOTE,
+        top_of(file), help=REMAKE, notes=[*(Note(message=f"`{label[:200]}`") for label in labels[:SHOWN]), *more], severity=Severity.NOTE,
     )

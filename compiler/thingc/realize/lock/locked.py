@@ -165,7 +165,7 @@ def hash_of(reference: str, code: CodeIngredients | None, parts: PartCode) -> st
 
 class LockedGeometry:
     """Answers as `GeometryService` does, from a lock alone: nothing of the workspace is imported, no process started, no store
-    touched. `unknown` are the texts of definitions that the lock does not hold; `broken` what was wrong with the lock itself.
+    touched. `unknown` are the labels of definitions that the lock does not hold; `broken` what was wrong with the lock itself.
 
     Without a lock (the caller has said so) nothing is answered but that a part may not or cannot be there.
     """
@@ -238,7 +238,7 @@ class LockedGeometry:
                 records[definition.text] = _unlocked_file(definition, answers.lock)
                 continue
             if record is None and len(self.broken) == before:
-                self.unknown.append(definition.text)
+                self.unknown.append(definition.label)
                 record = self._tried(partial(answers.relative, definition))
             if record is not None:
                 records[definition.text] = record
@@ -250,10 +250,11 @@ class LockedGeometry:
     ) -> dict[str, PartRecord | PartFailure]:
         """The same records; one whose slices the lock does not hold stands for what nobody may know."""
         sliced = dict(records)
+        labels = {definition.text: definition.label for definition in definitions}
         for text in lacking(records, wanted):
             record = sliced[text]
             if isinstance(record, PartRecord) and record.exact:
-                self.unknown.append(text)
+                self.unknown.append(labels[text])
                 sliced[text] = replace(record, exact=False)
         return sliced
 
