@@ -221,7 +221,7 @@ def _passes(
 ) -> Compilation:
     """From what was read to the robots. `of_text` has answers that hold as long as the documents stand as they are, line by line; those of
     the environment hold for all."""
-    from thingc.graph import link, slicings_of
+    from thingc.graph import link, slicings_of, with_own_images
     from thingc.resolve import part_definitions, resolve, resolve_materials
     from thingc.robot import root, stand
 
@@ -245,6 +245,7 @@ def _passes(
         _require_modes(modes, model, documents)
     definitions = part_definitions(model)
     records = parts.realize(definitions, convex=_decomposed(model))
+    model = with_own_images(model, records)
     records = parts.slice(definitions, records, slicings_of(model, records))
     environment.say_gaps(report)
     compilation = replace(compilation, decisions=parts.decisions)

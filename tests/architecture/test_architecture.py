@@ -19,7 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "compiler" / "thingc"
 
 BASE = {
-    "frozen", "brief", "shown", "source", "typos", "diagnostics", "units", "expressions", "pose", "inertia", "memo", "packaging",
+    "frozen", "brief", "shown", "source", "typos", "diagnostics", "units", "expressions", "pose", "inertia", "mirror", "memo", "packaging",
     "installed", "workspace",
 }
 # What each room may import of thingc, besides itself. `workspace` reads its own document with load and spec.
@@ -28,7 +28,8 @@ ROOMS: dict[str, set[str]] = {
     "diagnostics": {"brief", "shown", "source", "typos"},
     "printing": {"brief", "shown", "source", "diagnostics"}, "units": {"frozen", "diagnostics", "typos"},
     "expressions": {"frozen", "diagnostics", "typos", "units"},
-    "pose": {"frozen"}, "inertia": {"frozen", "brief", "pose"}, "memo": set(), "installed": set(), "later": set(), "packaging": {"frozen"},
+    "pose": {"frozen"}, "inertia": {"frozen", "brief", "pose"}, "mirror": {"pose"},
+    "memo": set(), "installed": set(), "later": set(), "packaging": {"frozen"},
     "archives": {"frozen"}, "csvcell": {"shown"}, "webpage": {"shown"},
     "workspace": BASE | {"load", "spec"},
     "load": BASE,

@@ -1,4 +1,5 @@
-"""A pair of legs, the left one of mirrored parts: in MuJoCo's compiled model it is the mirror image of the right one."""
+"""A pair of legs, the left one of mirrored parts, or mirrored as a whole: in MuJoCo's compiled model it is the mirror image of the right
+one."""
 
 from __future__ import annotations
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 import thingc
+from thingc.emit.hag.target import text as hag_text
 
 PART = """
     from build123d import *
@@ -26,6 +28,17 @@ PART = """
 
         def result(self):
             return self.body
+
+    class Pin(Thing):
+        '''Its own mirror image along y; but its mount is turned, and so is that of the image, the other way.'''
+
+        def __init__(self):
+            super().__init__(material="petg")
+            self.bom = {"make": "buy", "number": "P-1"}
+            self.foot = MountPoint(Location((0, 0, -2), (180, 0, 30)))
+
+        def result(self):
+            return Box(10, 6, 4)
 """
 
 DOCUMENT = """
@@ -50,7 +63,7 @@ DOCUMENT = """
 """
 
 
-def test_the_left_leg_is_the_mirror_image_of_the_right_one(tmp_path: Path, shared_store: str) -> None:
+def test_the_left_leg_is_the_mirror_image_of_the_right_one(tmp_path: Path, shared_store: str, one_kernel: None) -> None:
     """`turn` is 180 deg less that of the right leg, and a turn about a mirrored axis goes the other way; along which axis of its own
     frame a part is mirrored makes no difference to where it comes to lie."""
     (tmp_path / "parts").mkdir()
@@ -72,3 +85,60 @@ def test_the_left_leg_is_the_mirror_image_of_the_right_one(tmp_path: Path, share
     assert [(one.text, one.plain and one.plain.text) for one in compiled.assembly.hag.definitions if one.mirror is not None] == [
         ("bones:Bone(mirror=y)", "bones:Bone"), ("bones:Bone(mirror=z)", "bones:Bone"),
     ]
+
+
+WHOLE = {
+    "pair.yaml": """
+        thingc: assembly/1
+        name: pair
+        materials: {petg: {density: 1270 kg/m^3}}
+        components:
+          torso: {frame: true, mass: 1 g, mounts: {right: {xyz: 10 -40 5 mm, rpy: 90 0 0 deg}, left: {xyz: 10 40 5 mm, rpy: -90 0 0 deg}}}
+          right: {assembly: leg.yaml, attach: {mount: top, to: torso.right, turn: 25 deg}}
+          left: {assembly: leg.yaml, mirror: y, attach: {mount: top, to: torso.left, turn: 155 deg}}
+        poses: {bent: {"*.knee": 40 deg}}
+        modes: {stand: {root: torso, base: fixed, at: {xyz: 0 0 300 mm}, pose: bent}}
+    """,
+    "leg.yaml": """
+        thingc: assembly/1
+        name: leg
+        materials: {petg: {density: 1270 kg/m^3}}
+        components:
+          thigh: {part: bones:Bone}
+          shin: {part: bones:Bone, mirror: y}
+          pin: {part: bones:Pin, attach: {foot: shin.end}}
+        joints: {knee: {type: revolute, parent: thigh.end, child: shin.top, turn: 10 deg, limit: {lower: -1 rad, upper: 2 rad}}}
+        mounts: {top: thigh.top}
+    """,
+}
+
+
+def test_a_whole_leg_is_mirrored(tmp_path: Path, shared_store: str, one_kernel: None) -> None:
+    """What it has of mirrored parts are the parts themselves, and a pin that is its own mirror image is not another one to buy."""
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts/bones.py").write_text(textwrap.dedent(PART))
+    for name, text in WHOLE.items():
+        (tmp_path / name).write_text(textwrap.dedent(text))
+    compiled = thingc.compile(str(tmp_path / "pair.yaml"), store=shared_store)
+    assert [str(one) for one in compiled.diagnostics] == []
+    model = compiled.modes["stand"].model()
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    across = np.diag([1.0, -1.0, 1.0])
+    right, left = (model.body(f"{side}/shin").id for side in ("right", "left"))
+    assert data.qpos.tolist() == pytest.approx([np.radians(40)] * 2)
+    assert model.body_mass[left] == pytest.approx(model.body_mass[right], rel=1e-9)
+    np.testing.assert_allclose(data.xipos[left], across @ data.xipos[right], atol=1e-9)
+    turned = [axes @ np.diag(model.body_inertia[body]) @ axes.T for body in (right, left) for axes in (data.ximat[body].reshape(3, 3),)]
+    np.testing.assert_allclose(turned[1], across @ turned[0] @ across, atol=1e-9 * model.body_inertia[right].max())
+    rest = {one.path: np.array(pose.rows()) for one, pose in zip(compiled.assembly.occurrences, compiled.assembly.rest, strict=True)}
+    mirror = np.diag([1.0, -1.0, 1.0, 1.0])
+    np.testing.assert_allclose(rest["left/pin"], mirror @ rest["right/pin"] @ mirror, atol=1e-12)
+    assert hag_text(compiled.assembly.hag).split("\n\n")[1].splitlines()[1:] == [
+        "  1 x frame (frame)", "  1 x leg (assembly)", "  2 x bones:Bone", "  2 x bones:Bone(mirror=y) mirrors bones:Bone",
+        "  2 x bones:Pin", "  1 x leg(mirror=y) (assembly) mirrors leg",
+    ]
+    assert {one.path: one.bom.number for one in compiled.assembly.occurrences if one.path.endswith("pin")} == {
+        "right/pin": "P-1", "left/pin": "P-1",
+    }

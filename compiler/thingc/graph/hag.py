@@ -24,12 +24,14 @@ class Definition(Brief):
     plain: Definition | None = None
 
     @classmethod
-    def of(cls, part: PartDefinition) -> Definition:
-        """The node of a part."""
-        return cls(
-            text=part.text, label=part.label, reference=part.reference, kind="part" if part.kind == "code" else "file",
-            mirror=part.mirror, plain=None if part.plain is None else cls.of(part.plain),
-        )
+    def of(cls, made: PartDefinition | AssemblyDefinition) -> Definition:
+        """The node of a part or an assembly."""
+        if isinstance(made, PartDefinition):
+            reference, kind = made.reference, "part" if made.kind == "code" else "file"
+        else:
+            reference, kind = made.document, "assembly"
+        plain = None if made.plain is None else cls.of(made.plain)
+        return cls(text=made.text, label=made.label, reference=reference, kind=kind, mirror=made.mirror, plain=plain)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,10 +105,7 @@ class _Names:
 
     def of(self, made: AssemblyDefinition | PartDefinition | None) -> Definition:
         """The node of an assembly, a part, or a frame (None)."""
-        if isinstance(made, AssemblyDefinition):
-            node = Definition(text=made.text, label=made.label, reference=made.document, kind="assembly")
-        else:
-            node = Definition.of(made) if made is not None else FRAME
+        node = Definition.of(made) if made is not None else FRAME
         key = (node.kind, node.reference, node.text)
         if key not in self._given:
             where = f" [{node.reference}]" if node.text in self._taken else ""

@@ -2,11 +2,13 @@
 
     X_PC = X_PA @ Rz(turn) @ Tz(gap) @ X_J(q + offset) @ MATE @ inv(X_CB)
 
-and `at` lays a component's frame plainly: `X_PC = X_P,in @ X(xyz, rpy)`.
+(of a joint that is mirrored X_J is between two turns by pi about x), and `at` lays a component's frame plainly:
+`X_PC = X_P,in @ X(xyz, rpy)`.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 
@@ -16,10 +18,13 @@ from thingc.graph.findings import Findings, noted
 from thingc.graph.types import JointEdge, Link, Mate
 from thingc.graph.unroll import Found, Instance, Tree, unplaced
 from thingc.memo import Memo
-from thingc.pose import MATE, Pose, shifted, turned_z
+from thingc.pose import MATE, Pose, shifted, turned_x, turned_z
 from thingc.resolve.model import AssemblyDefinition, At, Attach, Component, Joint, Reference
 from thingc.source import Origin
 from thingc.typos import MAX_CIRCLE
+
+UPSIDE_DOWN = turned_x(math.pi)
+"""Its own inverse: the frame in which a mirrored joint moves, in that of its mounts."""
 
 
 def mates_of(tree: Tree, findings: Findings, memo: Memo) -> tuple[tuple[Mate, ...], frozenset[int]]:
@@ -54,7 +59,7 @@ def _attached(tree: Tree, instance: Instance, attach: Attach, memo: Memo) -> Ite
     child, parent = tree.find(instance, attach.mount), tree.find(instance, attach.to)
     if child is not None and parent is not None:
         place = ("mate", instance.within(attach.mount.text))
-        yield memo(place, _mated, parent, child, attach.turn, attach.gap, (), attach.origin + instance.origin, "", False)
+        yield memo(place, _mated, parent, child, attach, (), attach.origin + instance.origin, "")
 
 
 def _laid(tree: Tree, instance: Instance, component: Component, at: At, memo: Memo) -> Iterator[Mate]:
@@ -86,7 +91,7 @@ def _jointed(tree: Tree, instance: Instance, coordinates: Sequence[Joint], findi
     )
     path = instance.within(joint.name.joint)
     origin = joint.origin + instance.origin
-    yield memo(("joint", path), _mated, parent, child, joint.turn, joint.gap, edges, origin, path, joint.loop)
+    yield memo(("joint", path), _mated, parent, child, joint, edges, origin, path)
 
 
 def stated_joints(tree: Tree, joints: Sequence[JointEdge]) -> tuple[JointEdge, ...]:
@@ -117,18 +122,18 @@ def check_loops(mates: Sequence[Mate], link_of: Sequence[int], links: Sequence[L
             )
 
 
-def _mated(
-    parent: Found, child: Found, turn: float, gap: float, joints: tuple[JointEdge, ...], origin: Origin, path: str, loop: bool,
-) -> Mate:
-    at: Pose = parent.pose
-    if turn != 0.0:
-        at = at @ turned_z(turn)
-    if gap != 0.0:
-        at = at @ shifted(0.0, 0.0, gap)
+def _mated(parent: Found, child: Found, said: Attach | Joint, joints: tuple[JointEdge, ...], origin: Origin, path: str) -> Mate:
+    before, after = parent.pose, MATE @ child.pose.inverse()
+    if said.turn != 0.0:
+        before = before @ turned_z(said.turn)
+    if said.gap != 0.0:
+        before = before @ shifted(0.0, 0.0, said.gap)
+    if isinstance(said, Joint) and said.mirrored:
+        before, after = before @ UPSIDE_DOWN, UPSIDE_DOWN @ after
     return Mate(
         parent=parent.occurrence, child=child.occurrence, parent_mount=parent.mount, child_mount=child.mount,
-        X_PJ=at, X_JC=MATE @ child.pose.inverse(), joints=joints, origin=origin, name=path if joints else None,
-        loop=path if loop else None,
+        X_PJ=before, X_JC=after, joints=joints, origin=origin, name=path if joints else None,
+        loop=path if isinstance(said, Joint) and said.loop else None,
     )
 
 

@@ -27,6 +27,7 @@ from thingc.graph.prints import material_of, process_of
 from thingc.graph.types import MountFrame
 from thingc.inertia import ZERO, MassProperties, physical_fault
 from thingc.memo import Memo
+from thingc.mirror import Mirror
 from thingc.pose import NO_POSE
 from thingc.realize.record import Outside, PartDefinition, PartFailure, PartRecord, PartWarning
 from thingc.realize.slices import Unsliced
@@ -242,7 +243,7 @@ class PartInstances:
             return
         bom, process = _bom(component, record), process_of(component, material)
         bought = bom.make == "buy" or bom.make is None and process is not None and (process.kind or "").lower() == "bought"
-        if record.own_image:
+        if record.own_image and component.image_of is None:
             code = Code.OWN_IMAGE
             message = f"`{component.name}` is the mirror image of `{plain.label}`, which is the same part, and counts as another"
             help = f"take `mirror` out; {allow_hint(code)}"
@@ -250,6 +251,8 @@ class PartInstances:
             code = Code.MIRRORED_BOUGHT
             message = f"`{component.name}` is the mirror image of `{plain.label}`, which is bought: is there one to buy?"
             help = f"take `mirror` out, or write the order number of the mirror image: `bom: {{number: ...}}`; {allow_hint(code)}"
+            if component.image_of is not None:
+                help = f"take it out of the assembly that is mirrored, and place it in the one around that; {allow_hint(code)}"
         else:
             return
         if (record.text, code.code) not in self._warned and self._findings.warn(code, message, origin, path=path, help=help):
@@ -426,7 +429,9 @@ class PartInstances:
         """`origin`, the part's own, then those that the document adds."""
         mounts = {"origin": MountFrame(pose=NO_POSE)}
         if record is not None:
-            mounts.update((name, MountFrame(pose=m.pose, interface=m.interface)) for name, m in record.mounts.items())
+            mirror = Mirror(component.mounts_mirrored) if component.mounts_mirrored is not None else None
+            for name, m in record.mounts.items():
+                mounts[name] = MountFrame(pose=m.pose if mirror is None else mirror.mount(m.pose), interface=m.interface)
         for name, extra in component.mounts.items():
             if name in mounts:
                 place = extra.origin + origin[len(component.origin):]

@@ -13,6 +13,7 @@ from thingc.diagnostics import Code, Note
 from thingc.graph.findings import Findings, noted, written_at
 from thingc.graph.part_instances import PartInstance, PartInstances
 from thingc.graph.types import MountFrame
+from thingc.mirror import Mirror
 from thingc.pose import Pose
 from thingc.resolve.model import COUNTED, AssemblyDefinition, Component, Reference
 from thingc.source import Origin
@@ -201,7 +202,7 @@ class Tree:
         What is wrong with an exported mount is said of the line that exports it, not of those that use it.
         """
         met: set[tuple[str, str]] = set()
-        exported = False
+        exported, within = False, document.assembly
         while instance.assembly is not None:
             definition = instance.assembly
             if (instance.path, name) in met:
@@ -224,7 +225,7 @@ class Tree:
                 place = self._walk(instance, reference.path)
                 if isinstance(place, _Fault):
                     return _SILENT
-                instance, name, exported = place, reference.mount or "origin", True
+                instance, name, exported, within = place, reference.mount or "origin", True, definition
             elif exported:
                 return _SILENT
             else:
@@ -237,7 +238,8 @@ class Tree:
         if leaf is None or instance.index is None:
             return _SILENT
         if name in leaf.mounts:
-            return Found(occurrence=instance.index, mount=name, pose=leaf.mounts[name].pose)
+            mirror = within.mirror if within is not None and name == "origin" else None  # the image of a frame, as a mount, is another
+            return Found(occurrence=instance.index, mount=name, pose=Mirror(mirror).origin if mirror else leaf.mounts[name].pose)
         if exported or leaf.record is not None and not leaf.record.exact and _may_be_there(name, leaf.record.mounts):
             return _SILENT
         return _Fault(

@@ -119,8 +119,8 @@ class PartDefinition(Brief):
 
     def mirrored(self, axis: str) -> PartDefinition:
         """The definition of the mirror image at the plane normal to `axis` (`x | y | z`) of the part's frame."""
-        label = f"{self.label}, mirror={axis}" if self.kind == "file" else _mirrored(self.label, axis)
-        return replace(self, text=_mirrored(self.text, axis), label=label, mirror=axis, plain=self)
+        label = f"{self.label}, mirror={axis}" if self.kind == "file" else with_mirror(self.label, axis)
+        return replace(self, text=with_mirror(self.text, axis), label=label, mirror=axis, plain=self)
 
     @property
     def stem(self) -> str:
@@ -156,7 +156,7 @@ def _differing(parameters: Mapping[str, Value], defaults: Mapping[str, Value]) -
     return [name for name in sorted(parameters) if name not in defaults or parameters[name] != defaults[name]]
 
 
-def _mirrored(printed: str, axis: str) -> str:
+def with_mirror(printed: str, axis: str) -> str:
     """The text or label of a definition with its mirror among what is given to it. Values that are texts are quoted, so that this is
     no parameter's."""
     return f"{printed[:-1]}, mirror={axis})" if printed.endswith(")") else f"{printed}(mirror={axis})"

@@ -90,7 +90,7 @@ def resolve_materials(
 def part_definitions(model: AssemblyDefinition) -> tuple[PartDefinition, ...]:
     """Every part definition of a model once, in document order (nested documents where they first stand)."""
     definitions: dict[PartDefinition, None] = {}
-    seen: set[tuple[str, object]] = set()
+    seen: set[tuple[str, object, str | None]] = set()
     waiting = [iter(model.components)]
     while waiting:
         component = next(waiting[-1], None)
@@ -100,7 +100,9 @@ def part_definitions(model: AssemblyDefinition) -> tuple[PartDefinition, ...]:
         definition = component.definition
         if isinstance(definition, PartDefinition):
             definitions.setdefault(definition)
-        elif definition is not None and (definition.document, definition.parameters) not in seen:
-            seen.add((definition.document, definition.parameters))
+            if component.image_of is not None and definition.plain is not None:  # it may be its own image
+                definitions.setdefault(definition.plain)
+        elif definition is not None and (key := (definition.document, definition.parameters, definition.mirror)) not in seen:
+            seen.add(key)
             waiting.append(iter(definition.components))
     return tuple(definitions)

@@ -11,7 +11,8 @@ from thingc.realize.record import PartDefinition
 from thingc.resolve import choices as choose
 from thingc.resolve import overrides as said
 from thingc.resolve.layers import Layers
-from thingc.resolve.model import At, Attach, Component, Material
+from thingc.resolve.mirroring import mirrored, other_axis
+from thingc.resolve.model import AssemblyDefinition, At, Attach, Component, Material
 from thingc.resolve.parameters import fitting
 from thingc.resolve.parts import of_code, of_file
 from thingc.resolve.repeats import MAX_OCCURRENCES, Unrolled
@@ -77,6 +78,25 @@ def _define(context: Context, table: Table, node: Node, nest: Nest) -> None:
         node.definition = node.table.definition if node.table is not None else None
     if spec.mirror is not None and isinstance(node.definition, PartDefinition):
         node.definition = node.definition.mirrored(spec.mirror)
+    elif spec.mirror is not None and node.table is not None and node.table.definition is not None:
+        node.definition = _image(node, node.table, node.table.definition, spec.mirror)
+
+
+def _image(node: Node, table: Table, definition: AssemblyDefinition, axis: str) -> AssemblyDefinition | None:
+    """The mirror image of a nested assembly; None where something in it is mirrored along another axis, which is reported."""
+    other = other_axis(definition, axis)
+    if other is not None:
+        name, its = other
+        inner = dict(table.all_nodes())[name]
+        node.scope.error(
+            Code.MIRROR_AXES, f"`{node.name}` is mirrored along {axis}, and `{name}` in it along {its} already", (*node.path, "mirror"),
+            help=f"write `mirror: {its}` here, or `mirror: {axis}` there: to what is placed by mounts the axis makes no difference",
+            notes=[Note(message=f"`{inner.name}` is mirrored here", span=inner.scope.span((*inner.path, "mirror")))],
+        )
+        return None
+    if axis not in table.images:
+        table.images[axis] = mirrored(definition, axis)
+    return table.images[axis]
 
 
 def _nested(context: Context, table: Table, node: Node, text: str, nest: Nest) -> Table | None:

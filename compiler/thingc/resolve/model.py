@@ -154,7 +154,8 @@ class Component(Brief):
     Exactly one of: `definition` a part, `definition` a nested assembly, or `frame` True. `definition` None without
     `frame` means that it was wrong and has been reported; later passes leave it out silently. `placement` is None for
     the base and for what a joint places. `material` is what the document says (None: the Thing's default, looked up
-    in the assembly's `materials`).
+    in the assembly's `materials`). In the mirror image of a document `image_of` is the component that it is the image of,
+    and where that part is its own image `mounts_mirrored` the axis along which its mounts are mirrored all the same.
     """
 
     name: str
@@ -166,6 +167,8 @@ class Component(Brief):
     mounts: dict[str, ExtraMount]
     bom: BomEntry
     origin: Origin
+    image_of: Component | None = None
+    mounts_mirrored: str | None = None
 
     @property
     def label(self) -> str:
@@ -261,7 +264,8 @@ class Joint(Brief):
 
     One that has several coordinates is as many of these, next to each other: `name` is the coordinate's (`wrist[0]`), `twist` what that
     does in the parent mount's frame as those before it have moved it (None: it has none).
-    `spans` gives places within the joint by dotted key (`limit.lower`), `written` the values that stand there, for diagnostics.
+    `spans` gives places within the joint by dotted key (`limit.lower`), `written` the values that stand there, for diagnostics. One that is
+    `mirrored` turns and slides in the parent mount's frame upside down, turned by pi about x.
     """
 
     name: CoordinateName
@@ -280,6 +284,7 @@ class Joint(Brief):
     spans: dict[str, Span]
     written: dict[str, str] = field(default_factory=dict)
     loop: bool = False
+    mirrored: bool = False
 
     @property
     def path(self) -> str:
@@ -452,7 +457,8 @@ class AssemblyDefinition(Brief):
     this document, over paths relative to it. `modes`, `simulation` and `tests` count only at the top. `materials_known`
     is False where a document of materials could not be read: then a name that is not in `materials` is no news. `whole` is
     False where validation has left something out of the document; `loose` are sound references of what was left out because another
-    one in it was wrong. `step_origin` is where its `timestep` is written.
+    one in it was wrong. `step_origin` is where its `timestep` is written. A mirror image is a definition of its own (`leg(mirror=y)`):
+    `mirror` is the axis of its frame that it is mirrored along, `plain` the definition that it mirrors.
     """
 
     document: str
@@ -477,3 +483,5 @@ class AssemblyDefinition(Brief):
     tests: tuple[Test, ...] = ()
     step_origin: Origin = ()
     loose: tuple[Reference, ...] = ()
+    mirror: str | None = None
+    plain: AssemblyDefinition | None = None

@@ -59,7 +59,8 @@ class Table:
 
     `parameters` include the `choices` made inside it (see `thingc.resolve.choices`). `unbuilt` and `unbuilt_joints` are the
     prefixes (`leg_`) of repeats that could not be unrolled; `occurrences` counts the leaves; `base` is the name of the base
-    component; `loose` are the sound references of what was left out because another one in it was wrong.
+    component; `loose` are the sound references of what was left out because another one in it was wrong; `images` are the mirror images of
+    its definition, by axis.
     """
 
     document: Document
@@ -81,6 +82,7 @@ class Table:
     loose: list[Reference] = field(default_factory=list)
     occurrences: int = 0
     definition: AssemblyDefinition | None = None
+    images: dict[str, AssemblyDefinition] = field(default_factory=dict)
 
     @property
     def doubts(self) -> Doubts:

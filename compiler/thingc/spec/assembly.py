@@ -202,7 +202,7 @@ def _component_rules(schema: dict[str, Any]) -> None:
         for key, of in (("params", "part"), ("parameters", "assembly"))
     } | {
         "unit": {"required": ["file"]}, "faces": {"required": ["file"]},
-        "mirror": {"anyOf": [{"required": ["part"]}, {"required": ["file"]}]},
+        "mirror": {"not": {"required": ["frame"]}},
     }
     for branch in schema["properties"]["attach"]["anyOf"]:
         if "additionalProperties" in branch:
@@ -239,7 +239,7 @@ class ComponentSpec(ComponentDefaults):
     mounts: dict[Name, MountSpec] = Field(default={}, examples=[{"shaft": {"xyz": "0 0 20 mm", "rpy": "180 0 0 deg"}}])
     """Mounts to add."""
     mirror: Literal["x", "y", "z"] | None = None
-    """Makes it the mirror image of the part, at the plane normal to that axis of the part's frame."""
+    """Makes it the mirror image of the part, or of the whole assembly, at the plane normal to that axis of its frame."""
     repeat: RepeatSpec | None = Field(default=None, examples=[{"count": 6}, {"count": "=legs", "as": "k"}])
     """Makes `name_0`, `name_1` and so on of it."""
     allow: Allow = allow()
@@ -266,13 +266,8 @@ class ComponentSpec(ComponentDefaults):
             raise rule(f"`{self.file}` says its unit itself: {UNIT_OF_ITS_OWN}", "take `unit` out", "unit")
         if self.faces is not None and self.file is None:
             raise rule("`faces` belongs to a `file`", "take it out: how finely parts of code are meshed is the workspace's `mesh`", "faces")
-        if self.mirror is not None and self.assembly is not None:
-            raise rule(
-                "a nested `assembly` cannot be mirrored as a whole: a joint about a mirrored axis turns the other way, and nobody says "
-                "whether its limits, poses and drives do, too", "write `mirror` on the parts of a document of its own", "mirror",
-            )
         if self.mirror is not None and self.frame is not None:
-            raise rule("`mirror` belongs to a `part` or a `file`: a frame is its own mirror image", "take it out", "mirror")
+            raise rule("`mirror` belongs to a `part`, a `file` or an `assembly`: a frame is its own mirror image", "take it out", "mirror")
         if self.parameters and self.assembly is None:
             raise rule("`parameters` belongs to a nested `assembly`", "a part takes `params`" if self.part else "take it out")
         if self.attach is not None and self.at is not None:

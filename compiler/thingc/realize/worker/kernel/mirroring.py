@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thingc.pose import Matrix, Pose, Vector
+from thingc.mirror import Mirror
+from thingc.pose import Pose
 from thingc.realize.worker.kernel.measure import bounding_box, explored
 
 if TYPE_CHECKING:
@@ -21,28 +22,8 @@ SAME_PLACE = 1e-9
 """How far a mount may move [m], or its z turn [rad], and still be where it was."""
 
 
-class Mirror:
-    """The mirror at the plane through the origin that is normal to `axis` (`x | y | z`)."""
-
-    def __init__(self, axis: str) -> None:
-        x, y, z = (-1.0 if axis == name else 1.0 for name in "xyz")
-        self._signs: Vector = (x, y, z)
-
-    def vector(self, value: Any) -> Vector:
-        """The image of a point, or of a direction."""
-        x, y, z = (float(entry) * sign + 0.0 for entry, sign in zip(value, self._signs, strict=True))
-        return (x, y, z)
-
-    def matrix(self, value: Any) -> Matrix:
-        """The image `S I S` of a matrix of inertia."""
-        a, b, c = (self.vector([entry * sign for entry in row]) for row, sign in zip(value, self._signs, strict=True))
-        return (a, b, c)
-
-    def mount(self, pose: Pose) -> Pose:
-        """The image of a mount, right-handed again: its origin, x and z are mirrored, its y is `z x x`, the image of y reversed."""
-        x, y, z = (self.vector(column) for column in zip(*pose.rotation, strict=True))
-        a, b, c = ((x[k], -y[k] + 0.0, z[k]) for k in range(3))
-        return Pose(rotation=(a, b, c), translation=self.vector(pose.translation))
+class SolidMirror(Mirror):
+    """A mirror that also knows solids."""
 
     def keeps(self, pose: Pose) -> bool:
         """Whether the image of a mount is at the same place and looks the same way."""
@@ -57,7 +38,7 @@ class Mirror:
         from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf
 
         reflection = gp_Trsf()
-        reflection.SetMirror(gp_Ax2(gp_Pnt(0.0, 0.0, 0.0), gp_Dir(*(1.0 if sign < 0.0 else 0.0 for sign in self._signs))))
+        reflection.SetMirror(gp_Ax2(gp_Pnt(0.0, 0.0, 0.0), gp_Dir(*(1.0 if sign < 0.0 else 0.0 for sign in self.signs))))
         return BRepBuilderAPI_Transform(shape, reflection, True).Shape()
 
     def is_image_of_itself(self, solid: TopoDS_Shape) -> bool:
@@ -65,7 +46,7 @@ class Mirror:
         has not: its faces wind the other way, which the products of moments tell."""
         size = math.dist(*bounding_box(solid))
         faces = _integrals(solid, size)
-        x, y, z = self._signs
+        x, y, z = self.signs
         images = faces * np.array([1.0, x, y, z, 1.0, 1.0, 1.0, x * y, x * z, y * z])
         free = np.ones(len(faces), dtype=bool)
         for image in images:

@@ -36,7 +36,7 @@ from thingc.realize.worker.kernel.colors import hexadecimal, named
 from thingc.realize.worker.kernel.fits import fit_all
 from thingc.realize.worker.kernel.measure import Measures, bodies_of, explored, measure, solids_of
 from thingc.realize.worker.kernel.mesh_files import SUFFIXES
-from thingc.realize.worker.kernel.mirroring import Mirror
+from thingc.realize.worker.kernel.mirroring import SolidMirror
 from thingc.realize.worker.kernel.part_files import kernel_shape, read_part
 from thingc.realize.worker.kernel.primitives import primitive_of
 from thingc.realize.worker.kernel.simplifying import deviation, simplified
@@ -115,7 +115,7 @@ def model(definition: dict[str, Any], tessellations: Tessellations, around: Requ
         try:
             made = _made_of_file(definition, around) if definition["kind"] == "file" else _made_of_code(definition, session)
             if definition["mirror"] is not None:
-                made = _mirrored(made, Mirror(definition["mirror"]))
+                made = _mirrored(made, SolidMirror(definition["mirror"]))
             record = _record(definition["text"], made, tessellations, store)
             session.stop()
             part_warnings = (*record.warnings, *_warnings(caught, session.is_own), *session.asking.found)
@@ -207,7 +207,7 @@ def _made_of_file(definition: dict[str, Any], around: RequestContext) -> Made:
     )
 
 
-def _mirrored(made: Made, mirror: Mirror) -> Made:
+def _mirrored(made: Made, mirror: SolidMirror) -> Made:
     """The mirror image. It has no order number: that of the Thing is the number of what is mirrored."""
     mounts = {name: replace(mount, pose=mirror.mount(mount.pose)) for name, mount in made.mounts.items()}
     stays = all(mirror.keeps(mount.pose) for mount in made.mounts.values())
