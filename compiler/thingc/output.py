@@ -123,26 +123,41 @@ def write_build(
     return folder
 
 
+KEPT = ".git"
+"""What may be in a folder that a new workspace is written into: nothing is written there."""
+
+
 def write_new(folder: str, files: Mapping[str, bytes], finish: Callable[[str], None]) -> str:
-    """Make a folder that is not there, or is empty, with `files` (by path in it, with `/`), at once; its absolute path. Folders above it
-    are made. `finish` is called with the folder where all of this is written aside, and may write there, too.
+    """Make a folder that is not there, or has nothing in it but `.git`, with `files` (by path in it, with `/`); its absolute path. Folders
+    above it are made. `finish` is called with the folder where all of this is written aside, and may write there, too.
+
+    A new folder appears at once. One that is there stays the one that it is, for somebody may be in it: the files are moved into it, one
+    after the other.
 
     Raises `OutputError` where there is something already, or the system refuses.
     """
     folder = os.path.realpath(folder)
-    place = shown_path(folder)
+    place, there = shown_path(folder), os.path.isdir(folder)
     try:
         os.makedirs(os.path.dirname(folder), exist_ok=True)
-        with _locked(folder, None):
-            if os.path.lexists(folder) and (not os.path.isdir(folder) or os.listdir(folder)):
-                what = "a folder with files in it" if os.path.isdir(folder) else "a file"
-                raise OutputError(f"`{place}` is there already: {what}", "choose another name, or move it away")
-            fresh = _beside(folder, "new")
+        aside = os.path.join(folder, os.path.basename(folder)) if there else folder
+        with _locked(aside, None):
+            fresh = _beside(aside, "new")
+            ours = {KEPT, *(os.path.basename(_beside(aside, what)) for what in ("lock", "new"))}
+            others = sorted(set(os.listdir(folder)) - ours) if there else []
+            if others:
+                named = ", ".join(f"`{name}`" for name in others[:3]) + (f" and {len(others) - 3} more" if len(others) > 3 else "")
+                raise OutputError(f"the folder `{place}` has something in it already: {named}", "choose another name, or move that away")
+            if not there and os.path.lexists(folder):
+                raise OutputError(f"`{place}` is there already: a file", "choose another name, or move it away")
             _delete(fresh)
             try:
                 _write_files(fresh, files, None)
                 finish(fresh)
-                os.rename(fresh, folder)
+                if there:
+                    _move_into(folder, fresh)
+                else:
+                    os.rename(fresh, folder)
             finally:
                 _delete(fresh)
     except OSError as fault:
@@ -150,6 +165,19 @@ def write_new(folder: str, files: Mapping[str, bytes], finish: Callable[[str], N
         reason = (fault.strerror or str(fault)).lower()
         raise OutputError(f"`{place}` cannot be made: {reason}{where}", "mend that, or choose another name or place") from fault
     return folder
+
+
+def _move_into(folder: str, fresh: str) -> None:
+    """Move what is in `fresh` into a folder that has nothing of these names; interrupted, it leaves the folder as it was."""
+    names = sorted(os.listdir(fresh))
+    try:
+        for name in names:
+            os.rename(os.path.join(fresh, name), os.path.join(folder, name))
+    except BaseException:
+        for name in names:
+            if not os.path.lexists(os.path.join(fresh, name)):
+                _delete(os.path.join(folder, name))
+        raise
 
 
 def build_folder(parent: str, name: str) -> str:

@@ -125,7 +125,8 @@ def test_the_gate_of_a_new_workspace_is_that_of_the_documentation() -> None:
 
 @pytest.mark.parametrize(("place", "name"), [
     ("rover", "rover"), ("my-rover", "my_rover"), ("my rover", "my_rover"), ("a/b/rover.v2/", "rover_v2"), ("class", "class"),
-    ("numpy", "numpy"), ("../Rover_3", "Rover_3"), ("-x-", "x"),
+    ("numpy", "numpy"), ("../Rover_3", "Rover_3"), ("x-", "x"),
+    ("über", "uber"), ("a/Größe 2", "Grosse_2"), ("rover.d", "rover_d"),
 ])
 def test_the_name_of_a_robot_is_the_last_word_of_its_folder(place: str, name: str) -> None:
     assert robot_name(place) == name
@@ -139,15 +140,19 @@ def test_words_of_python_and_names_of_modules_are_names_of_robots(name: str, her
 
 @pytest.mark.parametrize(("words", "said"), [
     (["3d"], "is no name for a robot: a letter (a to z), then letters, digits and `_`\n  help: write for example `thingc new robot_3d`"),
-    (["größe"], "`größe` is no name for a robot"),
+    (["機械"], "`機械` is no name for a robot"),
+    (["--", "-x"], "`-x` is taken for an option wherever it is typed\n  help: choose a name that begins with a letter"),
+    (["a/rover.YAML"], "`rover.YAML` is what a document is called, and a folder is made\n  help: write `thingc new a/rover`: its document"),
+    ([".."], "`..` names no folder that could be made"),
+    (["/"], "`/` names no folder that could be made"),
     (["a/b\nc"], "is no name for a robot"),
     (["World"], "a robot cannot be called `World`: its files call something else so\n  help: write for example `thingc new World_robot`"),
     (["scene"], "a robot cannot be called `scene`"),
-    (["."], "`.` names no folder that could be made\n  help: write for example `thingc new rover`"),
+    (["."], "error[TC805]: the folder `.` has something in it already: `full`\n  help: choose another name, or move that away"),
     ([""], "`` names no folder that could be made"),
     (["Leg", "--template", "legged"], "a robot cannot be called so: `Leg` is another document of the template `legged`"),
     (["x", "--template", "leged"], "expected `arm`, `legged`, `gripper` or `empty`, found `leged` (did you mean `legged`?)"),
-    (["full"], "error[TC805]: `full` is there already: a folder with files in it\n  help: choose another name, or move it away"),
+    (["full"], "error[TC805]: the folder `full` has something in it already: `file`\n  help: choose another name, or move that away"),
     (["full/file"], "error[TC805]: `full/file` is there already: a file"),
     (["full/file/rover"], "error[TC805]: `full/file/rover` cannot be made: file exists (`full/file`)"),
     ([], "missing: NAME"),
@@ -162,10 +167,22 @@ def test_what_cannot_be_made_is_said_and_nothing_is_written(
     assert sorted(path.relative_to(here).as_posix() for path in here.rglob("*")) == ["full", "full/file"]
 
 
-def test_an_empty_folder_is_taken(here: Path) -> None:
-    (here / "rover").mkdir()
-    assert main(["new", "rover", "--template", "empty"]) == 0
-    assert (here / "rover/rover.yaml").is_file()
+@pytest.mark.parametrize("place", ["my-rover", "."])
+def test_a_folder_that_is_empty_but_for_git_is_taken_and_stays_the_one_that_it_is(
+    place: str, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:
+    (here / "my-rover/.git").mkdir(parents=True)
+    (here / "my-rover/.git/HEAD").write_text("mine")
+    monkeypatch.chdir(here / "my-rover" if place == "." else here)
+    before = (here / "my-rover").stat().st_ino
+    assert main(["new", place, "--template", "empty"]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[0] == f"{'my_rover' if place == '.' else 'my-rover'}: {TEMPLATES['empty']}"
+    assert ("  cd my-rover" in said) == (place != ".") and any(line.startswith("  thingc check my_rover.yaml ") for line in said)
+    assert (here / "my-rover").stat().st_ino == before and (here / "my-rover/.git/HEAD").read_text() == "mine"
+    assert {".git", ".gitignore", "my_rover.yaml", "parts", "thingc.toml"} <= set(os.listdir(here / "my-rover"))
+    assert not any("thingc-" in name for name in (*os.listdir(here), *os.listdir(here / "my-rover")))
+    assert main(["check", "--strict", str(here / "my-rover/my_rover.yaml")]) == 0
 
 
 @pytest.mark.parametrize("instant", ["thingc.cli.new._wire", "os.rename"])
@@ -178,3 +195,18 @@ def test_interrupted_it_leaves_nothing(
     monkeypatch.setattr(instant, interrupt)
     assert main(["new", "rover", "--template", "empty"]) == 130
     assert os.listdir(here) == []
+
+
+def test_interrupted_while_it_moves_files_into_a_folder_it_leaves_that_as_it_was(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (here / "rover/.git").mkdir(parents=True)
+    rename, moved = os.rename, []
+
+    def interrupt(old: str, new: str) -> None:
+        rename(old, new)
+        moved.append(new)
+        if len(moved) == 3:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("os.rename", interrupt)
+    assert main(["new", "rover", "--template", "empty"]) == 130
+    assert len(moved) == 3 and os.listdir(here) == ["rover"] and os.listdir(here / "rover") == [".git"]

@@ -10,17 +10,19 @@ import sys
 
 from thingc.cli import common
 from thingc.diagnostics import Diagnostic, Report, shown_path
+from thingc.load.paths import DOCUMENT_SUFFIXES
 from thingc.output import OutputError, write_new
 from thingc.templates import TEMPLATES, files_of
 
 EPILOG = """\
-Makes the folder NAME, which must not be there yet (or be empty), with a robot of that name: parts, a document with two modes and
-tests, settings for editors, git and GitHub. Nothing is asked.
+Makes the folder NAME with a robot of that name: parts, a document with two modes and tests, settings for editors, git and GitHub.
+Nothing is asked. A folder that is there already must be empty but for `.git`; `.` is the one that you are in.
 
   thingc new rover                       {arm}
   thingc new rover --template legged     {legged}
   thingc new rover --template gripper    {gripper}
   thingc new robots/rover --template empty
+  thingc new .                           in this folder, of which the robot has its name
 """.format(**TEMPLATES)
 RESERVED = {"world", "root", "origin", "scene"}
 """What something else is called in the files of a robot: the world, its frames, and scenes around MuJoCo models."""
@@ -56,11 +58,21 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def robot_name(place: str) -> str:
-    """The name of the robot in a folder: its last word, with `_` for hyphens, dots and spaces. Raises `WrongCommandLine`."""
-    word = os.path.basename(os.path.normpath(place)) if place else ""
-    if word in ("", os.curdir, os.pardir, os.sep):
+    """The name of the robot in a folder: its last word, with `_` for hyphens, dots and spaces, and letters without their accents. Raises
+    `WrongCommandLine`."""
+    here = place != "" and os.path.normpath(place) == os.curdir
+    word = os.path.basename(os.getcwd() if here else os.path.normpath(place)) if place else ""
+    if word in ("", os.pardir):
         raise common.WrongCommandLine(f"`{place}` names no folder that could be made", "write for example `thingc new rover`")
-    name = re.sub(r"[-. ]+", "_", word).strip("_")
+    stem, ending = os.path.splitext(word)
+    if ending.lower() in DOCUMENT_SUFFIXES and not here:
+        near = shlex.quote(os.path.join(os.path.dirname(place), stem))
+        raise common.WrongCommandLine(
+            f"`{word}` is what a document is called, and a folder is made", f"write `thingc new {near}`: its document lies in it",
+        )
+    if word.startswith("-") and not here:
+        raise common.WrongCommandLine(f"`{word}` is taken for an option wherever it is typed", "choose a name that begins with a letter")
+    name = re.sub(r"[-. ]+", "_", _plain(word)).strip("_")
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
         near = re.sub(r"\W+", "_", f"robot_{name}", flags=re.ASCII).strip("_")
         raise common.WrongCommandLine(
@@ -71,6 +83,13 @@ def robot_name(place: str) -> str:
             f"a robot cannot be called `{name}`: its files call something else so", f"write for example `thingc new {name}_robot`",
         )
     return name
+
+
+def _plain(word: str) -> str:
+    """A word with letters from a to z in place of those that are such with something added: `uber` for `über`."""
+    from unicodedata import combining, normalize
+
+    return "".join(one for one in normalize("NFKD", word.replace("ß", "ss")) if not combining(one))
 
 
 def _template(text: str) -> str:
@@ -102,11 +121,11 @@ def _wire(root: str, report: Report) -> None:
 def _next_steps(arguments: argparse.Namespace, folder: str, name: str) -> list[str]:
     """What was made, and what to type next."""
     here, document = shown_path(folder), f"{name}.yaml"
-    said = [f"{here}: {TEMPLATES[arguments.template]}"]
+    said = [f"{name if here == os.curdir else here}: {TEMPLATES[arguments.template]}"]
     if name != os.path.basename(folder):
         said.append(f"the robot is called `{name}`: names are letters, digits and `_`")
     steps = [
-        (f"cd {shlex.quote(here)}", ""),
+        *([] if here == os.curdir else [(f"cd {shlex.quote(here)}", "")]),
         (f"thingc check {document}", "is it right?"),
         (f"thingc view {document}", "the robot in your browser; it follows every save"),
         (f"thingc build {document}", f"models, meshes, print files, bill of materials in build/{name}/"),
@@ -114,7 +133,7 @@ def _next_steps(arguments: argparse.Namespace, folder: str, name: str) -> list[s
         (f"thingc watch {document}", "builds again on every save"),
     ]
     if os.path.exists(os.path.join(folder, "walk.py")):
-        steps.insert(4, ("python walk.py", "ten seconds of walking in MuJoCo"))
+        steps.insert(-2, ("python walk.py", "ten seconds of walking in MuJoCo"))
     width = max(len(command) for command, _ in steps)
     return [*said, "", *(f"  {command:{width}}   {what}".rstrip() for command, what in steps)]
 
