@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from thingc.api import CompiledMode as CompiledMode
     from thingc.api import CompileError as CompileError
     from thingc.api import compile as compile
+    from thingc.families.family import RobotFamily as RobotFamily
+    from thingc.families.family import family as family
     from thingc.things.actuator import Actuator as Actuator
     from thingc.things.assets import asset as asset
     from thingc.things.mounts import MountPoint as MountPoint
@@ -42,10 +44,12 @@ _EXPORTS = {
     "ParameterError": "thingc.things.parameters",
     "Range": "thingc.things.parameters",
     "Ratio": "thingc.things.parameters",
+    "RobotFamily": "thingc.families.family",
     "Thing": "thingc.things.thing",
     "TransformResolver": "thingc.things.resolver",
     "asset": "thingc.things.assets",
     "compile": "thingc.api",
+    "family": "thingc.families.family",
 }
 """Exported name to the module that has it (PEP 562)."""
 

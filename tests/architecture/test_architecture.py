@@ -65,10 +65,12 @@ ROOMS: dict[str, set[str]] = {
     "variants": BASE | {"printing", "archives", "csvcell", "webpage", "environment", "pipeline", "stamp", "session", "load", "spec",
         "realize", "resolve", "graph", "robot", "statics", "emit", "output", "modes", "render"},
     "api": BASE | {"printing", "environment", "pipeline", "realize", "graph", "robot", "emit"},
+    "families": BASE | {"api", "environment", "pipeline", "session", "output", "load", "spec", "realize", "resolve", "emit", "testing",
+        "variants"},
     "cli": BASE | {"printing", "environment", "pipeline", "realize", "graph", "robot", "emit", "output", "stamp", "resolve", "render",
         "reporting", "layout", "editor", "testing", "variants", "load", "spec", "joints", "checks", "affected",
         "building", "live", "templates"},
-    "__init__": {"things", "api", "modes"},
+    "__init__": {"things", "api", "modes", "families"},
     "__main__": {"cli"},
 }
 # The door: what satellites may import, besides themselves and what stands below all rooms: the driver, what the `__init__` of a room

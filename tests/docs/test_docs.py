@@ -369,6 +369,8 @@ def test_the_python_page_names_every_argument_and_attribute() -> None:
     for name in ("Compiled", "CompiledMode"):
         public = {attribute for attribute in dir(getattr(thingc, name)) if not attribute.startswith("_")}
         assert {row[0].strip("`()") for row in table(page, name)} == public
+    of_families = {attribute for attribute in dir(thingc.RobotFamily) if not attribute.startswith("_")} | {"name", "modes", "mode"}
+    assert {re.sub(r"[(].*", "", row[0].strip("`")) for row in table(page, "RobotFamily")} == of_families
 
 
 def test_generated_pictures_are_what_is_committed() -> None:

@@ -21,12 +21,15 @@ if TYPE_CHECKING:
     from thingc.emit.artifact import Artifacts
     from thingc.emit.html.target import Page, page_of
     from thingc.emit.manifest import versions
+    from thingc.emit.mjcf.target import sources as model_sources
     from thingc.emit.request import EmitRequest
+    from thingc.emit.xml import number as number_text
 
     Emitter = Callable[[EmitRequest], Artifacts]
 
 __all__ = [
-    "TARGETS", "Page", "chosen", "emitter", "module_of", "modules_of", "page_of", "targets", "unknown", "unstated", "versions", "written",
+    "TARGETS", "Page", "chosen", "emitter", "model_sources", "module_of", "modules_of", "number_text", "page_of", "targets", "unknown",
+    "unstated", "versions", "written",
 ]
 
 GROUP = "thingc.emitters"
@@ -96,6 +99,14 @@ def __getattr__(name: str) -> Any:
         from thingc.emit.manifest import versions
 
         return versions
+    if name == "model_sources":
+        from thingc.emit.mjcf.target import sources
+
+        return sources
+    if name == "number_text":
+        from thingc.emit.xml import number
+
+        return number
     if name in ("Page", "page_of"):
         from thingc.emit.html import target
 

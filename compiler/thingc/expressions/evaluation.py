@@ -95,7 +95,7 @@ class _Evaluator:
             raise ExpressionError(f"division by zero in `{self.written(term)}`", term.offset, term.end, kind="value") from None
         except (OverflowError, ValueError):
             result = math.inf
-        if not isinstance(result, float) or not math.isfinite(result):
+        if isinstance(result, complex) or not math.isfinite(result):
             raise ExpressionError(f"`{self.written(term)}` has no finite result", term.offset, term.end, kind="value")
         return Quantity(result + 0.0, dimension)
 
@@ -206,6 +206,6 @@ def plain(found: Found) -> float | bool | str:
     """A value without its dimension."""
     if not isinstance(found, Quantity):
         return found
-    if found.dimension == NUMBER and found.value == int(found.value):
+    if found.dimension == NUMBER and found.value % 1.0 == 0.0:
         return int(found.value)
     return found.value + 0.0

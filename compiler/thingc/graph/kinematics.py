@@ -29,7 +29,7 @@ def coordinates(joints: Iterable[JointEdge], values: Mapping[str, float]) -> dic
         while step is not None and step not in known:
             joint = by_path.get(step)
             if joint is None or step in values or joint.mimic is None or joint.mimic.joint.path not in by_path or step in chain:
-                known[step] = float(values.get(step, 0.0))
+                known[step] = values.get(step, 0.0)
                 break
             chain[step] = None
             step = joint.mimic.joint.path

@@ -5,13 +5,15 @@ from __future__ import annotations
 from thingc.diagnostics import Code
 from thingc.emit.artifact import Artifacts, Content, Loss, Stored
 from thingc.emit.capabilities import losses
+from thingc.emit.geometry import Geometry
 from thingc.emit.mjcf import check, compat, raw, scene
 from thingc.emit.mjcf import model as tree
 from thingc.emit.mjcf.capabilities import CAPABILITIES
 from thingc.emit.mjcf.limits import taken
 from thingc.emit.request import EmitRequest
-from thingc.emit.xml import write
+from thingc.emit.xml import Element, write
 from thingc.frozen import dataclass
+from thingc.robot.types import Robot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,16 +45,13 @@ def models(request: EmitRequest) -> Models:
     if isinstance(known, Models):
         return known
     assembly, robots, report = request.assembly, request.robots, request.report
-    geometry, unsaid = taken(assembly, report, request.memo)
-    roots = [tree.model(robot, geometry, request.memo) for robot in robots]
-    raw.lay(assembly, robots, roots, report)
+    geometry, unsaid, roots = _roots(request)
     roots, suited = compat.suited(request.compat, robots, roots, report)
 
     lost: dict[Loss, None] = dict.fromkeys((*unsaid, *losses("mjcf", CAPABILITIES, assembly, robots)))
     candidates: list[check.Candidate] = []
     for robot, root in zip(robots, roots, strict=True):
-        file = f"{assembly.name}_{robot.mode.name}.xml"
-        heading = f"Written by thingc from {assembly.definition.document}, mode {robot.mode.name}."
+        file, heading = f"{assembly.name}_{robot.mode.name}.xml", _heading(robot)
         lost |= dict.fromkeys(tree.losses(robot))
         model = write(root, heading)
         candidates.append(check.Candidate(
@@ -78,3 +77,23 @@ def models(request: EmitRequest) -> Models:
     made = Models(candidates=every, assets=geometry.assets, losses=tuple(lost))
     request.made["mjcf"] = made
     return made
+
+
+def sources(request: EmitRequest) -> tuple[dict[str, str], dict[str, Stored]]:
+    """The model of each chosen mode as text, by mode, and the meshes that they name, by file; nothing else: no scene, and MuJoCo is not
+    asked."""
+    geometry, _, roots = _roots(request)
+    texts = {robot.mode.name: write(root, _heading(robot)).text for robot, root in zip(request.robots, roots, strict=True)}
+    return texts, geometry.assets
+
+
+def _roots(request: EmitRequest) -> tuple[Geometry, list[Loss], list[Element]]:
+    """The geometry, what of it is not said, and the tree of each mode with its raw attributes."""
+    geometry, unsaid = taken(request.assembly, request.report, request.memo)
+    roots = [tree.model(robot, geometry, request.memo) for robot in request.robots]
+    raw.lay(request.assembly, request.robots, roots, request.report)
+    return geometry, list(unsaid), roots
+
+
+def _heading(robot: Robot) -> str:
+    return f"Written by thingc from {robot.assembly.definition.document}, mode {robot.mode.name}."

@@ -1,0 +1,111 @@
+"""Is a model that comes without a compilation the compiled one? `python benchmarks/variants/patched.py [--count N] [DOCUMENT ...]`.
+
+Every number that stands in a document is set by its path, a few at a time, to N random values near its own (a twentieth off, at most); of
+the settings that are sound the model of `thingc.family(DOCUMENT).models` is compared with the one that MuJoCo compiles from the text of a
+compilation: every array, and every number of `opt`, `stat` and `vis`. In all modes; the arm and MInchW unless documents are named.
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import mujoco
+
+import thingc
+from thingc.families import NoModel, differing
+from thingc.source import MappingNode, Node, ScalarNode
+from thingc.units import Quantity
+
+ROOT = Path(__file__).resolve().parents[2]
+SECTIONS = ("parameters", "components", "joints", "poses", "modes", "simulation", "defaults")
+AT_ONCE = 4
+
+
+def numbers(family: thingc.RobotFamily) -> dict[str, float]:
+    """Every number of the document by its name or path, SI."""
+    tree = family._sources.documents.root.tree
+    found: dict[str, float] = {}
+    for section in SECTIONS:
+        for path, _ in scalars(tree.entries.get(section), (section,)):
+            name = path[1] if section == "parameters" else ".".join(path)
+            if section == "parameters" and len(path) > 2 and path[2] != "value":
+                continue
+            kind = family._reader.kind(name)
+            if isinstance(kind, Quantity):
+                found[name] = kind.value
+    return found
+
+
+def scalars(node: Node | None, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], ScalarNode]]:
+    """Every scalar below a node."""
+    if isinstance(node, ScalarNode):
+        yield path, node
+    elif isinstance(node, MappingNode):
+        for key, inner in node.entries.items():
+            yield from scalars(inner, (*path, key))
+
+
+def drawn(known: dict[str, float], geometry: set[str], count: int, source: random.Random) -> Iterator[list[dict[str, Any]]]:
+    """Lists of settings of the same names."""
+    names = [name for name in known if name not in geometry]
+    while count > 0:
+        chosen = source.sample(names, min(AT_ONCE, len(names)))
+        many = min(count, 50)
+        yield [{name: known[name] * source.uniform(0.95, 1.05) or source.uniform(-0.01, 0.01) for name in chosen} for _ in range(many)]
+        count -= many
+
+
+def compared(document: str, count: int, store: str | None, visual: bool) -> Counter[str]:
+    """How many models are equal, by the way they went, and what differs."""
+    tally: Counter[str] = Counter()
+    source = random.Random(1)
+    with thingc.family(document, store=store, verify=0) as family:
+        known = numbers(family)
+        ways = {name: family.explain(name) for name in known}
+        tally.update(f"{getattr(way, 'way', 'refused')}: numbers" for way in ways.values())
+        geometry = {name for name, way in ways.items() if "is modelled" in getattr(way, "why", "")}
+        for mode in family.modes:
+            models = family._of(mode, visual)
+            for many in drawn(known, geometry, count // len(family.modes), source):
+                read = [family._read(one) for one in many]
+                whole = [models._compiled(one) for _, one in read]
+                for settings, one, model, other in zip(many, read, models.each(read, share=True), whole, strict=True):
+                    form = models.forms.get((one[1].names, one[1].texts))
+                    way = type(form.plans[0].made).__name__ if form is not None and form.plans else "passes"
+                    if isinstance(model, NoModel) or isinstance(other, tuple):
+                        tally["refused alike" if isinstance(model, NoModel) and isinstance(other, tuple) else "REFUSED OTHERWISE"] += 1
+                        continue
+                    wrong = differing(model, other)
+                    tally[f"equal by {way}" if not wrong else "DIFFERENT"] += 1
+                    if wrong:
+                        print(document, mode, settings, wrong)
+    return tally
+
+
+def main() -> int:
+    """Compare and print; 1 where anything differs."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("documents", nargs="*", default=[f"{ROOT}/assemblies/arm.yaml", f"{ROOT}/assemblies/minchw/minchw.yaml"])
+    parser.add_argument("--count", type=int, default=2000, help="settings of each document (default: %(default)s)")
+    parser.add_argument("--store", help="where modelled parts are kept")
+    parser.add_argument("--visual", action="store_true", help="with what is only drawn")
+    arguments = parser.parse_args()
+    wrong = 0
+    for document in arguments.documents:
+        begun = time.monotonic()
+        tally = compared(document, arguments.count, arguments.store, arguments.visual)
+        wrong += sum(number for what, number in tally.items() if what.isupper() or what.split()[0].isupper())
+        print(f"{document}: {', '.join(f'{number} {what}' for what, number in sorted(tally.items()))} ({time.monotonic() - begun:.0f} s)")
+    print(f"MuJoCo {mujoco.__version__}")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,173 @@
+"""A model whose arrays are written anew for every variant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from thingc.families.inertial import BOXES, Bodies, Worked
+from thingc.families.places import INERT, Entry, places
+from thingc.families.rehearsal import Rehearsal
+from thingc.families.statistics import Statistics
+from thingc.families.tape import Traced
+
+if TYPE_CHECKING:
+    import mujoco
+    import numpy as np
+
+    Array = np.ndarray[Any, np.dtype[Any]]
+
+TOGETHER = 128
+"""How many variants are worked out at once, where there are so many."""
+
+INERTIAL = ("body_mass", "body_ipos", "body_inertia", "body_iquat")
+"""The fields of a body's mass properties."""
+
+Compile = Callable[[str], "mujoco.MjModel"]
+
+
+class Arrays:
+    """The model of one structure, and what of its arrays follows from the variables. `compile` makes a model of a text. Raises
+    `NotInArrays` where a number does not stand in an array as it is written."""
+
+    def __init__(self, rehearsal: Rehearsal, assets: Mapping[str, bytes], compile: Compile) -> None:
+        import mujoco
+        import numpy as np
+
+        tape, tokens = rehearsal.tape, rehearsal.tape.written
+        self._text = plain_text(rehearsal)
+        self._assets = assets
+        self.model = compile(self._text)
+        found, inertials = places(rehearsal.made, tokens, self.model)
+        columns: dict[int, int] = {}
+        outputs: list[Any] = []
+
+        def column(line: int) -> int:
+            if line not in columns:
+                columns[line] = len(outputs)
+                outputs.append(Traced(tape, line, tape.values[line]))
+            return columns[line]
+
+        self.written = frozenset(place.field for _, place in found) | (frozenset(INERTIAL) if inertials else frozenset())
+        by_field: dict[str, list[tuple[int, Entry]]] = {}
+        for line, place in found:
+            by_field.setdefault(place.field, []).append((column(line), place))
+        self._writes: list[tuple[Array, Array, Array, Array]] = []
+        self._options: list[tuple[str, int]] = []
+        for field, entries in sorted(by_field.items()):
+            group, _, name = field.rpartition(".")
+            target = getattr(getattr(self.model, group) if group else self.model, name)
+            if not isinstance(target, np.ndarray):
+                self._options.append((name, entries[-1][0]))
+                continue
+            self._writes.append((
+                target.reshape(-1), np.array([place.index for _, place in entries]), np.array([one for one, _ in entries]),
+                np.array([place.sign for _, place in entries]),
+            ))
+        self._bodies = [self.model.body(name).id for name in inertials]
+        self._names = list(inertials)
+        self._inertials: list[list[int | float]] = [
+            [column(tokens[word]) if word in tokens else float(word) for words in said for word in words] for said in inertials.values()
+        ]
+        self._traced = np.array([[word in tokens for words in said for word in words] for said in inertials.values()], dtype=bool)
+        self._constants = not self._bodies and self.written <= INERT
+        self._data = mujoco.MjData(self.model)
+        self._statistics = Statistics(self.model)
+        self._small: dict[int, Bodies] = {}
+        self._geoms = [self._colliding(body) for body in self._bodies]
+        self.outputs = outputs
+
+    def _colliding(self, body: int) -> Array:
+        import numpy as np
+
+        m = self.model
+        geoms = range(int(m.body_geomadr[body]), int(m.body_geomadr[body]) + int(m.body_geomnum[body]))
+        return np.array([g for g in geoms if m.geom_contype[g] or m.geom_conaffinity[g]], dtype=int)
+
+    def prepare(self, values: Sequence[tuple[float, ...]]) -> Prepared:
+        """What is worked out of many variants together, of what `run` gave for each. Raises `ValueError` where MuJoCo refuses one."""
+        import numpy as np
+
+        numbers = np.array(values, dtype=float).reshape(len(values), -1)
+        worked = None
+        if self._bodies:
+            copies = 1 if len(values) == 1 else TOGETHER
+            small = self._small.get(copies)
+            if small is None:
+                small = self._small[copies] = Bodies(self._text, self._assets, self._names, copies)
+            inertials = np.empty((len(values), len(self._bodies), 10))
+            for b, entries in enumerate(self._inertials):
+                for k, entry in enumerate(entries):
+                    inertials[:, b, k] = numbers[:, int(entry)] if self._traced[b, k] else entry
+            worked = small.work_out(inertials)
+            return Prepared(numbers, [numbers[:, columns] * signs for _, _, columns, signs in self._writes], inertials, worked)
+        return Prepared(numbers, [numbers[:, columns] * signs for _, _, columns, signs in self._writes], None, None)
+
+    def put(self, prepared: Prepared, index: int) -> None:
+        """Make `model` that of a variant."""
+        import mujoco
+
+        model = self.model
+        for (target, entries, _, _), block in zip(self._writes, prepared.blocks):
+            target[entries] = block[index]
+        for name, column in self._options:
+            setattr(model.opt, name, float(prepared.numbers[index, column]))
+        worked = prepared.worked
+        if worked is not None and prepared.inertials is not None:
+            for b, body in enumerate(self._bodies):
+                own = prepared.inertials[index, b]
+                model.body_mass[body], model.body_ipos[body] = own[0], own[1:4]
+                model.body_inertia[body], model.body_iquat[body] = worked.inertia[b, index], worked.axes[b, index]
+                first, count = int(model.body_bvhadr[body]), int(model.body_bvhnum[body])
+                if count:
+                    boxes = worked.boxes[b]
+                    for name in BOXES[:-1]:
+                        getattr(model, name)[first : first + count] = boxes[name][index]
+                    node = boxes["bvh_nodeid"][index]
+                    model.bvh_nodeid[first : first + count] = [self._geoms[b][g] if g >= 0 else -1 for g in node]
+        if not self._constants:
+            mujoco.mj_setConst(model, self._data)
+            self._statistics.write(model, self._data)
+
+
+class Prepared:
+    """Variants that are worked out and not written yet."""
+
+    __slots__ = ("blocks", "inertials", "numbers", "worked")
+
+    def __init__(self, numbers: Array, blocks: list[Array], inertials: Array | None, worked: Worked | None) -> None:
+        self.numbers = numbers
+        self.blocks = blocks
+        self.inertials = inertials
+        self.worked = worked
+
+
+def plain_text(rehearsal: Rehearsal) -> str:
+    """The text of the model with the numbers of the rehearsal."""
+    return TextTemplate(rehearsal).text(tuple(rehearsal.tape.values[line] for line in rehearsal.tape.written.values()))
+
+
+class TextTemplate:
+    """The text of a model with gaps. `outputs` are the numbers for them, in the order in which `text` takes their values; `why` it is not
+    `Arrays`."""
+
+    def __init__(self, rehearsal: Rehearsal, why: str = "") -> None:
+        import re
+
+        tape = rehearsal.tape
+        self.why = why
+        self.outputs = [Traced(tape, line, tape.values[line]) for line in tape.written.values()]
+        tokens = list(tape.written)
+        if not tokens:
+            self._pieces: list[str | int] = [rehearsal.made]
+            return
+        places = {token: k for k, token in enumerate(tokens)}
+        pattern = re.compile("(" + "|".join(map(re.escape, tokens)) + ")")
+        self._pieces = [places.get(piece, piece) for piece in pattern.split(rehearsal.made)]
+
+    def text(self, values: Sequence[float]) -> str:
+        """The text with these values, written as the compiler writes numbers."""
+        from thingc.emit import number_text
+
+        words = [number_text(value) for value in values]
+        return "".join(piece if isinstance(piece, str) else words[piece] for piece in self._pieces)

@@ -1,0 +1,182 @@
+"""Results of many settings of one family."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from thingc import pipeline
+from thingc.diagnostics import Code, Diagnostic, Report
+from thingc.expressions import ExpressionError, Found
+from thingc.families import plans
+from thingc.families.plans import Form, Recipe
+from thingc.families.reading import Read, SettingsReader
+from thingc.families.rehearsal import Rehearsal, rehearse
+from thingc.families.results import Evaluated
+from thingc.families.tape import Tape, Traced
+from thingc.typos import did_you_mean
+from thingc.variants.measure import Results, UnknownMount, measure
+from thingc.variants.rules import Rule
+
+if TYPE_CHECKING:
+    from thingc.pipeline import Compilation
+    from thingc.session import Session
+
+Item = tuple[Mapping[str, Any], Read]
+
+
+class Evaluation:
+    """Results of one mode, in a pose of it; `reach` are the references of two mounts, `rules` those that are to be kept, `values` what
+    parameters come to with some settings. `verify` as that of `ModelsOfMode`."""
+
+    def __init__(
+        self, session: Session, reader: SettingsReader, mode: str, *, pose: str | None, reach: tuple[str, str] | None,
+        rules: Sequence[Rule], values: Any, verify: int | None,
+    ) -> None:
+        self.session = session
+        self.reader = reader
+        self.mode = mode
+        self.pose = pose
+        self.reach = reach
+        self.rules = tuple(rules)
+        self.values = values
+        self.verify = verify
+        self.forms: dict[Any, Form[_Shape]] = {}
+        self._made = 0
+
+    def each(self, many: Iterable[Item], *, tests: bool) -> Iterator[Evaluated]:
+        """What comes of each, in order."""
+        for settings, read in many:
+            found = None if tests else self._planned(read)
+            if found is None:
+                yield self._passed(settings, read, tests)
+                continue
+            plan, outputs = found
+            results = plan.made.results(outputs)
+            self._made += 1
+            if self._made & (self._made - 1) == 0 if self.verify is None else self.verify > 0 and self._made % self.verify == 0:
+                whole = self._measured(read)
+                if whole != (results, plan.made.problems):
+                    form = self.form(read)
+                    form.plans, form.refused = [], f"a plan gave other results for {dict(zip(read.names, read.values))}"
+                    yield self._passed(settings, read, tests)
+                    continue
+            yield self._judged(settings, read, results, plan.made.problems)
+
+    def form(self, read: Read) -> Form[_Shape]:
+        """What is known of settings of these names and texts."""
+        key = (read.names, read.texts)
+        if key not in self.forms:
+            if len(self.forms) >= 256:
+                self.forms.clear()
+            self.forms[key] = Form()
+        return self.forms[key]
+
+    def _planned(self, read: Read) -> tuple[Recipe[_Shape], tuple[float, ...]] | None:
+        if read.report is not None or not read.names:
+            return None
+        form = self.form(read)
+        known = form.plan_for(read)
+        if known is not None or not form.worth_it(read):
+            return known
+        first = self._measured(read)
+        if not first[0]:
+            return None
+
+        def attempt(quantities: Mapping[str, Any], texts: Mapping[str, str]) -> Rehearsal:
+            return rehearse(self.session, self.mode, quantities, texts, self._traced)
+
+        def finish(rehearsal: Rehearsal) -> tuple[Sequence[Any], _Shape]:
+            shape = _Shape(rehearsal.made, first[1])
+            return shape.outputs, shape
+
+        plan = plans.make(read, self.reader, attempt, finish, form)
+        if plan is None:
+            return None
+        for sample in plans.samples(read, self.reader, form):
+            outputs = plan.outputs(sample.values)
+            whole = self._measured(sample)
+            if outputs is not None and whole[0] and whole != (plan.made.results(outputs), plan.made.problems):
+                form.refused = "a plan gave other results"
+                return None
+        form.add(plan)
+        return form.plan_for(read)
+
+    def _traced(self, compilation: Compilation, tape: Tape) -> Results:
+        return measure(compilation.robots[0], self.pose, self.reach)
+
+    # --- through every pass ---------------------------------------------------------------------------------------------
+
+    def _measured(self, read: Read) -> tuple[Results, tuple[Diagnostic, ...]]:
+        results, report, _ = self._compiled(read)
+        return results, tuple(report.ordered())
+
+    def _compiled(self, read: Read) -> tuple[Results, Report, Compilation | None]:
+        """The results, none where the settings are refused; all that was said."""
+        if read.report is not None:
+            return {}, read.report, None
+        compilation = self.session.compile(self.reader.settings(read), (self.mode,))
+        report: Report = compilation.report
+        if report.failed or not compilation.robots:
+            return {}, report, None
+        try:
+            return measure(compilation.robots[0], self.pose, self.reach), report, compilation
+        except UnknownMount as fault:
+            help = did_you_mean(fault.text, fault.known, what="mounts")
+            report.add(Code.RESULT, f"there is no mount `{fault.text}` for the reach", None, help=help)
+            return {}, report, None
+
+    def _passed(self, settings: Mapping[str, Any], read: Read, tests: bool) -> Evaluated:
+        results, report, compilation = self._compiled(read)
+        done: tuple[Any, ...] = ()
+        if tests and compilation is not None:
+            from thingc.testing import Selection, run
+
+            whole = self.session.compile(self.reader.settings(read))
+            report = whole.report
+            if not report.failed:
+                said = len(report.diagnostics)
+                done = tuple(run(pipeline.request_of(self.session.environment, whole), Selection()))
+                del report.diagnostics[said:]  # what fails is in the tests' results
+        return self._judged(settings, read, results, tuple(report.ordered()), done)
+
+    def _judged(
+        self, settings: Mapping[str, Any], read: Read, results: Results, problems: tuple[Diagnostic, ...], tests: tuple[Any, ...] = (),
+    ) -> Evaluated:
+        broken = None
+        if results and self.rules:
+            broken, more = self._broken(read, results)
+            problems = (*problems, *more)
+        return Evaluated(settings=settings, results=results, problems=problems, broken=broken, tests=tests)
+
+    def _broken(self, read: Read, results: Results) -> tuple[str | None, tuple[Diagnostic, ...]]:
+        """The first rule that is not kept, and what is wrong with rules."""
+        given: dict[str, Found] = {**self.reader.quantities(read)}
+        given.update((name, text) for name, text in read.texts if name in self.reader.parameters)
+        values = self.values(given)
+        report = Report()
+        for rule in self.rules:
+            try:
+                if not rule.holds(values, results):
+                    return rule.text, ()
+            except KeyError as fault:
+                message = f"`{rule.text}`: there is no `{fault.args[0]}` in mode `{self.mode}`"
+                report.add(Code.RESULT, message, None, help="choose another mode or pose for the results, or take the rule out")
+            except ExpressionError as fault:
+                report.add(Code.RULE, f"`{rule.text}`: {fault.message}", None, help=fault.help)
+        return None, tuple(report.ordered())
+
+
+class _Shape:
+    """Results whose numbers differ; those that do not are there. `problems` is what is said of each."""
+
+    def __init__(self, results: Mapping[str, Any], problems: tuple[Diagnostic, ...]) -> None:
+        self.problems = problems
+        self.outputs = [value for value in results.values() if isinstance(value, Traced)]
+        self._names = [name for name, value in results.items() if isinstance(value, Traced)]
+        self._all = {name: None if isinstance(value, Traced) else value for name, value in results.items()}
+
+    def results(self, outputs: tuple[float, ...]) -> Results:
+        return {**self._all, **dict(zip(self._names, outputs))}
+
+

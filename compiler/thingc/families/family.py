@@ -1,0 +1,262 @@
+"""`thingc.family(document)`."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, overload
+
+from thingc.api import CompileError
+from thingc.diagnostics import Diagnostic, Report
+from thingc.environment import Options
+from thingc.expressions import Expression, ExpressionError, Found, evaluate
+from thingc.families.arrays import TextTemplate
+from thingc.families.evaluation import Evaluation
+from thingc.families.models import ModelsOfMode
+from thingc.families.plans import Form
+from thingc.families.reading import Read, SettingsReader
+from thingc.families.results import Evaluated, Explanation, NoModel
+from thingc.families.space import Space, of_axes, of_parameters
+from thingc.pipeline import Settings, UnknownChoice
+from thingc.session import Session
+from thingc.spec.assembly import AssemblySpec, ParameterSpec
+from thingc.typos import did_you_mean
+from thingc.units import Quantity
+
+if TYPE_CHECKING:
+    import mujoco
+
+    from thingc.pipeline import Sources
+    from thingc.variants.planning import Plan, Variant
+
+Given = "Mapping[str, Any] | Variant"
+
+
+class RobotFamily:
+    """A document as a family of robots, kept in memory. A context manager: leaving it ends the worker that models parts.
+
+    Settings are mappings from the name of a parameter, or the path of anything in the document (`joints.elbow.limit.upper`,
+    `components.bus_board.mass`, `joints.*.dynamics.damping`), to a number in SI or a text as documents have it; or a `Variant` of a plan.
+    They are checked as those of `thingc build -p` are, and what is wrong with them is in the answers. The documents are read once: later
+    changes are not seen.
+
+    `verify`: of so many models and results that come without a compilation one is compared with one (0: none is; None: the first, the
+    second, the fourth, the eighth ...). Not for several threads at once.
+    """
+
+    def __init__(
+        self, document: str | os.PathLike[str], *, store: str | None = None, jobs: int = 0, mode: str | None = None,
+        verify: int | None = None,
+    ) -> None:
+        """Raises `CompileError` where the document has errors, and `UnknownChoice` for a mode that is not there."""
+        path, options = os.fspath(document), Options(store=store, jobs=jobs)
+        self._plan = _planned(path, options)
+        self._session = Session(self._plan.assembly if self._plan is not None else path, options)
+        sources = self._session.sources
+        report = self._session.report
+        if sources is None or report.failed or not isinstance(sources.specs.get(sources.documents.root.relative), AssemblySpec):
+            self.close()
+            raise CompileError(report.ordered())
+        self._sources: Sources = sources
+        first = self._session.compile(Settings())
+        if first.assembly is None:
+            self.close()
+            raise CompileError(first.report.ordered())
+        self._verify = verify
+        fixed = {} if self._plan is None else {**self._plan.fixed.parameters, **self._plan.fixed.choices}
+        self._reader = SettingsReader(sources, {name: _given(value) for name, value in fixed.items()})
+        self.name: str = first.assembly.name
+        self.modes: tuple[str, ...] = self._plan.modes if self._plan is not None else tuple(one.name for one in first.assembly.modes)
+        self.mode = self.modes[0] if mode is None else self._known(mode)
+        self._models: dict[tuple[str, bool], ModelsOfMode] = {}
+
+    def __enter__(self) -> RobotFamily:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the worker that models parts, if there is one."""
+        self._session.__exit__()
+
+    def __repr__(self) -> str:
+        return f"RobotFamily({self.name!r}, modes=[{', '.join(self.modes)}])"
+
+    # --- what it gives --------------------------------------------------------------------------------------------------
+
+    @overload
+    def evaluate(self, settings: Mapping[str, Any] | Variant, *, tests: bool = False) -> Evaluated: ...
+    @overload
+    def evaluate(self, settings: Iterable[Mapping[str, Any] | Variant], *, tests: bool = False) -> list[Evaluated]: ...
+    def evaluate(self, settings: Any, *, tests: bool = False) -> Evaluated | list[Evaluated]:
+        """The results of settings, of a list of them a list: in the mode and the pose of the document of variants, else in the family's
+        mode. With `tests` those of the assembly's document are run as well. Nothing is raised for what is wrong with settings."""
+        if _single(settings):
+            return next(self._evaluation.each([self._read(settings)], tests=tests))
+        return list(self._evaluation.each(map(self._read, settings), tests=tests))
+
+    def model(
+        self, settings: Mapping[str, Any] | Variant, *, mode: str | None = None, visual: bool = True,
+    ) -> mujoco.MjModel | NoModel:
+        """The compiled model of settings in a mode, of its own; `NoModel`, which is false, where they are. Without `visual` what is only
+        drawn is left out. Raises `UnknownChoice` for a mode that is not there."""
+        return next(self._of(mode, visual).each([self._read(settings)], share=False))
+
+    def models(
+        self, many: Iterable[Mapping[str, Any] | Variant], *, mode: str | None = None, share: bool = False, visual: bool = False,
+    ) -> Iterator[mujoco.MjModel | NoModel]:
+        """The models of many settings, in their order, made as they are asked for (up to 128 settings are read ahead). With `share` one
+        model is lent: it is that of the settings until the next one is asked for; an `MjData` of it goes on being usable as long as it is
+        the same object. `NoModel` stands in place of a model that there is none of. Raises `UnknownChoice` for a mode that is not there."""
+        return self._of(mode, visual).each(map(self._read, many), share=share)
+
+    def write(self, settings: Mapping[str, Any] | Variant, folder: str | os.PathLike[str]) -> tuple[Diagnostic, ...]:
+        """Write what `thingc build` does with these settings into `folder`, byte for byte; all that was said. With errors nothing is
+        written. Raises `OutputError` where the system refuses, and `UnexpectedFilesError` for a folder that holds anything but such a
+        build."""
+        from thingc.emit import chosen
+        from thingc.output import write_build
+
+        _, read = self._read(settings)
+        if read.report is not None:
+            return tuple(read.report.ordered())
+        plan, session = self._plan, self._session
+        compilation = session.compile(self._reader.settings(read, self._units), plan.chosen_modes if plan is not None else ())
+        targets = plan.emit if plan is not None else chosen(())
+        artifacts = {} if compilation.report.failed else session.emit(compilation, targets)
+        if not compilation.report.failed and compilation.documents is not None:
+            files = session.files(compilation, artifacts)
+            parent, name = os.path.split(os.path.abspath(os.fspath(folder)))
+            write_build(parent, name, files, session.environment.store, compilation.documents.root.relative)
+        return tuple(compilation.report.ordered())
+
+    @cached_property
+    def space(self) -> Space:
+        """What may be set: the axes of the document of variants, else the parameters of the assembly."""
+        if self._plan is not None:
+            return of_axes(self._plan.axes, {**self._plan.own, **self._plan.paths.own})
+        return of_parameters(self._spec, self._reader.parameters, self._bound)
+
+    @property
+    def variants(self) -> Iterator[Variant]:
+        """Those that the document of variants plans, in their order; none of an assembly."""
+        return iter(self._plan or ())
+
+    def explain(self, name: str, value: Any = None, *, mode: str | None = None) -> Explanation | NoModel:
+        """Which way a number goes into the models of a mode, by parameter or path: found out by setting it to `value` (None: what stands
+        in the document) and to numbers near it. `NoModel` where it cannot be set to that."""
+        models = self._of(mode, False)
+        settings: dict[str, Any] = {}
+        for one in self._reader.meant(name):
+            if value is not None:
+                settings[one] = value
+                continue
+            kind = self._reader.kind(one)
+            if not isinstance(kind, Quantity):
+                return Explanation(name=name, mode=models.mode, way="passes", why="it is no number in the document")
+            settings[one] = kind.value
+        read = self._reader.read(settings or {name: ""})
+        if read.report is not None:
+            return NoModel(settings=settings, problems=tuple(read.report.ordered()))
+        if not read.names:
+            return Explanation(name=name, mode=models.mode, way="passes", why="it is no number")
+        form: Form[Any] = Form()
+        plan = models.plan(read, form)
+        if plan is None:
+            why = "; ".join(dict.fromkeys(form.why.values())) or form.refused or "these settings are refused"
+            return Explanation(name=name, mode=models.mode, way="passes", why=why)
+        if isinstance(plan.made, TextTemplate):
+            return Explanation(name=name, mode=models.mode, way="text", why=plan.made.why)
+        return Explanation(name=name, mode=models.mode, way="arrays", fields=tuple(sorted(plan.made.written)))
+
+    # --- how ------------------------------------------------------------------------------------------------------------
+
+    def _read(self, settings: Any) -> tuple[Mapping[str, Any], Read]:
+        if not isinstance(settings, Mapping):  # a variant of a plan
+            settings = {**settings.parameters, **settings.choices}
+        return settings, self._reader.read(settings)
+
+    def _known(self, mode: str) -> str:
+        if mode not in self.modes:
+            raise UnknownChoice(f"`{self.name}` has no mode `{mode}`", did_you_mean(mode, self.modes, what="modes"))
+        return mode
+
+    def _of(self, mode: str | None, visual: bool) -> ModelsOfMode:
+        key = (self.mode if mode is None else self._known(mode), visual)
+        if key not in self._models:
+            self._models[key] = ModelsOfMode(self._session, self._reader, key[0], visual=visual, verify=self._verify)
+        return self._models[key]
+
+    @cached_property
+    def _evaluation(self) -> Evaluation:
+        plan = self._plan
+        return Evaluation(
+            self._session, self._reader, self.mode, pose=plan.pose if plan is not None else None,
+            reach=plan.reach if plan is not None else None, rules=plan.rules if plan is not None else (),
+            values=plan.values if plan is not None else dict, verify=self._verify,
+        )
+
+    @property
+    def _spec(self) -> AssemblySpec:
+        spec = self._sources.specs[self._sources.documents.root.relative]
+        assert isinstance(spec, AssemblySpec)
+        return spec
+
+    @cached_property
+    def _units(self) -> Mapping[str, str]:
+        return self._plan.written_in if self._plan is not None else {}
+
+    def _bound(self, name: str, key: str) -> float | None:
+        """A bound of a parameter [SI]."""
+        entry = self._spec.parameters[name]
+        raw: Any = getattr(entry, key) if isinstance(entry, ParameterSpec) else None
+        if isinstance(raw, Expression):
+            try:
+                raw = evaluate(raw, self._reader.parameters)
+            except ExpressionError:
+                return None
+        return raw.value if isinstance(raw, Quantity) else None
+
+
+def _planned(path: str, options: Options) -> Plan | None:
+    """The plan of a document of variants; None of another document. Raises `CompileError` where it has errors."""
+    from thingc.variants.reading import read_plan
+    from thingc.workspace import Workspace
+
+    report = Report()
+    if not _of_variants(path, Workspace.find(os.path.abspath(path), Report())):
+        return None
+    plan = read_plan(path, options, report)
+    if plan is None or report.failed:
+        raise CompileError(report.ordered())
+    return plan
+
+
+def _of_variants(path: str, workspace: Any) -> bool:
+    from thingc.load import load
+
+    if workspace is None:
+        return False
+    documents = load(path, workspace, Report(), kinds=("assembly", "variants"))
+    return documents is not None and documents.root.kind == "variants"
+
+
+def _single(settings: Any) -> bool:
+    return isinstance(settings, Mapping) or not isinstance(settings, (Iterable, Sequence))
+
+
+def _given(value: Found | str) -> Any:
+    return value.value if isinstance(value, Quantity) else value
+
+
+def family(
+    document: str | os.PathLike[str], *, store: str | None = None, jobs: int = 0, mode: str | None = None, verify: int | None = None,
+) -> RobotFamily:
+    """A document of an assembly, or of variants, as a family of robots in memory: see `RobotFamily`.
+
+    `store` is the folder of modelled parts (None: the user's cache), `jobs` how many parts are modelled at once, `mode` the one that is
+    meant where none is said (None: the first), `verify` how often what comes without a compilation is compared with one.
+    """
+    return RobotFamily(document, store=store, jobs=jobs, mode=mode, verify=verify)

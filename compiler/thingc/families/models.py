@@ -1,0 +1,221 @@
+"""Models of one mode, each by the quickest way that gives the very model that a build would."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from thingc import pipeline
+from thingc.diagnostics import Diagnostic, Report
+from thingc.emit import model_sources
+from thingc.families import plans
+from thingc.families.arrays import TOGETHER, Arrays, TextTemplate
+from thingc.families.exact import differing
+from thingc.families.places import NotInArrays
+from thingc.families.plans import Form, Recipe
+from thingc.families.reading import Read, SettingsReader
+from thingc.families.rehearsal import Rehearsal, rehearse, written
+from thingc.families.results import NoModel
+
+if TYPE_CHECKING:
+    import mujoco
+
+    from thingc.emit.artifact import Stored
+    from thingc.session import Session
+
+MESH_BYTES = 256_000_000
+"""How much of meshes MuJoCo is handed at once; when there is more, all is handed anew."""
+
+Item = tuple[Mapping[str, Any], Read]
+
+
+class ModelsOfMode:
+    """Of one mode, with or without what is only drawn. `verify` is how many models are made by a plan for each that is compared with a
+    compilation; None: the first, the second, the fourth, the eighth ..."""
+
+    def __init__(self, session: Session, reader: SettingsReader, mode: str, *, visual: bool, verify: int | None) -> None:
+        self.session = session
+        self.reader = reader
+        self.mode = mode
+        self.visual = visual
+        self.verify = verify
+        self.forms: dict[Any, Form[Arrays | TextTemplate]] = {}
+        self._files: mujoco.MjVfs | None = None
+        self._held: dict[str, Stored] = {}
+        self._made = 0
+
+    def each(self, many: Iterable[Item], *, share: bool) -> Iterator[mujoco.MjModel | NoModel]:
+        """The models, in order; shared ones are lent until the next."""
+        waiting: list[tuple[Item, Recipe[Any], tuple[float, ...]]] = []
+        for item in many:
+            found = self._planned(item[1])
+            if waiting and (found is None or found[0] is not waiting[0][1] or len(waiting) == TOGETHER):
+                yield from self._together(waiting, share)
+                waiting = []
+            if found is None:
+                yield self._passed(item)
+            else:
+                waiting.append((item, *found))
+        yield from self._together(waiting, share)
+
+    def form(self, read: Read) -> Form[Arrays | TextTemplate]:
+        """What is known of settings of these names and texts."""
+        key = (read.names, read.texts)
+        if key not in self.forms:
+            if len(self.forms) >= 256:
+                self.forms.clear()
+            self.forms[key] = Form()
+        return self.forms[key]
+
+    def _planned(self, read: Read) -> tuple[Recipe[Arrays | TextTemplate], tuple[float, ...]] | None:
+        if read.report is not None or not read.names:
+            return None
+        form = self.form(read)
+        known = form.plan_for(read)
+        if known is not None or not form.worth_it(read):
+            return known
+        plan = self.plan(read, form)
+        if plan is None:
+            return None
+        form.add(plan)
+        return form.plan_for(read)
+
+    def plan(self, read: Read, form: Form[Arrays | TextTemplate]) -> Recipe[Arrays | TextTemplate] | None:
+        """A plan that gives what compilations do; None, and the reason in `form`, where there is none."""
+        first = self._compiled(read)
+        if isinstance(first, tuple):  # they are refused, which says nothing of others
+            return None
+
+        def attempt(quantities: Mapping[str, Any], texts: Mapping[str, str]) -> Rehearsal:
+            return rehearse(self.session, self.mode, quantities, texts, written(self.session, self.mode))
+
+        slower = ""
+
+        def finish(rehearsal: Rehearsal) -> tuple[Sequence[Any], Arrays | TextTemplate]:
+            nonlocal slower
+            assets = self._assets_of(read)
+            if not slower:
+                try:
+                    arrays = Arrays(rehearsal, assets, self._load)
+                    return arrays.outputs, arrays
+                except NotInArrays as fault:
+                    slower = f"MuJoCo works with `{fault.attribute}` when it compiles"
+            template = TextTemplate(rehearsal, slower)
+            return template.outputs, template
+
+        while True:
+            plan = plans.make(read, self.reader, attempt, finish, form)
+            if plan is None:
+                return None
+            wrong = self._compared(plan, plans.samples(read, self.reader, form))
+            if not wrong:
+                return plan
+            if isinstance(plan.made, TextTemplate):
+                form.refused = f"a plan gave another model: {wrong}"
+                return None
+            slower = f"a plan by arrays gave another `{wrong}`"
+
+    def _compared(self, plan: Recipe[Arrays | TextTemplate], samples: Sequence[Read]) -> str:
+        """The first field in which models of a plan differ from compiled ones; empty where none does."""
+        for read in samples:
+            outputs = plan.outputs(read.values)
+            whole = self._compiled(read)
+            if outputs is None or isinstance(whole, tuple):
+                continue
+            try:
+                wrong = differing(self._by(plan, outputs), whole)
+            except ValueError as fault:
+                return " ".join(str(fault).split())
+            if wrong:
+                return wrong[0]
+        return ""
+
+    def _by(self, plan: Recipe[Arrays | TextTemplate], outputs: tuple[float, ...]) -> mujoco.MjModel:
+        if isinstance(plan.made, TextTemplate):
+            return self._load(plan.made.text(outputs))
+        plan.made.put(plan.made.prepare([outputs]), 0)
+        return plan.made.model
+
+    def _together(self, waiting: Sequence[tuple[Item, Recipe[Any], tuple[float, ...]]], share: bool) -> Iterator[mujoco.MjModel | NoModel]:
+        if not waiting:
+            return
+        plan = waiting[0][1]
+        if isinstance(plan.made, TextTemplate):
+            for item, _, outputs in waiting:
+                yield self._checked(item, plan, self._load(plan.made.text(outputs)))
+            return
+        try:
+            prepared = plan.made.prepare([outputs for _, _, outputs in waiting])
+        except ValueError:  # one of them MuJoCo refuses
+            for item, _, _ in waiting:
+                yield self._passed(item)
+            return
+        for index, (item, _, _) in enumerate(waiting):
+            plan.made.put(prepared, index)
+            model = self._checked(item, plan, plan.made.model)
+            yield model if share or model is not plan.made.model else copy.copy(model)
+
+    def _checked(self, item: Item, plan: Recipe[Any], model: mujoco.MjModel) -> mujoco.MjModel | NoModel:
+        """The model of a plan, or the compiled one where that is another: the plan is then given up."""
+        self._made += 1
+        due = self._made & (self._made - 1) == 0 if self.verify is None else self.verify > 0 and self._made % self.verify == 0
+        if not due:
+            return model
+        whole = self._compiled(item[1])
+        wrong = ["all"] if isinstance(whole, tuple) else differing(model, whole)
+        if not wrong:
+            return model
+        form = self.form(item[1])
+        form.plans = [one for one in form.plans if one is not plan]
+        form.refused = f"a plan gave another `{wrong[0]}` for {dict(zip(item[1].names, item[1].values))}"
+        return NoModel(settings=item[0], problems=whole) if isinstance(whole, tuple) else whole
+
+    def _passed(self, item: Item) -> mujoco.MjModel | NoModel:
+        found = self._compiled(item[1])
+        return NoModel(settings=item[0], problems=found) if isinstance(found, tuple) else found
+
+    # --- through every pass ---------------------------------------------------------------------------------------------
+
+    def _compiled(self, read: Read) -> mujoco.MjModel | tuple[Diagnostic, ...]:
+        """The model by every pass; else what is wrong."""
+        if read.report is not None:
+            return tuple(read.report.ordered())
+        compilation = self.session.compile(self.reader.settings(read), (self.mode,))
+        report: Report = compilation.report
+        if report.failed:
+            return tuple(report.ordered())
+        texts, assets = model_sources(pipeline.request_of(self.session.environment, compilation, verify=False))
+        if report.failed:
+            return tuple(report.ordered())
+        self._mount(assets)
+        try:
+            return self._load(texts[self.mode])
+        except ValueError:
+            self.session.emit(compilation, ["mjcf"])  # which says what it is about
+            return tuple(report.ordered())
+
+    def _assets_of(self, read: Read) -> dict[str, bytes]:
+        compilation = self.session.compile(self.reader.settings(read), (self.mode,))
+        _, assets = model_sources(pipeline.request_of(self.session.environment, compilation, verify=False))
+        self._mount(assets)
+        return {file: self.session.environment.store.read(stored.sha256) for file, stored in assets.items()}
+
+    def _mount(self, assets: Mapping[str, Stored]) -> None:
+        import mujoco
+
+        if self._files is None or sum(stored.size for stored in self._held.values()) > MESH_BYTES:
+            self._files, self._held = mujoco.MjVfs(), {}
+        for file, stored in assets.items():
+            if self._held.get(file) != stored:
+                if file in self._held:
+                    del self._files[file]
+                self._files[file] = self.session.environment.store.read(stored.sha256)
+                self._held[file] = stored
+
+    def _load(self, text: str) -> mujoco.MjModel:
+        import mujoco
+
+        if not self.visual:
+            text = text.replace("<compiler ", '<compiler discardvisual="true" ', 1)
+        return mujoco.MjModel.from_xml_string(text, vfs=self._files)

@@ -1,0 +1,165 @@
+"""Plans: how settings of one form become a model, or results, without a compilation. Made once for many, and checked against
+compilations."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Generic, TypeVar
+
+from thingc.families.program import Run, compiled
+from thingc.families.reading import Read, SettingsReader
+from thingc.families.rehearsal import NotTraceable, Rehearsal, pinned
+from thingc.frozen import dataclass
+from thingc.units import Quantity
+
+Made = TypeVar("Made")
+
+Rehearse = Callable[[Mapping[str, Quantity], Mapping[str, str]], Rehearsal]
+
+MOST = 32
+"""Plans that are kept of one form of settings: those used least lately are given up."""
+CHECKED = 2
+"""Settings near those that a plan is made for with which it is compared before it is used, besides these themselves."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recipe(Generic[Made]):
+    """How numbers of some names become `made`. `fixed` are those of the names that it is of one value of; `run` takes the values of the
+    others, `free`."""
+
+    free: tuple[int, ...]
+    fixed: tuple[tuple[int, float], ...]
+    run: Run
+    made: Made
+
+    def outputs(self, values: Sequence[float]) -> tuple[float, ...] | None:
+        """What `made` works with, of the values of all names; None where the plan is not of these."""
+        for at, value in self.fixed:
+            if values[at] != value:
+                return None
+        try:
+            return self.run(*[values[at] for at in self.free])
+        except (ArithmeticError, ValueError):
+            return None
+
+
+class Form(Generic[Made]):
+    """The plans of settings of the same names and the same texts. `why` says in words of each name that is not followed why that is so;
+    `refused` why there is no plan at all."""
+
+    def __init__(self) -> None:
+        self.plans: list[Recipe[Made]] = []
+        self.why: dict[str, str] = {}
+        self.refused: str | None = None
+        self.missed = 0
+        self._seen: dict[tuple[float, ...], int] = {}
+
+    def plan_for(self, read: Read) -> tuple[Recipe[Made], tuple[float, ...]] | None:
+        """The plan that is of these settings, and what it works with."""
+        for number, plan in enumerate(self.plans):
+            outputs = plan.outputs(read.values)
+            if outputs is not None:
+                if number:
+                    self.plans.insert(0, self.plans.pop(number))
+                return plan, outputs
+        return None
+
+    def worth_it(self, read: Read) -> bool:
+        """Whether a plan should be made for settings that none is of: a number that is modelled is often never the same again."""
+        if self.refused is not None:
+            return False
+        if not self.why:
+            self.missed += 1
+            return self.missed & (self.missed - 1) == 0
+        held = tuple(value for name, value in zip(read.names, read.values) if name in self.why)
+        if len(self._seen) > 1000:
+            self._seen.clear()
+        self._seen[held] = seen = self._seen.get(held, 0) + 1
+        return len(self.why) < len(read.names) and seen > 1 and seen & (seen - 1) == 0
+
+    def add(self, plan: Recipe[Made]) -> None:
+        """Another plan, which is tried first."""
+        self.plans = [plan, *self.plans[: MOST - 1]]
+
+
+def make(
+    read: Read, reader: SettingsReader, rehearse: Rehearse, finish: Callable[[Rehearsal], tuple[Sequence[Any], Made]], form: Form[Made],
+) -> Recipe[Made] | None:
+    """A plan for these settings; None, and the reason in `form`, where there is none. `finish` makes of a rehearsal what a plan needs, and
+    the numbers that this works with."""
+    quantities = reader.quantities(read)
+    texts = dict(read.texts)
+    while True:
+        free = [name for name in read.names if name not in form.why]
+        held = {name: _as_text(quantities[name]) for name in read.names if name in form.why}
+        if not free:
+            form.refused = "none of the numbers is followed"
+            return None
+        near = {name: _near(quantities[name], random.Random(name)) for name in free}
+        rehearsal, fault = _attempt(rehearse, near, {**texts, **held})
+        if rehearsal is None:
+            rehearsal, fault = _attempt(rehearse, {name: quantities[name] for name in free}, {**texts, **held})
+        if rehearsal is None:
+            assert fault is not None
+            blamed = [name for name in fault.names if name in free] or _culprits(rehearse, near, {**texts, **held})
+            if not blamed:
+                form.refused = fault.why
+                return None
+            form.why.update(dict.fromkeys(blamed, fault.why))
+            continue
+        if known := pinned(rehearsal):
+            form.why.update(dict.fromkeys(known, "a pass wants to know the very value"))
+            continue
+        try:
+            outputs, made = finish(rehearsal)
+        except NotTraceable as refused:
+            form.refused = refused.why
+            return None
+        return Recipe(
+            free=tuple(read.names.index(name) for name in free),
+            fixed=tuple((at, read.values[at]) for at, name in enumerate(read.names) if name in form.why),
+            run=compiled(rehearsal.tape, outputs), made=made,
+        )
+
+
+def samples(read: Read, reader: SettingsReader, form: Form[Any]) -> list[Read]:
+    """Settings by which a plan is judged: these, and some near them."""
+    found = [read]
+    for number in range(CHECKED):
+        source = random.Random(number)
+        quantities = reader.quantities(read)
+        values = [
+            read.values[at] if name in form.why else _near(quantities[name], source).value for at, name in enumerate(read.names)
+        ]
+        found.append(Read(names=read.names, values=tuple(values), texts=read.texts))
+    return found
+
+
+def _attempt(rehearse: Rehearse, numbers: Mapping[str, Quantity], texts: Mapping[str, str]) -> tuple[Rehearsal | None, NotTraceable | None]:
+    try:
+        return rehearse(numbers, texts), None
+    except NotTraceable as fault:
+        return None, fault
+
+
+def _culprits(rehearse: Rehearse, numbers: Mapping[str, Quantity], texts: Mapping[str, str]) -> list[str]:
+    """Those of several numbers that cannot be followed by themselves."""
+    if len(numbers) == 1:
+        return list(numbers)
+    alone = {
+        name: {**texts, **{other: _as_text(one) for other, one in numbers.items() if other != name}} for name in numbers
+    }
+    return [name for name, others in alone.items() if _attempt(rehearse, {name: numbers[name]}, others)[0] is None]
+
+
+def _near(quantity: Quantity, source: random.Random) -> Quantity:
+    """A number beside another, which is nothing in particular."""
+    share = source.uniform(-1e-3, 1e-3)
+    return Quantity(quantity.value * (1.0 + share) if quantity.value else share, quantity.dimension)
+
+
+def _as_text(quantity: Quantity) -> str:
+    from thingc.variants.values import text_of
+
+    return text_of(quantity)

@@ -1,0 +1,145 @@
+"""Settings as they are given: by the name of a parameter, or by the path of anything in the document; a number in SI, or text as documents
+have it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from fnmatch import fnmatchcase
+from typing import Any
+
+from thingc.diagnostics import Code, Report
+from thingc.expressions import Expression, ExpressionError, Found, evaluate
+from thingc.frozen import dataclass
+from thingc.pipeline import Settings, Sources
+from thingc.resolve import AssemblyParameters
+from thingc.source import SET, MappingNode, Node
+from thingc.spec import stated_value
+from thingc.units import NUMBER, Quantity, UnitError, parse_quantity
+from thingc.variants.values import text_of
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Read:
+    """Settings that have been read: `names` of numbers, sorted, and their `values` in SI; all else as `texts`. What is wrong with them is
+    in `report` (None: nothing)."""
+
+    names: tuple[str, ...]
+    values: tuple[float, ...]
+    texts: tuple[tuple[str, str], ...]
+    report: Report | None = None
+
+
+class SettingsReader:
+    """Reads settings of one document. `parameters` are its own, by name."""
+
+    def __init__(self, sources: Sources, fixed: Mapping[str, str] | None = None) -> None:
+        declared = AssemblyParameters(sources.documents, sources.specs, sources.workspace)
+        self.parameters: Mapping[str, Found] = declared.values
+        self.fixed = dict(fixed or {})
+        self._documents = sources.documents
+        self._kinds: dict[str, Found | None] = {}
+        self._meant: dict[str, tuple[str, ...]] = {}
+
+    def kind(self, name: str) -> Found | None:
+        """What stands there in the document, or by default; None where nothing does, or nobody knows what it comes to."""
+        if name not in self._kinds:
+            self._kinds[name] = self.parameters.get(name) if "." not in name else self._stated(name)
+        return self._kinds[name]
+
+    def _stated(self, path: str) -> Found | None:
+        section, _, rest = path.partition(".")
+        by_default = f"defaults.{section[:-1]}.{rest.partition('.')[2]}"
+        for place in (path, by_default) if section in ("joints", "components") else (path,):
+            stated = stated_value(self._documents, place)
+            if isinstance(stated, Expression):
+                try:
+                    stated = evaluate(stated, self.parameters)
+                except ExpressionError:
+                    stated = None
+            if stated is not None:
+                return stated
+        return None
+
+    def meant(self, name: str) -> tuple[str, ...]:
+        """The names that one with stars stands for (`joints.*.dynamics.damping`); one without is itself."""
+        known = self._meant.get(name)
+        if known is None:
+            known = self._meant[name] = (name,) if "*" not in name else tuple(_matching(self._documents.root.tree, name.split(".")))
+        return known
+
+    def read(self, settings: Mapping[str, Any]) -> Read:
+        """The settings, over those that hold for the whole family."""
+        numbers: dict[str, float] = {}
+        texts: dict[str, str] = {}
+        report: Report | None = None
+        for given, value in (*self.fixed.items(), *settings.items()):
+            names = self.meant(given)
+            if not names:
+                report = report or Report()
+                report.add(Code.CHOICE_OPTION, f"nothing in the document is meant by `{given}`", None, path=f"{SET}{given}")
+            for name in names:
+                numbers.pop(name, None)
+                texts.pop(name, None)
+                number = self._number(name, value)
+                if number is not None:
+                    numbers[name] = number
+                else:
+                    texts[name] = _text(value)
+        ordered = sorted(numbers.items())
+        return Read(
+            names=tuple(name for name, _ in ordered), values=tuple(value for _, value in ordered), texts=tuple(sorted(texts.items())),
+            report=report,
+        )
+
+    def _number(self, name: str, value: Any) -> float | None:
+        """A value in SI; None where it is no number, or one of another kind than what stands there."""
+        kind = self.kind(name)
+        if isinstance(value, str) and (isinstance(kind, Quantity) or (kind is None and "." in name)):
+            try:
+                found = parse_quantity(value)
+            except UnitError:
+                return None
+            if kind is None and found.dimension != NUMBER:
+                kind = self._kinds[name] = found  # nothing stands there: it is what is set first
+            return found.value if isinstance(kind, Quantity) and found.dimension == kind.dimension else None
+        if not isinstance(kind, Quantity) or isinstance(value, bool):
+            return None
+        try:
+            return float(value) + 0.0
+        except (TypeError, ValueError):
+            return None
+
+    def quantities(self, read: Read) -> dict[str, Quantity]:
+        """The numbers with their dimensions."""
+        found = {}
+        for name, value in zip(read.names, read.values):
+            kind = self.kind(name)
+            assert isinstance(kind, Quantity)
+            found[name] = Quantity(value, kind.dimension)
+        return found
+
+    def settings(self, read: Read, units: Mapping[str, str] | None = None) -> Settings:
+        """As `thingc build -p` and `--set` take them: the same number to the last bit, in a unit of its own or in SI."""
+        units = units or {}
+        texts = {**{name: text_of(number, units.get(name, "")) for name, number in self.quantities(read).items()}, **dict(read.texts)}
+        return Settings(
+            parameters={name: text for name, text in texts.items() if "." not in name},
+            choices={name: text for name, text in texts.items() if "." in name},
+        )
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return value if isinstance(value, str) else repr(value.item() if hasattr(value, "item") else value)
+
+
+def _matching(node: Node | None, words: Sequence[str], before: tuple[str, ...] = ()) -> list[str]:
+    """The paths below a node that words with stars stand for; behind the last star a path need not be there yet."""
+    if not any("*" in word for word in words):
+        return [".".join((*before, *words))]
+    if not isinstance(node, MappingNode):
+        return []
+    first, *rest = words
+    names = [key for key in node.entries if fnmatchcase(key, first)]
+    return [path for name in names for path in _matching(node.entries[name], rest, (*before, name))]

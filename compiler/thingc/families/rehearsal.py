@@ -1,0 +1,200 @@
+"""One compilation with numbers on a tape: what of a document's numbers reaches a model, and how."""
+
+from __future__ import annotations
+
+import copy
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import fields, is_dataclass, replace
+from typing import Any
+
+from pydantic import BaseModel
+
+from thingc import pipeline
+from thingc.diagnostics import Report
+from thingc.emit import model_sources
+from thingc.families.program import variables_of
+from thingc.families.tape import Tape, Traced, tracing
+from thingc.frozen import dataclass
+from thingc.memo import Memo
+from thingc.pipeline import Compilation, Settings, Sources
+from thingc.realize.record import PartDefinition
+from thingc.resolve import with_values
+from thingc.session import Session
+from thingc.spec import Specs, is_value, nested
+from thingc.spec.assembly import AssemblySpec, ParameterSpec
+from thingc.units import Quantity
+from thingc.variants.values import text_of
+
+_TOKENS = re.compile(r"[0-9.]+e-2[67][0-9]")
+"""Tokens of tapes, and what might become of them."""
+
+
+class NotTraceable(Exception):
+    """A number that cannot be followed: `names` are the settings that it comes from (none: nobody knows), `why` in words."""
+
+    def __init__(self, why: str, names: Sequence[str] = ()) -> None:
+        super().__init__(why)
+        self.why = why
+        self.names = tuple(names)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rehearsal:
+    """What came of it: `made` of the compilation, whose numbers may be traced, the tape, and the names of the variables in their order."""
+
+    made: Any
+    tape: Tape
+    names: tuple[str, ...]
+
+
+def rehearse(
+    session: Session, mode: str, numbers: Mapping[str, Quantity], texts: Mapping[str, str], make: Callable[[Compilation, Tape], Any],
+) -> Rehearsal:
+    """Compile one mode with `numbers` traced, and `texts` as they are, both by parameter or path, and `make` something of that. Raises
+    `NotTraceable`."""
+    tape = Tape()
+    environment = copy.copy(session.environment)
+    environment.memo = Memo()
+    environment.__dict__["parts"] = _NoNumbers(session.environment.parts)
+    sources, settings = _sources(session, numbers, texts, tape)
+    with tracing():
+        try:
+            compilation = pipeline.recompile(environment, sources, settings, (mode,))
+            if compilation.report.failed or len(compilation.robots) != 1:
+                raise NotTraceable("it is not sound there")
+            made = make(compilation, tape)
+        except _Geometry as fault:
+            raise NotTraceable(f"`{fault.label}` is modelled by it", _names(tape, list(numbers), fault.number)) from None
+        except (TypeError, ValueError, ArithmeticError, AttributeError) as fault:
+            raise NotTraceable(f"a pass takes no number that differs ({type(fault).__name__}: {fault})") from fault
+    return Rehearsal(made=made, tape=tape, names=tuple(numbers))
+
+
+def written(session: Session, mode: str) -> Callable[[Compilation, Tape], str]:
+    """For `rehearse`: the text of the model, with tokens of the tape in it."""
+
+    def make(compilation: Compilation, tape: Tape) -> str:
+        request = replace(pipeline.request_of(session.environment, compilation, verify=False), memo=Memo())
+        tape.writing = True
+        try:
+            text = model_sources(request)[0][mode]
+        finally:
+            tape.writing = False
+        if any(word not in tape.written for word in _TOKENS.findall(text)):
+            raise NotTraceable("it is worked with where the model is written")
+        return text
+
+    return make
+
+
+def pinned(rehearsal: Rehearsal) -> list[str]:
+    """The settings of which a pass wanted to know the very value."""
+    found: dict[str, None] = {}
+    for number in rehearsal.tape.pinned:
+        found.update(dict.fromkeys(_names(rehearsal.tape, rehearsal.names, number)))
+    return list(found)
+
+
+def _names(tape: Tape, names: Sequence[str], number: Traced) -> list[str]:
+    return [names[k] for k in variables_of(tape, number)]
+
+
+class _Geometry(Exception):
+    def __init__(self, label: str, number: Traced) -> None:
+        super().__init__(label)
+        self.label = label
+        self.number = number
+
+
+class _NoNumbers:
+    """Who answers for parts, asked for none that a traced number makes: it would be modelled for a number of no meaning."""
+
+    def __init__(self, parts: Any) -> None:
+        self._parts = parts
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._parts, name)
+
+    def realize(self, definitions: Sequence[PartDefinition], **named: Any) -> Any:
+        _refuse(definitions)
+        return self._parts.realize(definitions, **named)
+
+    def slice(self, definitions: Sequence[PartDefinition], records: Any, slicings: Any) -> Any:
+        _refuse(slicings)
+        return self._parts.slice(definitions, records, slicings)
+
+
+def _refuse(value: Any, label: str = "a part") -> None:
+    """Raises `_Geometry` where a traced number stands anywhere in a value."""
+    if isinstance(value, Traced):
+        raise _Geometry(label, value)
+    if isinstance(value, PartDefinition):
+        label = value.label
+    for one in _inner(value):
+        _refuse(one, label)
+
+
+def _inner(value: Any) -> Iterator[Any]:
+    if isinstance(value, Mapping):
+        yield from value.keys()
+        yield from value.values()
+    elif isinstance(value, (tuple, list, frozenset, set)):
+        yield from value
+    elif is_dataclass(value) and not isinstance(value, type):
+        yield from (getattr(value, one.name) for one in fields(value))
+
+
+def _sources(session: Session, numbers: Mapping[str, Quantity], texts: Mapping[str, str], tape: Tape) -> tuple[Sources, Settings]:
+    """The documents with traced numbers in them, and the settings that are left."""
+    own = session.sources
+    assert own is not None
+    documents, specs = own.documents, own.specs
+    relative = documents.root.relative
+    traced = {name: Quantity(tape.variable(number.value), number.dimension) for name, number in numbers.items()}  # type: ignore[arg-type]
+    if inner := [name for name in numbers if "." in name and nested(name) is not None]:
+        raise NotTraceable("it stands in a nested document", inner)
+    at_paths = {name: text for name, text in texts.items() if "." in name and is_value(name) and nested(name) is None}
+    tokens = {name: text_of(number) for name, number in numbers.items() if "." in name}
+    spec = specs[relative]
+    if at_paths or tokens:
+        report = Report()
+        documents, spec = with_values(documents, specs, own.workspace, {**at_paths, **tokens}, report)
+        if report.failed:
+            raise NotTraceable("it is not sound there", list(tokens))
+    assert isinstance(spec, AssemblySpec)
+    for name in tokens:
+        spec, places = _replaced(spec, numbers[name], traced[name])
+        if places != 1:
+            raise NotTraceable("it cannot be told apart in its document", [name])
+    entries = dict(spec.parameters)
+    for name in numbers:
+        if "." not in name:
+            entry = entries[name]
+            value = traced[name]
+            entries[name] = entry.model_copy(update={"value": value}) if isinstance(entry, ParameterSpec) else value
+    spec = spec.model_copy(update={"parameters": entries})
+    changed = Specs({**specs, relative: spec})
+    changed.doubts, changed.allowances = specs.doubts, specs.allowances
+    left = Settings(
+        parameters={name: text for name, text in texts.items() if "." not in name},
+        choices={name: text for name, text in texts.items() if "." in name and name not in at_paths},
+    )
+    return Sources(workspace=own.workspace, documents=documents, specs=changed, schemas=own.schemas), left
+
+
+def _replaced(value: Any, old: Quantity, new: Quantity) -> tuple[Any, int]:
+    """A model with `new` wherever it has `old`, and at how many places."""
+    if isinstance(value, Quantity):
+        return (new, 1) if type(value.value) is float and value == old else (value, 0)
+    if isinstance(value, BaseModel):
+        made = {name: _replaced(one, old, new) for name, one in vars(value).items()}
+        count = sum(places for _, places in made.values())
+        return (value.model_copy(update={name: one for name, (one, places) in made.items() if places}), count) if count else (value, 0)
+    if isinstance(value, Mapping):
+        entries = {name: _replaced(one, old, new) for name, one in value.items()}
+        return {name: one for name, (one, _) in entries.items()}, sum(places for _, places in entries.values())
+    if isinstance(value, (list, tuple)):
+        items = [_replaced(one, old, new) for one in value]
+        return type(value)(one for one, _ in items), sum(places for _, places in items)
+    return value, 0

@@ -1,0 +1,291 @@
+"""What passes do with a few numbers, written down while they do it: a tape, which is worked through again with other numbers.
+
+A `Traced` stands for a number in the passes. It knows its value, and what is worked out of it is another `Traced`, with a line on the tape:
+which operation, of what. Where a pass decides by it (`if mass > 0`), the decision goes onto the tape as well, as a *guard*: with numbers
+for which it comes out differently the tape says nothing. Nothing else can be learned of a `Traced` without the tape's hearing of it:
+it is no float, so that whoever needs one (a part's parameters, a count, a text) must ask for it, and then its value is guarded.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from thingc import inertia, pose
+
+Number = Any
+"""A float, an int or a `Traced`."""
+
+_ELEMENTARY = ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "hypot", "copysign", "radians", "degrees", "remainder", "fmod")
+"""Functions of `math` of one result, worked out as they are."""
+
+WHOLE = ((pose, "quarter_exact"), (inertia, "principal_axes"))
+"""Functions of ours that are one line of a tape, because what they decide on the way is nobody's business: the module, and their name."""
+
+
+class Tape:
+    """The lines, in the order in which they came to be. A line is `(operation, arguments)`; arguments are numbers, and `Ref`s to lines."""
+
+    def __init__(self) -> None:
+        self.lines: list[tuple[str, tuple[Any, ...]]] = []
+        self.values: list[Any] = []
+        self.guards: list[tuple[int, str, tuple[Any, ...], Any]] = []
+        self.pinned: list[Traced] = []
+        self.writing = False
+        self.written: dict[str, int] = {}
+        self._known: dict[tuple[str, tuple[Any, ...]], int] = {}
+
+    def variable(self, value: float) -> Traced:
+        """A number that will be another one next time."""
+        return self._line("variable", (Const(len(self.lines)),), value)
+
+    def apply(self, operation: str, arguments: Sequence[Number], value: Any) -> Traced:
+        """The line of an operation that has just come to `value`, or the equal one that is there already."""
+        return self._line(operation, tuple(map(_argument, arguments)), value)
+
+    def guard(self, operation: str, arguments: Sequence[Number], outcome: bool) -> bool:
+        """A decision; its outcome."""
+        self.guards.append((len(self.lines), operation, tuple(map(_argument, arguments)), outcome))
+        return outcome
+
+    def pin(self, number: Traced) -> Any:
+        """Somebody wants to know a value: the tape is of this value alone."""
+        self.pinned.append(number)
+        self.guards.append((len(self.lines), "==", (Ref(number.line), Const(number.value)), True))
+        return number.value
+
+    def token(self, number: Traced) -> float:
+        """A float that stands for a line in a text, by its `repr`, which nothing else has."""
+        token = math.ldexp(1.0 + number.line * 2.0**-40, -900)
+        self.written[repr(token)] = number.line
+        return token
+
+    def _line(self, operation: str, arguments: tuple[Any, ...], value: Any) -> Traced:
+        key = (operation, arguments)
+        line = self._known.get(key)
+        if line is None:
+            line = self._known[key] = len(self.lines)
+            self.lines.append(key)
+            self.values.append(value)
+        return Traced(self, line, value)
+
+
+class Ref(int):
+    """The number of a line."""
+
+    __slots__ = ()
+
+    def __hash__(self) -> int:
+        return hash(("ref", int(self)))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Ref) and int(self) == int(other)
+
+
+class Const:
+    """A number that is the same whatever the variables are; of zeros the sign counts."""
+
+    __slots__ = ("text", "value")
+
+    def __init__(self, value: Any) -> None:
+        self.value = value
+        self.text = repr(value)
+
+    def __hash__(self) -> int:
+        return hash(self.text)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Const) and self.text == other.text
+
+
+def _argument(number: Number) -> Ref | Const:
+    return Ref(number.line) if isinstance(number, Traced) else Const(number)
+
+
+def value_of(number: Number) -> Any:
+    """The value that a number has now, without a word to the tape."""
+    return number.value if isinstance(number, Traced) else number
+
+
+class Traced:
+    """A number on a tape. It is hashed and, first of all, compared as the object that it is: what is kept by it is kept by nobody else."""
+
+    __slots__ = ("line", "tape", "value")
+
+    def __init__(self, tape: Tape, line: int, value: Any) -> None:
+        self.tape = tape
+        self.line = line
+        self.value = value
+
+    def __add__(self, other: Number) -> Any: return _binary("+", self, other)
+    def __radd__(self, other: Number) -> Any: return _binary("+", other, self)
+    def __sub__(self, other: Number) -> Any: return _binary("-", self, other)
+    def __rsub__(self, other: Number) -> Any: return _binary("-", other, self)
+    def __mul__(self, other: Number) -> Any: return _binary("*", self, other)
+    def __rmul__(self, other: Number) -> Any: return _binary("*", other, self)
+    def __truediv__(self, other: Number) -> Any: return _binary("/", self, other)
+    def __rtruediv__(self, other: Number) -> Any: return _binary("/", other, self)
+    def __pow__(self, other: Number) -> Any:
+        whole = isinstance(other, (int, float)) and other == int(other)
+        if not whole and not self > 0.0:
+            self.tape.pin(self)  # else a complex number may come of it
+        return _binary("**", self, other)
+
+    def __rpow__(self, other: Number) -> Any: return _binary("**", other, self)
+    def __mod__(self, other: Number) -> Any: return _binary("%", self, other)
+    def __rmod__(self, other: Number) -> Any: return _binary("%", other, self)
+    def __neg__(self) -> Traced: return self.tape.apply("-", (self,), -self.value)
+    def __pos__(self) -> Traced: return self
+    def __abs__(self) -> Traced: return self.tape.apply("abs", (self,), abs(self.value))
+
+    def __lt__(self, other: Number) -> Any: return _compared("<", self, other)
+    def __le__(self, other: Number) -> Any: return _compared("<=", self, other)
+    def __gt__(self, other: Number) -> Any: return _compared(">", self, other)
+    def __ge__(self, other: Number) -> Any: return _compared(">=", self, other)
+
+    def __eq__(self, other: object) -> bool:
+        if self is other:
+            return True
+        if not isinstance(other, (int, float, Traced)):
+            return False
+        if self.tape.writing and isinstance(other, int):
+            return False  # whether it is written with a point: see `emit.xml.number`
+        return bool(_compared("==", self, other))
+
+    def __ne__(self, other: object) -> bool:
+        return not self == other
+
+    def __hash__(self) -> int:
+        return object.__hash__(self)
+
+    def __bool__(self) -> bool:
+        return self.tape.guard("!=", (self, 0.0), self.value != 0.0)
+
+    def __int__(self) -> int:
+        return int(self.value) if self.tape.writing else int(self.tape.pin(self))
+
+    def __index__(self) -> int:
+        raise TypeError("a number that differs is no count")
+
+    def __float__(self) -> float:
+        return self.tape.token(self) if self.tape.writing else float(self.tape.pin(self))
+
+    def __round__(self, digits: int | None = None) -> Any:
+        return round(self.tape.pin(self), digits)
+
+    def __repr__(self) -> str:
+        return repr(self._said())
+
+    def __format__(self, form: str) -> str:
+        return format(self._said(), form)
+
+    def _said(self) -> Any:
+        """Its value for labels and messages, of which no model is made; where a model is written, that is another matter."""
+        return self.tape.pin(self) if self.tape.writing else self.value
+
+
+def _binary(operation: str, left: Number, right: Number) -> Any:
+    if not isinstance(left, (int, float, Traced)) or not isinstance(right, (int, float, Traced)):
+        return NotImplemented
+    tape = next(one.tape for one in (left, right) if isinstance(one, Traced))
+    return tape.apply(operation, (left, right), OPERATIONS[operation](value_of(left), value_of(right)))
+
+
+def _compared(operation: str, left: Traced, right: Number) -> Any:
+    if not isinstance(right, (int, float, Traced)):
+        return NotImplemented
+    if left.tape.writing and operation == "<" and type(right) is float and right == 1e16:
+        return bool(left.value < right)  # how it is written: see `emit.xml.number`
+    return left.tape.guard(operation, (left, right), bool(OPERATIONS[operation](value_of(left), value_of(right))))
+
+
+OPERATIONS: dict[str, Callable[[Any, Any], Any]] = {
+    "+": lambda a, b: a + b, "-": lambda a, b: a - b, "*": lambda a, b: a * b, "/": lambda a, b: a / b, "**": lambda a, b: a**b,
+    "%": lambda a, b: a % b, "<": lambda a, b: a < b, "<=": lambda a, b: a <= b, ">": lambda a, b: a > b, ">=": lambda a, b: a >= b,
+    "==": lambda a, b: a == b, "!=": lambda a, b: a != b,
+}
+"""Operators of two numbers."""
+
+
+def flat(value: Any) -> Iterator[Any]:
+    """The numbers of nested tuples, in their order."""
+    if isinstance(value, (tuple, list)):
+        for one in value:
+            yield from flat(one)
+    else:
+        yield value
+
+
+def shaped(like: Any, numbers: Iterator[Any]) -> Any:
+    """Nested tuples like these, of other numbers."""
+    return tuple(shaped(one, numbers) for one in like) if isinstance(like, (tuple, list)) else next(numbers)
+
+
+@contextmanager
+def tracing() -> Iterator[None]:
+    """While numbers may be traced: functions of `math`, and some of ours, take them as well. Of other numbers they give what they always
+    do, also to other threads."""
+    known: list[tuple[Any, str, Any]] = []
+
+    def put(owner: Any, name: str, function: Any) -> None:
+        known.append((owner, name, getattr(owner, name)))
+        setattr(owner, name, function)
+
+    def elementary(name: str, function: Any) -> Any:
+        def traced(*arguments: Number) -> Any:
+            tape = next((one.tape for one in arguments if isinstance(one, Traced)), None)
+            if tape is None:
+                return function(*arguments)
+            return tape.apply(f"math.{name}", arguments, function(*map(value_of, arguments)))
+
+        return traced
+
+    def fsum(values: Iterable[Number]) -> Any:
+        listed = list(values)
+        tape = next((one.tape for one in listed if isinstance(one, Traced)), None)
+        return sums(listed) if tape is None else tape.apply("math.fsum", listed, sums(map(value_of, listed)))
+
+    def dist(p: Iterable[Number], q: Iterable[Number]) -> Any:
+        points = [*p, *q]
+        tape = next((one.tape for one in points if isinstance(one, Traced)), None)
+        half = len(points) // 2
+        value = distance(*(tuple(map(value_of, side)) for side in (points[:half], points[half:])))
+        return value if tape is None else tape.apply("math.dist", points, value)
+
+    def test(name: str, function: Any) -> Any:
+        def traced(number: Number) -> Any:
+            if not isinstance(number, Traced):
+                return function(number)
+            return number.tape.guard(f"math.{name}", (number,), function(number.value))
+
+        return traced
+
+    def whole(name: str, function: Any) -> Any:
+        def traced(argument: Any) -> Any:
+            listed = list(flat(argument))
+            tape = next((one.tape for one in listed if isinstance(one, Traced)), None)
+            if tape is None:
+                return function(argument)
+            results = function(shaped(argument, map(value_of, listed)))
+            call = tape.apply(name, listed, results)
+            items = (tape.apply("item", (call, k), value) for k, value in enumerate(flat(results)))
+            return shaped(results, items)
+
+        return traced
+
+    sums, distance = math.fsum, math.dist
+    try:
+        for name in _ELEMENTARY:
+            put(math, name, elementary(name, getattr(math, name)))
+        for name in ("isfinite", "isnan", "isinf"):
+            put(math, name, test(name, getattr(math, name)))
+        put(math, "fsum", fsum)
+        put(math, "dist", dist)
+        for module, name in WHOLE:
+            put(module, name, whole(name, getattr(module, name)))
+        yield
+    finally:
+        for owner, name, function in reversed(known):
+            setattr(owner, name, function)

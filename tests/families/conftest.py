@@ -1,0 +1,30 @@
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import thingc
+from families.documents import EVERYTHING, MANY
+
+
+@pytest.fixture(scope="package")
+def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("families")
+    (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    (folder / "everything.yaml").write_text(EVERYTHING)
+    (folder / "many.yaml").write_text(MANY)
+    return folder
+
+
+@pytest.fixture(scope="package")
+def everything(workspace: Path) -> Iterator[thingc.RobotFamily]:
+    with thingc.family(workspace / "everything.yaml", verify=0) as family:
+        yield family
+
+
+@pytest.fixture(scope="package")
+def many(workspace: Path) -> Iterator[thingc.RobotFamily]:
+    with thingc.family(workspace / "many.yaml") as family:
+        yield family

@@ -1,0 +1,77 @@
+"""Documents without parts: what reaches a model of MuJoCo, and no kernel."""
+
+INERTIA = "inertia: {ixx: 0.01 kg*m^2, iyy: 0.02 kg*m^2, izz: 0.015 kg*m^2, ixy: 0.001 kg*m^2}"
+
+EVERYTHING = f"""\
+thingc: assembly/1
+name: everything
+parameters:
+  load: {{value: 500 g, min: 10 g, max: 20 kg, doc: at the end of the arm}}
+  length: {{value: 300 mm, min: 100 mm, max: 900 mm}}
+  stiff: {{value: 50 N*m/rad, min: 1 N*m/rad}}
+  teeth: {{value: 3, min: 1, max: 9}}
+  heavy: {{value: false}}
+defaults: {{joint: {{dynamics: {{damping: 0.1 N*m*s/rad}}}}}}
+components:
+  base: {{frame: true, mass: 2 kg, {INERTIA}, mounts: {{far: {{xyz: 400 0 0 mm}}, side: {{xyz: 0 200 0 mm}}}}}}
+  arm:
+    frame: true
+    mass: =300 g/m * length
+    com: [=length / 2, 0, 1 mm]
+    {INERTIA}
+    mounts: {{end: {{xyz: [=length, 0, 0]}}, middle: {{xyz: [=length / 2, 0, 0], rpy: 0 10 0 deg}}}}
+  weight: {{frame: true, mass: =load, at: {{in: arm.end, xyz: 1 2 3 mm}}}}
+  crank: {{frame: true, mass: 0.3 kg, {INERTIA}, mounts: {{pin: {{xyz: 100 0 0 mm}}}}}}
+  coupler: {{frame: true, mass: 0.2 kg, {INERTIA}, mounts: {{pin: {{xyz: 400 0 0 mm}}}}}}
+  rocker: {{frame: true, mass: 0.3 kg, {INERTIA}, mounts: {{pin: {{xyz: 100 0 0 mm}}}}}}
+  eye: {{frame: true, mass: 0.1 kg, {INERTIA}}}
+  wheel: {{frame: true, mass: 0.4 kg, {INERTIA}}}
+joints:
+  lift:
+    type: revolute
+    parent: base.side
+    child: arm.origin
+    limit: {{lower: -90 deg, upper: 90 deg, effort: 8 N*m, velocity: 5 rad/s}}
+    drive: {{kind: position, kp: =stiff, effort: 8 N*m}}
+  gear:
+    type: revolute
+    parent: arm.middle
+    child: wheel.origin
+    limit: {{lower: -3 rad, upper: 3 rad}}
+    mimic: {{joint: lift, multiplier: =teeth / 3, offset: 0.1 rad}}
+    dynamics: {{armature: 0.001 kg*m^2, stiffness: 0.5 N*m/rad, friction: 0.01 N*m}}
+  turn: {{type: continuous, parent: base.origin, child: crank.origin, drive: {{kind: velocity, kv: 2 N*m*s/rad}}}}
+  rod: {{type: continuous, parent: crank.pin, child: coupler.origin}}
+  swing: {{type: continuous, parent: base.far, child: rocker.origin}}
+  pin: {{type: continuous, parent: coupler.pin, child: rocker.pin, loop: true}}
+  neck: {{type: ball, parent: arm.end, child: eye.origin, limit: {{cone: 40 deg}}}}
+mounts: {{hook: weight.origin, stand: base.origin}}
+sensors: {{imu: {{type: imu, at: weight.origin}}, turning: {{type: joint, joint: lift}}}}
+poses:
+  level: {{lift: 60 deg}}
+  low: {{lift: -20 deg, turn: 5 deg}}
+modes:
+  standing: {{root: base, base: fixed, pose: level, at: {{rpy: 90 0 0 deg}}}}
+  hanging: {{root: arm, base: held, pose: low}}
+  loose: {{root: base, base: free, pose: level, at: {{xyz: 0 0 500 mm}}, gravity: 0 0 -1.6 m/s^2}}
+simulation: {{timestep: 2 ms, integrator: implicitfast}}
+raw: {{mjcf: {{joint: {{lift: {{solreflimit: 0.01 1}}}}}}}}
+tests:
+  light: {{mass: {{max: 5 kg}}}}
+"""
+"""Loops, a mimic, a ball, drives of two kinds, sensors, raw attributes, and bases of three kinds."""
+
+MANY = """\
+thingc: variants/1
+assembly: everything.yaml
+name: many
+sample:
+  method: sobol
+  count: 8
+  seed: 7
+  ranges: {length: [200 mm, 500 mm], load: [100 g, 900 g], joints.lift.limit.upper: [70 deg, 90 deg]}
+keep: [mass <= 4.2 kg, length >= 210 mm]
+modes: [standing]
+pose: level
+reach: {of: hook, from: stand}
+"""

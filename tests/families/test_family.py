@@ -1,0 +1,94 @@
+"""Results, spaces and folders of a family."""
+
+from __future__ import annotations
+
+import random
+import subprocess
+import sys
+from pathlib import Path
+
+import gymnasium
+import optuna
+import pytest
+
+import thingc
+from thingc.families import Space
+
+NAMES = {"length": 0.35, "load": 0.5, "joints.lift.limit.upper": 1.4}
+
+
+def test_results_are_those_of_a_compilation(everything: thingc.RobotFamily) -> None:
+    source = random.Random(1)
+    many = [{name: value * source.uniform(0.95, 1.05) for name, value in NAMES.items()} for _ in range(20)]
+    found = everything.evaluate(many)
+    (form,) = everything._evaluation.forms.values()
+    assert len(form.plans) == 1
+    for settings, one in zip(many, found, strict=True):
+        _, read = everything._read(settings)
+        assert one.results == everything._evaluation._measured(read)[0] and one.sound and one.kept and one["mass"] == one.results["mass"]
+    mass = 2.0 + 0.3 * 0.35 + 0.5 + 0.3 + 0.2 + 0.3 + 0.1 + 0.4
+    assert everything.evaluate({"length": "350 mm"})["mass"] == pytest.approx(mass)
+
+
+def test_rules_reach_and_errors_of_a_document_of_variants(many: thingc.RobotFamily) -> None:
+    light, heavy, short, wrong = many.evaluate([
+        {"length": 0.3, "load": 0.2}, {"length": 0.3, "load": 0.9}, {"length": 0.205, "load": 0.2}, {"length": "2 m", "load": 0.2},
+    ])
+    assert light.kept and light.results["reach"] > 0.2  # type: ignore[operator]
+    assert (heavy.broken, short.broken) == ("mass <= 4.2 kg", "length >= 210 mm") and heavy.sound and not heavy.kept
+    assert wrong.problems[0].message == "parameter `length` must be at most 900 mm, found `2000 mm`"
+    assert not wrong.sound and wrong.results == {}
+    assert many.modes == ("standing",) and len(list(many.variants)) == 8
+    assert all(one.sound for one in many.evaluate(many.variants))
+
+
+def test_tests_are_run_where_they_are_asked_for(everything: thingc.RobotFamily) -> None:
+    good, bad = everything.evaluate([{"load": 0.5}, {"load": "3 kg"}], tests=True)
+    assert [(one.name, one.passed) for one in (*good.tests, *bad.tests)] == [("light", True), ("light", False)]
+    assert good.kept and bad.sound and not bad.kept
+
+
+def test_a_document_with_errors_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    (tmp_path / "robot.yaml").write_text("thingc: assembly/1\nname: robot\ncomponents: {a: {fram: true}}\n")
+    with pytest.raises(thingc.CompileError, match="fram"):
+        thingc.family(tmp_path / "robot.yaml")
+
+
+def test_the_space_of_variants_and_of_parameters(many: thingc.RobotFamily, everything: thingc.RobotFamily) -> None:
+    space = many.space
+    assert isinstance(space, Space) and space.names == ("length", "load", "joints.lift.limit.upper")
+    assert (space["length"].low, space["length"].high, space["length"].unit, space["length"].value) == (0.2, 0.5, "m", 0.3)
+    drawn = space.gymnasium()
+    assert isinstance(drawn, gymnasium.spaces.Dict)
+    drawn.seed(1)
+    assert many.evaluate(space.settings(drawn.sample())).sound
+    assert many.evaluate(space.at([low for low, _ in space.bounds()])).sound
+    own = everything.space
+    assert own.names == ("load", "length", "stiff", "teeth", "heavy")
+    assert own["heavy"].choices == (False, True) and own["stiff"].high is None and not own["stiff"].bounded
+    with pytest.raises(KeyError):
+        own["x"]
+
+
+def test_optuna_suggests_settings(many: thingc.RobotFamily) -> None:
+    optuna.logging.set_verbosity(optuna.logging.ERROR)
+    study = optuna.create_study(sampler=optuna.samplers.RandomSampler(seed=1))
+    study.optimize(lambda trial: many.evaluate(many.space.suggest(trial))["mass"] or 0.0, n_trials=5)
+    assert set(study.best_params) == set(many.space.names) and 0.2 <= study.best_params["length"] <= 0.5
+
+
+def test_what_is_written_is_a_single_build(workspace: Path, many: thingc.RobotFamily, tmp_path: Path) -> None:
+    variant = next(iter(many.variants))
+    assert many.write(variant, tmp_path / "written" / "everything") == ()
+    assert many._plan is not None
+    command = [sys.executable, "-m", *many._plan.command(variant), "-o", str(tmp_path / "alone")]
+    done = subprocess.run(command, cwd=workspace, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    own, alone = (
+        {path.relative_to(tmp_path / folder).as_posix(): path.read_bytes() for path in (tmp_path / folder).rglob("*") if path.is_file()}
+        for folder in ("written", "alone")
+    )
+    assert own.keys() == alone.keys() and [name for name in own if own[name] != alone[name]] == []
+    said = many.write({"length": 5.0}, tmp_path / "wrong")
+    assert said[0].code.code == "TC803" and not (tmp_path / "wrong").exists()

@@ -1,0 +1,129 @@
+"""Models that come without a compilation are the compiled ones, to the last bit; what is not followed is compiled."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Mapping
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+import thingc
+from thingc.families import Explanation, NoModel, differing
+from thingc.pipeline import UnknownChoice
+
+NUMBERS: dict[str, float] = {
+    "load": 0.5, "length": 0.3, "stiff": 50.0, "components.crank.mass": 0.3, "components.base.inertia.ixy": 0.001,
+    "joints.lift.limit.upper": 1.5, "joints.lift.limit.velocity": 5.0, "joints.gear.mimic.offset": 0.1,
+    "joints.gear.dynamics.armature": 0.001, "joints.turn.drive.kv": 2.0, "joints.neck.limit.cone": 0.7, "poses.low.lift": -0.35,
+    "defaults.joint.dynamics.damping": 0.1, "teeth": 3.1,
+}
+"""What is set, about what the document says."""
+
+
+def settings(count: int, seed: int, names: Mapping[str, float] = NUMBERS) -> list[dict[str, float]]:
+    source = random.Random(seed)
+    return [{name: value * source.uniform(0.95, 1.05) for name, value in names.items()} for _ in range(count)]
+
+
+def compiled(family: thingc.RobotFamily, one: Mapping[str, Any], mode: str) -> mujoco.MjModel:
+    """By every pass, as a document without families would have it."""
+    return thingc.compile(
+        str(family._session.environment.document), modes=[mode],
+        parameters={name: f"{value!r} {UNITS[name]}" for name, value in one.items() if "." not in name},
+        choices={name: f"{value!r} {UNITS[name]}" for name, value in one.items() if "." in name},
+    ).modes[mode].model()
+
+
+UNITS = {
+    "load": "kg", "length": "m", "stiff": "N*m/rad", "components.crank.mass": "kg", "components.base.inertia.ixy": "kg*m^2",
+    "joints.lift.limit.upper": "rad", "joints.lift.limit.velocity": "rad/s", "joints.gear.mimic.offset": "rad",
+    "joints.gear.dynamics.armature": "kg*m^2", "joints.turn.drive.kv": "N*m*s/rad", "joints.neck.limit.cone": "rad",
+    "poses.low.lift": "rad", "defaults.joint.dynamics.damping": "N*m*s/rad", "teeth": "",
+}
+
+
+@pytest.mark.parametrize("mode", ["standing", "hanging", "loose"])
+def test_models_are_the_compiled_ones(everything: thingc.RobotFamily, mode: str) -> None:
+    many = settings(12, 1)
+    ways = [len(form.plans) for form in everything._of(mode, False).forms.values()]
+    for one, model in zip(many, everything.models(many, mode=mode, share=True, visual=True), strict=True):
+        assert isinstance(model, mujoco.MjModel)
+        assert differing(model, compiled(everything, one, mode)) == []
+    (form,) = everything._of(mode, True).forms.values()
+    assert len(form.plans) == 1 and form.refused is None and form.why == {} and ways == []
+
+
+def test_a_shared_model_is_lent_and_others_are_one_s_own(everything: thingc.RobotFamily) -> None:
+    many = settings(3, 2)
+    lent = list(everything.models(many, mode="standing", share=True, visual=True))
+    own = list(everything.models(many, mode="standing", visual=True))
+    assert len({id(model) for model in lent}) == 1 and len({id(model) for model in own}) == 3
+    assert differing(lent[0], own[-1]) == [] and "body_mass" in differing(own[0], own[1])
+
+
+def test_what_is_wrong_is_said_of_what_was_set_and_others_go_on(everything: thingc.RobotFamily) -> None:
+    good = settings(1, 3)[0]
+    wrong = [
+        ({"load": 30.0}, "TC803", "parameter `load` must be at most 20 kg, found `30 kg`"),
+        ({"joints.lift.limit.upper": "5 kg"}, "TC809", "expected an angle or a length (such as 30 deg or 120 mm), found a mass (`5 kg`)"),
+        ({"joints.lift.limit.uper": 1.0}, "TC809", "`joints.lift.limit` has no `uper`"),
+        ({"joints.x*.dynamics.damping": 1.0}, "TC809", "nothing in the document is meant by `joints.x*.dynamics.damping`"),
+        ({**good, "load": 30.0}, "TC803", "must be at most 20 kg"),
+        ({**good, "joints.lift.limit.upper": -3.0}, "TC324", "limits of joint `lift` are reversed"),
+    ]
+    found = list(everything.models([one for case in wrong for one in (good, case[0])], share=True, visual=True))
+    assert all(isinstance(model, mujoco.MjModel) for model in found[::2])
+    for (given, code, words), refused in zip(wrong, found[1::2], strict=True):
+        assert isinstance(refused, NoModel) and not refused and refused.settings == given
+        assert refused.problems[0].code.code.startswith(code) and words in refused.problems[0].message, refused.problems[0].message
+    with pytest.raises(UnknownChoice, match="has no mode `stading`"):
+        everything.model({}, mode="stading")
+
+
+def test_text_and_numbers_say_the_same(everything: thingc.RobotFamily) -> None:
+    first, second = (everything.model(one) for one in ({"load": "612 g", "length": "31 cm"}, {"load": 0.612, "length": np.float64(0.31)}))
+    assert differing(first, second) == []
+
+
+def test_one_name_may_mean_many(everything: thingc.RobotFamily) -> None:
+    model = everything.model({"joints.*.dynamics.damping": 0.3}, mode="standing")
+    assert set(model.dof_damping) == {0.3}
+
+
+@pytest.mark.parametrize(("name", "way", "words"), [
+    ("load", "arrays", "is written into body_inertia, body_ipos, body_iquat, body_mass of one compiled model (mode standing)"),
+    ("joints.lift.limit.upper", "arrays", "is written into actuator_ctrlrange, jnt_range of one compiled model (mode standing)"),
+    ("simulation.timestep", "passes", "simulation.timestep is compiled anew: it is worked with where the model is written (mode standing)"),
+    ("heavy", "passes", "heavy is compiled anew: it is no number in the document (mode standing)"),
+])
+def test_explained(everything: thingc.RobotFamily, name: str, way: str, words: str) -> None:
+    explained = everything.explain(name)
+    assert isinstance(explained, Explanation) and explained.way == way and words in str(explained)
+
+
+def test_where_a_number_decides_otherwise_it_is_compiled(everything: thingc.RobotFamily) -> None:
+    """A whole number is another kind of number to passes: a plan that was made with others is not of it."""
+    names = {"load": 0.5, "teeth": 3.1}
+    many = [*settings(3, 4, names), {"load": 0.5, "teeth": 3.0}, *settings(2, 5, names)]
+    found = list(everything.models(many, mode="standing", visual=True))
+    for one, model in zip(many, found, strict=True):
+        assert isinstance(model, mujoco.MjModel) and differing(model, compiled(everything, one, "standing")) == []
+    form = everything._of("standing", True).form(everything._reader.read(many[0]))
+    assert form.plan_for(everything._reader.read(many[0])) is not None and form.missed == 2
+
+
+def test_a_plan_that_is_wrong_is_found_and_given_up(workspace: Any) -> None:
+    with thingc.family(workspace / "everything.yaml", verify=2) as family:
+        many = settings(4, 5, {"load": 0.5})
+        list(family.models(many, visual=True))
+        (form,) = family._of(None, True).forms.values()
+        arrays = form.plans[0].made
+        arrays._inertials[0][0] = 1.25  # the mass of a body
+        arrays._traced[0, 0] = False
+        models = list(family.models(many, visual=True))
+        assert form.plans == [] and "a plan gave another `" in str(form.refused)
+        assert differing(models[1], compiled(family, many[1], "standing")) == []
+        assert differing(models[3], compiled(family, many[3], "standing")) == []

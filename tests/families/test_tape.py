@@ -1,0 +1,73 @@
+"""What is written down of an operation gives what the operation gives, with any numbers, or nothing."""
+
+from __future__ import annotations
+
+import math
+import random
+from typing import Any
+
+import pytest
+
+from thingc.families.program import compiled, variables_of
+from thingc.families.tape import Tape, tracing
+from thingc.inertia import MassProperties, physical_fault, principal_moments, total
+from thingc.pose import placed, quarter_exact, turned_about
+
+
+def moved(mass: Any, x: Any, angle: Any) -> tuple[Any, ...]:
+    """Much of what passes do."""
+    pose = placed((x, 0.1, 0.2), (angle, 0.3, 0.0))
+    body = MassProperties(mass=mass, centre=(0.1, x, 0.0), inertia=((0.01, 0.0, 0.001), (0.0, 0.02, 0.0), (0.001, 0.0, 0.015)))
+    whole = total([body.seen_from(pose), body.with_mass(mass * 2.0)])
+    turn = turned_about((0.0, 0.6, 0.8), angle)
+    return (
+        whole.mass, *whole.centre, *(one for row in whole.inertia for one in row), *principal_moments(whole.inertia), *pose.quaternion(),
+        *turn[1], math.dist((x, 0.0), (0.0, mass)), max(x, 0.05), abs(-x) ** 2, x % 0.07,
+    )
+
+
+def test_a_tape_gives_the_same_to_the_last_bit() -> None:
+    tape = Tape()
+    with tracing():
+        variables = [tape.variable(value) for value in (1.2, 0.3, 0.4)]
+        outputs = moved(*variables)
+    run = compiled(tape, outputs)
+    source, given = random.Random(1), 0
+    for _ in range(200):
+        values = (source.uniform(0.1, 3.0), source.uniform(0.01, 0.5), source.uniform(-1.0, 1.0))
+        found = run(*values)
+        if found is not None:
+            given += 1
+            assert found == moved(*values)
+    assert 100 < given < 200  # where x is small another branch would have been taken
+    assert math.sin is not None and quarter_exact(math.pi) == (-1.0, 0.0) and physical_fault(((1, 0, 0), (0, 1, 0), (0, 0, 1))) is None
+
+
+def test_whoever_wants_to_know_the_value_holds_it() -> None:
+    tape = Tape()
+    a, b = tape.variable(2.5), tape.variable(7.0)
+    with tracing():
+        assert [10.0, 20.0, 30.0][int(a)] == 30.0 and math.isfinite(b)
+        answer = a * b + float(b - a)
+    assert [variables_of(tape, one) for one in tape.pinned] == [[0], [0, 1]]
+    run = compiled(tape, (answer, 1.5))
+    assert run(2.5, 7.0) == (22.0, 1.5)
+    assert run(2.6, 7.0) is None and run(2.5, 8.0) is None
+
+
+def test_decisions_are_guards() -> None:
+    tape = Tape()
+    a = tape.variable(2.0)
+    answer = a * 3.0 if a > 1.0 and a else a
+    run = compiled(tape, (answer,))
+    assert run(1.5) == (4.5,) and run(0.5) is None
+    with pytest.raises(TypeError):
+        range(a)  # type: ignore[call-overload]
+
+
+def test_the_functions_of_math_are_given_back() -> None:
+    before = (math.sin, math.fsum, math.dist)
+    with pytest.raises(RuntimeError), tracing():
+        assert math.sin is not before[0] and math.sin(0.5) == before[0](0.5)
+        raise RuntimeError
+    assert (math.sin, math.fsum, math.dist) == before
