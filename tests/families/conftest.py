@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import thingc
-from families.documents import EVERYTHING, MANY
+from families.documents import EVERYTHING, MANY, TOOL
 
 
 @pytest.fixture(scope="package")
@@ -14,6 +14,7 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("families")
     (folder / "thingc.toml").write_text('thingc = "workspace/1"\n')
     (folder / "everything.yaml").write_text(EVERYTHING)
+    (folder / "tool.yaml").write_text(TOOL)
     (folder / "many.yaml").write_text(MANY)
     return folder
 

@@ -26,6 +26,7 @@ components:
   rocker: {{frame: true, mass: 0.3 kg, {INERTIA}, mounts: {{pin: {{xyz: 100 0 0 mm}}}}}}
   eye: {{frame: true, mass: 0.1 kg, {INERTIA}}}
   wheel: {{frame: true, mass: 0.4 kg, {INERTIA}}}
+  tool: {{assembly: tool.yaml, at: {{in: wheel.origin, xyz: 0 0 20 mm}}}}
 joints:
   lift:
     type: revolute
@@ -61,6 +62,13 @@ tests:
 """
 """Loops, a mimic, a ball, drives of two kinds, sensors, raw attributes, and bases of three kinds."""
 
+TOOL = f"""\
+thingc: assembly/1
+name: tool
+components: {{grip: {{frame: true, mass: 0.2 kg, {INERTIA}}}, finger: {{frame: true, mass: 0.05 kg, {INERTIA}}}}}
+joints: {{close: {{type: revolute, parent: grip.origin, child: finger.origin, limit: {{lower: 0 deg, upper: 45 deg}}}}}}
+"""
+
 MANY = """\
 thingc: variants/1
 assembly: everything.yaml
@@ -70,7 +78,7 @@ sample:
   count: 8
   seed: 7
   ranges: {length: [200 mm, 500 mm], load: [100 g, 900 g], joints.lift.limit.upper: [70 deg, 90 deg]}
-keep: [mass <= 4.2 kg, length >= 210 mm]
+keep: [mass <= 4.45 kg, length >= 210 mm]
 modes: [standing]
 pose: level
 reach: {of: hook, from: stand}

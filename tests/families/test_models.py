@@ -19,6 +19,7 @@ NUMBERS: dict[str, float] = {
     "joints.lift.limit.upper": 1.5, "joints.lift.limit.velocity": 5.0, "joints.gear.mimic.offset": 0.1,
     "joints.gear.dynamics.armature": 0.001, "joints.turn.drive.kv": 2.0, "joints.neck.limit.cone": 0.7, "poses.low.lift": -0.35,
     "defaults.joint.dynamics.damping": 0.1, "teeth": 3.1,
+    "components.tool.joints.close.dynamics.damping": 0.05, "components.tool.components.finger.mass": 0.05,
 }
 """What is set, about what the document says."""
 
@@ -42,18 +43,20 @@ UNITS = {
     "joints.lift.limit.upper": "rad", "joints.lift.limit.velocity": "rad/s", "joints.gear.mimic.offset": "rad",
     "joints.gear.dynamics.armature": "kg*m^2", "joints.turn.drive.kv": "N*m*s/rad", "joints.neck.limit.cone": "rad",
     "poses.low.lift": "rad", "defaults.joint.dynamics.damping": "N*m*s/rad", "teeth": "",
+    "components.tool.joints.close.dynamics.damping": "N*m*s/rad", "components.tool.components.finger.mass": "kg",
 }
 
 
 @pytest.mark.parametrize("mode", ["standing", "hanging", "loose"])
 def test_models_are_the_compiled_ones(everything: thingc.RobotFamily, mode: str) -> None:
+    damping = "components.tool.joints.close.dynamics.damping"
+    assert everything.explain(damping, "0.05 N*m*s/rad").way == "arrays"  # which also says of what kind it is: the document has none
     many = settings(12, 1)
-    ways = [len(form.plans) for form in everything._of(mode, False).forms.values()]
     for one, model in zip(many, everything.models(many, mode=mode, share=True, visual=True), strict=True):
         assert isinstance(model, mujoco.MjModel)
         assert differing(model, compiled(everything, one, mode)) == []
     (form,) = everything._of(mode, True).forms.values()
-    assert len(form.plans) == 1 and form.refused is None and form.why == {} and ways == []
+    assert len(form.plans) == 1 and form.refused is None and form.why == {}
 
 
 def test_a_shared_model_is_lent_and_others_are_one_s_own(everything: thingc.RobotFamily) -> None:
@@ -62,6 +65,12 @@ def test_a_shared_model_is_lent_and_others_are_one_s_own(everything: thingc.Robo
     own = list(everything.models(many, mode="standing", visual=True))
     assert len({id(model) for model in lent}) == 1 and len({id(model) for model in own}) == 3
     assert differing(lent[0], own[-1]) == [] and "body_mass" in differing(own[0], own[1])
+
+
+def test_what_has_been_compiled_is_kept_for_a_while(everything: thingc.RobotFamily) -> None:
+    first, again = (next(everything.models([{"heavy": True}], share=True, visual=True)) for _ in range(2))
+    own = everything.model({"heavy": True})
+    assert first is again and own is not first and differing(own, first) == []
 
 
 def test_what_is_wrong_is_said_of_what_was_set_and_others_go_on(everything: thingc.RobotFamily) -> None:
@@ -90,7 +99,7 @@ def test_text_and_numbers_say_the_same(everything: thingc.RobotFamily) -> None:
 
 def test_one_name_may_mean_many(everything: thingc.RobotFamily) -> None:
     model = everything.model({"joints.*.dynamics.damping": 0.3}, mode="standing")
-    assert set(model.dof_damping) == {0.3}
+    assert set(model.dof_damping) == {0.0, 0.3}  # that of the tool is in its own document
 
 
 @pytest.mark.parametrize(("name", "way", "words"), [

@@ -72,17 +72,27 @@ class Arrays:
         self._traced = np.array([[word in tokens for words in said for word in words] for said in inertials.values()], dtype=bool)
         self._constants = not self._bodies and self.written <= INERT
         self._data = mujoco.MjData(self.model)
-        self._statistics = Statistics(self.model)
+        self._statistics = Statistics(self.model, self._data)
         self._small: dict[int, Bodies] = {}
         self._geoms = [self._colliding(body) for body in self._bodies]
+        self._rows = np.array(self._bodies, dtype=int)
+        self._masses = [getattr(self.model, name) for name in INERTIAL]
+        self._boxes = [[getattr(self.model, name)[self._span(body)] for name in BOXES] for body in self._bodies]
         self.outputs = outputs
 
     def _colliding(self, body: int) -> Array:
+        """The geoms of a body that collide; behind them, where -1 leads, -1."""
         import numpy as np
 
         m = self.model
         geoms = range(int(m.body_geomadr[body]), int(m.body_geomadr[body]) + int(m.body_geomnum[body]))
-        return np.array([g for g in geoms if m.geom_contype[g] or m.geom_conaffinity[g]], dtype=int)
+        colliding = [g for g in geoms if m.geom_contype[g] or m.geom_conaffinity[g]]
+        return np.array([*colliding, -1] if colliding else [], dtype=int)
+
+    def _span(self, body: int) -> slice:
+        """The rows of the boxes of a body."""
+        first, count = int(self.model.body_bvhadr[body]), int(self.model.body_bvhnum[body])
+        return slice(first, first + count) if count else slice(0)
 
     def prepare(self, values: Sequence[tuple[float, ...]]) -> Prepared:
         """What is worked out of many variants together, of what `run` gave for each. Raises `ValueError` where MuJoCo refuses one."""
@@ -112,22 +122,18 @@ class Arrays:
             target[entries] = block[index]
         for name, column in self._options:
             setattr(model.opt, name, float(prepared.numbers[index, column]))
-        worked = prepared.worked
-        if worked is not None and prepared.inertials is not None:
-            for b, body in enumerate(self._bodies):
-                own = prepared.inertials[index, b]
-                model.body_mass[body], model.body_ipos[body] = own[0], own[1:4]
-                model.body_inertia[body], model.body_iquat[body] = worked.inertia[b, index], worked.axes[b, index]
-                first, count = int(model.body_bvhadr[body]), int(model.body_bvhnum[body])
-                if count:
-                    boxes = worked.boxes[b]
-                    for name in BOXES[:-1]:
-                        getattr(model, name)[first : first + count] = boxes[name][index]
-                    node = boxes["bvh_nodeid"][index]
-                    model.bvh_nodeid[first : first + count] = [self._geoms[b][g] if g >= 0 else -1 for g in node]
+        worked, inertials = prepared.worked, prepared.inertials
+        if worked is not None and inertials is not None:
+            for target, values in zip(self._masses, (inertials[index, :, 0], inertials[index, :, 1:4], *worked.of(index))):
+                target[self._rows] = values
+            for boxes, views, geoms in zip(worked.boxes, self._boxes, self._geoms):
+                if len(geoms):
+                    for name, view in zip(BOXES, views):
+                        view[:] = boxes[name][index]
+                    views[-1][:] = geoms[boxes["bvh_nodeid"][index]]
         if not self._constants:
             mujoco.mj_setConst(model, self._data)
-            self._statistics.write(model, self._data)
+            self._statistics.write()
 
 
 class Prepared:

@@ -108,8 +108,9 @@ class RobotFamily:
         self, many: Iterable[Mapping[str, Any] | Variant], *, mode: str | None = None, share: bool = False, visual: bool = False,
     ) -> Iterator[mujoco.MjModel | NoModel]:
         """The models of many settings, in their order, made as they are asked for (up to 128 settings are read ahead). With `share` one
-        model is lent: it is that of the settings until the next one is asked for; an `MjData` of it goes on being usable as long as it is
-        the same object. `NoModel` stands in place of a model that there is none of. Raises `UnknownChoice` for a mode that is not there."""
+        model is lent: it is that of the settings until the next one is asked for, and nobody else's to change; an `MjData` of it goes on
+        being usable as long as it is the same object. `NoModel` stands in place of a model that there is none of. Raises `UnknownChoice`
+        for a mode that is not there."""
         return self._of(mode, visual).each(map(self._read, many), share=share)
 
     def write(self, settings: Mapping[str, Any] | Variant, folder: str | os.PathLike[str]) -> tuple[Diagnostic, ...]:

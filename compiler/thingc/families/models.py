@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +28,9 @@ if TYPE_CHECKING:
 MESH_BYTES = 256_000_000
 """How much of meshes MuJoCo is handed at once; when there is more, all is handed anew."""
 
+KEPT = 32
+"""Compiled models that are kept: a learner comes back to the morphologies that it has seen."""
+
 Item = tuple[Mapping[str, Any], Read]
 
 
@@ -44,6 +48,7 @@ class ModelsOfMode:
         self._files: mujoco.MjVfs | None = None
         self._held: dict[str, Stored] = {}
         self._made = 0
+        self._kept: OrderedDict[Read, mujoco.MjModel] = OrderedDict()
 
     def each(self, many: Iterable[Item], *, share: bool) -> Iterator[mujoco.MjModel | NoModel]:
         """The models, in order; shared ones are lent until the next."""
@@ -54,7 +59,7 @@ class ModelsOfMode:
                 yield from self._together(waiting, share)
                 waiting = []
             if found is None:
-                yield self._passed(item)
+                yield self._passed(item, share)
             else:
                 waiting.append((item, *found))
         yield from self._together(waiting, share)
@@ -149,7 +154,7 @@ class ModelsOfMode:
             prepared = plan.made.prepare([outputs for _, _, outputs in waiting])
         except ValueError:  # one of them MuJoCo refuses
             for item, _, _ in waiting:
-                yield self._passed(item)
+                yield self._passed(item, share)
             return
         for index, (item, _, _) in enumerate(waiting):
             plan.made.put(prepared, index)
@@ -171,9 +176,19 @@ class ModelsOfMode:
         form.refused = f"a plan gave another `{wrong[0]}` for {dict(zip(item[1].names, item[1].values))}"
         return NoModel(settings=item[0], problems=whole) if isinstance(whole, tuple) else whole
 
-    def _passed(self, item: Item) -> mujoco.MjModel | NoModel:
-        found = self._compiled(item[1])
-        return NoModel(settings=item[0], problems=found) if isinstance(found, tuple) else found
+    def _passed(self, item: Item, share: bool) -> mujoco.MjModel | NoModel:
+        """The model by every pass, or as it was kept."""
+        settings, read = item
+        known = self._kept.get(read) if read.report is None else None
+        if known is None:
+            found = self._compiled(read)
+            if isinstance(found, tuple):
+                return NoModel(settings=settings, problems=found)
+            known = self._kept[read] = found
+            if len(self._kept) > KEPT:
+                self._kept.popitem(last=False)
+        self._kept.move_to_end(read)
+        return known if share else copy.copy(known)
 
     # --- through every pass ---------------------------------------------------------------------------------------------
 

@@ -6,14 +6,14 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from thingc.families.tape import WHOLE, Const, Ref, Tape, Traced, flat, shaped
+from thingc.families.tape import Const, Ref, Tape, Traced
+from thingc.inertia import principal_axes
+from thingc.pose import quarter_exact
 
 Run = Callable[..., "tuple[float, ...] | None"]
 """Values of the variables -> those of the outputs; None where a guard does not hold."""
 
 _INFIX = {"+", "-", "*", "/", "**", "%", "<", "<=", ">", ">=", "==", "!="}
-_SHAPES: dict[str, Any] = {"quarter_exact": 0.0, "principal_axes": ((0.0,) * 3,) * 3}
-"""What the functions take that are one line of a tape."""
 
 
 def compiled(tape: Tape, outputs: Sequence[Any]) -> Run:
@@ -21,8 +21,7 @@ def compiled(tape: Tape, outputs: Sequence[Any]) -> Run:
     their order, so that what it gives is what they would give, to the last bit; it gives None where a pass would have decided otherwise,
     or could not have gone on."""
     names: dict[str, Any] = {"math": math, "inf": math.inf, "nan": math.nan}
-    for module, name in WHOLE:
-        names[name] = _flattened(getattr(module, name), _SHAPES[name])
+    names |= {"quarter_exact": quarter_exact, "principal_axes": _axes}
     guards = list(dict.fromkeys((operation, arguments, outcome, at) for at, operation, arguments, outcome in tape.guards))
     seen: set[Any] = set()
     needed = _needed(tape, [*(Ref(one.line) for one in outputs if isinstance(one, Traced)), *(a for _, args, _, _ in guards for a in args)])
@@ -79,10 +78,7 @@ def _code(operation: str, arguments: Sequence[Ref | Const]) -> str:
     return f"{operation}({', '.join(words)})"
 
 
-def _flattened(function: Callable[[Any], Any], like: Any) -> Callable[..., tuple[float, ...]]:
-    def called(*numbers: float) -> tuple[float, ...]:
-        return tuple(flat(function(shaped(like, iter(numbers)))))
-
-    return called
-
-
+def _axes(a: float, b: float, c: float, d: float, e: float, f: float, g: float, h: float, i: float) -> tuple[float, ...]:
+    """`principal_axes` from one number after the other to the same."""
+    values, (x, y, z) = principal_axes(((a, b, c), (d, e, f), (g, h, i)))
+    return (*values, *x, *y, *z)

@@ -4,6 +4,7 @@ have it."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import field
 from fnmatch import fnmatchcase
 from typing import Any
 
@@ -26,7 +27,7 @@ class Read:
     names: tuple[str, ...]
     values: tuple[float, ...]
     texts: tuple[tuple[str, str], ...]
-    report: Report | None = None
+    report: Report | None = field(default=None, compare=False)
 
 
 class SettingsReader:

@@ -11,7 +11,6 @@ from typing import Any
 from pydantic import BaseModel
 
 from thingc import pipeline
-from thingc.diagnostics import Report
 from thingc.emit import model_sources
 from thingc.families.program import variables_of
 from thingc.families.tape import Tape, Traced, tracing
@@ -19,9 +18,11 @@ from thingc.frozen import dataclass
 from thingc.memo import Memo
 from thingc.pipeline import Compilation, Settings, Sources
 from thingc.realize.record import PartDefinition
-from thingc.resolve import with_values
+from thingc.resolve import assembly
+from thingc.resolve.substituting import substituted
 from thingc.session import Session
-from thingc.spec import Specs, is_value, nested
+from thingc.source import Document
+from thingc.spec import Specs
 from thingc.spec.assembly import AssemblySpec, ParameterSpec
 from thingc.units import Quantity
 from thingc.variants.values import text_of
@@ -57,10 +58,12 @@ def rehearse(
     environment = copy.copy(session.environment)
     environment.memo = Memo()
     environment.__dict__["parts"] = _NoNumbers(session.environment.parts)
-    sources, settings = _sources(session, numbers, texts, tape)
-    with tracing():
+    setting = _Setting(session, numbers, texts, tape)
+    with tracing((assembly, "substituted", setting.substituted)):
         try:
-            compilation = pipeline.recompile(environment, sources, settings, (mode,))
+            compilation = pipeline.recompile(environment, setting.sources(), setting.settings, (mode,))
+            if lost := [name for name in setting.tokens.values() if name not in setting.put]:
+                raise NotTraceable("it is not used", lost)
             if compilation.report.failed or len(compilation.robots) != 1:
                 raise NotTraceable("it is not sound there")
             made = make(compilation, tape)
@@ -145,42 +148,57 @@ def _inner(value: Any) -> Iterator[Any]:
         yield from (getattr(value, one.name) for one in fields(value))
 
 
-def _sources(session: Session, numbers: Mapping[str, Quantity], texts: Mapping[str, str], tape: Tape) -> tuple[Sources, Settings]:
-    """The documents with traced numbers in them, and the settings that are left."""
-    own = session.sources
-    assert own is not None
-    documents, specs = own.documents, own.specs
-    relative = documents.root.relative
-    traced = {name: Quantity(tape.variable(number.value), number.dimension) for name, number in numbers.items()}  # type: ignore[arg-type]
-    if inner := [name for name in numbers if "." in name and nested(name) is not None]:
-        raise NotTraceable("it stands in a nested document", inner)
-    at_paths = {name: text for name, text in texts.items() if "." in name and is_value(name) and nested(name) is None}
-    tokens = {name: text_of(number) for name, number in numbers.items() if "." in name}
-    spec = specs[relative]
-    if at_paths or tokens:
-        report = Report()
-        documents, spec = with_values(documents, specs, own.workspace, {**at_paths, **tokens}, report)
-        if report.failed:
-            raise NotTraceable("it is not sound there", list(tokens))
-    assert isinstance(spec, AssemblySpec)
-    for name in tokens:
-        spec, places = _replaced(spec, numbers[name], traced[name])
-        if places != 1:
-            raise NotTraceable("it cannot be told apart in its document", [name])
-    entries = dict(spec.parameters)
-    for name in numbers:
-        if "." not in name:
-            entry = entries[name]
-            value = traced[name]
-            entries[name] = entry.model_copy(update={"value": value}) if isinstance(entry, ParameterSpec) else value
-    spec = spec.model_copy(update={"parameters": entries})
-    changed = Specs({**specs, relative: spec})
-    changed.doubts, changed.allowances = specs.doubts, specs.allowances
-    left = Settings(
-        parameters={name: text for name, text in texts.items() if "." not in name},
-        choices={name: text for name, text in texts.items() if "." in name and name not in at_paths},
-    )
-    return Sources(workspace=own.workspace, documents=documents, specs=changed, schemas=own.schemas), left
+class _Setting:
+    """Numbers on a tape, put where settings go: in place of the values of parameters, and of what is put into a document by its path."""
+
+    def __init__(self, session: Session, numbers: Mapping[str, Quantity], texts: Mapping[str, str], tape: Tape) -> None:
+        assert session.sources is not None
+        self.own = session.sources
+        self.traced = {
+            name: Quantity(tape.variable(one.value), one.dimension) for name, one in numbers.items()  # type: ignore[arg-type]
+        }
+        self.tokens = {text_of(one): name for name, one in numbers.items() if "." in name}
+        self.numbers = numbers
+        self.settings = Settings(
+            parameters={name: text for name, text in texts.items() if "." not in name},
+            choices={
+                **{name: text for name, text in texts.items() if "." in name},
+                **{name: text_of(one) for name, one in numbers.items() if "." in name},
+            },
+        )
+        self.put: set[str] = set()
+
+    def sources(self) -> Sources:
+        """The documents with traced numbers for the values of parameters."""
+        relative = self.own.documents.root.relative
+        spec = self.own.specs[relative]
+        assert isinstance(spec, AssemblySpec)
+        entries = dict(spec.parameters)
+        for name in self.numbers:
+            if "." not in name:
+                entry, value = entries[name], self.traced[name]
+                entries[name] = entry.model_copy(update={"value": value}) if isinstance(entry, ParameterSpec) else value
+        changed = Specs({**self.own.specs, relative: spec.model_copy(update={"parameters": entries})})
+        changed.doubts, changed.allowances = self.own.specs.doubts, self.own.specs.allowances
+        return replace(self.own, specs=changed)
+
+    def substituted(
+        self, context: Any, document: Document, spec: AssemblySpec, values: Mapping[str, str],
+    ) -> tuple[Document, AssemblySpec]:
+        """What `resolve` does with values at paths, and then traced numbers in their place. (The document is validated anew: what was put
+        into the values of its parameters is put there again.)"""
+        parameters = spec.parameters
+        document, spec = substituted(context, document, spec, values)
+        if values:
+            spec = spec.model_copy(update={"parameters": parameters})
+        for text in values.values():
+            name = self.tokens.get(text)
+            if name is not None:
+                spec, places = _replaced(spec, self.numbers[name], self.traced[name])
+                if not places:
+                    raise NotTraceable("it is no number where it is used", [name])
+                self.put.add(name)
+        return document, spec
 
 
 def _replaced(value: Any, old: Quantity, new: Quantity) -> tuple[Any, int]:

@@ -15,9 +15,10 @@ _LEAST = 1e-5
 
 
 class Statistics:
-    """Those of one model, again and again: what belongs to what does not change."""
+    """Those of one model, again and again: what belongs to what does not change. `data` is as `mj_setConst` leaves it when they are
+    written: the model at rest."""
 
-    def __init__(self, model: mujoco.MjModel) -> None:
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         import numpy as np
 
         bodies = range(1, model.nbody)
@@ -35,33 +36,36 @@ class Statistics:
         self._rbound = model.geom_rbound[self._geoms]
         self._around = np.maximum(model.geom_rbound, 0.0)[:, None]
 
-    def write(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Write them; `data` is as `mj_setConst` leaves it: the model at rest."""
+        self._stat = model.stat
+        self._count, self._nv = len(bodies), int(model.nv)
+        self._anchors, self._centres, self._shapes = data.xanchor, data.xipos, data.geom_xpos
+        self._points = (data.xpos[1:], data.xipos[1:], data.xanchor, data.site_xpos)
+        self._mass, self._inertia = model.body_mass[1:], model.dof_M0
+
+    def write(self) -> None:
+        """Write them."""
         import numpy as np
 
-        points = np.concatenate((data.xanchor[self._joints], data.geom_xpos[self._geoms]))
-        x, y, z = (points - data.xipos[self._owners]).T
+        points = np.concatenate((self._anchors[self._joints], self._shapes[self._geoms]))
+        x, y, z = (points - self._centres[self._owners]).T
         sizes = np.sqrt(x * x + y * y + z * z)
-        sizes[len(self._joints):] = self._rbound + sizes[len(self._joints):]
+        sizes[len(self._joints):] += self._rbound
         largest = np.maximum.reduceat(np.concatenate((sizes, self._least))[self._order], self._starts).tolist()
-        count = model.nbody - 1
         meansize = 0.0
         for size in largest:
-            meansize += size / count
-        shapes = data.geom_xpos
-        box = np.concatenate((data.xpos[1:], data.xipos[1:], data.xanchor, data.site_xpos))
-        low = np.minimum(box.min(axis=0), (shapes - self._around).min(axis=0)) if len(shapes) else box.min(axis=0)
-        high = np.maximum(box.max(axis=0), (shapes + self._around).max(axis=0)) if len(shapes) else box.max(axis=0)
-        stat = model.stat
+            meansize += size / self._count
+        box = np.concatenate((*self._points, self._shapes - self._around, self._shapes + self._around))
+        low, high = box.min(axis=0), box.max(axis=0)
+        stat = self._stat
         stat.center = (low + high) * 0.5
-        stat.extent = max(max(_LEAST, float((high - low).max())), 2 * meansize)
+        stat.extent = max(_LEAST, float((high - low).max()), 2 * meansize)
         stat.meansize = meansize
         mass = 0.0
-        for one in model.body_mass[1:].tolist():
+        for one in self._mass.tolist():
             mass += one
-        stat.meanmass = mass / count
-        if model.nv:
+        stat.meanmass = mass / self._count
+        if self._nv:
             inertia = 0.0
-            for one in model.dof_M0.tolist():
+            for one in self._inertia.tolist():
                 inertia += one
-            stat.meaninertia = inertia / model.nv
+            stat.meaninertia = inertia / self._nv

@@ -224,9 +224,9 @@ def shaped(like: Any, numbers: Iterator[Any]) -> Any:
 
 
 @contextmanager
-def tracing() -> Iterator[None]:
+def tracing(*others: tuple[Any, str, Any]) -> Iterator[None]:
     """While numbers may be traced: functions of `math`, and some of ours, take them as well. Of other numbers they give what they always
-    do, also to other threads."""
+    do, also to other threads. `others` stand in for more: a module, the name, and what it is meanwhile."""
     known: list[tuple[Any, str, Any]] = []
 
     def put(owner: Any, name: str, function: Any) -> None:
@@ -285,6 +285,8 @@ def tracing() -> Iterator[None]:
         put(math, "dist", dist)
         for module, name in WHOLE:
             put(module, name, whole(name, getattr(module, name)))
+        for owner, name, function in others:
+            put(owner, name, function)
         yield
     finally:
         for owner, name, function in reversed(known):

@@ -13,11 +13,10 @@ from thingc.resolve.model import AssemblyDefinition
 if TYPE_CHECKING:
     from thingc.load import Documents
     from thingc.resolve.parameters import AssemblyParameters
-    from thingc.resolve.substituting import with_values
     from thingc.spec.doubts import Specs
     from thingc.workspace import Workspace
 
-__all__ = ["AssemblyParameters", "part_definitions", "resolve", "resolve_materials", "with_values"]
+__all__ = ["AssemblyParameters", "part_definitions", "resolve", "resolve_materials"]
 
 
 def __getattr__(name: str) -> Any:
@@ -26,10 +25,6 @@ def __getattr__(name: str) -> Any:
         from thingc.resolve.parameters import AssemblyParameters
 
         return AssemblyParameters
-    if name == "with_values":
-        from thingc.resolve.substituting import with_values
-
-        return with_values
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

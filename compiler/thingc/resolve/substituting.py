@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from thingc.diagnostics import Code, Report
 from thingc.load.scalars import core_value
@@ -20,11 +19,6 @@ from thingc.spec.assembly import AssemblySpec
 from thingc.spec.shapes import AnnotationShape, alternatives, model_keys, shape_of
 from thingc.typos import did_you_mean, nearest
 from thingc.units import shortened
-
-if TYPE_CHECKING:
-    from thingc.load import Documents
-    from thingc.spec import Specs
-    from thingc.workspace import Workspace
 
 FIXED = {
     "thingc": "it says what kind of document this is",
@@ -68,18 +62,6 @@ def substituted(
         else:  # the document has no faults: a value makes something else wrong
             context.say_of_option(closest(values, fault.path or ""), fault.message, fault.help)
     return (changed, sound) if isinstance(sound, AssemblySpec) else (document, spec)
-
-
-def with_values(
-    documents: Documents, specs: Specs, workspace: Workspace, values: Mapping[str, str], report: Report,
-) -> tuple[Documents, AssemblySpec]:
-    """The documents and the root document's model with the texts `values` at their paths in it; as they were where one of them cannot stand
-    there, which is reported."""
-    context = Context(documents=documents, specs=specs, workspace=workspace, schemas={}, report=report)
-    root, spec = documents.root, specs[documents.root.relative]
-    assert isinstance(spec, AssemblySpec)
-    document, spec = substituted(context, root, spec, values)
-    return replace(documents, root=document, by_path={**documents.by_path, root.relative: document}), spec
 
 
 def _with(node: Node | None, keys: tuple[str, ...], leaf: ScalarNode) -> Node:

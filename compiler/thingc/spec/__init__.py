@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from thingc.spec.choices import is_value, nested
     from thingc.spec.doubts import Specs
     from thingc.spec.fields import REFERENCE_PATTERN
     from thingc.spec.saying import within
@@ -14,15 +13,13 @@ if TYPE_CHECKING:
     from thingc.spec.validation import part_references, validate, validate_one
 
 _EXPORTS = {
-    "REFERENCE_PATTERN": "fields", "Specs": "doubts", "is_value": "choices", "json_schema": "schema", "nested": "choices",
-    "part_references": "validation",
+    "REFERENCE_PATTERN": "fields", "Specs": "doubts", "json_schema": "schema", "part_references": "validation",
     "stated_choices": "stated", "stated_value": "stated", "validate": "validation", "validate_one": "validation", "within": "saying",
 }
 """Exported name to the module that has it."""
 
 __all__ = [
-    "REFERENCE_PATTERN", "Specs", "is_value", "json_schema", "nested", "part_references", "stated_choices", "stated_value", "validate",
-    "validate_one", "within",
+    "REFERENCE_PATTERN", "Specs", "json_schema", "part_references", "stated_choices", "stated_value", "validate", "validate_one", "within",
 ]
 
 
