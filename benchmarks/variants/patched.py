@@ -1,8 +1,9 @@
 """Is a model that comes without a compilation the compiled one? `python benchmarks/variants/patched.py [--count N] [DOCUMENT ...]`.
 
-Every number that stands in a document is set by its path, a few at a time, to N random values near its own (a twentieth off, at most); of
-the settings that are sound the model of `thingc.family(DOCUMENT).models` is compared with the one that MuJoCo compiles from the text of a
-compilation: every array, and every number of `opt`, `stat` and `vis`. In all modes; the arm and MInchW unless documents are named.
+Every number that stands in a document and models no part is set by its path, a few at a time, to N random values near its own (a twentieth
+off, at most); of the settings that are sound the model of `thingc.family(DOCUMENT).models` is compared with the one that MuJoCo compiles
+from the text of a compilation: every array, and every number of `opt`, `stat` and `vis`. In all modes; the arm and MInchW unless documents
+are named.
 """
 
 from __future__ import annotations
@@ -81,7 +82,7 @@ def compared(document: str, count: int, store: str | None, visual: bool) -> Coun
             known[name] = family._reader.read({name: text}).values[0]
         ways = {name: family.explain(name) for name in known}
         tally.update(f"{getattr(way, 'way', 'refused')}: numbers" for way in ways.values())
-        geometry = {name for name, way in ways.items() if "is modelled" in getattr(way, "why", "")}
+        geometry = {name for name, way in ways.items() if getattr(way, "way", "passes") == "passes"}
         for mode in family.modes:
             models = family._of(mode, visual)
             for many in drawn(known, geometry, count // len(family.modes), source):
