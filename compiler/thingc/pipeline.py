@@ -268,11 +268,12 @@ def _say_hidden(environment: Environment, sources: Sources, report: Report) -> N
         report_hidden(environment.parts, [*named, *((reference, None) for reference in hiding)], report)
 
 
-def emit(environment: Environment, compilation: Compilation, targets: Sequence[str], *, verify: bool = True) -> dict[str, Artifacts]:
+def emit(environment: Environment, compilation: Compilation, targets: Sequence[str], *, verify: int = 1) -> dict[str, Artifacts]:
     """Artifacts per target, in the order asked; each loss with the first target that has it. Only for a compilation whose
     report has no errors.
 
-    Without `verify` MuJoCo is not asked whether it takes the models: for the caller who compiles them anyway.
+    With `verify` 0 MuJoCo is not asked whether it takes the models: for the caller who compiles them anyway; with more than 1 only of the
+    first, and of every so many, that differ in nothing but numbers.
     """
     return _emitted(request_of(environment, compilation, verify=verify), targets)
 
@@ -295,7 +296,7 @@ def _emitted(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifact
 
 
 def request_of(
-    environment: Environment, compilation: Compilation, *, verify: bool = True, folder: str | None = None,
+    environment: Environment, compilation: Compilation, *, verify: int = 1, folder: str | None = None,
     compat: Sequence[str] = (),
 ) -> EmitRequest:
     """What targets are asked with. Only for a compilation whose report has no errors."""

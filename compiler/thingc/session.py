@@ -52,7 +52,7 @@ class Session:
         )
         return pipeline.recompile(self.environment, self.sources, settings, modes)
 
-    def emit(self, compilation: Compilation, targets: Sequence[str], *, verify: bool = True) -> dict[str, Artifacts]:
+    def emit(self, compilation: Compilation, targets: Sequence[str], *, verify: int = 1) -> dict[str, Artifacts]:
         """Artifacts per target: see `pipeline.emit`."""
         return pipeline.emit(self.environment, compilation, targets, verify=verify)
 

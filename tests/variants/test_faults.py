@@ -139,14 +139,14 @@ def test_a_runner_that_somebody_kills_costs_one_variant(tmp_path: Path, shared_s
 def test_an_interrupt_leaves_a_batch_that_can_be_gone_on_with(tmp_path: Path, shared_store: str, number: signal.Signals) -> None:
     here = workspace(tmp_path, faults=listed(dict.fromkeys(range(16), "slow"), 16))
     env = environment(shared_store, with_emitter(tmp_path))
-    process = started(here, env, "--jobs", "2", "--limit", "14", "--emit", "faulty,mjcf", "--no-verify", "--pictures", "none")
+    process = started(here, env, "--jobs", "2", "--limit", "14", "--emit", "faulty,mjcf", "--verify", "none", "--pictures", "none")
     wait_for_lines(here, 4, process)
     running = descendants(process.pid)
     process.send_signal(number)
     out, err = process.communicate(timeout=30)
     assert process.returncode == 130 and out == ""
     done = len(journal(here))
-    again = "thingc batch faults.yaml --emit faulty,mjcf --limit 14 --pictures none --jobs 2 --no-verify --resume"
+    again = "thingc batch faults.yaml --emit faulty,mjcf --limit 14 --pictures none --verify none --jobs 2 --resume"
     assert err == f"interrupted: {done} of 14 variants are done; go on with: {again}\n"
     assert 4 <= done < 14 and running
     assert_gone(running)

@@ -227,11 +227,11 @@ def test_of_very_many_variants_there_are_no_pictures_unless_asked(tmp_path: Path
     many = "thingc: variants/1\nassembly: pendulum.yaml\nname: many\nparameters: {length: {from: 200 mm, to: 400 mm, count: 201}}\n"
     here = workspace(tmp_path, many=many + "keep: [length < 202 mm]\n")
     env = environment(shared_store)
-    done = thingc("batch", "many.yaml", "--no-verify", cwd=here, env=env)
+    done = thingc("batch", "many.yaml", "--verify", "none", cwd=here, env=env)
     words = "the page of more than 200 variants has no pictures unless they are asked for: "
     words += "thingc batch many.yaml --page-only --pictures 48\n"
     assert done.returncode == 0 and done.stderr.endswith(words), done.stderr
-    assert words not in thingc("batch", "many.yaml", "--no-verify", "--pictures", "none", cwd=here, env=env).stderr
+    assert words not in thingc("batch", "many.yaml", "--verify", "none", "--pictures", "none", cwd=here, env=env).stderr
 
 
 @browser
@@ -366,7 +366,7 @@ def test_a_card_says_what_it_leaves_out(tmp_path: Path, shared_store: str) -> No
 def test_where_nothing_can_be_drawn_the_page_says_less(stands: Path, tmp_path: Path, shared_store: str) -> None:
     here = workspace(tmp_path, stands=STANDS)
     env = {**environment(shared_store), "MUJOCO_GL": "nonsense"}
-    done = thingc("batch", "stands.yaml", "--no-verify", cwd=here, env=env)
+    done = thingc("batch", "stands.yaml", "--verify", "none", cwd=here, env=env)
     assert done.returncode == 0 and "warning[TC808]" in done.stderr and "Traceback" not in done.stderr, done.stderr
     assert (here / "build/stands/index.html").is_file() and not os.path.exists(here / "build/stands/pictures")
 

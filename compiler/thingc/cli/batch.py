@@ -30,6 +30,8 @@ results.parquet, and the page index.html. Stopped at any moment, it goes on with
   thingc batch leg_sweep.yaml --limit 100 --emit mjcf -o /data/robots
   thingc batch leg_sweep.yaml --resume
 """
+VERIFY = {"some": 64, "all": 1, "none": 0}
+"""Of how many models MuJoCo is asked about one, by the words for it."""
 INTERRUPTED = 130
 """The exit code of who was interrupted (128 and the number of SIGINT)."""
 PAUSE = 30.0
@@ -61,7 +63,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--pictures", metavar="N", type=_pictures,
                         help="pictures on the batch's page: so many, `none` or `all` (default: 48, and none of more than 200 variants)")
     parser.add_argument("--page-only", action="store_true", help="write the page of a batch anew, and build nothing")
-    parser.add_argument("--no-verify", action="store_true", help="do not ask MuJoCo whether it takes each model")
+    parser.add_argument(
+        "--verify", choices=tuple(VERIFY), default="some",
+        help="the models that MuJoCo is asked about: all, none, or the first and every 64th of those that differ in numbers only (default)",
+    )
     common.add_format(parser)
     common.add_geometry(parser, jobs="variants built at once")
 
@@ -108,11 +113,12 @@ def _again(arguments: argparse.Namespace) -> str:
     pictures = {ALL: "all", 0: "none"}.get(arguments.pictures, arguments.pictures)
     said = {
         "-o": arguments.output, "--limit": arguments.limit, "--timeout": arguments.timeout, "--cluster": arguments.cluster,
-        "--pictures": pictures, "--store": arguments.store, "--jobs": arguments.jobs or None, "--part-timeout": arguments.part_timeout,
+        "--pictures": pictures, "--verify": arguments.verify if arguments.verify != "some" else None,
+        "--store": arguments.store, "--jobs": arguments.jobs or None, "--part-timeout": arguments.part_timeout,
     }
     words = ["thingc", "batch", arguments.document, *(word for target in arguments.emit for word in ("--emit", target))]
     words += [str(word) for option, value in said.items() if value is not None for word in (option, value)]
-    flags = {"--ship": arguments.ship, "--no-verify": arguments.no_verify, "--resume": True, "--retry": arguments.retry}
+    flags = {"--ship": arguments.ship, "--resume": True, "--retry": arguments.retry}
     return shlex.join([*words, *(flag for flag, said in flags.items() if said)])
 
 
@@ -141,7 +147,7 @@ def _build(
             cluster = leaving.enter_context(connect(arguments.cluster, jobs=options.jobs, folder=own))
         summary = run(
             arguments.document, output=arguments.output, executor=cluster, jobs=options.jobs, emit=targets, limit=arguments.limit,
-            resume=arguments.resume, timeout=timeout or TIMEOUT, verify=not arguments.no_verify, options=options,
+            resume=arguments.resume, timeout=timeout or TIMEOUT, verify=VERIFY[arguments.verify], options=options,
             on_progress=_Show() if arguments.format == "text" else None, pictures=arguments.pictures,
             on_picture=_draw if arguments.format == "text" else None, ship=arguments.ship, retry=arguments.retry,
         )

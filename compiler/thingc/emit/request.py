@@ -21,9 +21,10 @@ if TYPE_CHECKING:
 class EmitRequest:
     """The robot, once without a root (`assembly`) and once per chosen mode (`robots`, document order), and the doors
     an emitter may need: the store for meshes, the geometry service for a STEP file, the report for diagnostics. `verify`: what
-    another program shall read is given to that program first. `compat`: who besides MuJoCo shall read its models, by name. `folder`: the
-    absolute path of the folder that the build will lie in (None: nobody knows). `repeated`: this is one of many requests of a session, and
-    what is learned of its models alone is not worth keeping."""
+    another program shall read is given to that program first, of so many models that differ in nothing but numbers one (1: all, 0: none).
+    `compat`: who besides MuJoCo shall read its models, by name. `folder`: the absolute path of the folder that the build will lie in
+    (None: nobody knows). `repeated`: this is one of many requests of a session, and what is learned of its models alone is not worth
+    keeping."""
 
     assembly: Assembly
     robots: tuple[Robot, ...]
@@ -31,7 +32,7 @@ class EmitRequest:
     geometry: GeometryService
     workspace: Workspace
     report: Report
-    verify: bool = True
+    verify: int = 1
     compat: tuple[str, ...] = ()
     folder: str | None = None
     repeated: bool = False

@@ -38,6 +38,8 @@ from thingc.variants.transfer import Transfer, pack
 
 TIMEOUT = 600.0
 """Longest time [s] for one variant, unless the caller says otherwise."""
+SHARE = 64
+"""Of so many models that differ in nothing but numbers MuJoCo is given one, unless the caller says otherwise."""
 CHUNK_SECONDS = 0.5
 """How long [s] a chunk should take."""
 CHUNK_MOST = 64
@@ -54,7 +56,7 @@ REFRESH = 30.0
 
 def run(
     document: str, *, output: str | None = None, executor: Executor | None = None, jobs: int = 0, emit: Sequence[str] = (),
-    limit: int | None = None, resume: bool = False, timeout: float = TIMEOUT, verify: bool = True, options: Options | None = None,
+    limit: int | None = None, resume: bool = False, timeout: float = TIMEOUT, verify: int = SHARE, options: Options | None = None,
     on_progress: OnProgress | None = None, pictures: int | None = 0, on_picture: OnPicture | None = None, ship: bool = False,
     retry: bool = False,
 ) -> Summary:
@@ -64,7 +66,8 @@ def run(
     and its workers see the documents and the folder under the same paths. With `ship` they see neither: it is a cluster that can carry
     files (one of dask), the workspace goes to each of its workers, and built variants come back. None: runners on this machine, `jobs`
     of them (0: one per core; of another's executor: how many chunks are under way at once). `emit` replaces the document's targets,
-    `limit` leaves out all variants but the first ones, `timeout` [s] is for one variant, `options` name the store. The batch's page
+    `limit` leaves out all variants but the first ones, `timeout` [s] is for one variant, `verify` says of how many models that differ in
+    nothing but numbers MuJoCo is asked about one (1: each, 0: none), `options` name the store. The batch's page
     shows pictures of at most so many variants as `pictures` says (`pictures.ALL`: of all; None: of 48, and of none where there are more
     than 200).
 
@@ -130,7 +133,7 @@ class _Batch:
     """One run of a batch. All of it but the engine's threads happens in one thread."""
 
     def __init__(
-        self, plan: Plan, folder: str, options: Options, jobs: int, timeout: float, verify: bool, count: int,
+        self, plan: Plan, folder: str, options: Options, jobs: int, timeout: float, verify: int, count: int,
         on_progress: OnProgress | None, transfer: Transfer | None,
     ) -> None:
         self.plan = plan

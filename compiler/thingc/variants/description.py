@@ -37,7 +37,7 @@ def seen(plan: Plan, folder: str) -> dict[str, str]:
     return files
 
 
-def job_of(plan: Plan, folder: str, options: Options, *, verify: bool, elsewhere: bool) -> Job:
+def job_of(plan: Plan, folder: str, options: Options, *, verify: int, elsewhere: bool) -> Job:
     """The job of the runners; `elsewhere`: on other machines, which have another environment and another working folder."""
     store = options.store
     if elsewhere:

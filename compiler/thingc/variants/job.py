@@ -20,7 +20,8 @@ class Job:
 
     `assembly` is the absolute path of the document, `folder` that of the batch's folder (None: nothing is written); `rules` the
     comparisons that need results, `dimensions` the exponents (length, mass, time, angle) of the parameters that are numbers;
-    `verify`: MuJoCo is asked whether it takes each model; `cwd` the folder in which runners work (None: that of who starts them).
+    `verify`: of so many models that differ in nothing but numbers MuJoCo is given one (1: each, 0: none); `cwd` the folder in which
+    runners work (None: that of who starts them).
     """
 
     assembly: str
@@ -35,7 +36,7 @@ class Job:
     rule_names: tuple[dict[str, str | None], ...]
     dimensions: Mapping[str, tuple[Any, ...]]
     emit: tuple[str, ...]
-    verify: bool = True
+    verify: int = 1
     cwd: str | None = None
 
     def encode(self) -> str:

@@ -5,6 +5,7 @@ MuJoCo is only imported when there is a model that it has not accepted before.
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -81,6 +82,39 @@ def check(candidates: Sequence[Candidate], meshes: Sequence[MeshAsset], store: S
         for warning in verdict.warnings:
             _say(Code.MJCF_WARNING, "warns of", warning, candidate, candidate.model, report, severity=Severity.WARNING)
     start.say(instants, report)
+
+
+_NUMBERS = re.compile(r'(?<=[" ])-?[0-9][0-9.e+-]*(?=[" ])')
+"""Numbers in attributes."""
+
+
+def due(candidates: Sequence[Candidate], share: int, memo: Memo) -> list[Candidate]:
+    """Those of the models that are given to MuJoCo where of so many (`share`) that differ in nothing but numbers one is: the first of each
+    kind that it has not taken yet, and every so many after it."""
+    if share <= 1:
+        return list(candidates)
+    found = []
+    for candidate in candidates:
+        place = _kind(candidate)
+        taken: int | None = memo.last(place, ())
+        if taken is None or taken % share == 0:
+            found.append(candidate)
+        if taken is not None:
+            memo.keep(place, (), taken + 1)
+    return found
+
+
+def took(candidates: Sequence[Candidate], share: int, memo: Memo) -> None:
+    """Note that MuJoCo has taken these without a word."""
+    for candidate in candidates if share > 1 else ():
+        place = _kind(candidate)
+        if memo.last(place, ()) is None:
+            memo.keep(place, (), 1)
+
+
+def _kind(candidate: Candidate) -> tuple[str, str, str]:
+    """Of what kind a model is: its text without numbers."""
+    return ("mujoco takes", candidate.mode, hashlib.sha256(_NUMBERS.sub("", candidate.model.text).encode()).hexdigest())
 
 
 def doubtful(

@@ -39,7 +39,8 @@ def emit(request: EmitRequest) -> Artifacts:
 def models(request: EmitRequest) -> Models:
     """The models of the chosen modes, made once for all targets of a request.
 
-    With `verify` every one has been compiled by MuJoCo; what it says against one is in the report, at the place in the documents.
+    With `verify` every one, or one of so many, has been compiled by MuJoCo; what it says against one is in the report, at the place in the
+    documents.
     """
     known = request.made.get("mjcf")
     if isinstance(known, Models):
@@ -69,11 +70,13 @@ def models(request: EmitRequest) -> Models:
         )
     if request.verify:
         starts = not request.repeated
-        waiting = check.doubtful(every, geometry.meshes, request.store, request.memo, starts=starts)
+        due = check.due(every, request.verify, request.memo)
+        waiting = check.doubtful(due, geometry.meshes, request.store, request.memo, starts=starts)
         check.check(waiting, geometry.meshes, request.store, report, starts=starts)
         if not report.diagnostics:
             for one in waiting:
                 request.memo.keep(("mujoco scene", one.mode), (one.scene.text,), True)
+            check.took(due, request.verify, request.memo)
     made = Models(candidates=every, assets=geometry.assets, losses=tuple(lost))
     request.made["mjcf"] = made
     return made

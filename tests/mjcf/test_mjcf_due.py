@@ -1,0 +1,60 @@
+"""Of many models that differ in nothing but numbers MuJoCo is asked about the first, and every so many after it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from thingc.emit.mjcf import check
+from thingc.environment import Options
+from thingc.pipeline import Settings
+from thingc.session import Session
+
+DOCUMENT = """\
+thingc: assembly/1
+name: scale
+parameters: {mass: 1 kg, lift: 1 deg, stiff: false}
+components:
+  base: {frame: true, mass: 1 kg, inertia: {ixx: 1 kg*m^2, iyy: 1 kg*m^2, izz: 1 kg*m^2}}
+  pan: {frame: true, mass: =mass, inertia: {ixx: 1 kg*m^2, iyy: 1 kg*m^2, izz: 1 kg*m^2}}
+joints: {beam: {type: revolute, parent: base.origin, child: pan.origin, limit: {lower: -1 rad, upper: 1 rad}}}
+poses: {up: {beam: =lift}}
+modes: {still: {root: base}, loose: {root: pan, base: free}}
+"""
+
+
+@pytest.mark.parametrize(("share", "asked"), [(0, []), (1, [2] * 9), (4, [2, 0, 0, 0, 2, 2, 0, 0, 0])])
+def test_one_in_so_many_is_asked_about(
+    share: int, asked: list[int], tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    (tmp_path / "scale.yaml").write_text(DOCUMENT)
+    found: list[int] = []
+    doubtful = check.doubtful
+
+    def counting(candidates: Any, *arguments: Any, **named: Any) -> Any:
+        found.append(len(candidates))
+        return doubtful(candidates, *arguments, **named)
+
+    monkeypatch.setattr(check, "doubtful", counting)
+    with Session(str(tmp_path / "scale.yaml"), Options(store=shared_store)) as session:
+        assert session.sources is not None, session.report.ordered()
+        for index in range(9):
+            choices = {"joints.beam.dynamics.damping": "1 N*m*s/rad"} if index == 5 else {}  # which makes it a model of another kind
+            compilation = session.compile(Settings(parameters={"mass": f"{1 + index / 8} kg", "lift": f"{1 + index} deg"}, choices=choices))
+            artifacts = session.emit(compilation, ["mjcf"], verify=share)
+            assert not compilation.report.diagnostics and len(artifacts["mjcf"].files) == 5
+    assert found == asked
+
+
+def test_what_mujoco_refuses_is_refused_again(tmp_path: Path, shared_store: str) -> None:
+    """Nothing is known of a kind of models before one was taken."""
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    (tmp_path / "scale.yaml").write_text(DOCUMENT + "raw: {mjcf: {joint: {beam: {solimplimit: 1 2 3 4 5 6 7}}}}\n")
+    with Session(str(tmp_path / "scale.yaml"), Options(store=shared_store)) as session:
+        for index in range(3):
+            compilation = session.compile(Settings(parameters={"mass": f"{1.5 + index} kg"}))
+            session.emit(compilation, ["mjcf"], verify=64)
+            assert [one.code.code for one in compilation.report.diagnostics] != []
