@@ -6,6 +6,7 @@ The arm of `throughput.py`, one mode, models without what is only drawn; per sec
 - `lent`: `thingc.family(DOC).models(many, share=True)`;
 - `own`: the same without `share`, a model each;
 - `results`: `evaluate(many)`, no model;
+- `fields`: `batched(many)`, the arrays in which they differ;
 - `a mesh`: another pen in each variant, of a few whose records are in the store and whose models are not kept;
 - `seen`: the model of a variant that was compiled before, as an environment asks for it when it is reset;
 
@@ -109,6 +110,7 @@ def spent(family: thingc.RobotFamily, models: ModelsOfMode, indices: Iterator[in
 
     return {
         "lent": lent, "own": own, "results": lambda count: check(family.evaluate([numbers(k) for k in itertools.islice(indices, count)])),
+        "fields": lambda count: (family.batched([numbers(k) for k in itertools.islice(indices, count)], mode=MODE), None)[1],
         "a mesh": exchanged, "seen": seen,
         "template": each(template),
         "edited": each(edit), "patched": each(patch), "copied": each(lambda k: copy.copy(model)),

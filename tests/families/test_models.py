@@ -13,6 +13,7 @@ import pytest
 import thingc
 from thingc.families import Explanation, NoModel, differing
 from thingc.pipeline import UnknownChoice
+from thingc.variants import apply
 
 NUMBERS: dict[str, float] = {
     "load": 0.5, "length": 0.3, "stiff": 50.0, "components.crank.mass": 0.3, "components.base.inertia.ixy": 0.001,
@@ -136,3 +137,24 @@ def test_a_plan_that_is_wrong_is_found_and_given_up(workspace: Any) -> None:
         assert form.plans == [] and "a plan gave another `" in str(form.refused)
         assert differing(models[1], compiled(family, many[1], "standing")) == []
         assert differing(models[3], compiled(family, many[3], "standing")) == []
+
+
+def test_many_are_few_models_and_arrays(everything: thingc.RobotFamily) -> None:
+    many = [*settings(5, 6, {"load": 0.5, "poses.low.lift": -0.35}), {"load": 30.0}, {"heavy": True, "load": 0.7}]
+    many.append({"components.weight.mass": "0.7 kg", "joints.lift.limit.effort": "7 N*m"})
+    batches = everything.batched(many, mode="standing", visual=True)
+    assert list(batches.refused) == [5] and "must be at most 20 kg" in batches.refused[5].problems[0].message
+    assert [group.indices for group in batches.groups] == [(0, 1, 2, 3, 4, 6, 7)]
+    (group,) = batches.groups
+    assert {"body_mass", "body_ipos", "key_qpos", "actuator_forcerange", "stat.meanmass"} <= set(group.fields)
+    assert "jnt_range" not in group.fields and group.fields["body_mass"].shape == (7, group.model.nbody)
+    own = [model for model in everything.models(many, mode="standing", visual=True) if isinstance(model, mujoco.MjModel)]
+    for place, model in enumerate(own):
+        apply(group.model, group.fields, place)
+        assert differing(group.model, model) == []
+
+
+def test_what_no_array_of_numbers_says_is_another_group(everything: thingc.RobotFamily) -> None:
+    batches = everything.batched([{"load": 0.4}, {"simulation.integrator": "euler"}, {"load": 0.6}], mode="standing")
+    assert [group.indices for group in batches.groups] == [(0, 2), (1,)] and batches.refused == {}
+    assert batches.groups[1].fields == {} and batches.groups[1].model.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER

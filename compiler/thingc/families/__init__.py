@@ -10,18 +10,20 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from thingc.families.batching import Batched, Batches
     from thingc.families.exact import differing
     from thingc.families.family import RobotFamily
     from thingc.families.results import Evaluated, Explanation, NoModel
     from thingc.families.space import Space, SpaceDimension
 
 _EXPORTS = {
+    "Batched": "batching", "Batches": "batching",
     "Evaluated": "results", "Explanation": "results", "NoModel": "results", "RobotFamily": "family", "Space": "space",
     "SpaceDimension": "space",
     "differing": "exact",
 }
 
-__all__ = ["Evaluated", "Explanation", "NoModel", "RobotFamily", "Space", "SpaceDimension", "differing"]
+__all__ = ["Batched", "Batches", "Evaluated", "Explanation", "NoModel", "RobotFamily", "Space", "SpaceDimension", "differing"]
 
 
 def __getattr__(name: str) -> Any:

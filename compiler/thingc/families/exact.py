@@ -15,7 +15,7 @@ GROUPS = ("opt", "stat", "vis", "vis.global_", "vis.quality", "vis.headlight", "
 def differing(first: mujoco.MjModel, second: mujoco.MjModel) -> list[str]:
     """The names of all fields in which two models differ: arrays, sizes and names, and numbers of `opt`, `stat` and `vis`; none where they
     are the same. `signature` is left out: it is of the file."""
-    return [name for name in names(first) if _bytes(first, name) != _bytes(second, name)]
+    return [name for name in names(first) if content(first, name) != content(second, name)]
 
 
 def names(model: mujoco.MjModel) -> Iterator[str]:
@@ -41,7 +41,8 @@ def _owner(model: Any, group: str) -> Any:
     return owner
 
 
-def _bytes(model: Any, name: str) -> bytes:
+def content(model: Any, name: str) -> bytes:
+    """The shape and the bytes of a field."""
     import numpy as np
 
     group, _, field = name.rpartition(".")

@@ -12,6 +12,7 @@ from thingc.diagnostics import Diagnostic, Report
 from thingc.environment import Options
 from thingc.expressions import Expression, ExpressionError, Found, evaluate
 from thingc.families.arrays import TextTemplate
+from thingc.families.batching import Batches, batched
 from thingc.families.evaluation import Evaluation
 from thingc.families.models import ModelsOfMode
 from thingc.families.plans import Form
@@ -112,6 +113,10 @@ class RobotFamily:
         being usable as long as it is the same object. `NoModel` stands in place of a model that there is none of. Raises `UnknownChoice`
         for a mode that is not there."""
         return self._of(mode, visual).each(map(self._read, many), share=share)
+
+    def batched(self, many: Iterable[Mapping[str, Any] | Variant], *, mode: str | None = None, visual: bool = False) -> Batches:
+        """Many settings as few models, and arrays of what each has of its own. Raises `UnknownChoice` for a mode that is not there."""
+        return batched(self.models(many, mode=mode, share=True, visual=visual))
 
     def write(self, settings: Mapping[str, Any] | Variant, folder: str | os.PathLike[str]) -> tuple[Diagnostic, ...]:
         """Write what `thingc build` does with these settings into `folder`, byte for byte; all that was said. With errors nothing is
