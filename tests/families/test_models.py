@@ -142,13 +142,13 @@ def test_a_plan_that_is_wrong_is_found_and_given_up(workspace: Any) -> None:
 def test_many_are_few_models_and_arrays(everything: thingc.RobotFamily) -> None:
     many = [*settings(5, 6, {"load": 0.5, "poses.low.lift": -0.35}), {"load": 30.0}, {"heavy": True, "load": 0.7}]
     many.append({"components.weight.mass": "0.7 kg", "joints.lift.limit.effort": "7 N*m"})
-    batches = everything.batched(many, mode="standing", visual=True)
+    batches = everything.batched(many, mode="standing")
     assert list(batches.refused) == [5] and "must be at most 20 kg" in batches.refused[5].problems[0].message
     assert [group.indices for group in batches.groups] == [(0, 1, 2, 3, 4, 6, 7)]
     (group,) = batches.groups
     assert {"body_mass", "body_ipos", "key_qpos", "actuator_forcerange", "stat.meanmass"} <= set(group.fields)
     assert "jnt_range" not in group.fields and group.fields["body_mass"].shape == (7, group.model.nbody)
-    own = [model for model in everything.models(many, mode="standing", visual=True) if isinstance(model, mujoco.MjModel)]
+    own = [model for model in everything.models(many, mode="standing") if isinstance(model, mujoco.MjModel)]
     for place, model in enumerate(own):
         apply(group.model, group.fields, place)
         assert differing(group.model, model) == []

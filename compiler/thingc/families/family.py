@@ -114,9 +114,11 @@ class RobotFamily:
         for a mode that is not there."""
         return self._of(mode, visual).each(map(self._read, many), share=share)
 
-    def batched(self, many: Iterable[Mapping[str, Any] | Variant], *, mode: str | None = None, visual: bool = False) -> Batches:
-        """Many settings as few models, and arrays of what each has of its own. Raises `UnknownChoice` for a mode that is not there."""
-        return batched(self.models(many, mode=mode, share=True, visual=visual))
+    def batched(self, many: Iterable[Mapping[str, Any] | Variant], *, mode: str | None = None, union: bool = True) -> Batches:
+        """Many settings as few models without what is only drawn, and arrays of what each has of its own. With `union` variants of other
+        geometry are of one model, too, which has the meshes of all. Raises `UnknownChoice` for a mode that is not there."""
+        models, read = self._of(mode, False), [self._read(one) for one in many]
+        return batched(models.each(read, share=True), (lambda index: models.source(read[index][1])) if union else None)
 
     def write(self, settings: Mapping[str, Any] | Variant, folder: str | os.PathLike[str]) -> tuple[Diagnostic, ...]:
         """Write what `thingc build` does with these settings into `folder`, byte for byte; all that was said. With errors nothing is

@@ -18,6 +18,7 @@ from thingc.families.plans import Form, Recipe
 from thingc.families.reading import Read, SettingsReader
 from thingc.families.rehearsal import Rehearsal, rehearse, written
 from thingc.families.results import NoModel
+from thingc.families.union import ModelSource
 
 if TYPE_CHECKING:
     import mujoco
@@ -99,7 +100,7 @@ class ModelsOfMode:
 
         def finish(rehearsal: Rehearsal) -> tuple[Sequence[Any], Arrays | TextTemplate]:
             nonlocal slower
-            assets = self._assets_of(read)
+            assets = self.source(read).assets
             if not slower:
                 try:
                     arrays = Arrays(rehearsal, assets, self._load)
@@ -210,11 +211,13 @@ class ModelsOfMode:
             self.session.emit(compilation, ["mjcf"])  # which says what it is about
             return tuple(report.ordered())
 
-    def _assets_of(self, read: Read) -> dict[str, bytes]:
+    def source(self, read: Read) -> ModelSource:
+        """What the model of settings that are not refused is made from."""
         compilation = self.session.compile(self.reader.settings(read), (self.mode,))
-        _, assets = model_sources(pipeline.request_of(self.session.environment, compilation, verify=False))
+        texts, assets = model_sources(pipeline.request_of(self.session.environment, compilation, verify=False))
         self._mount(assets)
-        return {file: self.session.environment.store.read(stored.sha256) for file, stored in assets.items()}
+        store = self.session.environment.store
+        return ModelSource(text=texts[self.mode], assets={file: store.read(stored.sha256) for file, stored in assets.items()})
 
     def _mount(self, assets: Mapping[str, Stored]) -> None:
         import mujoco

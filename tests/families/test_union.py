@@ -1,0 +1,65 @@
+"""Variants of other geometry as one model: each moves as its own."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+import thingc
+from thingc.variants import apply
+
+LEVERS = """\
+thingc: assembly/1
+name: levers
+materials: {petg: {density: 1270 kg/m^3}}
+parameters: {length: {value: 80 mm, min: 20 mm, max: 500 mm}}
+defaults: {component: {collision: mesh}}
+components:
+  plate: {part: boxes:Plate}
+  lever: {part: boxes:Lever, params: {length: =length}}
+joints:
+  hinge:
+    {type: revolute, parent: plate.top, child: lever.hub, limit: {lower: -90 deg, upper: 90 deg}, dynamics: {damping: 1e-5 N*m*s/rad}}
+modes: {still: {root: plate, at: {rpy: 90 0 0 deg}}}
+"""
+
+
+def moved(model: mujoco.MjModel) -> Any:
+    data = mujoco.MjData(model)
+    data.qpos[:] = 0.3
+    found = []
+    for _ in range(50):
+        mujoco.mj_step(model, data)
+        found.append(data.qpos.copy())
+    return np.array(found)
+
+
+@pytest.mark.slow
+def test_each_moves_as_its_own_model(tmp_path: Path, root: Path, shared_store: str) -> None:
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\nparts = ["parts"]\n')
+    shutil.copytree(root / "tests" / "cases" / "parts", tmp_path / "parts")
+    (tmp_path / "levers.yaml").write_text(LEVERS)
+    many: list[dict[str, Any]] = [
+        {"length": 0.08}, {"length": "95 mm"}, {"length": 0.08, "joints.hinge.dynamics.damping": 2e-5}, {"length": 0.095}, {"length": 9.0},
+    ]
+    with thingc.family(tmp_path / "levers.yaml", store=shared_store) as family:
+        explained = str(family.explain("length"))
+        whole, apart = family.batched(many), family.batched(many, union=False)
+        own = [model for model in family.models(many) if isinstance(model, mujoco.MjModel)]
+    assert explained == "length is compiled anew: `boxes:Lever` is modelled by it (mode still)"
+    assert list(whole.refused) == list(apart.refused) == [4]
+    assert [group.indices for group in apart.groups] == [(0, 2), (1, 3)]
+    (group,) = whole.groups
+    assert group.indices == (0, 1, 2, 3) and group.model.nmesh == 3 and all(model.nmesh == 2 for model in own)
+    first, second, third, fourth = group.fields["geom_dataid"].tolist()
+    assert first == third != second == fourth and group.fields["dof_damping"][:, 0].tolist() == [1e-5, 1e-5, 2e-5, 1e-5]
+    for place, model in enumerate(own):
+        apply(group.model, group.fields, place)
+        assert np.array_equal(moved(group.model), moved(model))
+        assert np.array_equal(group.model.geom_rbound, model.geom_rbound) and np.array_equal(group.model.body_mass, model.body_mass)
+    assert len({moved(model)[-1, 0] for model in own}) == 3
