@@ -122,12 +122,12 @@ def test_where_a_number_decides_otherwise_it_is_compiled(everything: thingc.Robo
     for one, model in zip(many, found, strict=True):
         assert isinstance(model, mujoco.MjModel) and differing(model, compiled(everything, one, "standing")) == []
     form = everything._of("standing", True).form(everything._reader.read(many[0]))
-    assert form.plan_for(everything._reader.read(many[0])) is not None and form.missed == 2
+    assert form.plan_for(everything._reader.read(many[0])) is not None and form.missed == 3
 
 
 def test_a_plan_that_is_wrong_is_found_and_given_up(workspace: Any) -> None:
     with thingc.family(workspace / "everything.yaml", verify=2) as family:
-        many = settings(4, 5, {"load": 0.5})
+        many = settings(5, 5, {"load": 0.5})
         list(family.models(many, visual=True))
         (form,) = family._of(None, True).forms.values()
         arrays = form.plans[0].made
@@ -135,8 +135,8 @@ def test_a_plan_that_is_wrong_is_found_and_given_up(workspace: Any) -> None:
         arrays._traced[0, 0] = False
         models = list(family.models(many, visual=True))
         assert form.plans == [] and "a plan gave another `" in str(form.refused)
-        assert differing(models[1], compiled(family, many[1], "standing")) == []
-        assert differing(models[3], compiled(family, many[3], "standing")) == []
+        for one, model in zip(many[1:], models[1:], strict=True):  # one in two is looked at: the second, and then nothing follows the plan
+            assert differing(model, compiled(family, one, "standing")) == []
 
 
 def test_many_are_few_models_and_arrays(everything: thingc.RobotFamily) -> None:

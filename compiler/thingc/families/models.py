@@ -144,38 +144,43 @@ class ModelsOfMode:
         return plan.made.model
 
     def _together(self, waiting: Sequence[tuple[Item, Recipe[Any], tuple[float, ...]]], share: bool) -> Iterator[mujoco.MjModel | NoModel]:
+        """The models of settings that one plan is of."""
         if not waiting:
             return
         plan = waiting[0][1]
-        if isinstance(plan.made, TextTemplate):
-            for item, _, outputs in waiting:
-                yield self._checked(item, plan, self._load(plan.made.text(outputs)))
-            return
-        try:
-            prepared = plan.made.prepare([outputs for _, _, outputs in waiting])
-        except ValueError:  # one of them MuJoCo refuses
-            for item, _, _ in waiting:
-                yield self._passed(item, share)
-            return
-        for index, (item, _, _) in enumerate(waiting):
-            plan.made.put(prepared, index)
-            model = self._checked(item, plan, plan.made.model)
-            yield model if share or model is not plan.made.model else copy.copy(model)
+        prepared = None
+        if isinstance(plan.made, Arrays):
+            try:
+                prepared = plan.made.prepare([outputs for _, _, outputs in waiting])
+            except ValueError:  # one of them MuJoCo refuses
+                for item, _, _ in waiting:
+                    yield self._passed(item, share)
+                return
+        for index, (item, _, outputs) in enumerate(waiting):
+            if prepared is None:
+                model = self._load(plan.made.text(outputs))
+            else:
+                plan.made.put(prepared, index)
+                model = plan.made.model
+            if not self._right(item[1], plan, model):
+                for wrong, _, _ in waiting[index:]:
+                    yield self._passed(wrong, share)
+                return
+            yield model if share or prepared is None else copy.copy(model)
 
-    def _checked(self, item: Item, plan: Recipe[Any], model: mujoco.MjModel) -> mujoco.MjModel | NoModel:
-        """The model of a plan, or the compiled one where that is another: the plan is then given up."""
+    def _right(self, read: Read, plan: Recipe[Any], model: mujoco.MjModel) -> bool:
+        """Whether the model of a plan is the compiled one, where it is time to look; a plan whose model is another one is given up."""
         self._made += 1
         due = self._made & (self._made - 1) == 0 if self.verify is None else self.verify > 0 and self._made % self.verify == 0
         if not due:
-            return model
-        whole = self._compiled(item[1])
-        wrong = ["all"] if isinstance(whole, tuple) else differing(model, whole)
-        if not wrong:
-            return model
-        form = self.form(item[1])
-        form.plans = [one for one in form.plans if one is not plan]
-        form.refused = f"a plan gave another `{wrong[0]}` for {dict(zip(item[1].names, item[1].values))}"
-        return NoModel(settings=item[0], problems=whole) if isinstance(whole, tuple) else whole
+            return True
+        whole = self._compiled(read)
+        wrong = ["refused"] if isinstance(whole, tuple) else differing(model, whole)
+        if wrong:
+            form = self.form(read)
+            form.plans = []
+            form.refused = f"a plan gave another `{wrong[0]}` for {dict(zip(read.names, read.values))}"
+        return not wrong
 
     def _passed(self, item: Item, share: bool) -> mujoco.MjModel | NoModel:
         """The model by every pass, or as it was kept."""

@@ -66,12 +66,13 @@ class Form(Generic[Made]):
         return None
 
     def worth_it(self, read: Read) -> bool:
-        """Whether a plan should be made for settings that none is of: a number that is modelled is often never the same again."""
+        """Whether a plan should be made for settings that none is of, which takes as long as some compilations: not for those that come
+        once, and a number that is modelled is often never the same again."""
         if self.refused is not None:
             return False
         if not self.why:
             self.missed += 1
-            return self.missed & (self.missed - 1) == 0
+            return self.missed > 1 and self.missed & (self.missed - 1) == 0
         held = tuple(value for name, value in zip(read.names, read.values) if name in self.why)
         if len(self._seen) > 1000:
             self._seen.clear()
