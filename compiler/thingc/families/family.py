@@ -19,7 +19,7 @@ from thingc.families.plans import Form
 from thingc.families.reading import Read, SettingsReader
 from thingc.families.results import Evaluated, Explanation, NoModel
 from thingc.families.space import Space, of_axes, of_parameters
-from thingc.pipeline import Settings, UnknownChoice
+from thingc.pipeline import UnknownChoice
 from thingc.session import Session
 from thingc.spec.assembly import AssemblySpec, ParameterSpec
 from thingc.typos import did_you_mean
@@ -30,8 +30,6 @@ if TYPE_CHECKING:
 
     from thingc.pipeline import Sources
     from thingc.variants.planning import Plan, Variant
-
-Given = "Mapping[str, Any] | Variant"
 
 
 class RobotFamily:
@@ -60,13 +58,13 @@ class RobotFamily:
             self.close()
             raise CompileError(report.ordered())
         self._sources: Sources = sources
-        first = self._session.compile(Settings())
-        if first.assembly is None:
-            self.close()
-            raise CompileError(first.report.ordered())
         self._verify = verify
         fixed = {} if self._plan is None else {**self._plan.fixed.parameters, **self._plan.fixed.choices}
         self._reader = SettingsReader(sources, {name: _given(value) for name, value in fixed.items()})
+        first = self._session.compile(self._reader.settings(self._reader.read({})))
+        if first.assembly is None:
+            self.close()
+            raise CompileError(first.report.ordered())
         self.name: str = first.assembly.name
         self.modes: tuple[str, ...] = self._plan.modes if self._plan is not None else tuple(one.name for one in first.assembly.modes)
         self.mode = self.modes[0] if mode is None else self._known(mode)
@@ -101,8 +99,8 @@ class RobotFamily:
     def model(
         self, settings: Mapping[str, Any] | Variant, *, mode: str | None = None, visual: bool = True,
     ) -> mujoco.MjModel | NoModel:
-        """The compiled model of settings in a mode, of its own; `NoModel`, which is false, where they are. Without `visual` what is only
-        drawn is left out. Raises `UnknownChoice` for a mode that is not there."""
+        """The compiled model of settings in a mode, of its own; `NoModel`, which is false, where they are refused. Without `visual` what
+        is only drawn is left out. Raises `UnknownChoice` for a mode that is not there."""
         return next(self._of(mode, visual).each([self._read(settings)], share=False))
 
     def models(

@@ -33,7 +33,7 @@ class Read:
 class SettingsReader:
     """Reads settings of one document. `parameters` are its own, by name."""
 
-    def __init__(self, sources: Sources, fixed: Mapping[str, str] | None = None) -> None:
+    def __init__(self, sources: Sources, fixed: Mapping[str, Any] | None = None) -> None:
         declared = AssemblyParameters(sources.documents, sources.specs, sources.workspace)
         self.parameters: Mapping[str, Found] = declared.values
         self.fixed = dict(fixed or {})
