@@ -1,9 +1,9 @@
 """Does the compiler still write what it wrote? `make freeze`, then, after a change of its inside, `make frozen`.
 
-A corpus of outputs is kept as digests: both robots and what they nest, every document of `docs/` and every right example of
-`tests/cases/codes`, 200 random designs of MInchW (`benchmarks/designs`), and 50 sampled variants of it. Each entry is one command of
-`thingc`, with its exit code, what it printed and the SHA-256 of every file that it wrote. What `thingc` says of wrong documents is
-frozen already, as the texts of `tests/cases`.
+A corpus of outputs is kept as digests: both robots and what they nest, every document of `docs/`, every right example of
+`tests/cases/codes` and the random robots of `benchmarks/conformance` in all formats, 200 random designs of MInchW (`benchmarks/designs`),
+and 50 sampled variants of it. Each entry is one command of `thingc`, with its exit code, what it printed and the SHA-256 of every file
+that it wrote. What `thingc` says of wrong documents is frozen already, as the texts of `tests/cases`.
 
     python benchmarks/corpus.py freeze build/corpus.json      # some ten minutes on two cores
     python benchmarks/corpus.py compare build/corpus.json     # the same again; prints what differs, 1 where anything does
@@ -30,15 +30,18 @@ from fnmatch import fnmatch
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent / "designs"))
+sys.path.insert(0, str(Path(__file__).resolve().parent / "conformance"))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "docs"))
 
 import drawing
 import pages
+import robots as joints
 
 from thingc.cli.main import main as thingc
 
 ROOT = Path(__file__).resolve().parents[1]
-DESIGNS, SEED = 200, 7
+DESIGNS, SEED, RANDOM = 200, 7, 20
+ALL = ("--emit", "all")
 VARIANTS = """\
 thingc: variants/1
 assembly: assemblies/minchw/minchw.yaml
@@ -94,8 +97,10 @@ def entries(folder: Path, only: str) -> Iterator[tuple[str, Entry]]:
     drawing.workspace(robots)
     for document in sorted((robots / "assemblies").rglob("*.yaml")):
         name = f"robots/{document.relative_to(robots / 'assemblies')}"
-        if document.name not in ("materials.yaml", "bridge_search.yaml", "sizes.yaml") and fnmatch(name, only):
-            yield name, build(robots, document)
+        if document.name not in ("materials.yaml", "bridge_search.yaml", "sizes.yaml"):
+            for which, words in ((name, ALL), (f"{name} for others", ("--emit", "mjcf", "--compat", "mjx,warp,drake,pymjcf"))):
+                if fnmatch(which, only):
+                    yield which, build(robots, document, *words)
     for page in sorted((ROOT / "docs").glob("*.md")):
         if fnmatch(f"docs/{page.name}", only) and any(not pages.meant_to_be_wrong(block) for block in pages.documents(page)):
             yield from documents(f"docs/{page.name}", pages.unpack(page, fresh(folder / "docs" / page.stem)))
@@ -103,7 +108,14 @@ def entries(folder: Path, only: str) -> Iterator[tuple[str, Entry]]:
     for document in sorted([*examples.glob("*/*.right.*"), *examples.glob("*/*/right/*")]):
         name = f"codes/{document.relative_to(examples).as_posix().partition('/')[2]}"
         if document.suffix in (".yaml", ".toml") and ASSEMBLY.search(document.read_text()) and fnmatch(name, only):
-            yield name, build(document.parent, document)
+            yield name, build(document.parent, document, *ALL)
+    trees = fresh(folder / "trees")
+    for number in range(RANDOM):
+        for balls in (False, True):
+            document = trees / f"{'balls' if balls else 'random'}_{number}.yaml"
+            document.write_text(joints.document(number, balls=balls))
+            if fnmatch(f"trees/{document.stem}", only):
+                yield f"trees/{document.stem}", build(trees, document, *ALL)
     designs = folder / "designs"
     drawing.workspace(designs)
     for number in range(DESIGNS):
@@ -123,7 +135,7 @@ def documents(name: str, folder: Path) -> Iterator[tuple[str, Entry]]:
     """Every assembly that stands in a folder."""
     for document in sorted([*folder.glob("*.yaml"), *folder.glob("*.toml")]):
         if ASSEMBLY.search(document.read_text()):
-            yield f"{name}/{document.name}", build(folder, document)
+            yield f"{name}/{document.name}", build(folder, document, *ALL)
 
 
 def build(folder: Path, document: Path, *words: str) -> Entry:

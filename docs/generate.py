@@ -22,7 +22,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import get_type_hints
+from typing import Any, get_type_hints
 
 from thingc.checks import kinds
 from thingc.diagnostics import Code
@@ -210,7 +210,7 @@ def formats() -> str:
     return _marked(_read(FORMATS), {"formats": "\n".join(rows)})
 
 
-def _said(cell: Cell) -> str:
+def _said(cell: Cell[Any]) -> str:
     """A cell of a table of capabilities, for people."""
     if isinstance(cell, Beside):
         return "-"

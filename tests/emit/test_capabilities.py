@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any
 
 import pytest
 
 import thingc
 from loops.robots import compiled
-from thingc.emit.capabilities import BESIDE, OMITTED, SAYS, Capabilities, Cell, losses
+from thingc.diagnostics import Report
+from thingc.emit.capabilities import BESIDE, OMITTED, SAYS, Cell, Says, losses
+from thingc.emit.geometry import solid_geometry
+from thingc.emit.mjcf import model as mjcf
 from thingc.emit.mjcf.capabilities import CAPABILITIES as MJCF
+from thingc.emit.sdf import model as sdf
 from thingc.emit.sdf.capabilities import CAPABILITIES as SDF
+from thingc.emit.sdf.zero import zero_state
+from thingc.emit.urdf import model as urdf
 from thingc.emit.urdf.capabilities import CAPABILITIES as URDF
+from thingc.emit.usd import model as usd
 from thingc.emit.usd.capabilities import CAPABILITIES as USD
+from thingc.emit.usd.usda import rendered
+from thingc.emit.xml import write
 
 MASS = "mass: 1 kg, inertia: {ixx: 1 kg*mm^2, iyy: 1 kg*mm^2, izz: 1 kg*mm^2}"
 
@@ -69,9 +78,9 @@ modes:
 """
 
 
-def every(cell: Cell) -> Any:
+def every(cell: Cell[None]) -> Any:
     """A format of which every cell is this."""
-    return {group: dict.fromkeys(get_type_hints(cells), cell) for group, cells in get_type_hints(Capabilities).items()}
+    return {group: dict.fromkeys(cells, cell) for group, cells in MJCF.items()}
 
 
 @pytest.fixture(scope="module")
@@ -143,3 +152,49 @@ def test_masses_at_points_are_of_no_solid(tmp_path: Path) -> None:
         assert built.said == [] and lost(built.compilation, every(OMITTED)) == [turn, ("default", "post", what)]
         for says, words in ((MJCF, in_xml), (URDF, in_xml), (SDF, least), (USD, least)):
             assert lost(built.compilation, says) == ([] if words is None else [("default", "post", what + words)])
+
+
+def text_of(robot: Any, target: str) -> str:
+    """What a target writes of the mode `still`."""
+    still, report = robot.robots[0], Report()
+    geometry, _ = solid_geometry(robot.assembly, target, "meshes", report)
+    match target:
+        case "mjcf":
+            return write(mjcf.model(still, geometry), "").text
+        case "urdf":
+            return write(urdf.model(still, geometry, report), "").text
+        case "sdf":
+            return write(sdf.model(still, geometry, zero_state(still), report), "").text
+        case _:
+            return rendered(usd.model(still, geometry, {}, report))
+
+
+@pytest.mark.parametrize(("target", "says", "group", "kind", "word"), [
+    ("mjcf", MJCF, "drives", "motor", "<motor"), ("mjcf", MJCF, "loops", "hinge", "close:loop"),
+    ("mjcf", MJCF, "loops", "hold", "c1/a:hold"),
+    ("mjcf", MJCF, "sensors", "imu", "<gyro"), ("mjcf", MJCF, "sensors", "camera", "<camera"),
+    ("urdf", URDF, "drives", "motor", "EffortJointInterface"), ("sdf", SDF, "drives", "velocity", "JointController"),
+    ("sdf", SDF, "loops", "hinge", 'name="close"'), ("sdf", SDF, "loops", "hold", "c1_a_hold"),
+    ("sdf", SDF, "sensors", "imu", 'type="imu"'),
+    ("sdf", SDF, "sensors", "force", "force_torque"), ("usd", USD, "drives", "motor", "drive:angular:physics:maxForce = 1"),
+    ("usd", USD, "loops", "hinge", '"close"'),
+])
+def test_what_a_table_leaves_out_is_not_written(
+    robot: Any, monkeypatch: pytest.MonkeyPatch, target: str, says: Any, group: str, kind: str, word: str,
+) -> None:
+    """The emitter has no opinion of its own."""
+    assert word in text_of(robot, target)
+    monkeypatch.setitem(says[group], kind, OMITTED)
+    assert word not in text_of(robot, target)
+
+
+@pytest.mark.parametrize(("target", "says", "kind", "form", "word"), [
+    ("urdf", URDF, "screw", "each", "j7_slide"), ("sdf", SDF, "universal", "each", 'type="universal"'),
+    ("usd", USD, "planar", "single", "limit:transX"), ("mjcf", MJCF, "screw", "each", "j7:slide"),
+])
+def test_a_joint_is_written_as_its_cell_has_it(
+    robot: Any, monkeypatch: pytest.MonkeyPatch, target: str, says: Any, kind: str, form: str, word: str,
+) -> None:
+    before = text_of(robot, target)
+    monkeypatch.setitem(says["joints"], kind, Says(form))
+    assert word in before and before.count(word) > text_of(robot, target).count(word)

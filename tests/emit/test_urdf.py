@@ -40,7 +40,7 @@ from thingc.emit.geometry import Shape
 from thingc.emit.mjcf.target import emit as emit_mjcf
 from thingc.emit.names import Names
 from thingc.emit.request import EmitRequest
-from thingc.emit.urdf.model import without_capsules
+from thingc.emit.urdf.model import parts
 from thingc.emit.urdf.target import emit
 from thingc.graph.types import Assembly
 from thingc.pose import Pose, placed, rpy_of
@@ -444,7 +444,7 @@ def test_limits_are_those_of_the_document_and_what_is_absent_is_wide() -> None:
 
 def test_a_capsule_is_a_cylinder_between_two_balls() -> None:
     at = Pose(translation=(0.01, 0.0, 0.0), rotation=placed((0, 0, 0), (0.0, math.pi / 2, 0.0)).rotation)
-    shapes = without_capsules(Shape(kind="capsule", size=(0.01, 0.05), pose=at))
+    shapes = parts(Shape(kind="capsule", size=(0.01, 0.05), pose=at))
     assert [shape.kind for shape in shapes] == ["cylinder", "sphere", "sphere"]
     ends = [shape.pose.translation for shape in shapes[1:]]
     assert np.array(ends) == pytest.approx(np.array([(-0.04, 0, 0), (0.06, 0, 0)]), abs=1e-15)

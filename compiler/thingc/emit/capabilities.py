@@ -1,13 +1,16 @@
-"""What formats can say of a robot: one table for each target. Its losses follow from it, and its column in `docs/formats.md`.
+"""What formats can say of a robot: one table for each target. What its emitter writes follows from it, its losses, and its column in
+`docs/formats.md`.
 
-A table is whole by its type: a target that says nothing of a feature is an error of mypy. What is lost depends on the robot: `losses` walks
-over what it uses, once for all targets.
+A table is whole by its type: a target that says nothing of a feature is an error of mypy. Where there are several ways to write something
+the cell names one of the target's own words (`by`), and the emitter matches on that (`written`), never on the kind itself: a word that it
+does not know, or has no case for, is an error of mypy, too. What is lost depends on the robot: `losses` walks over what it uses, once for
+all targets.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Literal, TypedDict
+from typing import Any, Generic, Literal, TypedDict, TypeVar
 
 from thingc.emit.artifact import Loss
 from thingc.frozen import dataclass
@@ -15,7 +18,7 @@ from thingc.graph.types import ActuatorModel, Assembly, JointEdge
 from thingc.inertia import ZERO, physical_fault
 from thingc.joints import JointKind
 from thingc.pose import NO_POSE, Vector
-from thingc.realize.record import Primitive
+from thingc.realize.record import Primitive, PrimitiveShape
 from thingc.robot.types import CoreJoint, Robot
 from thingc.source import Origin
 
@@ -23,19 +26,43 @@ GRAVITY: Vector = (0.0, 0.0, -9.81)
 """What every reader takes where a format has none [m/s^2]."""
 
 
-@dataclass(frozen=True, slots=True)
-class Says:
-    """The format says it; `how`, where that is not by the same word."""
+By = TypeVar("By")
+Joint = TypeVar("Joint")
+Drive = TypeVar("Drive")
+Loop = TypeVar("Loop")
+Shape = TypeVar("Shape")
+Sensor = TypeVar("Sensor")
 
+
+@dataclass(frozen=True, slots=True)
+class Says(Generic[By]):
+    """The format says it; `how`, where that is not by the same word. `by`: the emitter's own word for how it writes it, None where there is
+    one way only."""
+
+    by: By
     how: str = ""
 
 
 @dataclass(frozen=True, slots=True)
-class Loses:
-    """The format does not, or not quite: `how` is that of the `Loss`, whose words `words` go on with, with the comma or colon before."""
+class Loses(Generic[By]):
+    """The format does, `by` this, but not quite: `how` is that of the `Loss`, whose words `words` go on with, with the comma or colon
+    before."""
 
+    by: By
     how: Literal["approximated", "carried as custom data", "omitted"]
     words: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Omits:
+    """The format does not: nothing of it is written."""
+
+    words: str = ""
+
+    @property
+    def how(self) -> Literal["omitted"]:
+        """That of the `Loss`."""
+        return "omitted"
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,131 +70,143 @@ class Beside:
     """Nobody looks for it in files of this format: neither said nor lost."""
 
 
-Cell = Says | Loses | Beside
+Written = Says[By] | Loses[By]
+Cell = Written[By] | Omits | Beside
+Plain = Cell[None]
 
-SAYS = Says()
-
-OMITTED = Loses("omitted")
+SAYS = Says(None)
+OMITTED = Omits()
 BESIDE = Beside()
 
 
-class Joints(TypedDict):
-    """By the kind of the joint."""
+def written(cell: Cell[By]) -> By | None:
+    """By what an emitter writes something; None of what it does not."""
+    return cell.by if isinstance(cell, (Says, Loses)) else None
 
-    revolute: Cell
-    continuous: Cell
-    prismatic: Cell
-    cylindrical: Cell
-    universal: Cell
-    planar: Cell
-    screw: Cell
-    ball: Cell
+
+class Joints(TypedDict, Generic[By]):
+    """By the kind of the joint: no tree can do without one. A base that moves in part, and a joint at which a loop is cut, are written as
+    joints of their kinds."""
+
+    revolute: Written[By]
+    continuous: Written[By]
+    prismatic: Written[By]
+    cylindrical: Written[By]
+    universal: Written[By]
+    planar: Written[By]
+    screw: Written[By]
+    ball: Written[By]
 
 
 class OfJoints(TypedDict):
     """What a joint has."""
 
-    cone: Cell
-    velocity: Cell
-    damping: Cell
-    friction: Cell
-    armature: Cell
-    stiffness: Cell
-    mimic: Cell
+    cone: Plain
+    velocity: Plain
+    damping: Plain
+    friction: Plain
+    armature: Plain
+    stiffness: Plain
+    mimic: Plain
 
 
-class Drives(TypedDict):
+class Drives(TypedDict, Generic[By]):
     """By the kind of the drive; those of a `ball` are about axes of their own, and a `universal` has two."""
 
-    position: Cell
-    velocity: Cell
-    motor: Cell
-    universal: Cell
-    ball: Cell
+    position: Cell[By]
+    velocity: Cell[By]
+    motor: Cell[By]
+    universal: Cell[By]
+    ball: Cell[By]
 
 
-class LoopKinds(TypedDict):
+class LoopKinds(TypedDict, Generic[By]):
     """By what a loop leaves open where it is cut; a `hold` keeps a mount where it is."""
 
-    hold: Cell
-    weld: Cell
-    ball: Cell
-    hinge: Cell
-    slide: Cell
-    screw: Cell
-    several: Cell
+    hold: Cell[By]
+    weld: Cell[By]
+    ball: Cell[By]
+    hinge: Cell[By]
+    slide: Cell[By]
+    screw: Cell[By]
+    several: Cell[By]
 
 
 class Bases(TypedDict):
     """By what a mode lets its root do, beyond standing fixed; `start` is where a free one begins."""
 
-    held: Cell
-    free: Cell
-    start: Cell
-    planar: Cell
-    ball: Cell
+    held: Plain
+    free: Plain
+    start: Plain
+    planar: Plain
+    ball: Plain
 
 
 class Modes(TypedDict):
     """What a mode has; `simulation` is how it is stepped, but for its `timestep`."""
 
-    gravity: Cell
-    poses: Cell
-    exclude: Cell
-    timestep: Cell
-    simulation: Cell
+    gravity: Plain
+    poses: Plain
+    exclude: Plain
+    timestep: Plain
+    simulation: Plain
 
 
 class Links(TypedDict):
     """What a link has; `rolling` is friction, too. Links without a mass are told apart by whether a joint moves them; what has a mass at a
     `point`, or points with masses in a `line`, has an inertia that no solid has, and never moves."""
 
-    frames: Cell
-    colours: Cell
-    friction: Cell
-    rolling: Cell
-    adhesion: Cell
-    weightless: Cell
-    weightless_base: Cell
-    point: Cell
-    line: Cell
+    frames: Plain
+    colours: Plain
+    friction: Plain
+    rolling: Plain
+    adhesion: Plain
+    weightless: Plain
+    weightless_base: Plain
+    point: Plain
+    line: Plain
 
 
-class ContactShapes(TypedDict):
+class ContactShapes(TypedDict, Generic[By]):
     """What a link touches with; a `mesh` that is not convex, but for its hull."""
 
-    box: Cell
-    cylinder: Cell
-    capsule: Cell
-    sphere: Cell
-    hull: Cell
-    mesh: Cell
+    box: Cell[By]
+    cylinder: Cell[By]
+    capsule: Cell[By]
+    sphere: Cell[By]
+    hull: Cell[By]
+    mesh: Cell[By]
 
 
-class Sensors(TypedDict):
+class Sensors(TypedDict, Generic[By]):
     """By the kind of the sensor."""
 
-    imu: Cell
-    force: Cell
-    joint: Cell
-    camera: Cell
+    imu: Cell[By]
+    force: Cell[By]
+    joint: Cell[By]
+    camera: Cell[By]
 
 
-class Capabilities(TypedDict):
-    """All that a format may or may not be able to say."""
+class Capabilities(TypedDict, Generic[Joint, Drive, Loop, Shape, Sensor]):
+    """All that a format may or may not be able to say, with the words of its emitter for how it writes joints, drives, loops, shapes and
+    sensors; `Never` of what it never writes."""
 
-    joints: Joints
+    joints: Joints[Joint]
     of_joints: OfJoints
-    drives: Drives
-    loops: LoopKinds
+    drives: Drives[Drive]
+    loops: LoopKinds[Loop]
     bases: Bases
     modes: Modes
     links: Links
-    shapes: ContactShapes
-    sensors: Sensors
+    shapes: ContactShapes[Shape]
+    sensors: Sensors[Sensor]
 
 
-def losses(target: str, says: Capabilities, assembly: Assembly, robots: Sequence[Robot], *, cut: bool = False) -> tuple[Loss, ...]:
+AnyCapabilities = Capabilities[Any, Any, Any, Any, Any]
+"""Of any target."""
+
+
+def losses(target: str, says: AnyCapabilities, assembly: Assembly, robots: Sequence[Robot], *, cut: bool = False) -> tuple[Loss, ...]:
     """What a target loses of a robot in these modes, each once. Joints at which loops are cut are joints in its files, too, where `cut`."""
     lost = _Lost(target, says, cut)
     everything: list[Iterator[Loss]] = [lost.of_assembly(assembly)]
@@ -179,13 +218,13 @@ def losses(target: str, says: Capabilities, assembly: Assembly, robots: Sequence
 class _Lost:
     """What is used, and by its cell lost. What is of every mode alike is of none."""
 
-    def __init__(self, target: str, says: Capabilities, cut: bool) -> None:
+    def __init__(self, target: str, says: AnyCapabilities, cut: bool) -> None:
         self.target = target
         self.says = says
         self.cut = cut
 
-    def __call__(self, cell: Cell, mode: str | None, path: str, what: str, origin: Origin) -> Iterator[Loss]:
-        if isinstance(cell, Loses):
+    def __call__(self, cell: Cell[Any], mode: str | None, path: str, what: str, origin: Origin) -> Iterator[Loss]:
+        if isinstance(cell, (Loses, Omits)):
             yield Loss.of(origin, self.target, mode, path, what + cell.words, cell.how)
 
     def of_joints(self, robot: Robot) -> Iterator[Loss]:
@@ -198,7 +237,7 @@ class _Lost:
         there = {joint.path for _, joints in groups for joint in joints}
         for whole, joints in groups:
             what = "its thread" if joints[0].twist.pitch else "its motion"
-            yield from self(self.says["joints"][_kind(joints[0].kind)], None, whole, what, joints[0].origin)
+            yield from self(self.says["joints"][joint_cell(joints[0].kind)], None, whole, what, joints[0].origin)
             for place, joint in enumerate(joints):
                 if place == 0 or not joint.kind.at_once:
                     yield from self.of_coordinate(joint, whole if joint.kind.at_once else joint.path)
@@ -217,7 +256,7 @@ class _Lost:
             gains = [f", {name} {value:.6g}" for name, value in (("kp", drive.kp), ("kv", drive.kv)) if value is not None]
             about = f" about {', '.join(f'{one:.6g}' for one in drive.axis)}" if drive.axis is not None else ""
             what = f"its drive: {drive.kind}{about}{''.join(gains)}"
-            yield from self(self.says["drives"][_drive(joint, drive)], None, joint.path, what, drive.origin)
+            yield from self(self.says["drives"][drive_cell(joint, drive)], None, joint.path, what, drive.origin)
 
     def of_coordinate(self, joint: CoreJoint | JointEdge, path: str) -> Iterator[Loss]:
         """Of one that moves, or of a whole ball."""
@@ -266,7 +305,7 @@ class _Lost:
             if used:
                 yield from self(cell, mode.name, mode.name, what, mode.origin)
 
-    def stepping(self, simulation: Mapping[str, object]) -> tuple[tuple[Cell, str, bool], ...]:
+    def stepping(self, simulation: Mapping[str, object]) -> tuple[tuple[Plain, str, bool], ...]:
         """Of what a document or a mode says under `simulation`: the cell, what it is, and whether it is used."""
         modes = self.says["modes"]
         return (
@@ -304,13 +343,18 @@ class _Lost:
                 yield from self(cell, None, occurrence.path, what, occurrence.origin)
 
 
-def _drive(joint: CoreJoint | JointEdge, drive: ActuatorModel) -> Literal["position", "velocity", "motor", "universal", "ball"]:
+def drive_cell(joint: CoreJoint | JointEdge, drive: ActuatorModel) -> Literal["position", "velocity", "motor", "universal", "ball"]:
     """Which cell is that of the drive of a joint."""
     return joint.kind.name if joint.kind.name in ("ball", "universal") else drive.kind
 
 
-def _kind(kind: JointKind) -> Literal["revolute", "continuous", "prismatic", "cylindrical", "universal", "planar", "screw", "ball"]:
-    """Of a joint that moves."""
+def joint_cell(kind: JointKind) -> Literal["revolute", "continuous", "prismatic", "cylindrical", "universal", "planar", "screw", "ball"]:
+    """Which cell is that of a joint that moves."""
     if kind.name == "fixed":
         raise ValueError("a fixed joint moves nothing")
     return kind.name
+
+
+def shape_cell(kind: Literal["mesh"] | PrimitiveShape) -> Literal["box", "cylinder", "capsule", "sphere", "hull"]:
+    """Which cell is that of a shape that touches, as far as the shape itself tells: a mesh is written as a convex one is."""
+    return "hull" if kind == "mesh" else kind

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Literal
 
+from thingc.emit.capabilities import LoopKinds, written
 from thingc.frozen import dataclass
 from thingc.graph.types import JointEdge
 from thingc.joints import Twist
@@ -36,8 +38,9 @@ class Connection:
     in_tree: bool = True
 
 
-def connections(robot: Robot, *, closed: bool = True) -> Iterator[Connection]:
-    """The joints of a mode: those of its tree in the order of its bodies, then, where it is to be `closed`, loops and holds."""
+def connections(robot: Robot, loops: LoopKinds[Literal["joint"]], *, closed: bool = True) -> Iterator[Connection]:
+    """The joints of a mode: those of its tree in the order of its bodies, then, where it is to be `closed`, those of its loops and holds
+    that a format writes."""
     for index, body in enumerate(robot.bodies):
         path, origin, moves = BASE, robot.mode.origin, body.joints or robot.moves
         if body.joints:
@@ -48,6 +51,8 @@ def connections(robot: Robot, *, closed: bool = True) -> Iterator[Connection]:
                 twists=tuple(joint.twist for joint in moves), joints=body.joints,
             )
     for closure in robot.closures if closed else ():
+        if written(loops["hold" if closure.hold else closure.kind]) is None:
+            continue
         yield Connection(
             parent=closure.parent, child=closure.child, path=f"{closure.path}{HOLD}" if closure.hold else closure.path, X_0=closure.X_PA,
             X_1=closure.X_CB, origin=closure.origin, coordinates=closure.joints, twists=closure.twists, joints=closure.joints,

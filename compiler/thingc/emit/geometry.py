@@ -7,13 +7,14 @@ says itself (`Takes`).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from typing import Literal
 
 from thingc.diagnostics import Code, Note, Report
 from thingc.emit.artifact import Loss, Stored
 from thingc.frozen import dataclass
 from thingc.graph.types import Assembly, Occurrence
 from thingc.pose import NO_POSE, Pose
-from thingc.realize.record import Mesh, PartDefinition, Primitive
+from thingc.realize.record import Mesh, PartDefinition, Primitive, PrimitiveShape
 from thingc.resolve.model import Material
 from thingc.source import Origin
 
@@ -55,7 +56,7 @@ class MeshAsset:
 class Shape:
     """A shape in its occurrence's frame: `kind` `mesh` (named by `mesh`) or a primitive of `size`, both as a `Primitive` has them [m]."""
 
-    kind: str
+    kind: Literal["mesh"] | PrimitiveShape
     mesh: str | None = None
     size: tuple[float, ...] = ()
     pose: Pose = NO_POSE

@@ -12,13 +12,13 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator, Mapping
 from dataclasses import field
-from typing import Any
+from typing import Any, Literal, Never, assert_never
 
 import numpy as np
 import trimesh
 
 from thingc.emit.artifact import Artifacts, Loss
-from thingc.emit.capabilities import BESIDE, SAYS, Capabilities, Loses, Says, losses
+from thingc.emit.capabilities import BESIDE, SAYS, Capabilities, Loses, Omits, Says, joint_cell, losses
 from thingc.emit.geometry import channels, linear, material_name
 from thingc.emit.request import EmitRequest
 from thingc.frozen import dataclass
@@ -33,25 +33,29 @@ from thingc.robot.types import Body, Robot
 Y_UP = Pose(rotation=((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)))
 """The world, whose z is up, as glTF has it, whose y is up."""
 
-_OPENS = Loses("omitted", ": turned joints open it")
-_CHAIN = Says("a node for each coordinate")
+JointForm = Literal["nodes", "node"]
+"""How a joint is written: a node for each coordinate, or one for all of them."""
 
-CAPABILITIES: Capabilities = {
+_OPENS = Omits(": turned joints open it")
+_NODE: Says[JointForm] = Says("nodes")
+_CHAIN: Says[JointForm] = Says("nodes", "a node for each coordinate")
+
+CAPABILITIES: Capabilities[JointForm, Never, Never, Never, Never] = {
     "joints": {
-        "revolute": SAYS, "continuous": SAYS, "prismatic": SAYS, "cylindrical": _CHAIN, "universal": _CHAIN, "planar": _CHAIN, "ball": SAYS,
-        "screw": Loses("omitted", ": its node slides only if it is shifted, too, when it is turned"),
+        "revolute": _NODE, "continuous": _NODE, "prismatic": _NODE, "cylindrical": _CHAIN, "universal": _CHAIN, "planar": _CHAIN,
+        "ball": Says("node"), "screw": Loses("nodes", "omitted", ": its node slides only if it is shifted, too, when it is turned"),
     },
     "of_joints": {
         "cone": BESIDE, "velocity": BESIDE, "damping": BESIDE, "friction": BESIDE, "armature": BESIDE, "stiffness": BESIDE,
-        "mimic": Loses("omitted", ": its node stays when that one is turned"),
+        "mimic": Omits(": its node stays when that one is turned"),
     },
     "drives": {"position": BESIDE, "velocity": BESIDE, "motor": BESIDE, "universal": BESIDE, "ball": BESIDE},
     "loops": {
-        "hold": Loses("omitted", ": turned joints move it"), "weld": _OPENS, "ball": _OPENS, "hinge": _OPENS, "slide": _OPENS,
+        "hold": Omits(": turned joints move it"), "weld": _OPENS, "ball": _OPENS, "hinge": _OPENS, "slide": _OPENS,
         "screw": _OPENS, "several": _OPENS,
     },
     "bases": {"held": BESIDE, "free": BESIDE, "start": SAYS, "planar": BESIDE, "ball": BESIDE},
-    "modes": {"gravity": BESIDE, "poses": Says("where the mode starts"), "exclude": BESIDE, "timestep": BESIDE, "simulation": BESIDE},
+    "modes": {"gravity": BESIDE, "poses": Says(None, "where the mode starts"), "exclude": BESIDE, "timestep": BESIDE, "simulation": BESIDE},
     "links": {
         "frames": BESIDE, "colours": SAYS, "friction": BESIDE, "rolling": BESIDE, "adhesion": BESIDE, "weightless": BESIDE,
         "weightless_base": BESIDE, "point": BESIDE, "line": BESIDE,
@@ -118,18 +122,22 @@ def _joints(robot: Robot, body: Body, parent: str, pose: Pose, q: Mapping[str, f
     if body.parent is None or not body.joints:
         return
     first = body.joints[0]
-    if body.at_once:
-        values = tuple(q[joint.path] for joint in body.joints)
-        name = f"{robot.assembly.mates[first.mate].name or first.path}:joint"
-        at = pose @ moved(body.twists, values, at_once=True) @ _axis(first.twist, at_once=True)
-        yield _Node(name=name, parent=parent, pose=at, extras={"kind": first.kind.name, "q": list(values)})
-        return
-    for joint in body.joints:
-        name, axis = f"{joint.path}:joint", _axis(joint.twist)
-        bounds = (("lower", joint.limit.lower), ("upper", joint.limit.upper))
-        extras = {"kind": joint.kind.name, "q": q[joint.path], **{end: value for end, value in bounds if value is not None}}
-        yield _Node(name=name, parent=parent, pose=pose @ joint.twist.exponential(q[joint.path]) @ axis, extras=extras)
-        parent, pose = name, axis.inverse()
+    form = CAPABILITIES["joints"][joint_cell(first.kind)].by
+    match form:
+        case "node":
+            values = tuple(q[joint.path] for joint in body.joints)
+            name = f"{robot.assembly.mates[first.mate].name or first.path}:joint"
+            at = pose @ moved(body.twists, values, at_once=True) @ _axis(first.twist, at_once=True)
+            yield _Node(name=name, parent=parent, pose=at, extras={"kind": first.kind.name, "q": list(values)})
+        case "nodes":
+            for joint in body.joints:
+                name, axis = f"{joint.path}:joint", _axis(joint.twist)
+                bounds = (("lower", joint.limit.lower), ("upper", joint.limit.upper))
+                extras = {"kind": joint.kind.name, "q": q[joint.path], **{end: value for end, value in bounds if value is not None}}
+                yield _Node(name=name, parent=parent, pose=pose @ joint.twist.exponential(q[joint.path]) @ axis, extras=extras)
+                parent, pose = name, axis.inverse()
+        case _:
+            assert_never(form)
 
 
 def _axis(twist: Twist, *, at_once: bool = False) -> Pose:

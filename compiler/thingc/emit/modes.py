@@ -16,7 +16,7 @@ from thingc.emit import jsontext
 from thingc.emit.artifact import Artifacts
 from thingc.emit.jsontext import Fragment, fragment
 from thingc.emit.mjcf.compat import separator
-from thingc.emit.mjcf.lowering import lowered, sizes
+from thingc.emit.mjcf.lowering import is_ball, lowered, sizes
 from thingc.emit.request import EmitRequest
 from thingc.graph.types import Mate
 from thingc.inertia import MassProperties
@@ -126,11 +126,11 @@ def _joint(
 ) -> Fragment:
     in_model: dict[str, tuple[dict[str, float], list[int], list[int]]] = {}
     for joint in crossed:
-        if joint.kind.at_once:
+        if is_ball(crossed):
             whole = (mate.name or joint.path).replace("/", separator)
             in_model[joint.path] = {whole: 1.0}, list(range(qpos, qpos + 4)), list(range(dof, dof + 3))
             continue
-        names = {one.name.replace("/", separator): one.ratio for one in lowered(joint.path, joint.twist)}
+        names = {one.name.replace("/", separator): one.ratio for one in lowered(joint)}
         in_model[joint.path] = names, list(range(qpos, qpos + len(names))), list(range(dof, dof + len(names)))
         qpos, dof = qpos + len(names), dof + len(names)
     return fragment({

@@ -2,36 +2,54 @@
 
 from __future__ import annotations
 
-from thingc.emit.capabilities import SAYS, Capabilities, Loses, Says
+from typing import Literal
 
-_SLIDES = "hinges and slides of one body"
+from thingc.emit.capabilities import SAYS, Capabilities, Loses, Omits, Says
 
-CAPABILITIES: Capabilities = {
+JointForm = Literal["each", "threaded", "ball"]
+"""How a joint is written: a hinge or a slide for each coordinate, a hinge and a slide that are tied together, or a ball."""
+
+DriveForm = Literal["joint", "ball"]
+"""What an actuator drives: a joint, or a ball about an axis."""
+
+LoopForm = Literal["weld", "connect", "two connects", "weld or connect"]
+"""By which equalities a loop is closed."""
+
+SensorForm = Literal["imu", "force", "joint", "camera"]
+
+_EACH: Says[JointForm] = Says("each")
+_EACH_OF_SEVERAL: Says[JointForm] = Says("each", "hinges and slides of one body")
+_DRIVES: Says[DriveForm] = Says("joint")
+
+CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
     "joints": {
-        "revolute": SAYS, "continuous": SAYS, "prismatic": SAYS, "cylindrical": Says(_SLIDES), "universal": Says(_SLIDES),
-        "planar": Says(_SLIDES), "ball": SAYS,
-        "screw": Loses("approximated", ": MuJoCo turns and slides it, and ties the two by an equality, which gives way by a little"),
+        "revolute": _EACH, "continuous": _EACH, "prismatic": _EACH, "cylindrical": _EACH_OF_SEVERAL, "universal": _EACH_OF_SEVERAL,
+        "planar": _EACH_OF_SEVERAL, "ball": Says("ball"),
+        "screw": Loses(
+            "threaded", "approximated", ": MuJoCo turns and slides it, and ties the two by an equality, which gives way by a little",
+        ),
     },
     "of_joints": {
-        "cone": SAYS, "velocity": Loses("carried as custom data"), "damping": SAYS, "friction": SAYS, "armature": SAYS, "stiffness": SAYS,
-        "mimic": Says("an equality"),
+        "cone": SAYS, "velocity": Loses(None, "carried as custom data"), "damping": SAYS, "friction": SAYS, "armature": SAYS,
+        "stiffness": SAYS, "mimic": Says(None, "an equality"),
     },
-    "drives": {"position": SAYS, "velocity": SAYS, "motor": SAYS, "universal": SAYS, "ball": SAYS},
+    "drives": {"position": _DRIVES, "velocity": _DRIVES, "motor": _DRIVES, "universal": _DRIVES, "ball": Says("ball")},
     "loops": {
-        "hold": Says("`weld` or `connect`"), "weld": SAYS, "ball": Says("`connect`"), "hinge": Says("two `connect`"),
-        "slide": Loses("omitted", ": MuJoCo has no equality that slides"),
-        "screw": Loses("omitted", ": MuJoCo has no equality that screws"),
-        "several": Loses("omitted", ": MuJoCo has no equality that moves in several coordinates"),
+        "hold": Says("weld or connect", "`weld` or `connect`"), "weld": Says("weld"), "ball": Says("connect", "`connect`"),
+        "hinge": Says("two connects", "two `connect`"),
+        "slide": Omits(": MuJoCo has no equality that slides"),
+        "screw": Omits(": MuJoCo has no equality that screws"),
+        "several": Omits(": MuJoCo has no equality that moves in several coordinates"),
     },
-    "bases": {"held": Says("a mocap body"), "free": SAYS, "start": SAYS, "planar": SAYS, "ball": SAYS},
-    "modes": {"gravity": SAYS, "poses": Says("keyframes"), "exclude": SAYS, "timestep": SAYS, "simulation": SAYS},
+    "bases": {"held": Says(None, "a mocap body"), "free": SAYS, "start": SAYS, "planar": SAYS, "ball": SAYS},
+    "modes": {"gravity": SAYS, "poses": Says(None, "keyframes"), "exclude": SAYS, "timestep": SAYS, "simulation": SAYS},
     "links": {
-        "frames": Says("sites"), "colours": SAYS, "friction": SAYS, "rolling": SAYS, "adhesion": Says("an actuator"), "weightless": SAYS,
-        "weightless_base": SAYS, "point": SAYS, "line": Loses("approximated", ": it has none here, as a point"),
+        "frames": Says(None, "sites"), "colours": SAYS, "friction": SAYS, "rolling": SAYS, "adhesion": Says(None, "an actuator"),
+        "weightless": SAYS, "weightless_base": SAYS, "point": SAYS, "line": Loses(None, "approximated", ": it has none here, as a point"),
     },
     "shapes": {
         "box": SAYS, "cylinder": SAYS, "capsule": SAYS, "sphere": SAYS, "hull": SAYS,
-        "mesh": Loses("approximated", ": MuJoCo touches the convex hull of a mesh"),
+        "mesh": Loses(None, "approximated", ": MuJoCo touches the convex hull of a mesh"),
     },
-    "sensors": {"imu": SAYS, "force": SAYS, "joint": SAYS, "camera": SAYS},
+    "sensors": {"imu": Says("imu"), "force": Says("force"), "joint": Says("joint"), "camera": Says("camera")},
 }

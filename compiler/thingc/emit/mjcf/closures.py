@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Mapping
-from typing import assert_never
+from typing import Literal, assert_never
 
 from thingc.emit.artifact import Loss
-from thingc.emit.capabilities import Loses
+from thingc.emit.capabilities import written
 from thingc.emit.mjcf.capabilities import CAPABILITIES
 from thingc.emit.mjcf.poses import pose_attributes
 from thingc.emit.xml import Element, numbers
@@ -32,25 +32,34 @@ def equalities(robot: Robot, section: Element, links: list[str]) -> None:
     stiff = {"solref": numbers((2.0 * float(stepped), 1.0)), "solimp": STIFFNESS}
     for closure in robot.closures:
         parent = "world" if closure.parent is None else links[closure.parent]
-        match closure.kind:
+        form = equality(closure)
+        match form:
             case "weld":
                 X_PL = closure.X_PA @ closure.X_CB.inverse()
                 relpose = numbers((*X_PL.translation, *X_PL.quaternion()))
                 section.add("weld", {
                     "name": equality_name(closure), "body1": parent, "body2": links[closure.child], "relpose": relpose, **stiff,
                 }, closure.origin)
-            case "ball":
+            case "connect":
                 section.add("connect", {
                     "name": equality_name(closure), "site1": _ends(closure)[0], "site2": _ends(closure)[1], **stiff,
                 }, closure.origin)
-            case "hinge":
+            case "two connects":
                 for index, (one, other) in enumerate(_points(robot, closure)):
                     name = equality_name(closure) + (f"_{index}" if index else "")
                     section.add("connect", {"name": name, "site1": one[0], "site2": other[0], **stiff}, closure.origin)
-            case "slide" | "screw" | "several":
+            case None:
                 pass  # the loop stays open: see `losses`
             case _:
-                assert_never(closure.kind)
+                assert_never(form)
+
+
+def equality(closure: Closure) -> Literal["weld", "connect", "two connects"] | None:
+    """By what a loop or a hold is closed; None where it stays open."""
+    form = written(CAPABILITIES["loops"]["hold" if closure.hold else closure.kind])
+    if form == "weld or connect":
+        return "connect" if closure.turns else "weld"
+    return form
 
 
 def equality_name(closure: Closure) -> str:
@@ -72,13 +81,14 @@ def sites(robot: Robot, world: Element, bodies: list[Element]) -> None:
     """The points of the world at which mounts are held that may turn, and those at which the halves of a hinge meet, two on either
     side."""
     for closure in robot.closures:
-        if closure.kind == "ball" and closure.parent is None:
+        form = equality(closure)
+        if form == "connect" and closure.parent is None:
             world.add("site", {"name": held_site(closure), "group": "3", **pose_attributes(Pose(translation=closure.X_PA.translation))},
                       closure.origin)
-        elif closure.kind == "ball" and closure.parent is not None:
+        elif form == "connect" and closure.parent is not None:
             for body, name, pose in zip((closure.parent, closure.child), _ends(closure), (closure.X_PA, closure.X_CB), strict=True):
                 bodies[body].add("site", {"name": name, **pose_attributes(pose)}, closure.origin)
-        if closure.kind == "hinge" and closure.parent is not None:
+        if form == "two connects" and closure.parent is not None:
             for one, other in _points(robot, closure):
                 for body, (name, pose) in ((closure.parent, one), (closure.child, other)):
                     bodies[body].add("site", {"name": name, **pose_attributes(pose)}, closure.origin)
@@ -116,7 +126,7 @@ def losses(robot: Robot) -> Iterator[Loss]:
             what = f"its keyframe: `{one.path}` does not close, at best it is {residual_words(one.residual)} off"
         yield Loss.of(one.origin, "mjcf", mode, one.name, what, "omitted")
     for closure in robot.closures:
-        if not closure.joints or isinstance(CAPABILITIES["loops"][closure.kind], Loses):
+        if not closure.joints or equality(closure) is None:
             continue
         joint = closure.joints[0]
         lost = [

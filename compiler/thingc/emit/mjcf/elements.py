@@ -59,7 +59,7 @@ def site(path: str, pose: Pose, origin: Origin) -> tuple[Element, ...]:
 
 def joint(joint: CoreJoint, driven: bool) -> tuple[Element, ...]:
     """A hinge or slide; of a screw both. An effort limit stands on its actuator; on the joint itself only where it is not `driven`."""
-    own, *others = (_axis(one, joint.twist) for one in lowered(joint.path, joint.twist))
+    own, *others = (_axis(one, joint.twist) for one in lowered(joint))
     attributes = {**own}
     bounds = joint_range(joint.limit)
     if bounds is not None:

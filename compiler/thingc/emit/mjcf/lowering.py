@@ -5,10 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, assert_never
 
+from thingc.emit.capabilities import joint_cell
+from thingc.emit.mjcf.capabilities import CAPABILITIES
 from thingc.frozen import dataclass
-from thingc.joints import Twist, rotation_vector
+from thingc.joints import rotation_vector
 from thingc.pose import Vector, quaternion_of
 from thingc.robot.types import Body, CoreJoint, Robot
 
@@ -23,17 +25,31 @@ class ModelJoint:
     ratio: float = 1.0
 
 
-def lowered(path: str, twist: Twist) -> tuple[ModelJoint, ...]:
-    """The joints of the coordinate at `path`, which is none of a ball; the first has its name and its values."""
-    first = ModelJoint(path, twist.core, twist.axis)
-    return (first, ModelJoint(f"{path}:slide", "slide", twist.axis, twist.pitch)) if twist.pitch else (first,)
+def lowered(joint: CoreJoint) -> tuple[ModelJoint, ...]:
+    """The joints of a coordinate; the first has its name and its values. None of one of a ball, which is one joint for all of them."""
+    path, twist = joint.path, joint.twist
+    form = CAPABILITIES["joints"][joint_cell(joint.kind)].by
+    match form:
+        case "each":
+            return (ModelJoint(path, twist.core, twist.axis),)
+        case "threaded":
+            return (ModelJoint(path, twist.core, twist.axis), ModelJoint(f"{path}:slide", "slide", twist.axis, twist.pitch))
+        case "ball":
+            return ()
+        case _:
+            assert_never(form)
+
+
+def is_ball(joints: Sequence[CoreJoint]) -> bool:
+    """Whether these coordinates are one joint of MuJoCo's, a ball."""
+    return bool(joints) and CAPABILITIES["joints"][joint_cell(joints[0].kind)].by == "ball"
 
 
 def positions(body: Body, q: Mapping[str, float]) -> tuple[float, ...]:
     """What MuJoCo's `qpos` has of the joints of a body at `q` (every joint by path, rad or m)."""
-    if body.at_once:
+    if is_ball(body.joints):
         return quaternion_of(rotation_vector(body.twists, tuple(q[joint.path] for joint in body.joints)))
-    return tuple(one.ratio * q[joint.path] for joint in body.joints for one in lowered(joint.path, joint.twist))
+    return tuple(one.ratio * q[joint.path] for joint in body.joints for one in lowered(joint))
 
 
 def in_body(body: Body, axis: Vector) -> Vector:
@@ -50,7 +66,7 @@ def base_positions(robot: Robot) -> tuple[float, ...]:
 
 def sizes(joints: Sequence[CoreJoint]) -> tuple[int, int]:
     """How many entries of `qpos` and of `qvel` the joints of a body have."""
-    if joints and joints[0].kind.at_once:
+    if is_ball(joints):
         return 4, 3
-    count = sum(len(lowered(joint.path, joint.twist)) for joint in joints)
+    count = sum(len(lowered(joint)) for joint in joints)
     return count, count

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from typing import Any, assert_never
 
 from thingc.emit.artifact import Loss
+from thingc.emit.capabilities import drive_cell, written
 from thingc.emit.geometry import Geometry
 from thingc.emit.mjcf import closures, elements, holding, sensors
+from thingc.emit.mjcf.capabilities import CAPABILITIES
 from thingc.emit.mjcf.drives import NOTHING
-from thingc.emit.mjcf.lowering import base_positions, in_body, lowered, positions
+from thingc.emit.mjcf.lowering import base_positions, in_body, is_ball, lowered, positions
 from thingc.emit.mjcf.poses import pose_attributes
 from thingc.emit.xml import Element, number, numbers
 from thingc.graph.types import Link
@@ -157,7 +159,7 @@ class _Builder:
             if body.parent is None and self.robot.base == "free":
                 element.add("freejoint", {"name": FREE_JOINT}, self.robot.mode.origin)
             joints = self.robot.moves if body.parent is None else body.joints
-            if joints and joints[0].kind.at_once:
+            if is_ball(joints):
                 place = ("joint", self.robot.mode.name, joints[0].path)
                 self.grow(element, place, elements.ball, self.name_of(joints[0]), joints[0])
                 joints = ()
@@ -189,7 +191,7 @@ class _Builder:
         """Joints that mimic: q = offset + multiplier q(other); then loops."""
         section = self.root.add("equality")
         for joint in self.joints.values():
-            for slide in () if joint.kind.at_once else lowered(joint.path, joint.twist)[1:]:
+            for slide in lowered(joint)[1:]:
                 # The turn depends on the slide: the other way round the slide's share of the constraint is so small that loads slip.
                 polynomial = numbers((0.0, 1.0 / slide.ratio, 0.0, 0.0, 0.0))
                 names = {"name": f"{joint.path}:screw", "joint1": joint.path, "joint2": slide.name}
@@ -205,12 +207,19 @@ class _Builder:
         section = self.root.add("actuator")
         for path in self.driven:
             joint, drive = self.joints[path], self.joints[path].actuator
-            if drive is not None and drive.axis is not None:
-                body = next(body for body in self.robot.bodies if joint in body.joints)
-                inputs = self.name_of(joint), joint, drive, in_body(body, drive.axis)
-                self.grow(section, ("actuator", self.robot.mode.name, path), elements.drive_of_ball, *inputs)
-            elif drive is not None:
-                self.grow(section, ("actuator", self.robot.mode.name, path), elements.drive, joint, drive)
+            form = None if drive is None else written(CAPABILITIES["drives"][drive_cell(joint, drive)])
+            match form:
+                case "ball":
+                    assert drive is not None and drive.axis is not None
+                    body = next(body for body in self.robot.bodies if joint in body.joints)
+                    inputs = self.name_of(joint), joint, drive, in_body(body, drive.axis)
+                    self.grow(section, ("actuator", self.robot.mode.name, path), elements.drive_of_ball, *inputs)
+                case "joint":
+                    self.grow(section, ("actuator", self.robot.mode.name, path), elements.drive, joint, drive)
+                case None:
+                    pass
+                case _:
+                    assert_never(form)
         body_of = {body.link: index for index, body in enumerate(self.robot.bodies)}
         for magnet in self.assembly.adhesions:
             link = self.links[body_of[self.assembly.link_of[magnet.occurrence]]]

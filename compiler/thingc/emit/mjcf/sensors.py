@@ -9,6 +9,8 @@ import math
 from collections.abc import Iterator
 
 from thingc.emit.artifact import Loss
+from thingc.emit.capabilities import written
+from thingc.emit.mjcf.capabilities import CAPABILITIES
 from thingc.emit.mjcf.poses import pose_attributes
 from thingc.emit.sensors import body_of, elsewhere, on_free_root
 from thingc.emit.xml import Element, number
@@ -24,7 +26,7 @@ def cameras(robot: Robot, bodies: list[Element]) -> None:
     """A camera at each mount that has one. `fovy` is the vertical angle of view, in degrees whatever the file's angles are in."""
     sites = {site.path: site for site in robot.sites}
     for sensor in robot.assembly.sensors:
-        if sensor.kind == "camera" and sensor.site is not None and sensor.fovy is not None:
+        if written(CAPABILITIES["sensors"][sensor.kind]) == "camera" and sensor.site is not None and sensor.fovy is not None:
             site = sites[sensor.site]
             # MJCF has degrees here whatever the compiler's `angle` says; 60 deg must not come back as 59.99999999999999
             degrees = float(f"{math.degrees(sensor.fovy):.12g}")
@@ -36,15 +38,15 @@ def sensors(robot: Robot, section: Element) -> None:
     """The section `sensor`, in the order of the documents."""
     movable = {joint.path for body in robot.bodies for joint in body.joints}
     for sensor in robot.assembly.sensors:
-        site = sensor.site or ""
-        if sensor.kind == "imu":
+        site, form = sensor.site or "", written(CAPABILITIES["sensors"][sensor.kind])
+        if form == "imu":
             section.add("accelerometer", {"name": f"{sensor.path}:accelerometer", "site": site}, sensor.origin)
             section.add("gyro", {"name": f"{sensor.path}:gyro", "site": site}, sensor.origin)
             section.add("framequat", {"name": f"{sensor.path}:quat", "objtype": "site", "objname": site}, sensor.origin)
-        elif sensor.kind == "force" and not on_free_root(robot, sensor):
+        elif form == "force" and not on_free_root(robot, sensor):
             section.add("force", {"name": f"{sensor.path}:force", "site": site}, sensor.origin)
             section.add("torque", {"name": f"{sensor.path}:torque", "site": site}, sensor.origin)
-        elif sensor.kind == "joint" and sensor.joint in movable:
+        elif form == "joint" and sensor.joint in movable:
             section.add("jointpos", {"name": f"{sensor.path}:position", "joint": sensor.joint or ""}, sensor.origin)
             section.add("jointvel", {"name": f"{sensor.path}:velocity", "joint": sensor.joint or ""}, sensor.origin)
             section.add("jointactuatorfrc", {"name": f"{sensor.path}:effort", "joint": sensor.joint or ""}, sensor.origin)

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Literal, Never
+
 from thingc.emit.capabilities import Capabilities, Says
+from thingc.emit.urdf.capabilities import BALL_DRIVE, JointForm, ShapeForm
 from thingc.emit.urdf.capabilities import CAPABILITIES as URDF
 
-_CONTROL = Says("ros2_control")
+DriveForm = Literal["command interface"]
 
-CAPABILITIES: Capabilities = {
+_CONTROL: Says[DriveForm] = Says("command interface", "ros2_control")
+
+CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
     **URDF,
-    "drives": {"position": _CONTROL, "velocity": _CONTROL, "motor": _CONTROL, "universal": _CONTROL, "ball": URDF["drives"]["ball"]},
-    "modes": {**URDF["modes"], "poses": Says("group states of the SRDF"), "exclude": Says("disabled collisions of the SRDF")},
+    "drives": {"position": _CONTROL, "velocity": _CONTROL, "motor": _CONTROL, "universal": _CONTROL, "ball": BALL_DRIVE},
+    "modes": {**URDF["modes"], "poses": Says(None, "group states of the SRDF"), "exclude": Says(None, "disabled collisions of the SRDF")},
 }

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from thingc.emit.capabilities import drive_cell, written
 from thingc.emit.names import safe
+from thingc.emit.ros.capabilities import CAPABILITIES
 from thingc.emit.urdf.chain import Move, moves
 from thingc.frozen import dataclass
 from thingc.graph import joints_of, leaders
@@ -43,8 +45,9 @@ def joints(robot: Robot) -> tuple[Moving, ...]:
         for move in moves(_lead(robot, body), NO_POSE):
             path = move.joint.path
             following = move.follows is not None or follows.get(path, (path,))[0] != path
-            driven = path in robot.present and not (following or move.joint.kind.at_once)
-            drive = move.joint.actuator if driven else None
+            drive = move.joint.actuator if path in robot.present and not following else None
+            if drive is not None and written(CAPABILITIES["drives"][drive_cell(move.joint, drive)]) is None:
+                drive = None
             found.append(Moving(name=safe(move.path), body=index, move=move, follows=following, drive=drive))
     return tuple(found)
 

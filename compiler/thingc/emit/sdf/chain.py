@@ -6,23 +6,22 @@ almost massless links between.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Literal
+from collections.abc import Mapping
+from typing import Literal, assert_never
 
+from thingc.emit.capabilities import joint_cell
 from thingc.emit.connections import Connection
+from thingc.emit.sdf.capabilities import CAPABILITIES
 from thingc.frozen import dataclass
 from thingc.graph.types import JointEdge
 from thingc.joints import Twist
-from thingc.pose import NO_POSE, Vector, dot
+from thingc.pose import NO_POSE, Vector
 from thingc.robot.types import CoreJoint
 
 SdfType = Literal["fixed", "continuous", "revolute", "prismatic", "screw", "universal", "ball"]
 
 LINK = "_link"
 """What the name of a link between the joints of a chain ends with, behind that of the joint before: components are called like joints."""
-
-MEET = 1e-9
-"""Axes that pass at less than this [m] meet, and are at right angles where the cosine is less."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,16 +50,21 @@ def chain(connection: Connection, q: Mapping[str, float]) -> tuple[SdfJoint, ...
     if not joints:
         return (SdfJoint(path=path, type="ball" if connection.turns else "fixed", at=connection.X_1.translation),)
     twists = [twist.seen_from(connection.X_1) for twist in connection.twists]
-    if joints[0].kind.at_once:
+    form = CAPABILITIES["joints"][joint_cell(joints[0].kind)].by
+    if form == "ball":
         return (SdfJoint(path=path, type="ball", at=twists[0].anchor),)
     axes: list[SdfAxis] = []
     later = NO_POSE
     for joint, twist in zip(reversed(joints), reversed(twists), strict=True):
         axes.insert(0, SdfAxis(joint=joint, twist=twist.seen_from(later.inverse())))
         later = twist.exponential(q.get(joint.path, 0.0)) @ later
-    if _universal([axis.twist for axis in axes]):
-        return (SdfJoint(path=path, type="universal", at=axes[1].twist.anchor, axes=tuple(axes)),)
-    return tuple(SdfJoint(path=axis.joint.path, type=_type(axis), at=axis.twist.anchor, axes=(axis,)) for axis in axes)
+    match form:
+        case "universal":
+            return (SdfJoint(path=path, type="universal", at=axes[1].twist.anchor, axes=tuple(axes)),)
+        case "each":
+            return tuple(SdfJoint(path=axis.joint.path, type=_type(axis), at=axis.twist.anchor, axes=(axis,)) for axis in axes)
+        case _:
+            assert_never(form)
 
 
 def _type(axis: SdfAxis) -> SdfType:
@@ -69,11 +73,3 @@ def _type(axis: SdfAxis) -> SdfType:
     if axis.twist.pitch:
         return "screw"
     return "revolute" if axis.joint.limit.bounded else "continuous"
-
-
-def _universal(twists: Sequence[Twist]) -> bool:
-    """Whether these are two turns about axes that meet at right angles."""
-    if len(twists) != 2 or not all(twist.turns and not twist.pitch for twist in twists):
-        return False
-    apart = max(abs(a - b) for a, b in zip(twists[0].anchor, twists[1].anchor, strict=True))
-    return apart < MEET and abs(dot(twists[0].angular, twists[1].angular)) < MEET

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
+from thingc.emit.capabilities import drive_cell, written
 from thingc.emit.names import safe
+from thingc.emit.sdf.capabilities import CAPABILITIES, DriveForm
 from thingc.emit.sdf.chain import SdfJoint
 from thingc.emit.sdf.zero import ZeroState
 from thingc.emit.xml import Element, number
@@ -14,6 +16,12 @@ from thingc.robot.types import CoreJoint, Robot
 UNBOUNDED = 1e9
 """An effort [N m or N] where the drive has no limit: Gazebo's controllers have one of 1000."""
 
+SYSTEMS: dict[DriveForm, tuple[str, str]] = {
+    "position controller": ("joint-position-controller", "JointPositionController"),
+    "velocity controller": ("joint-controller", "JointController"), "force": ("apply-joint-force", "ApplyJointForce"),
+}
+"""The file and the class of each of Gazebo's systems."""
+
 
 def plugin(robot: Robot, zero: ZeroState, steps: Iterable[SdfJoint]) -> Iterator[Element]:
     """The controllers of what is driven in this mode and has one axis: a PID with the drive's gains as forces, or for a motor what hands
@@ -21,25 +29,26 @@ def plugin(robot: Robot, zero: ZeroState, steps: Iterable[SdfJoint]) -> Iterator
     for step in steps:
         if len(step.axes) == 1 and step.axes[0].joint.path in robot.present:
             joint = step.axes[0].joint
-            if joint.actuator is not None:
-                yield _controller(robot, zero, safe(step.path), joint, joint.actuator)
+            form = None if joint.actuator is None else written(CAPABILITIES["drives"][drive_cell(joint, joint.actuator)])
+            if joint.actuator is not None and form is not None:
+                yield _controller(robot, zero, safe(step.path), joint, joint.actuator, form)
 
 
-def _controller(robot: Robot, zero: ZeroState, name: str, joint: CoreJoint | JointEdge, drive: ActuatorModel) -> Element:
-    file, system = {
-        "position": ("joint-position-controller", "JointPositionController"), "velocity": ("joint-controller", "JointController"),
-    }.get(drive.kind, ("apply-joint-force", "ApplyJointForce"))
+def _controller(
+    robot: Robot, zero: ZeroState, name: str, joint: CoreJoint | JointEdge, drive: ActuatorModel, form: DriveForm,
+) -> Element:
+    file, system = SYSTEMS[form]
     element = Element(
         tag="plugin", attributes={"filename": f"gz-sim-{file}-system", "name": f"gz::sim::systems::{system}"}, origin=drive.origin,
     )
     element.say("joint_name", name)
-    if drive.kind in ("position", "velocity"):
-        if drive.kind == "velocity":
+    if form != "force":
+        if form == "velocity controller":
             element.say("use_force_commands", "true")
-        p, d = (drive.kp, drive.kv) if drive.kind == "position" else (drive.kv, None)
+        p, d = (drive.kp, drive.kv) if form == "position controller" else (drive.kv, None)
         effort = UNBOUNDED if joint.limit.effort is None else joint.limit.effort
         values = [("p_gain", p), ("i_gain", 0.0), ("d_gain", d), ("cmd_max", effort), ("cmd_min", -effort)]
-        if drive.kind == "position":
+        if form == "position controller":
             values += [("initial_position", frame.q[joint.path] - zero.q[joint.path]) for frame in robot.keyframes[:1]]
         for word, value in values:
             element.say(word, number(value or 0.0))

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from thingc.emit.artifact import Loss
 from thingc.emit.connections import Connection, connections
+from thingc.emit.sdf.capabilities import CAPABILITIES
 from thingc.emit.sdf.chain import chain
 from thingc.emit.sdf.zero import ZeroState
 from thingc.emit.sensors import elsewhere, on_free_root
@@ -16,7 +17,7 @@ from thingc.source import Origin
 def losses(robot: Robot, zero: ZeroState) -> Iterator[Loss]:
     """Of one mode, whose file has the robot at `zero`; what is lost of every mode alike is of none."""
     mode = robot.mode
-    for connection in connections(robot, closed=zero.closed):
+    for connection in connections(robot, CAPABILITIES["loops"], closed=zero.closed):
         yield from _of_joint(connection, len(chain(connection, zero.q)))
     yield from _of_sensors(robot)
     if zero.pose is not None:

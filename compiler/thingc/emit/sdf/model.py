@@ -12,6 +12,7 @@ from thingc.diagnostics import Report
 from thingc.emit.connections import Connection, connections
 from thingc.emit.geometry import Geometry, Shape, channels
 from thingc.emit.names import Names, frames, safe
+from thingc.emit.sdf.capabilities import CAPABILITIES
 from thingc.emit.sdf.chain import LINK, SdfAxis, SdfJoint, chain
 from thingc.emit.sdf.drives import plugin
 from thingc.emit.sdf.sensors import sensors_of_joint, sensors_of_link
@@ -61,7 +62,7 @@ class _Builder:
         self.names = Names("have the name", "SDF", report)
         self.parts = Names("have the name", "SDF", report)
         self.root = Element(tag="sdf", attributes={"version": PLAIN}, origin=robot.mode.origin)
-        self.connections = [(one, chain(one, zero.q)) for one in connections(robot, closed=zero.closed)]
+        self.connections = [(one, chain(one, zero.q)) for one in connections(robot, CAPABILITIES["loops"], closed=zero.closed)]
         moved = [(step, axis, word) for _, steps in self.connections for step in steps for axis, word in zip(step.axes, AXES, strict=False)]
         self.axes = {axis.joint.path: (safe(step.path), word) for step, axis, word in moved}
         self.follows = leaders(joint for joint in joints_of(robot.assembly) if joint.path in self.axes)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from thingc.emit.capabilities import written
 from thingc.emit.names import Names
+from thingc.emit.sdf.capabilities import CAPABILITIES
 from thingc.emit.sensors import body_of, on_free_root
 from thingc.emit.xml import Element, number, numbers
 from thingc.graph.types import LinkedSensor
@@ -28,11 +30,12 @@ RATE = 30.0
 def sensors_of_link(robot: Robot, body: int, link: Element, names: Names) -> None:
     """The imus and cameras on a link."""
     for sensor, site in _on(robot, body):
-        if sensor.kind == "imu":
+        form = written(CAPABILITIES["sensors"][sensor.kind])
+        if form == "imu":
             element = link.add("sensor", {"name": names.take(sensor.path, sensor.origin), "type": "imu"}, sensor.origin)
             _place(element, site.pose)
             element.say("always_on", "true")
-        elif sensor.kind == "camera" and sensor.fovy is not None:
+        elif form == "camera" and sensor.fovy is not None:
             element = link.add("sensor", {"name": names.take(sensor.path, sensor.origin), "type": "camera"}, sensor.origin)
             _place(element, site.pose @ LOOKING)
             element.say("always_on", "true")
@@ -50,7 +53,7 @@ def sensors_of_joint(robot: Robot, body: int, at: Vector, joint: Element, names:
     """The force sensors on a link, in the joint that carries it, whose origin is `at` in the link's frame [m]. As in MuJoCo it is
     what the link does to its parent."""
     for sensor, site in _on(robot, body):
-        if sensor.kind == "force" and not on_free_root(robot, sensor):
+        if written(CAPABILITIES["sensors"][sensor.kind]) == "force_torque" and not on_free_root(robot, sensor):
             element = joint.add("sensor", {"name": names.take(sensor.path, sensor.origin), "type": "force_torque"}, sensor.origin)
             _place(element, shifted(*at).inverse() @ site.pose)
             element.say("always_on", "true")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from thingc.emit.capabilities import written
 from thingc.emit.extent import bounds, placements
+from thingc.emit.sdf.capabilities import CAPABILITIES, SensorForm
 from thingc.emit.sdf.model import PLAIN
 from thingc.emit.xml import Element, number, numbers
 from thingc.robot.types import Robot
@@ -10,8 +12,8 @@ from thingc.robot.types import Robot
 GRIP = 100.0
 """The friction of the floor: Gazebo takes the lesser of two, so that it is the robot's that counts, as in MuJoCo."""
 
-SYSTEMS = {
-    "imu": ("gz-sim-imu-system", "gz::sim::systems::Imu"), "force": ("gz-sim-forcetorque-system", "gz::sim::systems::ForceTorque"),
+SYSTEMS: dict[SensorForm, tuple[str, str]] = {
+    "imu": ("gz-sim-imu-system", "gz::sim::systems::Imu"), "force_torque": ("gz-sim-forcetorque-system", "gz::sim::systems::ForceTorque"),
     "camera": ("gz-sim-sensors-system", "gz::sim::systems::Sensors"),
 }
 """What of Gazebo's a kind of sensor needs in the world."""
@@ -39,11 +41,11 @@ def world(robot: Robot, folder: str) -> Element:
     for name in ("physics", "user-commands", "scene-broadcaster"):
         system = "".join(word.capitalize() for word in name.split("-"))
         element.add("plugin", {"filename": f"gz-sim-{name}-system", "name": f"gz::sim::systems::{system}"})
-    kinds = {sensor.kind for sensor in robot.assembly.sensors}
-    for kind, (filename, name) in SYSTEMS.items():
-        if kind in kinds:
+    forms = {written(CAPABILITIES["sensors"][sensor.kind]) for sensor in robot.assembly.sensors}
+    for form, (filename, name) in SYSTEMS.items():
+        if form in forms:
             sensing = element.add("plugin", {"filename": filename, "name": name})
-            if kind == "camera":
+            if form == "camera":
                 sensing.say("render_engine", "ogre2")
     element.say("gravity", numbers(robot.gravity))
     _light(element, "sun" if robot.assembly.name != "sun" else "light")

@@ -2,44 +2,60 @@
 
 from __future__ import annotations
 
-from thingc.emit.capabilities import OMITTED, SAYS, Capabilities, Loses, Says
+from typing import Literal, Never
 
-_CHAIN = Loses("approximated", " as one joint's: its coordinates are joints here, with links of 1e-9 kg between")
-_BALL = Loses("approximated", " as a ball's: three turns here, one after the other, whose angles are no coordinates of it")
-_LOOP = Loses("omitted", ", which stays open here: URDF has trees alone")
-_GAINS = Loses("approximated", ": a transmission without gains")
-_NONE = Loses("omitted", ": URDF has none")
+from thingc.emit.capabilities import OMITTED, SAYS, Capabilities, Loses, Omits, Says
 
-CAPABILITIES: Capabilities = {
+JointForm = Literal["each", "threaded"]
+"""How a joint is written: a turn or a slide for each coordinate, or a turn and a slide that follows it."""
+
+DriveForm = Literal["transmission"]
+
+ShapeForm = Literal["itself", "cylinder and balls"]
+
+_EACH: Says[JointForm] = Says("each")
+_CHAIN: Loses[JointForm] = Loses("each", "approximated", " as one joint's: its coordinates are joints here, with links of 1e-9 kg between")
+_BALL: Loses[JointForm] = Loses(
+    "each", "approximated", " as a ball's: three turns here, one after the other, whose angles are no coordinates of it",
+)
+_LOOP = Omits(", which stays open here: URDF has trees alone")
+_GAINS: Loses[DriveForm] = Loses("transmission", "approximated", ": a transmission without gains")
+_NONE = Omits(": URDF has none")
+_ITSELF: Says[ShapeForm] = Says("itself")
+BALL_DRIVE = Omits(": its axis is none of a joint's here")
+
+CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
     "joints": {
-        "revolute": SAYS, "continuous": SAYS, "prismatic": SAYS, "cylindrical": _CHAIN, "universal": _CHAIN, "planar": _CHAIN,
-        "screw": Loses("approximated", ": a slide mimics the turn, and readers without mimics leave it loose"), "ball": _BALL,
+        "revolute": _EACH, "continuous": _EACH, "prismatic": _EACH, "cylindrical": _CHAIN, "universal": _CHAIN, "planar": _CHAIN,
+        "screw": Loses("threaded", "approximated", ": a slide mimics the turn, and readers without mimics leave it loose"), "ball": _BALL,
     },
     "of_joints": {
         "cone": OMITTED, "velocity": SAYS, "damping": SAYS, "friction": SAYS, "armature": OMITTED, "stiffness": OMITTED, "mimic": SAYS,
     },
     "drives": {
-        "position": _GAINS, "velocity": _GAINS, "motor": Says("`<transmission>`"), "universal": _GAINS,
-        "ball": Loses("omitted", ": its axis is none of a joint's here"),
+        "position": _GAINS, "velocity": _GAINS, "motor": Says("transmission", "`<transmission>`"), "universal": _GAINS,
+        "ball": BALL_DRIVE,
     },
     "loops": {
         "hold": OMITTED, "weld": _LOOP, "ball": _LOOP, "hinge": _LOOP, "slide": _LOOP, "screw": _LOOP, "several": _LOOP,
     },
     "bases": {
-        "held": Loses("approximated", ": it is fixed here"), "free": Says("no link `world`"),
-        "start": Loses("omitted", ": a free base begins wherever a reader puts it"), "planar": _CHAIN, "ball": _BALL,
+        "held": Loses(None, "approximated", ": it is fixed here"), "free": Says(None, "no link `world`"),
+        "start": Omits(": a free base begins wherever a reader puts it"), "planar": Loses(None, _CHAIN.how, _CHAIN.words),
+        "ball": Loses(None, _BALL.how, _BALL.words),
     },
     "modes": {
-        "gravity": Loses("carried as custom data", ", which MuJoCo alone reads"), "poses": _NONE, "exclude": OMITTED, "timestep": OMITTED,
-        "simulation": OMITTED,
+        "gravity": Loses(None, "carried as custom data", ", which MuJoCo alone reads"), "poses": _NONE, "exclude": OMITTED,
+        "timestep": OMITTED, "simulation": OMITTED,
     },
     "links": {
-        "frames": Says("massless links"), "colours": SAYS, "friction": OMITTED, "rolling": OMITTED, "adhesion": OMITTED,
-        "weightless": Loses("approximated", ": what moves weighs 1e-9 kg here"), "weightless_base": SAYS,
-        "point": SAYS, "line": Loses("approximated", ": it has none here, as a point"),
+        "frames": Says(None, "massless links"), "colours": SAYS, "friction": OMITTED, "rolling": OMITTED, "adhesion": OMITTED,
+        "weightless": Loses(None, "approximated", ": what moves weighs 1e-9 kg here"), "weightless_base": SAYS,
+        "point": SAYS, "line": Loses(None, "approximated", ": it has none here, as a point"),
     },
     "shapes": {
-        "box": SAYS, "cylinder": SAYS, "capsule": Says("a cylinder between two balls"), "sphere": SAYS, "hull": SAYS, "mesh": SAYS,
+        "box": _ITSELF, "cylinder": _ITSELF, "capsule": Says("cylinder and balls", "a cylinder between two balls"), "sphere": _ITSELF,
+        "hull": _ITSELF, "mesh": _ITSELF,
     },
     "sensors": {"imu": _NONE, "force": _NONE, "joint": _NONE, "camera": _NONE},
 }

@@ -7,8 +7,10 @@ turns.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Literal
+from typing import Literal, assert_never
 
+from thingc.emit.capabilities import joint_cell
+from thingc.emit.urdf.capabilities import CAPABILITIES
 from thingc.frozen import dataclass
 from thingc.pose import NO_POSE, Pose, Vector, shifted
 from thingc.robot.types import CoreJoint
@@ -41,9 +43,15 @@ def moves(joints: Sequence[CoreJoint], X_PL: Pose) -> Iterator[Move]:
     before = X_PL
     for joint in joints:
         twist, at = joint.twist, shifted(*joint.twist.anchor)
-        yield Move(path=joint.path, type="turn" if twist.turns else "slide", axis=twist.axis, origin=before @ at, joint=joint)
+        one = Move(path=joint.path, type="turn" if twist.turns else "slide", axis=twist.axis, origin=before @ at, joint=joint)
+        form = CAPABILITIES["joints"][joint_cell(joint.kind)].by
+        match form:
+            case "each":
+                yield one
+            case "threaded":
+                yield one
+                path, follows = f"{joint.path}{SLIDE}", (joint.path, twist.pitch)
+                yield Move(path=path, type="slide", axis=twist.axis, origin=NO_POSE, joint=joint, follows=follows)
+            case _:
+                assert_never(form)
         before = at.inverse()
-        if twist.pitch:
-            yield Move(
-                path=f"{joint.path}{SLIDE}", type="slide", axis=twist.axis, origin=NO_POSE, joint=joint, follows=(joint.path, twist.pitch),
-            )

@@ -7,9 +7,13 @@ link's own, so that no frame of an inertia or a joint is turned.
 
 from __future__ import annotations
 
+from typing import assert_never
+
 from thingc.diagnostics import Report
+from thingc.emit.capabilities import drive_cell, shape_cell, written
 from thingc.emit.geometry import Geometry, Shape, channels, material_name, materials
 from thingc.emit.names import Names, frames, safe
+from thingc.emit.urdf.capabilities import CAPABILITIES
 from thingc.emit.urdf.chain import Move, moves, own_frame
 from thingc.emit.xml import Element, number, numbers
 from thingc.graph import joints_of, leaders
@@ -130,8 +134,9 @@ class _Builder:
             origin = joint.mimic.origin if joint.mimic is not None else joint.origin
             element.add("mimic", {"joint": safe(leader), "multiplier": number(multiplier), "offset": number(offset)}, origin)
         (self.followers if follows else self.root.children).append(element)
-        if joint.actuator is not None and move.follows is None and joint.path in self.robot.present and not joint.kind.at_once:
-            self.transmissions.append(_transmission(element.attributes["name"], joint.actuator))
+        drive = joint.actuator if move.follows is None and joint.path in self.robot.present else None
+        if drive is not None and written(CAPABILITIES["drives"][drive_cell(joint, drive)]) == "transmission":
+            self.transmissions.append(_transmission(element.attributes["name"], drive))
 
     def _ends(self, move: Move) -> tuple[float, float]:
         """Between which values a joint stays: of one that follows and has no limits between those that its leader's take it to."""
@@ -202,7 +207,7 @@ class _Builder:
                 if material is not None:
                     visual.add("material", {"name": material})
             for index, shape in enumerate(shapes.collision):
-                for number_, part in enumerate(without_capsules(shape)):
+                for number_, part in enumerate(parts(shape)):
                     suffix = "".join(f"_{k}" for k in (index, number_) if k)
                     self._shape(element.add("collision", {"name": f"{shapes.path}:collision{suffix}"}, shapes.origin), part, at)
 
@@ -232,13 +237,20 @@ def _transmission(joint: str, drive: ActuatorModel) -> Element:
     return element
 
 
-def without_capsules(shape: Shape) -> tuple[Shape, ...]:
-    """URDF 1.0 has none: a cylinder between two balls is the same."""
-    if shape.kind != "capsule":
-        return (shape,)
-    radius, half = shape.size
-    balls = (Shape(kind="sphere", size=(radius,), pose=shape.pose @ shifted(0.0, 0.0, end)) for end in (-half, half))
-    return (Shape(kind="cylinder", size=shape.size, pose=shape.pose), *balls)
+def parts(shape: Shape) -> tuple[Shape, ...]:
+    """The shapes of URDF 1.0 that are the same as one that touches: it has no capsules."""
+    form = written(CAPABILITIES["shapes"][shape_cell(shape.kind)])
+    match form:
+        case "itself":
+            return (shape,)
+        case "cylinder and balls":
+            radius, half = shape.size
+            balls = (Shape(kind="sphere", size=(radius,), pose=shape.pose @ shifted(0.0, 0.0, end)) for end in (-half, half))
+            return (Shape(kind="cylinder", size=shape.size, pose=shape.pose), *balls)
+        case None:
+            return ()
+        case _:
+            assert_never(form)
 
 
 def _origin(element: Element, pose: Pose) -> None:

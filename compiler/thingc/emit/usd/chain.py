@@ -9,10 +9,12 @@ readers; this is Newton's. What such a joint cannot do is a chain of two, with a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Literal
+from collections.abc import Iterator, Sequence
+from typing import Literal, assert_never
 
+from thingc.emit.capabilities import joint_cell
 from thingc.emit.connections import Connection
+from thingc.emit.usd.capabilities import CAPABILITIES
 from thingc.frozen import dataclass
 from thingc.graph.types import JointEdge
 from thingc.joints import Twist
@@ -65,32 +67,53 @@ def chain(connection: Connection) -> tuple[UsdJoint, ...]:
     path, joints, twists = connection.path, connection.coordinates, connection.twists
     if not joints:
         return (UsdJoint(path=path, type="Spherical" if connection.turns else "Fixed"),)
-    if joints[0].kind.at_once:
-        backwards = isinstance(joints[0], CoreJoint) and joints[0].reversed
-        # Backwards the tree has the coordinates the other way round, and each of them negated.
-        axes = [(-x, -y, -z) for x, y, z in (twist.angular for twist in reversed(twists))] if backwards else [one.angular for one in twists]
-        ordered = joints[::-1] if backwards else joints
-        frame = Pose(rotation=transpose((axes[0], axes[1], axes[2])), translation=twists[0].anchor)
-        return (UsdJoint(path=path, type="Spherical", frame=frame, freedoms=tuple(Freedom(name="ball", joint=one) for one in ordered)),)
+    form = CAPABILITIES["joints"][joint_cell(joints[0].kind)].by
+    match form:
+        case "single":
+            return (_single(path, joints[0], twists[0]),)
+        case "generic":
+            return tuple(_generic(path, joints, twists))
+        case "spherical":
+            return (_spherical(path, joints, twists),)
+        case _:
+            assert_never(form)
+
+
+def _spherical(path: str, joints: Sequence[CoreJoint | JointEdge], twists: Sequence[Twist]) -> UsdJoint:
+    """A ball."""
+    backwards = isinstance(joints[0], CoreJoint) and joints[0].reversed
+    # Backwards the tree has the coordinates the other way round, and each of them negated.
+    axes = [(-x, -y, -z) for x, y, z in (twist.angular for twist in reversed(twists))] if backwards else [one.angular for one in twists]
+    ordered = joints[::-1] if backwards else joints
+    frame = Pose(rotation=transpose((axes[0], axes[1], axes[2])), translation=twists[0].anchor)
+    return UsdJoint(path=path, type="Spherical", frame=frame, freedoms=tuple(Freedom(name="ball", joint=one) for one in ordered))
+
+
+def _single(path: str, joint: CoreJoint | JointEdge, twist: Twist) -> UsdJoint:
+    """A turn or a slide."""
+    freedom = Freedom(name="angular" if twist.turns else "linear", joint=joint)
+    return UsdJoint(
+        path=path, type="Revolute" if twist.turns else "Prismatic", frame=along(twist.axis, twist.anchor), freedoms=(freedom,),
+    )
+
+
+def _generic(path: str, joints: Sequence[CoreJoint | JointEdge], twists: Sequence[Twist]) -> Iterator[UsdJoint]:
+    """A generic joint, or several where a slide comes after a turn about another axis."""
     groups: list[list[int]] = [[]]
     for k, twist in enumerate(twists):
         if not twist.turns and any(twists[other].turns and not _parallel(twists[other].axis, twist.axis) for other in groups[-1]):
             groups.append([])
         groups[-1].append(k)
-    made = []
     for group in groups:
-        own = joints[group[0]].path if len(group) == 1 and len(twists) > 1 else path
-        made.append(_joint(own, [joints[k] for k in group], [twists[k] for k in group]))
-    return tuple(made)
+        if len(twists) > 1 and len(group) == 1:
+            yield _single(joints[group[0]].path, joints[group[0]], twists[group[0]])
+        else:
+            yield _several(path, [joints[k] for k in group], [twists[k] for k in group])
 
 
-def _joint(path: str, joints: Sequence[CoreJoint | JointEdge], twists: Sequence[Twist]) -> UsdJoint:
+def _several(path: str, joints: Sequence[CoreJoint | JointEdge], twists: Sequence[Twist]) -> UsdJoint:
     """One joint with all of the coordinates, whose axes are parallel or at right angles."""
     anchor = next((twist.anchor for twist in twists if twist.turns), twists[0].anchor)
-    if len(twists) == 1 and not twists[0].pitch:
-        type_: UsdType = "Revolute" if twists[0].turns else "Prismatic"
-        freedom = Freedom(name="angular" if twists[0].turns else "linear", joint=joints[0])
-        return UsdJoint(path=path, type=type_, frame=along(twists[0].axis, anchor), freedoms=(freedom,))
     directions: list[Vector] = []
     for twist in twists:
         if not any(_parallel(twist.axis, one) for one in directions):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from thingc.emit.capabilities import drive_cell, written
+from thingc.emit.usd.capabilities import CAPABILITIES
 from thingc.emit.usd.chain import Freedom, UsdJoint
 from thingc.emit.usd.usda import Prim
 from thingc.robot.types import Robot
@@ -42,8 +44,6 @@ def equip(prim: Prim, joint: UsdJoint, robot: Robot) -> None:
         cone = math.degrees(joint.freedoms[0].joint.limit.cone)
         prim.say("float physics:coneAngle0Limit", cone)
         prim.say("float physics:coneAngle1Limit", cone)
-    if joint.type == "Spherical":
-        return
     for freedom in joint.freedoms:
         if freedom.joint.path in robot.present and freedom.ratio == 1.0:
             _drive(prim, freedom)
@@ -53,7 +53,7 @@ def _drive(prim: Prim, freedom: Freedom) -> None:
     """A drive with the gains of the joint's; a motor has none, and its force is what whoever simulates asks of it. Its target is q = 0, or
     the nearest to it that the limits allow."""
     drive = freedom.joint.actuator
-    if drive is None:
+    if drive is None or written(CAPABILITIES["drives"][drive_cell(freedom.joint, drive)]) is None:
         return
     per = math.pi / 180.0 if freedom.turns else 1.0
     name = freedom.name

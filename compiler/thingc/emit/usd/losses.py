@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from thingc.emit.artifact import Loss
 from thingc.emit.connections import connections
+from thingc.emit.usd.capabilities import CAPABILITIES
 from thingc.emit.usd.chain import chain
 from thingc.emit.usd.mimics import followers
 from thingc.emit.usd.usda import FLOAT_MAX
@@ -20,7 +21,7 @@ from thingc.source import Origin
 def losses(robot: Robot) -> Iterator[Loss]:
     """Of one mode, besides what no file of the format says; what is lost of every mode alike is of none."""
     mode = robot.mode
-    for connection in connections(robot):
+    for connection in connections(robot, CAPABILITIES["loops"]):
         if (number := len(chain(connection))) > 1:
             what = f"its motion as one joint's: it is {number} joints here, with a link of 1e-9 kg between"
             yield _loss(mode.name, connection.path, what, "approximated", connection.origin)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from thingc.emit.connections import connections
+from thingc.emit.usd.capabilities import CAPABILITIES
 from thingc.emit.usd.chain import chain
 from thingc.frozen import dataclass
 from thingc.graph import joints_of, leaders
@@ -29,7 +30,7 @@ class Follower:
 
 def followers(robot: Robot) -> dict[str, Follower]:
     """Of every joint that follows another one, by path."""
-    steps = [step for connection in connections(robot) for step in chain(connection)]
+    steps = [step for connection in connections(robot, CAPABILITIES["loops"]) for step in chain(connection)]
     single = {step.single.path: step.type for step in steps if step.single is not None}
     joints = {joint.path: joint for joint in joints_of(robot.assembly)}
     return {

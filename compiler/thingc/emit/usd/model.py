@@ -17,9 +17,11 @@ from __future__ import annotations
 import math
 
 from thingc.diagnostics import Report
+from thingc.emit.capabilities import shape_cell, written
 from thingc.emit.connections import Connection, connections
 from thingc.emit.geometry import Geometry, Shape, Shapes, channels, linear, material_name, materials
 from thingc.emit.names import Names, frames, safe
+from thingc.emit.usd.capabilities import CAPABILITIES
 from thingc.emit.usd.chain import UsdJoint, chain
 from thingc.emit.usd.custom import articulation, dynamics, follow
 from thingc.emit.usd.drives import equip
@@ -98,7 +100,7 @@ class _Builder:
                     prim.add("Xform", safe(site.path)).place(site.pose)
             self._shapes(prim, links[index])
         holder = Prim(type="Scope", name=JOINTS)
-        for connection in connections(robot):
+        for connection in connections(robot, CAPABILITIES["loops"]):
             self._lead(holder, names, poses, connection)
         self.root.children.append(holder)
         return self.root
@@ -204,7 +206,9 @@ class _Builder:
             prim.say("rel material:binding", f"<{self.path}/{MATERIALS}/{self.materials[name]}>")
 
     def _collider(self, holder: Prim, name: str, shapes: Shapes, shape: Shape, pose: Pose) -> None:
-        kind = {"mesh": "Mesh", "box": "Cube", "sphere": "Sphere", "cylinder": "Cylinder"}.get(shape.kind, "Capsule")
+        kind = written(CAPABILITIES["shapes"][shape_cell(shape.kind)])
+        if kind is None:
+            return
         prim = holder.add(kind, free(name, {child.name for child in holder.children}), "PhysicsCollisionAPI")
         size: tuple[float, ...] = ()
         if shape.kind == "mesh":
