@@ -15,7 +15,6 @@ from __future__ import annotations
 import contextlib
 import errno
 import fcntl
-import functools
 import hashlib
 import json
 import os
@@ -26,6 +25,7 @@ from typing import Any, Protocol
 from thingc.diagnostics import Code, Report, shown_path
 from thingc.emit import written
 from thingc.emit.artifact import MANIFEST, Content, Stored
+from thingc.exchange import exchange
 from thingc.frozen import dataclass
 
 Waiting = Callable[[str], None]
@@ -389,7 +389,7 @@ def _swap(
         return
     displaced = fresh
     try:
-        _exchange(fresh, folder)
+        exchange(fresh, folder)
     except NotImplementedError:
         displaced = _beside(folder, "old")
         os.rename(folder, displaced)
@@ -400,43 +400,9 @@ def _swap(
             os.rename(folder, fresh)
             os.rename(displaced, folder)
         else:
-            _exchange(fresh, folder)
+            exchange(fresh, folder)
         raise _accusation(folder, late, document)
     _delete(displaced)
-
-
-RENAME_EXCHANGE = 2
-"""Of `linux/fs.h`: both paths stay, each with what the other had."""
-AT_FDCWD = -100
-"""Of `fcntl.h`: paths are relative to the working folder."""
-
-
-@functools.cache
-def _renameat2() -> Any | None:
-    """The C library's `renameat2` (Linux, glibc 2.28 and musl 1.2.6 on), or None."""
-    try:
-        import ctypes
-
-        function = ctypes.CDLL(None, use_errno=True).renameat2
-    except (ImportError, OSError, AttributeError):
-        return None
-    function.argtypes = (ctypes.c_int, ctypes.c_char_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_uint)
-    function.restype = ctypes.c_int
-    return function
-
-
-def _exchange(a: str, b: str) -> None:
-    """Two folders change places in one step. Raises `NotImplementedError` where the system or the file system cannot."""
-    function = _renameat2()
-    if function is None:
-        raise NotImplementedError
-    import ctypes
-
-    if function(AT_FDCWD, os.fsencode(a), AT_FDCWD, os.fsencode(b), RENAME_EXCHANGE) != 0:
-        number = ctypes.get_errno()
-        if number in (errno.ENOSYS, errno.EINVAL, errno.ENOTSUP, errno.EPERM):
-            raise NotImplementedError
-        raise OSError(number, os.strerror(number), a, None, b)
 
 
 def _delete(path: str) -> None:

@@ -1,11 +1,12 @@
 """Run in a process of its own, for MuJoCo decides how to draw when it is imported: `drawing.py JOBS.json`.
 
-Each job is a model, a pose and a shot. Its answer is the picture that thingc makes in the light of few lamps, and MuJoCo's own
+Each job is a model, a pose and a shot. Its answer is the picture that thingc makes in the light of very few lamps, and MuJoCo's own
 segmentation of the robot, seen by a camera fixed in the model where thingc's stands.
 """
 
 from __future__ import annotations
 
+import functools
 import json
 import math
 import sys
@@ -22,6 +23,13 @@ import mujoco
 
 from thingc.render import studio
 from thingc.render.picture import camera_of, points_of, posed
+
+LAMPS = studio.lamps
+
+
+def few(count: int, camera: Any, normal: Any, counts: tuple[int, int]) -> Any:
+    """Fewer than a picture has."""
+    return LAMPS(camera, normal, (count, count))
 
 
 def segmented(xml: str, assets: dict[str, bytes], job: dict[str, Any], shot: Shot) -> np.ndarray:
@@ -50,8 +58,8 @@ def segmented(xml: str, assets: dict[str, bytes], job: dict[str, Any], shot: Sho
 def main() -> None:
     """Every job of the file; pictures and masks are written beside it."""
     jobs = Path(sys.argv[1])
-    studio.KEY, studio.DOME = 3, 3
     for job in json.loads(jobs.read_text()):
+        studio.lamps = functools.partial(few, job.get("lamps", 1))
         xml = Path(job["xml"]).read_text()
         assets = {path.name: path.read_bytes() for path in Path(job["assets"]).iterdir()}
         shot = Shot(size=tuple(job["size"]), azimuth=job.get("azimuth"), elevation=job.get("elevation"))

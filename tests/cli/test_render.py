@@ -54,7 +54,7 @@ PRIMITIVES = """
 FLOOR, WALL, CEILING = (0.0, 0.0, -9.81), (-9.81, 0.0, 0.0), (0.0, 0.0, 9.81)
 
 JOBS: dict[str, dict[str, Any]] = {
-    "home": {"mode": "bench", "pose": "home", "size": [320, 240], "gravity": FLOOR},
+    "home": {"mode": "bench", "pose": "home", "size": [320, 240], "gravity": FLOOR, "lamps": 3},
     "tall": {"mode": "bench", "pose": "stretched", "size": [150, 400], "gravity": FLOOR, "azimuth": 200.0, "elevation": -40.0},
     "wide": {"mode": "drawing", "pose": "writing", "size": [500, 120], "gravity": FLOOR, "azimuth": 90.0, "elevation": 0.0},
     "below": {"mode": "drawing", "pose": "stretched", "size": [320, 240], "gravity": FLOOR},

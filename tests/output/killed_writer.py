@@ -80,7 +80,7 @@ def every(folder: str, how: str) -> dict[str, object]:
     if how == "renames":
         def refuse(a: str, b: str) -> None:
             raise NotImplementedError
-        output._exchange = refuse
+        output.exchange = refuse
     write(folder, 1)
     damaged: list[str] = []
     litter: list[str] = []

@@ -362,7 +362,7 @@ class TestStrangers:
         if how == "renames":
             def refuse(a: str, b: str) -> None:
                 raise NotImplementedError
-            monkeypatch.setattr("thingc.output._exchange", refuse)
+            monkeypatch.setattr("thingc.output.exchange", refuse)
         store = Meddler(str(tmp_path / "store"))
         folder = build(tmp_path, FIRST, store)
         sha256 = store.put(b"mesh")
