@@ -236,7 +236,7 @@ def test_a_link_restores_everything(browser: Any, pages: Pages) -> None:
           viewer.setMode("crawl_wall");
           viewer.setCoordinate("front/knee", 0.4);
           viewer.setOptions({ shown: "both", marks: new Set(["frames", "names"]), colouring: "link", theme: "dark" });
-          viewer.setOptions({ explode: 0.3, section: { axis: "y", part: 0.4 } });
+          viewer.setOptions({ explode: 0.3, section: { axis: "y", part: 0.4, flip: true } });
           viewer.choose([3, 5]);
           viewer.stage.camera.position.set(0.5, 0.4, 0.6);
           viewer.stage.controls.update();
@@ -295,8 +295,70 @@ def test_every_view_shows_something_else(browser: Any, pages: Pages) -> None:
             assert np.abs(picture(page) - plain).max() <= 2, way  # the background is dithered
 
 
+def test_a_section_shows_solids(browser: Any, pages: Pages) -> None:
+    """A cube of 100 mm, cut in the middle and seen from above: the pixels of the plane in it have its colour, hatched, and no others have;
+    of the other half there is nothing of that to see. One more call draws the cut, and one for each solid works it out."""
+    told = json.loads(element((pages.arm / "html/arm.html").read_text(), "thingc-robot"))
+    for one in told["occurrences"]:
+        one |= {"visual": None, "collision": []}
+    box = {"shape": "box", "size": [0.05, 0.05, 0.05], "pose": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0]}
+    told["occurrences"][0] |= {"collision": [box], "color": "#cc3333", "pose": box["pose"]}
+    grid = [(x, y) for x in np.linspace(-0.06, 0.06, 25) for y in np.linspace(-0.06, 0.06, 25)]
+    within = np.array([max(abs(x), abs(y)) < 0.047 for x, y in grid])
+    beside = np.array([max(abs(x), abs(y)) > 0.053 for x, y in grid])
+    with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&theme=light")) as page:
+        page.evaluate("""(told) => { const { viewer } = thingc; viewer.load(told, []);
+          viewer.setOptions({ shown: "collision", marks: new Set() }); viewer.reset([0.3, -0.2, 1]); }""", told)
+        drawn(page)
+        before, whole = page.evaluate("thingc.viewer.stage.calls"), picture(page)
+        page.evaluate("thingc.viewer.cut('z')")
+        drawn(page)
+        assert page.evaluate("thingc.viewer.stage.calls") == before + 2
+        middle = np.array(page.evaluate("thingc.viewer.links()")["base_link"]).reshape(4, 4)[:3, 3]
+        spots = page.evaluate("""(grid) => { const { stage } = thingc.viewer, one = stage.camera.position;
+          return stage.project(grid.map((at) => one.clone().set(...at))).map(({ x, y }) => [Math.floor(y), Math.floor(x)]); }""",
+          [[*(middle + [x, y, 0.0]).tolist()] for x, y in grid])  # fmt: skip
+        rows, columns = np.array(spots).T
+        cut = picture(page)
+        seen = cut[rows, columns]
+        face = 255 * np.where((flat := 0.75 * linear("#cc3333") + 0.25) > 0.0031308, 1.055 * flat ** (1 / 2.4) - 0.055, 12.92 * flat)
+        plain = np.abs(seen - face).max(axis=1) < 4
+        assert 0.6 < plain[within].mean() < 0.95 and not plain[beside].any()
+        lines = (seen[within & ~plain] < face + 4).all(axis=1)  # they are darker; what is left is the ring around the root
+        assert lines.mean() > 0.8 and seen[within & ~plain][lines][:, 0].min() < face[0] - 20
+        page.get_by_role("tab", name="Show").click()
+        page.get_by_role("button", name="Other side").click()
+        drawn(page)
+        assert page.evaluate("thingc.viewer.stage.calls") == before
+        assert not (np.abs(picture(page)[rows, columns] - face).max(axis=1) < 4).any() and np.abs(whole - cut).max() > 30
+
+
+def linear(color: str) -> np.ndarray[Any, Any]:
+    """The three parts of a colour of sRGB as light (IEC 61966-2-1)."""
+    parts = np.array([int(color[k : k + 2], 16) for k in (1, 3, 5)]) / 255
+    return np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+
+
+def test_what_is_exploded_stays_in_the_picture(browser: Any, pages: Pages) -> None:
+    with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&pose=home")) as page:
+        page.get_by_role("tab", name="Show").click()
+        camera = "[...thingc.viewer.stage.camera.position.toArray(), ...thingc.viewer.stage.controls.target.toArray()]"
+        before = page.evaluate(camera)
+        slider = page.get_by_role("slider", name="explode")
+        slider.fill("0.4")
+        slider.fill("1")
+        drawn(page)
+        width, height = page.evaluate("[thingc.viewer.stage.canvas.clientWidth, thingc.viewer.stage.canvas.clientHeight]")
+        for spot in page.evaluate("""thingc.viewer.stage.project(thingc.viewer.robot.occurrences.map((one, index) =>
+          thingc.viewer.stage.camera.position.clone().fromArray(one.centre).applyMatrix4(thingc.viewer.drawn[index])))"""):
+            assert 0 < spot["x"] < width and 0 < spot["y"] < height
+        slider.fill("0")
+        assert page.evaluate(camera) == pytest.approx(before, abs=1e-9)
+
+
 def test_as_few_calls_as_definitions(browser: Any, pages: Pages) -> None:
-    """Draw calls of everything at once are at most definitions x materials + 20; a frame's script is measured in benchmarks."""
+    """Draw calls of everything at once are at most definitions x materials + 20, and with a section, for which every definition is drawn
+    once more, that many more; a frame's script is measured in benchmarks."""
     for robot in ("arm", "minchw"):
         with opened(browser, address(getattr(pages, robot) / f"html/{robot}.html")) as page:
             page.evaluate("['frames', 'mounts', 'joint axes', 'inertia', 'centres of mass'].forEach((mark) => thingc.viewer.toggle(mark))")
@@ -304,6 +366,9 @@ def test_as_few_calls_as_definitions(browser: Any, pages: Pages) -> None:
             calls = page.evaluate("thingc.viewer.stage.calls")
             kinds = page.evaluate("new Set(thingc.viewer.robot.occurrences.map((one) => one.definition + ' ' + one.material)).size")
             assert 0 < calls <= kinds + 20
+            page.evaluate("thingc.viewer.cut('x')")
+            drawn(page)
+            assert calls < page.evaluate("thingc.viewer.stage.calls") <= 2 * kinds + 20
 
 
 def test_keys_do_what_the_help_says(browser: Any, pages: Pages) -> None:

@@ -22,7 +22,7 @@ export function written(viewer: Viewer): string {
   told.set("marks", MARKS.filter((mark) => options.marks.has(mark)).join(","));
   if (options.colouring !== "part") told.set("colour", options.colouring);
   if (options.explode > 0) told.set("explode", short(options.explode));
-  if (options.section.axis !== null) told.set("section", `${options.section.axis}:${short(options.section.part)}`);
+  if (options.section.axis !== null) told.set("section", `${options.section.flip ? "-" : ""}${options.section.axis}:${short(options.section.part)}`);
   told.set("theme", options.theme);
   if (!options.panels) told.set("panels", "none");
   if (viewer.choice.size > 0) told.set("chosen", [...viewer.choice].map((index) => viewer.robot.occurrences[index].path).join(","));
@@ -46,12 +46,15 @@ export function restored(viewer: Viewer, fragment: string): boolean {
     const base = numbers(told.get("base"));
     viewer.restore(Object.fromEntries(pairs.map(([, path, value]) => [path, Number(value)])), base.length === 12 ? matrixOf(base) : null);
   }
-  const [axis, part] = (told.get("section") ?? "").split(":");
+  const [side, part] = (told.get("section") ?? "").split(":");
+  const axis = side.replace(/^-/, "");
   viewer.setOptions({
     shown: one(SHOWN, told.get("show")) ?? "visual", colouring: one(COLOURINGS, told.get("colour")) ?? "part",
     explode: Math.min(1, Math.max(0, numbers(told.get("explode"))[0] ?? 0)), theme: one(["light", "dark"] as const, told.get("theme")) ?? viewer.options.theme,
     panels: told.get("panels") !== "none",
-    section: { axis: one(["x", "y", "z"] as const, axis), part: Math.min(1, Math.max(0, numbers(part ?? null)[0] ?? 0.5)) },
+    section: {
+      axis: one(["x", "y", "z"] as const, axis), part: Math.min(1, Math.max(0, numbers(part ?? null)[0] ?? 0.5)), flip: side.startsWith("-"),
+    },
     ...(told.has("marks") ? { marks: new Set(told.get("marks")!.split(",").map((word) => one(MARKS, word)).filter((mark) => mark !== null)) } : {}),
   });
   const paths = new Set((told.get("chosen") ?? "").split(","));

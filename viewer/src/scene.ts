@@ -10,6 +10,7 @@ import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { toCreasedNormals } from "three/addons/utils/BufferGeometryUtils.js";
 import type { Robot, Shape } from "./data";
 import { matrixOf } from "./kinematics";
+import { CUT, Section } from "./section";
 
 /** Faces that meet at more than this angle [rad] have an edge between them. */
 const CREASE = 0.55;
@@ -74,7 +75,9 @@ export class Stage {
   private batches: Batch[] = [];
   private ghosts: Batch[] = [];
   private floor: GridHelper | null = null;
-  private readonly section = new Plane(new Vector3(-1, 0, 0), 0);
+  private readonly plane = new Plane(new Vector3(-1, 0, 0), 0);
+  private readonly section: Section;
+  private cuts = false;
   private readonly raycaster = new Raycaster();
   private asked = false;
   private around: Box3 | null = null;
@@ -92,6 +95,9 @@ export class Stage {
     this.renderer.outputColorSpace = SRGBColorSpace;
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     this.renderer.localClippingEnabled = true;
+    this.renderer.info.autoReset = false;
+    this.section = new Section(this.renderer, this.plane);
+    this.scene.add(this.section.face);
     this.camera.up.set(0, 0, 1);
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.enableDamping = false;
@@ -120,6 +126,9 @@ export class Stage {
   }
 
   draw(): void {
+    this.renderer.info.reset();
+    this.section.face.visible = false;
+    if (this.cuts) this.section.prepare(this.scene, this.camera, this.world.localToWorld(this.framed.getCenter(new Vector3())), this.size);
     this.renderer.render(this.scene, this.camera);
   }
 
@@ -144,16 +153,16 @@ export class Stage {
   /** Puts the meshes of a robot into the world, in place of those before. */
   furnish(robot: Robot, geometries: BufferGeometry[]): void {
     for (const batch of this.batches) discard(this.world, batch);
-    this.batches = batchesOf(robot, geometries, this.section);
+    this.batches = batchesOf(robot, geometries, this.plane);
     for (const { mesh } of this.batches) this.world.add(mesh);
     this.around = null;
-    this.clip(null, 0);
+    this.clip(null, 0, false);
   }
 
   /** Puts another robot into the world, to be seen through; null takes it away. */
   overlay(robot: Robot | null, geometries: BufferGeometry[]): void {
     for (const batch of this.ghosts) discard(this.world, batch);
-    this.ghosts = robot === null ? [] : batchesOf(robot, geometries, this.section).filter(({ collides }) => !collides);
+    this.ghosts = robot === null ? [] : batchesOf(robot, geometries, this.plane).filter(({ collides }) => !collides);
     for (const { mesh } of this.ghosts) {
       Object.assign(mesh.material as MeshStandardMaterial, { transparent: true, opacity: 0.45, depthWrite: false });
       mesh.renderOrder = 1;
@@ -161,7 +170,7 @@ export class Stage {
     }
   }
 
-  /** How many calls a picture takes. */
+  /** How many calls a picture takes; one that shows a section draws what is cut once more. */
   get calls(): number {
     return this.renderer.info.render.calls;
   }
@@ -169,6 +178,7 @@ export class Stage {
   show(seen: boolean, felt: boolean): void {
     for (const { mesh, collides } of this.batches) {
       mesh.visible = collides ? felt : seen;
+      mesh.layers[!collides || !seen ? "enable" : "disable"](CUT);
       const both = seen && felt;
       if (collides) (mesh.material as MeshStandardMaterial).opacity = both ? 0.35 : 0.8;
     }
@@ -243,6 +253,17 @@ export class Stage {
     this.controls.update();
   }
 
+  /** Shows all that is there as it showed what was in a box. */
+  follow(before: Box3): void {
+    const now = (this.framed = this.bounds());
+    const [from, to] = [before, now].map((box) => this.world.localToWorld(box.getCenter(new Vector3())));
+    const scale = now.getSize(new Vector3()).length() / before.getSize(new Vector3()).length();
+    const { camera: { position }, controls: { target } } = this;
+    for (const point of [position, target]) point.sub(from).multiplyScalar(scale).add(to);
+    this.controls.update();
+    this.ask();
+  }
+
   /** What is near enough, and far enough, to be drawn. */
   reach(): void {
     const away = this.camera.position.distanceTo(this.controls.target);
@@ -271,22 +292,29 @@ export class Stage {
     this.world.add(this.floor);
   }
 
-  /** Cuts away what is beyond a plane normal to an axis of the world, at a part (0 to 1) of the robot; null cuts nothing. */
-  clip(axis: number | null, part: number): void {
+  /** Cuts away what is beyond a plane normal to an axis of the world, at a part (0 to 1) of the robot, or what is before it (`flip`); null
+   * cuts nothing. */
+  clip(axis: number | null, part: number, flip: boolean): void {
     const box = this.framed;
-    const normal = new Vector3();
-    if (axis !== null) normal.setComponent(axis, -1);
+    const normal = new Vector3(), side = flip ? 1 : -1;
+    if (axis !== null) normal.setComponent(axis, side);
     const at = axis === null ? 1 : box.min.getComponent(axis) + part * (box.max.getComponent(axis) - box.min.getComponent(axis));
-    this.section.set(normal, at);
-    if (axis !== null) this.section.applyMatrix4(this.world.matrixWorld);
+    this.cuts = axis !== null;
+    this.plane.set(normal, axis === null ? at : -side * at);
+    if (axis !== null) this.plane.applyMatrix4(this.world.matrixWorld);
     for (const { mesh } of this.batches) {
       const own = mesh.material as MeshStandardMaterial;
       const side = axis === null ? FrontSide : DoubleSide;
       if (own.side === side && own.clippingPlanes!.length === (axis === null ? 0 : 1)) continue;
-      own.clippingPlanes = axis === null ? [] : [this.section];
+      own.clippingPlanes = axis === null ? [] : [this.plane];
       own.side = side;
       own.needsUpdate = true;
     }
+  }
+
+  /** Whether the camera looks from beyond the middle of the robot along an axis of its world. */
+  beyond(axis: number): boolean {
+    return this.world.worldToLocal(this.camera.position.clone()).getComponent(axis) > this.framed.getCenter(new Vector3()).getComponent(axis);
   }
 
   private ray(x: number, y: number): void {
@@ -382,7 +410,7 @@ function discard(world: Group, { mesh }: Batch): void {
 function material(alpha: number, collides: boolean, planes: Plane[]): MeshStandardMaterial {
   return new MeshStandardMaterial({
     roughness: 0.62, metalness: 0.05, transparent: collides || alpha < 1, opacity: alpha, depthWrite: !collides && alpha === 1,
-    clippingPlanes: planes, flatShading: false,
+    clippingPlanes: planes, flatShading: false, forceSinglePass: true,
   });
 }
 

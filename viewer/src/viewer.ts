@@ -23,7 +23,8 @@ export interface Options {
   marks: Set<Mark>;
   colouring: Colouring;
   explode: number;
-  section: { axis: "x" | "y" | "z" | null; part: number };
+  /** What is beyond the plane is cut away, else (`flip`) what is before it. */
+  section: { axis: "x" | "y" | "z" | null; part: number; flip: boolean };
   theme: "light" | "dark";
   /** Whether there are panels beside the picture. */
   panels: boolean;
@@ -44,7 +45,7 @@ export class Viewer {
   configuration!: Configuration;
   choice: Choice = new Set();
   options: Options = {
-    shown: "visual", marks: new Set<Mark>(["floor"]), colouring: "part", explode: 0, section: { axis: null, part: 0.5 },
+    shown: "visual", marks: new Set<Mark>(["floor"]), colouring: "part", explode: 0, section: { axis: null, part: 0.5, flip: false },
     theme: matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light", panels: true,
   };
   /** Two mounts between which is measured, `occurrence:mount`. */
@@ -265,6 +266,20 @@ export class Viewer {
     this.tell("options");
   }
 
+  /** A section normal to an axis of the world, which cuts away what is towards the camera; null is none. */
+  cut(axis: "x" | "y" | "z" | null): void {
+    const flip = axis !== null && !this.stage.beyond("xyz".indexOf(axis));
+    this.setOptions({ section: { ...this.options.section, axis, flip } });
+  }
+
+  /** How far the robot is exploded along its assembly graph, 0 to 1; the camera goes back as far as it has to. */
+  explodeBy(explode: number): void {
+    const before = this.stage.bounds();
+    this.setOptions({ explode });
+    this.place();
+    this.stage.follow(before);
+  }
+
   toggle(mark: Mark): void {
     const marks = new Set(this.options.marks);
     if (!marks.delete(mark)) marks.add(mark);
@@ -398,7 +413,7 @@ export class Viewer {
     const { options, stage } = this;
     this.place();
     stage.show(options.shown !== "collision", options.shown !== "visual");
-    stage.clip(options.section.axis === null ? null : "xyz".indexOf(options.section.axis), options.section.part);
+    stage.clip(options.section.axis === null ? null : "xyz".indexOf(options.section.axis), options.section.part, options.section.flip);
     stage.lay(options.theme === "dark" ? "#4a5460" : "#c4ccd4", options.marks.has("floor"));
     this.marks.begin();
     this.names = annotate(this, this.marks);

@@ -20,26 +20,30 @@ export function showPanel(panel: HTMLElement, viewer: Viewer): void {
 
   const explode = make("input", {
     type: "range", min: 0, max: 1, step: 0.01, "aria-label": "explode",
-    oninput: (event) => viewer.setOptions({ explode: Number((event.target as HTMLInputElement).value) }),
+    oninput: (event) => viewer.explodeBy(Number((event.target as HTMLInputElement).value)),
   });
   updates.push(() => { explode.value = String(viewer.options.explode); });
 
   const axis = make("div", { class: "chips", role: "radiogroup", "aria-label": "section plane" });
   const axes = ["none", "x", "y", "z"] as const;
   updates.push(choices(axis, axes, () => viewer.options.section.axis ?? "none", (word) => {
-    viewer.setOptions({ section: { ...viewer.options.section, axis: word === "none" ? null : (word as "x" | "y" | "z") } });
+    viewer.cut(word === "none" ? null : (word as "x" | "y" | "z"));
   }));
+  const flip = make("button", {
+    type: "button", title: "cut away what is on the other side of the plane",
+    onclick: () => viewer.setOptions({ section: { ...viewer.options.section, flip: !viewer.options.section.flip } }),
+  }, "Other side");
   const part = make("input", {
     type: "range", min: 0, max: 1, step: 0.005, "aria-label": "where the section is",
     oninput: (event) => viewer.setOptions({ section: { ...viewer.options.section, part: Number((event.target as HTMLInputElement).value) } }),
   });
   updates.push(() => {
     part.value = String(viewer.options.section.part);
-    part.disabled = viewer.options.section.axis === null;
+    part.disabled = flip.disabled = viewer.options.section.axis === null;
   });
   panel.replaceChildren(
     make("h2", {}, "Geometry"), shown, make("h2", {}, "Marks"), marks, make("h2", {}, "Colours"), colour,
-    make("h2", {}, "Explode"), explode, make("h2", {}, "Section"), axis, part,
+    make("h2", {}, "Explode"), explode, make("h2", {}, "Section"), make("div", { class: "row" }, axis, flip), part,
   );
   let shownColours: Coloured | null = null;
   const update = (): void => {
