@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from thingc.graph.types import Assembly
     from thingc.load import Documents
     from thingc.pose import Vector
+    from thingc.realize.decisions import Decision
     from thingc.realize.record import Mesh, PartFailure, PartSchema
-    from thingc.realize.service import Decision
     from thingc.resolve.model import AssemblyDefinition
     from thingc.robot.types import Robot
     from thingc.spec.doubts import Specs

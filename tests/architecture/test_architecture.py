@@ -137,7 +137,7 @@ REALIZE: dict[str, set[str]] = {
     "store": {"record", "slices"},
     "key": {"record", "record_json", "store"},
     "worker": {"record", "record_json", "slices", "store", "key"},
-    "lock": {"record", "record_json", "slices", "store", "key", "answers", "service"},
+    "lock": {"record", "record_json", "slices", "store", "key", "answers", "decisions", "service"},
 }
 HEAVY = {"numpy", "networkx", "trimesh", "mujoco", "scipy", "rich", "typer", "manifold3d", "coacd", "ruamel", "tomlkit"}
 CHECK_ROOMS = BASE | {"load", "spec", "checks", "resolve", "graph", "joints", "robot", "environment", "pipeline", "stamp"}

@@ -13,8 +13,8 @@ from thingc.realize.slices import Slicing
 from thingc.source import Span
 
 if TYPE_CHECKING:
+    from thingc.realize.decisions import Decision
     from thingc.realize.key.modules import Module
-    from thingc.realize.service import Decision
     from thingc.workspace import Workspace
 
 SHOWN = 8

@@ -12,16 +12,17 @@ from typing import TYPE_CHECKING, Any
 
 from thingc.frozen import dataclass
 from thingc.realize.decisions import Decision, Recent, unchanged, why
+from thingc.realize.kept_records import KeptRecords
 from thingc.realize.key.build_key import BuildKey, record_key, schema_key
 from thingc.realize.key.module_key import CodeIngredients
 from thingc.realize.key.modules import Module
 from thingc.realize.key.part_code import PartCode, file_state
-from thingc.realize.key.results import Kept, Results
+from thingc.realize.key.results import Results
 from thingc.realize.key.versions import OF_FILES, versions_of
 from thingc.realize.lock.lock import LOCK_FILE, Lock
 from thingc.realize.lock.locked import LockBeside
 from thingc.realize.record import AssemblyFailed, PartDefinition, PartFailure, PartRecord, PartSchema, Placed, StoredFile
-from thingc.realize.record_json import blobs_of, failure_from_json, mesh_from_json, record_from_json, schema_from_json, with_left
+from thingc.realize.record_json import failure_from_json, mesh_from_json, record_from_json, schema_from_json, with_left
 from thingc.realize.slices import Slicing
 from thingc.realize.store.build_locks import BuildLocks
 from thingc.realize.store.local import Store, StoreUnusable
@@ -75,10 +76,10 @@ class GeometryService:
         self._seed = seed
         self._on_progress = on_progress
         self._on_printed = on_printed
-        self._workers = workers
-        self._lent = workers is not None
+        self._workers, self._lent = workers, workers is not None
         self._parts = PartCode(workspace, store)
         self._results = Results(store, workspace.root)
+        self._kept = KeptRecords(workspace, store, self._parts, self._results)
         self._build_locks = BuildLocks(store)
         self._slices = SliceAnswers(store, lambda: self._parts.versions(None))
         self._recent = Recent()
@@ -193,7 +194,9 @@ class GeometryService:
             return
         requests = []
         for index, group in enumerate(groups):
-            requests.append({**group[0].request, "references": [task.subject for task in group], "group": index})
+            references = [task.subject for task in group]
+            placed = [one for one in references if (code := self.code(one)) is not None and code.place is not None]
+            requests.append({**group[0].request, "references": references, "placed": placed, "group": index})
         alone: list[list[_Task]] = []
         for request, answer in self._run(requests):
             group = groups[request["group"]]
@@ -248,7 +251,7 @@ class GeometryService:
                 continue
             build_key, code, request = prepared
             build_keys[text] = build_key
-            kept = self._results.find("record", build_key.key, self._whole)
+            kept = self._kept.find(definition, build_key, code)
             if kept is not None:
                 self._decide(text, True, unchanged(kept.reason))
                 answers[text] = self._record(kept.value, code)
@@ -283,7 +286,7 @@ class GeometryService:
 
         def reuse(task: _Task) -> bool:
             """Whether somebody else has modelled it in the meantime."""
-            kept = self._results.find("record", task.build_key.key, self._whole)
+            kept = self._kept.under(task.build_key.key)
             if kept is not None:
                 self._decide(task.subject, True, unchanged(kept.reason))
                 self.reads[task.subject] = dict(kept.reads)
@@ -307,10 +310,14 @@ class GeometryService:
                     found[task.subject] = self._broken(task.subject, answer)
                 else:
                     given = with_left(answer["answer"], answer.get("left", ()))
-                    reads = given.pop("reads")
+                    reads, ran = given.pop("reads"), given.pop("ran", None)
+                    definition = definitions[task.subject]
+                    code = self._code_of_definition(definition)
                     self._results.keep("record", task.build_key, given, reads, task.reason)
+                    if not answer.get("left"):
+                        self._kept.note_ran(definition, task.build_key, code, ran, reads)
                     self.reads[task.subject] = dict(reads)
-                    found[task.subject] = self._record(given, self._code_of_definition(definitions[task.subject]))
+                    found[task.subject] = self._record(given, code)
                 self._build_locks.give_back(task.build_key.key)
 
         take_in(self._run([task.request for task in tasks], "modelling", own()))
@@ -323,7 +330,7 @@ class GeometryService:
     def in_store(self, definition: PartDefinition) -> bool:
         """Whether a part need not be modelled."""
         prepared = self._prepare(definition)
-        return not isinstance(prepared, PartFailure) and self._results.find("record", prepared[0].key, self._whole) is not None
+        return not isinstance(prepared, PartFailure) and self._kept.find(definition, *prepared[:2]) is not None
 
     def _prepare(self, definition: PartDefinition) -> tuple[BuildKey, CodeIngredients | None, dict[str, Any]] | PartFailure:
         code: CodeIngredients | None = None
@@ -351,10 +358,6 @@ class GeometryService:
             **self._around(code),
         }
         return build_key, code, request
-
-    def _whole(self, value: Any) -> bool:
-        """Whether everything a kept record speaks of is in the store."""
-        return "failure" in value or all(self.store.has(sha256, size) for sha256, size in blobs_of(value["record"]))
 
     def _record(self, value: Any, code: CodeIngredients | None) -> PartRecord | PartFailure:
         if "failure" in value:
@@ -495,6 +498,3 @@ class GeometryService:
         from thingc.realize.worker.crash import failure_of
 
         return failure_of(subject, answer, self.timeout, self.workspace)
-
-
-__all__ = ["AssemblyFailed", "Decision", "GeometryService", "Kept"]

@@ -7,9 +7,10 @@ Thing itself: `thing.result()`, `.collision()`, `.visual()`, `.envelope()` give 
 from __future__ import annotations
 
 import ast
+import functools
 import inspect
+import linecache
 import math
-import textwrap
 import types
 import typing
 from collections.abc import Callable, Iterable, Mapping
@@ -102,14 +103,32 @@ def lacking_result(part: PartLike) -> Lack | None:
     if part.result is Thing.result:
         return Lack(words="has no `result()`: nothing says what its geometry is", place=_written(part))
     function = inspect.unwrap(part.result)
-    try:
-        tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
-    except (OSError, TypeError, SyntaxError):
-        return None
+    tree = syntax_of(function)
     ends = (ast.Return, ast.Raise, ast.Yield, ast.YieldFrom, ast.Lambda)
-    if any(isinstance(node, ends) for node in ast.walk(tree)):
+    if tree is None or any(isinstance(node, ends) for node in ast.walk(tree)):
         return None
     return Lack(words="has a `result()` that never returns anything", place=_written(function))
+
+
+def syntax_of(function: Callable[..., Any]) -> ast.FunctionDef | ast.AsyncFunctionDef | None:
+    """The syntax tree of a function, as its file has it; None where there is no such file. `inspect` would go through all of the file for
+    each of its functions and classes."""
+    code = getattr(inspect.unwrap(function), "__code__", None)
+    if not isinstance(code, types.CodeType):
+        return None
+    linecache.checkcache(code.co_filename)
+    return _functions_in("".join(linecache.getlines(code.co_filename))).get(code.co_firstlineno)
+
+
+@functools.lru_cache(maxsize=8)
+def _functions_in(text: str) -> Mapping[int, ast.FunctionDef | ast.AsyncFunctionDef]:
+    """The functions in a source text by the line of their `def`, or of their first decorator."""
+    try:
+        tree = ast.parse(text)
+    except (SyntaxError, ValueError, RecursionError):
+        return {}
+    functions = [node for node in ast.walk(tree) if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef))]
+    return {min(one.lineno, *(decorator.lineno for decorator in one.decorator_list), one.lineno): one for one in functions}
 
 
 def _written(code: Any) -> tuple[str, int] | None:

@@ -65,6 +65,15 @@ class Signature:
         return CallError(message, owner=self.owner, parameter=name)
 
 
+_look: Callable[[Callable[..., Any]], None] | None = None
+
+
+def install(look: Callable[[Callable[..., Any]], None]) -> None:
+    """Make `look` hear of every function whose parameters are read. For the geometry worker, before it loads part modules."""
+    global _look
+    _look = look
+
+
 def signature_of(
     function: Callable[..., Any], owner: str, *, method: bool, strict: bool, docs: Sequence[str | None] = ()
 ) -> Signature:
@@ -74,6 +83,8 @@ def signature_of(
     function): arguments with a default that no parameter can express, `*args` and `**kwargs` are left out, at their default.
     `docs` are docstrings that may describe the arguments, best last.
     """
+    if _look is not None:
+        _look(function)
     described: dict[str, str] = {}
     for docstring in docs:
         described |= argument_docs(docstring)

@@ -19,7 +19,7 @@ from thingc.frozen import dataclass
 from thingc.realize.key.modules import Finder, Module
 from thingc.realize.store.local import Store, StoreUnusable
 
-VERSION = 3
+VERSION = 4
 """Of `ModuleFacts`: a change of their meaning must raise it, since they are kept by the content of a file."""
 
 MAX_UNTRUSTED = 1_000_000
@@ -33,17 +33,22 @@ MAX_STEPS = 20
 class ModuleFacts:
     """What a source file says, made by `source_reader` and kept as JSON.
 
-    `syntax` is the digest of its syntax tree without positions and docstrings, `documented` that with docstrings; `imports` are the
+    `syntax` is the digest of its syntax tree without positions and docstrings, `documented` that with docstrings, `outline` that without
+    what counts only where a function is called; of that `bodies` are the digests, function by function. `imports` are the
     modules and names that it imports (`pkg.leg`, `pkg.leg:foot`, `.shapes:*`); `names` what it binds at its top level: kind
     (`class | function | import | value`), line, and where an imported name comes from. `telling`: it may look at docstrings or lines;
-    `more`: it may have names that reading does not show; `broken`: it is no Python, and counts by its bytes.
+    `looking`: at functions that it does not call; `more`: it may have names that reading does not show; `broken`: it is no Python, and
+    counts by its bytes.
     """
 
     syntax: str
     documented: str
+    outline: str
+    bodies: list[str]
     imports: list[str]
     names: dict[str, tuple[str, int, str]]
     telling: bool
+    looking: bool
     more: bool
     broken: bool
 
@@ -70,7 +75,8 @@ class CodeIngredients:
 
     `ingredients` are digests and paths by module (`module arm`), `documented` the same with docstrings; `installed` the modules of
     installed packages that it imports; `files` the files that it is loaded from, with their SHA-256; `plain` its packages without
-    `__init__.py`; `hiding` its modules that hide others of their name; `place` is `(file, line)` of the class.
+    `__init__.py`; `hiding` its modules that hide others of their name; `place` is `(file, line)` of the class. `sources` are the modules by
+    file, none where its code may look at itself: then it counts as a whole, whatever of it runs.
     """
 
     ingredients: dict[str, str] = field(default_factory=dict)
@@ -80,6 +86,7 @@ class CodeIngredients:
     plain: set[str] = field(default_factory=set)
     hiding: tuple[Module, ...] = ()
     place: tuple[str, int] | None = None
+    sources: dict[str, ModuleSource] = field(default_factory=dict, compare=False)
 
 
 class ModuleSources:
@@ -144,6 +151,7 @@ def code_of(reference: str, sources: ModuleSources) -> CodeIngredients:
     reached = [sources.finder.find(one) for one in reached_from(module, sources)]
     tracked = [source for one in reached if (source := sources.source(one.name)) is not None]
     texts = any(source.facts.telling for source in tracked)
+    whole = texts or any(source.facts.looking for source in tracked)
     return CodeIngredients(
         ingredients={one.label: f"{one.sha256 if texts else one.facts.syntax} {one.path}" for one in tracked},
         documented={one.label: f"{one.sha256 if texts else one.facts.documented} {one.path}" for one in tracked},
@@ -152,6 +160,7 @@ def code_of(reference: str, sources: ModuleSources) -> CodeIngredients:
         plain={one.name for one in reached if one.kind == "content" and one.file is None},
         hiding=tuple(one for one in reached if one.hides),
         place=_place(module, name.partition(".")[0], sources),
+        sources={} if whole else {one.module.file: one for one in tracked if one.module.file is not None},
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import hashlib
 import os
+import re
 from typing import Any
 
 from thingc.realize.key.modules import MAX_NAME
@@ -20,12 +21,21 @@ BINDING = frozenset({
 })
 """Words by which a module can have names that no statement of it binds; so can a function that says `global`."""
 
+LOOKING = re.compile(
+    rb"\b(?:__code__|__defaults__|__kwdefaults__|__globals__|co_code|settrace|setprofile|gc|dis|marshal|dill|cloudpickle"
+    rb"|n?jit|numba|cython|FunctionType|LambdaType|CodeType)\b"
+)
+"""Words by which code looks at functions that it does not call, or has others run them in another way."""
+
 NOWHERE = os.devnull
 """The file that Python is told: it looks for the faulty line in it, and by default that is a file `<unknown>` of the working folder."""
 
 _IMPLIED = ("ctx", "kind")
 """Fields of nodes that tell nothing: what a name is used for shows where it stands, and `u"x"` is `"x"`."""
-_END = object()
+_END, _LEFT = object(), object()
+
+PLAIN = frozenset({"classmethod", "property", "staticmethod"})
+"""Decorators that do nothing with a function but call it."""
 
 
 def read(source: bytes) -> dict[str, Any]:
@@ -33,17 +43,48 @@ def read(source: bytes) -> dict[str, Any]:
     try:
         tree = ast.parse(source, NOWHERE)
         tree.body = [statement for statement in tree.body if not _is_main_guard(statement)]
-        return _facts(tree)
+        return _facts(tree, looking=LOOKING.search(source) is not None)
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         digest = hashlib.sha256(source).hexdigest()
         return {
-            "syntax": digest, "documented": digest, "imports": [], "names": {}, "telling": True, "more": True, "broken": True,
+            "syntax": digest, "documented": digest, "outline": digest, "bodies": [], "imports": [], "names": {}, "telling": True,
+            "looking": True, "more": True, "broken": True,
         }
 
 
-def _facts(tree: ast.Module) -> dict[str, Any]:
+def functions(tree: ast.Module) -> list[ast.FunctionDef]:
+    """The functions and methods of a module that run when they are called and not before, in the order of the text. Left out are those
+    that others may have looked at by then (decorated ones, but for what Python itself has), and those whose call runs nothing yet."""
+    found: list[ast.FunctionDef] = []
+    waiting: list[ast.AST] = [statement for statement in tree.body if not _is_main_guard(statement)]
+    while waiting:
+        node = waiting.pop(0)
+        if isinstance(node, ast.FunctionDef):
+            plain = all(isinstance(one, ast.Name) and one.id in PLAIN for one in node.decorator_list)
+            if plain and not any(isinstance(one, (ast.Yield, ast.YieldFrom)) for one in ast.walk(node)):
+                found.append(node)
+        elif not isinstance(node, (ast.AsyncFunctionDef, ast.expr)):
+            waiting[:0] = ast.iter_child_nodes(node)
+    return found
+
+
+def _own(function: ast.FunctionDef) -> list[Any]:
+    """What of a function counts where it is called: its body, and defaults that are plain values."""
+    defaults = [*function.args.defaults, *function.args.kw_defaults]
+    return [function.body, *(one for one in defaults if one is not None and _is_value(one))]
+
+
+def _is_value(node: ast.expr) -> bool:
+    return isinstance(node, ast.Constant) or isinstance(node, ast.UnaryOp) and isinstance(node.operand, ast.Constant)
+
+
+def _facts(tree: ast.Module, *, looking: bool) -> dict[str, Any]:
     """One walk in the order of the text, without recursion: sums grow deeper than Python's stack."""
-    syntax = hashlib.sha256()
+    syntax, outline = hashlib.sha256(), hashlib.sha256()
+    called = functions(tree)
+    bodies = [hashlib.sha256() for _ in called]
+    owners = {id(own): body for function, body in zip(called, bodies, strict=True) for own in _own(function)}
+    part = outline
     length = 0
     docstrings: list[str] = []
     words: set[str] = set()
@@ -51,6 +92,13 @@ def _facts(tree: ast.Module) -> dict[str, Any]:
     waiting: list[Any] = [tree]
     while waiting:
         node = waiting.pop()
+        if part is outline and (body := owners.get(id(node))) is not None:
+            outline.update(b"a part of a function\n")
+            part = body
+            waiting.append(_LEFT)
+        elif node is _LEFT:
+            part = outline
+            continue
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):  # it does nothing: a docstring
             docstrings.append(f"{length} {node.value.value!r}\n")
             continue
@@ -73,13 +121,16 @@ def _facts(tree: ast.Module) -> dict[str, Any]:
             word = "]" if node is _END else repr(node)
             if isinstance(node, str):
                 words.add(node)
-        syntax.update(f"{word}\n".encode())
+        line = f"{word}\n".encode()
+        syntax.update(line)
+        part.update(line)
         length += 1
     documented = syntax.copy()
     documented.update("".join(docstrings).encode())
     return {
-        "syntax": syntax.hexdigest(), "documented": documented.hexdigest(), "imports": sorted(imports), "names": _names(tree),
-        "telling": not words.isdisjoint(TELLING), "more": not words.isdisjoint(BINDING), "broken": False,
+        "syntax": syntax.hexdigest(), "documented": documented.hexdigest(), "outline": outline.hexdigest(),
+        "bodies": [body.hexdigest()[:32] for body in bodies], "imports": sorted(imports), "names": _names(tree),
+        "telling": not words.isdisjoint(TELLING), "looking": looking, "more": not words.isdisjoint(BINDING), "broken": False,
     }
 
 

@@ -19,7 +19,7 @@ from thingc.realize.slices import Slicing
 from thingc.realize.store.slice_answers import lacking
 
 if TYPE_CHECKING:
-    from thingc.realize.service import Decision
+    from thingc.realize.decisions import Decision
     from thingc.workspace import Workspace
 
 MAX_READ = 200_000_000

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import ast
 import inspect
-import textwrap
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 from thingc.realize.record import ParameterSchema, PartSchema
@@ -14,14 +13,17 @@ from thingc.realize.worker.kernel import convert
 from thingc.realize.worker.session import NoPart, PartSession, RequestContext, kind_of
 
 
-def describe(references: Sequence[str], around: RequestContext) -> dict[str, Any]:
-    """Schemas (or failures) of part classes of one module: `{"answers": {reference: ...}, "reads": [...]}`."""
+def describe(references: Sequence[str], placed: Collection[str], around: RequestContext) -> dict[str, Any]:
+    """Schemas (or failures) of part classes of one module: `{"answers": {reference: ...}, "reads": [...]}`.
+
+    Of those that are `placed` it is known where they are written: to find that out takes long.
+    """
     answers: dict[str, Any] = {}
     mentioned: list[str | None] = []
     with PartSession(around) as session:
         for reference in references:
             try:
-                schema = _schema(session, reference)
+                schema = _schema(session, reference, placed=reference in placed)
                 answers[reference] = {"schema": schema_to_json(schema, around.root)}
             except BaseException as fault:
                 failure = session.failure(reference, fault)
@@ -31,7 +33,7 @@ def describe(references: Sequence[str], around: RequestContext) -> dict[str, Any
         return {"answers": answers, "reads": session.reads(*mentioned)}
 
 
-def _schema(session: PartSession, reference: str) -> PartSchema:
+def _schema(session: PartSession, reference: str, *, placed: bool) -> PartSchema:
     from thingc.things.inspection import actuator_of, lacking_result, parameters_of
 
     part = session.part(reference)
@@ -40,12 +42,7 @@ def _schema(session: PartSession, reference: str) -> PartSchema:
     lacks = lacking_result(part)
     if lacks is not None:
         raise NoPart("resultless", f"`{reference}` {lacks.words}", place=lacks.place)
-    code = inspect.unwrap(part.__init__).__code__ if kind == "thing" and hasattr(part.__init__, "__code__") else None
-    try:
-        file = inspect.getsourcefile(part) or ""
-        line = inspect.getsourcelines(part)[1]
-    except (OSError, TypeError):
-        file, line = (code.co_filename, code.co_firstlineno) if code is not None else ("", 1)
+    file, line = ("", 1) if placed else _place(part, kind)
     return PartSchema(
         reference=reference, kind=kind, doc=inspect.cleandoc(part.__doc__ or ""),
         parameters=parameters,
@@ -53,15 +50,25 @@ def _schema(session: PartSession, reference: str) -> PartSchema:
     )
 
 
+def _place(part: Any, kind: str) -> tuple[str, int]:
+    """The file and line of a class or function."""
+    try:
+        return inspect.getsourcefile(part) or "", inspect.getsourcelines(part)[1]
+    except (OSError, TypeError):
+        code = inspect.unwrap(part.__init__).__code__ if kind == "thing" and hasattr(part.__init__, "__code__") else None
+        return (code.co_filename, code.co_firstlineno) if code is not None else ("", 1)
+
+
 def _default_material(part: Any) -> str | None:
     """The material that the class names in `super().__init__(material="petg")`, read from its source without making a
     member; None where it is not written out (the record knows it in any case)."""
+    from thingc.things.inspection import syntax_of
+
     for family in getattr(part, "__mro__", ()):
         if "__init__" not in vars(family) or family.__module__.startswith(("thingc.", "build123d.")):
             continue
-        try:
-            tree = ast.parse(textwrap.dedent(inspect.getsource(family)))
-        except (OSError, TypeError, SyntaxError):
+        tree = syntax_of(vars(family)["__init__"])
+        if tree is None:
             return None
         for node in ast.walk(tree):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "__init__":

@@ -11,6 +11,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from thingc.realize.key.modules import Finder
+from thingc.realize.worker import ran
 from thingc.realize.worker.asking import builtins_for
 
 _compiled: dict[tuple[str, str], types.CodeType] = {}
@@ -27,7 +28,7 @@ def compile_ahead(file: str, sha256: str) -> None:
         with open(file, "rb") as stream:
             source = stream.read()
         if hashlib.sha256(source).hexdigest() == sha256:
-            _compiled[file, sha256] = compile(source, file, "exec", dont_inherit=True)
+            _compiled[file, sha256] = ran.compiled(source, file, sha256)
     except (OSError, SyntaxError, ValueError, RecursionError, MemoryError):
         return
 

@@ -79,10 +79,13 @@ def _load(answers: int) -> bool:
         import_cheaply("build123d")
         for name in AHEAD:
             importlib.import_module(name)
-        from thingc.realize.worker import asking
+        from thingc.realize.key.modules import installed_roots
+        from thingc.realize.worker import asking, ran
         from thingc.realize.worker.reads import wrap_importers
 
         wrap_importers()
+        installed_roots()  # each child would look for them again
+        ran.install()
         asking.install()
     except BaseException as fault:
         import traceback
@@ -169,7 +172,7 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
     if operation == "describe":
         from thingc.realize.worker.describing import describe
 
-        return describe(request["references"], around)
+        return describe(request["references"], request["placed"], around)
     from thingc.realize.worker.kernel.modelling import Tessellations, model
     from thingc.workspace import Tessellation
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from thingc.realize.key.file_states import state_of
-from thingc.realize.record import PartFailure
-from thingc.realize.worker import confining, printed
+from thingc.realize.record import Outside, PartFailure
+from thingc.realize.worker import confining, printed, ran
 from thingc.realize.worker.asking import Asking
 from thingc.realize.worker.kernel.mesh_files import BadPartFile
 from thingc.realize.worker.loading import PartImporter
@@ -69,6 +69,7 @@ class PartSession:
         self._before = os.getcwd()
         os.chdir(self.around.root)
         self.importer.install()
+        ran.begin()
         self.recorder.start()
         self.asking.start()
         confining.begin(self.around.scratch)
@@ -104,6 +105,12 @@ class PartSession:
             if file is not None:
                 states[self.recorder.relative(file)] = state_of(file)
         return sorted(states.items())
+
+    def ran(self) -> dict[str, list[int] | None] | None:
+        """By file of the code that has a key, the functions that ran, None for all of them; None where other processes have run some."""
+        if any(warning.asked is Outside.PROCESS for warning in self.asking.found):
+            return None
+        return ran.of([file for file in self.importer.loaded.values() if file in self.around.hashes], self.around.hashes)
 
     def part(self, reference: str) -> Any:
         """The object that `module:Class` names. Raises `NoPart` when there is none, and whatever its module raises."""

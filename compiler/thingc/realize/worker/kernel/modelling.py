@@ -104,7 +104,8 @@ class Made:
 
 
 def model(definition: dict[str, Any], tessellations: Tessellations, around: RequestContext, store: Store) -> dict[str, Any]:
-    """The record (or failure) of one part definition and what it read: `{"record" | "failure": ..., "reads": [...]}`.
+    """The record (or failure) of one part definition and what it read: `{"record" | "failure": ..., "reads": [...]}`; with a record `ran`,
+    which functions of its code have run (see `PartSession.ran`).
 
     `definition` has `kind`, `reference`, `text`, the canonical `parameters` (SI) and `mirror`, and whether it is known where its class is
     written (`placed`): to find that out takes long. Blobs go to the store. Raises `StoreUnusable`.
@@ -120,7 +121,7 @@ def model(definition: dict[str, Any], tessellations: Tessellations, around: Requ
             session.stop()
             part_warnings = (*record.warnings, *_warnings(caught, session.is_own), *session.asking.found)
             answer = {"record": record_to_json(replace(record, warnings=part_warnings), around.root)}
-            return {**answer, "reads": session.reads(*(warning.file for warning in part_warnings))}
+            return {**answer, "reads": session.reads(*(warning.file for warning in part_warnings)), "ran": session.ran()}
         except StoreUnusable:
             raise
         except BaseException as fault:
