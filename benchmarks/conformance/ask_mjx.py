@@ -1,4 +1,4 @@
-"""MJX: whether it takes a model and its scene, and what they weigh. `python ask_mjx.py REQUESTS ANSWERS`."""
+"""MJX: whether it takes a model and its scene, what they weigh, and where joints are after steps. `python ask_mjx.py REQUESTS ANSWERS`."""
 
 from __future__ import annotations
 
@@ -7,21 +7,27 @@ import warnings
 from importlib.metadata import version
 from pathlib import Path
 
+import jax
 import mujoco
+from asking import started
 from mujoco import mjx
 
 
 def answer(asked):
-    model = Path(asked["file"])
-    name = model.parents[1].name
     warnings.simplefilter("ignore")  # of meshes with many corners, which are slow
-    for file in (model, model.with_name(model.name.replace(f"{name}_", "scene_", 1))):
-        found = mjx.put_model(mujoco.MjModel.from_xml_path(str(file)))
-        mjx.make_data(found)
-    return {"mass": float(found.body_mass.sum())}
+    file = Path(asked["file"])
+    name = file.parents[1].name
+    mjx.put_model(mujoco.MjModel.from_xml_path(str(file.with_name(file.name.replace(f"{name}_", "scene_", 1)))))
+    model, data = started(asked)
+    found, now = mjx.put_model(model), mjx.put_data(model, data)
+    step = jax.jit(mjx.step)
+    for _ in range(asked["steps"]):
+        now = step(found, now)
+    return {"mass": float(found.body_mass.sum()), "steps": now.qpos.tolist()}
 
 
 if __name__ == "__main__":
     from asking import serve
 
+    jax.config.update("jax_enable_x64", True)
     serve(answer, version("mujoco-mjx"), sys.argv)

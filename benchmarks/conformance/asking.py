@@ -19,6 +19,21 @@ def serve(answer, version, arguments):
         json.dump({"version": version, "answers": answers}, stream)
 
 
+def started(asked):
+    """MuJoCo's model of an MJCF file, without contacts, and its state as `stepped` of `reference.py` begins with it. Their cones are none
+    of MJX's elliptic ones, which need a contact."""
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_path(asked["file"])
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    model.opt.cone = mujoco.mjtCone.mjCONE_PYRAMIDAL
+    data = mujoco.MjData(model)
+    if model.nkey:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+    data.qvel = asked["qvel"]
+    return model, data
+
+
 def frames_of_usd(file, names):
     """Of each frame in a USD file the link that it is on, and its pose there as a matrix: a link is its own, others are prims below one."""
     import numpy as np

@@ -6,7 +6,7 @@ import json
 import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 CONFIGURATIONS = 50
+STEPS = 50
+PUSH = 0.2
+"""How fast every joint is at most when a model is stepped [rad/s, m/s]."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +94,24 @@ def question(file: Path, mjcf: Path, seed: int = 0, count: int = CONFIGURATIONS)
     if format == "USD":  # there are efforts of drives alone
         answers["effort"] = [own if there else 0.0 for own, there in zip(answers["effort"], request["driven"], strict=True)]
     return Question(mjcf.stem, format, request, answers)
+
+
+def stepped(one: Question) -> Question:
+    """The same question of an MJCF file, and where its joints are after some steps without contacts: from where its mode starts, every
+    joint pushed that is by itself, every drive asked for what it is asked for there."""
+    model = mujoco.MjModel.from_xml_path(one.request["file"])
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    data = mujoco.MjData(model)
+    if model.nkey:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+    data.qvel = np.random.default_rng(0).uniform(-PUSH, PUSH, model.nv)
+    coupled = model.eq_type == mujoco.mjtEq.mjEQ_JOINT
+    for joint in {*model.eq_obj1id[coupled], *model.eq_obj2id[coupled]}:
+        data.qvel[model.jnt_dofadr[joint]] = 0.0  # pushed apart they would fly
+    request = {**one.request, "steps": STEPS, "qvel": data.qvel.tolist()}
+    for _ in range(STEPS):
+        mujoco.mj_step(model, data)
+    return replace(one, request=request, answer={**one.answer, "steps": data.qpos.tolist()})
 
 
 def _of_mjcf(model: mujoco.MjModel) -> Iterator[Coordinate]:

@@ -25,7 +25,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import packages
-from reference import Question, question
+from reference import Question, question, stepped
 from robots import document
 
 HERE = Path(__file__).resolve().parent
@@ -35,15 +35,15 @@ RANDOM = 20
 ROBOTS = ("assemblies/arm.yaml", "assemblies/minchw/minchw.yaml")
 BOUNDS = {
     "frames": 1e-9, "mass": 1e-6, "centre": 1e-6, "mass_matrix": 1e-6, "torque": 1e-6, "range": 1e-9, "effort": 1e-9, "mimic": 1e-6,
-    "meshes": 1e-6,
+    "meshes": 1e-6, "steps": 1e-6,
 }
 """How far answers may be apart: frames [m and 1], ranges [rad, m], efforts [N m, N], numbers of mimics and boxes around meshes [m], which
-MuJoCo keeps as floats, absolutely, all else by the largest of its kind."""
-FLOAT = 1e-5
-"""How far at least where a reader, or the file, has floats."""
+MuJoCo keeps as floats, and where joints are after some steps [rad, m], absolutely, all else by the largest of its kind."""
+FLOAT, FLOATS_STEPPED = 1e-5, 1e-4
+"""How far at least where a reader, or the file, has floats; and where it steps with them."""
 WORDS = {
     "frames": "frames", "mass": "total mass", "centre": "centre of mass", "mass_matrix": "mass matrix", "torque": "gravity torque",
-    "range": "limits", "effort": "efforts", "mimic": "mimics", "meshes": "meshes",
+    "range": "limits", "effort": "efforts", "mimic": "mimics", "meshes": "meshes", "steps": "steps",
 }
 
 FOR_DRAKE = "MJCF, `--compat drake`"
@@ -56,14 +56,16 @@ COMPAT = "MJCF, `--compat mjx,pymjcf`"
 @dataclass(frozen=True)
 class Reader:
     """Who reads: the name of its script, `ask_NAME.py`, the formats that it reads, what its environment is made of (empty: this one), and
-    commands that must succeed for it to be had. What it `refuses`, by a word of what it says then, is said in the page and no fault.
-    One that counts in `floats` may be further apart."""
+    commands that must succeed for it to be had. Its `packages` may be all there is, so that what they ask for besides, and is not used
+    here, is not there (`alone`). What it `refuses`, by a word of what it says then, is said in the page and no fault. One that counts in
+    `floats` may be further apart."""
 
     name: str
     formats: tuple[str, ...]
     packages: tuple[str, ...] = ()
     note: str = ""
     needs: tuple[str, ...] = ()
+    alone: bool = False
     refuses: str = ""
     floats: bool = False
 
@@ -78,7 +80,10 @@ READERS = (
         "is asked with mimics off, and followers put where they belong; masses of all its links are summed, because its own total leaves "
         "out what is fixed to the world",
     ),
-    Reader("yourdfpy", ("URDF",), ("yourdfpy==0.0.60",), "kinematics alone; it is given the leaders, and puts followers itself"),
+    Reader(
+        "yourdfpy", ("URDF",), ("yourdfpy==0.0.60", "trimesh==5.2.0", "lxml==6.1.3", "six==1.17.0", "numpy==2.4.6"),
+        "kinematics alone; it is given the leaders, and puts followers itself", alone=True,
+    ),
     Reader(
         "drake", ("MJCF", FOR_DRAKE, "URDF", "SDF"), ("drake==1.51.1",),
         "takes no loops, so that joints that close them and hold mounts are taken out before; is asked with followers put where they "
@@ -107,8 +112,14 @@ READERS = (
     ),
     Reader(
         "mjx", (COMPAT,), ("mujoco-mjx==3.17.0", "mujoco==3.17.0"),
-        "takes models and scenes that are written for it (`put_model`); compiling its steps takes too long to be asked for",
+        "takes models and scenes that are written for it; counts in doubles here; models are stepped without contacts, for which it would "
+        "compile a function for every pair of meshes",
         refuses="mjTRN_BODY",
+    ),
+    Reader(
+        "warp", ("MJCF",), ("mujoco-warp==3.17.0", "mujoco==3.17.0"),
+        "MuJoCo Warp, for which nothing is written otherwise; counts in floats, on a CPU; models are stepped without contacts",
+        floats=True,
     ),
     Reader(
         "newton", ("URDF", "USD"), (
@@ -162,7 +173,8 @@ class Judged:
         for key in [key for key in BOUNDS if key in answer]:
             apart = difference(key, answer[key], expected[key], joints)
             self.worst[key] = max(self.worst.get(key, 0.0), apart)
-            if not apart <= max(BOUNDS[key], FLOAT if self.floats else 0.0):
+            floats = FLOATS_STEPPED if key == "steps" else FLOAT
+            if not apart <= max(BOUNDS[key], floats if self.floats else 0.0):
                 self.faults.append(f"{name}: {WORDS[key]} are {apart:.3g} apart")
 
 
@@ -186,7 +198,7 @@ def difference(key: str, answer: Any, expected: Any, joints: Sequence[str]) -> f
     if a.shape != b.shape:
         return math.inf
     apart = float(np.abs(a - b).max(initial=0.0))
-    return apart if key in ("frames", "mimic", "meshes") else apart / max(float(np.abs(b).max(initial=0.0)), 1e-6)
+    return apart if key in ("frames", "mimic", "meshes", "steps") else apart / max(float(np.abs(b).max(initial=0.0)), 1e-6)
 
 
 def _ends(ends: Sequence[float] | None) -> tuple[float, float]:
@@ -236,7 +248,7 @@ def questions(folder: Path, count: int) -> Iterator[tuple[str, Question]]:
         out = folder / "robots" / path.stem
         for mjcf in sorted((out / "mjcf").glob(f"{path.stem}_*.xml")):
             one = question(mjcf, mjcf)
-            yield group, replace(one, request={**one.request, "efforts": False})
+            yield group, stepped(replace(one, request={**one.request, "efforts": False}))
         built(path, folder / "drake", "--emit", "mjcf", "--compat", "drake")
         for mjcf in sorted((folder / "drake" / path.stem / "mjcf").glob(f"{path.stem}_*.xml")):
             yield group, replace(question(mjcf, out / "mjcf" / mjcf.name), format=FOR_DRAKE)
@@ -250,7 +262,7 @@ def questions(folder: Path, count: int) -> Iterator[tuple[str, Question]]:
     for group, path in robots[: len(ROBOTS)]:
         built(path, folder / "compat", "--emit", "mjcf", "--compat", "mjx,pymjcf")
         for mjcf in sorted((folder / "compat" / path.stem / "mjcf").glob(f"{path.stem}_*.xml")):
-            yield group, replace(question(mjcf, mjcf), format=COMPAT)
+            yield group, replace(stepped(question(mjcf, mjcf)), format=COMPAT)
 
 
 def built(path: Path, folder: Path, *options: str) -> None:
@@ -264,7 +276,7 @@ def judged(reader: Reader, folder: Path, asked: Sequence[tuple[str, Question]]) 
     python = environment(reader, folder)
     if python is None:
         return f"cannot be had here ({' '.join(reader.packages or reader.needs)})", {}
-    requests, answers = folder / "requests.json", folder / f"{reader.name}.json"
+    requests, answers = folder / f"{reader.name}_asked.json", folder / f"{reader.name}.json"
     requests.write_text(json.dumps([one.request for _, one in asked]))
     subprocess.run([str(python), str(HERE / f"ask_{reader.name.replace('-', '_')}.py"), str(requests), str(answers)], check=True, cwd=HERE)
     read = json.loads(answers.read_text())
@@ -284,9 +296,11 @@ def environment(reader: Reader, folder: Path) -> Path | None:
     place = folder / f"env-{'-'.join(reader.packages).replace('==', '-')}"
     python = place / "bin" / "python"
     if not (place / "complete").exists():
-        venv.create(place, with_pip=True, clear=True)
-        done = subprocess.run([str(python), "-m", "pip", "install", "--quiet", *reader.packages], check=False, stdout=subprocess.DEVNULL)
-        if done.returncode:
+        venv.create(place, with_pip=False, clear=True)
+        alone = ["--no-deps"] if reader.alone else []
+        words = ["--quiet", "--disable-pip-version-check", "--no-compile", "--retries=1", *alone, *reader.packages]
+        pip = [sys.executable, "-m", "pip", "--python", str(python), "install"]
+        if subprocess.run([*pip, *words], check=False, stdout=subprocess.DEVNULL).returncode:
             return None
         (place / "complete").touch()
     return python

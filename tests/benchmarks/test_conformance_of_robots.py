@@ -1,5 +1,5 @@
-"""What of `make conformance` needs no environment of its own: both robots in all modes, at a few configurations, by the same questions and
-scripts. Readers that this machine has not are skipped."""
+"""What of `make conformance` is quick to have: both robots in all modes, at a few configurations, by the same questions and scripts.
+Environments of readers are those of the command, made where they are missing; readers that cannot be had here are skipped."""
 
 from __future__ import annotations
 
@@ -49,16 +49,23 @@ def asked(on_path: None, tmp_path_factory: pytest.TempPathFactory, shared_store:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "format"), [("mujoco", "URDF"), ("check_urdf", "URDF"), ("usdchecker", "USD"), ("ours", "USD")])
+@pytest.mark.parametrize(("name", "format"), [
+    ("mujoco", "URDF"), ("check_urdf", "URDF"), ("yourdfpy", "URDF"), ("pinocchio", "URDF"), ("usdchecker", "USD"), ("ours", "USD"),
+])
 def test_both_robots_are_one_robot_in_every_mode(asked: dict[str, list[Any]], name: str, format: str) -> None:
     """`ours` follows UsdPhysics's frames by itself: what others make of them only `make conformance` asks."""
-    from study import READERS, Judged, succeeds
+    from study import READERS, Judged, judged
 
-    reader = next((one for one in READERS if one.name == name), None)
-    if reader is not None and not all(map(succeeds, reader.needs)):
-        pytest.skip(f"`{' '.join(reader.needs)}` is not here")
-    answer = usd_answers.answer if reader is None else import_module(f"ask_{name}").answer
     verdict = Judged(floats=format == "USD")
-    for one in asked[format]:
-        verdict.add(one.name, answer(one.request), one.answer, one.request["joints"])
+    reader = next((one for one in READERS if one.name == name), None)
+    if reader is None or name == "usdchecker":  # which is among what the tests need
+        answer = usd_answers.answer if reader is None else import_module(f"ask_{name}").answer
+        for one in asked[format]:
+            verdict.add(one.name, answer(one.request), one.answer, one.request["joints"])
+    else:
+        (ROOT / "build" / "conformance").mkdir(parents=True, exist_ok=True)
+        words, groups = judged(reader, ROOT / "build" / "conformance", [("robots", one) for one in asked[format]])
+        if not groups:
+            pytest.skip(f"{name} {words}")
+        verdict = groups["robots"]
     assert verdict.faults == [] and verdict.files == 15

@@ -170,6 +170,27 @@ def test_a_file_that_says_something_else_is_seen(asked, change: Callable[[str], 
     assert any(word in fault for fault in faults for word in seen)
 
 
+@pytest.mark.parametrize(("pattern", "other"), [('mass="0.', 'mass="1.'), ("0 0 -9.81", "0 0 -9.8")])
+def test_a_model_that_moves_otherwise_is_seen(both, pattern: str, other: str) -> None:
+    """By where its joints are after some steps."""
+    from asking import started
+    from reference import question, stepped
+    from study import Judged
+
+    files = [Path(one.request["file"]) for one in both["URDF"]]
+    models = [file.parents[1] / "mjcf" / f"{file.stem}.xml" for file in files]
+    mjcf = next(file for file in models if "fixed" in file.stem and pattern in file.read_text())
+    one = stepped(question(mjcf, mjcf, count=1))
+    for text, faults in ((mjcf.read_text(), 0), (mjcf.read_text().replace(pattern, other), 1)):
+        changed = mjcf.with_name("changed.xml")
+        changed.write_text(text)
+        model, data = started({**one.request, "file": str(changed)})
+        mujoco.mj_step(model, data, one.request["steps"])
+        verdict = Judged(floats=True)
+        verdict.add(one.name, {"steps": data.qpos.tolist()}, one.answer, [])
+        assert len(verdict.faults) == faults, verdict.faults
+
+
 def flipped_sdf(text: str) -> str:
     """The last axis the other way round."""
     before, _, after = text.rpartition("<xyz>")

@@ -7,8 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from thingc.cli.build import unsaid
 from thingc.cli.main import main
 from thingc.emit import TARGETS, chosen, unknown
+from thingc.emit.artifact import CARRIED
 
 ROBOT = """\
 thingc: assembly/1
@@ -93,6 +95,15 @@ def test_losses_are_those_of_the_targets_that_are_asked_for(
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\nemit = ["urfd"]\n')
     assert main(["why", "--losses", document, "--store", shared_store]) == 1
     assert "thingc.toml:2:9" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("counts", "words"), [
+    ({CARRIED: 4}, "4 things that it carries as custom data"), ({CARRIED: 1}, "1 thing that it carries as custom data"),
+    ({"omitted": 1}, "1 thing it cannot say (1 omitted)"),
+    ({"omitted": 1, "approximated": 2, CARRIED: 4}, "3 things it cannot say (1 omitted, 2 approximated), 4 that it carries as custom data"),
+])
+def test_what_is_in_the_files_is_counted_apart(counts: dict[str, int], words: str) -> None:
+    assert unsaid(counts) == words
 
 
 def test_losses_that_are_alike_are_one_line(tmp_path: Path, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,7 +18,7 @@ from thingc.building import Built, Wish
 from thingc.cli import common
 from thingc.cli.targets import add_building, chosen_compat, chosen_targets, in_words
 from thingc.diagnostics import Code, Diagnostic, Severity, shown_path
-from thingc.emit.artifact import counts_of
+from thingc.emit.artifact import CARRIED, counts_of
 from thingc.environment import Environment, Options, attempted, store_of
 from thingc.output import OutputError, build_folder, unswept, verify
 from thingc.pipeline import UnknownChoice
@@ -132,6 +132,16 @@ def _stands(answer: Mapping[str, Any]) -> bool:
     return stamp.state_of(os.path.join(folder, "manifest.json")) == answer["manifest"] and verify(folder) is not None
 
 
+def unsaid(counts: Mapping[str, int]) -> str:
+    """`3 things it cannot say (1 omitted, 2 approximated), 4 that it carries as custom data`: what is carried is in the files, and
+    nothing acts on it by itself."""
+    lost = {how: count for how, count in counts.items() if how != CARRIED}
+    carried = counts.get(CARRIED, 0)
+    words = [f"{counted(sum(lost.values()), 'thing')} it cannot say ({common.losses_in_words(lost)})"] if lost else []
+    words += [f"{carried if lost else counted(carried, 'thing')} that it carries as custom data"] if carried else []
+    return ", ".join(words)
+
+
 def tell(answer: Mapping[str, Any], arguments: argparse.Namespace) -> None:
     """What happened, for people, on standard error."""
     if answer.get("twice"):
@@ -146,5 +156,4 @@ def tell(answer: Mapping[str, Any], arguments: argparse.Namespace) -> None:
     words = shlex.join(["thingc", "why", "--losses", arguments.document, *(f"--emit={word}" for word in arguments.emit),
                         *(f"--compat={word}" for word in arguments.compat)])
     for target, counts in answer["losses"].items():
-        number = counted(sum(counts.values()), "thing")
-        common.say(f"{target}: {number} it cannot say ({common.losses_in_words(counts)}): {words}", stream=sys.stderr)
+        common.say(f"{target}: {unsaid(counts)}: {words}", stream=sys.stderr)

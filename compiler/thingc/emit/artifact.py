@@ -23,7 +23,10 @@ class Stored:
 
 Content = bytes | Stored
 
-HOW = ("omitted", "approximated", "carried as custom data")
+CARRIED = "carried as custom data"
+"""It is in the files, for who knows of it; nothing acts on it by itself."""
+
+HOW = ("omitted", "approximated", CARRIED)
 """What becomes of what a target cannot say, the worst first."""
 
 
