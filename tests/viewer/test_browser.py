@@ -321,7 +321,7 @@ def test_a_section_shows_solids(browser: Any, pages: Pages) -> None:
         rows, columns = np.array(spots).T
         cut = picture(page)
         seen = cut[rows, columns]
-        face = 255 * np.where((flat := 0.75 * linear("#cc3333") + 0.25) > 0.0031308, 1.055 * flat ** (1 / 2.4) - 0.055, 12.92 * flat)
+        face = 255 * np.where((flat := 0.7 * linear("#cc3333") + 0.09) > 0.0031308, 1.055 * flat ** (1 / 2.4) - 0.055, 12.92 * flat)
         plain = np.abs(seen - face).max(axis=1) < 4
         assert 0.6 < plain[within].mean() < 0.95 and not plain[beside].any()
         lines = (seen[within & ~plain] < face + 4).all(axis=1)  # they are darker; what is left is the ring around the root

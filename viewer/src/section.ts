@@ -29,7 +29,7 @@ void main() {
   if (sum.a < 0.05) discard;
   float across = (place.x + place.y + place.z) / hatching;
   float line = 1.0 - smoothstep(0.05, 0.05 + 1.5 * fwidth(across), abs(fract(across) - 0.5));
-  vec3 color = mix(sum.rgb / sum.a, vec3(1.0), 0.25);
+  vec3 color = mix(sum.rgb / sum.a, vec3(0.3), 0.3);
   gl_FragColor = vec4(mix(color, 0.45 * color, 0.7 * line), min(sum.a, 1.0));
   #include <colorspace_fragment>
 }

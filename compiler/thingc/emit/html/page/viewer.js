@@ -1,4 +1,4 @@
-// thingc viewer, with three.js (MIT, https://threejs.org). Made from viewer/ by `make viewer`; sources 2853e83fa197c1b55703dbbf62fd90578749460f8bf2b4a75b962041661e042d
+// thingc viewer, with three.js (MIT, https://threejs.org). Made from viewer/ by `make viewer`; sources 642df050bb5ea1936d4432277589a24ca56795b2df059357b9b4627c5abc73a4
 "use strict";(()=>{/**
  * @license
  * Copyright 2010-2026 Three.js Authors
@@ -4247,7 +4247,7 @@ void main() {
   if (sum.a < 0.05) discard;
   float across = (place.x + place.y + place.z) / hatching;
   float line = 1.0 - smoothstep(0.05, 0.05 + 1.5 * fwidth(across), abs(fract(across) - 0.5));
-  vec3 color = mix(sum.rgb / sum.a, vec3(1.0), 0.25);
+  vec3 color = mix(sum.rgb / sum.a, vec3(0.3), 0.3);
   gl_FragColor = vec4(mix(color, 0.45 * color, 0.7 * line), min(sum.a, 1.0));
   #include <colorspace_fragment>
 }

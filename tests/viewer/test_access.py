@@ -1,0 +1,106 @@
+"""Whether everybody can use the page: axe-core's rules, contrast of every text, every control by keys; in dark, in light, 400 px wide."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+
+from viewer.browser import address, drawn, needed, opened
+from viewer.conftest import Pages
+
+pytestmark = [needed, pytest.mark.slow]
+
+LOOKS = {"light": ((1200, 800), "light"), "dark": ((1200, 800), "dark"), "narrow": ((400, 800), "light")}
+"""The size of the window, and the theme."""
+
+TABS = ("Move", "Parts", "Bill", "Show", "Measure")
+
+EVERYTHING = """() => { const { viewer } = thingc;
+  viewer.setOptions({ colouring: "torque margin" }); viewer.toggle("names"); viewer.choose([2]); viewer.say("something is said"); }"""
+"""All that may lie over the picture."""
+
+CONTRASTS = """() => {
+  const parsed = (text) => { const own = /rgba?\\(([^)]*)\\)/.exec(text)[1].split(/[ ,/]+/).map(Number);
+    return [...own.slice(0, 3), own[3] ?? 1]; };
+  const over = (top, below) => [0, 1, 2].map((k) => top[3] * top[k] + (1 - top[3]) * below[k]);
+  const light = (color) => color.slice(0, 3).map((c) => c / 255)
+    .map((c) => (c <= 0.04045 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4))
+    .reduce((sum, c, k) => sum + [0.2126, 0.7152, 0.0722][k] * c, 0);
+  const contrast = (a, b) => (Math.max(light(a), light(b)) + 0.05) / (Math.min(light(a), light(b)) + 0.05);
+  // what may lie below an element: of a picture, anything that a robot may be coloured
+  const grounds = (node) => {
+    if (node === null) return [[255, 255, 255]];
+    const { backgroundColor, backgroundImage } = getComputedStyle(node), own = parsed(backgroundColor);
+    if (own[3] === 1 && backgroundImage === "none") return [own];
+    if (node.id === "labels" || node.id === "view")
+      return [...backgroundImage.matchAll(/rgba?\\([^)]*\\)/g)].map(([one]) => parsed(one)).concat([[0, 0, 0], [255, 255, 255]]);
+    return grounds(node.parentElement).map((below) => over(own, below));
+  };
+  const poor = [], seen = new Set();
+  for (const node of document.body.querySelectorAll("*")) {
+    const words = node.matches("input") ? node.value
+      : [...node.childNodes].filter((child) => child.nodeType === 3).map((child) => child.data).join("").trim();
+    if (words === "" || node.matches("script, noscript") || !node.checkVisibility() || node.matches(":disabled")) continue;
+    const color = parsed(getComputedStyle(node).color);
+    for (const ground of grounds(node)) {
+      const found = contrast(over(color, ground), ground);
+      seen.add(`${color} on ${ground}`);
+      if (found >= 4.5) continue;
+      poor.push(`${words.slice(0, 30)} (${node.tagName} ${node.className}): ${found.toFixed(2)}, ${color} on ${ground.map(Math.round)}`);
+    }
+  }
+  return [poor, seen.size];
+}"""
+"""Texts whose contrast with what is, or may be, behind them is below 4.5 (WCAG 2.2, 1.4.3), and how many pairs of colours there are."""
+
+FOCUS = """() => { const node = document.activeElement, { outlineStyle, outlineWidth, outlineColor } = getComputedStyle(node);
+  const all = [...document.querySelectorAll("button, input, select, a[href], canvas, [tabindex]")];
+  const box = node.getBoundingClientRect(), at = document.elementFromPoint(box.x + box.width / 2, box.y + box.height / 2);
+  return { number: all.indexOf(node), name: node.getAttribute("aria-label") ?? node.textContent ?? "",
+    shown: at !== null && (node.contains(at) || at.contains(node)),
+    ring: outlineStyle !== "none" && parseFloat(outlineWidth) >= 2 && outlineColor !== "rgba(0, 0, 0, 0)" }; }"""
+
+EXPECTED = """() => { const all = [...document.querySelectorAll("button, input, select, a[href], canvas, [tabindex]")];
+  return all.flatMap((node, number) => (node.tabIndex >= 0 && node.checkVisibility() && !node.disabled ? [number] : [])); }"""
+
+
+@pytest.mark.parametrize("look", LOOKS)
+def test_everybody_can_use_it(browser: Any, pages: Pages, look: str) -> None:
+    """No rule of axe-core is broken seriously, no text is hard to read, and Tab reaches every control, where it is seen to be."""
+    size, theme = LOOKS[look]
+    axe, poor, pairs = Axe(), [], 0
+    with opened(browser, address(pages.arm / "html/arm.html", f"#mode=bench&pose=home&theme={theme}"), size) as page:
+        for tab in TABS:
+            page.get_by_role("tab", name=tab).click()
+            page.evaluate(EVERYTHING)
+            drawn(page)
+            broken = axe.run(page, options={"resultTypes": ["violations"]}).response["violations"]
+            serious = [f"{tab}: {one['id']}: {one['nodes'][0]['html']}" for one in broken if one["impact"] in ("serious", "critical")]
+            poor += [*serious, *page.evaluate(CONTRASTS)[0]]
+            pairs += page.evaluate(CONTRASTS)[1]
+            poor += keyed(page, tab)
+        page.get_by_role("button", name="keys and gestures").click()
+        poor += page.evaluate(CONTRASTS)[0]
+    assert poor == [] and pairs > 30
+
+
+def keyed(page: Any, tab: str) -> list[str]:
+    """What Tab does not reach from the top of the page, and what does not show that it has the focus, in words."""
+    page.evaluate("document.activeElement.blur()")
+    page.evaluate("getSelection().collapse(document.body, 0)")
+    wanted, met, faults = set(page.evaluate(EXPECTED)), set(), []
+    for _ in range(2 * len(wanted) + 4):
+        page.keyboard.press("Tab")
+        found = page.evaluate(FOCUS)
+        if found["number"] in met:
+            break
+        met.add(found["number"])
+        if found["number"] >= 0 and not (found["ring"] and found["shown"]):
+            faults.append(f"{tab}: {found}")
+    return faults + [f"{tab}: not reached: {page.evaluate(NAMED, number)}" for number in sorted(wanted - met)]
+
+
+NAMED = """(number) =>
+  [...document.querySelectorAll("button, input, select, a[href], canvas, [tabindex]")][number].outerHTML.slice(0, 120)"""
