@@ -1,9 +1,10 @@
 """`make kills KILLS=60 SEED=1`: builds and batches killed at random instants, and what they left.
 
-Each kill is of one of four kinds, in turn: a build from an empty store; one over a standing build of another size; a batch from an empty
-store; two builds at once, one of which is killed. The victim is the command itself, or (one time in three) one of the processes under
-it. Afterwards nothing of it is alive, every finished file of the store is what its name says, the build folder is absent, the old
-one or the new one, whole; and the next build, or the batch that is gone on with, writes what an undisturbed one did, byte for byte.
+Each kill is of one of five kinds, in turn: a build from an empty store; one over a standing build of another size; a batch from an empty
+store; one that is packed; two builds at once, one of which is killed. The victim is the command itself, or (one time in three) one of
+the processes under it. Afterwards nothing of it is alive, every finished file of the store is what its name says, the build folder is
+absent, the old one or the new one, whole; and the next build, or the batch that is gone on with (a variant whose runner was killed is
+built again), writes what an undisturbed one did, byte for byte.
 
 The first that is not so ends the campaign with exit code 1, and its folder stays. The same seed gives the same instants, as
 far as the machine is as fast.
@@ -36,27 +37,29 @@ VARIANTS = """
     name: spans
     parameters: {span: {from: 60 mm, to: 95 mm, count: 6}}
 """
-KINDS = ("cold build", "warm build", "batch", "two builds")
+LAYOUTS = ("folders", "packed")
+KINDS = ("cold build", "warm build", "batch", "packed batch", "two builds")
 
 
 @dataclass
 class Campaign:
-    """The scene, what an undisturbed batch writes and takes [s], and what has been counted."""
+    """The scene, what an undisturbed batch writes, by layout, and takes [s], and what has been counted."""
 
     scene: Scene
     base: Path
     source: random.Random
-    variants: Tree = field(default_factory=dict)
+    variants: dict[str, Tree] = field(default_factory=dict)
     batch_seconds: float = 0.0
     counted: Counter[str] = field(default_factory=Counter)
 
     def prepare(self) -> None:
-        """Run the batch once to its end."""
+        """Run the batch of each layout once to its end, the first from an empty store."""
         write(self.scene.root, {"spans.yaml": VARIANTS})
-        began = time.monotonic()
-        self._batch(self.base / "reference", self.base / "reference-store")
-        self.batch_seconds = time.monotonic() - began
-        self.variants = self._of_batch(self.base / "reference")
+        for layout in LAYOUTS:
+            began = time.monotonic()
+            self._batch(self.base / layout, self.base / "reference-store", layout)
+            self.batch_seconds = self.batch_seconds or time.monotonic() - began
+            self.variants[layout] = self._of_batch(self.base / layout)
 
     def once(self, number: int) -> None:
         """One kill and what follows. Raises `AssertionError` where something is left that must not be."""
@@ -64,8 +67,8 @@ class Campaign:
         folder = self.base / str(number)
         folder.mkdir()
         output, store = folder / "out", folder / "store"
-        if kind == "batch":
-            self._kill_batch(output, store)
+        if kind.endswith("batch"):
+            self._kill_batch(output, store, "packed" if kind == "packed batch" else "folders")
         else:
             self._kill_build(kind, output, store)
         assert len(list(sound(store))) > 20
@@ -94,25 +97,30 @@ class Campaign:
         assert whole(output / "rig") == self.scene.expected[SPANS[0]]
         assert sorted(path.name for path in output.iterdir()) == ["rig"]
 
-    def _kill_batch(self, output: Path, store: Path) -> None:
-        process = self.scene.run(["batch", "spans.yaml", "-o", str(output), "--jobs", "2"], output, store)
+    def _kill_batch(self, output: Path, store: Path, layout: str) -> None:
+        process = self.scene.run(["batch", "spans.yaml", "-o", str(output), "--jobs", "2", "--layout", layout], output, store)
         self._kill(process, self.batch_seconds)
         ended(process, self.scene.mark(output))
         for place in (output / "spans" / "variants").glob("*/manifest.json"):
             found = {f"variants/{place.parent.name}/{path}": data for path, data in tree(place.parent).items()}
-            assert found.items() <= self.variants.items(), place
+            assert found.items() <= self.variants[layout].items(), place
         list(sound(store))
-        self._batch(output, store)
-        assert self._of_batch(output) == self.variants
+        self._batch(output, store, layout)
+        assert self._of_batch(output) == self.variants[layout]
 
-    def _batch(self, output: Path, store: Path) -> None:
-        words = ["--resume"] if (output / "spans" / "batch.json").exists() else []
+    def _batch(self, output: Path, store: Path, layout: str) -> None:
+        words = ["--layout", layout, *(["--resume", "--retry"] if (output / "spans" / "batch.json").exists() else [])]
         ran = thingc("batch", "spans.yaml", "-o", output, "--jobs", "2", *words, store=store, cwd=self.scene.root)
         assert ran.code == 0, ran.err
 
     def _of_batch(self, output: Path) -> Tree:
         """What a batch has built: its variants and what they share. (Its table and its journal say how long each took.)"""
-        return {path: data for path, data in tree(output / "spans").items() if path.startswith(("variants/", "assets/"))}
+        found = tree(output / "spans")
+        assert not any(path.endswith(".jsonl") and path.startswith("chunks/") for path in found), "a journal is left beside its chunk"
+        return {
+            path: data for path, data in found.items()
+            if path.startswith(("variants/", "chunks/", "assets/")) and not path.endswith(".run.parquet")
+        }
 
     def _kill(self, process: subprocess.Popen[bytes], seconds: float) -> None:
         """Kill it, or something under it, with SIGKILL at a random part of the time that it takes."""

@@ -283,6 +283,7 @@ def made(folder: Path, count: int, text: str = "plain") -> tuple[Path, list[Colu
             }) + "\n")
     described = {
         "name": text, "document": text, "assembly": text, "count": count, "modes": [text], "pose": text, "finished": True,
+        "layout": "folders",
     }
     return Path(write_page(str(folder), described, wanted)), wanted
 

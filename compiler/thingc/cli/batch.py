@@ -14,6 +14,8 @@ from thingc.brief import counted
 from thingc.cli import common
 from thingc.diagnostics import Diagnostic, shown_path
 from thingc.environment import Options
+from thingc.variants.chunks import CHUNK
+from thingc.variants.folder import FOLDERS, PACKED
 from thingc.variants.pictures import ALL, MANY, MOST
 
 if TYPE_CHECKING:
@@ -23,7 +25,8 @@ if TYPE_CHECKING:
 
 EPILOG = """\
 Writes build/NAME/ (or DIR/NAME/): a folder for each variant in variants/, their meshes once in assets/, the tables results.csv and
-results.parquet, and the page index.html. Stopped at any moment, it goes on with --resume.
+results.parquet, and the page index.html. Stopped at any moment, it goes on with --resume. More than 2000 variants are packed: 1024
+of them are a file in chunks/, and --unpack makes a folder of one.
 
   thingc batch leg_sweep.yaml --dry-run
   thingc batch leg_sweep.yaml
@@ -52,7 +55,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--resume", action="store_true", help="go on with a batch that was stopped")
     parser.add_argument("--retry", action="store_true", help="with --resume: build variants again that failed")
     parser.add_argument("--adopt", metavar="ID", help="write what one variant says into the assembly document, and build nothing")
+    parser.add_argument("--unpack", metavar="ID", help="write the folder of one variant of a packed batch, and build nothing")
     parser.add_argument("--dry-run", action="store_true", help="say what would be built, and write nothing")
+    parser.add_argument(
+        "--layout", choices=(FOLDERS, PACKED),
+        help="a folder for each variant, or many variants in a file (default: that of the document, else packed for more than 2000)",
+    )
     parser.add_argument("--timeout", metavar="TIME", help="longest time for one variant (default: '10 min')")
     parser.add_argument(
         "--cluster", metavar="ADDRESS", help="build on other machines: tcp://HOST:8786 (dask) or slurm:partition=NAME,cpus=8",
@@ -80,7 +88,7 @@ def run(arguments: argparse.Namespace) -> int:
         options = replace(common.options_of(arguments), progress=None)
         if arguments.ship and arguments.cluster is None:
             raise common.WrongCommandLine("--ship says how files get to other machines, and there are none", "add --cluster tcp://HOST:8786")
-        exclusive = ("--adopt", "--dry-run", "--page-only", "--resume")
+        exclusive = ("--adopt", "--dry-run", "--page-only", "--unpack", "--resume")
         said = [option for option in exclusive if getattr(arguments, option[2:].replace("-", "_"))]
         if len(said) > 1:
             raise common.WrongCommandLine(f"{said[0]} builds nothing, and {said[1]} asks for something else", "leave one of them out")
@@ -88,6 +96,8 @@ def run(arguments: argparse.Namespace) -> int:
         targets = _targets(arguments.emit)
         if arguments.adopt is not None:
             return _adopt(arguments, options)
+        if arguments.unpack is not None:
+            return _unpack(arguments, options)
         if arguments.dry_run:
             return _forecast(arguments, options, targets)
         if arguments.page_only:
@@ -112,8 +122,8 @@ def _again(arguments: argparse.Namespace) -> str:
     """The command that goes on with a batch: with everything that was said of it."""
     pictures = {ALL: "all", 0: "none"}.get(arguments.pictures, arguments.pictures)
     said = {
-        "-o": arguments.output, "--limit": arguments.limit, "--timeout": arguments.timeout, "--cluster": arguments.cluster,
-        "--pictures": pictures, "--verify": arguments.verify if arguments.verify != "some" else None,
+        "-o": arguments.output, "--limit": arguments.limit, "--layout": arguments.layout, "--timeout": arguments.timeout,
+        "--cluster": arguments.cluster, "--pictures": pictures, "--verify": arguments.verify if arguments.verify != "some" else None,
         "--store": arguments.store, "--jobs": arguments.jobs or None, "--part-timeout": arguments.part_timeout,
     }
     words = ["thingc", "batch", arguments.document, *(word for target in arguments.emit for word in ("--emit", target))]
@@ -150,6 +160,7 @@ def _build(
             resume=arguments.resume, timeout=timeout or TIMEOUT, verify=VERIFY[arguments.verify], options=options,
             on_progress=_Show() if arguments.format == "text" else None, pictures=arguments.pictures,
             on_picture=_draw if arguments.format == "text" else None, ship=arguments.ship, retry=arguments.retry,
+            layout=arguments.layout,
         )
     common.say_in_place()
     return summary
@@ -216,8 +227,8 @@ def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
     code = 1 if summary.statuses.get("refused") or summary.statuses.get("failed") else 0
     if arguments.format == "json":
         common.print_json(
-            summary.notes, folder=shown_path(summary.folder), count=summary.count, statuses=summary.statuses, modelled=summary.modelled,
-            duplicates=summary.duplicates, losses=summary.losses,
+            summary.notes, folder=shown_path(summary.folder), layout=summary.layout, count=summary.count, statuses=summary.statuses,
+            modelled=summary.modelled, duplicates=summary.duplicates, losses=summary.losses,
         )
         return code
     common.print_text(summary.notes, stream=sys.stderr, debug=False)
@@ -230,31 +241,39 @@ def _answer(arguments: argparse.Namespace, summary: Summary) -> int:
         number = counted(sum(summary.losses.values()), "thing")
         how = common.losses_in_words(summary.losses)
         lines.append(f"{counted(summary.lossy, 'variant')} with targets that cannot say {number} ({how}): see `losses` in the table")
-    lines += _unpictured(arguments, summary.count)
+    lines += _packed(arguments, summary) + _unpictured(arguments, summary.count)
     lines += _complaints(summary.folder) if code else []
     common.say(*lines, stream=sys.stderr)
     return code
+
+
+def _packed(arguments: argparse.Namespace, summary: Summary) -> list[str]:
+    """What to type for the folder of a variant where there are none."""
+    if summary.layout != PACKED:
+        return []
+    command = f"thingc batch {shlex.quote(arguments.document)}{_where(arguments)} --unpack ID"
+    return [f"the variants are packed, {CHUNK} to a file; the folder of one: {command}"]
+
+
+def _where(arguments: argparse.Namespace) -> str:
+    return f" -o {shlex.quote(arguments.output)}" if arguments.output is not None else ""
 
 
 def _unpictured(arguments: argparse.Namespace, count: int) -> list[str]:
     """What to type for pictures where there are none because of how many variants there are."""
     if arguments.pictures is not None or count <= MANY:
         return []
-    where = f" -o {shlex.quote(arguments.output)}" if arguments.output is not None else ""
-    command = f"thingc batch {shlex.quote(arguments.document)}{where} --page-only --pictures {MOST}"
+    command = f"thingc batch {shlex.quote(arguments.document)}{_where(arguments)} --page-only --pictures {MOST}"
     return [f"the page of more than {MANY} variants has no pictures unless they are asked for: {command}"]
 
 
 def _complaints(folder: str) -> list[str]:
     """One line for each code with which variants were refused or failed: how many, and what was said of the first."""
-    import os
-
-    from thingc.variants.journal import in_order
-    from thingc.variants.places import JOURNAL
+    from thingc.variants.records import in_order
 
     first: dict[str, dict[str, Any]] = {}
     counts: dict[str, int] = {}
-    for line in in_order(os.path.join(folder, JOURNAL)):
+    for line in in_order(folder):
         if line["status"] in ("refused", "failed"):
             counts[line["code"]] = counts.get(line["code"], 0) + 1
             first.setdefault(line["code"], line)
@@ -281,6 +300,25 @@ def _forecast(arguments: argparse.Namespace, options: Options, targets: tuple[st
         return 0
     common.print_text(list(planned.notes), stream=sys.stderr, debug=False)
     common.say(*_told(planned, foreseen))
+    return 0
+
+
+def _unpack(arguments: argparse.Namespace, options: Options) -> int:
+    """Write the folder of one variant, and say where it is."""
+    from thingc.variants.folder import begun, in_words, locked
+    from thingc.variants.loading import FamilyError, load
+    from thingc.variants.reading import plan
+
+    planned = plan(arguments.document, options=options)
+    folder = planned.folder_in(arguments.output)
+    begun(planned.relative, folder, "build it first, without --unpack")
+    try:
+        with locked(folder):
+            common.say(shown_path(load(folder)[arguments.unpack].unpack()))
+    except FamilyError as fault:
+        raise common.WrongCommandLine(str(fault), "the identifiers stand in results.csv") from fault
+    except OSError as fault:
+        raise in_words(folder, fault) from fault
     return 0
 
 

@@ -154,6 +154,10 @@ class VariantsSpec(Model):
     emit: list[str] = Field(default=["mjcf"], examples=[["mjcf", "stl"]])
     """What is written of each variant, as `thingc build --emit` takes it."""
 
+    layout: Literal["folders", "packed"] | None = None
+    """`folders`: a folder for each variant; `packed`: 1024 variants in one file.
+    Unless written, packed where there are more than 2000."""
+
     @model_validator(mode="after")
     def _one_source(self) -> VariantsSpec:
         both = [name for name in (self.sample.ranges if self.sample is not None else {}) if name in self.parameters]

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import os
-
 from thingc.diagnostics import Code, shown_path
-from thingc.variants import places
 from thingc.variants.folder import BatchFault, read_batch
-from thingc.variants.journal import Line, lines
+from thingc.variants.journal import Line
 from thingc.variants.planning import Plan, Variant
+from thingc.variants.records import read
 
 
 def meant(plan: Plan, wanted: str, folder: str) -> tuple[Variant, str | None] | None:
@@ -37,5 +35,6 @@ def _told(plan: Plan, wanted: str, folder: str) -> Line | None:
     described = read_batch(folder)
     if described is None or described.get("document") != plan.relative:
         return None
-    matching = [line for _, line in lines(os.path.join(folder, places.JOURNAL)) if wanted in (line["id"], line["name"])]
-    return matching[-1] if matching else None
+    done = read(folder)
+    index = done.find(wanted)
+    return None if index is None else done.line(index)

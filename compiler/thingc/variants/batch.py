@@ -20,20 +20,37 @@ from thingc.diagnostics import Code, Diagnostic, Report, shown_path
 from thingc.emit.artifact import HOW
 from thingc.environment import Options, store_of
 from thingc.variants import places
+from thingc.variants.chunks import Packing, sealed_path
 from thingc.variants.description import describe, job_of, seen
 from thingc.variants.engine import RUNNERS, Cancelled, LocalExecutor, RunnersBroken, evaluate
 from thingc.variants.executors import Carrier, Cluster
-from thingc.variants.folder import BatchFault, begin, cleared, differences, in_words, locked, read_batch, remember, write_batch
+from thingc.variants.folder import (
+    FOLDERS,
+    MANY,
+    PACKED,
+    BatchFault,
+    begin,
+    begun,
+    cleared,
+    differences,
+    in_words,
+    lay_out,
+    locked,
+    remember,
+    unchanged,
+    write_batch,
+)
 from thingc.variants.job import STOPPED, Row, Task
-from thingc.variants.journal import Journal, Line, in_order, lines
+from thingc.variants.journal import Journal, Line
 from thingc.variants.page import write_page
 from thingc.variants.pictures import OnPicture, usual
 from thingc.variants.planning import Plan, PlanError, Variant
 from thingc.variants.progress import Interrupted, OnProgress, Progress, Summary
 from thingc.variants.reading import read_plan
+from thingc.variants.records import lengths_in, losses, outcomes
 from thingc.variants.shipping import Shipping
 from thingc.variants.showing import parameter_columns, show
-from thingc.variants.tables import Column, columns, lengths_in, write_tables
+from thingc.variants.tables import Column, columns, write_tables
 from thingc.variants.transfer import Transfer, pack
 
 TIMEOUT = 600.0
@@ -44,6 +61,8 @@ CHUNK_SECONDS = 0.5
 """How long [s] a chunk should take."""
 CHUNK_MOST = 64
 """Variants of one chunk."""
+ANEW = "begin without --resume"
+"""What to do where there is nothing to go on with."""
 ATTEMPTS = 3
 """How often a variant is handed out that an executor loses."""
 PIECES = 8
@@ -58,7 +77,7 @@ def run(
     document: str, *, output: str | None = None, executor: Executor | None = None, jobs: int = 0, emit: Sequence[str] = (),
     limit: int | None = None, resume: bool = False, timeout: float = TIMEOUT, verify: int = SHARE, options: Options | None = None,
     on_progress: OnProgress | None = None, pictures: int | None = 0, on_picture: OnPicture | None = None, ship: bool = False,
-    retry: bool = False,
+    retry: bool = False, layout: str | None = None,
 ) -> Summary:
     """Build the variants of a `variants/1` document into `<output>/<name>/` (`output` None: the workspace's build folder).
 
@@ -69,7 +88,8 @@ def run(
     `limit` leaves out all variants but the first ones, `timeout` [s] is for one variant, `verify` says of how many models that differ in
     nothing but numbers MuJoCo is asked about one (1: each, 0: none), `options` name the store. The batch's page
     shows pictures of at most so many variants as `pictures` says (`pictures.ALL`: of all; None: of 48, and of none where there are more
-    than 200).
+    than 200). `layout` (`folders`: one for each variant, or `packed`: many variants in a file) takes the place of the document's; where
+    neither says it, more than 2000 variants are packed.
 
     Raises `PlanError` for a document with errors, `BatchFault` where the batch cannot begin or go on, and `Interrupted` when SIGINT
     or SIGTERM has come: then `resume` goes on where it was. With `retry` it builds variants again that failed, or that a part refused
@@ -84,6 +104,8 @@ def run(
         raise PlanError(report.ordered())
     if emit:
         plan = replace(plan, emit=tuple(emit))
+    if layout is not None:
+        plan = replace(plan, layout=layout)
     if ship and not isinstance(executor, Carrier):
         raise BatchFault(
             Code.COMMAND_LINE, "--ship is for workers of dask, which may share no folder with this machine",
@@ -91,7 +113,7 @@ def run(
         )
     folder = plan.folder_in(output)
     if resume:
-        _begun(plan, folder)
+        begun(plan.relative, folder, ANEW)
     transfer = pack(plan, folder) if ship else None
     try:
         with locked(folder):
@@ -99,22 +121,12 @@ def run(
             batch = _Batch(plan, folder, options, jobs or os.cpu_count() or 1, timeout, verify, count, on_progress, transfer)
             batch.prepare(resume=resume, retry=retry)
             with cleared(folder):
-                with Journal(os.path.join(folder, places.JOURNAL)) as journal:
+                with batch.journal() as journal:
                     summary = batch.run(executor, journal)
                 shown = batch.show(pictures, on_picture)
             return summary if shown is None else replace(summary, notes=(*summary.notes, shown))
     except OSError as fault:
         raise in_words(folder, fault) from fault
-
-
-def _begun(plan: Plan, folder: str) -> dict[str, Any]:
-    """What `batch.json` says of the batch to go on with. Raises `BatchFault` where there is none of this document."""
-    before = read_batch(folder)
-    if before is None or before.get("document") != plan.relative:
-        raise BatchFault(
-            Code.NO_BATCH, f"there is no batch of `{plan.relative}` in `{shown_path(folder)}`", "begin without --resume",
-        )
-    return before
 
 
 @dataclass(slots=True)
@@ -159,56 +171,58 @@ class _Batch:
         self.under_way: dict[int, Variant] = {}
         self.chunks: dict[Future[Any], _Chunk] = {}
         self.parameters = parameter_columns(plan)
+        self.layout = plan.layout or (PACKED if plan.count > MANY else FOLDERS)
+        self.before: dict[str, Any] = {}
 
     # --- the folder -----------------------------------------------------------------------------------------------
 
     def prepare(self, *, resume: bool, retry: bool) -> None:
         """Make the folder ready, and learn what an earlier run has done. Raises `BatchFault`."""
-        described = describe(self.plan, finished=False)
         if not resume:
             begin(self.folder, self.plan.relative, self.plan.assembly_relative)
         else:
-            words = differences(_begun(self.plan, self.folder), described)
+            self.before = begun(self.plan.relative, self.folder, ANEW)
+            if self.plan.layout is None:
+                self.layout = self.before["layout"]
+            words = differences(self.before, self._described(finished=False))
             if words:
                 raise BatchFault(
                     Code.BATCH_CHANGED, f"the batch in `{shown_path(self.folder)}` was begun with something else: {'; '.join(words)}",
                     "undo the change, or begin anew: delete the folder, or write into another one with -o",
                 )
             places.sweep(self.folder)
-            for inner in (places.VARIANTS, places.ASSETS):
-                os.makedirs(os.path.join(self.folder, inner), exist_ok=True)
+        write_batch(self.folder, self._described(finished=False))
+        lay_out(self.folder, self.layout)
+        if resume:
             self._remember(retry=retry)
-        write_batch(self.folder, described)
+
+    def _described(self, *, finished: bool, wanted: Sequence[Column] = ()) -> dict[str, Any]:
+        return describe(self.plan, layout=self.layout, finished=finished, wanted=wanted)
+
+    def journal(self) -> Journal | Packing:
+        """Where variants are noted that are done."""
+        if self.layout == PACKED:
+            return Packing(self.folder, self.done)
+        return Journal(os.path.join(self.folder, places.JOURNAL))
 
     def _remember(self, *, retry: bool) -> None:
-        """What the journal says has been done. A variant that is said to be built and is not there is not, nor, with `retry`, is one
+        """What an earlier run has done. A variant that is said to be built and is not there is not, nor, with `retry`, is one
         that something else than its documents has kept from being built."""
-        last: dict[int, str] = {}
-        for _, line in lines(os.path.join(self.folder, places.JOURNAL)):
-            index, status = int(line["index"]), str(line["status"])
-            if index >= self.count:
-                continue
-            there = not (retry and _by_chance(line))
-            if status == "built":
-                there = os.path.isfile(places.manifest_of(self.folder, line["id"]))
-            if self.done[index]:
-                self.earlier[last.pop(index)] -= 1
-            self.done[index] = there
-            if there:
-                self.earlier[status] += 1
-                last[index] = status
-        self.earlier += Counter()
+        for index, status, there in outcomes(self.folder, chance=_by_chance if retry else None):
+            if index < self.count:
+                self.done[index] = there
+                self.earlier.update([status] if there else [])
 
     # --- the run --------------------------------------------------------------------------------------------------
 
-    def run(self, executor: Executor | None, journal: Journal) -> Summary:
+    def run(self, executor: Executor | None, journal: Journal | Packing) -> Summary:
         """Everything that is left. Raises `BatchFault` and `Interrupted`."""
         own = LocalExecutor(min(self.jobs, max(1, self.count))) if executor is None else None
         engine: Executor = own if own is not None else executor  # type: ignore[assignment]
         cluster = executor if isinstance(executor, Cluster) else None
         if cluster is not None:
             cluster.check(seen(self.plan, self.folder) if self.transfer is None else {})
-        job = job_of(self.plan, self.folder, self.options, verify=self.verify, elsewhere=cluster is not None).encode()
+        job = job_of(self.plan, self.folder, self.options, layout=self.layout, verify=self.verify, elsewhere=cluster is not None).encode()
         whole = False
         with self._signals(), self._shipping(cluster) as shipping:
             engine = shipping or engine
@@ -227,23 +241,30 @@ class _Batch:
                 if not whole:
                     self._drain(journal)
                     with contextlib.suppress(OSError):  # of a full disk has been said already
-                        write_page(self.folder, describe(self.plan, finished=False), self._columns())
+                        write_page(self.folder, self._described(finished=False), self._columns())
             if not whole:
                 raise Interrupted(self.folder, self._total(), self.count)
             if own is None:
                 places.sweep(self.folder)  # workers that died left what they were writing
             journal.sync()
-            wanted = write_tables(self.folder, self.parameters, self.plan.choice_paths)
-            write_batch(self.folder, describe(self.plan, finished=True, wanted=wanted))
-            remember(self.folder, places.TABLE_CSV, places.TABLE_PARQUET)
+            write_batch(self.folder, self._described(finished=True, wanted=self._tables()))
         statuses = self.earlier + self.counts
-        lossy = [line["losses"] for line in in_order(os.path.join(self.folder, places.JOURNAL)) if line.get("losses")]
+        lossy, total = losses(self.folder)
         return Summary(
             folder=self.folder, name=self.plan.name, count=self.count, statuses=dict(sorted(statuses.items())),
             before=sum(self.earlier.values()), modelled=len(self.modelled), duplicates=self.plan.written - self.plan.count,
-            seconds=time.monotonic() - self.started, lossy=len(lossy),
-            losses={how: count for how in HOW if (count := sum(one.get(how, 0) for one in lossy))}, notes=self.plan.notes,
+            seconds=time.monotonic() - self.started, lossy=lossy,
+            losses={how: total[how] for how in HOW if total[how]}, notes=self.plan.notes, layout=self.layout,
         )
+
+    def _tables(self) -> tuple[Column, ...]:
+        """Write the tables, unless they are there and nothing is new; their columns."""
+        names = places.TABLE_CSV, places.TABLE_PARQUET
+        if not self.counts and self.before.get("finished") and unchanged(self.folder, *names):
+            return tuple(Column(name=one["name"], kind=one["kind"], unit=one["unit"]) for one in self.before["columns"])
+        wanted = write_tables(self.folder, self.parameters, self.plan.choice_paths)
+        remember(self.folder, *names)
+        return wanted
 
     def _shipping(self, cluster: Cluster | None) -> contextlib.AbstractContextManager[Shipping | None]:
         """What stands before a cluster that does not see our files."""
@@ -254,15 +275,15 @@ class _Batch:
     def show(self, pictures: int | None, on_picture: OnPicture | None) -> Diagnostic | None:
         """Pictures and the page of the finished batch; a warning where nothing can be drawn."""
         return show(
-            self.folder, describe(self.plan, finished=True), self._columns(), most=usual(self.count) if pictures is None else pictures,
+            self.folder, self._described(finished=True), self._columns(), most=usual(self.count) if pictures is None else pictures,
             jobs=os.cpu_count() or 1,
             on_picture=on_picture,
         )
 
     def _columns(self) -> tuple[Column, ...]:
-        return columns(self.parameters, self.plan.choice_paths, lengths_in(os.path.join(self.folder, places.JOURNAL)))
+        return columns(self.parameters, self.plan.choice_paths, lengths_in(self.folder))
 
-    def _loop(self, engine: Executor, job: str, journal: Journal, *, streaming: bool) -> None:
+    def _loop(self, engine: Executor, job: str, journal: Journal | Packing, *, streaming: bool) -> None:
         waiting = self._left(journal)
         exhausted = False
         refreshed, pause = time.monotonic(), REFRESH
@@ -285,11 +306,13 @@ class _Batch:
                 pause = max(REFRESH, 20.0 * (refreshed - now))
         self._tell(last=True)
 
-    def _left(self, journal: Journal) -> Iterator[Variant]:
+    def _left(self, journal: Journal | Packing) -> Iterator[Variant]:
         """The variants to build, in plan order; those that fail a rule on parameters are noted on the way."""
-        for variant in islice(self.plan, self.count):
-            if self.done[variant.index]:
-                continue
+        if all(self.done):
+            return
+        for variant in self.plan.besides(self.done):
+            if variant.index >= self.count:
+                return
             if variant.failed is not None:
                 self._note(journal, variant, {"status": "kept_out", "rule": variant.failed})
                 if self.stopping:  # while nothing but rules is decided nobody looks at events
@@ -327,7 +350,7 @@ class _Batch:
         self.chunks[future] = chunk
         future.add_done_callback(lambda done: self.events.put(("done", done)))
 
-    def _handle(self, what: str, found: Any, engine: Executor, job: str, journal: Journal, streaming: bool) -> None:
+    def _handle(self, what: str, found: Any, engine: Executor, job: str, journal: Journal | Packing, streaming: bool) -> None:
         if what == "signal":
             raise _Stopped
         if what == "row":
@@ -356,7 +379,7 @@ class _Batch:
                 "index": variant.index, "id": variant.id, "status": "failed", "code": Code.VARIANT_DIED.code, "message": message,
             })
 
-    def _take(self, journal: Journal, row: Row) -> None:
+    def _take(self, journal: Journal | Packing, row: Row) -> None:
         """Note what came of a variant, once."""
         variant = self.under_way.get(row["index"])
         if variant is None:
@@ -373,20 +396,24 @@ class _Batch:
             self.first = (time.monotonic(), sum(self.counts.values()))
         del self.under_way[row["index"]]
 
-    def _note(self, journal: Journal, variant: Variant, row: Row) -> None:
+    def _note(self, journal: Journal | Packing, variant: Variant, row: Row) -> None:
         line = {
             "index": variant.index, "id": variant.id, "name": variant.name, "status": row["status"],
             "parameters": dict(variant.values),
             "choices": self.plan.chosen(variant),
             **{key: value for key, value in row.items() if key not in ("index", "id", "status")},
-            "path": f"{places.VARIANTS}/{variant.id}" if row["status"] == "built" else None,
+            "path": self._path(variant) if row["status"] == "built" else None,
             "command": shlex.join(self.plan.command(variant)),
         }
         journal.append(line)
         self.done[variant.index] = True
         self.counts[row["status"]] += 1
 
-    def _drain(self, journal: Journal) -> None:
+    def _path(self, variant: Variant) -> str:
+        """Where a built variant lies in the batch's folder."""
+        return sealed_path(variant.index) if self.layout == PACKED else f"{places.VARIANTS}/{variant.id}"
+
+    def _drain(self, journal: Journal | Packing) -> None:
         """Note what has been done up to the end of the runners."""
         with contextlib.suppress(BatchFault, OSError):
             while True:

@@ -10,16 +10,17 @@ from typing import Any
 from thingc.emit import versions
 from thingc.environment import Options
 from thingc.variants import places
+from thingc.variants.folder import PACKED
 from thingc.variants.job import Job
 from thingc.variants.planning import OUTSIDE, Plan
 from thingc.variants.tables import Column
 
 
-def describe(plan: Plan, *, finished: bool, wanted: Sequence[Column] = ()) -> dict[str, Any]:
+def describe(plan: Plan, *, layout: str, finished: bool, wanted: Sequence[Column] = ()) -> dict[str, Any]:
     """What `batch.json` says; `wanted` are the columns of the table of a batch that has finished."""
     return {
         "name": plan.name, "document": plan.relative, "sha256": plan.sha256, "assembly": plan.assembly_relative,
-        "plan": plan.digest, "count": plan.count, "inputs": dict(plan.inputs), "versions": dict(versions()),
+        "plan": plan.digest, "count": plan.count, "layout": layout, "inputs": dict(plan.inputs), "versions": dict(versions()),
         "emit": list(plan.emit), "modes": list(plan.modes), "pose": plan.pose,
         "reach": list(plan.reach) if plan.reach is not None else None, "finished": finished,
         "columns": [{"name": one.name, "kind": one.kind, "unit": one.unit} for one in wanted],
@@ -37,7 +38,7 @@ def seen(plan: Plan, folder: str) -> dict[str, str]:
     return files
 
 
-def job_of(plan: Plan, folder: str, options: Options, *, verify: int, elsewhere: bool) -> Job:
+def job_of(plan: Plan, folder: str, options: Options, *, layout: str, verify: int, elsewhere: bool) -> Job:
     """The job of the runners; `elsewhere`: on other machines, which have another environment and another working folder."""
     store = options.store
     if elsewhere:
@@ -52,7 +53,7 @@ def job_of(plan: Plan, folder: str, options: Options, *, verify: int, elsewhere:
             name: (_exponent(one.length), _exponent(one.mass), _exponent(one.time), _exponent(one.angle))
             for name, one in plan.dimensions.items()
         },
-        emit=plan.emit, verify=verify,
+        emit=plan.emit, verify=verify, packed=layout == PACKED,
     )
 
 

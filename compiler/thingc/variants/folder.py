@@ -21,9 +21,16 @@ from thingc.variants import places
 
 KIND = "batch/1"
 _VARIANT = re.compile(r"[0-9a-f]{12}")
+_CHUNK = re.compile(r"[0-9]{6}(\.run)?\.parquet|[0-9]{6}\.jsonl")
 _ASSET = re.compile(r"[0-9a-f]{64}")
 _PICTURE = re.compile(r"[0-9a-f]{12}\.png")
 _OLD = re.compile(r"\.old-[0-9]+-[0-9a-f]{8}")
+INNER = (places.VARIANTS, places.CHUNKS, places.ASSETS, places.PICTURES)
+"""The folders in a batch's folder."""
+FOLDERS, PACKED = "folders", "packed"
+"""The layouts: a folder for each variant, or many variants in a file."""
+MANY = 2000
+"""Variants of a batch; more of them are packed unless the caller says otherwise."""
 
 
 class BatchFault(Exception):
@@ -70,6 +77,14 @@ def read_batch(folder: str) -> dict[str, Any] | None:
     return described if isinstance(described, dict) and described.get("thingc") == KIND else None
 
 
+def begun(document: str, folder: str, hint: str) -> dict[str, Any]:
+    """What `batch.json` says of the batch of this document. Raises `BatchFault` with a hint where there is none."""
+    before = read_batch(folder)
+    if before is None or before.get("document") != document:
+        raise BatchFault(Code.NO_BATCH, f"there is no batch of `{document}` in `{shown_path(folder)}`", hint)
+    return before
+
+
 def write_batch(folder: str, found: Mapping[str, Any]) -> None:
     """Write `batch.json`; it appears as a whole."""
     path = os.path.join(folder, places.BATCH)
@@ -104,6 +119,12 @@ def _noted(folder: str) -> dict[str, str]:
     except (OSError, ValueError):
         return {}
     return {name: state for name, state in states.items() if isinstance(state, str)} if isinstance(states, dict) else {}
+
+
+def unchanged(folder: str, *names: str) -> bool:
+    """Whether these files hold what was noted of them."""
+    known = _noted(folder)
+    return all(name in known and state_of(os.path.join(folder, name)) == known[name] for name in names)
 
 
 def _edited(folder: str) -> list[str]:
@@ -146,7 +167,11 @@ def begin(folder: str, document: str, assembly: str) -> None:
                 "go on with --resume, or delete the folder to begin anew",
             )
         _set_aside(folder, before)
-    for inner in (places.VARIANTS, places.ASSETS):
+
+
+def lay_out(folder: str, layout: str) -> None:
+    """Make the inner folders that a batch of this layout needs. Its `batch.json` is there: a kill before this costs nothing."""
+    for inner in (places.CHUNKS if layout == PACKED else places.VARIANTS, places.ASSETS):
         os.makedirs(os.path.join(folder, inner), exist_ok=True)
 
 
@@ -158,7 +183,7 @@ def _set_aside(folder: str, before: Mapping[str, Any]) -> None:
             os.unlink(os.path.join(folder, name))
     old = os.path.join(folder, places.set_aside())
     os.mkdir(old)
-    for inner in (places.VARIANTS, places.ASSETS, places.PICTURES):
+    for inner in INNER:
         with contextlib.suppress(FileNotFoundError):
             os.rename(os.path.join(folder, inner), os.path.join(old, inner))
 
@@ -183,7 +208,7 @@ def cleared(folder: str) -> Iterator[None]:
 def _delete(folders: list[str], stopped: threading.Event) -> None:
     """Delete folders that have been set aside, one variant after the other, until it is `stopped`."""
     for folder in folders:
-        for inner in (places.VARIANTS, places.ASSETS, places.PICTURES):
+        for inner in INNER:
             place = os.path.join(folder, inner)
             for name in os.listdir(place) if os.path.isdir(place) else ():
                 if stopped.is_set():
@@ -196,7 +221,9 @@ def unexpected_files(folder: str, assembly: str) -> list[str]:
     """Everything in the folder that no batch over `assembly` wrote, or that was changed since, by path in it, sorted."""
     known: dict[Signature, str] = {}  # variants share their meshes
     paths = [name for name in os.listdir(folder) if name.removesuffix(".new") not in places.OWN and not _OLD.fullmatch(name)]
-    for inner, pattern in ((places.VARIANTS, _VARIANT), (places.ASSETS, _ASSET), (places.PICTURES, _PICTURE)):
+    for inner, pattern in (
+        (places.VARIANTS, _VARIANT), (places.CHUNKS, _CHUNK), (places.ASSETS, _ASSET), (places.PICTURES, _PICTURE),
+    ):
         place = os.path.join(folder, inner)
         for name in os.listdir(place) if os.path.isdir(place) else ():
             if name.startswith(places.NEW):
@@ -212,6 +239,8 @@ def unexpected_files(folder: str, assembly: str) -> list[str]:
 def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     """What keeps a batch from being gone on with, in words; empty where nothing does."""
     words: list[str] = []
+    if before["layout"] != now["layout"]:
+        words.append(f"its layout is `{before['layout']}`, not `{now['layout']}`")
     if before.get("plan") != now["plan"]:
         words.append("the settings, rules, modes or targets of the variants are others")
     old, new = before.get("inputs"), now["inputs"]

@@ -20,8 +20,8 @@ class Job:
 
     `assembly` is the absolute path of the document, `folder` that of the batch's folder (None: nothing is written); `rules` the
     comparisons that need results, `dimensions` the exponents (length, mass, time, angle) of the parameters that are numbers;
-    `verify`: of so many models that differ in nothing but numbers MuJoCo is given one (1: each, 0: none); `cwd` the folder in which
-    runners work (None: that of who starts them).
+    `packed`: the files of a variant come with its row, and only shared ones are written; `verify`: of so many models that differ in
+    nothing but numbers MuJoCo is given one (1: each, 0: none); `cwd` the folder in which runners work (None: that of who starts them).
     """
 
     assembly: str
@@ -37,6 +37,7 @@ class Job:
     dimensions: Mapping[str, tuple[Any, ...]]
     emit: tuple[str, ...]
     verify: int = 1
+    packed: bool = False
     cwd: str | None = None
 
     def encode(self) -> str:
@@ -73,8 +74,8 @@ class Task:
 
 Row = dict[str, Any]
 """What came of one variant: `index`, `id`, `status` (`built | kept_out | refused | failed`), `rule`, `code`, `message`, `detail`,
-`results`, `losses` (how many, by what becomes of them), `seconds`, `modelled`, `reused` (definition texts) and `pid` of the runner, as
-far as there is something to say."""
+`results`, `losses` (how many, by what becomes of them), `files` and `shared` (of a packed batch, see `chunks.py`), `seconds`, `modelled`,
+`reused` (definition texts) and `pid` of the runner, as far as there is something to say."""
 
 
 def row(task: Task, status: str, **more: Any) -> Row:

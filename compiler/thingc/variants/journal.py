@@ -89,6 +89,14 @@ def places(path: str) -> array[int]:
     return begins
 
 
+def line_at(path: str, begin: int) -> Line:
+    """The line that begins there."""
+    with open(path, "rb") as stream:
+        stream.seek(begin)
+        found: Line = json.loads(stream.readline())
+    return found
+
+
 def in_order(path: str) -> Iterator[Line]:
     """The lines by index, each variant once, whatever the order in which they finished. One line is in memory at a time."""
     where = places(path)

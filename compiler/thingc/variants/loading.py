@@ -11,20 +11,25 @@ import contextlib
 import os
 import threading
 import xml.etree.ElementTree as ElementTree
+from bisect import bisect_left
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import field
 from functools import cached_property
+from itertools import islice
 from typing import TYPE_CHECKING, Any, overload
 
 from thingc.brief import Brief, counted
 from thingc.diagnostics import shown_path
+from thingc.emit.artifact import MANIFEST
 from thingc.frozen import dataclass
 from thingc.typos import did_you_mean
 from thingc.variants import places
+from thingc.variants.chunks import packed
 from thingc.variants.folder import read_batch
-from thingc.variants.journal import Line, in_order
+from thingc.variants.journal import Line
+from thingc.variants.records import File, Files, Records, read, unpack
 from thingc.variants.rules import PARAMETERS
 from thingc.variants.tables import flat
 
@@ -33,6 +38,8 @@ if TYPE_CHECKING:
 
     from thingc.modes import Modes
 
+VARIANTS, NAMES = 4096, 10_000
+"""How many variants a family keeps that were asked for last, and of how many names the nearest is told."""
 MESH_BYTES = 256 * 2**20
 """How many bytes of meshes a family keeps in memory."""
 
@@ -64,7 +71,8 @@ Where = Callable[["BuiltVariant"], bool] | Mapping[str, Any]
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BuiltVariant(Brief):
     """A variant that has been built. `index` is its place in the plan, `settings` its parameters (SI) and choices by name,
-    `results` its row of the table by column (absent where the table is empty), `folder` what `thingc build` would have written."""
+    `results` its row of the table by column (absent where the table is empty), `folder` what `thingc build` would have written: of a
+    packed batch there after `unpack`. The same variant of the same batch is equal."""
 
     id: str
     name: str
@@ -73,6 +81,12 @@ class BuiltVariant(Brief):
     results: Mapping[str, Any]
     folder: str
     family: Family = field(repr=False)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, BuiltVariant) and other.folder == self.folder
+
+    def __hash__(self) -> int:
+        return hash(self.folder)
 
     def model(self, mode: str | None = None, *, scene: bool = False, visual: bool = True) -> mujoco.MjModel:
         """Its model in a mode, compiled anew at each call; `scene`: with floor and light. Without `visual` MuJoCo leaves out what
@@ -89,7 +103,7 @@ class BuiltVariant(Brief):
         if scene:
             text = self._read(f"scene_{mode}.xml")
         try:
-            with self.family.mounted(self._assets, included) as files:
+            with self.family.mounted(self._files.meshes(), included) as files:
                 return mujoco.MjModel.from_xml_string(text.decode(), vfs=files)
         except ValueError as fault:
             raise FamilyError(f"MuJoCo refuses the model of variant `{self.name}`: {' '.join(str(fault).split())}") from fault
@@ -100,7 +114,7 @@ class BuiltVariant(Brief):
         mode = self.family.chosen(mode)
         robot = f"{self.family.robot}_{mode}.xml"
         text = self._read(robot)
-        files = self.family.meshes(self._assets)
+        files = self.family.meshes(self._files.meshes())
         return (self._read(f"scene_{mode}.xml"), {**files, robot: text}) if scene else (text, files)
 
     def sizes(self, mode: str | None = None) -> Sizes:
@@ -114,21 +128,25 @@ class BuiltVariant(Brief):
         """Its modes, to switch between at run time."""
         from thingc.modes import Modes
 
-        return Modes.load(self.folder)
+        return Modes.parse(self._files.read("modes.json"))
+
+    def unpack(self) -> str:
+        """Its folder, which is written first where the batch is packed. Raises `OSError`."""
+        if packed(self.family.folder):
+            unpack(self.family.folder, self.index)
+        return self.folder
 
     @property
-    def _assets(self) -> str:
-        return os.path.join(self.folder, "mjcf", "assets")
+    def _files(self) -> Files:
+        return self.family.records.files(self.index)
 
     def _read(self, file: str) -> bytes:
-        path = os.path.join(self.folder, "mjcf", file)
         try:
-            with open(path, "rb") as stream:
-                return stream.read()
+            return self._files.read(f"mjcf/{file}")
         except FileNotFoundError:
             raise FamilyError(
-                f"there is no `{shown_path(path)}`: the batch has been built without the target `mjcf`, or was moved or changed "
-                "since; build it again with `--emit mjcf`"
+                f"there is no `{shown_path(os.path.join(self.folder, 'mjcf', file))}`: the batch has been built without the target "
+                "`mjcf`, or was moved or changed since; build it again with `--emit mjcf`"
             ) from None
 
 
@@ -141,7 +159,7 @@ class Family(Sequence[BuiltVariant]):
 
     def __init__(
         self, *, folder: str, name: str, robot: str, modes: Sequence[str], mode: str | None, planned: int, finished: bool,
-        rows: Sequence[Mapping[str, Any]], meshes: _Meshes,
+        records: Records, meshes: _Meshes,
     ) -> None:
         self.folder = folder
         self.name = name
@@ -150,23 +168,48 @@ class Family(Sequence[BuiltVariant]):
         self.mode = mode
         self.planned = planned
         self.finished = finished
-        self.rows = tuple(rows)
+        self.records = records
         self._meshes = meshes
-        self._variants: tuple[BuiltVariant, ...] = ()
+        self._indices: Sequence[int] = records.built
+        self._made: OrderedDict[int, BuiltVariant] = OrderedDict()
 
-    def _of(self, variants: Iterable[BuiltVariant]) -> Family:
-        family = Family(
-            folder=self.folder, name=self.name, robot=self.robot, modes=self.mode_names, mode=self.mode, planned=self.planned,
-            finished=self.finished, rows=self.rows, meshes=self._meshes,
-        )
-        family._variants = tuple(variants)
-        return family
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Workers of environments and process pools are handed families and variants."""
+        return _again, (self._own, self._indices)
+
+    @property
+    def _own(self) -> dict[str, Any]:
+        return {
+            "folder": self.folder, "name": self.name, "robot": self.robot, "modes": self.mode_names, "mode": self.mode,
+            "planned": self.planned, "finished": self.finished, "records": self.records, "meshes": self._meshes,
+        }
+
+    def _of(self, indices: Sequence[int]) -> Family:
+        return _again(self._own, indices)
+
+    def _variant(self, index: int) -> BuiltVariant:
+        """The variant at this place of the plan; those asked for last are kept."""
+        made = self._made.get(index)
+        if made is None:
+            line = self.records.line(index)
+            made = self._made.setdefault(index, BuiltVariant(
+                id=line["id"], name=line["name"], index=index, settings={**line["parameters"], **line["choices"]},
+                results=_row(line), folder=places.variant_folder(self.folder, line["id"]), family=self,
+            ))
+            if len(self._made) > VARIANTS:
+                self._made.popitem(last=False)
+        return made
+
+    @property
+    def rows(self) -> Sequence[Mapping[str, Any]]:
+        """The rows of the table, of variants that failed or were kept out, too."""
+        return _Rows(self.records)
 
     def __len__(self) -> int:
-        return len(self._variants)
+        return len(self._indices)
 
     def __iter__(self) -> Iterator[BuiltVariant]:
-        return iter(self._variants)
+        return map(self._variant, self._indices)
 
     @overload
     def __getitem__(self, key: int | str) -> BuiltVariant: ...
@@ -175,26 +218,27 @@ class Family(Sequence[BuiltVariant]):
     def __getitem__(self, key: int | str | slice) -> BuiltVariant | Family:
         """Raises `UnknownVariant` for an id or name, and `IndexError` for a place, that is not there."""
         if isinstance(key, slice):
-            return self._of(self._variants[key])
+            return self._of(self._indices[key])
         if isinstance(key, str):
-            if key not in self._by_name:
-                row = next((row for row in self.rows if key in (row["id"], row["name"])), None)
-                if row is not None:
-                    known = f"it is `{row['status']}`" if row["status"] != "built" else "it is left out here"
-                    raise UnknownVariant(f"the variant `{key}` cannot be had: {known}{_because(row)}")
-                names = [variant.name for variant in self]
-                raise UnknownVariant(f"batch `{self.name}` has no variant `{key}`: {did_you_mean(key, names, what='variants')}")
-            return self._by_name[key]
+            return self._named(key)
         if not -len(self) <= key < len(self):
             raise IndexError(f"batch `{self.name}` has {counted(len(self), 'variant')} here, and none at place {key}")
-        return self._variants[key]
+        return self._variant(self._indices[key])
+
+    def _named(self, key: str) -> BuiltVariant:
+        index = self.records.find(key)
+        if index is None:
+            names = [name for variant in islice(self, NAMES) for name in (variant.name, variant.id)]
+            raise UnknownVariant(f"batch `{self.name}` has no variant `{key}`: {did_you_mean(key, names, what='variants')}")
+        at = bisect_left(self._indices, index)
+        if at == len(self) or self._indices[at] != index:
+            row = _row(self.records.line(index))
+            known = f"it is `{row['status']}`" if row["status"] != "built" else "it is left out here"
+            raise UnknownVariant(f"the variant `{key}` cannot be had: {known}{_because(row)}")
+        return self._variant(index)
 
     def __repr__(self) -> str:
         return f"Family({self.name!r}, {len(self)} of {counted(self.planned, 'variant')})"
-
-    @cached_property
-    def _by_name(self) -> dict[str, BuiltVariant]:
-        return {**{variant.name: variant for variant in self}, **{variant.id: variant for variant in self}}
 
     @cached_property
     def columns(self) -> tuple[str, ...]:
@@ -203,18 +247,20 @@ class Family(Sequence[BuiltVariant]):
 
     def column(self, name: str) -> list[Any]:
         """The cells of a column, one for each variant here; None where it is empty. Raises `UnknownVariant`."""
-        if name not in self.columns:
+        cells = [variant.results.get(name) for variant in self]
+        if all(cell is None for cell in cells) and name not in self.columns:
             raise UnknownVariant(f"batch `{self.name}` has no column `{name}`: {did_you_mean(name, self.columns, what='columns')}")
-        return [variant.results.get(name) for variant in self]
+        return cells
 
     def filter(self, where: Where) -> Family:
         """The variants for which `where` holds. Raises `UnknownVariant` for a column that is not there."""
-        if not isinstance(where, Mapping):
-            return self._of(variant for variant in self if where(variant))
-        kept = [True] * len(self)
-        for name, wanted in where.items():
-            kept = [one and _holds(cell, wanted) for one, cell in zip(kept, self.column(name), strict=True)]
-        return self._of(variant for variant, one in zip(self, kept, strict=True) if one)
+        if isinstance(where, Mapping):
+            kept = [True] * len(self)
+            for name, wanted in where.items():
+                kept = [one and _holds(cell, wanted) for one, cell in zip(kept, self.column(name), strict=True)]
+        else:
+            kept = [bool(where(variant)) for variant in self]
+        return self._of(tuple(index for index, one in zip(self._indices, kept, strict=True) if one))
 
     def chosen(self, mode: str | None) -> str:
         """The mode that is meant where `mode` is said. Raises `UnknownVariant` for one that has not been built, and
@@ -229,42 +275,67 @@ class Family(Sequence[BuiltVariant]):
             raise UnknownVariant(f"batch `{self.name}` has no mode `{name}`: {did_you_mean(name, self.mode_names, what='modes')}")
         return name
 
-    def meshes(self, folder: str) -> dict[str, bytes]:
-        """The files of a folder of assets by name. A file that variants share is read once."""
-        return self._meshes.of(folder)
+    def meshes(self, files: Mapping[str, tuple[File, str]]) -> dict[str, bytes]:
+        """Files by name, of each what it is and where it lies. A file that variants share is read once."""
+        return self._meshes.of(files)
 
-    def mounted(self, folder: str, more: Mapping[str, bytes]) -> AbstractContextManager[mujoco.MjVfs]:
-        """The files of a folder of assets, and `more` by name, in MuJoCo's virtual file system: for one thread at a time. Variants
-        with the same assets use the same one."""
-        return self._meshes.mounted(folder, more)
+    def mounted(self, files: Mapping[str, tuple[File, str]], more: Mapping[str, bytes]) -> AbstractContextManager[mujoco.MjVfs]:
+        """Such files, and `more` by name, in MuJoCo's virtual file system: for one thread at a time. Variants with the same files
+        use the same one."""
+        return self._meshes.mounted(files, more)
+
+
+def _again(own: Mapping[str, Any], indices: Sequence[int]) -> Family:
+    """A family of these variants."""
+    family = Family(**own)
+    family._indices = indices
+    return family
+
+
+class _Rows(Sequence[Mapping[str, Any]]):
+    """The rows of a table, each made when it is asked for."""
+
+    def __init__(self, records: Records) -> None:
+        self._records = records
+
+    def __len__(self) -> int:
+        return len(self._records.done)
+
+    @overload
+    def __getitem__(self, key: int) -> Mapping[str, Any]: ...
+    @overload
+    def __getitem__(self, key: slice) -> Sequence[Mapping[str, Any]]: ...
+    def __getitem__(self, key: int | slice) -> Mapping[str, Any] | Sequence[Mapping[str, Any]]:
+        if isinstance(key, slice):
+            return [_row(self._records.line(index)) for index in self._records.done[key]]
+        return _row(self._records.line(self._records.done[key]))
 
 
 class _Meshes:
-    """Files by what they are on the disk: the hard links of all variants to one mesh are one file. Those used least lately are
-    forgotten when there are more than `most` bytes. What MuJoCo was given last is kept, too. Thread-safe; a copy in another process
-    begins with nothing."""
+    """Files by what they are: a mesh that variants share is one file. Those used least lately are forgotten when there are more than
+    `most` bytes. What MuJoCo was given last is kept, too. Thread-safe; a copy in another process begins with nothing."""
 
     def __init__(self, most: int = MESH_BYTES) -> None:
         self._most = most
         self._size = 0
-        self._kept: OrderedDict[_File, bytes] = OrderedDict()
+        self._kept: OrderedDict[File, bytes] = OrderedDict()
         self._lock = threading.Lock()
-        self._last: tuple[dict[str, _File], mujoco.MjVfs] | None = None
+        self._last: tuple[Mapping[str, tuple[File, str]], mujoco.MjVfs] | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Workers of environments and process pools are handed families and variants."""
         return _Meshes, (self._most,)
 
-    def of(self, folder: str) -> dict[str, bytes]:
+    def of(self, files: Mapping[str, tuple[File, str]]) -> dict[str, bytes]:
         with self._lock:
-            return self._read(folder, _listed(folder))
+            return self._read(files)
 
-    def _read(self, folder: str, listed: Mapping[str, _File]) -> dict[str, bytes]:
+    def _read(self, files: Mapping[str, tuple[File, str]]) -> dict[str, bytes]:
         contents: dict[str, bytes] = {}
-        for name, file in listed.items():
+        for name, (file, path) in files.items():
             data = self._kept.get(file)
             if data is None:
-                with open(os.path.join(folder, name), "rb") as stream:
+                with open(path, "rb") as stream:
                     data = self._kept[file] = stream.read()
                 self._size += len(data)
             self._kept.move_to_end(file)
@@ -274,16 +345,15 @@ class _Meshes:
         return contents
 
     @contextlib.contextmanager
-    def mounted(self, folder: str, more: Mapping[str, bytes]) -> Iterator[mujoco.MjVfs]:
+    def mounted(self, wanted: Mapping[str, tuple[File, str]], more: Mapping[str, bytes]) -> Iterator[mujoco.MjVfs]:
         import mujoco
 
         with self._lock:
-            listed = _listed(folder)
-            if self._last is None or self._last[0] != listed:
+            if self._last is None or self._last[0] != wanted:
                 files = mujoco.MjVfs()
-                for name, data in self._read(folder, listed).items():
+                for name, data in self._read(wanted).items():
                     files[name] = data
-                self._last = listed, files
+                self._last = wanted, files
             _, files = self._last
             for name, data in more.items():
                 files[name] = data
@@ -292,19 +362,6 @@ class _Meshes:
             finally:
                 for name in more:
                     del files[name]
-
-
-_File = tuple[int, int, int, int]
-"""What a file is on the disk: device, inode, size and time of change (a number of a deleted file is given to another one)."""
-
-
-def _listed(folder: str) -> dict[str, _File]:
-    """The files of a folder by name; none of one that is not there."""
-    if not os.path.isdir(folder):
-        return {}
-    with os.scandir(folder) as entries:
-        states = {entry.name: entry.stat() for entry in entries}
-    return {name: (one.st_dev, one.st_ino, one.st_size, one.st_mtime_ns) for name, one in sorted(states.items())}
 
 
 def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where | None = None) -> Family:
@@ -322,26 +379,14 @@ def load(folder: str | os.PathLike[str], mode: str | None = None, where: Where |
         within = sorted(name for name in (os.listdir(place) if os.path.isdir(place) else ()) if read_batch(os.path.join(place, name)))
         hint = f"; in it there are: {', '.join(f'`{name}`' for name in within)}" if within else ""
         raise FamilyError(f"`{shown_path(place)}` is no folder of a batch{hint}: `thingc batch` writes one")
-    lines = list(in_order(os.path.join(place, places.JOURNAL)))
-    built = [line for line in lines if line["status"] == "built" and os.path.isfile(places.manifest_of(place, line["id"]))]
-    robot = ""
-    if built:
-        with open(places.manifest_of(place, built[0]["id"]), encoding="utf-8") as stream:
-            robot = json.load(stream)["name"]
+    records = read(place)
+    robot = json.loads(records.files(records.built[0]).read(MANIFEST))["name"] if records.built else ""
     family = Family(
         folder=place, name=described["name"], robot=robot, modes=described["modes"], mode=mode, planned=described["count"],
-        finished=described["finished"], rows=[_row(line) for line in lines], meshes=_Meshes(),
+        finished=described["finished"], records=records, meshes=_Meshes(),
     )
     if mode is not None:
         family.chosen(mode)
-    rows = {row["index"]: row for row in family.rows}
-    family._variants = tuple(
-        BuiltVariant(
-            id=line["id"], name=line["name"], index=line["index"], settings={**line["parameters"], **line["choices"]},
-            results=rows[line["index"]], folder=places.variant_folder(place, line["id"]), family=family,
-        )
-        for line in built
-    )
     return family if where is None else family.filter(where)
 
 

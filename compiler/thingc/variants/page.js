@@ -225,7 +225,7 @@
     $("one").replaceChildren(
       make("h2", {}, cell(row, "name")),
       make("p", { class: "state" }, `${SPOKEN[status(row)]}${why(row) ? `: ${why(row)}` : ""} · `,
-        path ? make("a", { href: `${path}/` }, cell(row, "id")) : cell(row, "id")),
+        path && batch.layout === "folders" ? make("a", { href: `${path}/` }, cell(row, "id")) : cell(row, "id")),
       ...(source ? [make("img", { src: source, alt: "" })] : []),
       pairs(settings), pairs(columns.filter((column) => isNumber(column) && !isSetting(column) && column.name !== "index" && row[at[column.name]] !== null)),
       make("code", { title: "builds this variant alone" }, cell(row, "command") ?? ""),
@@ -335,7 +335,8 @@
 
   $("title").textContent = batch.name;
   $("subtitle").textContent = [batch.document, `variants of ${batch.assembly}`, batch.pose ? `results in ${batch.modes[0]}, pose ${batch.pose}` : `results in ${batch.modes[0]}`,
-    ...(batch.finished ? [] : [`not finished: ${rows.length} of ${batch.count} done`])].join(" · ");
+    ...(batch.finished ? [] : [`not finished: ${batch.done} of ${batch.count} done`]),
+    ...(rows.length < batch.done ? [`${rows.length} of ${batch.done} variants, evenly spread; the tables have all`] : [])].join(" · ");
   for (const [one, spoken] of Object.entries(SPOKEN)) {
     const count = rows.filter((row) => status(row) === one).length;
     if (!count) continue;

@@ -15,17 +15,17 @@ from typing import Any
 
 from thingc.shown import shown
 from thingc.variants import places
-from thingc.variants.journal import in_order
+from thingc.variants.records import spread
 from thingc.variants.tables import RUN, Column, cells
 from thingc.variants.values import size_of
 from thingc.webpage import in_script, pieces
 
-MOST = 50_000
-"""Rows of a page: about 20 MB. A browser takes no more; the tables have all."""
+MOST = 10_000
+"""Rows of a page, about 4 MB: of a longer table it has so many, evenly spread."""
 
 
 def write_page(folder: str, described: Mapping[str, Any], wanted: Sequence[Column]) -> str:
-    """Write the page of the batch in `folder` from its journal; it appears as a whole. Returns its path.
+    """Write the page of the batch in `folder` from what it has done; it appears as a whole. Returns its path.
 
     `described` is what `batch.json` says, `wanted` the columns of the table. A row is in memory at a time.
     """
@@ -33,14 +33,13 @@ def write_page(folder: str, described: Mapping[str, Any], wanted: Sequence[Colum
     wanted = [column for column in wanted if column.name not in RUN]
     units = _units(wanted)
     before, after = _frame(described)
+    done, lines = spread(folder, MOST)
     pictures = places.pictured(folder)
     fresh = f"{path}.new"
     with open(fresh, "w", encoding="utf-8", newline="\n") as stream:
         stream.write(before)
-        stream.write(_head(described, wanted, [unit for unit, _ in units]))
-        for number, line in enumerate(in_order(os.path.join(folder, places.JOURNAL))):
-            if number == MOST:
-                break
+        stream.write(_head({**described, "done": done}, wanted, [unit for unit, _ in units]))
+        for number, line in enumerate(lines):
             row = [
                 _plain(value if size is None else _in_unit(value, size))
                 for value, (_, size) in zip(cells(line, wanted), units, strict=True)
@@ -80,7 +79,8 @@ def _in_unit(value: Any, size: float) -> Any:
 
 def _head(described: Mapping[str, Any], wanted: Sequence[Column], units: Sequence[str]) -> str:
     """The object that the page's program reads, up to its rows."""
-    told: dict[str, Any] = {name: _plain(described[name]) for name in ("name", "document", "assembly", "count", "pose", "finished")}
+    names = ("name", "document", "assembly", "count", "done", "pose", "finished", "layout")
+    told: dict[str, Any] = {name: _plain(described[name]) for name in names}
     told["modes"] = [shown(name) for name in described["modes"]]
     told["columns"] = [{"name": column.name, "kind": column.kind, "unit": unit} for column, unit in zip(wanted, units, strict=True)]
     return in_script(told)[:-1] + ',"rows":['

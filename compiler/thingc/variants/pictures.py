@@ -5,13 +5,15 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-from collections.abc import Callable, Sequence
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from thingc.diagnostics import Code, Diagnostic, Severity
 from thingc.variants import places
-from thingc.variants.journal import in_order
+from thingc.variants.chunks import packed
 from thingc.variants.line_process import LineProcess, Lost
+from thingc.variants.records import Files, read
 
 MOST = 48
 """Pictures of a batch, unless the caller says otherwise: one takes some tenths of a second without a graphics card."""
@@ -32,15 +34,15 @@ def usual(count: int) -> int:
     return MOST if count <= MANY else 0
 
 
-def chosen(folder: str, mode: str, most: int) -> list[tuple[str, str]]:
-    """`(id, path of the model)` of at most so many built variants, in plan order; where there are more, those `along_the_axes`."""
-    built: list[tuple[str, str]] = []
+def chosen(folder: str, mode: str, most: int) -> list[int]:
+    """At most so many built variants that have a model in a mode, in plan order; where there are more, those `along_the_axes`."""
+    records = read(folder)
     settings: list[Sequence[Any]] = []
-    for line in in_order(os.path.join(folder, places.JOURNAL)):
-        if line["status"] == "built" and (path := _model(folder, line["id"], mode)) is not None:
-            built.append((line["id"], path))
-            settings.append((*line["parameters"].values(), *line["choices"].values()))
-    return built if len(built) <= most else [built[k] for k in along_the_axes(settings, most)]
+    for index in records.built:
+        line = records.line(index)
+        settings.append((*line["parameters"].values(), *line["choices"].values()))
+    places_of = range(len(settings)) if len(settings) <= most else along_the_axes(settings, most)
+    return [index for index in (records.built[k] for k in places_of) if _model(records.files(index), mode) is not None]
 
 
 def along_the_axes(settings: Sequence[Sequence[Any]], most: int) -> list[int]:
@@ -76,13 +78,36 @@ def _ranks(values: Sequence[Any]) -> tuple[float, ...]:
     return tuple(place[value] for value in values)
 
 
-def _model(folder: str, id: str, mode: str) -> str | None:
-    """The path of a variant's model in a mode, `mjcf/ROBOT_MODE.xml`; None where MJCF was not written."""
-    place = os.path.join(places.variant_folder(folder, id), "mjcf")
-    names = os.listdir(place) if os.path.isdir(place) else []
+def _model(files: Files, mode: str) -> str | None:
+    """The name of a variant's model in a mode, `ROBOT_MODE.xml`; None where MJCF was not written."""
     # of the modes `foot` and `front_foot` the ends are alike: then the shorter name is the one of `foot`
-    models = sorted((name for name in names if name.endswith(f"_{mode}.xml") and name != f"scene_{mode}.xml"), key=len)
-    return os.path.join(place, models[0]) if models else None
+    models = sorted((name for name in files.models() if name.endswith(f"_{mode}.xml") and name != f"scene_{mode}.xml"), key=len)
+    return models[0] if models else None
+
+
+@contextlib.contextmanager
+def _laid_out(folder: str, mode: str, indices: Sequence[int]) -> Iterator[list[tuple[str, str]]]:
+    """Of each variant its id, and the path of its model with its meshes beside it: in a scratch folder where the batch is packed."""
+    if not indices:
+        yield []
+        return
+    records = read(folder)
+    with tempfile.TemporaryDirectory(prefix="thingc-pictures-") as scratch:
+        found: list[tuple[str, str]] = []
+        for index in indices:
+            id, files = str(records.line(index)["id"]), records.files(index)
+            name = _model(files, mode)
+            assert name is not None
+            place = os.path.join(places.variant_folder(folder, id), "mjcf")
+            if packed(folder):
+                place = os.path.join(scratch, id)
+                os.makedirs(os.path.join(place, "assets"))
+                with open(os.path.join(place, name), "wb") as stream:
+                    stream.write(files.read(f"mjcf/{name}"))
+                for mesh, (_, path) in files.meshes().items():
+                    os.symlink(path, os.path.join(place, "assets", mesh))
+            found.append((id, os.path.join(place, name)))
+        yield found
 
 
 def draw(
@@ -94,7 +119,11 @@ def draw(
     when the system refuses.
     """
     place = os.path.join(folder, places.PICTURES)
-    shots = chosen(folder, mode, most) if most != 0 else []
+    with _laid_out(folder, mode, chosen(folder, mode, most) if most != 0 else ()) as shots:
+        return _draw(place, pose, shots, jobs, on_picture)
+
+
+def _draw(place: str, pose: str | None, shots: Sequence[tuple[str, str]], jobs: int, on_picture: OnPicture | None) -> Diagnostic | None:
     keep = {f"{id}.png" for id, _ in shots}
     for name in os.listdir(place) if os.path.isdir(place) else ():
         if name not in keep:

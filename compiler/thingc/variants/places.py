@@ -4,7 +4,8 @@
     <name>/journal.jsonl         one line for each variant that is done
     <name>/results.csv, .parquet the table
     <name>/variants/<id>/        what `thingc build` writes of the variant
-    <name>/assets/<sha256>       every mesh once; variants have hard links to it
+    <name>/chunks/               in place of journal and variants where the batch is packed (`chunks.py`)
+    <name>/assets/<sha256>       every mesh once; variants have hard links to it, or name it
     <name>/index.html            the page, with pictures/<id>.png
     <name>/shown.json            what table and page held when they were written
 """
@@ -25,11 +26,12 @@ JOURNAL = "journal.jsonl"
 TABLE_CSV = "results.csv"
 TABLE_PARQUET = "results.parquet"
 VARIANTS = "variants"
+CHUNKS = "chunks"
 ASSETS = "assets"
 PAGE = "index.html"
 PICTURES = "pictures"
 SHOWN = "shown.json"
-OWN = frozenset((BATCH, JOURNAL, TABLE_CSV, TABLE_PARQUET, VARIANTS, ASSETS, PAGE, PICTURES, SHOWN))
+OWN = frozenset((BATCH, JOURNAL, TABLE_CSV, TABLE_PARQUET, VARIANTS, CHUNKS, ASSETS, PAGE, PICTURES, SHOWN))
 """Everything that lies in a batch's folder."""
 
 NEW = ".new-"
@@ -96,6 +98,37 @@ def write_variant(folder: str, id: str, files: Mapping[str, Content], store: Blo
         raise
 
 
+def keep_asset(folder: str, sha256: str, store: Blobs) -> None:
+    """Have a file of the store in `assets/`, where it appears as a whole. Raises as `write_variant` does."""
+    asset = asset_path(folder, sha256)
+    if os.path.exists(asset):
+        return
+    fresh = os.path.join(folder, ASSETS, f"{NEW}{sha256}-{_OWN_END}")
+    try:
+        _write(fresh, store.read(sha256))
+        os.rename(fresh, asset)
+    except BaseException:
+        remove(fresh)
+        raise
+
+
+class Assets:
+    """The files of `assets/`, by content."""
+
+    def __init__(self, folder: str) -> None:
+        self.folder = folder
+
+    def read(self, sha256: str) -> bytes:
+        """One of them. Raises `OSError`."""
+        with open(asset_path(self.folder, sha256), "rb") as stream:
+            return stream.read()
+
+
+def asset_path(folder: str, sha256: str) -> str:
+    """Where a file that variants share lies."""
+    return os.path.join(folder, ASSETS, sha256)
+
+
 def _make(fresh: str, folder: str, made: set[str]) -> None:
     """Make a folder inside the new one, and those around it, as far as they have not been `made`."""
     if folder not in made:
@@ -119,29 +152,35 @@ def _share(assets: str, content: Stored, store: Blobs, target: str) -> None:
     """Make `target` a link to the asset with this content, which is written first where it is not there; a copy where the file
     system has no links."""
     asset = os.path.join(assets, content.sha256)
+    full = False
     try:
         os.link(asset, target)
         return
     except FileNotFoundError:
         pass
     except OSError as fault:
-        if fault.errno == errno.EMLINK:  # ext4 has at most 65 000 links to a file: begin another one
-            pass
-        elif fault.errno in (errno.EPERM, errno.ENOTSUP, errno.EXDEV, errno.ENOSYS):
+        if fault.errno in (errno.EPERM, errno.ENOTSUP, errno.EXDEV, errno.ENOSYS):
             _write(target, store.read(content.sha256))
             return
-        else:
+        if fault.errno != errno.EMLINK:  # ext4 has at most 65 000 links to a file: begin another one
             raise
+        full = True
     fresh = os.path.join(assets, f"{NEW}{content.sha256}-{_OWN_END}")
     _write(fresh, store.read(content.sha256))
     try:
-        os.link(fresh, target)
-        os.rename(fresh, asset)
+        if full:
+            os.link(fresh, target)
+            os.rename(fresh, asset)
+            return
+        with contextlib.suppress(FileExistsError):  # of another runner at this moment: then its file is the one
+            os.link(fresh, asset)
+        os.link(asset, target)
     except OSError as fault:
         if fault.errno not in (errno.EPERM, errno.ENOTSUP, errno.EXDEV, errno.ENOSYS):
-            remove(fresh)
             raise
         os.rename(fresh, target)
+    finally:
+        remove(fresh)
 
 
 def remove(path: str) -> None:
@@ -155,7 +194,7 @@ def remove(path: str) -> None:
 
 def sweep(folder: str) -> None:
     """Remove what a killed run was writing."""
-    for inner in (VARIANTS, ASSETS, PICTURES):
+    for inner in (VARIANTS, CHUNKS, ASSETS, PICTURES):
         place = os.path.join(folder, inner)
         for name in os.listdir(place) if os.path.isdir(place) else ():
             if name.startswith(NEW):

@@ -76,7 +76,8 @@ class Plan(Brief):
     `own_choices` what its document says at the paths of choices. `modes`
     are those built (never
     empty), `chosen_modes` those that the document names. `emit` are the targets, in the order in which a build writes them;
-    `inputs` the digests (`stamp.state_of`) of what the plan was made of, by path in the workspace.
+    `inputs` the digests (`stamp.state_of`) of what the plan was made of, by path in the workspace; `layout` is `folders` or `packed` where
+    the document says it.
     """
 
     document: str
@@ -105,12 +106,17 @@ class Plan(Brief):
     reach: tuple[str, str] | None
     emit: tuple[str, ...]
     inputs: Mapping[str, str]
+    layout: str | None = None
     notes: tuple[Diagnostic, ...] = ()
 
     def __iter__(self) -> Iterator[Variant]:
+        return self.besides(b"")
+
+    def besides(self, done: Sequence[int]) -> Iterator[Variant]:
+        """All but those that are `done`, a flag for each by its place; of these as little as possible is worked out."""
         width = len(str(max(self.count - 1, 0)))
         rules = [rule for rule in self.rules if not rule.needs_results]
-        for index, (id, setting, parameters, choices) in enumerate(self._unique()):
+        for index, id, setting, parameters, choices in self._unique(done):
             values = self.values(setting.parameters)
             texts = {name: text_of(parameters[name], self.written_in.get(name, "")) for name in sorted(parameters)}
             failed = next((rule.text for rule in rules if not _holds(rule, values)), None)
@@ -128,7 +134,7 @@ class Plan(Brief):
             return math.prod(len(axis.values) for axis in self.axes)
         if self.method is not None and not self.listed and any(axis.range is not None and not axis.whole for axis in self.axes):
             return self.drawn
-        return sum(1 for _ in self._unique())
+        return sum(1 for _ in self._unique(b""))
 
     @property
     def written(self) -> int:
@@ -253,8 +259,8 @@ class Plan(Brief):
                 parameters[axis.key] = value
         return Setting(name=None, parameters=parameters, choices=choices)
 
-    def _unique(self) -> Iterator[tuple[str, Setting, dict[str, Found], dict[str, str]]]:
-        """The settings, each once, with their ids and without what the documents say anyway.
+    def _unique(self, done: Sequence[int]) -> Iterator[tuple[int, str, Setting, dict[str, Found], dict[str, str]]]:
+        """The settings that are not `done`, each once, with their places and ids and without what the documents say anyway.
 
         Points of a grid, and points with a coordinate drawn from an interval, differ among themselves: only of what may come
         twice the ids are remembered, so that a plan of any length needs no memory.
@@ -262,7 +268,11 @@ class Plan(Brief):
         listed = len(self.listed)
         discrete = self.method is not None and all(axis.range is None or axis.whole for axis in self.axes)
         seen: set[str] = set()
+        index = -1
         for number, setting in enumerate(self._settings()):
+            if not listed and not discrete and index + 1 < len(done) and done[index + 1]:
+                index += 1
+                continue
             parameters = {
                 name: value for name, value in setting.parameters.items()
                 if name not in self._stated or plain(value) != self._stated[name]
@@ -271,9 +281,11 @@ class Plan(Brief):
             id = identity(self.assembly_relative, parameters, choices)
             if id in seen:
                 continue
+            index += 1
             if number < listed or discrete:
                 seen.add(id)
-            yield id, setting, parameters, choices
+            if index >= len(done) or not done[index]:
+                yield index, id, setting, parameters, choices
 
     def command(self, variant: Variant) -> list[str]:
         """The words of the command that builds a variant alone, run in the workspace's folder."""

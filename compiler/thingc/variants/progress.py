@@ -43,7 +43,7 @@ class Progress(Brief):
 class Summary(Brief):
     """What came of a batch: how many variants have each status (those of earlier runs included), parts that were modelled in this
     run, and how long it took [s]. `duplicates` were asked for more than once; `lossy` variants, those of earlier runs included, have
-    `losses`, by what becomes of them; `notes` are the warnings about the documents."""
+    `losses`, by what becomes of them; `notes` are the warnings about the documents, `layout` how variants lie in the folder."""
 
     folder: str
     name: str
@@ -55,6 +55,7 @@ class Summary(Brief):
     seconds: float
     lossy: int
     losses: dict[str, int]
+    layout: str
     notes: tuple[Diagnostic, ...] = ()
 
 

@@ -116,7 +116,7 @@ class _Planner:
             axes=(*drawn_axes, *axes, *choice_axes), method=method, drawn=drawn, seed=seed, rules=tuple(rules),
             modes=tuple(self.spec.modes or (mode.name for mode in model.modes)), chosen_modes=tuple(self.spec.modes),
             pose=self.spec.pose, reach=(self.spec.reach.of, self.spec.reach.from_) if self.spec.reach is not None else None,
-            emit=emit, inputs=self.inputs(), notes=tuple(self.report.ordered()),
+            emit=emit, inputs=self.inputs(), layout=self.spec.layout, notes=tuple(self.report.ordered()),
         )
 
     # --- what changes ---------------------------------------------------------------------------------------------

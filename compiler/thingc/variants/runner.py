@@ -7,6 +7,7 @@ it the geometry worker that it may have started: nothing of a batch outlives its
 
 from __future__ import annotations
 
+import base64
 import json
 import math
 import os
@@ -15,11 +16,11 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from thingc.diagnostics import Code, Diagnostic, Report, Severity
-from thingc.emit.artifact import counts_of
+from thingc.emit.artifact import Content, Stored, counts_of
 from thingc.environment import Options
 from thingc.expressions import ExpressionError, Found, parse_expression
 from thingc.pipeline import Settings
@@ -27,9 +28,10 @@ from thingc.printing import as_json
 from thingc.session import Session
 from thingc.typos import did_you_mean
 from thingc.units import Dimension, Quantity
+from thingc.variants.chunks import FILES, SHARED
 from thingc.variants.job import STOPPED, Job, Row, Task, refusal, row
 from thingc.variants.measure import Results, UnknownMount, measure
-from thingc.variants.places import write_variant
+from thingc.variants.places import keep_asset, write_variant
 from thingc.variants.rules import Rule
 
 if TYPE_CHECKING:
@@ -109,9 +111,21 @@ class Runner:
         if compilation.report.failed:
             return row(task, "refused", **_said(compilation.report), results=shown, **parts)
         if self.job.folder is not None:
-            write_variant(self.job.folder, task.id, self.session.files(compilation, artifacts), self.session.environment.store)
+            parts |= self._written(self.job.folder, task, self.session.files(compilation, artifacts))
         losses = counts_of(loss for one in artifacts.values() for loss in one.losses)
         return row(task, "built", results=shown, losses=losses, **parts)
+
+    def _written(self, folder: str, task: Task, files: Mapping[str, Content]) -> dict[str, Any]:
+        """Write a variant; of a packed batch what it shares with others alone, and its own files are said."""
+        store = self.session.environment.store
+        if not self.job.packed:
+            write_variant(folder, task.id, files, store)
+            return {}
+        shared = {path: content.sha256 for path, content in files.items() if isinstance(content, Stored)}
+        for sha256 in shared.values():
+            keep_asset(folder, sha256, store)
+        own = {path: base64.b64encode(data).decode() for path, data in files.items() if isinstance(data, bytes)}
+        return {FILES: own, SHARED: shared}
 
     def _measured(self, compilation: Compilation) -> Results:
         robot = next(robot for robot in compilation.robots if robot.mode.name == self.job.results_mode)

@@ -32,11 +32,12 @@ from thingc.emit.artifact import MANIFEST, Content, Stored
 from thingc.frozen import dataclass
 from thingc.realize import BlobMissing, Store, StoreUnusable
 from thingc.variants import places
+from thingc.variants.chunks import FILES, SHARED
 from thingc.variants.engine import RUNNERS, Cancelled, RunnersBroken, evaluate
 from thingc.variants.executors import Carrier, Cluster, WorkerLost
 from thingc.variants.folder import BatchFault
 from thingc.variants.job import STOPPED, Job, Row, Task, refusal
-from thingc.variants.places import write_variant
+from thingc.variants.places import keep_asset, write_variant
 from thingc.variants.transfer import Transfer
 
 T = TypeVar("T")
@@ -127,7 +128,7 @@ def evaluate_there(name: str, job: str, tasks: Sequence[Task], timeout: float) -
         _place(name)  # else the batch has ended: so does this chunk
 
     rows = evaluate(_settled(job, place), tasks, timeout, still)
-    return Answer(place=place, rows=rows, files={row["id"]: _listed(place, row["id"]) for row in rows if row["status"] == "built"})
+    return Answer(place=place, rows=rows, files={row["id"]: _listed(place, row) for row in rows if row["status"] == "built"})
 
 
 @lru_cache(maxsize=4)
@@ -144,10 +145,13 @@ def _settled(job: str, place: Place) -> str:
     ).encode()
 
 
-def _listed(place: Place, id: str) -> list[Listed]:
-    folder = places.variant_folder(os.path.join(place.folder, OUT), id)
+def _listed(place: Place, row: Row) -> list[Listed]:
+    """The files of a built variant; of a packed one those that do not come with its row."""
+    folder = places.variant_folder(os.path.join(place.folder, OUT), row["id"])
     assets = os.path.join(place.folder, OUT, places.ASSETS)
     try:
+        if SHARED in row:
+            return [(path, os.stat(os.path.join(assets, sha256)).st_size, sha256, True) for path, sha256 in row[SHARED].items()]
         with open(os.path.join(folder, MANIFEST), encoding="utf-8") as stream:
             named: dict[str, str] = json.load(stream)["files"]
         return [
@@ -271,7 +275,7 @@ class Shipping(Cluster):
                 row["message"] = f"on the worker {answer.place.worker}: {row['message']}"
             elif row["status"] == "built":
                 try:
-                    write_variant(self.folder, row["id"], blobs.files(row["id"]), blobs)
+                    self._keep(row, blobs)
                 except OSError as fault:
                     rows[-1] = _stopped(row, refusal(fault))
                 except StoreUnusable as fault:
@@ -280,10 +284,19 @@ class Shipping(Cluster):
                 break
         return rows
 
+    def _keep(self, row: Row, blobs: _Blobs) -> None:
+        """Write a variant; of a packed one what it shares. Raises as `write_variant` does."""
+        files = blobs.files(row["id"])
+        if SHARED not in row:
+            write_variant(self.folder, row["id"], files, blobs)
+            return
+        for sha256 in row[SHARED].values():
+            keep_asset(self.folder, sha256, blobs)
+
     def _mapped(self, found: Any, work: str, key: str = "") -> Any:
         """What a row says, with the paths that files have here."""
         if isinstance(found, dict):
-            return {name: self._mapped(value, work, name) for name, value in found.items()}
+            return {name: value if name == FILES else self._mapped(value, work, name) for name, value in found.items()}
         if isinstance(found, list):
             return [self._mapped(value, work) for value in found]
         if not isinstance(found, str) or work not in found:

@@ -6,16 +6,17 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from thingc.diagnostics import Code, Diagnostic, Report, shown_path
+from thingc.diagnostics import Diagnostic, Report
 from thingc.environment import Options
 from thingc.units import Quantity
 from thingc.variants import places
-from thingc.variants.folder import BatchFault, forget, in_words, locked, read_batch, remember
+from thingc.variants.folder import begun, forget, in_words, locked, remember
 from thingc.variants.page import write_page
 from thingc.variants.pictures import OnPicture, draw, usual
 from thingc.variants.planning import Plan, PlanError
 from thingc.variants.reading import read_plan
-from thingc.variants.tables import Column, columns, lengths_in
+from thingc.variants.records import lengths_in
+from thingc.variants.tables import Column, columns
 
 
 def parameter_columns(plan: Plan) -> list[Column]:
@@ -60,14 +61,10 @@ def show_again(
     if plan is None or report.failed:
         raise PlanError(report.ordered())
     folder = plan.folder_in(output)
-    described = read_batch(folder)
-    if described is None or described.get("document") != plan.relative:
-        raise BatchFault(
-            Code.NO_BATCH, f"there is no batch of `{plan.relative}` in `{shown_path(folder)}`", "build it first, without --page-only",
-        )
+    described = begun(plan.relative, folder, "build it first, without --page-only")
     try:
         with locked(folder):
-            wanted = columns(parameter_columns(plan), plan.choice_paths, lengths_in(os.path.join(folder, places.JOURNAL)))
+            wanted = columns(parameter_columns(plan), plan.choice_paths, lengths_in(folder))
             most = usual(described["count"]) if pictures is None else pictures
             warning = show(folder, described, wanted, most=most, jobs=jobs or os.cpu_count() or 1, on_picture=on_picture)
     except OSError as fault:

@@ -1,21 +1,23 @@
-"""The table of a batch, `results.csv` and `results.parquet`: one row for each variant in plan order, made from the journal.
+"""The table of a batch, `results.csv` and `results.parquet`: one row for each variant in plan order, made from what the batch has done.
 
 Rows are read, written and forgotten one by one, so a table of any length needs no memory.
 """
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
 from thingc.csvcell import cell
 from thingc.frozen import dataclass
 from thingc.variants import places
-from thingc.variants.journal import Line, in_order
-from thingc.variants.rules import LENGTHS, PARAMETERS, RESULTS, dimension_of
+from thingc.variants.journal import Line
+from thingc.variants.records import in_order, lengths_in
+from thingc.variants.rules import PARAMETERS, RESULTS, dimension_of
 from thingc.variants.values import unit_of
 
 BLOCK = 1024
@@ -59,14 +61,6 @@ def columns(parameters: Sequence[Column], choices: Sequence[str], lengths: Seque
     )
 
 
-def lengths_in(journal: str) -> list[str]:
-    """The results `length.JOINT` that any variant has, sorted."""
-    names: set[str] = set()
-    for line in in_order(journal):
-        names.update(name for name in line.get("results", ()) if name.startswith(LENGTHS))
-    return sorted(names)
-
-
 def flat(line: Line) -> dict[str, Any]:
     """The cells of a line of the journal by column, None where it has none. An infinite result is the text `inf`."""
     return {
@@ -90,29 +84,29 @@ def cells(line: Line, wanted: Sequence[Column]) -> list[Any]:
 
 
 def write_tables(folder: str, parameters: Sequence[Column], choices: Sequence[str]) -> tuple[Column, ...]:
-    """Write both files anew from the journal of a batch; each appears as a whole. Returns their columns."""
-    journal = os.path.join(folder, places.JOURNAL)
-    wanted = columns(parameters, choices, lengths_in(journal))
-    _write_csv(os.path.join(folder, places.TABLE_CSV), journal, wanted)
-    _write_parquet(os.path.join(folder, places.TABLE_PARQUET), journal, wanted)
+    """Write both files anew from what a batch has done; each appears as a whole. Returns their columns."""
+    wanted = columns(parameters, choices, lengths_in(folder))
+    written = os.path.join(folder, places.TABLE_CSV), os.path.join(folder, places.TABLE_PARQUET)
+    with _csv(f"{written[0]}.new", wanted) as to_csv, _parquet(f"{written[1]}.new", wanted) as to_parquet:
+        for line in in_order(folder):
+            row = cells(line, wanted)
+            to_csv(row)
+            to_parquet(row)
+    for path in written:
+        os.replace(f"{path}.new", path)
     return wanted
 
 
-def _rows(journal: str, wanted: Sequence[Column]) -> Iterator[list[Any]]:
-    return (cells(line, wanted) for line in in_order(journal))
-
-
-def _write_csv(path: str, journal: str, wanted: Sequence[Column]) -> None:
-    fresh = f"{path}.new"
-    with open(fresh, "w", encoding="utf-8", newline="") as stream:
+@contextlib.contextmanager
+def _csv(path: str, wanted: Sequence[Column]) -> Iterator[Callable[[list[Any]], None]]:
+    with open(path, "w", encoding="utf-8", newline="") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow([cell(column.name) for column in wanted])
-        for row in _rows(journal, wanted):
-            writer.writerow([cell(value) for value in row])
-    os.replace(fresh, path)
+        yield lambda row: writer.writerow([cell(value) for value in row])
 
 
-def _write_parquet(path: str, journal: str, wanted: Sequence[Column]) -> None:
+@contextlib.contextmanager
+def _parquet(path: str, wanted: Sequence[Column]) -> Iterator[Callable[[list[Any]], None]]:
     import pyarrow
     from pyarrow import parquet
 
@@ -120,17 +114,18 @@ def _write_parquet(path: str, journal: str, wanted: Sequence[Column]) -> None:
     schema = pyarrow.schema([
         pyarrow.field(column.name, types[column.kind], metadata={"unit": column.unit} if column.unit else None) for column in wanted
     ])
-    fresh = f"{path}.new"
-    with parquet.ParquetWriter(fresh, schema) as writer:
-        block: list[list[Any]] = []
-        for row in _rows(journal, wanted):
+    block: list[list[Any]] = []
+    with parquet.ParquetWriter(path, schema) as writer:
+
+        def write(row: list[Any]) -> None:
             block.append(row)
             if len(block) == BLOCK:
                 writer.write_table(_table(pyarrow, schema, block))
                 block.clear()
+
+        yield write
         if block:
             writer.write_table(_table(pyarrow, schema, block))
-    os.replace(fresh, path)
 
 
 def _table(pyarrow: Any, schema: Any, block: Sequence[Sequence[Any]]) -> Any:

@@ -1,0 +1,215 @@
+"""Packed batches: many variants in a file. The oracle is the same batch with a folder for each variant, and single builds."""
+
+from __future__ import annotations
+
+import base64
+import json
+import pickle
+import shlex
+import shutil
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pyarrow.parquet
+import pytest
+
+from thingc.diagnostics import Code
+from thingc.environment import Options
+from thingc.variants import BatchFault, FamilyError, UnknownVariant, chunks, load, page, records, run
+from thingc.variants.chunks import Chunk, seal
+from thingc.variants.journal import Journal
+from thingc.variants.records import in_order
+from variants.families import BOARDS, SOME, arrays
+from variants.robots import environment, thingc, tree, with_emitter, workspace
+from variants.test_batch import rows, without_run
+from variants.test_faults import FAULTS, assert_gone, descendants, listed, started
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module", autouse=True)
+def small() -> Iterator[None]:
+    """Five variants to a chunk, two to a group: for batches that are driven in this process."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(chunks, "CHUNK", 5)
+        patch.setattr(chunks, "GROUP", 2)
+        yield
+
+
+@pytest.fixture(scope="module")
+def here(small: None, tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Path:
+    """A workspace in which `some` is built, packed."""
+    folder = workspace(tmp_path_factory.mktemp("packed"), some=SOME, boards=BOARDS)
+    summary = run(str(folder / "some.yaml"), options=Options(store=shared_store), jobs=2, layout="packed")
+    assert summary.layout == "packed" and summary.statuses == {"built": 8, "kept_out": 4}
+    return folder
+
+
+def sealed(folder: Path) -> dict[str, bytes]:
+    """What does not tell of the run."""
+    return {name: data for name, data in tree(folder / "chunks").items() if not name.endswith(".run.parquet")}
+
+
+def test_a_packed_batch_is_a_file_for_many_variants_and_the_same_table(here: Path, some: Path) -> None:
+    out = here / "build" / "some"
+    assert sorted(tree(out)) == sorted([
+        *(f"chunks/{k:06d}{end}" for k in range(3) for end in (".parquet", ".run.parquet")), "batch.json", "index.html",
+        "results.csv", "results.parquet", "shown.json",
+    ])
+    ours, theirs = without_run(rows(out)), without_run(rows(some))
+    assert [row.pop("path") for row in ours] == [f"chunks/{k // 5:06d}.parquet" if row["path"] else "" for k, row in enumerate(theirs)]
+    assert ours == [{name: cell for name, cell in row.items() if name != "path"} for row in theirs]
+    table = pyarrow.parquet.read_table(out / "chunks" / "000001.parquet")  # what anybody can read
+    assert table.column("index").to_pylist() == [5, 6, 7, 8, 9]
+    built = next(k for k, status in enumerate(table.column("status").to_pylist()) if status == "built")
+    id = table.column("id").to_pylist()[built]
+    assert table.column("modes.json").to_pylist()[built] == (some / "variants" / id / "modes.json").read_bytes()
+
+
+def test_a_family_of_a_packed_batch_is_that_of_folders(here: Path, some: Path) -> None:
+    ours, theirs = load(here / "build" / "some", mode="flying"), load(some, mode="flying")
+    assert [one.id for one in ours] == [one.id for one in theirs] and len(ours.rows) == len(theirs.rows) == 12
+    for one, other in zip(reversed(ours), reversed(theirs), strict=True):
+        assert one.settings == other.settings and one.index == other.index and one.sizes() == other.sizes()
+        assert one.results["mass"] == other.results["mass"] and one.results.keys() == other.results.keys()
+        assert arrays(one.model(scene=True)) == arrays(other.model(scene=True)) and one.modes()["flying"].name == "flying"
+    third = ours[2]
+    assert ours[third.id] is third and ours[third.name] is third and third in ours[1:3]
+    assert [one.id for one in ours.filter({"parameters.length": 0.2})] == [one.id for one in theirs.filter({"parameters.length": 0.2})]
+    again = pickle.loads(pickle.dumps(ours[1:3]))
+    assert [one.id for one in again] == [theirs[1].id, third.id] and again[1] == third
+    out = next(row for row in ours.rows if row["status"] == "kept_out")
+    for key, words in ((out["name"], "cannot be had: it is `kept_out`"), ("some_99", "did you mean"), ("0" * 12, "has no variant")):
+        with pytest.raises(UnknownVariant, match=words):
+            ours[key]
+
+
+def test_an_unpacked_variant_is_the_single_build(here: Path, boards: Path, shared_store: str) -> None:
+    """Of parts: meshes are shared, names of files differ from variant to variant."""
+    env = environment(shared_store)
+    done = thingc("batch", "boards.yaml", "--layout", "packed", "--pictures", "2", cwd=here, env=env)
+    assert done.returncode == 0, done.stderr
+    assert "the variants are packed, 1024 to a file; the folder of one: thingc batch boards.yaml --unpack ID" in done.stderr
+    out = here / "build" / "boards"
+    assert len(tree(out / "pictures")) == 2 and not (out / "variants").exists()
+    first, second, _ = rows(out)
+    written = thingc("batch", "boards.yaml", "--unpack", second["id"], cwd=here, env=env)
+    assert written.stdout == f"build/boards/variants/{second['id']}\n", written.stderr
+    assert thingc(*shlex.split(second["command"])[1:], "-o", "alone", cwd=here, env=env).returncode == 0
+    assert tree(out / "variants" / second["id"]) == tree(here / "alone" / "stand")
+    family = load(out)
+    assert [tree(Path(one.unpack())) for one in family] == [tree(boards / "variants" / one.id) for one in family]
+    assert arrays(family[1].model()) != arrays(family[first["id"]].model()) == arrays(load(boards)[0].model())
+    wrong = thingc("batch", "boards.yaml", "--unpack", "boards_7", cwd=here, env=env)
+    assert wrong.returncode == 2 and "has no variant `boards_7`: did you mean `boards_" in wrong.stderr
+    options = Options(store=shared_store)
+    again = run(str(here / "boards.yaml"), options=options, jobs=1, limit=1, layout="folders")  # a finished batch is replaced
+    assert again.layout == "folders" and not (out / "chunks").exists() and len(list((out / "variants").iterdir())) == 1
+
+
+def test_the_same_batch_gives_the_same_chunks(here: Path, tmp_path: Path, shared_store: str) -> None:
+    """Whoever finishes first, and however often it was stopped: here after 7 of 12, within a chunk."""
+    other = workspace(tmp_path, some=SOME)
+    options = Options(store=shared_store)
+    run(str(other / "some.yaml"), options=options, jobs=1, layout="packed", limit=7)
+    assert sorted(tree(other / "build/some/chunks"))[-1] == "000001.run.parquet"
+    summary = run(str(other / "some.yaml"), options=options, jobs=1, resume=True)
+    assert summary.before == 7 and sealed(other / "build/some") == sealed(here / "build/some")
+    before = {path: path.stat().st_mtime_ns for path in (other / "build/some").rglob("results.*")}
+    assert run(str(other / "some.yaml"), options=options, resume=True).before == 12
+    assert {path: path.stat().st_mtime_ns for path in before} == before  # nothing is new: nothing is written
+
+
+def journalled(folder: Path, number: int) -> None:
+    """Put a sealed chunk back into its journal, the last variant first: as a batch has it before the chunk is whole."""
+    chunk = Chunk(str(folder), number)
+    with Journal(str(folder / f"chunks/{number:06d}.jsonl")) as journal:
+        for index in reversed(chunk.indices):
+            row = chunk.row(index)
+            files = {path: base64.b64encode(data).decode() for path, data in row.files.items()}
+            journal.append({**chunk.line(index), **({"files": files, "shared": chunk.shared(index)} if files else {})})
+    chunk.close()
+
+
+@pytest.mark.parametrize("sealed_before", [False, True], ids=["before the chunk is there", "before its journal is gone"])
+def test_a_kill_while_a_chunk_is_sealed_loses_nothing(here: Path, tmp_path: Path, shared_store: str, *, sealed_before: bool) -> None:
+    other = workspace(tmp_path, some=SOME)
+    shutil.copytree(here / "build", other / "build")
+    out = other / "build" / "some"
+    expected = tree(out / "chunks")
+    journalled(out, 1)
+    (out / "chunks" / ".new-000001.parquet").write_bytes(b"half a chunk")
+    if not sealed_before:
+        (out / "chunks" / "000001.parquet").unlink()
+    ours = load(out)
+    assert [one.id for one in ours] == [one.id for one in load(here / "build" / "some")] and ours[4].sizes("flying").nq == 9
+    assert list(in_order(str(out))) == list(in_order(str(here / "build" / "some")))
+    count, some_lines = records.spread(str(out), 4)
+    assert count == 12 and list(some_lines) == list(in_order(str(out)))[::3]
+    summary = run(str(other / "some.yaml"), options=Options(store=shared_store), resume=True)
+    assert summary.before == 12 and tree(out / "chunks") == expected
+
+
+def test_what_failed_is_packed_when_it_is_built_later(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    here = workspace(tmp_path, faults=listed({1: "kill", 3: "raise", 6: "raise"}, 8))
+    path = with_emitter(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", path)
+    monkeypatch.syspath_prepend(path)
+    options = Options(store=shared_store)
+    assert run(str(here / "faults.yaml"), options=options, jobs=1, layout="packed").statuses == {"built": 5, "failed": 3}
+    emitter = Path(path) / "faulty_target.py"
+    emitter.write_text(emitter.read_text().replace('fault == "raise"', 'fault == "never"').replace('fault == "kill"', 'fault == "never"'))
+    assert run(str(here / "faults.yaml"), options=options, resume=True).statuses == {"built": 5, "failed": 3}
+    times = []
+    monkeypatch.setattr(chunks, "seal", lambda folder, number: (times.append(number), seal(folder, number)))
+    done = run(str(here / "faults.yaml"), options=options, jobs=1, resume=True, retry=True)
+    assert done.statuses == {"built": 8} and done.before == 5 and times == [0, 1]  # each chunk once
+    assert load(here / "build/faults")[1].sizes("flying").nq == 9
+    fresh = workspace(tmp_path / "fresh", faults=listed({1: "kill", 3: "raise", 6: "raise"}, 8))
+    run(str(fresh / "faults.yaml"), options=options, jobs=2, layout="packed")
+    assert sealed(fresh / "build/faults") == sealed(here / "build/faults")
+
+
+def test_a_killed_driver_of_a_packed_batch_can_be_resumed(tmp_path: Path, shared_store: str) -> None:
+    """SIGKILL and SIGTERM at any moment: every variant that is in a journal stays, and the chunk is that of an undisturbed batch."""
+    env = environment(shared_store, with_emitter(tmp_path))
+    places = [workspace(tmp_path / name, faults=FAULTS + "    layout: packed\n") for name in ("killed", "fresh")]
+    assert thingc("batch", "faults.yaml", cwd=places[1], env=env).returncode == 0
+    here, journal = places[0], places[0] / "build/faults/chunks/000000.jsonl"
+    for number, count in ((signal.SIGKILL, 2), (signal.SIGTERM, 8)):
+        process = started(here, env, "--jobs", "2", *(["--resume"] if journal.exists() else []))
+        while process.poll() is None and (not journal.exists() or journal.read_bytes().count(b"\n") < count):
+            pass
+        running = descendants(process.pid)
+        process.send_signal(number)
+        process.communicate(timeout=60)
+        assert_gone(running)
+        with journal.open("a") as stream:
+            stream.write('{"index": 2')  # a line that the kill has torn
+    there = journal.read_bytes().count(b"\n")
+    done = thingc("batch", "faults.yaml", "--resume", cwd=here, env=env)
+    assert done.returncode == 0 and f"({there} of them before): 24 built" in done.stderr and not journal.exists(), done.stderr
+    assert sealed(here / "build/faults") == sealed(places[1] / "build/faults")
+
+
+def test_a_batch_is_gone_on_with_in_its_own_layout(here: Path, shared_store: str) -> None:
+    with pytest.raises(BatchFault, match="begun with something else: its layout is `packed`, not `folders`") as caught:
+        run(str(here / "some.yaml"), options=Options(store=shared_store), resume=True, layout="folders")
+    assert caught.value.diagnostic.code is Code.BATCH_CHANGED
+
+
+def test_the_page_of_a_long_table_has_some_of_its_rows(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(page, "MOST", 4)
+    out = here / "build" / "some"
+    described = json.loads((out / "batch.json").read_text())
+    written = Path(page.write_page(str(out), described, [])).read_text()
+    told = json.loads(written.split('id="batch"')[1].split(">", 1)[1].split("</script>")[0])
+    assert len(told["rows"]) == 4 and told["done"] == 12 and told["layout"] == "packed"
+
+
+def test_a_file_that_is_not_there_is_said(here: Path, tmp_path: Path, shared_store: str) -> None:
+    other = workspace(tmp_path, some=SOME)
+    run(str(other / "some.yaml"), options=Options(store=shared_store), layout="packed", emit=("bom",), limit=2)
+    with pytest.raises(FamilyError, match="has been built without the target `mjcf`"):
+        load(other / "build" / "some")[0].model("flying")
