@@ -12,6 +12,7 @@ import tempfile
 from pathlib import Path
 
 import terminal
+import website
 from PIL import Image
 
 from thingc.templates import TEMPLATES
@@ -110,7 +111,6 @@ HERO = (
 
 def hero(path: Path) -> None:
     """The modes of MInchW as its document has them, and what they are in the viewer."""
-    sys.path.insert(0, str(ROOT / "tests"))
     from viewer.browser import BROWSER, address, chromium, drawn, opened
 
     if BROWSER is None:
@@ -148,6 +148,30 @@ def hero(path: Path) -> None:
         picture.convert("RGB").quantize(255, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
+STEPS = {
+    "rover": {"start_left.png": "mode=on_left&pose=lean_left"}, "rover_longer": {"start_longer.png": "mode=walking"},
+    "rover_hat": {"start_hat.png": "mode=walking", "start_margin.png": "mode=on_left&pose=lean_left&colour=torque+margin"},
+}
+"""Pictures of the tutorial: the viewer of a step, and where in it."""
+
+
+def tutorial() -> None:
+    """What the robot of the tutorial is after its steps, in the viewer."""
+    from viewer.browser import BROWSER, address, chromium, drawn, opened
+
+    if BROWSER is None:
+        print("no Chromium is installed: the pictures of the tutorial stay as they are", file=sys.stderr)
+        return
+    with tempfile.TemporaryDirectory() as folder, chromium() as browser:
+        for name, document in website.made((ROOT / "docs/start.md").read_text(), Path(folder)):
+            page = Path(folder) / f"{name}.html"
+            website.view(document, page)
+            for picture, where in STEPS[name].items():
+                with opened(browser, address(page, f"#{where}&theme=light&panels=none&marks=floor"), (960, 420)) as shown:
+                    drawn(shown)
+                    shown.locator("#view").screenshot(path=str(PICTURES / picture))
+
+
 FRAME = """<!doctype html><meta charset="utf-8"><style>
   body { margin: 0; font: 15px system-ui, "DejaVu Sans", sans-serif; }
   main { display: flex; width: 1460px; height: 480px; background: #fff; }
@@ -163,12 +187,14 @@ FRAME = """<!doctype html><meta charset="utf-8"><style>
 def main() -> int:
     """Draw every strip, the page of a batch, and the assembly graph of the arm."""
     PICTURES.mkdir(exist_ok=True)
+    sys.path.insert(0, str(ROOT / "tests"))
     hero(PICTURES / "hero.png")
     terminal.write(PICTURES / "terminal.svg")
     for name, (document, shots) in STRIPS.items():
         strip(document, shots).save(PICTURES / name, optimize=True)
     new_robots(PICTURES / "new_robots.png")
     batch_page(PICTURES / "batch_page.png")
+    tutorial()
     (PICTURES / "arm_hag.svg").write_text(thingc("hag", "assemblies/arm.yaml", "--format", "svg"))
     return 0
 

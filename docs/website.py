@@ -5,7 +5,8 @@ The pages are the Markdown files of `docs/`, written for whoever reads them in t
 - a link out of `docs/` becomes one to a page of the site: the project's own pages (`PROJECT`), or a page that shows the source file;
 - lists are indented as Python-Markdown wants them;
 - a picture below the comment `<!-- viewer: arm -->` becomes a frame that shows it until somebody clicks at it, and then the robot itself:
-  `viewers/arm.html`, which `thingc build --emit html` makes of each of `robots()`. `<!-- viewer: arm#... -->` takes a permalink.
+  `viewers/arm.html`, which `thingc build --emit html` makes of each of `robots()`. `<!-- viewer: arm#... -->` takes a permalink, and
+  `<!-- viewer: longer of rover.yaml -->` shows what the commands of the page have made so far (`steps`).
 
 zensical (`zensical.toml`) makes HTML of them, and `llms.txt` and `llms-full.txt` lie beside it: the list of the pages, and all of them.
 What the site then refers to has to be there, and nothing in it may be asked of another host.
@@ -17,9 +18,11 @@ import argparse
 import html
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
+import tempfile
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from html.parser import HTMLParser
@@ -40,6 +43,8 @@ SKIPPED = ("readme.md", "architecture.md", "contributing.md", "changelog.md", "a
 """Pages that `llms-full.txt` leaves out: said elsewhere, of the project's inside, or docstrings, which are there when the site is built."""
 WORKERS = "https://unpkg.com/iframe-worker/shim"
 """What zensical's pages ask for, where `docs/site/iframe-worker.js` is just that."""
+WRITES = ("new", "set", "add")
+"""The commands of `thingc` that write what a document says."""
 
 FRAME = (
     "html,body{margin:0;height:100%;background:#dcdcdc}a{display:block;height:100%;position:relative}"
@@ -51,7 +56,8 @@ FRAME = (
 _TEXT = r"(?:`[^`]*`|!\[[^\]]*\]\([^)\s]*\)|[^\[\]`])*?"
 _TOKENS = re.compile(
     rf"""(?P<fence>^(?P<indent>[ ]*)(?P<ticks>`{{3,}})[^\n]*\n.*?^(?P=indent)(?P=ticks)[ ]*$)
-    |(?P<viewer><!--[ ]viewer:[ ](?P<robot>[\w-]+)(?P<fragment>\#\S+)?[ ]-->\n+!\[(?P<says>[^\]]*)\]\((?P<picture>[^)\s]+)\))
+    |(?P<viewer><!--[ ]viewer:[ ](?P<robot>[\w-]+)(?P<fragment>\#\S+)?(?:[ ]of[ ](?P<document>\S+))?[ ]-->\n+
+        !\[(?P<says>[^\]]*)\]\((?P<picture>[^)\s]+)\))
     |(?P<link>(?P<text>!?\[{_TEXT}\])\((?P<target>[^)\s]+)\))
     |(?P<code>(?P<ticked>`+)(?!`).*?(?<!`)(?P=ticked)(?!`))""",
     re.MULTILINE | re.DOTALL | re.VERBOSE,
@@ -61,10 +67,33 @@ _ITEM = re.compile(r"( *)(?:[-*]|\d+\.) +(?=\S)")
 
 
 def robots() -> dict[str, Path]:
-    """The documents that the site shows live, by a name: the arm, MInchW, the gallery's, and what `thingc new` begins with."""
+    """The documents that the site shows live, by a name: the arm, MInchW, and the gallery's."""
     gallery = sorted(path for path in ROOT.glob("gallery/*/*.yaml") if path.stem == path.parent.name)
-    named = {path.stem: path for path in (ROOT / "assemblies/arm.yaml", ROOT / "assemblies/minchw/minchw.yaml", *gallery)}
-    return named | {f"new_{path.parent.name}": path for path in sorted(ROOT.glob("compiler/thingc/templates/*/my_robot.yaml"))}
+    return {path.stem: path for path in (ROOT / "assemblies/arm.yaml", ROOT / "assemblies/minchw/minchw.yaml", *gallery)}
+
+
+def steps(text: str) -> Iterator[tuple[str, str, list[list[str]]]]:
+    """The viewers of a page that show what its own commands have made up to there: the name of each, the document, and what has been
+    typed since the one before, as words: `cd`, and what of `thingc` writes files (`WRITES`)."""
+    typed: list[list[str]] = []
+    for found in _TOKENS.finditer(text):
+        if found["document"]:
+            yield found["robot"], found["document"], typed
+            typed = []
+        elif found["fence"] and found["fence"].startswith("```console\n"):
+            lines = (shlex.split(line[2:]) for line in found["fence"].splitlines() if line.startswith("$ "))
+            typed += [words for words in lines if words[0] == "cd" or words[0] == "thingc" and words[1] in WRITES]
+
+
+def made(text: str, folder: Path) -> Iterator[tuple[str, Path]]:
+    """Follows a page in a folder: the name of each of its `steps` with the document, as it stands there until the next is asked for."""
+    for name, document, typed in steps(text):
+        for words in typed:
+            if words[0] == "cd":
+                folder = folder / words[1]
+            else:  # one that shows what is said of a slip ends with another code than 0
+                subprocess.run([sys.executable, "-m", *words], cwd=folder, check=False, capture_output=True)
+        yield name, folder / document
 
 
 # --- pages ---------------------------------------------------------------------------------------------------------
@@ -277,15 +306,25 @@ def lay(folder: Path, *, viewers: bool) -> None:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text, encoding="utf-8", newline="\n")
     (folder / "viewers").mkdir()
+    if not viewers:
+        for robot in (*robots(), *(name for path in DOCS.rglob("*.md") for name, _, _ in steps(path.read_text(encoding="utf-8")))):
+            (folder / "viewers" / f"{robot}.html").write_text("<!doctype html><title>not built</title>\n", encoding="utf-8")
+        return
     for robot, document in robots().items():
-        page = folder / "viewers" / f"{robot}.html"
-        if viewers:
-            built = ROOT / "build" / "viewers" / robot
-            command = [sys.executable, "-m", "thingc", "build", str(document), "--emit", "html", "--output", str(built)]
-            subprocess.run(command, cwd=ROOT, check=True)
-            shutil.copy(built / document.stem / "html" / f"{document.stem}.html", page)
-        else:
-            page.write_text("<!doctype html><title>not built</title>\n", encoding="utf-8")
+        view(document, folder / "viewers" / f"{robot}.html")
+    for path in sorted(DOCS.rglob("*.md")):
+        with tempfile.TemporaryDirectory() as empty:
+            for robot, document in made(path.read_text(encoding="utf-8"), Path(empty)):
+                view(document, folder / "viewers" / f"{robot}.html")
+
+
+def view(document: Path, page: Path) -> None:
+    """Build the page of a document's robot."""
+    built = ROOT / "build" / "viewers" / page.stem
+    subprocess.run(
+        [sys.executable, "-m", "thingc", "build", str(document), "--emit", "html", "--output", str(built)], cwd=document.parent, check=True,
+    )
+    shutil.copy(built / document.stem / "html" / f"{document.stem}.html", page)
 
 
 def build(folder: Path) -> list[str]:

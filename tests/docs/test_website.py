@@ -76,6 +76,17 @@ def test_a_viewer_is_a_frame_whose_first_page_is_the_picture(website: ModuleType
     assert 'title="&quot;The&quot; arm"' in seen and "aspect-ratio: 1" in seen
 
 
+def test_viewers_of_the_tutorial_show_what_its_commands_have_made(
+    website: ModuleType, tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Each step is the document as it stands there: what comes later is not in it yet."""
+    monkeypatch.setenv("THINGC_STORE", shared_store)
+    found = {name: (document.name, document.read_text()) for name, document in website.made((ROOT / "docs/start.md").read_text(), tmp_path)}
+    assert {name: (file, "value: 80 mm" in text, "hat:Hat" in text and "kp: 0.5" in text) for name, (file, text) in found.items()} == {
+        "rover": ("rover.yaml", False, False), "rover_longer": ("rover.yaml", True, False), "rover_hat": ("rover.yaml", True, True),
+    }
+
+
 def test_faults_of_a_site_are_found(website: ModuleType, tmp_path: Path) -> None:
     (tmp_path / "b.html").write_text('<h1 id="there">b</h1>')
     (tmp_path / "a.css").write_text("@font-face { src: url(https://fonts.example/x.woff2) }")
