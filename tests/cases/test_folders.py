@@ -128,6 +128,28 @@ def test_a_pipe_is_no_document_and_nobody_waits_for_it(folder: Path, capsys: pyt
     assert code == 1 and lines[0] == "error[TC113]: there is no file `pipe.yaml`"
 
 
+@pytest.mark.parametrize(("word", "hint"), [
+    ("hexapod.yaml", "did you mean `legged/hexapod.yaml`?"),  # in a folder below
+    ("legged/hexapd.yaml", "did you mean `legged/hexapod.yaml`?"),
+    ("away/leg.toml", "did you mean `legged/leg.yaml`?"),  # in a folder that is not there
+    ("legged/nothing.yaml", "known documents: `legged/hexapod.yaml`, `legged/leg.yaml`"),  # and not one with letters of the folder's name
+    ("empty/nothing.yaml", "known documents: `legged/hexapod.yaml`, `legged/leg.yaml`"),
+    ("empty", "known documents: `legged/hexapod.yaml`, `legged/leg.yaml`"),
+    ("legged", "known documents: `legged/hexapod.yaml`, `legged/leg.yaml`"),
+])
+def test_a_document_is_meant_that_lies_elsewhere_in_the_workspace(
+    tmp_path: Path, word: str, hint: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "legged").mkdir()
+    (tmp_path / "notes.yaml").write_text("no: document\n")
+    for name in ("hexapod", "leg"):
+        (tmp_path / f"legged/{name}.yaml").write_text("thingc: assembly/1\n")
+    assert said(capsys, "info", word)[1][1] == f"  help: {hint}"
+
+
 @pytest.mark.parametrize("words", [("touched",), ("check", "--touched"), ("check", "--touched", "--fix")])
 def test_a_folder_is_no_file_that_has_changed(folder: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]) -> None:
     assert said(capsys, *words, "parts") == (2, [

@@ -13,7 +13,7 @@ from thingc.diagnostics import Code, Diagnostic, Report, Severity, shown_path
 from thingc.environment import Options
 from thingc.printing import as_json, as_text, summary
 from thingc.shown import json_text, shown, shown_line
-from thingc.typos import did_you_mean, file_meant
+from thingc.typos import did_you_mean, file_meant, nearest
 
 USAGE = 2
 FINDINGS = ("text", "json", "github", "sarif")
@@ -157,12 +157,29 @@ def require_document(path: str) -> None:
     ]
     if is_folder:
         raise WrongCommandLine(
-            f"`{path}` is a folder, and a document was expected", did_you_mean("", near, what="documents"), Code.NO_DOCUMENT,
+            f"`{path}` is a folder, and a document was expected", _document_meant("", folder, near), Code.NO_DOCUMENT,
         )
     if os.path.exists(path) and not is_file:
         raise WrongCommandLine(f"`{path}` is no file that can be read again", "name a document that is a file", Code.NO_DOCUMENT)
-    message = f"`{path}` is no document ({', '.join(DOCUMENT_SUFFIXES)})" if is_file else f"there is no document `{path}`"
-    raise WrongCommandLine(message, file_meant(path, near, what="documents"), Code.NO_DOCUMENT)
+    if is_file:
+        message = f"`{path}` is no document ({', '.join(DOCUMENT_SUFFIXES)})"
+        raise WrongCommandLine(message, file_meant(path, near, what="documents"), Code.NO_DOCUMENT)
+    meant = _document_meant(path, folder if os.path.isdir(folder) else os.curdir, near)
+    raise WrongCommandLine(f"there is no document `{path}`", meant, Code.NO_DOCUMENT)
+
+
+def _document_meant(path: str, folder: str, beside: Sequence[str]) -> str:
+    """What to write for a document that is not there: one `beside` it that is called nearly so, or one elsewhere in the workspace; else
+    those that there are."""
+    from thingc.load.finding import documents_near
+
+    stem, elsewhere = os.path.splitext(os.path.basename(path))[0], [shown_path(one) for one in documents_near(folder)]
+    for known in (beside, elsewhere):
+        called = {os.path.splitext(os.path.basename(one))[0]: one for one in sorted(known, reverse=True)}
+        close = nearest(stem, called)
+        if close is not None:
+            return f"did you mean `{called[close]}`?"
+    return did_you_mean("", beside or elsewhere, what="documents")
 
 
 def expanded(words: Iterable[str]) -> list[str]:

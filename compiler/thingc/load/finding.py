@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from itertools import islice
 from typing import TYPE_CHECKING
 
 from thingc.load.paths import DOCUMENT_SUFFIXES
@@ -28,9 +29,13 @@ def documents_in(folder: str, workspace: Workspace | None = None) -> list[str]:
     environments always are; links to folders are not followed. A file that cannot be read is no document here: whoever
     names it hears why.
     """
+    return _documents(folder, workspace, None)
+
+
+def _documents(folder: str, workspace: Workspace | None, most: int | None) -> list[str]:
     paths: list[str] = []
     build = os.path.realpath(workspace.build) if workspace is not None else None
-    for path, folders, files in os.walk(os.path.abspath(folder)):
+    for path, folders, files in islice(os.walk(os.path.abspath(folder)), most):
         folders[:] = sorted(
             name for name in folders
             if not name.startswith(".") and name not in _OTHERS and _belongs(os.path.join(path, name), build)
@@ -40,6 +45,20 @@ def documents_in(folder: str, workspace: Workspace | None = None) -> list[str]:
             if name.lower().endswith(DOCUMENT_SUFFIXES) and not name.startswith(".") and is_document(os.path.join(path, name))
         ]
     return sorted(paths)
+
+
+MOST_FOLDERS = 200
+"""Folders that are looked into for a document that somebody may have meant."""
+
+
+def documents_near(folder: str) -> list[str]:
+    """Absolute paths of the documents below a folder, or below that of its workspace where it lies in one, those of other workspaces
+    among them; of the first `MOST_FOLDERS` folders, so that nobody waits who has mistyped a name at home."""
+    from thingc.diagnostics import Report
+    from thingc.workspace import Workspace
+
+    workspace = Workspace.find(os.path.join(os.path.abspath(folder), "document"), Report())
+    return _documents(folder if workspace is None else workspace.root, None, MOST_FOLDERS)
 
 
 def is_document(path: str, kind: str = "") -> bool:
