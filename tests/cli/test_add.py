@@ -136,6 +136,21 @@ def test_modes_differ_and_stand_where_sections_belong(document: Path, capfd: pyt
     assert list(read(document)["modes"]) == ["m0", "m1", "m2", "hand"]
 
 
+def test_a_mode_that_stands_on_a_mount_has_it_for_its_root_or_is_carried_there(document: Path) -> None:
+    added(document, "mode", "first", "--root", "base", "--base", "free")
+    for name, words, value in (
+        ("still", ["hand.seat"], {"root": "hand.seat", "base": "held"}),
+        ("bolted", ["hand.seat"], {"root": "hand.seat", "base": "fixed"}),
+        ("wall", ["arm.seat", "--gravity", "wall"], {"root": "arm.seat", "base": "held", "gravity": "wall"}),
+        ("loose", ["base.top", "--base", "free"], {"root": "base", "base": "free", "standing_on": ["base.top"]}),
+        ("two", ["base.top", "--standing-on", "base.origin", "--root", "arm"],
+         {"root": "arm", "base": "free", "standing_on": ["base.top", "base.origin"]}),
+    ):
+        assert main(["add", "mode", name, "--to", document.name, "--standing-on", *words]) == 0
+        assert read(document)["modes"][name] == value
+    assert main(["fmt", "--check", "."]) == 0
+
+
 def test_a_mode_starts_in_the_pose_of_the_first_one_or_of_its_own(document: Path) -> None:
     head, tail = ("poses:\n  up: {wrist: 0.5 rad}\n  down: {}\n\n", "modes:\n  first: {root: hand, pose: up}\n  second: {extends: first}\n")
     if document.suffix == ".toml":
@@ -206,6 +221,9 @@ def test_a_part_for_no_document_yet(document: Path, capsys: pytest.CaptureFixtur
     ("joint x --to D --parent base.top --child arm.seet", "error[TC303]"),
     ("joint x --to D --parent arm.end --child base.origin", "error[TC321]"),
     ("mode x --to D --root nothing", "error[TC302]"),
+    ("mode x --to D --standing-on arm.seat --root base", "`arm.seat` is the root of a mode that stands on it, and --root names another"),
+    ("mode x --to D --standing-on arm.sole", "error[TC303]"),
+    ("part X --standing-on arm.seat", "--standing-on is for a mode, and this is a part"),
     ("mode x-y --to D", "`x-y` is no name: a letter, then letters, digits and `_`\n  help: write for example `x_y`"),
     ("mode x --to D --pose nowhere", "`nowhere`"),
     ("assembly root --to D", "error[TC"),

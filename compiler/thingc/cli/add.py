@@ -29,13 +29,14 @@ Nothing is written unless all of the document would be right with what is added.
   thingc add part links:Bracket                               only the class, in parts/links.py
   thingc add joint hinge --to rover.yaml --parent base.top --child bracket.bottom
   thingc add mode hung --to rover.yaml --root bracket.top --base held
+  thingc add mode on_left --to rover.yaml --standing-on left.sole
   thingc add test light --to rover.yaml --kind mass
   thingc add assembly leg --to rover.yaml                     leg.yaml, and a component that is one
 """
 WHAT = ("part", "assembly", "mode", "joint", "test")
 OPTIONS = {
     "on": ("part", "assembly"), "root": ("mode",), "base": ("mode",), "pose": ("mode",),
-    "gravity": ("mode",), "type": ("joint",), "parent": ("joint",),
+    "standing_on": ("mode",), "gravity": ("mode",), "type": ("joint",), "parent": ("joint",),
     "child": ("joint",), "loop": ("joint",), "kind": ("test",),
 }
 """What each option belongs to."""
@@ -52,6 +53,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--base", type=_choice(BASES), metavar="{" + ",".join(BASES) + "}",
         help="of a mode: the first that no other mode with this root has, unless given",
+    )
+    parser.add_argument(
+        "--standing-on", metavar="MOUNT", action="append",
+        help="of a mode: the mount that is its root and lies on the floor, held there; with --base free, or of several, the floor carries them",
     )
     parser.add_argument("--pose", metavar="POSE", help="of a mode: where it starts; as the first mode does unless given")
     parser.add_argument("--gravity", metavar="GRAVITY", help="of a mode: wall, ceiling, or three accelerations; floor unless given")
@@ -78,7 +83,7 @@ def _add(arguments: argparse.Namespace, options: Options) -> int:
     what = arguments.what
     for option, owners in OPTIONS.items():
         if getattr(arguments, option) is not None and what not in owners:
-            raise common.WrongCommandLine(f"--{option} is for {_enumerated(owners)}, and this is {_article(what)}", "take it out")
+            raise common.WrongCommandLine(f"--{option.replace('_', '-')} is for {_enumerated(owners)}, and this is {_article(what)}", "take it out")
     if arguments.to is None:
         if what not in ("part", "assembly"):
             raise common.WrongCommandLine(

@@ -110,14 +110,25 @@ def _mode(arguments: argparse.Namespace, documents: Documents | None) -> Additio
     name = _new(root, "modes", arguments.name)
     modes = _section(root, "modes")
     first: Mapping[str, object] = _extended(modes, next(iter(modes))) if modes else {"root": _base(root)}
-    stands = arguments.root or str(first["root"])
+    soles: list[str] = arguments.standing_on or []
+    by_sole = len(soles) == 1 and arguments.base not in BASES[2:]
+    if by_sole and arguments.root is not None:
+        raise common.WrongCommandLine(
+            f"`{soles[0]}` is the root of a mode that stands on it, and --root names another", "leave --root out, or write `--base free`",
+        )
+    stands = soles[0] if by_sole else arguments.root or str(first["root"])
+    usual = ("held", "fixed") if by_sole else ("free",) if soles else BASES[:3]
     taken = {str(mode.get("base", "fixed")) for mode in (_extended(modes, one) for one in modes) if mode.get("root") == stands}
-    base = arguments.base or next((one for one in BASES[:3] if one not in taken), BASES[0])
+    base = arguments.base or next((one for one in usual if one not in taken), usual[0])
     value: dict[str, Written] = {"root": stands, "base": base}
-    if stands == first["root"] and base in ("fixed", "held"):
+    if by_sole:
+        pass  # the mount lies on the world's origin, and the robot stands above it
+    elif stands == first["root"] and base in ("fixed", "held"):
         value |= {"at": _written(first["at"])} if "at" in first else {}
     elif _shaped(root):
         value["at"] = {"on": "floor"}
+    if soles and not by_sole:
+        value["standing_on"] = list(soles)
     if arguments.gravity is not None:
         value["gravity"] = arguments.gravity
     pose = arguments.pose or first.get("pose")
