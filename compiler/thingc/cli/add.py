@@ -56,7 +56,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--standing-on", metavar="MOUNT", action="append",
-        help="of a mode: the mount that is its root and lies on the floor, held there; with --base free, or of several, the floor carries them",
+        help="of a mode: the mount that is its root and is held on the floor; with --base free, or of several, the floor carries them",
     )
     parser.add_argument("--pose", metavar="POSE", help="of a mode: where it starts; as the first mode does unless given")
     parser.add_argument("--gravity", metavar="GRAVITY", help="of a mode: wall, ceiling, or three accelerations; floor unless given")
@@ -83,7 +83,8 @@ def _add(arguments: argparse.Namespace, options: Options) -> int:
     what = arguments.what
     for option, owners in OPTIONS.items():
         if getattr(arguments, option) is not None and what not in owners:
-            raise common.WrongCommandLine(f"--{option.replace('_', '-')} is for {_enumerated(owners)}, and this is {_article(what)}", "take it out")
+            written = "--" + option.replace("_", "-")
+            raise common.WrongCommandLine(f"{written} is for {_enumerated(owners)}, and this is {_article(what)}", "take it out")
     if arguments.to is None:
         if what not in ("part", "assembly"):
             raise common.WrongCommandLine(
