@@ -172,8 +172,10 @@ def _document_meant(path: str, folder: str, beside: Sequence[str]) -> str:
     """What to write for a document that is not there: one `beside` it that is called nearly so, or one elsewhere in the workspace; else
     those that there are."""
     from thingc.load.finding import documents_near
+    from thingc.workspace import Workspace
 
-    stem, elsewhere = os.path.splitext(os.path.basename(path))[0], [shown_path(one) for one in documents_near(folder)]
+    workspace = Workspace.find(os.path.join(os.path.abspath(folder), "document"), Report())
+    stem, elsewhere = os.path.splitext(os.path.basename(path))[0], [shown_path(one) for one in documents_near(folder, workspace)]
     for known in (beside, elsewhere):
         called = {os.path.splitext(os.path.basename(one))[0]: one for one in sorted(known, reverse=True)}
         close = nearest(stem, called)

@@ -51,13 +51,9 @@ MOST_FOLDERS = 200
 """Folders that are looked into for a document that somebody may have meant."""
 
 
-def documents_near(folder: str) -> list[str]:
-    """Absolute paths of the documents below a folder, or below that of its workspace where it lies in one, those of other workspaces
+def documents_near(folder: str, workspace: Workspace | None) -> list[str]:
+    """Absolute paths of the documents below a folder, or below that of its `workspace` where it lies in one, those of other workspaces
     among them; of the first `MOST_FOLDERS` folders, so that nobody waits who has mistyped a name at home."""
-    from thingc.diagnostics import Report
-    from thingc.workspace import Workspace
-
-    workspace = Workspace.find(os.path.join(os.path.abspath(folder), "document"), Report())
     return _documents(folder if workspace is None else workspace.root, None, MOST_FOLDERS)
 
 
