@@ -50,7 +50,9 @@ bench-variants: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/variants/memory.py
 	$(BIN)/python benchmarks/variants/patched.py
 	$(BIN)/python benchmarks/variants/cluster.py
+	$(BIN)/python benchmarks/variants/packed.py
 	$(BIN)/python benchmarks/variants/equal.py
+	$(BIN)/python benchmarks/variants/equal.py --layout packed --count 60
 
 bench-viewer: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/viewer/study.py

@@ -1,4 +1,4 @@
-"""Is a variant what a single build makes of the same settings? `python benchmarks/variants/equal.py [--count N]`.
+"""Is a variant what a single build makes of the same settings? `python benchmarks/variants/equal.py [--count N] [--layout L]`.
 
 N sampled variants of MInchW (length of leg and body, and the wall, so that parts differ) are built as a batch; then each is built
 alone, by the command that the batch's table gives for it, in a process of its own, and the two folders are compared byte for byte. A
@@ -21,6 +21,8 @@ from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+from thingc.variants import load
+
 ROOT = Path(__file__).resolve().parents[2]
 FAMILY = """\
 thingc: variants/1
@@ -41,6 +43,7 @@ def main() -> int:
     """Build, compare, print; 1 where anything differs."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=300)
+    parser.add_argument("--layout", choices=("folders", "packed"), default="folders", help="of the batch; what is packed is unpacked")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="single builds at once")
     parser.add_argument("--store", help="where modelled parts are kept (default: an empty one)")
     arguments = parser.parse_args()
@@ -52,7 +55,7 @@ def main() -> int:
         (folder / "sampled.yaml").write_text(FAMILY.format(count=arguments.count))
         environment = {**os.environ, "THINGC_STORE": arguments.store or str(folder.parent / "store")}
         begun = time.monotonic()
-        batch = thingc(["batch", "sampled.yaml", "--pictures", "none"], folder, environment)
+        batch = thingc(["batch", "sampled.yaml", "--pictures", "none", "--layout", arguments.layout], folder, environment)
         took = time.monotonic() - begun
         out = folder / "build" / "sampled"
         if not out.is_dir():
@@ -62,8 +65,9 @@ def main() -> int:
         if len(rows) != arguments.count:
             raise SystemExit(f"{len(rows)} of {arguments.count} variants are in the table:\n{batch.stderr}")
         begun = time.monotonic()
+        places = {variant.id: Path(variant.unpack()) for variant in load(out)}
         with ThreadPoolExecutor(arguments.jobs) as pool:
-            found = list(pool.map(lambda row: compared(row, out, folder, environment), rows))
+            found = list(pool.map(lambda row: compared(row, places.get(row["id"]), folder, environment), rows))
         singles = time.monotonic() - begun
     tally = Counter(outcome for outcome, _ in found)
     for outcome, words in found:
@@ -74,8 +78,9 @@ def main() -> int:
     return 1 if tally["differs"] else 0
 
 
-def compared(row: dict[str, str], out: Path, folder: Path, environment: dict[str, str]) -> tuple[str, str]:
-    """How a variant compares with the build of its own command: `equal`, `refused alike` or `differs`, and what differs."""
+def compared(row: dict[str, str], place: Path | None, folder: Path, environment: dict[str, str]) -> tuple[str, str]:
+    """How a variant, whose folder is `place` if it was built, compares with the build of its own command: `equal`, `refused alike` or
+    `differs`, and what differs."""
     words = shlex.split(row["command"])[1:]
     alone = folder / "alone" / row["id"]
     done = thingc([*words, "-o", str(alone), "--format", "json"], folder, environment)
@@ -83,7 +88,8 @@ def compared(row: dict[str, str], out: Path, folder: Path, environment: dict[str
         codes = {one["code"] for one in json.loads(done.stdout)["diagnostics"]}
         return ("refused alike", "") if done.returncode == 1 and row["code"] in codes else ("differs", f"{row['id']}: {row['message']}")
     (single,) = alone.iterdir()
-    variant, other = files(out / row["path"]), files(single)
+    assert place is not None
+    variant, other = files(place), files(single)
     shutil.rmtree(alone)
     different = sorted(name for name in variant.keys() | other.keys() if variant.get(name) != other.get(name))
     if not any(name.endswith(".xml") for name in variant):

@@ -16,7 +16,8 @@ import pytest
 
 from thingc.diagnostics import Code
 from thingc.environment import Options
-from thingc.variants import BatchFault, FamilyError, UnknownVariant, chunks, load, page, records, run
+from thingc.variants import BatchFault, FamilyError, UnknownVariant, chunks, load, page, plan, records, run
+from thingc.variants.adopting import meant
 from thingc.variants.chunks import Chunk, seal
 from thingc.variants.journal import Journal
 from thingc.variants.records import in_order
@@ -79,6 +80,8 @@ def test_a_family_of_a_packed_batch_is_that_of_folders(here: Path, some: Path) -
     assert [one.id for one in ours.filter({"parameters.length": 0.2})] == [one.id for one in theirs.filter({"parameters.length": 0.2})]
     again = pickle.loads(pickle.dumps(ours[1:3]))
     assert [one.id for one in again] == [theirs[1].id, third.id] and again[1] == third
+    found = meant(plan(str(here / "some.yaml")), third.id, str(here / "build" / "some"))
+    assert found is not None and found[0].index == third.index
     out = next(row for row in ours.rows if row["status"] == "kept_out")
     for key, words in ((out["name"], "cannot be had: it is `kept_out`"), ("some_99", "did you mean"), ("0" * 12, "has no variant")):
         with pytest.raises(UnknownVariant, match=words):

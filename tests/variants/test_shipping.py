@@ -215,6 +215,19 @@ def test_workers_that_see_nothing_build_what_is_built_here(apart: Apart, tmp_pat
 
 
 @pytest.mark.slow
+def test_workers_that_see_nothing_pack_what_is_packed_here(apart: Apart, tmp_path: Path, shared_store: str) -> None:
+    here = workspace(apart.driver / "packed", faults=STANDS + "    layout: packed\n")
+    out = here / "build" / "faults"
+    found = []
+    for store, more in ((shared_store, ()), (str(tmp_path / "store"), ("--cluster", apart.dask.address, "--ship"))):
+        done = thingc("batch", "faults.yaml", "--pictures", "none", *more, cwd=here, env=environment(store))
+        assert done.returncode == 0, done.stderr
+        found.append({path: data for path, data in tree(out).items() if re.match("assets/|chunks/[0-9]+.parquet", path)})
+        shutil.rmtree(out)
+    assert len(found[0]) > 5 and found[0] == found[1] and not apart.places()
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("inside", [True, False])
 def test_what_is_wrong_is_said_as_if_it_had_been_built_here(apart: Apart, shared_store: str, inside: bool) -> None:
     folder = apart.driver / f"cups{inside}"
