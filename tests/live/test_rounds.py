@@ -9,8 +9,10 @@ import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -20,6 +22,7 @@ from thingc.building import Wish
 from thingc.cli.watch import refused
 from thingc.environment import Options, attempted
 from thingc.live import Live, Round
+from thingc.realize.decisions import Decision
 
 WISH = Wish(targets=("mjcf", "bom"))
 PATIENCE = 60.0
@@ -241,6 +244,33 @@ def test_a_save_while_a_round_is_under_way_is_not_lost(working: Working, monkeyp
     made = working.save("robot.yaml", ROBOT.replace("120 deg", "123 deg"))
     assert made.number == 2 and "2.164" in (working.folder / "build/robot/mjcf/robot_bench.xml").read_text()  # 124 deg
     assert working.silent()
+
+
+def test_what_was_modelled_for_a_round_that_was_given_up_is_told_by_the_next(working: Working, monkeypatch: pytest.MonkeyPatch) -> None:
+    build, texts = building.build, iter([ROBOT.replace("120 deg", "124 deg")])
+    modelled = Decision(text="things:Weight", reused=False, reason="first time")
+
+    def slow(*arguments: object) -> building.Built:
+        built = build(*arguments)  # type: ignore[arg-type]
+        for text in texts:
+            (working.folder / "robot.yaml").write_text(text)
+            built = replace(built, compilation=replace(built.compilation, decisions={modelled.text: modelled}))
+        return built
+
+    monkeypatch.setattr(building, "build", slow)
+    made = working.save("robot.yaml", ROBOT.replace("120 deg", "123 deg"))
+    assert made.number == 2 and made.modelled == {"things:Weight": "things:Weight"}
+    assert working.save("robot.yaml", ROBOT).modelled == {}
+
+
+def test_one_file_is_looked_at_at_once_and_several_when_they_are_quiet(working: Working, monkeypatch: pytest.MonkeyPatch) -> None:
+    part, document, empty = working.folder / "things.py", working.document, working.folder / "empty.py"
+    part.write_text("pass")
+    empty.write_text("")
+    monkeypatch.setattr(working.live, "_geometry", SimpleNamespace(inputs={str(part), str(empty)}))
+    assert [working.live._small(saved) for saved in [(str(part),), (document,), (str(empty),), (str(part), document), ()]] == [
+        True, True, False, False, False,
+    ]
 
 
 def test_a_part_that_never_ends_is_given_up_when_it_is_mended(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import signal
@@ -37,7 +38,7 @@ thingc: assembly/1
 name: rig
 materials: {oak: {density: 700 kg/m^3}}
 components:
-  block: {part: "blocks:Block", allow: {TC414: two of them are meant}}
+  block: {part: "blocks:Block", params: {width: 31 mm}, allow: {TC414: two of them are meant}}
 """
 
 
@@ -110,6 +111,41 @@ def test_a_wrong_command_line_is_not_watched(tmp_path: Path, shared_store: str, 
     assert done.returncode == 2 and said in done.stderr and "Traceback" not in done.stderr
 
 
+def test_a_line_of_json_for_each_round(tmp_path: Path, shared_store: str) -> None:
+    document = write(tmp_path)
+    with subprocess.Popen(
+        [sys.executable, "-P", "-m", "thingc", "watch", "robot.yaml", "--emit", "bom", "--format", "json"], cwd=tmp_path, text=True,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, env={**os.environ, "THINGC_STORE": shared_store},
+    ) as process:
+        assert process.stdout is not None and process.stderr is not None
+        lines = iter(process.stdout.readline, "")
+        first = json.loads(next(lines))
+        document.write_text(ROBOT.replace("yaw_0: 30 deg", "yaw_0: 300 deg"))
+        wrong = json.loads(next(lines))
+        document.write_text(ROBOT.replace("mass: 1 kg", "mass: 2 kg"))
+        right = json.loads(next(lines))
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20.0) == 0 and process.stderr.read() == ""
+    artifacts = ["build/robot/bom.csv", "build/robot/bom.json", "build/robot/manifest.json"]
+    assert {key: first[key] for key in first if key != "seconds"} == {
+        "diagnostics": [], "artifacts": artifacts, "modelled": [], "reused": [], "round": 1, "good": True, "saved": [], "changed": [],
+        "kernel": 0.0,
+    }
+    assert [one["code"] for one in wrong["diagnostics"]] == ["TC601"]
+    assert (wrong["round"], wrong["good"], wrong["saved"], wrong["artifacts"]) == (2, False, ["robot.yaml"], [])
+    assert right["good"] and right["changed"] == ["build/robot/bom.csv", "build/robot/bom.json"]
+    assert 0.0 < right["seconds"] < 60.0
+
+
+def test_a_wrong_command_line_in_json(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-P", "-m", "thingc", "watch", "none.yaml", "--format", "json"], cwd=tmp_path, capture_output=True, text=True,
+        timeout=60.0,
+    )
+    assert done.returncode == 2 and done.stderr == "" and done.stdout.count("\n") == 1
+    assert json.loads(done.stdout)["diagnostics"][0]["message"] == "there is no document `none.yaml`"
+
+
 def test_it_begins_with_a_document_that_is_wrong(tmp_path: Path, shared_store: str) -> None:
     document = write(tmp_path)
     document.write_text(ROBOT.replace("poses:", "poses: ["))
@@ -138,9 +174,9 @@ def test_parts_and_what_they_read(tmp_path: Path, shared_store: str) -> None:
         rig.write_text(f"# words\n{RIG}")
         watching.says("no file changed")
         blocks.write_text(blocks.read_text().replace("20", "21"))
-        assert "parts/blocks.py: modelled blocks:Block; " in watching.says("parts/blocks.py")
+        assert "parts/blocks.py: modelled blocks:Block(width=31 mm); " in watching.says("parts/blocks.py")
         height.write_text("11")
-        assert "parts/height.txt: modelled blocks:Block; " in watching.says("parts/height.txt")
+        assert "parts/height.txt: modelled blocks:Block(width=31 mm); " in watching.says("parts/height.txt")
         blocks.write_text(blocks.read_text().replace("return self.body", "return self.bodi"))
         watching.says("stays")
         assert "the `result` of `blocks:Block`" in watching.text() or "bodi" in watching.text()

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import os
 import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 from thingc import pipeline
@@ -20,6 +21,8 @@ from thingc.diagnostics import Code, Diagnostic, Severity, shown_path
 from thingc.live import Live, Round
 from thingc.output import OutputError
 from thingc.pipeline import UnknownChoice
+from thingc.printing import as_json
+from thingc.shown import json_text
 
 EPILOG = """\
 Whatever the build depends on is watched: documents, part modules and the files that they read, materials, thingc.toml. A save with errors
@@ -27,6 +30,7 @@ shows them, and the last good build stays. The CAD kernel is loaded once.
 
   thingc watch assemblies/arm.yaml
   thingc watch assemblies/arm.yaml --mode bench --emit mjcf
+  thingc watch assemblies/arm.yaml --format json      a line of JSON for each build
 """
 
 
@@ -35,6 +39,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.epilog = EPILOG
     common.add_document(parser)
     add_building(parser)
+    common.add_format(parser)
     common.add_compiling(parser)
 
 
@@ -43,9 +48,12 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         live = live_of(arguments)
     except common.WrongCommandLine as fault:
-        common.print_text([fault.diagnostic], stream=sys.stderr, debug=arguments.debug)
+        if arguments.format == "json":
+            _say_line({"diagnostics": as_json([fault.diagnostic])})
+        else:
+            common.print_text([fault.diagnostic], stream=sys.stderr, debug=arguments.debug)
         return common.USAGE
-    return until_interrupted(live, Lines(arguments).say)
+    return until_interrupted(live, Lines(arguments).say if arguments.format == "text" else say_json)
 
 
 def live_of(arguments: argparse.Namespace) -> Live:
@@ -87,6 +95,27 @@ def until_interrupted(live: Live, hear: Callable[[Round], None]) -> int:
     return 0
 
 
+def say_json(made: Round) -> None:
+    """A round as one line of JSON on standard output: what `thingc build --format json` says, and what is of a round alone."""
+    folder = made.folder or ""
+    _say_line({
+        "diagnostics": as_json(made.diagnostics),
+        "artifacts": [shown_path(os.path.join(folder, path)) for path in sorted(made.built.files or ())] if made.built and folder else [],
+        "modelled": sorted(made.modelled),
+        "reused": [text for text in made.built.compilation.reused if text not in made.modelled] if made.built else [],
+        "round": made.number, "good": made.good, "saved": [shown_path(path) for path in made.saved],
+        "changed": [shown_path(os.path.join(folder, path)) for path in made.changed],
+        "seconds": round(made.seconds, 4), "kernel": round(made.kernel, 4),
+    })
+
+
+def _say_line(value: Mapping[str, object]) -> None:
+    import json
+
+    common.hand_on(json_text(json.dumps(value, ensure_ascii=False)) + "\n")
+    sys.stdout.flush()
+
+
 class Lines:
     """What is said of rounds, on standard error: what is wrong as `thingc build` says it, unless it has just been said, then one line."""
 
@@ -119,7 +148,7 @@ def _outcome(made: Round) -> str:
     """What a save has changed, in words."""
     if made.built is None or not made.good:
         return f"not built ({made.seconds:.2f} s); {'the last good build stays' if made.kept else 'there is no good build yet'}"
-    modelled = made.built.compilation.modelled
+    modelled = sorted(made.modelled.values())
     said = ["right again"] if made.mended else []
     said += [f"modelled {_enumerated(modelled)}"] if modelled else []
     if made.folder is not None:

@@ -14,6 +14,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import field
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -50,7 +51,9 @@ class Round:
     took from when they were quiet; `good`: it has no errors; `folder` is the build folder that was written (None with errors: it is as
     it was; and where nothing is written at all), `built` the rest of what came of it, where it came so far. `changed` are the artifacts,
     by path in the folder, that are others than in the last good round, or are gone; `mended`: the last round had errors, and this one
-    has none; `kept`: it has errors, and what stands is of an earlier round."""
+    has none; `kept`: it has errors, and what stands is of an earlier round. `modelled` are the definition texts of the parts that were
+    modelled for it, also while it was given up and begun anew, with what they are called in the document's units; `kernel` is how long [s]
+    of `seconds` parts were modelled."""
 
     number: int
     saved: tuple[str, ...]
@@ -62,6 +65,8 @@ class Round:
     changed: tuple[str, ...] = ()
     mended: bool = False
     kept: bool = False
+    modelled: Mapping[str, str] = field(default_factory=dict)
+    kernel: float = 0.0
 
 
 class Live:
@@ -92,6 +97,7 @@ class Live:
         self._documents: frozenset[str] = frozenset()
         self._number = 0
         self._failed = False
+        self._modelled: dict[str, str] = {}
 
     def _fresh_workers(self) -> EndingWorkers:
         return EndingWorkers(self.options.jobs or os.cpu_count() or 1)
@@ -116,6 +122,7 @@ class Live:
             if more:  # saved again meanwhile: what was read may be of both
                 saved = tuple(dict.fromkeys((*saved, *more)))
                 continue
+            self._modelled = {}
             yield made
             if first:  # what the next round will need is made ready while nobody waits
                 if made.built is not None and made.built.compilation.decisions:
@@ -126,9 +133,11 @@ class Live:
             gc.collect()
 
     def _small(self, saved: tuple[str, ...]) -> bool:
-        """Whether it is one document that was saved: looking at it takes no longer than waiting whether more comes. Parts are modelled when
-        nothing more does."""
-        return len(saved) == 1 and saved[0] in self._documents and (_time_and_size(saved[0]) or (0.0, 0))[1] > 0
+        """Whether it is one document that was saved, or one file that parts depend on: what has been found out of it by the time that
+        nothing more has come for a while is most often what is wanted."""
+        one = saved[0] if len(saved) == 1 else ""
+        of_parts = self._geometry is not None and one in self._geometry.inputs
+        return (one in self._documents or of_parts) and (_time_and_size(one) or (0.0, 0))[1] > 0
 
     def _settled(self, saved: tuple[str, ...]) -> tuple[str, ...]:
         """What was saved, when nothing has been for a while."""
@@ -142,7 +151,7 @@ class Live:
 
     def _round(self, saved: tuple[str, ...]) -> tuple[Round, tuple[str, ...]]:
         """What comes of the document now, and what was saved while it was looked at: then nothing has been written."""
-        started, clock = time.perf_counter(), time.time()
+        started, clock, begun = time.perf_counter(), time.time(), time.monotonic()
         self._abandoned = ()
         built: Built | None = None
         folder: str | None = None
@@ -167,6 +176,7 @@ class Live:
         except Exception as fault:  # whatever it is, the next save may mend it
             said = [self._refused(fault)]
             more = self._look(clock, built) or self._abandoned
+        self._modelled |= _modelled(built)
         if more:
             return Round(number=self._number, saved=saved, seconds=0.0, diagnostics=()), more
         now = _digests(built.files) if good and built is not None and built.files is not None else None
@@ -178,6 +188,7 @@ class Live:
         made = Round(
             number=self._number, saved=saved, seconds=time.perf_counter() - started, diagnostics=tuple(said), good=good, built=built,
             folder=folder, changed=changed, mended=self._failed and good, kept=not good and self._last is not None,
+            modelled=self._modelled, kernel=self._workers.busy(begun),
         )
         self._failed, self._last = not good, now if now is not None else self._last
         return made, ()
@@ -238,6 +249,15 @@ class Live:
             self._watched.note(paths)
         late = [path for path in fresh if (state := _time_and_size(path)) is not None and state[0] > clock - CLOCK]
         return tuple(dict.fromkeys((*late, *self._watched.changed())))
+
+
+def _modelled(built: Built | None) -> dict[str, str]:
+    """The parts that were modelled for a build: definition texts, and what they are called."""
+    if built is None:
+        return {}
+    assembly, texts = built.compilation.assembly, built.compilation.modelled
+    labels = {one.definition.text: one.definition.label for one in assembly.occurrences} if assembly is not None else {}
+    return {text: labels.get(text, text) for text in texts}
 
 
 def _unquiet(saved: Sequence[str]) -> float:

@@ -24,6 +24,9 @@ GRACE = 15.0
 LOADING = 120.0
 """How long [s] a worker may take to load the kernel."""
 
+SPANS = 1000
+"""How many answers `busy` remembers."""
+
 CAN_FORK = hasattr(os, "fork")
 
 ABSENT = "absent"
@@ -63,6 +66,16 @@ class Workers:
         self._processes: list[_Process] = []
         self._answers: queue.SimpleQueue[tuple[_Process, bytes]] = queue.SimpleQueue()
         self._number = 0
+        self._spans: deque[tuple[float, float]] = deque(maxlen=SPANS)
+
+    def busy(self, since: float) -> float:
+        """How long [s] parts have been modelled, measured and cut since a time (`time.monotonic`), as the workers say: several at once
+        count once."""
+        total, until = 0.0, since
+        for begun, ended in sorted(self._spans):
+            total += max(0.0, ended - max(begun, until))
+            until = max(until, ended)
+        return total
 
     @property
     def running(self) -> bool:
@@ -132,6 +145,7 @@ class Workers:
                         yield request, dict(failed)
                 continue
             answer = _answer(line)
+            span = answer.pop("span", None)
             if "broken" in answer:
                 self.close()
                 raise WorkerBroken(f"the CAD kernel does not load: {answer['broken']}", answer.get("detail", ""))
@@ -142,6 +156,8 @@ class Workers:
             number = answer.pop("id")
             request = worker.asked.pop(number)
             self._put_off(worker)
+            if span is not None and request["op"] != "describe":
+                self._spans.append((span[0], span[1]))
             if number not in own:  # of a run that was given up
                 continue
             under_way -= 1

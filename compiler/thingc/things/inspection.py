@@ -127,8 +127,11 @@ def _functions_in(text: str) -> Mapping[int, ast.FunctionDef | ast.AsyncFunction
         tree = ast.parse(text)
     except (SyntaxError, ValueError, RecursionError):
         return {}
-    functions = [node for node in ast.walk(tree) if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef))]
-    return {min(one.lineno, *(decorator.lineno for decorator in one.decorator_list), one.lineno): one for one in functions}
+    nodes: list[ast.AST] = [tree]
+    for node in nodes:
+        nodes += [child for child in ast.iter_child_nodes(node) if not isinstance(child, ast.expr)]
+    functions = [node for node in nodes if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef))]
+    return {min([one.lineno, *(decorator.lineno for decorator in one.decorator_list)]): one for one in functions}
 
 
 def _written(code: Any) -> tuple[str, int] | None:

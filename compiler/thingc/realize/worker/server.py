@@ -116,11 +116,13 @@ def _safely(request: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def answered(request: Mapping[str, Any]) -> dict[str, Any]:
-    """What is said to a request: its `answer`, or that there is no room for it."""
+    """What is said to a request: its `answer` and from when until when it took (`span`, of `time.monotonic`), or that there is no room
+    for it."""
     from thingc.realize.store.local import StoreUnusable
 
+    begun = time.monotonic()
     try:
-        return {"answer": perform(request)}
+        return {"answer": perform(request), "span": [begun, time.monotonic()]}
     except StoreUnusable as fault:
         return {"failed": "unusable", "words": fault.reason}
 
