@@ -84,11 +84,11 @@ def test_build_in_json(arm: Path, shared_store: str, tmp_path: Path) -> None:
     }
     choice = json.loads((tmp_path / "arm" / "manifest.json").read_text())["choice"]
     assert choice == {"modes": ["bench"], "emit": ["mjcf", "bom"], "parameters": {}, "choices": {}}
-    answer = build(ARM, "-o", tmp_path, "--emit", "hag", "-p", "pen_diameter=10 mm", store=shared_store)
+    answer = build(ARM, "-o", tmp_path, "--emit", "hag", "-p", "pen_diameter=9.7 mm", store=shared_store)
     left = {path.name for path in (tmp_path / "arm").rglob("*")}
     assert left == {"manifest.json", "hag.dot", "hag.mmd", "hag.svg"}, "the rest is gone"
-    assert json.loads((tmp_path / "arm" / "manifest.json").read_text())["choice"]["parameters"] == {"pen_diameter": "10 mm"}
-    assert answer["modelled"] == ["arm:Hand(pen_diameter=0.01)", "arm:OmegaCap(pen_diameter=0.01)", "arm:PenDummy(diameter=0.01)"]
+    assert json.loads((tmp_path / "arm" / "manifest.json").read_text())["choice"]["parameters"] == {"pen_diameter": "9.7 mm"}
+    assert answer["modelled"] == ["arm:Hand(pen_diameter=0.0097)", "arm:OmegaCap(pen_diameter=0.0097)", "arm:PenDummy(diameter=0.0097)"]
 
 
 def test_info_in_json(arm: Path, shared_store: str) -> None:
