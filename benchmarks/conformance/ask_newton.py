@@ -39,7 +39,9 @@ def answer(asked):
         if types[k] == JointType.BALL:
             axes[k] = Rotation.from_quat(model.joint_X_c.numpy()[k][3:]).as_matrix()
             turns[dofs_at[k] : dofs_at[k] + 3, dofs_at[k] : dofs_at[k] + 3] = axes[k].T
-    moved = turns[:, dofs]
+    in_tree = [k for k in range(model.joint_count) if model.joint_articulation.numpy()[k] >= 0]
+    inside = sum(int(dofs_at[k + 1] - dofs_at[k]) for k in in_tree)  # coordinates of what closes loops come behind them
+    moved = turns[:inside, dofs]
     children = model.joint_child.numpy()[: model.joint_count]
     state = model.state()
     poses, matrices, torques, middles, boxes = [], [], [], [], []
@@ -61,12 +63,11 @@ def answer(asked):
         poses.append([(at[bodies[body]] @ inside).tolist() for body, inside in places.values()])
         points = [(pose @ [*centre, 1])[:3] for pose, centre in zip(at, centres)]
         middles.append((mass @ np.array(points) / mass.sum()).tolist())
-        full = newton.eval_mass_matrix(model, state).numpy()[0].astype(float)[: len(turns), : len(turns)]
-        full -= np.diag(model.joint_armature.numpy())  # on neither side
+        full = newton.eval_mass_matrix(model, state).numpy()[0].astype(float)[:inside, :inside]
+        full -= np.diag(model.joint_armature.numpy()[:inside])  # on neither side
         matrices.append((moved.T @ full @ moved).tolist())
         jacobian = newton.eval_jacobian(model, state).numpy()[0].astype(float)
-        in_tree = [k for k in range(model.joint_count) if model.joint_articulation.numpy()[k] >= 0]
-        pull = sum(mass[children[k]] * gravity @ jacobian[6 * row : 6 * row + 3, : len(turns)] for row, k in enumerate(in_tree))
+        pull = sum(mass[children[k]] * gravity @ jacobian[6 * row : 6 * row + 3, :inside] for row, k in enumerate(in_tree))
         torques.append((-pull @ moved).tolist())
     low, high = model.joint_limit_lower.numpy(), model.joint_limit_upper.numpy()
     driven, efforts = model.joint_target_mode.numpy(), model.joint_effort_limit.numpy()

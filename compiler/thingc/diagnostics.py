@@ -113,7 +113,7 @@ class Code(Enum):
     EXTENDS_CYCLE = ("TC333", "modes in a circle", "Let one mode of the circle extend none.")
     POSE = ("TC334", "bad pose", "A pose sets joints that move by themselves, with values of their dimension.")
     OVERRIDE = ("TC335", "override of an assembly", "Write the override on a component of the nested document.")
-    RAW_TARGET = ("TC336", "unknown target", "Raw attributes go to `mjcf`, `urdf` or `sdf`.")
+    RAW_TARGET = ("TC336", "unknown target", "Raw attributes go to `mjcf`, `urdf`, `sdf` or `usd`.")
     JOINT_FIELD = ("TC338", "key that this joint has no use for", "Take the key out, or choose another joint type.")
     LIBRARY = ("TC339", "library cannot be read", "Install the library, or write the material out.")
     NO_LOCK = ("TC340", "no lock of the parts", "Run `thingc lock` where part code may run, and keep `parts.lock.json` with the documents.")

@@ -11,13 +11,16 @@ from thingc.resolve.model import RawAttribute
 from thingc.resolve.raw_fixed import fixed, fixed_in_all
 from thingc.resolve.scope import Scope
 from thingc.source import Path
-from thingc.typos import did_you_mean
+from thingc.typos import near_hint
 
 EXAMPLES = {
     "mjcf": "{solreflimit: 0.01 1}", "urdf": "{limit: {effort: 20}}", "sdf": "{axis: {limit: {effort: 20}}}",
     "usd": '{"physics:breakForce": 20.0}',
 }
 """Targets that take raw attributes, each with one of a joint."""
+
+IN_PLACE = {"ros": "write them under `urdf`: the URDF of a package has them, too", "mjz": "write them under `mjcf`: its models are packed"}
+"""What to write of targets whose files are those of others."""
 
 
 def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:
@@ -26,9 +29,9 @@ def raw(scope: Scope, written: Mapping[str, Any]) -> tuple[RawAttribute, ...]:
     for target, attributes in written.items():
         path: Path = ("raw", target)
         if target not in EXAMPLES:
-            scope.error(
-                Code.RAW_TARGET, f"there is no target `{target}`", path, key=True, help=did_you_mean(target, EXAMPLES, what="targets"),
-            )
+            *first, last = (f"`{one}`" for one in EXAMPLES)
+            message = f"raw attributes are for {', '.join(first)} or {last}, found `{target}`"
+            scope.error(Code.RAW_TARGET, message, path, key=True, help=IN_PLACE.get(target) or near_hint(target, EXAMPLES))
             continue
         if not isinstance(attributes, Mapping):
             scope.error(

@@ -339,7 +339,10 @@ def name_of(value: Any) -> str:
         raise fault("type", f"expected a name, found {found(value)}")
     if _NAME.fullmatch(value):
         return value
-    cleaned = re.sub(r"\W+", "_", value.strip(), flags=re.ASCII).strip("_")
+    from unicodedata import normalize
+
+    plain = re.sub("[\u0300-\u036f]+", "", normalize("NFD", value.strip()))  # letters without their accents
+    cleaned = re.sub(r"\W+", "_", plain, flags=re.ASCII).strip("_")
     help = f"write for example `{cleaned}`" if _NAME.fullmatch(cleaned) else None
     raise fault("name", f"`{shortened(value)}` is no name: a letter, then letters, digits and `_`", help=help)
 
