@@ -21,7 +21,12 @@ components:
   palm: {{frame: true, {MASS}}}
   tip: {{frame: true, {MASS}}}
 joints:
-  knuckle: {{type: revolute, parent: palm.origin, child: tip.origin, limit: {{lower: -1 rad, upper: 1 rad}}}}
+  knuckle:
+    type: revolute
+    parent: palm.origin
+    child: tip.origin
+    limit: {{lower: -1 rad, upper: 1 rad}}
+    drive: {{kind: motor, effort: 3 N*m}}
 raw:
   urdf: {{joint: {{knuckle: {{safety_controller: {{k_velocity: 10}}, limit: {{effort: 7}}}}}}}}
 """
@@ -62,6 +67,8 @@ def test_attributes_of_urdf_are_in_every_mode_and_in_the_package(tmp_path: Path)
             limit, safety = joint.find("limit"), joint.find("safety_controller")
             assert limit is not None and safety is not None and marker is not None
             assert (limit.get("effort"), limit.get("lower")) == ("7", "-1")
+            named = [one for one in ElementTree.parse(path).iter("joint") if one.get("name") == "left_knuckle"]
+            assert len(named) > 1 and [one.find("limit") is None for one in named].count(False) == 1, "those that name it stay as they were"
             assert (safety.attrib, marker.attrib) == ({"k_velocity": "10"}, {"colour": "red"})
 
 

@@ -96,9 +96,17 @@ def _fault(attribute: RawAttribute, robots: Sequence[Robot], files: Sequence[Ele
     return f"`{target}` has no {path[0]} `{path[1]}`", did_you_mean(path[1], known, what=f"{path[0]}s"), 1
 
 
+REFERRING = ("transmission", "ros2_control")
+"""Elements of URDF whose own name joints of the robot by elements that are called as these are."""
+
+
 def _named(file: Element, attribute: RawAttribute) -> list[Element]:
     name = in_files(attribute.path[1])
-    return [element for element in file.walk() if element.tag == attribute.path[0] and element.attributes.get("name") == name]
+    referring = {id(below) for element in file.walk() if element.tag in REFERRING for below in element.walk() if below is not element}
+    return [
+        element for element in file.walk()
+        if element.tag == attribute.path[0] and element.attributes.get("name") == name and id(element) not in referring
+    ]
 
 
 def in_files(name: str) -> str:
