@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import queue
-import subprocess
-import sys
-import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any
 
+from thingc.line_process import LineProcess, Lines, Lost
 from thingc.realize.key.environment import environment
 from thingc.realize.worker import process_tree
 
@@ -45,7 +42,7 @@ class WorkerBroken(Exception):
 class _Process:
     """A worker process and what it has been asked."""
 
-    process: subprocess.Popen[bytes]
+    process: LineProcess
     capacity: int
     deadline: float
     asked: dict[int, Mapping[str, Any]] = field(default_factory=dict)
@@ -64,7 +61,7 @@ class Workers:
         self.forking = forking
         self.seed = seed
         self._processes: list[_Process] = []
-        self._answers: queue.SimpleQueue[tuple[_Process, bytes]] = queue.SimpleQueue()
+        self._lines: Lines = queue.SimpleQueue()
         self._number = 0
         self._spans: deque[tuple[float, float]] = deque(maxlen=SPANS)
 
@@ -121,19 +118,21 @@ class Workers:
                     own.add(self._send(worker, request))
                     under_way += 1
             try:
-                worker, line = self._answers.get(timeout=max(0.05, min(w.deadline for w in self._processes) - time.monotonic()))
+                process, answer = self._lines.get(timeout=max(0.05, min(w.deadline for w in self._processes) - time.monotonic()))
             except queue.Empty:
-                worker, line = min(self._processes, key=lambda w: w.deadline), b""
+                worker, answer = min(self._processes, key=lambda w: w.deadline), None
                 if worker.deadline > time.monotonic():
                     continue
                 failed = {"failed": "hung", "words": "", "detail": ""}
             else:
                 if not self._processes:  # closed by another thread
                     raise WorkerBroken("the workers have been ended")
-                if worker not in self._processes:
+                known = next((one for one in self._processes if one.process is process), None)
+                if known is None:
                     continue
+                worker = known
                 failed = {"failed": "crashed", "words": "the worker process ended", "detail": ""}
-            if not line:
+            if answer is None:
                 self._end(worker)
                 left = [request for number, request in worker.asked.items() if number in own]
                 under_way -= len(left)
@@ -144,7 +143,6 @@ class Workers:
                     for request in left:
                         yield request, dict(failed)
                 continue
-            answer = _answer(line)
             span = answer.pop("span", None)
             if "broken" in answer:
                 self.close()
@@ -167,32 +165,22 @@ class Workers:
         """End all workers and wait until they are gone."""
         ended, self._processes = self._processes, []
         for worker in ended:
-            with contextlib.suppress(OSError):
-                worker.process.stdin.close()  # type: ignore[union-attr]
-        for worker in ended:
             if not worker.ready or not self.forking and worker.asked:  # it does not listen, and has no children
                 worker.process.kill()
-            try:
-                worker.process.wait(5.0)
-            except subprocess.TimeoutExpired:
-                worker.process.kill()
-                worker.process.wait()
+            worker.process.close()
 
     def _end(self, worker: _Process) -> None:
         self._processes.remove(worker)
         process_tree.stop(worker.process.pid)  # it may have lost its children out of sight
         process_tree.end_descendants(worker.process.pid)
         worker.process.kill()
-        worker.process.wait()
+        worker.process.close()
 
     def _send(self, worker: _Process, request: Mapping[str, Any]) -> int:
         self._number += 1
         worker.asked[self._number] = request
         self._put_off(worker)
-        data = json.dumps({"id": self._number, **request}).encode() + b"\n"
-        with contextlib.suppress(OSError):  # it ended: its reader says so
-            worker.process.stdin.write(data)  # type: ignore[union-attr]
-            worker.process.stdin.flush()  # type: ignore[union-attr]
+        worker.process.ask({"id": self._number, **request})
         return self._number
 
     def _put_off(self, worker: _Process) -> None:
@@ -205,16 +193,10 @@ class Workers:
 
     def _start(self, flags: Sequence[str], capacity: int) -> _Process:
         try:
-            process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "thingc.realize.worker.server", "--parent", str(os.getpid()), *flags],
-                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment(self.seed),
-                close_fds=True, start_new_session=True,
-            )
+            process = _server(flags, self.seed, self._lines)
         except OSError as fault:
             raise WorkerBroken(_no_process(fault)) from fault
-        worker = _Process(process=process, capacity=capacity, deadline=time.monotonic() + LOADING)
-        threading.Thread(target=_gather, args=(worker, self._answers.put), daemon=True).start()
-        return worker
+        return _Process(process=process, capacity=capacity, deadline=time.monotonic() + LOADING)
 
 
 class NoWorkers(Workers):
@@ -249,41 +231,27 @@ class EndingWorkers(Workers):
         self.close()
 
 
-def _gather(worker: _Process, put: Callable[[tuple[_Process, bytes]], None]) -> None:
-    """Lines as they come; an empty one at the end."""
-    stream = worker.process.stdout
-    if stream is not None:
-        with contextlib.suppress(OSError, ValueError):
-            for line in stream:
-                put((worker, line))
-    put((worker, b""))
-
-
 def once(flags: Sequence[str], request: Mapping[str, Any]) -> dict[str, Any]:
     """One request to a short-lived worker of its own (`--assemble`): its answer, as `Workers.run` gives it."""
     try:
-        done = subprocess.run(
-            [sys.executable, "-P", "-m", "thingc.realize.worker.server", "--parent", str(os.getpid()), *flags],
-            input=json.dumps({"id": 0, **request}).encode() + b"\n",
-            stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=environment(), timeout=float(request["timeout"]) + LOADING,
-            check=False,
-        )
-    except subprocess.TimeoutExpired:
-        return {"failed": "hung", "words": "", "detail": ""}
+        process = _server(flags)
     except OSError as fault:
         return {"failed": "crashed", "words": _no_process(fault), "detail": ""}
-    if not done.stdout.endswith(b"\n"):
-        return {"failed": "crashed", "words": f"the worker process ended with {done.returncode}", "detail": ""}
-    return _answer(done.stdout)
+    try:
+        process.ask({"id": 0, **request})
+        answer: dict[str, Any] = process.answer(float(request["timeout"]) + LOADING)
+        return answer
+    except Lost as fault:
+        return {"failed": "hung" if fault.hung else "crashed", "words": "" if fault.hung else f"of the worker {fault.words}", "detail": ""}
+    finally:
+        process.kill()
+        process.close()
+
+
+def _server(flags: Sequence[str], seed: int = 0, lines: Lines | None = None) -> LineProcess:
+    words = ("--parent", str(os.getpid()), *flags)
+    return LineProcess("thingc.realize.worker.server", *words, env=environment(seed), lines=lines)
 
 
 def _no_process(fault: OSError) -> str:
     return f"no worker process can be started: {fault.strerror or fault}"
-
-
-def _answer(line: bytes) -> dict[str, Any]:
-    """What a worker says. Halves of characters, which a part may say and no file can hold, become question marks."""
-    answer: dict[str, Any] = json.loads(line)
-    if b"\\ud" in line:
-        answer = json.loads(json.dumps(answer, ensure_ascii=False).encode("utf-8", "replace"))
-    return answer

@@ -14,8 +14,8 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from typing import Any, TypeVar
 
 from thingc.diagnostics import Code
+from thingc.line_process import LineProcess, Lost
 from thingc.variants.job import STOPPED, Job, Row, Task, row
-from thingc.variants.line_process import LineProcess, Lost
 
 LOADING = 120.0
 """How long [s] a runner may take until it has read the documents."""

@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from thingc.diagnostics import Code, Diagnostic, Severity
+from thingc.line_process import LineProcess, Lost
 from thingc.variants import places
 from thingc.variants.chunks import packed
-from thingc.variants.line_process import LineProcess, Lost
 from thingc.variants.records import Files, read
 
 MOST = 48
