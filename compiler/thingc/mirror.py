@@ -20,7 +20,7 @@ class Mirror:
 
     def vector(self, value: Any) -> Vector:
         """The image of a point, or of a direction."""
-        x, y, z = (float(entry) * sign + 0.0 for entry, sign in zip(value, self.signs, strict=True))
+        x, y, z = (entry * sign + 0.0 for entry, sign in zip(value, self.signs, strict=True))
         return (x, y, z)
 
     def matrix(self, value: Any) -> Matrix:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import random
+import textwrap
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -162,3 +164,37 @@ def test_what_no_array_of_numbers_says_is_another_group(everything: thingc.Robot
     batches = everything.batched([{"load": 0.4}, {"simulation.integrator": "euler"}, {"load": 0.6}], mode="standing")
     assert [group.indices for group in batches.groups] == [(0, 2), (1,)] and batches.refused == {}
     assert batches.groups[1].fields == {} and batches.groups[1].model.opt.integrator == mujoco.mjtIntegrator.mjINT_EULER
+
+
+MIRRORED = {
+    "legs.yaml": """
+        thingc: assembly/1
+        name: legs
+        parameters: {off: 5 mm}
+        components:
+          torso: {frame: true, mass: 1 kg, inertia: {ixx: 1e-3 kg*m^2, iyy: 1e-3 kg*m^2, izz: 1e-3 kg*m^2}, mounts: {a: {xyz: 0 40 5 mm}}}
+          leg: {assembly: leg.yaml, mirror: y, parameters: {off: =off}, attach: {mount: top, to: torso.a, turn: 155 deg}}
+        modes: {still: {root: torso}}
+    """,
+    "leg.yaml": """
+        thingc: assembly/1
+        name: leg
+        parameters: {off: 1 mm}
+        components:
+          hip: {frame: true, mounts: {top: {xyz: [=off, =2*off, 3 mm], rpy: 10 -80 20 deg}}, mass: 1 kg, com: [=off, =off, 0 mm],
+            inertia: {ixx: 1e-3 kg*m^2, iyy: 1e-3 kg*m^2, izz: 1e-3 kg*m^2}}
+          foot: {frame: true, mass: 1 kg, inertia: {ixx: 1e-3 kg*m^2, iyy: 1e-3 kg*m^2, izz: 1e-3 kg*m^2}}
+        joints: {slide: {type: prismatic, parent: hip.top, child: foot.origin, gap: =off, limit: {lower: 0 mm, upper: 90 mm}}}
+        mounts: {top: hip.top}
+    """,
+}
+
+
+def test_numbers_inside_a_mirrored_assembly_are_followed(tmp_path: Path) -> None:
+    for name, text in MIRRORED.items():
+        (tmp_path / name).write_text(textwrap.dedent(text))
+    with thingc.family(tmp_path / "legs.yaml", verify=0) as family:
+        found = family.model({"off": 0.0125})
+        assert family.explain("off").way == "arrays", family.explain("off")
+    compiled = thingc.compile(tmp_path / "legs.yaml", parameters={"off": "12.5 mm"}).modes["still"].model()
+    assert isinstance(found, mujoco.MjModel) and differing(compiled, found) == []
