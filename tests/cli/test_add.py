@@ -177,7 +177,7 @@ def test_an_assembly_is_a_document_of_the_same_form(document: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_part_is_a_class_and_a_component(document: Path) -> None:
+def test_a_part_is_a_class_and_a_component(document: Path, capsys: pytest.CaptureFixture[str]) -> None:
     came, went = added(document, "part", "FrontBracket")
     assert went == [] and "class FrontBracket(Thing):" in (document.parent / "parts/front_bracket.py").read_text()
     assert read(document)["components"]["front_bracket"] == {
@@ -198,6 +198,33 @@ def test_a_part_is_a_class_and_a_component(document: Path) -> None:
     added(document, "joint", "lift", "--type", "prismatic", "--parent", "arm.end", "--child", "board.bottom")
     assert read(document)["components"]["board"] == {"part": "shelf:Board"}
 
+    # what is there is put into the document, and no code is written
+    modules = {path: path.read_bytes() for path in document.parent.glob("parts/*.py")}
+    for words, value in (
+        (["shelf:Board", "--name", "lid", "--on", "base.top"], {"part": "shelf:Board", "attach": {"bottom": "base.top"}}),
+        (["shelf:Board", "--name", "roof", "--on", "lid.top", "--by", "top"], {"part": "shelf:Board", "attach": {"top": "lid.top"}}),
+        (["FrontBracket", "--name", "loose", "--at", "lid.top"],
+         {"part": "front_bracket:FrontBracket", "material": "pla", "at": {"in": "lid.top"}}),
+    ):
+        _, went = added(document, "part", *words)
+        assert went == [] and read(document)["components"][words[2]] == value
+    assert {path: path.read_bytes() for path in document.parent.glob("parts/*.py")} == modules
+    for words, said in (
+        ("shelf:Board --on lid.top --by side --name x", "has no mount `side`"),
+        ("shelf:Board --param lenght=10mm --name x", "did you mean `length`?"),
+        ("shelf:Board", "has a component `board` already\n  help: choose another name with --name"),
+        ("shelf:Bord", "there is no part `shelf:Bord`\n  help: did you mean `shelf:Board`? With --new it is a class to begin with"),
+        ("shelv:Board", "there is no part `shelv:Board`\n  help: did you mean `shelf:Board`?"),
+        ("thingc_stock.wheels:Rim --on lid.top",
+         "which mount of `thingc_stock.wheels:Rim` meets --on is not said\n  help: name it with --by (known mounts: "),
+    ):
+        before = document.read_bytes()
+        assert main(["add", "part", *words.split(), "--to", document.name]) in (1, 2)
+        out, err = capsys.readouterr()
+        assert said in out + err and document.read_bytes() == before, words
+    assert main(["add", "part", "shelf:Bord", "--new", "--to", document.name]) == 0
+    assert read(document)["components"]["bord"]["part"] == "shelf:Bord"
+
 
 def test_a_part_for_no_document_yet(document: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["add", "part", "Bracket"]) == 0
@@ -210,7 +237,16 @@ def test_a_part_for_no_document_yet(document: Path, capsys: pytest.CaptureFixtur
 @pytest.mark.parametrize(("words", "said"), [
     ("mode x", "a mode belongs to a document\n  help: write for example `thingc add mode x --to robot.yaml`"),
     ("mode x --to D --kind mass", "--kind is for a test, and this is a mode"),
-    ("part X --on base.top", "--on names a mount of the document that --to names\n  help: write --to as well"),
+    ("part X --on base.top", "--on places it in the document that --to names\n  help: write --to as well"),
+    ("part X --to D --by bottom", "--by names what meets a mount, and which mount is not said\n  help: write --on as well"),
+    ("part X --to D --on base.top --at base.top", "--on and --at both say where it is\n  help: keep one of them"),
+    ("mode x --to D --name y", "--name is for a part or an assembly, and this is a mode"),
+    ("part old:Old", "`old:Old` is no part to begin with, and which document it is for is not said\n  help: write --to robot.yaml"),
+    ("part thingc_stock.servo:SG90 --to D", "there is no module `thingc_stock.servo`\n"),
+    ("part thingc_stock.servos:SG9 --to D", "help: did you mean `thingc_stock.servos:SG90`?"),
+    ("part parts/old.py:Old --to D", "help: did you mean `old:Old`?"),
+    ("part numpy:Old --to D", "`numpy` is neither in a part folder nor in a package that the workspace allows"),
+    ("part old:Old --to D", "error[TC405]"),
     ("mood x --to D", "expected `part`, `assembly`, `mode`, `joint` or `test`, found `mood` (did you mean `mode`?)"),
     ("test x --to D", "a test needs a --kind (`mass`, `centre`, `reach`, `point`, `no_collision`, `torque_margin`, `settles`, "
      "`ground_clearance`); none is here\n  help: write for example `--kind mass`"),
@@ -233,7 +269,7 @@ def test_a_part_for_no_document_yet(document: Path, capsys: pytest.CaptureFixtur
     ("part parts:None", "`None` is no name for a class of parts"),
     ("part parts:Box", "`Box` is no name for a class of parts"),
     ("part Hand --to D", "has a component `hand` already"),
-    ("part old:Old", "`parts/old.py` has a `Old` already"),
+    ("part old:Old --new", "`parts/old.py` has a `Old` already"),
     ("part broken:New", "`parts/broken.py` cannot be read as Python: "),
     ("part New --to D --on base.bottom", "error[TC303]"),
     ("mode x --to missing.yaml", "error[TC802]"),

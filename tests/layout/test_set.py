@@ -122,6 +122,8 @@ def test_only_the_values_change(name: str, values: Mapping[str, str], lines: lis
     ("a.yaml", "modes.c", {"root": "a.b"}, ["-modes: {}", "+modes: {c: {root: a.b}}"]),
     ("a.yaml", "tests.c", {"mass": {"max": "1 kg"}}, ["+", "+tests:", "+  c: {mass: {max: 1 kg}}"]),
     ("a.toml", "joints.c", {"type": "screw", "pins": ["a", "2"]}, ['+c = {type = "screw", pins = ["a", 2]}']),
+    ("a.toml", "components.c", {"part": "m:C", "at": {"in": "plate.a"}}, [
+        "+[components.c]", '+part = "m:C"', '+at = {in = "plate.a"}', "+"]),
     ("a.toml", "tests.c", {"mass": {"max": "1 kg"}}, ["+", "+[tests]", '+c = {mass = {max = "1 kg"}}']),
 ])
 def test_a_new_mapping_is_written_as_its_neighbours_are(name: str, path: str, value: Any, lines: list[str]) -> None:

@@ -27,6 +27,8 @@ Nothing is written unless all of the document would be right with what is added.
 
   thingc add part Bracket --to rover.yaml --on base.top       parts/bracket.py with a class, and a component that is one
   thingc add part links:Bracket                               only the class, in parts/links.py
+  thingc add part thingc_stock.servos:MG90S --to rover.yaml --on bracket.top --by flange --name hip
+                                                              a component that is a part which is there
   thingc add joint hinge --to rover.yaml --parent base.top --child bracket.bottom
   thingc add mode hung --to rover.yaml --root bracket.top --base held
   thingc add mode on_left --to rover.yaml --standing-on left.sole
@@ -35,7 +37,8 @@ Nothing is written unless all of the document would be right with what is added.
 """
 WHAT = ("part", "assembly", "mode", "joint", "test")
 OPTIONS = {
-    "on": ("part", "assembly"), "root": ("mode",), "base": ("mode",), "pose": ("mode",),
+    "on": ("part", "assembly"), "at": ("part", "assembly"), "by": ("part", "assembly"), "component": ("part", "assembly"),
+    "param": ("part",), "new": ("part",), "root": ("mode",), "base": ("mode",), "pose": ("mode",),
     "standing_on": ("mode",), "gravity": ("mode",), "type": ("joint",), "parent": ("joint",),
     "child": ("joint",), "loop": ("joint",), "kind": ("test",),
 }
@@ -46,9 +49,20 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `add`."""
     parser.epilog = EPILOG
     parser.add_argument("what", type=_choice(WHAT), metavar="{" + ",".join(WHAT) + "}", help="what is added")
-    parser.add_argument("name", metavar="NAME", help="its name; of a part the name of its class, or MODULE:CLASS")
+    parser.add_argument("name", metavar="NAME", help="its name; of a part the name of its class, or MODULE:CLASS, there or not")
     parser.add_argument("--to", metavar="DOC", help="the document that it is added to; a part or an assembly may be for none yet")
     parser.add_argument("--on", metavar="MOUNT", help="of a part or an assembly: the mount that it is attached to")
+    parser.add_argument("--by", metavar="MOUNT", help="of a part or an assembly: the mount of its own that meets that of --on")
+    parser.add_argument("--at", metavar="MOUNT", help="of a part or an assembly: the frame that its own is laid into, instead of --on")
+    parser.add_argument(
+        "--name", metavar="NAME", dest="component", help="of a part or an assembly: what the component is called; as the part unless given",
+    )
+    parser.add_argument(
+        "--param", metavar="NAME=VALUE", action="append", help="of a part: a parameter of it, for example 'length=80 mm' (may be repeated)",
+    )
+    parser.add_argument(
+        "--new", action="store_true", default=None, help="of a part: a class to begin with, also where another one is called nearly so",
+    )
     parser.add_argument("--root", metavar="ROOT", help="of a mode: a component or a mount; that of the first mode unless given")
     parser.add_argument(
         "--base", type=_choice(BASES), metavar="{" + ",".join(BASES) + "}",
@@ -83,16 +97,21 @@ def _add(arguments: argparse.Namespace, options: Options) -> int:
     what = arguments.what
     for option, owners in OPTIONS.items():
         if getattr(arguments, option) is not None and what not in owners:
-            written = "--" + option.replace("_", "-")
+            written = "--name" if option == "component" else "--" + option.replace("_", "-")
             raise common.WrongCommandLine(f"{written} is for {_enumerated(owners)}, and this is {_article(what)}", "take it out")
     if arguments.to is None:
         if what not in ("part", "assembly"):
             raise common.WrongCommandLine(
                 f"{_article(what)} belongs to a document", f"write for example `thingc add {what} {arguments.name} --to robot.yaml`",
             )
-        if arguments.on is not None:
-            raise common.WrongCommandLine("--on names a mount of the document that --to names", "write --to as well")
+        for option in ("on", "at", "by"):
+            if getattr(arguments, option) is not None:
+                raise common.WrongCommandLine(f"--{option} places it in the document that --to names", "write --to as well")
         return _write(arguments, options, None, STUBS[what](arguments, None))
+    if arguments.on is not None and arguments.at is not None:
+        raise common.WrongCommandLine("--on and --at both say where it is", "keep one of them: --on attaches a mount, --at lays a frame")
+    if arguments.by is not None and arguments.on is None:
+        raise common.WrongCommandLine("--by names what meets a mount, and which mount is not said", "write --on as well")
     common.require_document(arguments.to)
     documents, found = checked(arguments.to, options)
     if documents is None or any(one.severity is Severity.ERROR for one in found):

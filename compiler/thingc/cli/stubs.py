@@ -11,17 +11,25 @@ import re
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from thingc.cli import common
+from thingc.cli.set import settings
 from thingc.diagnostics import Report, shown_path
 from thingc.layout.setting import Keys, Written
 from thingc.load import Documents
+from thingc.realize.record import PartRecord, PartSchema
 from thingc.source import Document, MappingNode, SequenceNode, node_at
-from thingc.typos import did_you_mean
-from thingc.units import ANGLE
+from thingc.typos import did_you_mean, meant
+from thingc.units import ANGLE, shortened
+
+if TYPE_CHECKING:
+    from thingc.realize.service import GeometryService
 
 BASES = ("fixed", "held", "free", "planar", "ball")
 """What a mode may have for a base."""
+NAME = r"[A-Za-z][A-Za-z0-9_]*"
+"""What a name is made of."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,33 +43,108 @@ class Addition:
 
 
 def _part(arguments: argparse.Namespace, documents: Documents | None) -> Addition:
-    from thingc.templates import new_part
+    """A component that is a part: one that is there, or one of a class to begin with."""
+    from thingc.environment import geometry_of
     from thingc.workspace import Workspace
 
-    module, colon, given = arguments.name.partition(":")
-    name = _identifier(given if colon else module)
-    name = "".join(word[:1].upper() + word[1:] for word in name.split("_"))
-    component = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
-    module = _identifier(module) if colon else component
-    if keyword.iskeyword(name) or name in _bound(ast.parse(new_part("_", None))):
-        raise common.WrongCommandLine(f"`{name}` is no name for a class of parts: it means something else there", "choose another name")
     report = Report()
     workspace = Workspace.find(os.path.abspath("document") if documents is None else documents.root.path, report)
     if workspace is None:
         raise common.WrongCommandLine(report.diagnostics[0].message, "mend the workspace first")
-    path = os.path.join(next(iter(workspace.parts), os.path.join(workspace.root, "parts")), f"{module}.py")
-    placed = None if documents is None else _component(documents.root, component, arguments.on, "bottom")
-    material = "pla" if documents is None else _material(documents)
-    text = new_part(name, material)
+    told = ":" in arguments.name
+    reference = arguments.name if told else _reference(arguments.name)
+    module, _, name = reference.partition(":")
+    with geometry_of(workspace, common.options_of(arguments)) as geometry:
+        found = geometry.part_code.sources.finder.find(module)
+        if not arguments.new:
+            elsewhere = told and (re.fullmatch(NAME, module) is None or not (found.workspace or found.kind == "absent"))
+            source = geometry.part_code.sources.source(module)
+            if elsewhere or found.workspace and source is not None and name in source.facts.names:
+                return _placed_part(arguments, documents, geometry, reference)
+            near = meant(reference, geometry.catalogue()) if told else None
+            if near is not None:
+                raise common.WrongCommandLine(
+                    f"there is no part `{reference}`", f"did you mean `{near}`? With --new it is a class to begin with",
+                )
+    folder = next(iter(workspace.parts), os.path.join(workspace.root, "parts"))
+    own = found.file if found.workspace else None
+    return _new_part(arguments, documents, reference, own or os.path.join(folder, f"{module}.py"))
+
+
+def _placed_part(
+    arguments: argparse.Namespace, documents: Documents | None, geometry: GeometryService, reference: str,
+) -> Addition:
+    """A component that is a part which is there, or which only `check` can tell what is wrong with."""
+    if documents is None:
+        raise common.WrongCommandLine(
+            f"`{shortened(reference)}` is no part to begin with, and which document it is for is not said", "write --to robot.yaml",
+        )
+    name = reference.rpartition(":")[2]
+    component = arguments.component or (_snake(name) if re.fullmatch(NAME, name) else "part")
+    answer = geometry.describe([reference])[reference]
+    definition = answer.default if isinstance(answer, PartSchema) else None
+    record = geometry.realize([definition]).get(definition.text) if definition is not None else None
+    value: dict[str, Written] = {"part": reference, **_params(arguments)}
+    mount = "origin"
+    if isinstance(record, PartRecord):
+        if record.box is not None and (record.material, record.mass, record.density) == (None, None, None):
+            value |= _weight(documents)
+        if arguments.on is not None and arguments.by is None:
+            mount = _sole_mount(reference, record)
+    elif isinstance(answer, PartSchema) and definition is None and arguments.on is not None and arguments.by is None:
+        raise common.WrongCommandLine(f"which mount of `{reference}` meets --on is not said", "name it with --by")
+    return Addition(values={("components", component): {**value, **_place(arguments, documents.root, component, mount)}})
+
+
+def _sole_mount(reference: str, record: PartRecord) -> str:
+    """The mount that a part is attached by where none is named: `bottom`, or the only one. Raises `WrongCommandLine`."""
+    mounts = list(record.mounts)
+    if "bottom" in mounts or not mounts:
+        return "bottom" if mounts else "origin"
+    if len(mounts) > 1:
+        raise common.WrongCommandLine(
+            f"which mount of `{reference}` meets --on is not said", f"name it with --by ({did_you_mean('', mounts, what='mounts')})",
+        )
+    return mounts[0]
+
+
+def _new_part(arguments: argparse.Namespace, documents: Documents | None, reference: str, path: str) -> Addition:
+    """A class behind what its module has, or in a new one at that path, and a component that is one."""
+    from thingc.templates import new_part
+
+    told, _, given = reference.partition(":")
+    module, name = _identifier(told), _class_name(given)
+    if keyword.iskeyword(name) or name in _bound(ast.parse(new_part("_", None))):
+        raise common.WrongCommandLine(f"`{name}` is no name for a class of parts: it means something else there", "choose another name")
+    component = arguments.component or _snake(name)
+    placed = None if documents is None else _place(arguments, documents.root, component, "bottom")
+    weight = {"material": "pla"} if documents is None else _weight(documents)
+    material = weight.pop("material", None)
+    text = new_part(name, None if material is None else str(material))
     if os.path.exists(path):
         text = _appended(path, name, text)
     elif keyword.iskeyword(module) or _installed(module):
         what = "a word of Python" if keyword.iskeyword(module) else "a module that Python has already"
         raise common.WrongCommandLine(f"`{module}` is {what}", f"name the module yourself: `thingc add part {module}_parts:{name}`")
-    if placed is None:
+    if documents is None or placed is None:
         return Addition(values={}, files={path: text})
-    weight = {} if material is not None else {"mass": {"value": "20 g", "source": "estimated"}}
-    return Addition(values={("components", component): {"part": f"{module}:{name}", **weight, **placed}}, files={path: text})
+    value = {"part": f"{module}:{name}", **_params(arguments), **weight, **placed}
+    return Addition(values={("components", component): value}, files={path: text})
+
+
+def _reference(word: str) -> str:
+    """`front_bracket:FrontBracket`, of the name of the class alone."""
+    name = _class_name(word)
+    return f"{_snake(name)}:{name}"
+
+
+def _class_name(word: str) -> str:
+    return "".join(part[:1].upper() + part[1:] for part in _identifier(word).split("_"))
+
+
+def _snake(name: str) -> str:
+    """`front_bracket` of `FrontBracket`, `mg90s` of `MG90S`."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[0-9])(?=[A-Z][a-z])", "_", name).lower()
 
 
 def _assembly(arguments: argparse.Namespace, documents: Documents | None) -> Addition:
@@ -74,8 +157,9 @@ def _assembly(arguments: argparse.Namespace, documents: Documents | None) -> Add
     files = {path: text.replace("NAME", name)}
     if documents is None:
         return Addition(values={}, files=files)
-    placed = _component(documents.root, name, arguments.on, "base")
-    return Addition(values={("components", name): {"assembly": os.path.basename(path), **placed}}, files=files)
+    component = arguments.component or name
+    placed = _place(arguments, documents.root, component, "base")
+    return Addition(values={("components", component): {"assembly": os.path.basename(path), **placed}}, files=files)
 
 
 ASSEMBLY = """\
@@ -217,11 +301,14 @@ def _base(root: Document) -> str:
     return next(free, next(iter(components)))
 
 
-def _component(root: Document, name: str, on: str | None, mount: str) -> dict[str, Written]:
-    """How a new component is placed: by its `mount` on a mount of the document, else beside the base."""
-    _new(root, "components", name)
-    if on is not None:
-        return {"attach": {mount: on}}
+def _place(arguments: argparse.Namespace, root: Document, name: str, mount: str) -> dict[str, Written]:
+    """How a new component is placed: by a mount of its own (`mount` unless --by names it) on a mount of the document, in a frame, else
+    beside the base."""
+    _new(root, "components", name, hint="choose another name with --name")
+    if arguments.on is not None:
+        return {"attach": {arguments.by or mount: arguments.on}}
+    if arguments.at is not None:
+        return {"at": {"in": arguments.at}}
     return {"at": {"in": f"{_base(root)}.origin", "xyz": "0 0 100 mm" if _shaped(root) else "0 0 30 mm"}}
 
 
@@ -230,30 +317,38 @@ def _shaped(root: Document) -> bool:
     return any(isinstance(one, dict) and "frame" not in one for one in _section(root, "components").values())
 
 
-def _material(documents: Documents) -> str | None:
-    """A material that the document has in scope, for a print if there is one; None where it has none, or states one by `defaults`."""
+def _weight(documents: Documents) -> dict[str, Written]:
+    """What a part that states neither material nor mass needs: a material that the document has in scope, for a print if there is one,
+    else a mass; nothing where the document states a material by `defaults`."""
     root = documents.root
+    if node_at(root.tree, ("defaults", "component", "material")) is not None:
+        return {}
     node = node_at(root.tree, ("materials",))
     names: list[str] = list(node.entries) if isinstance(node, MappingNode) else []
     for one in node.items if isinstance(node, SequenceNode) else ():
         document = documents.named(root, str(one.plain()))
         names += [] if document is None else _section(document, "materials")
     usual = next((name for name in ("pla", "petg") if name in names), next(iter(names), None))
-    return None if node_at(root.tree, ("defaults", "component", "material")) is not None else usual
+    return {"mass": {"value": "20 g", "source": "estimated"}} if usual is None else {"material": usual}
 
 
-def _new(root: Document, section: str, name: str) -> str:
+def _params(arguments: argparse.Namespace) -> dict[str, Written]:
+    """The `params` that a part is given."""
+    return {"params": settings(arguments.param)} if arguments.param else {}
+
+
+def _new(root: Document, section: str, name: str, hint: str = "choose another name") -> str:
     """A name that the section does not have. Raises `WrongCommandLine`."""
     _identifier(name)
     taken = {known.lower(): known for known in _section(root, section)}
     if name.lower() in taken:
         document, what = shown_path(root.path), section.removesuffix("s")
-        raise common.WrongCommandLine(f"`{document}` has a {what} `{taken[name.lower()]}` already", "choose another name")
+        raise common.WrongCommandLine(f"`{document}` has a {what} `{taken[name.lower()]}` already", hint)
     return name
 
 
 def _identifier(name: str) -> str:
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name, re.ASCII):
+    if not re.fullmatch(NAME, name):
         near = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_")
         hint = f"write for example `{near}`" if re.fullmatch(r"[A-Za-z]\w*", near, re.ASCII) else "choose another name"
         raise common.WrongCommandLine(f"`{name}` is no name: a letter, then letters, digits and `_`", hint)

@@ -205,6 +205,10 @@ def _in_toml(path: str, text: str, keys: Keys, value: Written) -> str:
     import tomlkit
 
     line_end = "\r\n" if "\r\n" in text else "\n"
+    if isinstance(value, Mapping) and len(keys) == 2 and (at := _behind_tables(path, text, keys)) is not None:
+        entries = (f"{tomlkit.key(key).as_string()} = {tomlkit.item(_toml_value(one)).as_string()}" for key, one in value.items())
+        lines = ("", "", f"[{'.'.join(tomlkit.key(key).as_string() for key in keys)}]", *entries)
+        return text[:at] + line_end.join(lines) + text[at:]
     document = tomlkit.parse(text.replace("\r\n", "\n"))
     table: Any = document
     for depth, key in enumerate(keys[:-1]):
@@ -214,6 +218,20 @@ def _in_toml(path: str, text: str, keys: Keys, value: Written) -> str:
         table = table[key]
     table[keys[-1]] = _toml_value(value)
     return tomlkit.dumps(document).replace("\n", line_end)
+
+
+def _behind_tables(path: str, text: str, keys: Keys) -> int | None:
+    """Where a new entry of a section is written whose last one is a table with a header of its own: at the end of that one's last line.
+    None where the entry is there, or the last one is written otherwise."""
+    source, node = Source(path, text), node_at(_tree(path, text), keys[:1])
+    if not isinstance(node, MappingNode) or not node.entries or keys[1] in node.entries:
+        return None
+    last = max(node.entries.values(), key=lambda one: _place(source, one.span)[1])
+    start, end = _place(source, last.span)
+    if not isinstance(last, MappingNode) or text[start] != "[":
+        return None
+    line = source.line_at(end - 1)
+    return source.starts[line] + len(source.line(line))
 
 
 def _out_of_toml(document: Document, keys: Keys) -> str:
