@@ -98,7 +98,7 @@ SATELLITES: dict[str, dict[str, set[str]]] = {
         "environment": {"Environment", "Options", "geometry_of"},
         "output": {"Waiting"},
         "realize": {"BlobMissing", "EndingWorkers", "GeometryService", "Store"},
-        "emit": {"Page"},
+        "emit": {"Page", "waiting"},
         "emit.artifact": ANY,
         "stamp": {"state_of"},
     },

@@ -7,6 +7,7 @@ import json
 import math
 import os
 import re
+import shutil
 import socket
 import subprocess
 import sys
@@ -20,6 +21,7 @@ import pytest
 
 from editor.language_server import wait_until
 from live.documents import ROBOT, write
+from thingc.cli.main import main
 from thingc.emit import Page
 from thingc.live import Server
 from viewer.browser import chromium, needed, opened
@@ -66,15 +68,20 @@ def asked(address: str, path: str | None = None, method: str = "GET", host: str 
 class Viewing:
     """A process that shows a document."""
 
-    def __init__(self, document: Path, store: str, *words: str) -> None:
+    def __init__(self, document: Path, store: str, *words: str, cache: Path | None = None) -> None:
         self.document, self.printed = document, document.parent / "printed.txt"
         with open(self.printed, "w") as stream:
             self.process = subprocess.Popen(
                 [sys.executable, "-P", "-m", "thingc", "view", document.name, "--no-open", *words], cwd=document.parent, stdout=stream,
-                stderr=stream, env={**os.environ, "THINGC_STORE": store},
+                stderr=stream, env={**os.environ, "THINGC_STORE": store, "XDG_CACHE_HOME": str(cache or document.parent / "cache")},
             )
         assert wait_until(lambda: "http://" in self.printed.read_text() or self.process.poll() is not None, 60.0), self.printed.read_text()
         self.address = next(line for line in self.printed.read_text().splitlines() if line.startswith("http://"))
+
+
+    def end(self) -> None:
+        self.process.kill()
+        self.process.wait()
 
 
 @contextmanager
@@ -85,8 +92,7 @@ def viewing(folder: Path, store: str, *words: str, text: str = ROBOT) -> Iterato
     try:
         yield found
     finally:
-        found.process.kill()
-        found.process.wait()
+        found.end()
 
 
 @pytest.fixture
@@ -130,14 +136,42 @@ def test_what_is_refused(server: Server) -> None:
 
 def test_news_reach_who_listens_and_who_comes_late(server: Server) -> None:
     first = News(server.address)
-    assert first.next() == {"build": 1, "seconds": 0.5, "findings": []}
+    began = first.next()
+    assert re.fullmatch(r"[0-9a-f]{8}", str(began["run"]))
+    assert began == {"run": began["run"], "build": 1, "against": 0, "seconds": 0.5, "findings": []}
     server.tell(None, 0.1, [{"code": "TC601"}])
-    assert first.next() == {"build": 1, "seconds": 0.1, "findings": [{"code": "TC601"}]}
+    assert first.next() == {**began, "seconds": 0.1, "findings": [{"code": "TC601"}]}
     late = News(server.address)
     assert late.next()["findings"] == [{"code": "TC601"}]
     first.close()
     server.tell(Page(name="two", data='{"name": "two"}', glb=b""), 0.2, [])
     assert late.next()["build"] == 2 and asked(f"{server.address}robot.json")[2].startswith(b'{"robot": {"name": "two"}')
+    assert asked(f"{server.address}against.json")[0] == 404
+    server.tell_against(Page(name="other", data='{"name": "other"}', glb=b""), [{"code": "TC602"}])
+    assert late.next() == {**began, "build": 2, "against": 1, "seconds": 0.2, "findings": [{"code": "TC602"}]}
+    assert asked(f"{server.address}against.json")[2] == b'{"robot": {"name": "other"}, "geometry": ""}'
+
+
+def test_nobody_hears_of_the_other_robot_first() -> None:
+    with Server() as server:
+        server.tell_against(Page(name="other", data='{"name": "other"}', glb=b""))
+        listening = News(server.address)
+        server.tell(None, 0.1, [])
+        told = listening.next()
+        assert (told["build"], told["against"]) == (0, 1)
+
+
+def test_a_document_has_its_address_again(tmp_path: Path) -> None:
+    """For who knows the key: not of another document, or on another port, or with another key, or without any."""
+    def address(document: str, key: bytes | None, port: int = 0) -> tuple[int, str]:
+        with Server(port, document=str(tmp_path / document), key=key) as server:
+            return server.port, urlsplit(server.address).path
+
+    port, word = address("a.yaml", b"1" * 32)
+    assert address("../" + tmp_path.name + "/a.yaml", b"1" * 32, port) == (port, word)
+    others = [address("b.yaml", b"1" * 32, port), address("a.yaml", b"2" * 32, port), address("a.yaml", None, port),
+              address("a.yaml", None, port), address("a.yaml", b"1" * 32)]
+    assert len({word, *(other for _, other in others)}) == 6
 
 
 def test_a_save_is_shown(tmp_path: Path, shared_store: str) -> None:
@@ -166,26 +200,68 @@ def test_a_save_is_shown(tmp_path: Path, shared_store: str) -> None:
         assert shown.process.wait(20.0) == 0 and "Traceback" not in shown.printed.read_text()
 
 
-def test_builds_and_wrong_command_lines(tmp_path: Path, shared_store: str) -> None:
-    def run(*words: str) -> tuple[int, str]:
-        done = subprocess.run(
-            [sys.executable, "-P", "-m", "thingc", *words], cwd=tmp_path, capture_output=True, text=True, timeout=60.0,
-            env={**os.environ, "THINGC_STORE": shared_store},
-        )
-        assert "Traceback" not in done.stderr
-        return done.returncode, done.stdout + done.stderr
+def test_saves_of_the_other_document_are_followed(tmp_path: Path, shared_store: str) -> None:
+    """With its findings beside those of the first one, which nothing happens to; an address is the same after a start on the same port."""
+    other = tmp_path / "other.yaml"
+    other.write_text(ROBOT)
+    with viewing(tmp_path, shared_store, "--against", "other.yaml") as shown:
+        news = News(shown.address)
+        told = news.next()
+        while told["against"] == 0:
+            told = news.next()
+        other.write_text(ROBOT.replace("120 deg", "125 deg"))
+        told = news.next()
+        assert (told["build"], told["against"], told["findings"]) == (1, 2, [])
+        joint = next(one for one in json.loads(asked(f"{shown.address}against.json")[2])["robot"]["joints"] if one["path"] == "yaw_0")
+        assert joint["upper"] == pytest.approx(math.radians(125.0))
+        other.write_text(WRONG)
+        told = news.next()
+        assert (told["against"], [(one["code"], one["file"]) for one in told["findings"]]) == (2, [("TC601", "other.yaml")])
+        assert wait_until(lambda: " other.yaml: other.yaml, not built" in shown.printed.read_text(), 5.0), shown.printed.read_text()
+        assert re.search(r" other\.yaml: other\.yaml, compiled in \d", shown.printed.read_text())
+        shown.process.send_signal(2)
+        assert shown.process.wait(20.0) == 0 and "Traceback" not in shown.printed.read_text()
+        key = tmp_path / "cache/thingc/view.key"
+        assert (key.stat().st_mode & 0o777, key.stat().st_size) == (0o600, 32)
+        port = str(urlsplit(shown.address).port)
+        again = Viewing(shown.document, shared_store, "--port", port)
+        again.end()
+        assert again.address == shown.address
+        key.chmod(0o644)  # others may have read it
+        again = Viewing(shown.document, shared_store, "--port", port)
+        again.end()
+        assert again.address != shown.address
 
+
+def test_builds_and_wrong_command_lines(
+    tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def run(*words: str) -> tuple[int, str]:
+        code = main(words)
+        return code, "".join(capfd.readouterr())
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("THINGC_STORE", shared_store)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     write(tmp_path)
     (tmp_path / "wrong.yaml").write_text(WRONG)
-    code, said = run("view", "robot.yaml", "--no-open", "--against", "wrong.yaml")
+    code, said = run("view", "wrong.yaml", "--no-open", "--against", "wrong.yaml")  # as it is now is nothing
     assert code == 1 and "TC601" in said and "wrong.yaml:23:16" in said
+    code, said = run("view", ".", "--no-open")
+    assert code == 2 and "`.` is a folder without a build" in said
     assert run("build", "robot.yaml", "--emit", "bom")[0] == 0
-    code, said = run("view", "build/robot", "--no-open")
-    assert code == 2 and "the build `build/robot` has no page" in said and "--emit html" in said
-    code, said = run("view", "build", "--no-open")
-    assert code == 2 and "`build` is a folder without a build" in said
+    for folder in ("build/robot", "build"):
+        code, said = run("view", folder, "--no-open")
+        assert code == 2 and "the build `build/robot` has no page" in said and "--emit html" in said
     assert run("build", "robot.yaml", "--emit", "html")[0] == 0
-    assert run("view", "build/robot", "--no-open") == (0, "build/robot/html/robot.html\n")
+    for folder in ("build/robot", "build"):
+        assert run("view", folder, "--no-open") == (0, "build/robot/html/robot.html\n")
+    for words in (("--mode", "bench"), ("--port", "4000"), ("--against", "robot.yaml"), ("-p", "reach=1 m"), ("--editor", "x:{file}")):
+        code, said = run("view", "build/robot", "--no-open", *words)
+        assert code == 2 and f"{words[0]} is about documents, and `build/robot` is a build" in said
+    shutil.copytree(tmp_path / "build/robot", tmp_path / "build/again")
+    code, said = run("view", "build", "--no-open")
+    assert code == 2 and "`build` holds 2 builds" in said and "name one of them: known builds: `build/again`, `build/robot`" in said
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         code, said = run("view", "robot.yaml", "--no-open", "--port", str(port))
@@ -196,24 +272,39 @@ def test_builds_and_wrong_command_lines(tmp_path: Path, shared_store: str) -> No
 
 @needed
 def test_in_a_browser(tmp_path: Path, shared_store: str) -> None:
-    """Begun with a document that is wrong; then saves come into the page, which stays in its mode and looks from where it looked."""
+    """Begun with a document that is wrong; then saves come into the page, which stays in its mode and looks from where it looked. When
+    there is nobody any more it says so; then it has the robot of the next server, and the one that is seen through it."""
     with chromium() as browser, viewing(tmp_path, shared_store, text=WRONG) as shown:
-        context = browser.new_context()
+        context = browser.new_context(color_scheme="dark")
         page = context.new_page()
         page.goto(shown.address)
-        page.wait_for_function("() => document.body.innerText.includes('TC601')")
+        page.wait_for_selector("#findings a")
+        assert page.locator("#findings a").first.get_attribute("href") == f"vscode://file{tmp_path}/robot.yaml:23"
+        assert page.locator("#title").inner_text() == "robot.yaml" and "Nothing is built yet" in page.locator("#waiting").inner_text()
+        assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(21, 27, 33)"
         shown.document.write_text(ROBOT)
         page.wait_for_function("() => globalThis.thingc?.ready")
-        context.close()
-        with opened(browser, shown.address) as page:
-            page.evaluate("() => { thingc.viewer.setMode('held'); thingc.viewer.stage.camera.position.set(0.5, -0.4, 0.3); }")
-            before = page.evaluate("() => thingc.viewer.stage.camera.position.toArray()")
+        assert page.locator("#waiting").count() == 0
+        with opened(browser, shown.address) as own:
+            own.evaluate("() => { thingc.viewer.setMode('held'); thingc.viewer.stage.camera.position.set(0.5, -0.4, 0.3); }")
+            before = own.evaluate("() => thingc.viewer.stage.camera.position.toArray()")
             shown.document.write_text(WRONG)
-            page.wait_for_selector("#findings a")
-            assert page.locator("#findings a").first.get_attribute("href") == f"vscode://file{tmp_path}/robot.yaml:23"
-            assert "outside its limits" in page.locator("#findings").inner_text()
+            own.wait_for_selector("#findings a")
+            assert "outside its limits" in own.locator("#findings").inner_text()
             shown.document.write_text(ROBOT.replace("count: 2", "count: 3"))
-            page.wait_for_function("() => thingc.viewer.robot.joints.some((joint) => joint.path === 'yaw_2')")
-            assert page.locator("#findings").is_hidden()
-            assert page.evaluate("() => thingc.viewer.mode.name") == "held"
-            assert page.evaluate("() => thingc.viewer.stage.camera.position.toArray()") == pytest.approx(before, abs=1e-6)
+            own.wait_for_function("() => thingc.viewer.robot.joints.some((joint) => joint.path === 'yaw_2')")
+            assert own.locator("#findings").is_hidden()
+            assert own.evaluate("() => thingc.viewer.mode.name") == "held"
+            assert own.evaluate("() => thingc.viewer.stage.camera.position.toArray()") == pytest.approx(before, abs=1e-6)
+        port = urlsplit(shown.address).port
+        page.evaluate("() => thingc.viewer.setMode('held')")
+        shown.end()
+        page.wait_for_selector("#gone")
+        assert page.locator("#gone").inner_text() == f"thingc view has ended: start it again with --port {port}, and this page goes on"
+        (tmp_path / "other.yaml").write_text(ROBOT)
+        shown.document.write_text(ROBOT.replace("count: 2", "count: 4"))
+        again = Viewing(shown.document, shared_store, "--port", str(port), "--against", "other.yaml")
+        page.wait_for_function("() => thingc.viewer.robot.joints.some((joint) => joint.path === 'yaw_3')")
+        page.wait_for_function("() => thingc.viewer.other !== null")
+        assert page.locator("#gone").is_hidden() and page.evaluate("() => thingc.viewer.mode.name") == "held"
+        again.end()

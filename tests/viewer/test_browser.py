@@ -352,8 +352,17 @@ def test_what_is_exploded_stays_in_the_picture(browser: Any, pages: Pages) -> No
         for spot in page.evaluate("""thingc.viewer.stage.project(thingc.viewer.robot.occurrences.map((one, index) =>
           thingc.viewer.stage.camera.position.clone().fromArray(one.centre).applyMatrix4(thingc.viewer.drawn[index])))"""):
             assert 0 < spot["x"] < width and 0 < spot["y"] < height
+        exploded = page.evaluate(camera)
         slider.fill("0")
         assert page.evaluate(camera) == pytest.approx(before, abs=1e-9)
+        # a link that says nothing of the camera shows all of it, too, and cuts it at the same place as the page that it came from
+        page.evaluate("location.hash = '#mode=bench&pose=home&explode=1&section=x:0.4'")
+        page.wait_for_function("thingc.viewer.options.explode === 1")
+        assert page.evaluate(camera) == pytest.approx(exploded, abs=1e-9)
+        framed = "[...thingc.viewer.stage.framed.min.toArray(), ...thingc.viewer.stage.framed.max.toArray()]"
+        box = page.evaluate(framed)
+    with opened(browser, address(pages.arm / "html/arm.html", "#mode=bench&pose=home&explode=1&camera=9,9,9,0,0,0")) as page:
+        assert page.evaluate(framed) == pytest.approx(box, abs=1e-9)
 
 
 def test_as_few_calls_as_definitions(browser: Any, pages: Pages) -> None:
@@ -411,8 +420,14 @@ def test_everything_is_in_reach_on_a_small_screen(browser: Any, pages: Pages, si
         for tab in ("Parts", "Bill", "Show", "Measure", "Move"):
             page.get_by_role("tab", name=tab).click()
             assert page.locator("#panels section:visible").count() == 1
+        modes = page.locator("#modes")
+        fades = size[0] < 820  # a row that has more than is seen says so at that end
+        assert (modes.get_attribute("class") or "").split() == ["chips", *(["after"] if fades else [])]
         page.get_by_role("radio", name="crawl_ceiling").click()
         assert page.evaluate("thingc.viewer.mode.name") == "crawl_ceiling"
+        page.evaluate("thingc.viewer.setMode(thingc.viewer.robot.modes.at(-1).name)")
+        drawn(page)
+        assert (modes.get_attribute("class") or "").split() == ["chips", *(["before"] if fades else [])]
 
 
 def test_gravity_is_down_in_every_mode(browser: Any, pages: Pages) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -238,7 +238,8 @@ def test_a_base_moves_as_its_mode_lets_it(browser: Any, folder: Path, tmp_path: 
     at = np.eye(4)
     at[:3, :3], at[:3, 3] = Rotation.from_euler("xyz", [20, -30, 40], degrees=True).as_matrix(), [0.03, 0.02, 0.01]
     with page_of(browser, folder, FINGER, "#mode=rolling") as page:
-        slide(page, root_0=25, root_1=-40, root_2=70)
+        slide(page, {"base x": 25, "base y": -40, "base about z": 70})
+        assert "\njoint root_2 of models" in str(page.locator(".joint", has_text="base about z").get_attribute("title"))
         model = compiled_there.model("rolling")
         data = mujoco.MjData(model)
         for name, value in (("root_0", 0.025), ("root_1", -0.04), ("root_2", math.radians(70))):
@@ -258,16 +259,15 @@ def test_a_base_moves_as_its_mode_lets_it(browser: Any, folder: Path, tmp_path: 
         assert abs(moved[2]) < 1e-9 < 0.1 < np.linalg.norm(moved) and np.allclose(after[:3, :3], before[:3, :3], atol=1e-9)
         page.evaluate("thingc.viewer.setMode('turning')")
         home = np.array(page.evaluate("thingc.viewer.links()")["palm"]).reshape(4, 4)
-        slide(page, root_0=30, root_1=-50, root_2=80)
+        slide(page, dict(zip(TURNS, (30, -50, 80), strict=True)))
         turn = np.eye(4)
         turn[:3, :3] = Rotation.from_rotvec(np.radians([30, -50, 80])).as_matrix()
         found = np.array(page.evaluate("thingc.viewer.links()")["palm"]).reshape(4, 4)
         assert np.abs(found - at @ turn @ np.linalg.inv(at) @ home).max() < 1e-9
-        assert [page.get_by_role("spinbutton", name=f"root_{k} value").input_value() for k in range(3)] == ["30.0", "-50.0", "80.0"]
-        assert "about y" in page.locator(".joint", has_text="root_1").inner_text()
+        assert [page.get_by_role("spinbutton", name=f"{turn} value").input_value() for turn in TURNS] == ["30.0", "-50.0", "80.0"]
         page.evaluate("thingc.viewer.setMode('adrift')")
         home = np.array(page.evaluate("thingc.viewer.links()")["one"]).reshape(4, 4)
-        slide(page, root_2=-50, root_4=90)
+        slide(page, {"base z": -50, "base about y": 90})
         turn[:3, :3], turn[:3, 3] = Rotation.from_rotvec([0, math.pi / 2, 0]).as_matrix(), [0, 0, -0.05]
         at[:3, :3], at[:3, 3] = np.eye(3), [0, 0, 0.2]
         found = np.array(page.evaluate("thingc.viewer.links()")["one"]).reshape(4, 4)
@@ -277,7 +277,10 @@ def test_a_base_moves_as_its_mode_lets_it(browser: Any, folder: Path, tmp_path: 
         assert max(np.abs(np.array(again[name]) - np.array(placed[name])).max() for name in placed) < 1e-8
 
 
-def slide(page: Any, **values: float) -> None:
+TURNS = ("base about x", "base about y", "base about z")
+
+
+def slide(page: Any, values: Mapping[str, float]) -> None:
     """Types values [deg or mm] of coordinates, as a person does."""
     for name, value in values.items():
         page.get_by_role("spinbutton", name=f"{name} value").fill(str(value))
@@ -288,9 +291,9 @@ def test_a_base_goes_no_further_than_what_is_held_lets_it(browser: Any, folder: 
     """A planar base whose other end is held: joints go along as it moves, and out of their reach it stops, with the hold still closed."""
     with page_of(browser, folder, REACHER, "#mode=pinned") as page:
         held, q = np.array(page.evaluate("thingc.viewer.links()")["three"]), q_of(page)
-        slide(page, root_0=5)
+        slide(page, {"base x": 5})
         assert page.evaluate("thingc.viewer.said") == "" and abs(q_of(page)["second"] - q["second"]) > 1e-2
-        slide(page, root_0=-500)
+        slide(page, {"base x": -500})
         assert "the base goes no further" in page.locator("#said").inner_text()
         assert -0.15 < page.evaluate("thingc.viewer.configuration.moves.read(thingc.viewer.configuration.base)[0]") < -0.01
         assert np.abs(np.array(page.evaluate("thingc.viewer.links()")["three"]) - held).max() < 1e-6

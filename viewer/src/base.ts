@@ -6,9 +6,9 @@ import type { Mode } from "./data";
 import { matrixOf, rotationVector } from "./kinematics";
 
 /** One way in which a base moves; `at` is its number among three shifts and three turns. */
-export interface BaseCoordinate { path: string; turns: boolean; words: string; at: number }
+export interface BaseCoordinate { path: string; turns: boolean; at: number }
 
-const WORDS = ["along x", "along y", "along z", "about x", "about y", "about z"];
+const PATHS = ["base x", "base y", "base z", "base about x", "base about y", "base about z"];
 const MOVING: Record<Mode["base"], number[]> = { fixed: [], held: [], planar: [0, 1, 5], ball: [3, 4, 5], free: [0, 1, 2, 3, 4, 5] };
 /** How far [rad] it turns: beyond half a turn a rotation vector is one of the other side. */
 const MOST = Math.PI - 1e-9;
@@ -26,7 +26,7 @@ export class BaseMotion {
     this.at = matrixOf(mode.at);
     this.back = this.at.clone().invert();
     const carried = mode.base === "free" && mode.loops.some((loop) => loop.hold);
-    this.coordinates = carried ? [] : this.moving.map((at, number) => ({ path: `root_${number}`, turns: at > 2, words: WORDS[at], at }));
+    this.coordinates = carried ? [] : this.moving.map((at) => ({ path: PATHS[at], turns: at > 2, at }));
   }
 
   /** Three shifts [m] and three parts of the turn [rad] by which a root link stands elsewhere than where the mode puts it. */

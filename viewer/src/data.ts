@@ -82,3 +82,6 @@ export function shownMass(kilograms: number): string {
   if (kilograms >= 1) return `${trimmed(kilograms, 3)} kg`;
   return kilograms === 0 ? "no mass" : `${trimmed(kilograms * 1000, kilograms < 0.01 ? 3 : 2)} g`;
 }
+
+/** A number of things, in words. */
+export const counted = (count: number, what: string): string => `${count} ${what}${count === 1 ? "" : "s"}`;

@@ -1,15 +1,14 @@
 // The page: reads what it was given, and wires panels, gestures and keys to the viewer.
 
-import type { BufferGeometry } from "three";
 import { RINGS } from "./annotate";
-import { type Robot, shownMass, VERSION } from "./data";
-import { listen, live } from "./live";
+import { counted, type Robot, shownMass, VERSION } from "./data";
+import { listen, live, wait } from "./live";
 import { restored, written } from "./permalink";
 import { bytesOf, geometriesOf } from "./scene";
 import { bomPanel } from "./ui/bom";
 import { card } from "./ui/card";
 import { copied } from "./ui/copying";
-import { $, choices, make } from "./ui/dom";
+import { $, choices, fading, make } from "./ui/dom";
 import { gestures, KEYS, keys } from "./ui/gestures";
 import { measurePanel } from "./ui/measure";
 import { editor } from "./ui/place";
@@ -23,16 +22,17 @@ const PANELS: [string, string, (panel: HTMLElement, viewer: Viewer) => void][] =
 ];
 
 async function start(): Promise<void> {
-  const { robot, glb } = given("thingc-robot", "thingc-geometry")!;
+  editor.link = document.querySelector<HTMLMetaElement>('meta[name="thingc-editor"]')?.content ?? null;
+  const own = given("thingc-robot", "thingc-geometry");
+  if (own === null) return wait();
   const canvas = $("canvas") as HTMLCanvasElement;
   const viewer = new Viewer(canvas, $("labels"));
-  editor.link = document.querySelector<HTMLMetaElement>('meta[name="thingc-editor"]')?.content ?? null;
 
   let shown = "pose";
   const tabs = $("tabs");
   const open = (name: string): void => {
     shown = name;
-    for (const [own] of PANELS) $(`panel-${own}`).hidden = own !== name;
+    for (const [panel] of PANELS) $(`panel-${panel}`).hidden = panel !== name;
     for (const tab of tabs.children as HTMLCollectionOf<HTMLElement>) {
       tab.setAttribute("aria-selected", String(tab.id === `tab-${name}`));
       tab.tabIndex = tab.id === `tab-${name}` ? 0 : -1;
@@ -61,14 +61,14 @@ async function start(): Promise<void> {
 
   new ResizeObserver(() => viewer.stage.resize()).observe($("view"));
   viewer.stage.resize();
-  viewer.load(robot, await geometriesOf(glb));
+  viewer.load(own.robot, await geometriesOf(own.glb));
   const other = given("thingc-against-robot", "thingc-against-geometry");
-  if (other !== null) viewer.against(other.robot, await geometriesOf(other.glb));
+  if (other !== null) viewer.against({ robot: other.robot, geometries: await geometriesOf(other.glb) });
   restored(viewer, location.hash);
   requestAnimationFrame(() => requestAnimationFrame(() => performance.mark("drawn")));
   window.addEventListener("hashchange", () => restored(viewer, location.hash));
   remember(viewer);
-  if (live()) listen(viewer, (fresh: Robot, geometries: BufferGeometry[]) => viewer.load(fresh, geometries));
+  if (live()) listen(viewer, (sent) => { if (sent !== null) viewer.load(sent.robot, sent.geometries); }, (sent) => viewer.against(sent));
   // for whoever steers the page from outside: tests, notebooks, other pages
   Object.assign(globalThis, { thingc: { viewer, ready: true } });
 }
@@ -76,24 +76,26 @@ async function start(): Promise<void> {
 /** A robot and its meshes, as two elements of the page have them; null where it has none. */
 function given(data: string, meshes: string): { robot: Robot; glb: ArrayBuffer } | null {
   const text = document.getElementById(data)?.textContent;
-  if (text == null) return null;
-  const robot = JSON.parse(text) as Robot;
+  const robot = JSON.parse(text ?? "null") as Robot | null;
+  if (robot === null) return null;
   if (robot.version !== VERSION) throw new Error(`this page reads version ${VERSION} of a robot, and was given ${robot.version}`);
   return { robot, glb: bytesOf($(meshes).textContent!.trim()) };
 }
 
 function header(viewer: Viewer): void {
   let update = (): void => {};
+  const brought = fading($("modes"));
   viewer.listen((change) => {
     if (change === "robot") {
       const { robot } = viewer;
       document.title = $("title").textContent = $("title").title = robot.name;
       const moving = new Set(robot.joints.map((joint) => joint.joint)).size;
-      $("subtitle").textContent = `${shownMass(robot.mass)}, ${robot.links.length} links, ${moving} joints`;
+      $("subtitle").textContent = `${shownMass(robot.mass)}, ${counted(robot.links.length, "link")}, ${counted(moving, "joint")}`;
       update = choices($("modes"), robot.modes.map((mode) => mode.name), () => viewer.mode.name, (name) => viewer.setMode(name));
     }
     if (change === "mode") {
       update();
+      brought();
       const { name, root, base, file, line } = viewer.mode;
       $("modes").title = `mode ${name}: root ${root.path}, base ${base}${file === null ? "" : `\n${file}:${line}`}`;
     }

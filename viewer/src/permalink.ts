@@ -48,9 +48,10 @@ export function restored(viewer: Viewer, fragment: string): boolean {
   }
   const [side, part] = (told.get("section") ?? "").split(":");
   const axis = side.replace(/^-/, "");
+  viewer.explodeBy(Math.min(1, Math.max(0, numbers(told.get("explode"))[0] ?? 0)));
   viewer.setOptions({
     shown: one(SHOWN, told.get("show")) ?? "visual", colouring: one(COLOURINGS, told.get("colour")) ?? "part",
-    explode: Math.min(1, Math.max(0, numbers(told.get("explode"))[0] ?? 0)), theme: one(["light", "dark"] as const, told.get("theme")) ?? viewer.options.theme,
+    theme: one(["light", "dark"] as const, told.get("theme")) ?? viewer.options.theme,
     panels: told.get("panels") !== "none",
     section: {
       axis: one(["x", "y", "z"] as const, axis), part: Math.min(1, Math.max(0, numbers(part ?? null)[0] ?? 0.5)), flip: side.startsWith("-"),

@@ -40,13 +40,16 @@ const OTHER = new Color("#2f7fd6");
 /** As many chosen occurrences have their edges drawn. */
 const EDGED = 24;
 
+/** The theme that the person has for all pages. */
+export const preferred = (): Options["theme"] => (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
+
 export class Viewer {
   robot!: Robot;
   configuration!: Configuration;
   choice: Choice = new Set();
   options: Options = {
     shown: "visual", marks: new Set<Mark>(["floor"]), colouring: "part", explode: 0, section: { axis: null, part: 0.5, flip: false },
-    theme: matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light", panels: true,
+    theme: preferred(), panels: true,
   };
   /** Two mounts between which is measured, `occurrence:mount`. */
   measured: [string, string] = ["", ""];
@@ -121,10 +124,10 @@ export class Viewer {
     }
   }
 
-  /** Show another robot through this one, in the same mode and at the same coordinates where it has them. */
-  against(robot: Robot, geometries: BufferGeometry[]): void {
-    this.other = { robot, within: robot.occurrences.map((one) => matrixOf(one.pose)) };
-    this.stage.overlay(robot, geometries);
+  /** Show another robot through this one, in the same mode and at the same coordinates where it has them; null shows none. */
+  against(other: { robot: Robot; geometries: BufferGeometry[] } | null): void {
+    this.other = other === null ? null : { robot: other.robot, within: other.robot.occurrences.map((one) => matrixOf(one.pose)) };
+    this.stage.overlay(other?.robot ?? null, other?.geometries ?? []);
     this.tell("robot");
   }
 

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import argparse
 import os
+import secrets
 import sys
+import threading
 import webbrowser
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from urllib.parse import quote
 
@@ -17,10 +22,20 @@ from thingc.cli.watch import Lines, refused, until_interrupted
 from thingc.diagnostics import Code, Diagnostic, shown_path
 from thingc.emit import Page, page_of
 from thingc.emit.artifact import MANIFEST
-from thingc.environment import Environment, attempted
+from thingc.environment import Environment, Options, attempted
 from thingc.live import Live, Round, Server, findings_of
+from thingc.typos import did_you_mean
 
 EDITOR = "vscode://file{file}:{line}"
+
+KEY = 32
+"""Bytes of the key that gives a document the same address again."""
+
+OF_DOCUMENTS = {
+    "mode": "--mode", "against": "--against", "port": "--port", "editor": "--editor", "parameter": "-p", "choice": "--set",
+    "strict": "--strict", "store": "--store", "jobs": "--jobs", "part_timeout": "--part-timeout",
+}
+"""What does nothing to a build that is opened as it is."""
 
 EPILOG = """\
 Serves the page on this machine alone, under an address that nobody can guess, and shows it in a browser; every save is shown there in its
@@ -55,40 +70,87 @@ def run(arguments: argparse.Namespace) -> int:
             return _open_build(arguments)
         common.require_document(arguments.document)
         options = common.options_of(arguments)
-        against = None
+        before, beside, turn = None, None, threading.Lock()
         if arguments.against is not None:
             common.require_document(arguments.against)
-            against, found = attempted(arguments.against, replace(options, parameters={}, choices={}), _page)
-            if against is None:
-                common.print_text(found, stream=sys.stderr, debug=arguments.debug)
-                return common.exit_code(found)
-        live = Live(
-            arguments.document, options, lambda: Wish(targets=(), modes=arguments.mode, strict=arguments.strict), refused, writes=False,
-        )
-        server = _server(arguments, against)
+            plain = replace(options, parameters={}, choices={})
+            if not os.path.samefile(arguments.against, arguments.document):
+                beside = _Beside(arguments, plain, turn)
+            else:
+                before, found = attempted(arguments.against, plain, _page)
+                if before is None:
+                    common.print_text(found, stream=sys.stderr, debug=arguments.debug)
+                    return common.exit_code(found)
+        live = Live(arguments.document, options, partial(_wish, arguments), refused, writes=False, turn=turn)
+        server = _server(arguments)
     except common.WrongCommandLine as fault:
         common.print_text([fault.diagnostic], stream=sys.stderr, debug=arguments.debug)
         return common.USAGE
+    if before is not None:
+        server.tell_against(before)
     lines = Lines(arguments, "showing")
 
     def hear(made: Round) -> None:
-        environment = live.environment
-        assert environment is not None
-        page = None
-        if made.good and made.built is not None:
-            try:
-                page = page_of(pipeline.request_of(environment, made.built.compilation))
-            except Exception as fault:  # the next save may mend it
-                made = replace(made, good=False, diagnostics=(*made.diagnostics, refused(fault)))
-        server.tell(page, made.seconds, findings_of(made.diagnostics, environment.workspace))
+        with turn:
+            made, page, found = _shown(live, made)
+        server.tell(page, made.seconds, found)
         lines.say(made)
         if made.number == 1 and common.exit_code(made.diagnostics) != common.USAGE:
             common.say(server.address)
             if not arguments.no_open:
                 webbrowser.open(server.address)
 
-    with server:
+    with server, nullcontext() if beside is None else beside.followed(server):
         return until_interrupted(live, hear)
+
+
+def _wish(arguments: argparse.Namespace) -> Wish:
+    return Wish(targets=(), modes=arguments.mode, strict=arguments.strict)
+
+
+def _shown(live: Live, made: Round) -> tuple[Round, Page | None, list[dict[str, object]]]:
+    """A round, its page (None where it has errors), and what the page takes of what is said."""
+    environment = live.environment
+    assert environment is not None
+    page = None
+    if made.good and made.built is not None:
+        try:
+            page = page_of(pipeline.request_of(environment, made.built.compilation))
+        except Exception as fault:  # the next save may mend it
+            made = replace(made, good=False, diagnostics=(*made.diagnostics, refused(fault)))
+    return made, page, findings_of(made.diagnostics, environment.workspace)
+
+
+class _Beside:
+    """The document whose robot is seen through the one that is shown, in all its modes; followed in a thread of its own, in which it is
+    compiled while it has its `turn`."""
+
+    def __init__(self, arguments: argparse.Namespace, options: Options, turn: threading.Lock) -> None:
+        self._turn = turn
+        self._live = Live(arguments.against, options, lambda: Wish(targets=(), strict=arguments.strict), refused, writes=False, turn=turn)
+        self._lines = Lines(arguments, of=shown_path(arguments.against))
+        self._stop = threading.Event()
+
+    @contextmanager
+    def followed(self, server: Server) -> Iterator[None]:
+        """Meanwhile a server is told of every round."""
+        thread = threading.Thread(target=self._follow, args=(server,), daemon=True)
+        with self._live:
+            thread.start()
+            try:
+                yield
+            finally:
+                self._stop.set()
+        thread.join(1.0)
+
+    def _follow(self, server: Server) -> None:
+        for made in self._live.rounds(self._stop):
+            if self._stop.is_set():
+                return
+            with self._turn:
+                made, page, found = _shown(self._live, made)
+            server.tell_against(page, found)
+            self._lines.say(made)
 
 
 def _page(environment: Environment) -> tuple[Page | None, list[Diagnostic]]:
@@ -98,7 +160,7 @@ def _page(environment: Environment) -> tuple[Page | None, list[Diagnostic]]:
     return None if compilation.report.failed else page_of(pipeline.request_of(environment, compilation)), found
 
 
-def _server(arguments: argparse.Namespace, against: Page | None) -> Server:
+def _server(arguments: argparse.Namespace) -> Server:
     from thingc.diagnostics import Report
     from thingc.workspace import Workspace
 
@@ -106,31 +168,64 @@ def _server(arguments: argparse.Namespace, against: Page | None) -> Server:
     root = workspace.root if workspace is not None else os.path.dirname(os.path.abspath(arguments.document))
     editor = arguments.editor.replace("{file}", f"{quote(root)}/{{file}}")
     try:
-        return Server(arguments.port, editor, against)
+        return Server(arguments.port, editor, arguments.document, _key())
     except OSError as fault:
         reason = fault.strerror or str(fault)
         raise common.WrongCommandLine(f"port {arguments.port} cannot be had: {reason}", "leave --port out: a free one is taken") from fault
 
 
+def _key() -> bytes | None:
+    """Random bytes that this user alone can read, the same every time; None where they cannot be kept so."""
+    from thingc.realize.store.local import cache_root
+
+    path = os.path.join(cache_root(), "view.key")
+    try:
+        os.makedirs(os.path.dirname(path), mode=0o700, exist_ok=True)
+        with suppress(FileExistsError), open(path, "xb", opener=lambda name, flags: os.open(name, flags, 0o600)) as stream:
+            stream.write(secrets.token_bytes(KEY))
+        with open(path, "rb") as stream:
+            state = os.fstat(stream.fileno())
+            key = stream.read(KEY)
+    except OSError:
+        return None
+    others = os.name == "posix" and (state.st_uid != os.getuid() or state.st_mode & 0o077)
+    return key if len(key) == KEY and not others else None
+
+
 def _open_build(arguments: argparse.Namespace) -> int:
-    """Show the page of a finished build. Raises `WrongCommandLine` where it has none."""
-    if arguments.against is not None:
-        raise common.WrongCommandLine("--against is about documents", "name both documents, not their builds")
-    folder = Path(arguments.document)
+    """Show the page of a finished build, or of the only one in a folder. Raises `WrongCommandLine` where there is none, and for options of
+    documents."""
+    folder = _build_meant(arguments.document)
     pages = sorted(folder.glob("html/*.html"))
     if not pages:
-        if (folder / MANIFEST).is_file():
-            raise common.WrongCommandLine(
-                f"the build `{arguments.document}` has no page", "build it with `--emit html`, or name its document", Code.NO_DOCUMENT
-            )
         raise common.WrongCommandLine(
-            f"`{arguments.document}` is a folder without a build", "name a document, or a build with html/", Code.NO_DOCUMENT
+            f"the build `{shown_path(str(folder))}` has no page", "build it with `--emit html`, or name its document", Code.NO_DOCUMENT
+        )
+    given = [name for key, name in OF_DOCUMENTS.items() if getattr(arguments, key) not in ([], 0, None, False, EDITOR)]
+    if given:
+        raise common.WrongCommandLine(
+            f"{given[0]} is about documents, and `{shown_path(str(folder))}` is a build", "name its document, or leave the option out"
         )
     for page in pages:
         common.say(shown_path(str(page)))
         if not arguments.no_open:
             webbrowser.open(page.resolve().as_uri())
     return 0
+
+
+def _build_meant(name: str) -> Path:
+    """The build that a folder is, or the only one that it holds. Raises `WrongCommandLine` with what to type."""
+    folder = Path(name)
+    if (folder / MANIFEST).is_file():
+        return folder
+    builds = [path.parent for path in sorted(folder.glob(f"*/{MANIFEST}"))]
+    builds = [one for one in builds if any(one.glob("html/*.html"))] or builds
+    if len(builds) == 1:
+        return builds[0]
+    if builds:
+        hint = did_you_mean("", [shown_path(str(one)) for one in builds], what="builds")
+        raise common.WrongCommandLine(f"`{name}` holds {len(builds)} builds", f"name one of them: {hint}", Code.NO_DOCUMENT)
+    raise common.WrongCommandLine(f"`{name}` is a folder without a build", "name a document, or a build with html/", Code.NO_DOCUMENT)
 
 
 def _port(text: str) -> int:

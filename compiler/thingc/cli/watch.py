@@ -117,10 +117,12 @@ def _say_line(value: Mapping[str, object]) -> None:
 
 
 class Lines:
-    """What is said of rounds, on standard error: what is wrong as `thingc build` says it, unless it has just been said, then one line."""
+    """What is said of rounds, on standard error: what is wrong as `thingc build` says it, unless it has just been said, then one line.
+    `of` is the document that they are of, where it is not the one that the command is about."""
 
-    def __init__(self, arguments: argparse.Namespace, doing: str = "watching") -> None:
+    def __init__(self, arguments: argparse.Namespace, doing: str = "watching", of: str | None = None) -> None:
         self._doing = doing
+        self._of = of
         self._arguments = arguments
         self._said: tuple[Diagnostic, ...] = ()
         self._built = False
@@ -136,11 +138,12 @@ class Lines:
             saved = _enumerated([shown_path(path) for path in made.saved])
             outcome = _outcome(made) if self._built or not made.good else f"built in {made.seconds:.2f} s"
             stand = f"; {counted(len(made.diagnostics), 'warning')} as before" if known and made.diagnostics else ""
-            common.say(f"{time.strftime('%H:%M:%S')} {saved}: {outcome}{stand}", stream=sys.stderr)
+            of = f"{self._of}, " if self._of is not None else ""
+            common.say(f"{time.strftime('%H:%M:%S')} {saved}: {of}{outcome}{stand}", stream=sys.stderr)
         if made.built is not None and made.folder is not None and not self._built:
             tell(answer_of(made.built, made.folder), self._arguments)
         self._built = self._built or made.good
-        if made.number == 1:
+        if made.number == 1 and self._of is None:
             common.say(f"{'' if made.good else 'nothing is built yet; '}{self._doing}; Ctrl-C ends it", stream=sys.stderr)
 
 

@@ -19,7 +19,7 @@ from thingc.typos import did_you_mean
 
 if TYPE_CHECKING:
     from thingc.emit.artifact import Artifacts
-    from thingc.emit.html.target import Page, page_of
+    from thingc.emit.html.target import Page, page_of, waiting
     from thingc.emit.manifest import versions
     from thingc.emit.mjcf.target import sources as model_sources
     from thingc.emit.request import EmitRequest
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "TARGETS", "Page", "chosen", "emitter", "model_sources", "module_of", "modules_of", "number_text", "page_of", "targets", "unknown",
-    "unstated", "versions", "written",
+    "unstated", "versions", "waiting", "written",
 ]
 
 GROUP = "thingc.emitters"
@@ -107,7 +107,7 @@ def __getattr__(name: str) -> Any:
         from thingc.emit.xml import number
 
         return number
-    if name in ("Page", "page_of"):
+    if name in ("Page", "page_of", "waiting"):
         from thingc.emit.html import target
 
         return getattr(target, name)

@@ -74,12 +74,13 @@ class Live:
 
     `wish` is asked in every round (what the workspace says may have changed): it gives what to build, or what is wrong with that. `refused`
     puts an exception into words. `on_wait` hears that another build of the folder is waited for. Unless it `writes`, everything is done
-    but that.
+    but that. `turn` is held in every round: of several documents that are followed by threads of one process one is compiled at a time.
     """
 
     def __init__(
         self, document: str, options: Options, wish: Callable[[], Wish | Sequence[Diagnostic]],
         refused: Callable[[Exception], Diagnostic], on_wait: Waiting | None = None, *, writes: bool = True,
+        turn: contextlib.AbstractContextManager[object] | None = None,
     ) -> None:
         self.document = os.path.abspath(document)
         self.options = options
@@ -88,6 +89,7 @@ class Live:
         self._refused = refused
         self._on_wait = on_wait
         self._writes = writes
+        self._turn = turn or contextlib.nullcontext()
         self._workers = self._fresh_workers()
         self._abandoned: tuple[str, ...] = ()
         self._memo = Memo()
@@ -118,7 +120,8 @@ class Live:
                 continue
             if not self._small(saved):
                 saved = self._settled(saved)
-            made, more = self._round(saved)
+            with self._turn:
+                made, more = self._round(saved)
             if more:  # saved again meanwhile: what was read may be of both
                 saved = tuple(dict.fromkeys((*saved, *more)))
                 continue

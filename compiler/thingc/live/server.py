@@ -1,14 +1,16 @@
 """What a browser on this machine is shown of a document: its page, and news of every round.
 
-Nobody else gets anything. The server listens on the loopback interface alone; every address begins with a random word that only who has
-started it knows; a name of another host in the request is refused (a page elsewhere may have let its own name lead here); no other page may
-read the answers. What is sent are a handful of texts in memory: no address names a file.
+Nobody else gets anything. The server listens on the loopback interface alone; every address begins with a word that nobody can guess and
+only who has started it knows; a name of another host in the request is refused (a page elsewhere may have let its own name lead here); no
+other page may read the answers. What is sent are a handful of texts in memory: no address names a file.
 """
 
 from __future__ import annotations
 
+import base64
 import hmac
 import json
+import os
 import secrets
 import sys
 import threading
@@ -18,7 +20,8 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
 from thingc.diagnostics import Diagnostic
-from thingc.emit import Page
+from thingc.emit import Page, waiting
+from thingc.frozen import dataclass
 from thingc.shown import json_text
 from thingc.source import Span
 from thingc.workspace import Workspace
@@ -33,19 +36,21 @@ HEADERS = {
 }
 HTML, JSON = "text/html; charset=utf-8", "application/json"
 
-WAITING = b"""<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>thingc view</title><meta name="color-scheme" content="light dark">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; connect-src 'self'; script-src 'unsafe-inline'"></head>
-<body><h1>Nothing is built yet</h1><p>The page comes by itself when the document has no errors.</p><pre id="findings"></pre><script>
-new EventSource("events").onmessage = (message) => {
-  const news = JSON.parse(message.data);
-  if (news.build > 0) location.reload();
-  document.getElementById("findings").textContent = news.findings.map(({severity, code, message, file, line, help}) =>
-    `${severity} ${code}: ${message}\\n  ${file ?? ""}:${line ?? ""}\\n  ${help ?? ""}`).join("\\n\\n");
-};
-</script></body></html>
-"""
-"""What is shown until there is a good build."""
+Finding = Mapping[str, object]
+"""A diagnostic as the page takes it."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Shown:
+    """A robot as it stands: the last good page, how many there were, and what is said of the document now."""
+
+    page: Page | None = None
+    count: int = 0
+    findings: tuple[Finding, ...] = ()
+
+    def after(self, page: Page | None, findings: Sequence[Finding]) -> _Shown:
+        """After a round, that had no page where it is None."""
+        return _Shown(page or self.page, self.count + (page is not None), tuple(findings))
 
 
 class _Quiet(ThreadingHTTPServer):
@@ -61,19 +66,25 @@ class _Quiet(ThreadingHTTPServer):
 
 class Server:
     """A server on a free port of this machine, or on `port`. A context manager: it serves from entering to leaving. Raises OSError where
-    the port is taken. `editor` and `against` are what `Page.html` takes."""
+    the port is taken. `editor` is what `Page.html` takes, `document` the path of what is shown.
 
-    def __init__(self, port: int = 0, editor: str | None = None, against: Page | None = None) -> None:
+    The word of its address is a random one; with a `key`, that nobody else knows, it is always the same for the same document and port: a
+    page that is open finds the next server there, and none of another document."""
+
+    def __init__(self, port: int = 0, editor: str | None = None, document: str = "", key: bytes | None = None) -> None:
         self._news = threading.Condition()
         self._editor = editor
-        self._against = against
-        self._page: Page | None = None
-        self._build = 0
-        self._told = ""
+        self._name = os.path.basename(document) or "thingc view"
+        self._own = _Shown()
+        self._other = _Shown()
+        self._seconds = 0.0
         self._closed = False
         self._number = 0
-        self._token = secrets.token_urlsafe(16)
+        self._run = secrets.token_hex(4)
         self._http = _Quiet((LOOPBACK, port), _handler(self))
+        about = f"{self.port} {os.path.realpath(document)}".encode("utf-8", "surrogateescape")
+        word = secrets.token_bytes(16) if key is None else hmac.digest(key, about, "sha256")[:16]
+        self._token = base64.urlsafe_b64encode(word).decode().rstrip("=")
         self._thread = threading.Thread(target=self._http.serve_forever, kwargs={"poll_interval": 0.1}, daemon=True)
 
     def __enter__(self) -> Server:
@@ -97,13 +108,19 @@ class Server:
         """Where a browser finds the page."""
         return f"http://{LOOPBACK}:{self.port}/{self._token}/"
 
-    def tell(self, page: Page | None, seconds: float, findings: Sequence[Mapping[str, object]]) -> None:
+    def tell(self, page: Page | None, seconds: float, findings: Sequence[Finding]) -> None:
         """What came of a round: its page (None: that of the last good one stays), how long it took, and what there is to say."""
         with self._news:
-            if page is not None:
-                self._page, self._build = page, self._build + 1
+            self._own = self._own.after(page, findings)
+            self._seconds = seconds
             self._number += 1
-            self._told = json_text(json.dumps({"build": self._build, "seconds": seconds, "findings": list(findings)}, ensure_ascii=False))
+            self._news.notify_all()
+
+    def tell_against(self, page: Page | None, findings: Sequence[Finding] = ()) -> None:
+        """The same of the robot that is seen through it. Nobody hears of that before there is anything of its own to tell."""
+        with self._news:
+            self._other = self._other.after(page, findings)
+            self._number += 1 if self._number > 0 else 0
             self._news.notify_all()
 
     def hosted(self, host: str | None) -> bool:
@@ -118,17 +135,25 @@ class Server:
     def content(self, name: str) -> tuple[str, bytes] | None:
         """Type and bytes of what is asked for by name; None where there is nothing of that name."""
         with self._news:
-            page = self._page
+            page, other = self._own.page, self._other.page
         if name == "":
-            return HTML, WAITING if page is None else page.html(live=True, editor=self._editor, against=self._against)
-        return (JSON, page.news()) if page is not None and name == "robot.json" else None
+            return HTML, waiting(self._name, self._editor) if page is None else page.html(live=True, editor=self._editor, against=other)
+        asked = {"robot.json": page, "against.json": other}.get(name)
+        return (JSON, asked.news()) if asked is not None else None
 
     def news(self, after: int) -> tuple[int, str] | None:
         """The last news and their number, as soon as there are any after that number; the same number where there are none for a while,
         None at the end."""
         with self._news:
             self._news.wait_for(lambda: self._closed or self._number > after, SILENCE)
-            return None if self._closed else (self._number, self._told)
+            return None if self._closed else (self._number, self._told())
+
+    def _told(self) -> str:
+        """The last news: `run` is another word for every server, `build` and `against` count the robots that there were."""
+        own, other = self._own, self._other
+        findings = [*own.findings, *(one for one in other.findings if one not in own.findings)]
+        told = {"run": self._run, "build": own.count, "against": other.count, "seconds": self._seconds, "findings": findings}
+        return json_text(json.dumps(told, ensure_ascii=False))
 
 
 def findings_of(diagnostics: Sequence[Diagnostic], workspace: Workspace | None) -> list[dict[str, object]]:
@@ -206,6 +231,9 @@ def _handler(server: Server) -> type[BaseHTTPRequestHandler]:
             self._begin(HTTPStatus.OK, "text/event-stream", None)
             seen = 0
             try:
+                if body:
+                    self.wfile.write(b"retry: 1000\n\n")
+                    self.wfile.flush()
                 while body and (latest := server.news(seen)) is not None:
                     number, told = latest
                     self.wfile.write(f"data: {told}\n\n".encode() if number > seen else b": nothing new\n\n")

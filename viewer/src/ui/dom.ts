@@ -43,6 +43,21 @@ export function choices(
   return update;
 }
 
+/** A row that is scrolled sideways fades out where there is more of it; what is chosen in it is brought into view by the returned function. */
+export function fading(row: HTMLElement): () => void {
+  const update = (): void => {
+    const { scrollLeft, clientWidth, scrollWidth } = row;
+    row.classList.toggle("before", scrollLeft > 1);
+    row.classList.toggle("after", scrollLeft + clientWidth < scrollWidth - 1);
+  };
+  row.addEventListener("scroll", update, { passive: true });
+  new ResizeObserver(update).observe(row);
+  return () => {
+    row.querySelector('[aria-checked="true"], [aria-selected="true"]')?.scrollIntoView({ block: "nearest", inline: "nearest" });
+    update();
+  };
+}
+
 export function select(label: string, words: readonly string[], chosen: string, choose: (word: string) => void): HTMLLabelElement {
   const own = make("select", { "aria-label": label, onchange: (event) => choose((event.target as HTMLSelectElement).value) });
   own.append(...words.map((word) => make("option", { value: word, selected: word === chosen }, word)));

@@ -64,11 +64,12 @@ function ofJoint(joint: Joint, viewer: Viewer): Sliding {
   };
 }
 
-function ofBase({ path, turns, words, at }: BaseCoordinate, viewer: Viewer): Sliding {
-  const { base, root } = viewer.mode;
+function ofBase({ path, turns, at }: BaseCoordinate, viewer: Viewer): Sliding {
+  const { base, root } = viewer.mode, { moves } = viewer.configuration;
+  const joint = base === "planar" ? `\njoint root_${moves.coordinates.findIndex((one) => one.at === at)} of models` : "";
   return {
-    path, turns, range: [-Infinity, Infinity], words, about: `${path}: ${root.path} ${words} of its place in the world (base ${base})`,
-    value: () => viewer.configuration.moves.read(viewer.configuration.base)[at], set: (value) => viewer.setBase(at, value),
+    path, turns, range: [-Infinity, Infinity], words: "", about: `${path}: ${root.path} from where the mode puts it in the world (base ${base})${joint}`,
+    value: () => moves.read(viewer.configuration.base)[at], set: (value) => viewer.setBase(at, value),
   };
 }
 

@@ -1,6 +1,6 @@
 // The assembly graph as a tree of components; what is chosen there is chosen in the picture, and the other way round.
 
-import { shownMass } from "../data";
+import { counted, shownMass } from "../data";
 import { toggled, type Viewer } from "../viewer";
 import { make } from "./dom";
 
@@ -39,7 +39,7 @@ export function treePanel(panel: HTMLElement, viewer: Viewer): void {
         fold.setAttribute("aria-expanded", String(!below.hidden));
         fold.textContent = below.hidden ? "▸" : "▾";
       });
-      list.append(make("li", {}, fold, entry(child.name, `${child.leaves.length} parts, ${shownMass(mass)}`, child.leaves, child.name), below));
+      list.append(make("li", {}, fold, entry(child.name, `${counted(child.leaves.length, "part")}, ${shownMass(mass)}`, child.leaves, child.name), below));
     }
     return list;
   };
