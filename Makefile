@@ -68,6 +68,7 @@ bench-naming: $(VENV)/.thingc-dev
 
 conformance: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/conformance/study.py
+	$(BIN)/python benchmarks/variants/worlds.py
 
 bench-designs: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/designs/study.py

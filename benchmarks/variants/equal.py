@@ -1,8 +1,15 @@
-"""Is a variant what a single build makes of the same settings? `python benchmarks/variants/equal.py [--count N] [--layout L]`.
+"""Is a variant what a single build makes of the same settings? `python benchmarks/variants/equal.py [KIND ...] [--count N] [--layout L]`.
 
-N sampled variants of MInchW (length of leg and body, and the wall, so that parts differ) are built as a batch; then each is built
-alone, by the command that the batch's table gives for it, in a process of its own, and the two folders are compared byte for byte. A
-variant that is refused has to be refused alone, with the same code.
+N sampled variants of each kind are built as a batch; then each is built alone, by the command that the batch's table gives for it, in a
+process of its own, and the two folders are compared byte for byte. A variant that is refused has to be refused alone, with the same code.
+Kinds, by what differs in their variants:
+
+- `dimension`: the lengths of legs and body of MInchW, and the wall, so that every variant has parts of its own;
+- `numbers`: numbers of the arm that no part is modelled by, by their paths;
+- `mesh`: the pen of the arm, one of sixteen whose parts are modelled once, and the mass of a board;
+- `structure`: what of the arm touches and with which shapes, the roots of its modes, their poses, an integrator and a material.
+
+Batches are killed on the way, and gone on with, by `make kills` (`tests/conformance/kills.py`).
 """
 
 from __future__ import annotations
@@ -16,6 +23,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import textwrap
 import time
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
@@ -24,58 +32,98 @@ from pathlib import Path
 from thingc.variants import load
 
 ROOT = Path(__file__).resolve().parents[2]
-FAMILY = """\
-thingc: variants/1
-assembly: assemblies/minchw/minchw.yaml
-name: sampled
-sample:
-  method: sobol
-  count: {count}
-  seed: 11
-  ranges: {{leg_length: [64 mm, 140 mm], body_length: [92 mm, 220 mm], wall: [2.5 mm, 4 mm]}}
-
-modes: [front_foot, crawl, bridge]
-emit: [mjcf, bom]
-"""
+KINDS = {
+    "dimension": """
+        assembly: assemblies/minchw/minchw.yaml
+        sample:
+          method: sobol
+          count: {count}
+          seed: 11
+          ranges: {{leg_length: [64 mm, 140 mm], body_length: [92 mm, 220 mm], wall: [2.5 mm, 4 mm]}}
+        modes: [front_foot, crawl, bridge]
+    """,
+    "numbers": """
+        assembly: assemblies/arm.yaml
+        sample:
+          method: sobol
+          count: {count}
+          seed: 11
+          ranges:
+            components.bus_board.mass: [5 g, 40 g]
+            joints.elbow.limit.upper: [126 deg, 150 deg]
+            joints.yaw.dynamics.damping: [0.005 N*m*s/rad, 0.1 N*m*s/rad]
+            poses.home.wrist: [-60 deg, 0 deg]
+    """,
+    "mesh": """
+        assembly: assemblies/arm.yaml
+        sample: {{method: sobol, count: {count}, seed: 11, ranges: {{components.bus_board.mass: [5 g, 40 g]}}}}
+        parameters: {{pen_diameter: {{from: 8 mm, to: 15.5 mm, count: 16}}}}
+    """,
+    "structure": """
+        assembly: assemblies/arm.yaml
+        sample: {{method: sobol, count: {count}, seed: 11, ranges: {{components.bus_board.mass: [5 g, 40 g]}}}}
+        parameters:
+          components.forearm.collision: [part, hull, box, mesh, none]
+          modes.adrift.root: [bracket, plate, hand.tip]
+          modes.bench.pose: [home, folded, stretched]
+          simulation.integrator: [implicitfast, euler]
+        choices:
+          components.humerus.material: [petg, petg_red]
+    """,
+}
+"""What each kind says of its variants."""
 
 
 def main() -> int:
     """Build, compare, print; 1 where anything differs."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=300)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("kinds", nargs="*", metavar="KIND", help=f"{', '.join(KINDS)} (default: all)")
+    parser.add_argument("--count", type=int, default=300, help="variants of each kind (default: %(default)s)")
     parser.add_argument("--layout", choices=("folders", "packed"), default="folders", help="of the batch; what is packed is unpacked")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="single builds at once")
     parser.add_argument("--store", help="where modelled parts are kept (default: an empty one)")
     arguments = parser.parse_args()
+    if unknown := [kind for kind in arguments.kinds if kind not in KINDS]:
+        parser.error(f"no kind is called {', '.join(unknown)}")
+    differ = 0
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(os.path.realpath(scratch)) / "workspace"
         for name in ("assemblies", "parts"):
             shutil.copytree(ROOT / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
         shutil.copy(ROOT / "thingc.toml", folder)
-        (folder / "sampled.yaml").write_text(FAMILY.format(count=arguments.count))
         environment = {**os.environ, "THINGC_STORE": arguments.store or str(folder.parent / "store")}
-        begun = time.monotonic()
-        batch = thingc(["batch", "sampled.yaml", "--pictures", "none", "--layout", arguments.layout], folder, environment)
-        took = time.monotonic() - begun
-        out = folder / "build" / "sampled"
-        if not out.is_dir():
-            raise SystemExit(batch.stdout + batch.stderr)
-        with (out / "results.csv").open() as stream:
-            rows = list(csv.DictReader(stream))
-        if len(rows) != arguments.count:
-            raise SystemExit(f"{len(rows)} of {arguments.count} variants are in the table:\n{batch.stderr}")
-        begun = time.monotonic()
-        places = {variant.id: Path(variant.unpack()) for variant in load(out)}
-        with ThreadPoolExecutor(arguments.jobs) as pool:
-            found = list(pool.map(lambda row: compared(row, places.get(row["id"]), folder, environment), rows))
-        singles = time.monotonic() - begun
-    tally = Counter(outcome for outcome, _ in found)
+        for kind in arguments.kinds or KINDS:
+            differ += study(kind, folder, environment, arguments)
+    return 1 if differ else 0
+
+
+def study(kind: str, folder: Path, environment: dict[str, str], arguments: argparse.Namespace) -> int:
+    """Build and compare the variants of a kind in a workspace; how many differ."""
+    said = textwrap.dedent(KINDS[kind].format(count=arguments.count)).lstrip()
+    (folder / f"{kind}.yaml").write_text(f"thingc: variants/1\nname: {kind}\n{said}emit: [mjcf, bom]\n")
+    begun = time.monotonic()
+    batch = thingc(["batch", f"{kind}.yaml", "--pictures", "none", "--layout", arguments.layout], folder, environment)
+    took = time.monotonic() - begun
+    out = folder / "build" / kind
+    if not out.is_dir():
+        raise SystemExit(batch.stdout + batch.stderr)
+    with (out / "results.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    if len(rows) != arguments.count:
+        raise SystemExit(f"{len(rows)} of {arguments.count} variants are in the table:\n{batch.stderr}")
+    begun = time.monotonic()
+    places = {variant.id: Path(variant.unpack()) for variant in load(out)}
+    with ThreadPoolExecutor(arguments.jobs) as pool:
+        found = list(pool.map(lambda row: compared(row, places.get(row["id"]), folder, environment), rows))
+    singles = time.monotonic() - begun
     for outcome, words in found:
         if outcome == "differs":
             print(words)
-    print(", ".join(f"{count} {outcome}" for outcome, count in sorted(tally.items())))
-    print(f"batch {took:.0f} s, single builds {singles:.0f} s ({arguments.jobs} at once)")
-    return 1 if tally["differs"] else 0
+    tally = Counter(outcome for outcome, _ in found)
+    print(f"{kind}, {arguments.layout}: {', '.join(f'{count} {outcome}' for outcome, count in sorted(tally.items()))} "
+          f"(batch {took:.0f} s, single builds {singles:.0f} s, {arguments.jobs} at once)", flush=True)
+    shutil.rmtree(out)
+    return tally["differs"]
 
 
 def compared(row: dict[str, str], place: Path | None, folder: Path, environment: dict[str, str]) -> tuple[str, str]:

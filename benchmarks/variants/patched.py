@@ -3,7 +3,7 @@
 Every number that stands in a document and models no part is set by its path, a few at a time, to N random values near its own (a twentieth
 off, at most); of the settings that are sound the model of `thingc.family(DOCUMENT).models` is compared with the one that MuJoCo compiles
 from the text of a compilation: every array, and every number of `opt`, `stat` and `vis`. In all modes; the arm and MInchW unless documents
-are named.
+are named. With `--parts` one of those numbers is one that models parts, with one of three values.
 """
 
 from __future__ import annotations
@@ -27,6 +27,8 @@ from thingc.units import Quantity
 ROOT = Path(__file__).resolve().parents[2]
 SECTIONS = ("parameters", "components", "joints", "poses", "modes", "simulation", "defaults")
 AT_ONCE = 4
+SHARES = (0.97, 1.01, 1.04)
+"""Of its own value, those that a number has which models parts."""
 NESTED = {
     f"components.{leg}.joints.{joint}.{path}": value
     for leg in ("front", "rear") for joint in ("yaw", "knee", "ankle")
@@ -62,17 +64,23 @@ def scalars(node: Node | None, path: tuple[str, ...]) -> Iterator[tuple[tuple[st
             yield from scalars(inner, (*path, key))
 
 
-def drawn(known: dict[str, float], geometry: set[str], count: int, source: random.Random) -> Iterator[list[dict[str, Any]]]:
-    """Lists of settings of the same names."""
+def drawn(
+    known: dict[str, float], geometry: set[str], modelling: list[str], count: int, source: random.Random,
+) -> Iterator[list[dict[str, Any]]]:
+    """Lists of settings of the same names: none of `geometry`, and one of `modelling`, if there are some."""
     names = [name for name in known if name not in geometry]
     while count > 0:
         chosen = source.sample(names, min(AT_ONCE, len(names)))
+        more = source.sample(modelling, min(1, len(modelling)))
         many = min(count, 50)
-        yield [{name: known[name] * source.uniform(0.95, 1.05) or source.uniform(-0.01, 0.01) for name in chosen} for _ in range(many)]
+        yield [
+            {name: known[name] * source.uniform(0.95, 1.05) or source.uniform(-0.01, 0.01) for name in chosen}
+            | {name: known[name] * source.choice(SHARES) for name in more} for _ in range(many)
+        ]
         count -= many
 
 
-def compared(document: str, count: int, store: str | None, visual: bool) -> Counter[str]:
+def compared(document: str, count: int, store: str | None, visual: bool, parts: bool) -> Counter[str]:
     """How many models are equal, by the way they went, and what differs."""
     tally: Counter[str] = Counter()
     source = random.Random(1)
@@ -82,15 +90,17 @@ def compared(document: str, count: int, store: str | None, visual: bool) -> Coun
             known[name] = family._reader.read({name: text}).values[0]
         ways = {name: family.explain(name) for name in known}
         tally.update(f"{getattr(way, 'way', 'refused')}: numbers" for way in ways.values())
-        geometry = {name for name, way in ways.items() if getattr(way, "way", "passes") == "passes"}
+        geometry = {name for name, way in ways.items() if getattr(way, "way", "passes") in ("passes", "parts")}
+        modelling = [name for name, way in ways.items() if parts and getattr(way, "way", "") == "parts"]
         for mode in family.modes:
             models = family._of(mode, visual)
-            for many in drawn(known, geometry, count // len(family.modes), source):
+            for many in drawn(known, geometry, modelling, count // len(family.modes), source):
                 read = [family._read(one) for one in many]
                 whole = [models._compiled(one) for _, one in read]
                 for settings, one, model, other in zip(many, read, models.each(read, share=True), whole, strict=True):
                     form = models.forms.get((one[1].names, one[1].texts))
-                    way = type(form.plans[0].made).__name__ if form is not None and form.plans else "passes"
+                    plan = form.plan_for(one[1]) if form is not None else None
+                    way = "passes" if plan is None else "other parts" if plan[0].exchange is not None else type(plan[0].made).__name__
                     if isinstance(model, NoModel) or isinstance(other, tuple):
                         tally["refused alike" if isinstance(model, NoModel) and isinstance(other, tuple) else "REFUSED OTHERWISE"] += 1
                         continue
@@ -108,11 +118,12 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=2000, help="settings of each document (default: %(default)s)")
     parser.add_argument("--store", help="where modelled parts are kept")
     parser.add_argument("--visual", action="store_true", help="with what is only drawn")
+    parser.add_argument("--parts", action="store_true", help="with numbers that model parts")
     arguments = parser.parse_args()
     wrong = 0
     for document in arguments.documents:
         begun = time.monotonic()
-        tally = compared(document, arguments.count, arguments.store, arguments.visual)
+        tally = compared(document, arguments.count, arguments.store, arguments.visual, arguments.parts)
         wrong += sum(number for what, number in tally.items() if what.isupper() or what.split()[0].isupper())
         print(f"{document}: {', '.join(f'{number} {what}' for what, number in sorted(tally.items()))} ({time.monotonic() - begun:.0f} s)")
     print(f"MuJoCo {mujoco.__version__}")

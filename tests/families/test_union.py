@@ -1,4 +1,4 @@
-"""Variants of other geometry as one model: each moves as its own."""
+"""Variants of other geometry: one text with other meshes gives the compiled model; as one model each moves as its own."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import thingc
+from thingc.families import differing
 from thingc.variants import apply
 
 LEVERS = """\
@@ -51,7 +52,18 @@ def test_each_moves_as_its_own_model(tmp_path: Path, root: Path, shared_store: s
         explained = str(family.explain("length"))
         whole, apart = family.batched(many), family.batched(many, union=False)
         own = [model for model in family.models(many) if isinstance(model, mujoco.MjModel)]
-    assert explained == "length is compiled anew: `boxes:Lever` is modelled by it (mode still)"
+        lengths = [{"length": length, "joints.hinge.dynamics.damping": 1e-5 * k} for k in (1, 2, 3) for length in (0.095, 0.11, 0.1)]
+        read = [family._read(one) for one in lengths]
+        exchanged, models = family.models(lengths, share=True), family._of(None, False)
+        for (_, one), model in zip(read, exchanged, strict=True):
+            assert isinstance(model, mujoco.MjModel) and differing(model, models._compiled(one)) == []
+        found = models.form(read[0][1]).plan_for(read[0][1])
+        assert found is not None and found[0].exchange is not None and found[0].exchange.uses >= 5
+        assert all(found[0].outputs(one.values) is not None for _, one in read)
+    assert explained == (
+        "length is written into the text of one model with other parts, which MuJoCo compiles anew: "
+        "`boxes:Lever` is modelled by it (mode still)"
+    )
     assert list(whole.refused) == list(apart.refused) == [4]
     assert [group.indices for group in apart.groups] == [(0, 2), (1, 3)]
     (group,) = whole.groups

@@ -38,7 +38,7 @@ class Arrays:
         self._text = plain_text(rehearsal)
         self._assets = assets
         self.model = compile(self._text)
-        found, inertials = places(rehearsal.made, tokens, self.model)
+        found, inertials = places(rehearsal.made.text, tokens, self.model)
         columns: dict[int, int] = {}
         outputs: list[Any] = []
 
@@ -155,25 +155,23 @@ def plain_text(rehearsal: Rehearsal) -> str:
 
 class TextTemplate:
     """The text of a model with gaps. `outputs` are the numbers for them, in the order in which `text` takes their values; `why` it is not
-    `Arrays`."""
+    `Arrays`. Where parts are exchanged there are gaps for the names of their `meshes`, too, which change from model to model."""
 
-    def __init__(self, rehearsal: Rehearsal, why: str = "") -> None:
+    def __init__(self, rehearsal: Rehearsal, why: str = "", meshes: Sequence[str] = ()) -> None:
         import re
 
         tape = rehearsal.tape
         self.why = why
         self.outputs = [Traced(tape, line, tape.values[line]) for line in tape.written.values()]
-        tokens = list(tape.written)
-        if not tokens:
-            self._pieces: list[str | int] = [rehearsal.made]
-            return
-        places = {token: k for k, token in enumerate(tokens)}
-        pattern = re.compile("(" + "|".join(map(re.escape, tokens)) + ")")
-        self._pieces = [places.get(piece, piece) for piece in pattern.split(rehearsal.made)]
+        places = {word: k for k, word in enumerate((*tape.written, *meshes))}
+        words = [re.escape(token) for token in tape.written]
+        words += [rf'(?<="){re.escape(name)}(?=(?:\.obj)?")' for name in meshes]
+        pieces = re.split(f"({'|'.join(words)})", rehearsal.made.text) if words else [rehearsal.made.text]
+        self._pieces: list[str | int] = [places.get(piece, piece) if k % 2 else piece for k, piece in enumerate(pieces)]
 
-    def text(self, values: Sequence[float]) -> str:
-        """The text with these values, written as the compiler writes numbers."""
+    def text(self, values: Sequence[float], meshes: Sequence[str] = ()) -> str:
+        """The text with these values, written as the compiler writes numbers, and these names."""
         from thingc.emit import number_text
 
-        words = [number_text(value) for value in values]
+        words = [*map(number_text, values), *meshes]
         return "".join(piece if isinstance(piece, str) else words[piece] for piece in self._pieces)

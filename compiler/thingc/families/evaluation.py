@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from thingc import pipeline
 from thingc.diagnostics import Code, Diagnostic, Report
 from thingc.expressions import ExpressionError, Found
 from thingc.families import plans
+from thingc.families.exchange import Exchange
 from thingc.families.plans import Form, Recipe
 from thingc.families.reading import Read, SettingsReader
 from thingc.families.rehearsal import Rehearsal, rehearse
@@ -83,10 +84,10 @@ class Evaluation:
         if not first[0]:
             return None
 
-        def attempt(quantities: Mapping[str, Any], texts: Mapping[str, str]) -> Rehearsal:
-            return rehearse(self.session, self.mode, quantities, texts, self._traced)
+        def attempt(numbers: Mapping[str, Any], texts: Mapping[str, str], *, exact: Collection[str]) -> Rehearsal:
+            return rehearse(self.session, self.mode, numbers, texts, self._traced)
 
-        def finish(rehearsal: Rehearsal) -> tuple[Sequence[Any], _Shape]:
+        def finish(rehearsal: Rehearsal, exchange: Exchange | None) -> tuple[Sequence[Any], _Shape]:
             shape = _Shape(rehearsal.made, first[1])
             return shape.outputs, shape
 

@@ -174,7 +174,7 @@ class RobotFamily:
             why = "; ".join(dict.fromkeys(form.why.values())) or form.refused or "these settings are refused"
             return Explanation(name=name, mode=models.mode, way="passes", why=why)
         if isinstance(plan.made, TextTemplate):
-            return Explanation(name=name, mode=models.mode, way="text", why=plan.made.why)
+            return Explanation(name=name, mode=models.mode, way="text" if plan.exchange is None else "parts", why=plan.made.why)
         return Explanation(name=name, mode=models.mode, way="arrays", fields=tuple(sorted(plan.made.written)))
 
     # --- how ------------------------------------------------------------------------------------------------------------

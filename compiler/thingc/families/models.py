@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from thingc import pipeline
@@ -13,6 +13,7 @@ from thingc.emit import model_sources
 from thingc.families import plans
 from thingc.families.arrays import TOGETHER, Arrays, TextTemplate
 from thingc.families.exact import differing
+from thingc.families.exchange import Exchange
 from thingc.families.places import NotInArrays
 from thingc.families.plans import Form, Recipe
 from thingc.families.reading import Read, SettingsReader
@@ -93,13 +94,20 @@ class ModelsOfMode:
         if isinstance(first, tuple):  # they are refused, which says nothing of others
             return None
 
-        def attempt(quantities: Mapping[str, Any], texts: Mapping[str, str]) -> Rehearsal:
-            return rehearse(self.session, self.mode, quantities, texts, written(self.session, self.mode))
+        def attempt(numbers: Mapping[str, Any], texts: Mapping[str, str], *, exact: Collection[str]) -> Rehearsal:
+            return rehearse(self.session, self.mode, numbers, texts, written(self.session, self.mode), exact)
+
+        def exchanged(rehearsal: Rehearsal) -> Exchange:
+            assert rehearsal.parts is not None
+            return Exchange(rehearsal.parts, self.session.environment.parts, rehearsal.made.assets)
 
         slower = ""
 
-        def finish(rehearsal: Rehearsal) -> tuple[Sequence[Any], Arrays | TextTemplate]:
+        def finish(rehearsal: Rehearsal, exchange: Exchange | None) -> tuple[Sequence[Any], Arrays | TextTemplate]:
             nonlocal slower
+            if exchange is not None:
+                template = TextTemplate(rehearsal, "; ".join(dict.fromkeys(form.modelled.values())), exchange.names)
+                return template.outputs, template
             assets = self.source(read).assets
             if not slower:
                 try:
@@ -111,7 +119,7 @@ class ModelsOfMode:
             return template.outputs, template
 
         while True:
-            plan = plans.make(read, self.reader, attempt, finish, form)
+            plan = plans.make(read, self.reader, attempt, finish, form, exchanged)
             if plan is None:
                 return None
             wrong = self._compared(plan, plans.samples(read, self.reader, form))
@@ -130,18 +138,25 @@ class ModelsOfMode:
             if outputs is None or isinstance(whole, tuple):
                 continue
             try:
-                wrong = differing(self._by(plan, outputs), whole)
+                wrong = differing(self._by(plan, read, outputs), whole)
             except ValueError as fault:
                 return " ".join(str(fault).split())
             if wrong:
                 return wrong[0]
         return ""
 
-    def _by(self, plan: Recipe[Arrays | TextTemplate], outputs: tuple[float, ...]) -> mujoco.MjModel:
+    def _by(self, plan: Recipe[Arrays | TextTemplate], read: Read, outputs: tuple[float, ...]) -> mujoco.MjModel:
         if isinstance(plan.made, TextTemplate):
-            return self._load(plan.made.text(outputs))
+            return self._by_text(plan, plan.made, read, outputs)
         plan.made.put(plan.made.prepare([outputs]), 0)
         return plan.made.model
+
+    def _by_text(self, plan: Recipe[Any], template: TextTemplate, read: Read, outputs: tuple[float, ...]) -> mujoco.MjModel:
+        found = plan.exchanged(read.values)
+        if found is None:
+            return self._load(template.text(outputs))
+        self._mount(found.assets)
+        return self._load(template.text(outputs, found.names))
 
     def _together(self, waiting: Sequence[tuple[Item, Recipe[Any], tuple[float, ...]]], share: bool) -> Iterator[mujoco.MjModel | NoModel]:
         """The models of settings that one plan is of."""
@@ -158,7 +173,7 @@ class ModelsOfMode:
                 return
         for index, (item, _, outputs) in enumerate(waiting):
             if prepared is None:
-                model = self._load(plan.made.text(outputs))
+                model = self._by_text(plan, plan.made, item[1], outputs)
             else:
                 plan.made.put(prepared, index)
                 model = plan.made.model
@@ -169,9 +184,13 @@ class ModelsOfMode:
             yield model if share or prepared is None else copy.copy(model)
 
     def _right(self, read: Read, plan: Recipe[Any], model: mujoco.MjModel) -> bool:
-        """Whether the model of a plan is the compiled one, where it is time to look; a plan whose model is another one is given up."""
+        """Whether the model of a plan is the compiled one, where it is time to look (where parts are exchanged the models of each plan are
+        counted by themselves, too); a plan whose model is another one is given up."""
         self._made += 1
-        due = self._made & (self._made - 1) == 0 if self.verify is None else self.verify > 0 and self._made % self.verify == 0
+        due = _at_times(self._made) if self.verify is None else self.verify > 0 and self._made % self.verify == 0
+        if plan.exchange is not None:
+            plan.exchange.uses += 1
+            due = due or (self.verify != 0 and _at_times(plan.exchange.uses))
         if not due:
             return True
         whole = self._compiled(read)
@@ -243,3 +262,8 @@ class ModelsOfMode:
         asked = 'usethread="false"' if self.visual else 'usethread="false" discardvisual="true"'
         text = text.replace("<compiler ", f"<compiler {asked} ", 1)
         return mujoco.MjModel.from_xml_string(text, vfs=self._files)
+
+
+def _at_times(count: int) -> bool:
+    """Whether it is the first, the second, the fourth, the eighth ..."""
+    return count & (count - 1) == 0

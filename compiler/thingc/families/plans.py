@@ -4,9 +4,11 @@ compilations."""
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Generic, TypeVar
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from functools import partial
+from typing import Any, Generic, Protocol, TypeVar
 
+from thingc.families.exchange import Exchange, Exchanged
 from thingc.families.program import Run, compiled
 from thingc.families.reading import Read, SettingsReader
 from thingc.families.rehearsal import NotTraceable, Rehearsal, pinned
@@ -15,7 +17,15 @@ from thingc.units import Quantity
 
 Made = TypeVar("Made")
 
-Rehearse = Callable[[Mapping[str, Quantity], Mapping[str, str]], Rehearsal]
+Attempt = Callable[[Mapping[str, Quantity], Mapping[str, str]], "tuple[Rehearsal | None, NotTraceable | None]"]
+
+
+class Rehearse(Protocol):
+    """How a compilation is rehearsed."""
+
+    def __call__(self, numbers: Mapping[str, Quantity], texts: Mapping[str, str], *, exact: Collection[str]) -> Rehearsal:
+        """With numbers traced and texts as they are; by numbers that are `exact` parts may be modelled. Raises `NotTraceable`."""
+
 
 MOST = 32
 """Plans that are kept of one form of settings: those used least lately are given up."""
@@ -26,31 +36,43 @@ CHECKED = 2
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recipe(Generic[Made]):
     """How numbers of some names become `made`. `fixed` are those of the names that it is of one value of; `run` takes the values of the
-    others, `free`."""
+    others, `free`, and, where parts are modelled by some of them, what `exchange` gives of their records."""
 
     free: tuple[int, ...]
     fixed: tuple[tuple[int, float], ...]
     run: Run
     made: Made
+    exchange: Exchange | None = None
 
     def outputs(self, values: Sequence[float]) -> tuple[float, ...] | None:
         """What `made` works with, of the values of all names; None where the plan is not of these."""
         for at, value in self.fixed:
             if values[at] != value:
                 return None
+        given: Sequence[float] = [values[at] for at in self.free]
         try:
-            return self.run(*[values[at] for at in self.free])
+            if self.exchange is not None:
+                found = self.exchange.of(given)
+                if found is None:
+                    return None
+                given = (*given, *found.numbers)
+            return self.run(*given)
         except (ArithmeticError, ValueError):
             return None
 
+    def exchanged(self, values: Sequence[float]) -> Exchanged | None:
+        """What comes of the records of parts that are modelled by values of which there are outputs; None where none is."""
+        return None if self.exchange is None else self.exchange.of([values[at] for at in self.free])
+
 
 class Form(Generic[Made]):
-    """The plans of settings of the same names and the same texts. `why` says in words of each name that is not followed why that is so;
-    `refused` why there is no plan at all."""
+    """The plans of settings of the same names and the same texts. `why` says in words of each name that is not followed why that is so,
+    `modelled` of each name that is followed which part is modelled by it; `refused` why there is no plan at all."""
 
     def __init__(self) -> None:
         self.plans: list[Recipe[Made]] = []
         self.why: dict[str, str] = {}
+        self.modelled: dict[str, str] = {}
         self.refused: str | None = None
         self.missed = 0
         self._seen: dict[tuple[float, ...], int] = {}
@@ -85,73 +107,90 @@ class Form(Generic[Made]):
 
 
 def make(
-    read: Read, reader: SettingsReader, rehearse: Rehearse, finish: Callable[[Rehearsal], tuple[Sequence[Any], Made]], form: Form[Made],
+    read: Read, reader: SettingsReader, rehearse: Rehearse,
+    finish: Callable[[Rehearsal, Exchange | None], tuple[Sequence[Any], Made]], form: Form[Made],
+    exchanged: Callable[[Rehearsal], Exchange] | None = None,
 ) -> Recipe[Made] | None:
     """A plan for these settings; None, and the reason in `form`, where there is none. `finish` makes of a rehearsal what a plan needs, and
-    the numbers that this works with."""
+    the numbers that this works with. `exchanged` makes of one by whose numbers parts are modelled what gives the records of others; None:
+    such numbers are not followed."""
     quantities = reader.quantities(read)
     texts = dict(read.texts)
+
+    def blame(names: Iterable[str], why: str) -> None:
+        form.why.update((name, f"{form.modelled[name]}, and {why}" if name in form.modelled else why) for name in names)
+
     while True:
         free = [name for name in read.names if name not in form.why]
         held = {name: _as_text(quantities[name]) for name in read.names if name in form.why}
         if not free:
             form.refused = "none of the numbers is followed"
             return None
-        near = {name: _near(quantities[name], random.Random(name)) for name in free}
-        rehearsal, fault = _attempt(rehearse, near, {**texts, **held})
+        exact = [name for name in free if name in form.modelled]
+        attempt = partial(_attempt, partial(rehearse, exact=exact))
+        near = {name: quantities[name] if name in exact else _near(quantities[name], random.Random(name)) for name in free}
+        rehearsal, fault = attempt(near, {**texts, **held})
         if rehearsal is None:
-            rehearsal, fault = _attempt(rehearse, {name: quantities[name] for name in free}, {**texts, **held})
-        if rehearsal is None:
-            assert fault is not None
-            blamed = [name for name in fault.names if name in free] or _culprits(rehearse, near, {**texts, **held})
+            rehearsal, fault = attempt({name: quantities[name] for name in free}, {**texts, **held})
+        if fault is not None:
+            named = [name for name in fault.names if name in free]
+            if fault.modelled and exchanged is not None and (new := [name for name in named if name not in exact]):
+                form.modelled.update(dict.fromkeys(new, fault.why))
+                continue
+            blamed = named or exact or _culprits(attempt, near, {**texts, **held})
             if not blamed:
                 form.refused = fault.why
                 return None
-            form.why.update(dict.fromkeys(blamed, fault.why))
+            blame(blamed, fault.why)
             continue
+        assert rehearsal is not None
         if known := pinned(rehearsal):
-            form.why.update(dict.fromkeys(known, "a pass wants to know the very value"))
+            blame(known, "a pass wants to know the very value")
             continue
+        exchange = exchanged(rehearsal) if exchanged is not None and rehearsal.parts is not None else None
         try:
-            outputs, made = finish(rehearsal)
+            outputs, made = finish(rehearsal, exchange)
         except NotTraceable as refused:
             form.refused = refused.why
             return None
         return Recipe(
             free=tuple(read.names.index(name) for name in free),
             fixed=tuple((at, read.values[at]) for at, name in enumerate(read.names) if name in form.why),
-            run=compiled(rehearsal.tape, outputs), made=made,
+            run=compiled(rehearsal.tape, outputs), made=made, exchange=exchange,
         )
 
 
 def samples(read: Read, reader: SettingsReader, form: Form[Any]) -> list[Read]:
-    """Settings by which a plan is judged: these, and some near them."""
+    """Settings by which a plan is judged: these, and some near them, for which no other part is modelled."""
     found = [read]
     for number in range(CHECKED):
         source = random.Random(number)
         quantities = reader.quantities(read)
         values = [
-            read.values[at] if name in form.why else _near(quantities[name], source).value for at, name in enumerate(read.names)
+            read.values[at] if name in form.why or name in form.modelled else _near(quantities[name], source).value
+            for at, name in enumerate(read.names)
         ]
         found.append(Read(names=read.names, values=tuple(values), texts=read.texts))
     return found
 
 
-def _attempt(rehearse: Rehearse, numbers: Mapping[str, Quantity], texts: Mapping[str, str]) -> tuple[Rehearsal | None, NotTraceable | None]:
+def _attempt(
+    rehearse: Callable[[Mapping[str, Quantity], Mapping[str, str]], Rehearsal], numbers: Mapping[str, Quantity], texts: Mapping[str, str],
+) -> tuple[Rehearsal | None, NotTraceable | None]:
     try:
         return rehearse(numbers, texts), None
     except NotTraceable as fault:
         return None, fault
 
 
-def _culprits(rehearse: Rehearse, numbers: Mapping[str, Quantity], texts: Mapping[str, str]) -> list[str]:
+def _culprits(attempt: Attempt, numbers: Mapping[str, Quantity], texts: Mapping[str, str]) -> list[str]:
     """Those of several numbers that cannot be followed by themselves."""
     if len(numbers) == 1:
         return list(numbers)
     alone = {
         name: {**texts, **{other: _as_text(one) for other, one in numbers.items() if other != name}} for name in numbers
     }
-    return [name for name, others in alone.items() if _attempt(rehearse, {name: numbers[name]}, others)[0] is None]
+    return [name for name, others in alone.items() if attempt({name: numbers[name]}, others)[0] is None]
 
 
 def _near(quantity: Quantity, source: random.Random) -> Quantity:

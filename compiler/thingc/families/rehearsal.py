@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import copy
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import fields, is_dataclass, replace
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from pydantic import BaseModel
 
 from thingc import pipeline
 from thingc.emit import model_sources
+from thingc.emit.artifact import Stored
+from thingc.families.exchange import Modelled, TracedParts
 from thingc.families.program import variables_of
 from thingc.families.tape import Tape, Traced, tracing
 from thingc.frozen import dataclass
 from thingc.memo import Memo
 from thingc.pipeline import Compilation, Settings, Sources
-from thingc.realize.record import PartDefinition
+from thingc.realize.store.local import BlobMissing
 from thingc.resolve import assembly
 from thingc.resolve.substituting import substituted
 from thingc.session import Session
@@ -32,32 +34,38 @@ _TOKENS = re.compile(r"[0-9.]+e-2[67][0-9]")
 
 
 class NotTraceable(Exception):
-    """A number that cannot be followed: `names` are the settings that it comes from (none: nobody knows), `why` in words."""
+    """A number that cannot be followed: `names` are the settings that it comes from (none: nobody knows), `why` in words. `modelled`: a
+    part is modelled by it."""
 
-    def __init__(self, why: str, names: Sequence[str] = ()) -> None:
+    def __init__(self, why: str, names: Sequence[str] = (), *, modelled: bool = False) -> None:
         super().__init__(why)
         self.why = why
         self.names = tuple(names)
+        self.modelled = modelled
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rehearsal:
-    """What came of it: `made` of the compilation, whose numbers may be traced, the tape, and the names of the variables in their order."""
+    """What came of it: `made` of the compilation, whose numbers may be traced, the tape, and the names of the variables in their order
+    (behind them those of records); `parts` where some are modelled by traced numbers."""
 
     made: Any
     tape: Tape
     names: tuple[str, ...]
+    parts: TracedParts | None = None
 
 
 def rehearse(
     session: Session, mode: str, numbers: Mapping[str, Quantity], texts: Mapping[str, str], make: Callable[[Compilation, Tape], Any],
+    exact: Collection[str] = (),
 ) -> Rehearsal:
-    """Compile one mode with `numbers` traced, and `texts` as they are, both by parameter or path, and `make` something of that. Raises
-    `NotTraceable`."""
+    """Compile one mode with `numbers` traced, and `texts` as they are, both by parameter or path, and `make` something of that. By numbers
+    that are `exact` parts may be modelled. Raises `NotTraceable`."""
     tape = Tape()
+    parts = TracedParts(session.environment.parts, lambda number: set(_names(tape, list(numbers), number)) <= set(exact))
     environment = copy.copy(session.environment)
     environment.memo = Memo()
-    environment.__dict__["parts"] = _NoNumbers(session.environment.parts)
+    environment.__dict__["parts"] = parts
     setting = _Setting(session, numbers, texts, tape)
     with tracing((assembly, "substituted", setting.substituted)):
         try:
@@ -67,26 +75,36 @@ def rehearse(
             if compilation.report.failed or len(compilation.robots) != 1:
                 raise NotTraceable("it is not sound there")
             made = make(compilation, tape)
-        except _Geometry as fault:
-            raise NotTraceable(f"`{fault.label}` is modelled by it", _names(tape, list(numbers), fault.number)) from None
+        except Modelled as fault:
+            raise NotTraceable(f"`{fault.label}` is modelled by it", _names(tape, list(numbers), fault.number), modelled=True) from None
+        except BlobMissing:
+            raise NotTraceable("a pass looks at the mesh of a part that is modelled by it") from None
         except (TypeError, ValueError, ArithmeticError, AttributeError) as fault:
             raise NotTraceable(f"a pass takes no number that differs ({type(fault).__name__}: {fault})") from fault
-    return Rehearsal(made=made, tape=tape, names=tuple(numbers))
+    return Rehearsal(made=made, tape=tape, names=tuple(numbers), parts=parts if parts.before is not None else None)
 
 
-def written(session: Session, mode: str) -> Callable[[Compilation, Tape], str]:
-    """For `rehearse`: the text of the model, with tokens of the tape in it."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WrittenModel:
+    """The text of a model, with tokens of the tape in it, and its meshes by file."""
 
-    def make(compilation: Compilation, tape: Tape) -> str:
+    text: str
+    assets: Mapping[str, Stored]
+
+
+def written(session: Session, mode: str) -> Callable[[Compilation, Tape], WrittenModel]:
+    """For `rehearse`: the model as it is written."""
+
+    def make(compilation: Compilation, tape: Tape) -> WrittenModel:
         request = replace(pipeline.request_of(session.environment, compilation, verify=False), memo=Memo())
         tape.writing = True
         try:
-            text = model_sources(request)[0][mode]
+            texts, assets = model_sources(request)
         finally:
             tape.writing = False
-        if any(word not in tape.written for word in _TOKENS.findall(text)):
+        if any(word not in tape.written for word in _TOKENS.findall(texts[mode])):
             raise NotTraceable("it is worked with where the model is written")
-        return text
+        return WrittenModel(text=texts[mode], assets=assets)
 
     return make
 
@@ -100,52 +118,7 @@ def pinned(rehearsal: Rehearsal) -> list[str]:
 
 
 def _names(tape: Tape, names: Sequence[str], number: Traced) -> list[str]:
-    return [names[k] for k in variables_of(tape, number)]
-
-
-class _Geometry(Exception):
-    def __init__(self, label: str, number: Traced) -> None:
-        super().__init__(label)
-        self.label = label
-        self.number = number
-
-
-class _NoNumbers:
-    """Who answers for parts, asked for none that a traced number makes: it would be modelled for a number of no meaning."""
-
-    def __init__(self, parts: Any) -> None:
-        self._parts = parts
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._parts, name)
-
-    def realize(self, definitions: Sequence[PartDefinition], **named: Any) -> Any:
-        _refuse(definitions)
-        return self._parts.realize(definitions, **named)
-
-    def slice(self, definitions: Sequence[PartDefinition], records: Any, slicings: Any) -> Any:
-        _refuse(slicings)
-        return self._parts.slice(definitions, records, slicings)
-
-
-def _refuse(value: Any, label: str = "a part") -> None:
-    """Raises `_Geometry` where a traced number stands anywhere in a value."""
-    if isinstance(value, Traced):
-        raise _Geometry(label, value)
-    if isinstance(value, PartDefinition):
-        label = value.label
-    for one in _inner(value):
-        _refuse(one, label)
-
-
-def _inner(value: Any) -> Iterator[Any]:
-    if isinstance(value, Mapping):
-        yield from value.keys()
-        yield from value.values()
-    elif isinstance(value, (tuple, list, frozenset, set)):
-        yield from value
-    elif is_dataclass(value) and not isinstance(value, type):
-        yield from (getattr(value, one.name) for one in fields(value))
+    return [names[k] for k in variables_of(tape, number) if k < len(names)]
 
 
 class _Setting:

@@ -54,8 +54,8 @@ class NoModel(Brief):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Explanation(Brief):
     """How a number goes into the models of a mode: `way` is `arrays` (into the arrays of one compiled model, `fields`), `text` (into the
-    text of one model, which MuJoCo compiles anew) or `passes` (everything is compiled anew); `why` says in words why it is not the quicker
-    one."""
+    text of one model, which MuJoCo compiles anew), `parts` (the same, with the meshes and numbers of other parts) or `passes` (everything
+    is compiled anew); `why` says in words why it is not the quicker one."""
 
     name: str
     mode: str
@@ -67,6 +67,7 @@ class Explanation(Brief):
         how = {
             "arrays": f"is written into {', '.join(self.fields) or 'nothing'} of one compiled model",
             "text": "is written into the text of one model, which MuJoCo compiles anew",
+            "parts": "is written into the text of one model with other parts, which MuJoCo compiles anew",
             "passes": "is compiled anew",
         }[self.way]
         return f"{self.name} {how}{': ' + self.why if self.why else ''} (mode {self.mode})"

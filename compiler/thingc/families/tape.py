@@ -37,9 +37,15 @@ class Tape:
         self.written: dict[str, int] = {}
         self._known: dict[tuple[str, tuple[Any, ...]], int] = {}
 
-    def variable(self, value: float) -> Traced:
-        """A number that will be another one next time."""
-        return self._line("variable", (Const(len(self.lines)),), value)
+    def variable(self, value: float, of: Sequence[Traced] = ()) -> Traced:
+        """A number that will be another one next time; `of` what it depends on, in a way that nothing is written down of."""
+        return self._line("variable", (Const(len(self.lines)), *map(_argument, of)), value)
+
+    def copy(self) -> Tape:
+        """The tape as it is now."""
+        made = Tape()
+        made.lines, made.values, made.guards = list(self.lines), list(self.values), list(self.guards)
+        return made
 
     def apply(self, operation: str, arguments: Sequence[Number], value: Any) -> Traced:
         """The line of an operation that has just come to `value`, or the equal one that is there already."""

@@ -91,6 +91,21 @@ class PartSchema(Brief):
             reference=self.reference, kind="code", parameters=tuple(sorted(values)), text=self.reference, label=self.reference,
         )
 
+    @property
+    def defaults(self) -> dict[str, Value]:
+        """The defaults of those parameters that have one."""
+        return {parameter.name: parameter.default for parameter in self.parameters if parameter.default is not None}
+
+    def definition(self, values: Mapping[str, Value]) -> PartDefinition:
+        """The definition with canonical values of all parameters."""
+        kinds = {parameter.name: parameter.kind for parameter in self.parameters}
+        given = tuple(sorted(values.items()))
+        words = {name: written(kinds[name], value, LABEL_DIGITS) for name, value in given}
+        return PartDefinition(
+            reference=self.reference, kind="code", parameters=given, text=definition_text(self.reference, values, self.defaults),
+            words=tuple(words.values()), label=definition_label(self.reference, values, self.defaults, words),
+        )
+
 
 FILE_UNIT = "mm"
 """What the numbers of a mesh file are in unless the document says otherwise."""

@@ -13,16 +13,13 @@ from thingc.load.paths import PART_SUFFIXES, named
 from thingc.realize.record import (
     DIMENSIONS,
     FILE_UNIT,
-    LABEL_DIGITS,
     WHOLE,
     ParameterSchema,
     PartDefinition,
     PartFailure,
     PartSchema,
     Value,
-    definition_label,
     definition_text,
-    written,
 )
 from thingc.resolve.scope import Enough, Scope, dimension_message
 from thingc.resolve.table import Context, Node
@@ -60,14 +57,8 @@ def of_code(context: Context, node: Node, reference: str) -> PartDefinition | No
     key = (reference, tuple(sorted(values.items())))
     definition = context.parts.get(key)
     # 1, 1.0 and True are equal keys; their texts are not.
-    text = definition_text(reference, values, defaults)
-    if definition is None or definition.text != text:
-        kinds = {parameter.name: parameter.kind for parameter in schema.parameters}
-        words = {name: written(kinds[name], value, LABEL_DIGITS) for name, value in key[1]}
-        definition = context.parts[key] = PartDefinition(
-            reference=reference, kind="code", parameters=key[1], text=text, words=tuple(words.values()),
-            label=definition_label(reference, values, defaults, words),
-        )
+    if definition is None or definition.text != definition_text(reference, values, defaults):
+        definition = context.parts[key] = schema.definition(values)
     return definition
 
 

@@ -1,0 +1,88 @@
+"""Do many arms move in MuJoCo Warp as each does in MuJoCo? `python benchmarks/variants/worlds.py [--count N] [--steps N]`.
+
+N settings of the arm (one of sixteen pens, and another mass, in each) become one model and arrays of what each has of its own
+(`thingc.family(DOC).batched`), and MuJoCo Warp steps them all at once, on a processor, in the environment that
+`make conformance` makes for it. MuJoCo steps each one's own model. All begin in the first keyframe, every joint at 1 rad/s. Prints the
+largest difference of a coordinate; exits with 1 where it is more than 1e-5 rad. The first time Warp compiles its kernels, for some minutes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+import thingc
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parents[1]
+MODE = "bench"
+BOUND = 1e-5
+
+
+def settings(index: int) -> dict[str, Any]:
+    """One of sixteen pens, and a mass of its own."""
+    return {"pen_diameter": 0.008 + 0.0005 * (index % 16), "components.bus_board.mass": f"{5 + index} g"}
+
+
+def alone(model: mujoco.MjModel, steps: int) -> Any:
+    """Where the joints of one arm are after every step."""
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    data.qvel[:] = 1.0
+    found = []
+    for _ in range(steps):
+        mujoco.mj_step(model, data)
+        found.append(data.qpos.copy())
+    return np.array(found)
+
+
+def together(model: mujoco.MjModel, fields: Mapping[str, Any], count: int, steps: int) -> Any:
+    """The same of all of them at once, by MuJoCo Warp: (arms, steps, coordinates). Exits where it cannot be had."""
+    sys.path.insert(0, str(ROOT / "benchmarks" / "conformance"))
+    from study import READERS, environment
+
+    folder = ROOT / "build" / "conformance"
+    folder.mkdir(parents=True, exist_ok=True)
+    (reader,) = (one for one in READERS if one.name == "warp")
+    python = environment(reader, folder)
+    if python is None:
+        raise SystemExit(f"MuJoCo Warp cannot be had here ({' '.join(reader.packages)})")
+    with tempfile.TemporaryDirectory() as scratch:
+        files = [str(Path(scratch) / name) for name in ("model.mjb", "fields.npz", "found.npy")]
+        mujoco.mj_saveModel(model, files[0])
+        np.savez(files[1], **fields)
+        words = [str(python), str(HERE / "step_worlds.py"), *files, str(count), str(steps)]
+        subprocess.run(words, check=True, stdout=subprocess.DEVNULL)  # it names every kernel
+        return np.load(files[2])
+
+
+def main() -> int:
+    """Step both ways and compare; 1 where anything is apart."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--count", type=int, default=64, help="arms (default: %(default)s)")
+    parser.add_argument("--steps", type=int, default=100, help="of 2 ms (default: %(default)s)")
+    parser.add_argument("--store", help="where modelled parts are kept")
+    arguments = parser.parse_args()
+    many = [settings(index) for index in range(arguments.count)]
+    with thingc.family(ROOT / "assemblies" / "arm.yaml", store=arguments.store, mode=MODE) as family:
+        batches = family.batched(many)
+        own = np.array([alone(model, arguments.steps) for model in family.models(many, share=True)])
+    (group,) = batches.groups
+    found = together(group.model, group.fields, arguments.count, arguments.steps)
+    worst = float(np.abs(found - own).max())
+    spread = float(np.ptp(own[:, -1], axis=0).max())
+    print(f"{arguments.count} arms, {group.model.nmesh} meshes, {arguments.steps} steps: no coordinate further than {worst:.1e} rad from "
+          f"that of its own model (arms are up to {spread:.1e} rad apart)")
+    return 0 if worst <= BOUND else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
