@@ -65,7 +65,7 @@ def owners(data: bytes) -> dict[str, str]:
     return found
 
 
-@settings(max_examples=120, suppress_health_check=list(HealthCheck))
+@settings(max_examples=80, suppress_health_check=list(HealthCheck))
 @given(documents())
 def test_the_same_document_with_every_comment_and_nothing_left_to_do(text: str) -> None:
     data = text.encode()

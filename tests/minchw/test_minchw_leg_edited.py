@@ -18,10 +18,6 @@ EVERYTHING = 13
 
 EDITS = {
     "brace thickness": ("leg_length / 25)", "leg_length / 12.5)", {"minchw.leg:ThighBrace(thickness=0.00512)"}),
-    "wall": (
-        "wall: =wall}\n    attach: {seat: body.front_seat}", "wall: 3.5 mm}\n    attach: {seat: body.front_seat}",
-        {"minchw.leg:Foot(thickness=0.0055)", "minchw.leg:HipBracket(thickness=0.0055)"},
-    ),
     "leg length": ("front_leg: \"=leg_length\"", "front_leg: 70 mm", {"minchw.leg:ThighBrace(length=0.07)"}),
     "hip": ("params: {thickness: =wall + 2 mm}\n    material: petg_white\n  knee", (
         "params: {thickness: =wall + 3 mm}\n    material: petg_white\n  knee"), {"minchw.leg:HipBracket(thickness=0.006)"}),
