@@ -302,34 +302,38 @@ def scan_unit(text: str, at: int, *, compact: bool = False) -> tuple[Unit, int]:
         base = UNITS.get(word.group())
         if base is None:
             raise unknown_unit(word.group(), at)
-        at = word.end()
-        power = _POWER.match(text, at)
-        exponent = 1
-        if power is not None and not (compact and power.group().startswith("**")):
-            exponent, at = int(power.group(1)), power.end()
-            if abs(exponent) > 12:
-                raise UnitError(
-                    f"the power {exponent} of `{word.group()}` is out of range (-12 to 12)", offset=power.start(), end=at,
-                )
-        elif text[at : at + 1] in _SUPERSCRIPT:
-            exponent, at = _SUPERSCRIPT[text[at]], at + 1
+        exponent, at = _power(text, word, compact=compact)
         dimension = dimension * base[2] ** (sign * exponent)
         up, down = base[0] ** abs(exponent), base[1] ** abs(exponent)
         if sign * exponent < 0:
             up, down = down, up
         numerator, denominator = numerator * up, denominator * down
         following = _OPERATOR.match(text, at)
-        if following is None:
+        if following is None or compact and not _unit_after(text, following):
             break
-        if compact:
-            next_word = _UNIT_WORD.match(text, at + 1)
-            if following.end() - at != 1 or next_word is None or next_word.group() not in UNITS:
-                break
-            if _continues(text, next_word.end()):
-                break
         sign = -1 if following.group(1) == "/" else 1
         at = following.end()
     return (numerator, denominator, dimension), at
+
+
+def _power(text: str, word: re.Match[str], *, compact: bool) -> tuple[int, int]:
+    """The exponent behind a word of a unit, 1 where none stands there, and where it ends; `**` is none if `compact`. Raises UnitError."""
+    at = word.end()
+    power = _POWER.match(text, at)
+    if power is not None and not (compact and power.group().startswith("**")):
+        exponent = int(power.group(1))
+        if abs(exponent) > 12:
+            raise UnitError(
+                f"the power {exponent} of `{word.group()}` is out of range (-12 to 12)", offset=power.start(), end=power.end(),
+            )
+        return exponent, power.end()
+    return (_SUPERSCRIPT[text[at]], at + 1) if text[at : at + 1] in _SUPERSCRIPT else (1, at)
+
+
+def _unit_after(text: str, operator: re.Match[str]) -> bool:
+    """Whether a unit follows directly behind a `*` or `/` of an expression."""
+    word = _UNIT_WORD.match(text, operator.start() + 1)
+    return operator.end() - operator.start() == 1 and word is not None and word.group() in UNITS and not _continues(text, word.end())
 
 
 def _continues(text: str, at: int) -> bool:

@@ -12,6 +12,8 @@ its tree (`reversed`) it is the inverse of that. None of it depends on the root.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from thingc.emit import jsontext
 from thingc.emit.artifact import Artifacts
 from thingc.emit.jsontext import Fragment, fragment
@@ -66,27 +68,8 @@ def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> di
       loop is from closed in each pose.
     """
     names = [robot.assembly.links[body.link].name.replace("/", separator) for body in robot.bodies]
-    at_zero: list[Pose] = []
-    memo, mode, placed = memo or Memo(), robot.mode.name, in_link(robot.assembly)
-    links: list[Fragment] = []
-    joints: list[Fragment] = []
-    order: list[str] = []
-    qpos, dof = FREE if robot.base == "free" else sizes(robot.moves)
-    for name, body in zip(names, robot.bodies, strict=True):
-        pose = NO_POSE if body.parent is None else at_zero[body.parent] @ body.X_PL
-        at_zero.append(pose)
-        own = robot.assembly.links[body.link].properties
-        links.append(memo(("modes.json", mode, "link", name), _link, name, pose, own))
-        if not body.joints or body.parent is None:
-            continue
-        mate = robot.assembly.mates[body.joints[0].mate]
-        joints.append(memo(
-            ("modes.json", mode, "joint", mate.name), _joint, mate, placed[mate.parent], placed[mate.child], names[body.parent], name,
-            body.joints, qpos, dof, separator,
-        ))
-        order += [joint.path for joint in body.joints]
-        count, speeds = sizes(body.joints)
-        qpos, dof = qpos + count, dof + speeds
+    memo = memo or Memo()
+    order = [joint.path for body in robot.bodies if body.parent is not None for joint in body.joints]
     order += [joint.path for closure in robot.closures for joint in closure.joints]
     stands = ((frame.name, frame.base) for frame in robot.keyframes)
     bases = {name: base.rows() for name, base in stands if base is not None and base != robot.bodies[0].X_PL}
@@ -97,8 +80,8 @@ def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> di
         "gravity": robot.gravity,
         "X_world_root": robot.bodies[0].X_PL.rows(),
         **({"X_world_at": robot.mode.at.rows()} if robot.moves else {}),
-        "links": links,
-        "joints": joints,
+        "links": _links(robot, names, memo),
+        "joints": _joints(robot, names, memo, separator),
         "holds": {
             closure.path: {
                 "link": names[closure.child], "carries": "force" if closure.kind == "ball" else "force and torque",
@@ -112,6 +95,35 @@ def describe(robot: Robot, memo: Memo | None = None, separator: str = "/") -> di
         **({"standing_on": [foot.mount.path for foot in robot.mode.feet]} if robot.mode.feet else {}),
         **(_loops(robot, names) if robot.closures else {}),
     }
+
+
+def _links(robot: Robot, names: Sequence[str], memo: Memo) -> list[Fragment]:
+    """The bodies, of these `names`, in their order."""
+    links: list[Fragment] = []
+    at_zero: list[Pose] = []
+    for name, body in zip(names, robot.bodies, strict=True):
+        at_zero.append(NO_POSE if body.parent is None else at_zero[body.parent] @ body.X_PL)
+        own = robot.assembly.links[body.link].properties
+        links.append(memo(("modes.json", robot.mode.name, "link", name), _link, name, at_zero[-1], own))
+    return links
+
+
+def _joints(robot: Robot, names: Sequence[str], memo: Memo, separator: str) -> list[Fragment]:
+    """The joints of bodies of these `names`, in the order of the model."""
+    joints: list[Fragment] = []
+    placed = in_link(robot.assembly)
+    qpos, dof = FREE if robot.base == "free" else sizes(robot.moves)
+    for name, body in zip(names, robot.bodies, strict=True):
+        if not body.joints or body.parent is None:
+            continue
+        mate = robot.assembly.mates[body.joints[0].mate]
+        joints.append(memo(
+            ("modes.json", robot.mode.name, "joint", mate.name), _joint, mate, placed[mate.parent], placed[mate.child],
+            names[body.parent], name, body.joints, qpos, dof, separator,
+        ))
+        count, speeds = sizes(body.joints)
+        qpos, dof = qpos + count, dof + speeds
+    return joints
 
 
 def _link(name: str, pose: Pose, own: MassProperties) -> Fragment:

@@ -20,6 +20,7 @@ Number = Any
 
 _ELEMENTARY = ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "hypot", "copysign", "radians", "degrees", "remainder", "fmod")
 """Functions of `math` of one result, worked out as they are."""
+_SUM, _DISTANCE = math.fsum, math.dist
 
 WHOLE = ((pose, "quarter_exact"), (inertia, "principal_axes"))
 """Functions of ours that are one line of a tape, because what they decide on the way is nobody's business: the module, and their name."""
@@ -233,67 +234,78 @@ def shaped(like: Any, numbers: Iterator[Any]) -> Any:
 def tracing(*others: tuple[Any, str, Any]) -> Iterator[None]:
     """While numbers may be traced: functions of `math`, and some of ours, take them as well. Of other numbers they give what they always
     do, also to other threads. `others` stand in for more: a module, the name, and what it is meanwhile."""
+    stand_ins = (
+        *((math, name, _elementary(name)) for name in _ELEMENTARY), *((math, name, _test(name)) for name in ("isfinite", "isnan", "isinf")),
+        (math, "fsum", _fsum), (math, "dist", _dist), *((module, name, _whole(module, name)) for module, name in WHOLE), *others,
+    )
     known: list[tuple[Any, str, Any]] = []
-
-    def put(owner: Any, name: str, function: Any) -> None:
-        known.append((owner, name, getattr(owner, name)))
-        setattr(owner, name, function)
-
-    def elementary(name: str, function: Any) -> Any:
-        def traced(*arguments: Number) -> Any:
-            tape = next((one.tape for one in arguments if isinstance(one, Traced)), None)
-            if tape is None:
-                return function(*arguments)
-            return tape.apply(f"math.{name}", arguments, function(*map(value_of, arguments)))
-
-        return traced
-
-    def fsum(values: Iterable[Number]) -> Any:
-        listed = list(values)
-        tape = next((one.tape for one in listed if isinstance(one, Traced)), None)
-        return sums(listed) if tape is None else tape.apply("math.fsum", listed, sums(map(value_of, listed)))
-
-    def dist(p: Iterable[Number], q: Iterable[Number]) -> Any:
-        points = [*p, *q]
-        tape = next((one.tape for one in points if isinstance(one, Traced)), None)
-        half = len(points) // 2
-        value = distance(*(tuple(map(value_of, side)) for side in (points[:half], points[half:])))
-        return value if tape is None else tape.apply("math.dist", points, value)
-
-    def test(name: str, function: Any) -> Any:
-        def traced(number: Number) -> Any:
-            if not isinstance(number, Traced):
-                return function(number)
-            return number.tape.guard(f"math.{name}", (number,), function(number.value))
-
-        return traced
-
-    def whole(name: str, function: Any) -> Any:
-        def traced(argument: Any) -> Any:
-            listed = list(flat(argument))
-            tape = next((one.tape for one in listed if isinstance(one, Traced)), None)
-            if tape is None:
-                return function(argument)
-            results = function(shaped(argument, map(value_of, listed)))
-            call = tape.apply(name, listed, results)
-            items = (tape.apply("item", (call, k), value) for k, value in enumerate(flat(results)))
-            return shaped(results, items)
-
-        return traced
-
-    sums, distance = math.fsum, math.dist
     try:
-        for name in _ELEMENTARY:
-            put(math, name, elementary(name, getattr(math, name)))
-        for name in ("isfinite", "isnan", "isinf"):
-            put(math, name, test(name, getattr(math, name)))
-        put(math, "fsum", fsum)
-        put(math, "dist", dist)
-        for module, name in WHOLE:
-            put(module, name, whole(name, getattr(module, name)))
-        for owner, name, function in others:
-            put(owner, name, function)
+        for owner, name, function in stand_ins:
+            known.append((owner, name, getattr(owner, name)))
+            setattr(owner, name, function)
         yield
     finally:
         for owner, name, function in reversed(known):
             setattr(owner, name, function)
+
+
+def _tape_of(values: Iterable[Any]) -> Tape | None:
+    """The tape of the first of the values that is traced."""
+    return next((one.tape for one in values if isinstance(one, Traced)), None)
+
+
+def _elementary(name: str) -> Callable[..., Any]:
+    """A function of `math`, of numbers that may be traced."""
+    function = getattr(math, name)
+
+    def traced(*arguments: Number) -> Any:
+        tape = _tape_of(arguments)
+        if tape is None:
+            return function(*arguments)
+        return tape.apply(f"math.{name}", arguments, function(*map(value_of, arguments)))
+
+    return traced
+
+
+def _fsum(values: Iterable[Number]) -> Any:
+    listed = list(values)
+    tape = _tape_of(listed)
+    return _SUM(listed) if tape is None else tape.apply("math.fsum", listed, _SUM(map(value_of, listed)))
+
+
+def _dist(p: Iterable[Number], q: Iterable[Number]) -> Any:
+    points = [*p, *q]
+    tape = _tape_of(points)
+    half = len(points) // 2
+    value = _DISTANCE(*(tuple(map(value_of, side)) for side in (points[:half], points[half:])))
+    return value if tape is None else tape.apply("math.dist", points, value)
+
+
+def _test(name: str) -> Callable[..., Any]:
+    """A question to `math` about one number that may be traced: the answer is a guard."""
+    function = getattr(math, name)
+
+    def traced(number: Number) -> Any:
+        if not isinstance(number, Traced):
+            return function(number)
+        return number.tape.guard(f"math.{name}", (number,), function(number.value))
+
+    return traced
+
+
+def _whole(module: Any, name: str) -> Callable[..., Any]:
+    """A function of ours, whose argument may have traced numbers in it: one operation on the tape."""
+    function = getattr(module, name)
+
+    def traced(argument: Any) -> Any:
+        listed = list(flat(argument))
+        tape = _tape_of(listed)
+        if tape is None:
+            return function(argument)
+        results = function(shaped(argument, map(value_of, listed)))
+        call = tape.apply(name, listed, results)
+        items = (tape.apply("item", (call, k), value) for k, value in enumerate(flat(results)))
+        return shaped(results, items)
+
+    return traced
+

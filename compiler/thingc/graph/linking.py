@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 
 from thingc.diagnostics import Code, Report
 from thingc.graph.expectations import check_expectations
@@ -56,8 +56,8 @@ def link(
     if not findings.incomplete:
         # Only of whole assemblies: what was left out may be what carries the mass, or what sits on the mount.
         faulty = [index for index, instance in enumerate(tree.leaves) if instance.leaf is not None and not instance.leaf.sound]
-        check_links(links, link_of, occurrences, modes, faulty, findings)
         shown = {(mount.occurrence, mount.mount) for mount in exported if "/" not in mount.path}
+        check_links(links, link_of, occurrences, modes, faulty, findings)
         check_expectations(occurrences, mates, laid, shown, findings)
         check_plausible(tree, occurrences, mates, links, modes, adhesions, exported, findings)
     known = not findings.incomplete or not (findings.earlier or findings.failed or any(loops_in(tree)))
@@ -66,20 +66,26 @@ def link(
     at = memo("rest", lambda *_: _rest(mates, base, len(occurrences)), lie, base, len(occurrences))
     placing = sum(1 for mate in mates if mate.loop is None)
     if base is None or findings.incomplete or len(at) != len(occurrences) or placing != len(occurrences) - 1:
-        if not findings.failed and not findings.earlier and not leaves.unknown and not unmodelled:
-            alone = next((tree.leaves[k] for k in range(len(occurrences)) if k not in at), tree.top)
-            findings.error(
-                Code.INCOMPLETE, f"`{alone.path or model.name}` does not hang together with the base of `{model.name}`",
-                alone.origin or model.origin, path=alone.path or None, help="place every component, once, on another one",
-            )
+        if not leaves.unknown and not unmodelled:
+            _say_apart(tree, model, at, findings)
         return None
     if findings.failed:
         return None
     return Assembly(
         name=model.name, definition=model, base=base, occurrences=occurrences, mates=mates, links=links,
         link_of=link_of, rest=tuple(at[index] for index in range(len(occurrences))), exported=exported, poses=model.poses,
-        modes=modes, adhesions=adhesions, raw=raw_of(tree), sensors=sensors,
-        tests=tests,
+        modes=modes, adhesions=adhesions, raw=raw_of(tree), sensors=sensors, tests=tests,
+    )
+
+
+def _say_apart(tree: Tree, model: AssemblyDefinition, at: Container[int], findings: Findings) -> None:
+    """Say which component is not `at` a place, where nothing that was said explains it."""
+    if findings.failed or findings.earlier:
+        return
+    alone = next((one for k, one in enumerate(tree.leaves) if k not in at), tree.top)
+    findings.error(
+        Code.INCOMPLETE, f"`{alone.path or model.name}` does not hang together with the base of `{model.name}`",
+        alone.origin or model.origin, path=alone.path or None, help="place every component, once, on another one",
     )
 
 

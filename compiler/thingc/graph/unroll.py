@@ -234,19 +234,25 @@ class Tree:
                     code=Code.UNKNOWN_MOUNT, message=f"{_owner(instance, shown)} shows no mount `{name}`",
                     help=_mount_help(name, [*definition.mounts, *added, "origin"], document), notes=_shown_by(definition),
                 )
-        leaf = instance.leaf
-        if leaf is None or instance.index is None:
-            return _SILENT
-        if name in leaf.mounts:
+        if instance.leaf is not None and instance.index is not None and name in instance.leaf.mounts:
             mirror = within.mirror if within is not None and name == "origin" else None  # the image of a frame, as a mount, is another
-            return Found(occurrence=instance.index, mount=name, pose=Mirror(mirror).origin if mirror else leaf.mounts[name].pose)
-        if exported or leaf.record is not None and not leaf.record.exact and _may_be_there(name, leaf.record.mounts):
-            return _SILENT
-        return _Fault(
-            code=Code.UNKNOWN_MOUNT, message=f"{_owner(instance, shown)} has no mount `{name}`",
-            help=_mount_help(name, leaf.mounts, document),
-            notes=written_at(f"`{leaf.definition.label}`", leaf.record.code) if leaf.record is not None else (),
-        )
+            pose = Mirror(mirror).origin if mirror else instance.leaf.mounts[name].pose
+            return Found(occurrence=instance.index, mount=name, pose=pose)
+        return _SILENT if exported else _no_mount(instance, name, shown, document)
+
+
+def _no_mount(instance: Instance, name: str, shown: str, document: Instance) -> _Fault:
+    """What there is to say of a part that has no such mount."""
+    leaf = instance.leaf
+    if leaf is None or instance.index is None:
+        return _SILENT
+    if leaf.record is not None and not leaf.record.exact and _may_be_there(name, leaf.record.mounts):
+        return _SILENT
+    return _Fault(
+        code=Code.UNKNOWN_MOUNT, message=f"{_owner(instance, shown)} has no mount `{name}`",
+        help=_mount_help(name, leaf.mounts, document),
+        notes=written_at(f"`{leaf.definition.label}`", leaf.record.code) if leaf.record is not None else (),
+    )
 
 
 def _mount_help(name: str, mounts: Collection[str], document: Instance) -> str:

@@ -55,6 +55,12 @@ def explain(source: Source, *, problem: str, at: int, context: str, began: int) 
         return SyntaxFault(message="a key is missing before the `:`", start=at, end=at + 1)
     if "flow mapping" in context or "flow sequence" in context or "flow node" in context:
         return _in_flow(source, at, began, "flow mapping" in context)
+    return _in_value(source, problem, at, began) or _by_layout(source, problem, context, at, began)
+
+
+def _in_value(source: Source, problem: str, at: int, began: int) -> SyntaxFault | None:
+    """Characters that have no place in a key or a value without quotes."""
+    text = source.text
     if "mapping values are not allowed" in problem:
         return SyntaxFault(
             message="a second `:` in one value", start=at, end=at + 1,
@@ -76,7 +82,7 @@ def explain(source: Source, *, problem: str, at: int, context: str, began: int) 
             message=f"`{text[began : began + 1]}` cannot begin a value", start=began, end=began + 1,
             help='a name that begins with `*` or `&` needs quotes: `"*_knee"`',
         )
-    return _by_layout(source, problem, context, at, began)
+    return None
 
 
 def _by_layout(source: Source, problem: str, context: str, at: int, began: int) -> SyntaxFault:

@@ -133,14 +133,11 @@ class Modes(Mapping[str, Mode]):
         removed = _removed(new_state, new)
         impulse: Array = np.zeros(6)
         impulses: Mapping[str, Array] = {hold.path: np.zeros(6) for hold in new.holds}
-        moving = next((link for link, twist in removed.values() if _speed(twist) > at_rest), None)
+        moving = next(((link, twist) for link, twist in removed.values() if _speed(twist) > at_rest), None)
         if moving is not None and on_motion == "raise":
-            raise BaseMoves(name, moving, next(twist for link, twist in removed.values() if link == moving))
+            raise BaseMoves(name, *moving)
         if moving is not None and on_motion == "impact":
-            known = inertias
-            if known is None:
-                data = into_data if into_data is not None else from_data
-                known = new.inertias if data is None else mjdata.inertias(new, data)
+            known = inertias if inertias is not None else _known_inertias(new, into_data, from_data)
             new_state, impulse, impulses = caught(new, new_state, known)
         if new.base != "free":
             new_state = replace(new_state, base_twist=_kept(new_state, new))
@@ -157,6 +154,12 @@ class Modes(Mapping[str, Mode]):
             holds={hold.path: Caught(removed=removed[hold.path][1], impulse=impulses[hold.path]) for hold in new.holds},
             uncommanded=uncommanded,
         )
+
+
+def _known_inertias(mode: Mode, *sources: Any) -> Inertias:
+    """The masses in the first `MjData` that is there, else those of the build."""
+    data = next((data for data in sources if data is not None), None)
+    return mode.inertias if data is None else mjdata.inertias(mode, data)
 
 
 def _seen_from(state: State, old: Mode, new: Mode) -> State:

@@ -100,8 +100,7 @@ class Workers:
         """
         source = iter(requests)
         waiting: deque[Mapping[str, Any]] = deque()
-        own: set[int] = set()
-        under_way = 0
+        under_way: set[int] = set()
         lost = 0
         while True:
             if not (waiting or under_way):
@@ -109,57 +108,70 @@ class Workers:
                 if not waiting:
                     return
             self.ensure()
-            for worker in self._processes:
-                limit = (2 if self.forking else 1) * worker.capacity - len(worker.asked)
-                waiting.extend(islice(source, max(0, limit - len(waiting))))
-                while waiting and limit > 0:
-                    limit -= 1
-                    request = waiting.popleft()
-                    own.add(self._send(worker, request))
-                    under_way += 1
-            try:
-                process, answer = self._lines.get(timeout=max(0.05, min(w.deadline for w in self._processes) - time.monotonic()))
-            except queue.Empty:
-                worker, answer = min(self._processes, key=lambda w: w.deadline), None
-                if worker.deadline > time.monotonic():
-                    continue
-                failed = {"failed": "hung", "words": "", "detail": ""}
-            else:
-                if not self._processes:  # closed by another thread
-                    raise WorkerBroken("the workers have been ended")
-                known = next((one for one in self._processes if one.process is process), None)
-                if known is None:
-                    continue
-                worker = known
-                failed = {"failed": "crashed", "words": "the worker process ended", "detail": ""}
-            if answer is None:
-                self._end(worker)
-                left = [request for number, request in worker.asked.items() if number in own]
-                under_way -= len(left)
+            self._hand_out(waiting, source, under_way)
+            heard = self._heard()
+            if heard is None:
+                continue
+            worker, answer, alive = heard
+            if not alive:
+                left = {number: request for number, request in worker.asked.items() if number in under_way}
+                under_way -= left.keys()
                 lost += 1
                 if self.forking and lost <= 1:  # the server itself was lost: nobody knows why, so once more
-                    waiting.extendleft(reversed(left))
+                    waiting.extendleft(reversed(left.values()))
                 else:
-                    for request in left:
-                        yield request, dict(failed)
+                    yield from ((request, dict(answer)) for request in left.values())
                 continue
-            span = answer.pop("span", None)
-            if "broken" in answer:
-                self.close()
-                raise WorkerBroken(f"the CAD kernel does not load: {answer['broken']}", answer.get("detail", ""))
-            if "ready" in answer:
-                worker.ready = True
-                self._put_off(worker)
-                continue
-            number = answer.pop("id")
-            request = worker.asked.pop(number)
-            self._put_off(worker)
-            if span is not None and request["op"] != "describe":
-                self._spans.append((span[0], span[1]))
-            if number not in own:  # of a run that was given up
-                continue
-            under_way -= 1
-            yield request, answer
+            number, request = self._answered(worker, answer)
+            if number in under_way:  # else of a run that was given up
+                under_way.remove(number)
+                yield request, answer
+
+    def _hand_out(self, waiting: deque[Mapping[str, Any]], source: Iterator[Mapping[str, Any]], under_way: set[int]) -> None:
+        """Ask each worker for as much as it can take, first of what is `waiting`, then of the `source`."""
+        for worker in self._processes:
+            limit = (2 if self.forking else 1) * worker.capacity - len(worker.asked)
+            waiting.extend(islice(source, max(0, limit - len(waiting))))
+            for _ in range(min(limit, len(waiting))):
+                under_way.add(self._send(worker, waiting.popleft()))
+
+    def _heard(self) -> tuple[_Process, dict[str, Any], bool] | None:
+        """A worker and its answer, as soon as there is one (True), or how one failed that is ended now (False). None where something else
+        came to pass. Raises `WorkerBroken`."""
+        try:
+            process, answer = self._lines.get(timeout=max(0.05, min(w.deadline for w in self._processes) - time.monotonic()))
+        except queue.Empty:
+            worker = min(self._processes, key=lambda w: w.deadline)
+            if worker.deadline > time.monotonic():
+                return None
+            self._end(worker)
+            return worker, {"failed": "hung", "words": "", "detail": ""}, False
+        if not self._processes:  # closed by another thread
+            raise WorkerBroken("the workers have been ended")
+        known = next((one for one in self._processes if one.process is process), None)
+        if known is None:
+            return None
+        if answer is None:
+            self._end(known)
+            return known, {"failed": "crashed", "words": "the worker process ended", "detail": ""}, False
+        if "broken" in answer:
+            self.close()
+            raise WorkerBroken(f"the CAD kernel does not load: {answer['broken']}", answer.get("detail", ""))
+        if "ready" in answer:
+            known.ready = True
+            self._put_off(known)
+            return None
+        return known, answer, True
+
+    def _answered(self, worker: _Process, answer: dict[str, Any]) -> tuple[int, Mapping[str, Any]]:
+        """The number and the request that an answer is to. What only this end needs is taken from the answer."""
+        span = answer.pop("span", None)
+        number: int = answer.pop("id")
+        request = worker.asked.pop(number)
+        self._put_off(worker)
+        if span is not None and request["op"] != "describe":
+            self._spans.append((span[0], span[1]))
+        return number, request
 
     def close(self) -> None:
         """End all workers and wait until they are gone."""

@@ -56,12 +56,7 @@ def resolved(
         return known
     document, spec = substituted(context, document, spec, chosen.values(choices))
     scope = context.scope(document, values, frozenset(broken))
-    if len(context.tables) >= MAX_DEFINITIONS and not context.overfull:
-        context.overfull = True
-        scope.error(
-            Code.TOO_MANY, f"more than {MAX_DEFINITIONS} assemblies, each with parameters of its own, are nested here", ("name",),
-            help="nest fewer documents, or with fewer different parameters",
-        )
+    _check_count(context, scope)
     if given:
         check_bounds(scope, spec, [name for name in values if name not in given])
     named = (spec.name, dict(parameters), dict(canonical(own.values)))
@@ -70,10 +65,27 @@ def resolved(
         label=definition_label(*named, {name: words_of(value) for name, value in values.items()}), choices=choices,
     )
     context.tables[key] = table
+    _fill(context, table, top=top)
+    return table
+
+
+def _check_count(context: Context, scope: Scope) -> None:
+    """Say it, once, where documents nest without an end that anybody would see."""
+    if len(context.tables) >= MAX_DEFINITIONS and not context.overfull:
+        context.overfull = True
+        scope.error(
+            Code.TOO_MANY, f"more than {MAX_DEFINITIONS} assemblies, each with parameters of its own, are nested here", ("name",),
+            help="nest fewer documents, or with fewer different parameters",
+        )
+
+
+def _fill(context: Context, table: Table, *, top: bool) -> None:
+    """Work out the sections of a document, each behind those that it refers to, and its `definition`."""
+    scope, spec = table.scope, table.spec
     _check_names(scope, spec)
     table.materials = in_scope(context, scope, spec)
     table.materials_unreadable = unreadable(context, scope, spec)
-    if choices:
+    if table.choices:
         spec = table.spec = chosen.with_default_material(context, table)
     parts, table.unbuilt = unrolled(scope, "components", spec.components, spec.parameters)
     moving, table.unbuilt_joints = unrolled(scope, "joints", spec.joints, spec.parameters)
@@ -96,7 +108,6 @@ def resolved(
     poses(table, scope)
     made = components(context, table, placements, unreadable=table.materials_unreadable)
     table.definition = _definition(context, table, made, links, top)
-    return table
 
 
 def _definition(

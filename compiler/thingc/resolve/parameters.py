@@ -288,6 +288,32 @@ def from_command_line(
         del code  # a bad -p is one code, whatever is wrong with it: the command line's exit status depends on it
         report.add(Code.PARAMETER_OPTION, message, None, help=help, path=f"-p {name}", notes=notes)  # type: ignore[arg-type]
 
+    given, expressions = _as_written(context, document, spec, texts, complain)
+    sound: dict[str, Found | Expression] = dict(fitting(context, document, spec, given, f"`{spec.name}`", complain))
+    if not expressions:
+        return sound
+    # What they come to depends on the other options: work everything out quietly, then judge the results.
+    quiet = Report()
+    known = {name: e for name, e in expressions.items() if name in spec.parameters}
+    values, _ = worked_out(document, spec, {**sound, **known}, quiet, context.doubts(document))
+    for name, expression in expressions.items():
+        if name in known and name not in values:
+            fault = quiet.diagnostics[0] if quiet.diagnostics else None
+            if fault is None and context.doubts(document):
+                continue
+            complain(
+                name, Code.PARAMETER_OPTION, fault.message if fault else f"`{shortened(expression.text)}` cannot be worked out",
+                help=fault.help if fault else None,
+            )
+            continue
+        sound.update(fitting(context, document, spec, {name: values.get(name, False)}, f"`{spec.name}`", complain))
+    return sound
+
+
+def _as_written(
+    context: Context, document: Document, spec: AssemblySpec, texts: Mapping[str, str], complain: Complain,
+) -> tuple[dict[str, Found], dict[str, Expression]]:
+    """Texts of the command line as values and as expressions; those that are neither are complained of."""
     table = declared(context, document, spec)
     given: dict[str, Found] = {}
     expressions: dict[str, Expression] = {}
@@ -310,27 +336,7 @@ def from_command_line(
             expressions[name] = value
         else:
             given[name] = value
-    sound: dict[str, Found | Expression] = dict(fitting(context, document, spec, given, f"`{spec.name}`", complain))
-    if expressions:
-        # What they come to depends on the other options: work everything out quietly, then judge the results.
-        quiet = Report()
-        known = {name: e for name, e in expressions.items() if name in spec.parameters}
-        values, _ = worked_out(document, spec, {**sound, **known}, quiet, context.doubts(document))
-        for name, expression in expressions.items():
-            if name in known and name not in values:
-                fault = quiet.diagnostics[0] if quiet.diagnostics else None
-                if fault is None and context.doubts(document):
-                    continue
-                complain(
-                    name, Code.PARAMETER_OPTION, fault.message if fault else f"`{shortened(expression.text)}` cannot be worked out",
-                    help=fault.help if fault else None,
-                )
-                continue
-            checked = fitting(
-                context, document, spec, {name: values.get(name, False)}, f"`{spec.name}`", complain,
-            )
-            sound.update(checked)
-    return sound
+    return given, expressions
 
 
 def _read(text: str, own: Found | None) -> Found | Expression:

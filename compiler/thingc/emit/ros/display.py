@@ -21,8 +21,17 @@ def launch_file(robots: Sequence[Robot], controllers: Mapping[str, Sequence[Cont
     """`display.launch.py`, in Python as `ros2 launch` runs it."""
     modes = "".join(_mode(robot, [one.name for one in controllers[robot.mode.name]]) for robot in robots)
     name = robots[0].assembly.name
-    values = {"HEADING": heading, "PACKAGE": package_name(name), "ROBOT": name, "MODES": modes, "BROADCASTER": BROADCASTER}
-    return re.sub("@([A-Z]+)@", lambda word: values[word[1]], _LAUNCH)  # at once: a document may be called like one of the words
+    return _filled(_LAUNCH, HEADING=heading, PACKAGE=package_name(name), ROBOT=name, MODES=modes, BROADCASTER=BROADCASTER)
+
+
+def rviz_config(frame: str, heading: str) -> str:
+    """`display.rviz`: the robot on a grid, with its frames; `frame` stands still unless RViz is told another (`-f`)."""
+    return _filled(_RVIZ, HEADING=heading, FRAME=frame)
+
+
+def _filled(template: str, **words: str) -> str:
+    """A template with what its `@WORD@`s stand for: all at once, for a document may be called like one of the words."""
+    return re.sub("@([A-Z]+)@", lambda word: words[word[1]], template)
 
 
 def _mode(robot: Robot, controllers: list[str]) -> str:
@@ -101,10 +110,8 @@ def nodes(context):
 '''
 
 
-def rviz_config(frame: str, heading: str) -> str:
-    """`display.rviz`: the robot on a grid, with its frames; `frame` stands still unless RViz is told another (`-f`)."""
-    return f"""\
-# {heading}
+_RVIZ = """\
+# @HEADING@
 Panels:
   - Class: rviz_common/Displays
     Name: Displays
@@ -141,7 +148,7 @@ Visualization Manager:
   Enabled: true
   Global Options:
     Background Color: 48; 48; 48
-    Fixed Frame: {frame}
+    Fixed Frame: @FRAME@
     Frame Rate: 30
   Tools:
     - Class: rviz_default_plugins/Interact

@@ -6,6 +6,7 @@ import ast
 import hashlib
 import os
 import re
+from collections.abc import Sequence
 from typing import Any
 
 from thingc.realize.key.modules import MAX_NAME
@@ -102,25 +103,12 @@ def _facts(tree: ast.Module, *, looking: bool) -> dict[str, Any]:
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):  # it does nothing: a docstring
             docstrings.append(f"{length} {node.value.value!r}\n")
             continue
-        if isinstance(node, ast.AST):
-            # what is not there is left out: other versions of Python have more fields
-            fields = {
-                name: value for name in node._fields
-                if name not in _IMPLIED and (value := getattr(node, name, None)) is not None and value != []
-            }
-            word = f"{type(node).__name__} {' '.join(fields)}"
-            waiting += reversed(fields.values())
-            if isinstance(node, (ast.Import, ast.ImportFrom)):
-                imports.update(origin for _, origin in _imported(node) if len(origin) <= MAX_NAME)
-            elif isinstance(node, ast.Global):
-                words.add("globals")
-        elif isinstance(node, list):
-            word = "["
-            waiting += [_END, *reversed(node)]
-        else:
-            word = "]" if node is _END else repr(node)
-            if isinstance(node, str):
-                words.add(node)
+        if isinstance(node, (ast.Import, ast.ImportFrom)):
+            imports.update(origin for _, origin in _imported(node) if len(origin) <= MAX_NAME)
+        elif isinstance(node, (ast.Global, str)):
+            words.add(node if isinstance(node, str) else "globals")
+        word, inner = _word(node)
+        waiting += reversed(inner)
         line = f"{word}\n".encode()
         syntax.update(line)
         part.update(line)
@@ -132,6 +120,20 @@ def _facts(tree: ast.Module, *, looking: bool) -> dict[str, Any]:
         "bodies": [body.hexdigest()[:32] for body in bodies], "imports": sorted(imports), "names": _names(tree),
         "telling": not words.isdisjoint(TELLING), "looking": looking, "more": not words.isdisjoint(BINDING), "broken": False,
     }
+
+
+def _word(node: Any) -> tuple[str, Sequence[Any]]:
+    """What a node, a list of some, or a value of one is in the line of its own, and what is in it, in order."""
+    if isinstance(node, ast.AST):
+        # what is not there is left out: other versions of Python have more fields
+        fields = {
+            name: value for name in node._fields
+            if name not in _IMPLIED and (value := getattr(node, name, None)) is not None and value != []
+        }
+        return f"{type(node).__name__} {' '.join(fields)}", tuple(fields.values())
+    if isinstance(node, list):
+        return "[", (*node, _END)
+    return "]" if node is _END else repr(node), ()
 
 
 def _is_main_guard(statement: ast.stmt) -> bool:
