@@ -74,11 +74,13 @@ conformance: $(VENV)/.thingc-dev
 bench-designs: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/designs/study.py
 
+ONLY ?= *
+
 freeze: $(VENV)/.thingc-dev
-	$(BIN)/python benchmarks/corpus.py freeze build/corpus.json
+	$(BIN)/python benchmarks/corpus.py freeze build/corpus.json --only $(patsubst %,'%',$(ONLY))
 
 frozen: $(VENV)/.thingc-dev
-	$(BIN)/python benchmarks/corpus.py compare build/corpus.json
+	$(BIN)/python benchmarks/corpus.py compare build/corpus.json --only $(patsubst %,'%',$(ONLY))
 
 MINUTES ?= 30
 

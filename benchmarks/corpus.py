@@ -5,11 +5,12 @@ A corpus of outputs is kept as digests: both robots and what they nest, every do
 and 50 sampled variants of it. Each entry is one command of `thingc`, with its exit code, what it printed and the SHA-256 of every file
 that it wrote. What `thingc` says of wrong documents is frozen already, as the texts of `tests/cases`.
 
-    python benchmarks/corpus.py freeze build/corpus.json      # some ten minutes on two cores
+    python benchmarks/corpus.py freeze build/corpus.json      # some ten minutes on two cores that do nothing else
     python benchmarks/corpus.py compare build/corpus.json     # the same again; prints what differs, 1 where anything does
 
-`--only PATTERN` takes part of it (`--only 'robots/*'`). Both are of one machine with one set of installed packages: another kernel
-or another MuJoCo may write other digits.
+`--only PATTERN...` takes part of it (`--only 'robots/*' 'designs/00?'`; `make frozen ONLY='trees/*'`): of the time, the designs, whose
+parts are all of other sizes, take most. What is frozen is written as it comes, so that one that is stopped keeps what it has. Both are of
+one machine with one set of installed packages: another kernel or another MuJoCo may write other digits.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ import shutil
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from fnmatch import fnmatch
 from pathlib import Path
 
@@ -62,19 +63,34 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=["freeze", "compare"])
     parser.add_argument("file", type=Path)
-    parser.add_argument("--only", default="*", help="entries whose name fits")
+    parser.add_argument("--only", nargs="+", default=["*"], metavar="PATTERN", help="entries whose name fits one of these")
     parser.add_argument("--store", help="where modelled parts are kept (default: an empty one)")
     arguments = parser.parse_args()
     before: dict[str, Entry] = json.loads(arguments.file.read_text()) if arguments.what == "compare" else {}
+    now: dict[str, Entry] = {}
     with tempfile.TemporaryDirectory() as scratch:
         os.environ["THINGC_STORE"] = arguments.store or str(Path(scratch) / "store")
-        now = dict(entries(Path(os.path.realpath(scratch)), arguments.only))
+        for name, entry in entries(Path(os.path.realpath(scratch)), arguments.only):
+            now[name] = entry
+            if arguments.what == "freeze":
+                freeze(now, arguments.file)
     if arguments.what == "freeze":
-        arguments.file.parent.mkdir(parents=True, exist_ok=True)
-        arguments.file.write_text(json.dumps(now, indent=1, sort_keys=True) + "\n")
         print(f"{len(now)} entries, {sum(len(entry) - 2 for entry in now.values())} files: {arguments.file}")
         return 0
-    return compared({name: entry for name, entry in before.items() if fnmatch(name, arguments.only)}, now)
+    return compared({name: entry for name, entry in before.items() if fits(name, arguments.only)}, now)
+
+
+def freeze(entries: dict[str, Entry], file: Path) -> None:
+    """Keep what there is so far."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    aside = file.with_suffix(".part")
+    aside.write_text(json.dumps(entries, indent=1, sort_keys=True) + "\n")
+    aside.replace(file)
+
+
+def fits(name: str, only: Sequence[str]) -> bool:
+    """Whether an entry is asked for."""
+    return any(fnmatch(name, pattern) for pattern in only)
 
 
 def compared(before: dict[str, Entry], now: dict[str, Entry]) -> int:
@@ -91,7 +107,7 @@ def compared(before: dict[str, Entry], now: dict[str, Entry]) -> int:
     return 1 if kinds else 0
 
 
-def entries(folder: Path, only: str) -> Iterator[tuple[str, Entry]]:
+def entries(folder: Path, only: Sequence[str]) -> Iterator[tuple[str, Entry]]:
     """Every entry of the corpus, by name; `folder` is scratch."""
     robots = folder / "robots"
     drawing.workspace(robots)
@@ -99,31 +115,31 @@ def entries(folder: Path, only: str) -> Iterator[tuple[str, Entry]]:
         name = f"robots/{document.relative_to(robots / 'assemblies')}"
         if document.name not in ("materials.yaml", "bridge_search.yaml", "sizes.yaml"):
             for which, words in ((name, ALL), (f"{name} for others", ("--emit", "mjcf", "--compat", "mjx,warp,drake,pymjcf"))):
-                if fnmatch(which, only):
+                if fits(which, only):
                     yield which, build(robots, document, *words)
     for page in sorted((ROOT / "docs").glob("*.md")):
-        if fnmatch(f"docs/{page.name}", only) and any(not pages.meant_to_be_wrong(block) for block in pages.documents(page)):
+        if fits(f"docs/{page.name}", only) and any(not pages.meant_to_be_wrong(block) for block in pages.documents(page)):
             yield from documents(f"docs/{page.name}", pages.unpack(page, fresh(folder / "docs" / page.stem)))
     examples = shutil.copytree(ROOT / "tests" / "cases", folder / "cases") / "codes"
     for document in sorted([*examples.glob("*/*.right.*"), *examples.glob("*/*/right/*")]):
         name = f"codes/{document.relative_to(examples).as_posix().partition('/')[2]}"
-        if document.suffix in (".yaml", ".toml") and ASSEMBLY.search(document.read_text()) and fnmatch(name, only):
+        if document.suffix in (".yaml", ".toml") and ASSEMBLY.search(document.read_text()) and fits(name, only):
             yield name, build(document.parent, document, *ALL)
     trees = fresh(folder / "trees")
     for number in range(RANDOM):
         for balls in (False, True):
             document = trees / f"{'balls' if balls else 'random'}_{number}.yaml"
             document.write_text(joints.document(number, balls=balls))
-            if fnmatch(f"trees/{document.stem}", only):
+            if fits(f"trees/{document.stem}", only):
                 yield f"trees/{document.stem}", build(trees, document, *ALL)
     designs = folder / "designs"
     drawing.workspace(designs)
     for number in range(DESIGNS):
-        if fnmatch(f"designs/{number:03}", only):
+        if fits(f"designs/{number:03}", only):
             one = drawing.design(number, SEED)
             words = [word for name, value in one.parameters.items() for word in ("-p", f"{name}={value}")]
             yield f"designs/{number:03}", build(designs, drawing.write(one, designs), "--emit", "mjcf", *words)
-    if fnmatch("variants", only):
+    if fits("variants", only):
         variants = fresh(folder / "variants")
         drawing.workspace(variants)
         (variants / "sampled.yaml").write_text(VARIANTS)

@@ -28,7 +28,7 @@ from prusa import NotSliced, Printed, Settings, printed, program, version  # noq
 
 from thingc.environment import Options  # noqa: E402
 from thingc.inertia import MassProperties  # noqa: E402
-from thingc.pipeline import Settings as Said  # noqa: E402
+from thingc.resolve import Settings as Said  # noqa: E402
 from thingc.session import Session  # noqa: E402
 
 PAGE = ROOT / "docs" / "prints.md"

@@ -39,7 +39,8 @@ from throughput import workspace
 import thingc
 from thingc.emit import model_sources
 from thingc.families.models import ModelsOfMode
-from thingc.pipeline import Settings, request_of
+from thingc.pipeline import request_of
+from thingc.resolve import Settings
 
 ROUNDS = 5
 MODE = "bench"

@@ -36,7 +36,7 @@ from typing import Any
 
 from thingc.emit.artifact import Stored
 from thingc.environment import Options
-from thingc.pipeline import Settings
+from thingc.resolve import Settings
 from thingc.session import Session
 
 ROOT = Path(__file__).resolve().parents[2]

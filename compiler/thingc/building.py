@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 
 from thingc import pipeline
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, Stage, allow_hint
 from thingc.emit.artifact import Content, Loss
-from thingc.environment import Environment
+from thingc.environment import Environment, geometry_of
 from thingc.frozen import dataclass
 from thingc.output import Waiting, build_folder, write_build
 from thingc.pipeline import Compilation
@@ -34,11 +34,12 @@ class Wish:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Built:
-    """What came of it: all that was said, and what is written, `files` by path in the folder; None with errors. `twice` is how many parts
-    were modelled again."""
+    """What came of it: all that was said, and what is written, `files` by path in the folder; None with errors. `place` is the folder in
+    which that lies (an absolute path), and what it is called. `twice` is how many parts were modelled again."""
 
-    diagnostics: tuple[Diagnostic, ...]
     compilation: Compilation
+    diagnostics: tuple[Diagnostic, ...] = ()
+    place: tuple[str, str] = ("", "")
     files: Mapping[str, Content] | None = None
     losses: Sequence[Loss] = field(default=())
     twice: int = 0
@@ -47,32 +48,29 @@ class Built:
 def build(environment: Environment, wish: Wish) -> Built:
     """Every pass, and nothing written yet. Raises `UnknownChoice`, and `BlobMissing` where the store turns out to be damaged."""
     compilation = pipeline.compile(environment, wish.modes)
-    report = compilation.report
-    if _failed(report, wish):
-        return _built(compilation, wish)
-    twice = pipeline.model_again(environment, compilation) if wish.twice else 0
-    if report.failed:
-        return _built(compilation, wish)
-    compat = wish.compat or environment.geometry.workspace.compat
-    parent, name = place(environment, compilation, wish)
-    artifacts = pipeline.build(environment, compilation, wish.targets, build_folder(parent, name), compat)
-    losses = [loss for target in wish.targets for loss in artifacts[target].losses]
-    if wish.deny_loss:
-        assert compilation.assembly is not None
-        _deny(losses, compilation.assembly.definition.origin, report)
-    if not wish.modes:
-        pipeline.say_unneeded(compilation, [Stage.CHECK, Stage.BUILD] if "mjcf" in wish.targets else [Stage.CHECK])
-    if _failed(report, wish):
-        return _built(compilation, wish)
-    files = pipeline.files(environment, compilation, artifacts, compat)
-    return Built(diagnostics=_said(report, wish), compilation=compilation, files=files, losses=losses, twice=twice)
+    made = None if _failed(compilation, wish) else _made(environment, compilation, wish)
+    return replace(made or Built(compilation=compilation), diagnostics=_said(compilation, wish))
 
 
-def place(environment: Environment, compilation: Compilation, wish: Wish) -> tuple[str, str]:
-    """The folder in which the build folder lies, and the latter's name."""
+def _made(environment: Environment, compilation: Compilation, wish: Wish) -> Built | None:
+    """What is to be written of a compilation without errors; None where there are some by now."""
+    twice = _model_again(environment, compilation) if wish.twice else 0
+    if _failed(compilation, wish):
+        return None
     assert environment.workspace is not None and compilation.assembly is not None
     parent = wish.output or os.path.join(environment.workspace.root, environment.workspace.build)
-    return os.path.abspath(parent), compilation.assembly.name
+    place = os.path.abspath(parent), compilation.assembly.name
+    compat = wish.compat or environment.workspace.compat
+    artifacts = pipeline.build(environment, compilation, wish.targets, build_folder(*place), compat)
+    losses = [loss for target in wish.targets for loss in artifacts[target].losses]
+    if wish.deny_loss:
+        _deny(losses, compilation.assembly.definition.origin, compilation.report)
+    if not wish.modes:
+        pipeline.say_unneeded(compilation, [Stage.CHECK, Stage.BUILD] if "mjcf" in wish.targets else [Stage.CHECK])
+    if _failed(compilation, wish):
+        return None
+    files = pipeline.files(environment, compilation, artifacts, compat)
+    return Built(compilation=compilation, place=place, files=files, losses=losses, twice=twice)
 
 
 def write(environment: Environment, built: Built, wish: Wish, on_wait: Waiting | None = None) -> str:
@@ -80,20 +78,35 @@ def write(environment: Environment, built: Built, wish: Wish, on_wait: Waiting |
     called when another build of it must be waited for."""
     documents, files = built.compilation.documents, built.files
     assert files is not None and documents is not None, "the build has errors"
-    parent, name = place(environment, built.compilation, wish)
-    return write_build(parent, name, files, environment.store, documents.root.relative, force=wish.force, on_wait=on_wait)
+    return write_build(*built.place, files, environment.store, documents.root.relative, force=wish.force, on_wait=on_wait)
 
 
-def _built(compilation: Compilation, wish: Wish) -> Built:
-    return Built(diagnostics=_said(compilation.report, wish), compilation=compilation)
-
-
-def _said(report: Report, wish: Wish) -> tuple[Diagnostic, ...]:
+def _said(compilation: Compilation, wish: Wish) -> tuple[Diagnostic, ...]:
+    report = compilation.report
     return tuple((report.strict() if wish.strict else report).ordered())
 
 
-def _failed(report: Report, wish: Wish) -> bool:
-    return any(d.severity is Severity.ERROR for d in _said(report, wish))
+def _failed(compilation: Compilation, wish: Wish) -> bool:
+    return any(d.severity is Severity.ERROR for d in _said(compilation, wish))
+
+
+def _model_again(environment: Environment, compilation: Compilation) -> int:
+    """Model every part once more, in other processes, under another hash seed and with an empty store: those that become something
+    else are errors in the report. How many parts that were. Only for a compilation whose report has no errors."""
+    import tempfile
+
+    from thingc.graph.twice import OTHER_SEED, compare, definitions_of
+    from thingc.realize.store.local import Store
+
+    assembly = compilation.assembly
+    assert assembly is not None
+    definitions = definitions_of(assembly)
+    with (
+        tempfile.TemporaryDirectory(prefix="thingc-twice-") as folder,
+        geometry_of(environment.geometry.workspace, environment.options, Store(folder), seed=OTHER_SEED) as geometry,
+    ):
+        compare(assembly, geometry.realize(definitions), compilation.report)
+    return len(definitions)
 
 
 def _deny(losses: Sequence[Loss], document: Origin, report: Report) -> None:

@@ -9,7 +9,6 @@ artifacts.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import field, replace
 from functools import partial
@@ -17,23 +16,22 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from thingc.diagnostics import Code, Report, Stage, shown_path
-from thingc.environment import Environment, geometry_of
+from thingc.environment import Environment, Options
 from thingc.frozen import dataclass
 from thingc.memo import Memo
 from thingc.typos import did_you_mean
 
 if TYPE_CHECKING:
-    from thingc.emit.artifact import Artifacts, Content, Loss
+    from thingc.emit.artifact import Artifacts, Content
     from thingc.emit.request import EmitRequest
     from thingc.graph.types import Assembly
     from thingc.load import Documents
     from thingc.pose import Vector
     from thingc.realize.decisions import Decision
-    from thingc.realize.record import Mesh, PartFailure, PartSchema
+    from thingc.realize.record import Mesh
+    from thingc.resolve import Settings, Sources
     from thingc.resolve.model import AssemblyDefinition
     from thingc.robot.types import Robot
-    from thingc.spec.doubts import Specs
-    from thingc.workspace import Workspace
 
 
 PASSES = ("thingc.resolve", "thingc.graph", "thingc.robot")
@@ -47,25 +45,6 @@ class UnknownChoice(Exception):
         super().__init__(message)
         self.message = message
         self.hint = hint
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
-    """What one compilation has of its own. `parameters` are texts as `-p` takes them (`{"reach": "120 mm"}`), `choices` texts by
-    dotted path in the root document (`{"components.foot.part": "feet:Wide"}`)."""
-
-    parameters: Mapping[str, str] = field(default_factory=dict)
-    choices: Mapping[str, str] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sources:
-    """What `resolve` works on: documents, their models, and what the parts that they name take."""
-
-    workspace: Workspace
-    documents: Documents
-    specs: Specs
-    schemas: Mapping[str, PartSchema | PartFailure]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,8 +89,7 @@ def compile(environment: Environment, modes: Sequence[str] = (), *, kinds: Seque
     """Every pass up to `root`, for the modes named (none: all). `kinds` are the kinds of document that are welcome. Bad input ends in the
     report; raises `UnknownChoice`, and `BlobMissing` where the store turns out to be damaged (see `environment.attempted`)."""
     sources = read(environment, kinds, modelling=True)
-    settings = Settings(parameters=environment.options.parameters, choices=environment.options.choices)
-    compilation = _passes(environment, sources, settings, modes, None)
+    compilation = _passes(environment, sources, settings_of(environment.options), modes, None)
     if compilation.assembly is not None and not compilation.report.failed:
         from thingc.robot import check_starts
 
@@ -137,6 +115,7 @@ def build(
 ) -> dict[str, Artifacts]:
     """The passes behind `root`: what lies in what (a warning), and `emit`, while the kernel writes the STEP file. `folder` is the absolute
     path of the folder that the files will lie in, where that is known; `compat` names who besides MuJoCo shall read its models."""
+    from thingc.emit import emitted
     from thingc.solids import check_overlaps
 
     request = request_of(environment, compilation, folder=folder, compat=compat)
@@ -145,7 +124,7 @@ def build(
 
         step.begin(request)
     check_overlaps(request.assembly, environment.store, compilation.report, environment.memo)
-    return _emitted(request, targets)
+    return emitted(request, targets)
 
 
 # --- passes --------------------------------------------------------------------------------------------------------
@@ -170,7 +149,16 @@ def read(environment: Environment, kinds: Sequence[str] = ("assembly",), *, mode
         for module in (*PASSES, *environment.options.ahead):
             import_module(module)
     schemas = environment.parts.describe([reference for reference, _ in named]) if named else {}
+    from thingc.resolve import Sources
+
     return Sources(workspace=workspace, documents=documents, specs=specs, schemas=schemas)
+
+
+def settings_of(options: Options) -> Settings:
+    """What the options set."""
+    from thingc.resolve import Settings
+
+    return Settings(parameters=options.parameters, choices=options.choices)
 
 
 def choose(environment: Environment, sources: Sources, choices: Mapping[str, str], report: Report, memo: Memo | None) -> Sources:
@@ -192,6 +180,7 @@ def choose(environment: Environment, sources: Sources, choices: Mapping[str, str
 def _widened(environment: Environment, own: Sources, assemblies: Sequence[str], parts: Sequence[str]) -> tuple[Sources, Report]:
     """`own` and the further assemblies and parts that are named, and what is wrong with those."""
     from thingc.load import load_more
+    from thingc.resolve import Sources
     from thingc.spec import part_references, validate
 
     documents, specs, report = own.documents, own.specs, Report()
@@ -209,11 +198,7 @@ def model(environment: Environment, own: Sources, settings: Settings, report: Re
     where nothing is sound."""
     from thingc.resolve import resolve
 
-    sources = choose(environment, own, settings.choices, report, environment.memo)
-    return resolve(
-        sources.documents, sources.specs, sources.workspace, sources.schemas, settings.parameters, report, settings.choices,
-        environment.memo,
-    )
+    return resolve(choose(environment, own, settings.choices, report, environment.memo), settings, report, environment.memo)
 
 
 def _passes(
@@ -222,7 +207,7 @@ def _passes(
     """From what was read to the robots. `of_text` has answers that hold as long as the documents stand as they are, line by line; those of
     the environment hold for all."""
     from thingc.graph import link, slicings_of, with_own_images
-    from thingc.resolve import part_definitions, resolve, resolve_materials
+    from thingc.resolve import decomposed, part_definitions, resolve, resolve_materials
     from thingc.robot import root, stand
 
     report, memo = environment.report.continued(), environment.memo
@@ -230,21 +215,21 @@ def _passes(
         return Compilation(settings=settings, report=report)
     parts = environment.parts
     sources = choose(environment, own, settings.choices, report, of_text)
-    documents, specs, workspace = sources.documents, sources.specs, sources.workspace
-    report.allowances = specs.allowances
+    documents = sources.documents
+    report.allowances = sources.specs.allowances
     _say_hidden(environment, sources, report)
     compilation = Compilation(settings=settings, report=report, documents=documents)
     if documents.root.kind == "materials":
-        resolve_materials(documents, specs, workspace, report)
+        resolve_materials(sources, report)
     if documents.root.kind != "assembly":
         return compilation
-    model = resolve(documents, specs, workspace, sources.schemas, settings.parameters, report, settings.choices, of_text)
+    model = resolve(sources, settings, report, of_text)
     if model is None:
         return compilation
     if not report.failed:
         _require_modes(modes, model, documents)
     definitions = part_definitions(model)
-    records = parts.realize(definitions, convex=_decomposed(model))
+    records = parts.realize(definitions, convex=decomposed(model))
     model = with_own_images(model, records)
     records = parts.slice(definitions, records, slicings_of(model, records))
     environment.say_gaps(report)
@@ -275,24 +260,9 @@ def emit(environment: Environment, compilation: Compilation, targets: Sequence[s
     With `verify` 0 MuJoCo is not asked whether it takes the models: for the caller who compiles them anyway; with more than 1 only of the
     first, and of every so many, that differ in nothing but numbers.
     """
-    return _emitted(request_of(environment, compilation, verify=verify), targets)
+    from thingc.emit import emitted
 
-
-def _emitted(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts]:
-    from thingc.emit import emitter, module_of, unstated
-
-    artifacts: dict[str, Artifacts] = {}
-    told: dict[Loss, None] = {}
-    for target in targets:
-        made = emitter(target)(request)
-        if astray := unstated(target, made.files):
-            request.report.add(
-                Code.UNSTATED, f"the target `{target}` writes `{astray[0]}`, which `{module_of(target)}.WRITES` does not name", None,
-                path=target, help=f'tell its author: by `WRITES = ("{astray[0]}",)` in that module the next build knows whose the file is',
-            )
-        artifacts[target] = replace(made, losses=tuple(loss for loss in made.losses if loss not in told))
-        told |= dict.fromkeys(made.losses)
-    return artifacts
+    return emitted(request_of(environment, compilation, verify=verify), targets)
 
 
 def request_of(
@@ -335,59 +305,12 @@ def files(
     return files
 
 
-def inputs(environment: Environment, compilation: Compilation) -> dict[str, str | None] | None:
-    """Everything that a compilation without errors has read, by absolute path, with its content's digest (see `stamp.state_of`).
-
-    None where a file changed while it was being read: nobody knows which content the answer is of.
-    """
-    from thingc.stamp import state_of
-
-    workspace, documents = environment.workspace, compilation.documents
-    assert workspace is not None and documents is not None
-    states = {**workspace.inputs, **{document.path: document.sha256 for document in documents.by_path.values()}}
-    states.update({path: state_of(path) for path in looked_at(environment, compilation) if path not in states})
-    changed = any(state is not None and os.stat(path).st_mtime_ns >= environment.started for path, state in states.items())
-    return None if changed else states
-
-
-def looked_at(environment: Environment, compilation: Compilation) -> set[str]:
-    """Absolute paths of everything that a compilation, sound or not, depends on in the workspace and in packages tracked by content: files
-    and folders, there or not."""
-    from thingc.resolve.choices import chosen_files
-    from thingc.workspace import settings_files
-
-    workspace, documents = environment.workspace, compilation.documents
-    paths = {environment.document, *(workspace.inputs if workspace is not None else settings_files(environment.document))}
-    if workspace is not None:
-        paths.update(environment.parts.inputs, chosen_files(compilation.settings.choices, environment.document))
-    if documents is not None:
-        paths.update(documents.files, (document.path for document in documents.by_path.values()))
-    return paths
-
-
 def say_unneeded(compilation: Compilation, stages: Collection[Stage]) -> None:
     """Say which allowances nothing has needed, after all of these stages; only where nothing is set, for other values may need them."""
-    if compilation.assembly is None or compilation.documents is None or compilation.report.failed or compilation.settings != Settings():
+    settings, documents = compilation.settings, compilation.documents
+    if compilation.assembly is None or documents is None or compilation.report.failed or settings.parameters or settings.choices:
         return
-    compilation.report.say_unneeded(compilation.documents.root.path, stages)
-
-
-def model_again(environment: Environment, compilation: Compilation) -> int:
-    """Model every part once more, in other processes, under another hash seed and with an empty store: those that become something
-    else are errors in the report. How many parts that were. Only for a compilation whose report has no errors."""
-    import tempfile
-
-    from thingc.graph.twice import OTHER_SEED, compare, definitions_of
-    from thingc.realize.store.local import Store
-
-    assembly = _assembly(compilation)
-    definitions = definitions_of(assembly)
-    with (
-        tempfile.TemporaryDirectory(prefix="thingc-twice-") as folder,
-        geometry_of(environment.geometry.workspace, environment.options, Store(folder), seed=OTHER_SEED) as geometry,
-    ):
-        compare(assembly, geometry.realize(definitions), compilation.report)
-    return len(definitions)
+    compilation.report.say_unneeded(documents.root.path, stages)
 
 
 def _assembly(compilation: Compilation) -> Assembly:
@@ -410,20 +333,3 @@ def _require_modes(wanted: Sequence[str], model: AssemblyDefinition, documents: 
         if name not in names:
             raise UnknownChoice(f"`{shown_path(documents.root.path)}` has no mode `{name}`", did_you_mean(name, names, what="modes"))
 
-
-def _decomposed(model: AssemblyDefinition) -> frozenset[str]:
-    """The texts of the part definitions of which some component asks for `collision: decompose`."""
-    from thingc.realize.record import PartDefinition
-
-    texts: set[str] = set()
-    waiting, met = [model], {id(model)}
-    while waiting:
-        for component in waiting.pop().components:
-            definition = component.definition
-            if isinstance(definition, PartDefinition):
-                if component.overrides.collision == "decompose":
-                    texts.add(definition.text)
-            elif definition is not None and id(definition) not in met:
-                met.add(id(definition))
-                waiting.append(definition)
-    return frozenset(texts)

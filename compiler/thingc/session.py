@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 from thingc import pipeline
 from thingc.diagnostics import Report
 from thingc.environment import Environment, Options
-from thingc.pipeline import Compilation, Settings
+from thingc.pipeline import Compilation
+from thingc.resolve import Settings
 
 if TYPE_CHECKING:
     from thingc.emit.artifact import Artifacts, Content

@@ -58,26 +58,27 @@ ROOMS: dict[str, set[str]] = {
     "output": BASE | {"exchange", "realize", "emit"},
     "stamp": BASE | {"realize"},
     "environment": BASE | {"realize"},
-    "pipeline": BASE | {"stamp", "environment", "load", "spec", "realize", "resolve", "joints", "graph", "robot", "solids", "emit"},
-    "session": BASE | {"environment", "pipeline", "emit"},
-    "building": BASE | {"environment", "pipeline", "output", "emit"},
+    "pipeline": BASE | {"environment", "load", "spec", "realize", "resolve", "joints", "graph", "robot", "solids", "emit"},
+    "dependencies": BASE | {"environment", "pipeline", "stamp", "resolve"},
+    "session": BASE | {"environment", "pipeline", "resolve", "emit"},
+    "building": BASE | {"environment", "pipeline", "output", "realize", "graph", "emit"},
     "watching": set(),
-    "live": BASE | {"watching", "environment", "pipeline", "building", "output", "stamp", "realize", "emit"},
+    "live": BASE | {"watching", "environment", "pipeline", "dependencies", "building", "output", "stamp", "realize", "emit"},
     "variants": BASE | {"printing", "archives", "csvcell", "webpage", "line_process", "environment", "pipeline", "stamp", "session",
         "load", "spec",
         "realize", "resolve", "graph", "robot", "statics", "emit", "output", "modes", "render"},
     "api": BASE | {"printing", "environment", "pipeline", "realize", "graph", "robot", "emit"},
     "families": BASE | {"api", "environment", "pipeline", "session", "output", "load", "spec", "realize", "resolve", "emit", "testing",
         "variants"},
-    "cli": BASE | {"printing", "environment", "pipeline", "realize", "graph", "robot", "emit", "output", "stamp", "resolve", "render",
-        "reporting", "layout", "editor", "testing", "variants", "load", "spec", "joints", "checks", "affected",
-        "building", "live", "templates"},
+    "cli": BASE | {"printing", "environment", "pipeline", "dependencies", "realize", "graph", "robot", "emit", "output", "stamp", "resolve",
+        "render", "reporting", "layout", "editor", "testing", "variants", "load", "spec", "joints", "checks", "affected", "building",
+        "live", "templates"},
     "__init__": {"things", "api", "modes", "families"},
     "__main__": {"cli"},
 }
 # The door: what satellites may import, besides themselves and what stands below all rooms: the driver, what the `__init__` of a room
 # exports, and modules of types that passes hand over. ARCHITECTURE.md says so too, under "The door".
-DRIVER = {"environment", "pipeline", "session", "building", "output", "stamp"}
+DRIVER = {"environment", "pipeline", "dependencies", "session", "building", "output", "stamp"}
 TYPES = {"spec.assembly", "spec.variants", "realize.record", "resolve.model", "graph.types", "robot.types", "emit.artifact"}
 ANY = {"*"}
 SATELLITES: dict[str, dict[str, set[str]]] = {
@@ -88,12 +89,13 @@ SATELLITES: dict[str, dict[str, set[str]]] = {
         "load": {"Documents", "Source", "documents_in", "load", "packaged_documents", "read_tree"},
         "realize": {"ABSENT", "EndingWorkers", "GeometryService", "NoWorkers", "Store", "Workers", "read_lock"},
         "realize.record": ANY,
-        "resolve": {"part_definitions", "resolve"},
+        "resolve": {"Settings", "Sources", "part_definitions", "resolve"},
         "resolve.model": ANY,
         "spec": {"REFERENCE_PATTERN", "Specs", "json_schema", "part_references", "validate"},
     },
     "live": {
         "pipeline": {"*"},
+        "dependencies": {"*"},
         "building": {"*", "Built", "Wish"},
         "environment": {"Environment", "Options", "geometry_of"},
         "output": {"Waiting"},
@@ -105,7 +107,7 @@ SATELLITES: dict[str, dict[str, set[str]]] = {
     "affected": {"load": {"Documents", "documents_in", "load", "named"}, "realize": {"Store", "part_inputs"}},
     "variants": {
         "environment": {"Environment", "Options", "store_of"},
-        "pipeline": {"*", "Compilation", "Settings", "Sources"},
+        "pipeline": {"*", "Compilation"},
         "session": {"Session"},
         "output": {"NOTHING", "Blobs", "Signature", "same_file", "unexpected_files"},
         "stamp": {"state_of"},
@@ -115,7 +117,7 @@ SATELLITES: dict[str, dict[str, set[str]]] = {
         "spec.variants": ANY,
         "realize": {"BlobMissing", "Store", "StoreUnusable"},
         "realize.record": ANY,
-        "resolve": {"AssemblyParameters", "part_definitions"},
+        "resolve": {"AssemblyParameters", "Settings", "Sources", "part_definitions"},
         "resolve.model": ANY,
         "graph": {"coordinates", "joints_of", "link"},
         "graph.types": ANY,

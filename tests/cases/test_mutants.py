@@ -25,7 +25,7 @@ from thingc.printing import as_json, as_text
 from thingc.realize.record import PartFailure, PartRecord
 from thingc.realize.service import GeometryService
 from thingc.realize.store.local import Store
-from thingc.resolve import part_definitions, resolve
+from thingc.resolve import Settings, Sources, part_definitions, resolve
 from thingc.robot import root
 from thingc.source import Document, MappingNode, Node, ScalarNode, Span, walk
 from thingc.spec import part_references, validate
@@ -84,7 +84,8 @@ class Arm:
         specs = validate(documents, report)
         with GeometryService(workspace, self.store, jobs=1, timeout=1.0) as geometry:
             references = [reference for reference, _ in part_references(specs, documents)]
-            model = resolve(documents, specs, workspace, geometry.describe(references), {}, report)
+            sources = Sources(workspace=workspace, documents=documents, specs=specs, schemas=geometry.describe(references))
+            model = resolve(sources, Settings(), report)
         if model is None:
             return report.ordered(), True
         texts = {definition.text for definition in part_definitions(model)}

@@ -9,7 +9,7 @@ import pytest
 
 from thingc.emit.mjcf import check
 from thingc.environment import Options
-from thingc.pipeline import Settings
+from thingc.resolve import Settings
 from thingc.session import Session
 
 DOCUMENT = """\

@@ -10,7 +10,7 @@ from pathlib import Path
 from thingc.diagnostics import Report
 from thingc.load import load
 from thingc.realize.record import ParameterSchema, PartFailure, PartSchema
-from thingc.resolve import resolve
+from thingc.resolve import Settings, Sources, resolve
 from thingc.resolve.model import AssemblyDefinition, Component, Joint, Mode, NamedPose
 from thingc.source import Span
 from thingc.spec import validate
@@ -129,4 +129,5 @@ def run(
     if documents is None:
         return Outcome(None, report, folder)
     specs = validate(documents, report)
-    return Outcome(resolve(documents, specs, workspace, schemas, parameters or {}, report), report, folder)
+    sources = Sources(workspace=workspace, documents=documents, specs=specs, schemas=schemas)
+    return Outcome(resolve(sources, Settings(parameters=parameters or {}), report), report, folder)

@@ -20,7 +20,8 @@ from thingc.cli import info
 from thingc.cli.main import main
 from thingc.environment import Environment, Options, attempted
 from thingc.modes import Modes
-from thingc.pipeline import Compilation, Settings
+from thingc.pipeline import Compilation
+from thingc.resolve import Settings
 from thingc.session import Session
 
 pytestmark = pytest.mark.usefixtures("one_kernel")

@@ -15,8 +15,8 @@ from thingc import pipeline
 from thingc.diagnostics import Code, Diagnostic, Report
 from thingc.emit.artifact import Loss, Stored
 from thingc.environment import Environment, Options
-from thingc.pipeline import Compilation, Settings, UnknownChoice
-from thingc.resolve import part_definitions
+from thingc.pipeline import Compilation, UnknownChoice
+from thingc.resolve import Settings, part_definitions
 from thingc.session import Session
 
 TARGETS = ("mjcf", "mjz", "stl", "bom", "hag")

@@ -10,7 +10,7 @@ import pytest
 
 from conformance.harness import ROOT
 from thingc.environment import Options
-from thingc.pipeline import Settings
+from thingc.resolve import Settings
 from thingc.session import Session
 
 pytestmark = pytest.mark.slow

@@ -12,7 +12,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from thingc import building, pipeline, stamp
+from thingc import building, dependencies, pipeline, stamp
 from thingc.brief import counted
 from thingc.building import Built, Wish
 from thingc.cli import common
@@ -102,15 +102,14 @@ def wish_of(arguments: argparse.Namespace, targets: tuple[str, ...]) -> Wish:
 def _built(wish: Wish, key: str, environment: Environment) -> tuple[list[Diagnostic], Mapping[str, Any] | None]:
     """Build, write, and remember it under `key`."""
     built = building.build(environment, wish)
-    diagnostics, compilation = list(built.diagnostics), built.compilation
+    diagnostics = list(built.diagnostics)
     if built.files is None:
         return diagnostics, None
     folder = building.write(environment, built, wish, common.say_waiting)
     answer = {
-        **answer_of(built, folder), "place": building.place(environment, compilation, wish),
-        "manifest": stamp.state_of(os.path.join(folder, "manifest.json")),
+        **answer_of(built, folder), "place": built.place, "manifest": stamp.state_of(os.path.join(folder, "manifest.json")),
     }
-    stamp.save(environment.store, key, pipeline.inputs(environment, compilation), diagnostics, answer)
+    stamp.save(environment.store, key, dependencies.inputs(environment, built.compilation), diagnostics, answer)
     return diagnostics, {**answer, "twice": built.twice}
 
 

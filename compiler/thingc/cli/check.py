@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
-from thingc import pipeline, stamp
+from thingc import dependencies, pipeline, stamp
 from thingc.brief import counted
 from thingc.cli import common
 from thingc.diagnostics import Diagnostic, Report, Severity, shown_path
@@ -155,7 +155,7 @@ def check(document: str, options: Options, *, strict: bool = False) -> list[Diag
         report = report_of(environment, compilation)
         diagnostics = common.final(report, strict=strict)
         if not report.failed and report is compilation.report:
-            stamp.save(store, key, pipeline.inputs(environment, compilation), diagnostics, {})
+            stamp.save(store, key, dependencies.inputs(environment, compilation), diagnostics, {})
         return diagnostics
 
     return attempted(document, replace(options, lock=True), work)

@@ -105,7 +105,7 @@ def _used(
     """What the assembly documents of a workspace use: `module:Class`, definitions, and how these are sliced, by their text."""
     from thingc.graph import slicings_of
     from thingc.load import documents_in
-    from thingc.resolve import part_definitions, resolve
+    from thingc.resolve import Settings, part_definitions, resolve
 
     references: dict[str, None] = {}
     definitions: dict[str, PartDefinition] = {}
@@ -115,7 +115,7 @@ def _used(
         sources = read(environment, kinds=("assembly", "materials", "variants"), modelling=True)
         own = Report()
         if sources is not None and sources.documents.root.kind == "assembly":
-            model = resolve(sources.documents, sources.specs, workspace, sources.schemas, {}, own)
+            model = resolve(sources, Settings(), own)
             references.update(dict.fromkeys(sources.schemas))
             if model is not None:
                 used = {definition.text: definition for definition in part_definitions(model)}

@@ -47,9 +47,10 @@ class Reading:
 
     def model(self, workspace: Workspace, schemas: Mapping[str, PartSchema | PartFailure]) -> AssemblyDefinition | None:
         """The model of its sound rest; None where nothing is sound."""
-        from thingc.resolve import resolve
+        from thingc.resolve import Settings, Sources, resolve
 
-        return resolve(self.documents, self.specs, workspace, schemas, {}, Report())
+        sources = Sources(workspace=workspace, documents=self.documents, specs=self.specs, schemas=schemas)
+        return resolve(sources, Settings(), Report())
 
 
 def read(path: str, workspace: Workspace, seen: Mapping[str, Stat]) -> Reading | None:

@@ -10,15 +10,17 @@ import os
 import re
 import sys
 from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from thingc.diagnostics import Code
 from thingc.frozen import dataclass
 from thingc.shown import shortened
 from thingc.typos import did_you_mean
 
 if TYPE_CHECKING:
-    from thingc.emit.artifact import Artifacts
+    from thingc.emit.artifact import Artifacts, Loss
     from thingc.emit.html.target import Page, page_of, waiting
     from thingc.emit.manifest import versions
     from thingc.emit.mjcf.target import sources as model_sources
@@ -28,8 +30,8 @@ if TYPE_CHECKING:
     Emitter = Callable[[EmitRequest], Artifacts]
 
 __all__ = [
-    "TARGETS", "Page", "chosen", "emitter", "model_sources", "module_of", "modules_of", "number_text", "page_of", "targets", "unknown",
-    "unstated", "versions", "waiting", "written",
+    "TARGETS", "Page", "chosen", "emitted", "emitter", "model_sources", "module_of", "modules_of", "number_text", "page_of", "targets",
+    "unknown", "versions", "waiting", "written",
 ]
 
 GROUP = "thingc.emitters"
@@ -124,7 +126,7 @@ def written() -> re.Pattern[str]:
     return _fitting(patterns)
 
 
-def unstated(target: str, paths: Iterable[str]) -> list[str]:
+def _unstated(target: str, paths: Iterable[str]) -> list[str]:
     """Those of the paths that a target of an installed package does not state, so that the next build would take them for a stranger's."""
     if target in TARGETS:
         return []
@@ -174,13 +176,29 @@ def modules_of(wanted: Collection[str]) -> tuple[str, ...]:
     return (*ours, *(["mujoco"] if {"mjcf", "ros"} & {*wanted} else []))
 
 
+def emitted(request: EmitRequest, targets: Sequence[str]) -> dict[str, Artifacts]:
+    """Artifacts per target, in the order asked; each loss with the first target that has it."""
+    artifacts: dict[str, Artifacts] = {}
+    told: dict[Loss, None] = {}
+    for target in targets:
+        made = emitter(target)(request)
+        if astray := _unstated(target, made.files):
+            request.report.add(
+                Code.UNSTATED, f"the target `{target}` writes `{astray[0]}`, which `{module_of(target)}.WRITES` does not name", None,
+                path=target, help=f'tell its author: by `WRITES = ("{astray[0]}",)` in that module the next build knows whose the file is',
+            )
+        artifacts[target] = replace(made, losses=tuple(loss for loss in made.losses if loss not in told))
+        told |= dict.fromkeys(made.losses)
+    return artifacts
+
+
 def emitter(target: str) -> Emitter:
     """The function that writes a target. Raises `KeyError` for an unknown one, `ImportError` where its package is broken."""
     functions = [_function(name) for name in (TARGETS[target].emitters if target in TARGETS else (_installed()[target],))]
-    return functions[0] if len(functions) == 1 else partial(_emitted, functions)
+    return functions[0] if len(functions) == 1 else partial(_joined, functions)
 
 
-def _emitted(emitters: list[Emitter], request: EmitRequest) -> Artifacts:
+def _joined(emitters: list[Emitter], request: EmitRequest) -> Artifacts:
     """What all of them give."""
     from thingc.emit.artifact import Artifacts
 

@@ -28,7 +28,7 @@ from thingc.units import Quantity
 if TYPE_CHECKING:
     import mujoco
 
-    from thingc.pipeline import Sources
+    from thingc.resolve import Sources
     from thingc.variants.planning import Plan, Variant
 
 

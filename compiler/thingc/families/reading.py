@@ -11,8 +11,7 @@ from typing import Any
 from thingc.diagnostics import Code, Report
 from thingc.expressions import Expression, ExpressionError, Found, evaluate
 from thingc.frozen import dataclass
-from thingc.pipeline import Settings, Sources
-from thingc.resolve import AssemblyParameters
+from thingc.resolve import AssemblyParameters, Settings, Sources
 from thingc.source import SET, MappingNode, Node
 from thingc.spec import stated_value
 from thingc.units import NUMBER, Quantity, UnitError, parse_quantity

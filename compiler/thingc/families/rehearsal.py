@@ -18,9 +18,9 @@ from thingc.families.program import variables_of
 from thingc.families.tape import Tape, Traced, tracing
 from thingc.frozen import dataclass
 from thingc.memo import Memo
-from thingc.pipeline import Compilation, Settings, Sources
+from thingc.pipeline import Compilation
 from thingc.realize.store.local import BlobMissing
-from thingc.resolve import assembly
+from thingc.resolve import Settings, Sources, assembly
 from thingc.resolve.substituting import substituted
 from thingc.session import Session
 from thingc.source import Document

@@ -18,7 +18,7 @@ from dataclasses import field
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from thingc import building, pipeline
+from thingc import building, dependencies, pipeline
 from thingc.building import Built, Wish
 from thingc.diagnostics import Diagnostic, Report
 from thingc.emit.artifact import MANIFEST, Content
@@ -241,8 +241,9 @@ class Live:
     def _look(self, clock: float, built: Built | None) -> tuple[str, ...]:
         """Watch what this round has looked at; what of that was saved since it began, at the time `clock` [s]."""
         assert self.environment is not None
-        compilation = built.compilation if built is not None else pipeline.Compilation(settings=pipeline.Settings(), report=Report())
-        paths = pipeline.looked_at(self.environment, compilation)
+        nothing = pipeline.Compilation(settings=pipeline.settings_of(self.options), report=Report())
+        compilation = built.compilation if built is not None else nothing
+        paths = dependencies.looked_at(self.environment, compilation)
         fresh = paths - self._watched.paths
         if compilation.documents is not None:
             self._documents = frozenset(document.path for document in compilation.documents.by_path.values())

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from thingc.diagnostics import MAX_FAULTS, Code, Report
 from thingc.memo import Memo
-from thingc.realize.record import PartDefinition, PartFailure, PartSchema
+from thingc.realize.record import PartDefinition
 from thingc.resolve.model import AssemblyDefinition
+from thingc.resolve.sources import Settings, Sources
 
 if TYPE_CHECKING:
-    from thingc.load import Documents
     from thingc.resolve.parameters import AssemblyParameters
-    from thingc.spec.doubts import Specs
-    from thingc.workspace import Workspace
 
-__all__ = ["AssemblyParameters", "part_definitions", "resolve", "resolve_materials"]
+__all__ = ["AssemblyParameters", "Settings", "Sources", "decomposed", "part_definitions", "resolve", "resolve_materials"]
 
 
 def __getattr__(name: str) -> Any:
@@ -28,16 +25,10 @@ def __getattr__(name: str) -> Any:
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
-def resolve(
-    documents: Documents, specs: Specs, workspace: Workspace,
-    schemas: Mapping[str, PartSchema | PartFailure], parameters: Mapping[str, str], report: Report,
-    choices: Mapping[str, str] | None = None, memo: Memo | None = None,
-) -> AssemblyDefinition | None:
-    """The model of the root document.
+def resolve(sources: Sources, settings: Settings, report: Report, memo: Memo | None = None) -> AssemblyDefinition | None:
+    """The model of the root document of the `sources`, with these settings; among the sources is what choices name.
 
-    `specs` has the documents (or their sound rest) by their path in the workspace, `schemas` what each `part:` takes,
-    `parameters` the texts of `-p NAME=VALUE`, `choices` those of `--set PATH=TEXT` (what they name is among the
-    others). Everything wrong is reported; what depends on it is left out of the model.
+    Everything wrong is reported; what depends on it is left out of the model.
     None where the root document is unsound as a whole. What `memo` has of it is taken from there.
     """
     from thingc.resolve import choices as choose
@@ -47,17 +38,18 @@ def resolve(
     from thingc.resolve.table import Context
     from thingc.spec.assembly import AssemblySpec
 
-    root = documents.root
-    spec = specs.get(root.relative)
+    root = sources.documents.root
+    spec = sources.specs.get(root.relative)
     if not isinstance(spec, AssemblySpec):
         return None
     context = Context(
-        documents=documents, specs=specs, workspace=workspace, schemas=schemas, report=report, memo=memo or Memo(),
+        documents=sources.documents, specs=sources.specs, workspace=sources.workspace, schemas=sources.schemas, report=report,
+        memo=memo or Memo(),
     )
     context.recall()
     context.nesting.append(root.relative)
-    given = from_command_line(context, root, spec, parameters)
-    chosen = choose.from_command_line(context, choices) if choices else ()
+    given = from_command_line(context, root, spec, settings.parameters)
+    chosen = choose.from_command_line(context, settings.choices) if settings.choices else ()
     try:
         table = resolved(context, root.relative, spec, given, chosen, top=True)
     except Enough:
@@ -69,16 +61,14 @@ def resolve(
     return table.definition
 
 
-def resolve_materials(
-    documents: Documents, specs: Specs, workspace: Workspace, report: Report
-) -> None:
+def resolve_materials(sources: Sources, report: Report) -> None:
     """Report what is wrong with a `materials/1` document that is checked by itself, and what is odd."""
     from thingc.resolve.materials import of_document
     from thingc.resolve.plausible import density_cure, density_doubt
     from thingc.resolve.table import Context
 
-    context = Context(documents=documents, specs=specs, workspace=workspace, schemas={}, report=report)
-    for material in of_document(context, documents.root).values():
+    context = Context(documents=sources.documents, specs=sources.specs, workspace=sources.workspace, schemas={}, report=report)
+    for material in of_document(context, context.documents.root).values():
         doubt = None if material is None or material.density is None else density_doubt(material.density)
         if material is not None and doubt is not None:
             report.warn(
@@ -106,3 +96,19 @@ def part_definitions(model: AssemblyDefinition) -> tuple[PartDefinition, ...]:
             seen.add(key)
             waiting.append(iter(definition.components))
     return tuple(definitions)
+
+
+def decomposed(model: AssemblyDefinition) -> frozenset[str]:
+    """The texts of the part definitions of which some component asks for `collision: decompose`."""
+    texts: set[str] = set()
+    waiting, met = [model], {id(model)}
+    while waiting:
+        for component in waiting.pop().components:
+            definition = component.definition
+            if isinstance(definition, PartDefinition):
+                if component.overrides.collision == "decompose":
+                    texts.add(definition.text)
+            elif definition is not None and id(definition) not in met:
+                met.add(id(definition))
+                waiting.append(definition)
+    return frozenset(texts)

@@ -14,9 +14,8 @@ from thingc import pipeline
 from thingc.diagnostics import Diagnostic, Report, Severity
 from thingc.environment import Environment, Options
 from thingc.graph import link
-from thingc.pipeline import Settings, Sources
 from thingc.realize.record import PartDefinition
-from thingc.resolve import part_definitions
+from thingc.resolve import Settings, Sources, part_definitions
 from thingc.variants.planning import Plan, Variant
 
 SHOWN = 5

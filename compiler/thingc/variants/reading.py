@@ -11,8 +11,7 @@ from thingc.diagnostics import Code, Diagnostic, Note, Report, Severity
 from thingc.environment import Environment, Options
 from thingc.expressions import Found
 from thingc.load import find_assembly, load
-from thingc.pipeline import Settings, Sources
-from thingc.resolve import AssemblyParameters
+from thingc.resolve import AssemblyParameters, Settings, Sources
 from thingc.source import SET, Document, Path, ScalarNode, closest, dotted, node_at
 from thingc.spec import stated_choices, validate_one
 from thingc.spec.assembly import AssemblySpec

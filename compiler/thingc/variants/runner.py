@@ -23,8 +23,8 @@ from thingc.diagnostics import Code, Diagnostic, Report, Severity
 from thingc.emit.artifact import Content, Stored, counts_of
 from thingc.environment import Options
 from thingc.expressions import ExpressionError, Found, parse_expression
-from thingc.pipeline import Settings
 from thingc.printing import as_json
+from thingc.resolve import Settings
 from thingc.session import Session
 from thingc.typos import did_you_mean
 from thingc.units import Dimension, Quantity

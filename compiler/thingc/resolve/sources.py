@@ -1,0 +1,34 @@
+"""What `resolve` is asked with: what was read, and what one compilation sets."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import field
+from typing import TYPE_CHECKING
+
+from thingc.frozen import dataclass
+
+if TYPE_CHECKING:
+    from thingc.load import Documents
+    from thingc.realize.record import PartFailure, PartSchema
+    from thingc.spec.doubts import Specs
+    from thingc.workspace import Workspace
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """What one compilation has of its own. `parameters` are texts as `-p` takes them (`{"reach": "120 mm"}`), `choices` texts by
+    dotted path in the root document (`{"components.foot.part": "feet:Wide"}`)."""
+
+    parameters: Mapping[str, str] = field(default_factory=dict)
+    choices: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sources:
+    """Documents, their models (or the sound rest of these) by path in the workspace, and what the parts that they name take."""
+
+    workspace: Workspace
+    documents: Documents
+    specs: Specs
+    schemas: Mapping[str, PartSchema | PartFailure]
