@@ -84,15 +84,6 @@ class Pose:
         r, t = self.rotation, self.translation
         return ((*r[0], t[0]), (*r[1], t[1]), (*r[2], t[2]), (0.0, 0.0, 0.0, 1.0))
 
-    @staticmethod
-    def from_rows(rows: object) -> Pose:
-        """The pose of a homogeneous 4 x 4 matrix (anything indexable), the inverse of `rows`."""
-        m: list[list[float]] = [[float(x) for x in row] for row in rows]  # type: ignore[attr-defined]
-        return Pose(
-            rotation=((m[0][0], m[0][1], m[0][2]), (m[1][0], m[1][1], m[1][2]), (m[2][0], m[2][1], m[2][2])),
-            translation=(m[0][3], m[1][3], m[2][3]),
-        )
-
     def quaternion(self) -> Quaternion:
         """The rotation as a unit quaternion (w, x, y, z), the first non-zero component positive.
 

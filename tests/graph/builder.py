@@ -1,6 +1,6 @@
 """Resolved models, part records and occurrences made by hand, and the mating formulas written out once more in numpy.
 
-Nothing here calls the code under test: poses go in as `Pose.from_rows` of numpy matrices and come out the same way.
+Nothing here calls the code under test: poses go in as numpy matrices and come out the same way.
 """
 
 from __future__ import annotations
@@ -117,7 +117,9 @@ def mated(
 
 
 def as_pose(matrix: Array) -> Pose:
-    return Pose.from_rows(np.asarray(matrix).tolist())
+    """The pose of a homogeneous 4 x 4 matrix."""
+    rows = np.asarray(matrix).tolist()
+    return Pose(rotation=tuple(tuple(row[:3]) for row in rows[:3]), translation=tuple(row[3] for row in rows[:3]))
 
 
 def as_matrix(pose: Pose) -> Array:

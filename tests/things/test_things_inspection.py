@@ -102,11 +102,6 @@ def test_build_makes_things_shapes_and_functions() -> None:
         build(bare, {"length": 6})
 
 
-def test_canonical_parameters_are_complete() -> None:
-    assert inspection.canonical_parameters(Slab, {"height": 21}) == {"height": 21.0}
-    assert inspection.canonical_parameters(peg, {"length": 5}) == {"length": 5.0, "radius": 2.0}
-
-
 class Told(Thing):
     """States what it is told to."""
 

@@ -217,7 +217,6 @@ if TYPE_CHECKING:
     FrictionField = Value
     ArmatureField = Value
     StiffnessField = Value
-    AccelerationField = Value
     ForceField = Value
     MultiplierField = Value
     InertiaField = Value
@@ -234,7 +233,6 @@ else:
     FrictionField = quantity(TORQUE, FORCE)
     ArmatureField = quantity(INERTIA, MASS)
     StiffnessField = quantity(ANGULAR_STIFFNESS, LINEAR_STIFFNESS)
-    AccelerationField = quantity(ACCELERATION)
     ForceField = quantity(FORCE)
     MultiplierField = quantity(NUMBER, LENGTH_PER_ANGLE, ANGLE_PER_LENGTH)
     InertiaField = quantity(INERTIA)

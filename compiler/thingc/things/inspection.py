@@ -150,14 +150,6 @@ def parameters_of(part: PartLike) -> tuple[Parameter, ...]:
     return _signature(part).parameters
 
 
-def canonical_parameters(part: PartLike, given: Mapping[str, object]) -> dict[str, Value]:
-    """The complete canonical parameters [author units] of a member, in order of the signature.
-
-    Raises `ParameterError` for a wrong value, an unknown name or a missing one.
-    """
-    return _signature(part).bind((), given)
-
-
 def build(part: PartLike, parameters: Mapping[str, object]) -> Thing:
     """The member with these parameters [author units]: the Thing, or for a shape or function one whose result it is.
 
