@@ -47,7 +47,8 @@ GROUPS = {
 FEATURES = {
     "of_joints.cone": "`limit: {cone: ...}`", "of_joints.velocity": "velocity limit", "of_joints.friction": "dry friction",
     "loops.hold": "`hold` of a mount", "loops.weld": "nothing (`fixed`)", "loops.ball": "turns about a point", "loops.hinge": "a turn",
-    "loops.slide": "a slide", "loops.screw": "a screw", "loops.several": "several coordinates", "bases.start": "where a free one begins",
+    "loops.slide": "a slide", "loops.screw": "a screw", "loops.universal": "turns about two axes (`universal`)",
+    "loops.several": "several coordinates", "bases.start": "where a free one begins",
     "modes.exclude": "links that never touch", "modes.simulation": "other `simulation`", "modes.timestep": "time step",
     "links.frames": "mounts and frames", "links.rolling": "rolling friction", "links.weightless": "without a mass, moved by a joint",
     "links.weightless_base": "without a mass, others", "links.point": "a mass at a point", "links.line": "masses at points in a line",

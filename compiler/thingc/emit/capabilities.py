@@ -129,6 +129,7 @@ class LoopKinds(TypedDict, Generic[By]):
     hinge: Cell[By]
     slide: Cell[By]
     screw: Cell[By]
+    universal: Cell[By]
     several: Cell[By]
 
 

@@ -52,7 +52,7 @@ CAPABILITIES: Capabilities[JointForm, Never, Never, Never, Never] = {
     "drives": {"position": BESIDE, "velocity": BESIDE, "motor": BESIDE, "universal": BESIDE, "ball": BESIDE},
     "loops": {
         "hold": Omits(": turned joints move it"), "weld": _OPENS, "ball": _OPENS, "hinge": _OPENS, "slide": _OPENS,
-        "screw": _OPENS, "several": _OPENS,
+        "screw": _OPENS, "universal": _OPENS, "several": _OPENS,
     },
     "bases": {"held": BESIDE, "free": BESIDE, "start": SAYS, "planar": BESIDE, "ball": BESIDE},
     "modes": {"gravity": BESIDE, "poses": Says(None, "where the mode starts"), "exclude": BESIDE, "timestep": BESIDE, "simulation": BESIDE},

@@ -14,7 +14,7 @@ class Worth(NamedTuple):
     uncut: int
     driven: bool
     coupled: bool
-    unclosable: bool
+    unclosable: int
     limited: bool
     dynamic: bool
     placing: bool
@@ -30,7 +30,7 @@ _WORDS: Mapping[str, str] = {
     "uncut": "is not named by `cut`",
     "driven": "is driven",
     "coupled": "mimics or is followed",
-    "unclosable": "is no turn and no ball, which targets can close",
+    "unclosable": "is no turn and no ball, which targets can close best",
     "limited": "has limits",
     "dynamic": "has dynamics",
     "placing": "places its child",
@@ -90,14 +90,22 @@ def worths(assembly: Assembly, mode: LinkedMode) -> Iterator[tuple[int, Worth]]:
     mates = [(number, mate) for number, mate in enumerate(assembly.mates) if mate.joints]
     followed = {joint.mimic.joint.path for _, mate in mates for joint in mate.joints if joint.mimic is not None}
     for number, mate in mates:
-        first = mate.joints[0]
         yield number, Worth(
             uncut=cut.get(mate.name or "", len(cut)),
             driven=any(j.actuator is not None and (mode.actuators is None or j.path in mode.actuators) for j in mate.joints),
             coupled=any(joint.mimic is not None or joint.path in followed for joint in mate.joints),
-            unclosable=not (first.kind.at_once or (len(mate.joints) == 1 and first.twist.turns and not first.twist.pitch)),
+            unclosable=_unclosable(mate),
             limited=any(joint.limit.bounded for joint in mate.joints),
             dynamic=any(joint.dynamics.acts for joint in mate.joints),
             placing=mate.loop is None,
             earlier=-number,
         )
+
+
+def _unclosable(mate: Mate) -> int:
+    """How badly targets close a loop that is cut here: a turn or a ball (0) all that close any, a universal (1) MuJoCo by a tendon, others
+    (2) not all."""
+    first = mate.joints[0]
+    if first.kind.at_once or len(mate.joints) == 1 and first.twist.turns and not first.twist.pitch:
+        return 0
+    return 1 if first.kind.name == "universal" else 2

@@ -70,8 +70,9 @@ class Site(Brief):
     origin: Origin
 
 
-ClosureKind = Literal["weld", "ball", "hinge", "slide", "screw", "several"]
-"""What a loop leaves open where it is cut: nothing, turns about a point, one turn, one slide, a screw, or several coordinates."""
+ClosureKind = Literal["weld", "ball", "hinge", "slide", "screw", "universal", "several"]
+"""What a loop leaves open where it is cut: nothing, turns about a point, one turn, one slide, a screw, turns about two axes that meet at
+right angles, or several coordinates."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,7 +112,7 @@ class Closure(Brief):
             return "weld"
         if len(self.twists) == 1:
             return "screw" if self.twists[0].pitch else self.twists[0].core
-        return "several"
+        return "universal" if self.joints[0].kind.name == "universal" else "several"
 
 
 def residual_words(residual: tuple[float, float]) -> str:

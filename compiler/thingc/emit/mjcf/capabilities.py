@@ -12,7 +12,7 @@ JointForm = Literal["each", "threaded", "ball"]
 DriveForm = Literal["joint", "ball"]
 """What an actuator drives: a joint, or a ball about an axis."""
 
-LoopForm = Literal["weld", "connect", "two connects", "weld or connect"]
+LoopForm = Literal["weld", "connect", "two connects", "connect and tendon", "weld or connect"]
 """By which equalities a loop is closed."""
 
 SensorForm = Literal["imu", "force", "joint", "camera"]
@@ -39,6 +39,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
         "hinge": Says("two connects", "two `connect`"),
         "slide": Omits(": MuJoCo has no equality that slides"),
         "screw": Omits(": MuJoCo has no equality that screws"),
+        "universal": Says("connect and tendon", "`connect`, and a tendon of constant length"),
         "several": Omits(": MuJoCo has no equality that moves in several coordinates"),
     },
     "bases": {"held": Says(None, "a mocap body"), "free": SAYS, "start": SAYS, "planar": SAYS, "ball": SAYS},

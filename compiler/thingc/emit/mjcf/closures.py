@@ -1,8 +1,9 @@
 """Loops in MJCF: a held mount is welded to the world, or with its point connected to it; a joint that the tree does not cross
 becomes an equality.
 
-MuJoCo has no hinge among its equalities: two `connect`, a lever apart on the axis, make one. Both ends of every equality are
-written out; none is left to where things are at qpos0.
+MuJoCo has no hinge among its equalities: two `connect`, a lever apart on the axis, make one. Nor has it a universal: one `connect` where
+the axes meet, and a tendon from a point on one axis to a point on the other, which keeps the length that it has at right angles. Both ends
+of every equality are written out; none is left to where things are at qpos0.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from thingc.emit.capabilities import written
 from thingc.emit.mjcf.capabilities import CAPABILITIES
 from thingc.emit.mjcf.poses import pose_attributes
 from thingc.emit.xml import Element, numbers
-from thingc.pose import Pose, shifted
+from thingc.pose import NO_POSE, Pose, shifted
 from thingc.robot.types import Closure, Robot, residual_words
 
 STIFFNESS = "0.999 0.9999 0.001"
@@ -27,7 +28,8 @@ TIMESTEP = 0.002
 
 
 def equalities(robot: Robot, section: Element, links: list[str]) -> None:
-    """One `weld` per clamp or rigid loop, one `connect` per point or ball and two per hinge, as stiff as the timestep allows."""
+    """One `weld` per clamp or rigid loop, one `connect` per point or ball, two per hinge, a `connect` and a `tendon` per universal, as
+    stiff as the timestep allows."""
     stepped = {**robot.assembly.definition.simulation, **robot.mode.simulation}.get("timestep", TIMESTEP)
     stiff = {"solref": numbers((2.0 * float(stepped), 1.0)), "solimp": STIFFNESS}
     for closure in robot.closures:
@@ -48,13 +50,32 @@ def equalities(robot: Robot, section: Element, links: list[str]) -> None:
                 for index, (one, other) in enumerate(_points(robot, closure)):
                     name = equality_name(closure) + (f"_{index}" if index else "")
                     section.add("connect", {"name": name, "site1": one[0], "site2": other[0], **stiff}, closure.origin)
+            case "connect and tendon":
+                (one, other), ends = _points(robot, closure)
+                section.add("connect", {
+                    "name": equality_name(closure), "site1": one[0], "site2": other[0], **stiff,
+                }, closure.origin)
+                longer = math.sqrt(2.0) * _lever(robot, closure) - _at_zero(robot, closure, ends)
+                section.add("tendon", {
+                    "name": f"{equality_name(closure)}_1", "tendon1": equality_name(closure),
+                    "polycoef": numbers((longer, 0.0, 0.0, 0.0, 0.0)), **stiff,
+                }, closure.origin)
             case None:
                 pass  # the loop stays open: see `losses`
             case _:
                 assert_never(form)
 
 
-def equality(closure: Closure) -> Literal["weld", "connect", "two connects"] | None:
+def tendons(robot: Robot, section: Element) -> None:
+    """One for each universal, between a point of either axis."""
+    for closure in robot.closures:
+        if equality(closure) == "connect and tendon":
+            spatial = section.add("spatial", {"name": equality_name(closure), "group": "3"}, closure.origin)
+            for site, _ in _points(robot, closure)[1]:
+                spatial.add("site", {"site": site}, closure.origin)
+
+
+def equality(closure: Closure) -> Literal["weld", "connect", "two connects", "connect and tendon"] | None:
     """By what a loop or a hold is closed; None where it stays open."""
     form = written(CAPABILITIES["loops"]["hold" if closure.hold else closure.kind])
     if form == "weld or connect":
@@ -78,8 +99,8 @@ def _ends(closure: Closure) -> tuple[str, str]:
 
 
 def sites(robot: Robot, world: Element, bodies: list[Element]) -> None:
-    """The points of the world at which mounts are held that may turn, and those at which the halves of a hinge meet, two on either
-    side."""
+    """The points of the world at which mounts are held that may turn, and those by which the halves of a hinge or a universal are kept
+    together, two on either side."""
     for closure in robot.closures:
         form = equality(closure)
         if form == "connect" and closure.parent is None:
@@ -88,19 +109,34 @@ def sites(robot: Robot, world: Element, bodies: list[Element]) -> None:
         elif form == "connect" and closure.parent is not None:
             for body, name, pose in zip((closure.parent, closure.child), _ends(closure), (closure.X_PA, closure.X_CB), strict=True):
                 bodies[body].add("site", {"name": name, **pose_attributes(pose)}, closure.origin)
-        if form == "two connects" and closure.parent is not None:
+        if form in ("two connects", "connect and tendon") and closure.parent is not None:
             for one, other in _points(robot, closure):
                 for body, (name, pose) in ((closure.parent, one), (closure.child, other)):
                     bodies[body].add("site", {"name": name, **pose_attributes(pose)}, closure.origin)
 
 
 def _points(robot: Robot, closure: Closure) -> list[tuple[tuple[str, Pose], tuple[str, Pose]]]:
-    """Two pairs of sites on the axis of a hinge, on the parent and on the child."""
-    lever = shifted(0.0, 0.0, _lever(robot, closure))
+    """Two pairs of sites, of the parent and of the child each: at the origin, and on the axis of a hinge, or of a universal on the axis
+    that the parent has and on that which the child has."""
+    lever = _lever(robot, closure)
+    ends = shifted(0.0, 0.0, lever), shifted(0.0, 0.0, lever)
+    if closure.kind == "universal":
+        (x, y, z), (u, v, w) = (twist.angular for twist in closure.twists)
+        ends = shifted(lever * x, lever * y, lever * z), shifted(lever * u, lever * v, lever * w)
     return [
-        ((f"{closure.path}:parent{mark}", closure.X_PA @ along), (f"{closure.path}:child{mark}", closure.X_CB @ along))
-        for mark, along in (("", Pose()), ("_1", lever))
+        ((f"{closure.path}:parent{mark}", closure.X_PA @ one), (f"{closure.path}:child{mark}", closure.X_CB @ other))
+        for mark, (one, other) in (("", (NO_POSE, NO_POSE)), ("_1", ends))
     ]
+
+
+def _at_zero(robot: Robot, closure: Closure, points: tuple[tuple[str, Pose], tuple[str, Pose]]) -> float:
+    """How far apart [m] two points of the parent and the child are at q = 0, from where MuJoCo counts the lengths of tendons."""
+    assert closure.parent is not None
+    X_WL: list[Pose] = []
+    for body in robot.bodies:
+        X_WL.append(NO_POSE if body.parent is None else X_WL[body.parent] @ body.X_PL)
+    (_, on_parent), (_, on_child) = points
+    return math.dist((X_WL[closure.parent] @ on_parent).translation, (X_WL[closure.child] @ on_child).translation)
 
 
 def _lever(robot: Robot, closure: Closure) -> float:

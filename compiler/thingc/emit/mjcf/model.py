@@ -97,6 +97,7 @@ class _Builder:
         self.asset()
         self.worldbody()
         self.contact()
+        closures.tendons(self.robot, self.root.add("tendon"))
         self.equality()
         self.actuator()
         sensors.sensors(self.robot, self.root.add("sensor"))

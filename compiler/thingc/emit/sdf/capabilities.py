@@ -39,7 +39,7 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, None, SensorForm] = {
     },
     "loops": {
         "hold": Says("joint", "a fixed joint to the world"), "weld": _LOOP, "ball": _LOOP, "hinge": _LOOP, "slide": _LOOP, "screw": _LOOP,
-        "several": _LOOP,
+        "universal": _LOOP, "several": _LOOP,
     },
     "bases": {
         "held": Loses(None, "approximated", ": it is fixed here"), "free": SAYS, "start": SAYS,

@@ -37,7 +37,8 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, Never, ShapeForm, Never] = {
         "ball": BALL_DRIVE,
     },
     "loops": {
-        "hold": OMITTED, "weld": _LOOP, "ball": _LOOP, "hinge": _LOOP, "slide": _LOOP, "screw": _LOOP, "several": _LOOP,
+        "hold": OMITTED, "weld": _LOOP, "ball": _LOOP, "hinge": _LOOP, "slide": _LOOP, "screw": _LOOP,
+        "universal": _LOOP, "several": _LOOP,
     },
     "bases": {
         "held": Loses(None, "approximated", ": it is fixed here"), "free": Says(None, "no link `world`"),

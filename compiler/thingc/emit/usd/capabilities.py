@@ -42,7 +42,8 @@ CAPABILITIES: Capabilities[JointForm, DriveForm, LoopForm, ShapeForm, Never] = {
     "drives": {"position": _DRIVE, "velocity": _DRIVE, "motor": _DRIVE, "universal": _DRIVE, "ball": OMITTED},
     "loops": {
         "hold": _EXCLUDED, "weld": _EXCLUDED, "ball": _EXCLUDED, "hinge": _EXCLUDED, "slide": _EXCLUDED,
-        "screw": Loses("joint", "approximated", ", which turns and slides there, each by itself"), "several": _EXCLUDED,
+        "screw": Loses("joint", "approximated", ", which turns and slides there, each by itself"),
+        "universal": _EXCLUDED, "several": _EXCLUDED,
     },
     "bases": {
         "held": Loses(None, "approximated", ": it is fixed here"), "free": SAYS, "start": SAYS, "planar": Says(None, _GENERIC.how),

@@ -1,0 +1,89 @@
+"""Loops that are cut at a universal: closed in MuJoCo by a point and a tendon, against the same loop cut elsewhere."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+from loops.robots import BALL, Array, Built, at_key, compiled, equality_residual
+from thingc.cli.info import as_text
+
+pytestmark = pytest.mark.usefixtures("one_kernel")
+
+ROBOT = f"""\
+thingc: assembly/1
+name: wobbler
+components:
+  ground: {{frame: true, mass: 1 kg, {BALL}, mounts: {{a: {{}}, d: {{xyz: 200 0 20 mm, rpy: 70 10 0 deg}}}}}}
+  crank: {{frame: true, mass: 0.1 kg, {BALL}, com: [20 mm, 5 mm, 0], mounts: {{high: {{xyz: 50 0 10 mm, rpy: 20 90 0 deg}}}}}}
+  coupler: {{frame: true, mass: 0.2 kg, {BALL}, com: [0, 10 mm, 90 mm], mounts: {{high: {{xyz: 0 0 190 mm}}}}}}
+  rocker: {{frame: true, mass: 0.15 kg, {BALL}, com: [60 mm, 0, 0], mounts: {{high: {{xyz: 120 0 0 mm}}}}}}
+joints:
+  drive: {{type: continuous, parent: ground.a, child: crank.origin}}
+  cross: {{type: universal, parent: crank.high, child: coupler.origin, offset: [10 deg, -20 deg]}}
+  pivot: {{type: continuous, parent: ground.d, child: rocker.origin}}
+  tip: {{type: ball, parent: coupler.high, child: rocker.high, loop: true}}
+poses:
+  one: {{drive: 30 deg}}
+  two: {{drive: 200 deg}}
+modes:
+  bench: {{root: ground}}
+  cut: {{root: ground, cut: [cross]}}
+  turned: {{root: rocker, base: held, cut: [cross]}}
+  hinge: {{root: ground, cut: [pivot]}}
+"""
+
+
+@pytest.fixture(scope="module")
+def wobbler(tmp_path_factory: pytest.TempPathFactory) -> Built:
+    found = compiled(tmp_path_factory.mktemp("wobbler"), ROBOT)
+    assert found.said == []
+    return found
+
+
+def reduced(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[float, float]:
+    """The inertia [kg m^2] and the torque of gravity [N m] that the drive feels, of what the equalities leave free: one coordinate."""
+    rows = data.efc_J.reshape(-1, model.nv)[data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY]
+    free = np.linalg.svd(rows)[2][np.linalg.matrix_rank(rows, 1e-9) :]
+    assert len(free) == 1, "one degree of freedom is left"
+    motion = free[0] / free[0][model.joint("drive").dofadr[0]]
+    mass: Array = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, mass)
+    return float(motion @ mass @ motion), float(motion @ -data.qfrc_bias)
+
+
+@pytest.mark.parametrize("mode", ["cut", "turned"])
+def test_a_universal_that_is_cut_leaves_what_the_same_loop_cut_elsewhere_does(wobbler: Built, mode: str) -> None:
+    assert [(closure.path, closure.kind) for closure in wobbler.robot(mode).closures] == [("cross", "universal")]
+    assert [loss for loss in wobbler.losses(mode) if loss.path == "cross"] == []
+    model, other = wobbler.model(mode), wobbler.model("hinge")
+    for name in ("one", "two"):
+        data = at_key(model, name)
+        assert (data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY).sum() == 4
+        assert equality_residual(data) < 1e-9
+        if mode == "cut":  # gravity is along z of the root
+            assert reduced(model, data) == pytest.approx(reduced(other, at_key(other, name)), rel=1e-8)
+
+
+def test_the_axes_stay_at_right_angles_while_it_moves(wobbler: Built) -> None:
+    """A second of falling; the other mode's universal has them so by its two hinges."""
+    model = wobbler.model("cut")
+    model.dof_damping[:] = 1e-3
+    data = at_key(model, "one")
+    sites = [data.site(f"cross:{side}{mark}") for mark in ("", "_1") for side in ("parent", "child")]
+    begun = data.joint("drive").qpos[0]
+    worst = 0.0
+    for _ in range(500):
+        mujoco.mj_step(model, data)
+        centre, _, x, y = (site.xpos for site in sites)
+        one, other = x - centre, y - sites[1].xpos
+        worst = max(worst, abs(float(one @ other)) / float(np.linalg.norm(one) * np.linalg.norm(other)))
+        assert np.linalg.norm(centre - sites[1].xpos) < 5e-5
+    assert worst < np.radians(0.05) and abs(data.joint("drive").qpos[0] - begun) > 0.5
+
+
+def test_info_says_why_another_joint_of_the_loop_is_cut(wobbler: Built) -> None:
+    assert wobbler.compilation.assembly is not None
+    told = as_text(wobbler.compilation.assembly, (wobbler.robot("bench"),))
+    assert "    through cross, which is no turn and no ball, which targets can close best" in told
