@@ -130,7 +130,7 @@ SATELLITES: dict[str, dict[str, set[str]]] = {
         "render": {"NoGraphics", "extent", "ready", "small_picture"},
     },
 }
-OF_EXTRAS = {"variants.dask_worker", "variants.learning"}
+OF_EXTRAS = {"families.learning", "variants.dask_worker", "variants.learning"}
 KERNEL = {"build123d", "OCP", "bd_warehouse", "lib3mf"}
 KERNEL_ROOMS = {"things"}
 KERNEL_MODULES = {"realize/worker/server.py", "realize/worker/reads.py"}

@@ -26,7 +26,7 @@ components:
 joints:
   hinge:
     {type: revolute, parent: plate.top, child: lever.hub, limit: {lower: -90 deg, upper: 90 deg}, dynamics: {damping: 1e-5 N*m*s/rad}}
-modes: {still: {root: plate, at: {rpy: 90 0 0 deg}}}
+modes: {still: {root: plate, at: {rpy: 90 0 0 deg}}, dropped: {root: plate, base: free, at: {xyz: 0 0 200 mm, rpy: 90 0 0 deg}}}
 """
 
 
@@ -40,15 +40,21 @@ def moved(model: mujoco.MjModel) -> Any:
     return np.array(found)
 
 
+@pytest.fixture(scope="module")
+def levers(tmp_path_factory: pytest.TempPathFactory, root: Path) -> Path:
+    folder = tmp_path_factory.mktemp("levers")
+    (folder / "thingc.toml").write_text('thingc = "workspace/1"\nparts = ["parts"]\n')
+    shutil.copytree(root / "tests" / "cases" / "parts", folder / "parts")
+    (folder / "levers.yaml").write_text(LEVERS)
+    return folder / "levers.yaml"
+
+
 @pytest.mark.slow
-def test_each_moves_as_its_own_model(tmp_path: Path, root: Path, shared_store: str) -> None:
-    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\nparts = ["parts"]\n')
-    shutil.copytree(root / "tests" / "cases" / "parts", tmp_path / "parts")
-    (tmp_path / "levers.yaml").write_text(LEVERS)
+def test_each_moves_as_its_own_model(levers: Path, shared_store: str) -> None:
     many: list[dict[str, Any]] = [
         {"length": 0.08}, {"length": "95 mm"}, {"length": 0.08, "joints.hinge.dynamics.damping": 2e-5}, {"length": 0.095}, {"length": 9.0},
     ]
-    with thingc.family(tmp_path / "levers.yaml", store=shared_store) as family:
+    with thingc.family(levers, store=shared_store) as family:
         explained = str(family.explain("length"))
         whole, apart = family.batched(many), family.batched(many, union=False)
         own = [model for model in family.models(many) if isinstance(model, mujoco.MjModel)]
@@ -75,3 +81,28 @@ def test_each_moves_as_its_own_model(tmp_path: Path, root: Path, shared_store: s
         assert np.array_equal(moved(group.model), moved(model))
         assert np.array_equal(group.model.geom_rbound, model.geom_rbound) and np.array_equal(group.model.body_mass, model.body_mass)
     assert len({moved(model)[-1, 0] for model in own}) == 3
+
+
+@pytest.mark.slow
+def test_on_a_floor_each_falls_as_in_the_scene_of_its_build(levers: Path, shared_store: str) -> None:
+    def fallen(model: mujoco.MjModel, steps: int = 400) -> Any:
+        data = mujoco.MjData(model)
+        mujoco.mj_step(model, data, steps)
+        assert data.ncon > 0 and data.qpos[2] > 0.0
+        return data.qpos
+
+    many = [{"length": 0.095}, {"length": 0.095, "joints.hinge.dynamics.damping": 2e-5}, {"length": 0.08}]
+    with thingc.family(levers, store=shared_store, mode="dropped") as family:
+        own = [model for model in family.models(many, floor=True) if isinstance(model, mujoco.MjModel)]
+        (group,) = family.batched(many, floor=True).groups
+        with pytest.raises(KeyError):
+            next(family.models(many)).geom("floor")
+    built = thingc.compile(str(levers), store=shared_store, modes=["dropped"], parameters={"length": "95 mm"}).modes["dropped"]
+    files = {path.removeprefix("mjcf/"): data for path, data in built.files.items() if path.startswith("mjcf/")}
+    scene = mujoco.MjModel.from_xml_string(files["scene_dropped.xml"].decode(), files)
+    expected = fallen(scene)
+    assert np.array_equal(fallen(own[0]), expected) and not np.array_equal(fallen(own[1]), expected)
+    for place, model in enumerate(own):
+        apply(group.model, group.fields, place)
+        np.testing.assert_allclose(fallen(group.model), fallen(model), rtol=0, atol=1e-9)
+        assert (group.model.mesh_graphadr >= 0).all()

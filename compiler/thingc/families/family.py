@@ -68,7 +68,7 @@ class RobotFamily:
         self.name: str = first.assembly.name
         self.modes: tuple[str, ...] = self._plan.modes if self._plan is not None else tuple(one.name for one in first.assembly.modes)
         self.mode = self.modes[0] if mode is None else self._known(mode)
-        self._models: dict[tuple[str, bool], ModelsOfMode] = {}
+        self._models: dict[tuple[str, bool, bool], ModelsOfMode] = {}
 
     def __enter__(self) -> RobotFamily:
         return self
@@ -97,25 +97,29 @@ class RobotFamily:
         return list(self._evaluation.each(map(self._read, settings), tests=tests))
 
     def model(
-        self, settings: Mapping[str, Any] | Variant, *, mode: str | None = None, visual: bool = True,
+        self, settings: Mapping[str, Any] | Variant, *, mode: str | None = None, visual: bool = True, floor: bool = False,
     ) -> mujoco.MjModel | NoModel:
         """The compiled model of settings in a mode, of its own; `NoModel`, which is false, where they are refused. Without `visual` what
-        is only drawn is left out. Raises `UnknownChoice` for a mode that is not there."""
-        return next(self._of(mode, visual).each([self._read(settings)], share=False))
+        is only drawn is left out; with `floor` it stands on that of its scene. Raises `UnknownChoice` for a mode that is not there."""
+        return next(self._of(mode, visual, floor).each([self._read(settings)], share=False))
 
     def models(
         self, many: Iterable[Mapping[str, Any] | Variant], *, mode: str | None = None, share: bool = False, visual: bool = False,
+        floor: bool = False,
     ) -> Iterator[mujoco.MjModel | NoModel]:
         """The models of many settings, in their order, made as they are asked for (up to 128 settings are read ahead). With `share` one
         model is lent: it is that of the settings until the next one is asked for, and nobody else's to change; an `MjData` of it goes on
         being usable as long as it is the same object. `NoModel` stands in place of a model that there is none of. Raises `UnknownChoice`
         for a mode that is not there."""
-        return self._of(mode, visual).each(map(self._read, many), share=share)
+        return self._of(mode, visual, floor).each(map(self._read, many), share=share)
 
-    def batched(self, many: Iterable[Mapping[str, Any] | Variant], *, mode: str | None = None, union: bool = True) -> Batches:
+    def batched(
+        self, many: Iterable[Mapping[str, Any] | Variant], *, mode: str | None = None, union: bool = True, floor: bool = False,
+    ) -> Batches:
         """Many settings as few models without what is only drawn, and arrays of what each has of its own. With `union` variants of other
-        geometry are of one model, too, which has the meshes of all. Raises `UnknownChoice` for a mode that is not there."""
-        models, read = self._of(mode, False), [self._read(one) for one in many]
+        geometry are of one model, too, which has the meshes of all; with `floor` they stand on that of their scenes. Raises
+        `UnknownChoice` for a mode that is not there."""
+        models, read = self._of(mode, False, floor), [self._read(one) for one in many]
         return batched(models.each(read, share=True), (lambda index: models.source(read[index][1])) if union else None)
 
     def write(self, settings: Mapping[str, Any] | Variant, folder: str | os.PathLike[str]) -> tuple[Diagnostic, ...]:
@@ -144,6 +148,11 @@ class RobotFamily:
         if self._plan is not None:
             return of_axes(self._plan.axes, {**self._plan.own, **self._plan.paths.own})
         return of_parameters(self._spec, self._reader.parameters, self._bound)
+
+    def numbers(self, settings: Mapping[str, Any] | Variant) -> dict[str, float]:
+        """The numbers [SI] of settings, by name, with those that hold for the whole family; not what the documents say anyway."""
+        _, read = self._read(settings)
+        return dict(zip(read.names, read.values))
 
     @property
     def variants(self) -> Iterator[Variant]:
@@ -189,10 +198,10 @@ class RobotFamily:
             raise UnknownChoice(f"`{self.name}` has no mode `{mode}`", did_you_mean(mode, self.modes, what="modes"))
         return mode
 
-    def _of(self, mode: str | None, visual: bool) -> ModelsOfMode:
-        key = (self.mode if mode is None else self._known(mode), visual)
+    def _of(self, mode: str | None, visual: bool, floor: bool = False) -> ModelsOfMode:
+        key = (self.mode if mode is None else self._known(mode), visual, floor)
         if key not in self._models:
-            self._models[key] = ModelsOfMode(self._session, self._reader, key[0], visual=visual, verify=self._verify)
+            self._models[key] = ModelsOfMode(self._session, self._reader, key[0], visual=visual, floor=floor, verify=self._verify)
         return self._models[key]
 
     @cached_property

@@ -37,14 +37,15 @@ Item = tuple[Mapping[str, Any], Read]
 
 
 class ModelsOfMode:
-    """Of one mode, with or without what is only drawn. `verify` is how many models are made by a plan for each that is compared with a
-    compilation; None: the first, the second, the fourth, the eighth ..."""
+    """Of one mode, with or without what is only drawn and a floor. `verify` is how many models are made by a plan for each that is compared
+    with a compilation; None: the first, the second, the fourth, the eighth ..."""
 
-    def __init__(self, session: Session, reader: SettingsReader, mode: str, *, visual: bool, verify: int | None) -> None:
+    def __init__(self, session: Session, reader: SettingsReader, mode: str, *, visual: bool, floor: bool, verify: int | None) -> None:
         self.session = session
         self.reader = reader
         self.mode = mode
         self.visual = visual
+        self.floor = floor
         self.verify = verify
         self.forms: dict[Any, Form[Arrays | TextTemplate]] = {}
         self._files: mujoco.MjVfs | None = None
@@ -95,7 +96,7 @@ class ModelsOfMode:
             return None
 
         def attempt(numbers: Mapping[str, Any], texts: Mapping[str, str], *, exact: Collection[str]) -> Rehearsal:
-            return rehearse(self.session, self.mode, numbers, texts, written(self.session, self.mode), exact)
+            return rehearse(self.session, self.mode, numbers, texts, written(self.session, self.mode, floor=self.floor), exact)
 
         def exchanged(rehearsal: Rehearsal) -> Exchange:
             assert rehearsal.parts is not None
@@ -225,7 +226,7 @@ class ModelsOfMode:
         report: Report = compilation.report
         if report.failed:
             return tuple(report.ordered())
-        texts, assets = model_sources(pipeline.request_of(self.session.environment, compilation, verify=False))
+        texts, assets = model_sources(pipeline.request_of(self.session.environment, compilation, verify=False), floor=self.floor)
         if report.failed:
             return tuple(report.ordered())
         self._mount(assets)
@@ -238,7 +239,7 @@ class ModelsOfMode:
     def source(self, read: Read) -> ModelSource:
         """What the model of settings that are not refused is made from."""
         compilation = self.session.compile(self.reader.settings(read), (self.mode,))
-        texts, assets = model_sources(pipeline.request_of(self.session.environment, compilation, verify=False))
+        texts, assets = model_sources(pipeline.request_of(self.session.environment, compilation, verify=False), floor=self.floor)
         self._mount(assets)
         store = self.session.environment.store
         return ModelSource(text=texts[self.mode], assets={file: store.read(stored.sha256) for file, stored in assets.items()})

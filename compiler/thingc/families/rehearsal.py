@@ -92,14 +92,14 @@ class WrittenModel:
     assets: Mapping[str, Stored]
 
 
-def written(session: Session, mode: str) -> Callable[[Compilation, Tape], WrittenModel]:
+def written(session: Session, mode: str, *, floor: bool) -> Callable[[Compilation, Tape], WrittenModel]:
     """For `rehearse`: the model as it is written."""
 
     def make(compilation: Compilation, tape: Tape) -> WrittenModel:
         request = replace(pipeline.request_of(session.environment, compilation, verify=False), memo=Memo())
         tape.writing = True
         try:
-            texts, assets = model_sources(request)
+            texts, assets = model_sources(request, floor=floor)
         finally:
             tape.writing = False
         if any(word not in tape.written for word in _TOKENS.findall(texts[mode])):

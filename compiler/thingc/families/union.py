@@ -49,8 +49,6 @@ def likeness(model: mujoco.MjModel) -> bytes:
 def united(sources: Sequence[ModelSource], models: Sequence[mujoco.MjModel]) -> tuple[mujoco.MjModel, list[list[int]]] | None:
     """A model with the meshes of all of these, without what is only drawn, and of each the mesh of every geom (-1: none), by its number in
     that model. None where that model has not the geoms that they have."""
-    import mujoco
-
     root = ElementTree.fromstring(sources[0].text)
     for body in root.iter("body"):
         for geom in body.findall("geom"):
@@ -85,7 +83,7 @@ def united(sources: Sequence[ModelSource], models: Sequence[mujoco.MjModel]) -> 
     for geom in root.iter("geom"):
         if (mesh_name := geom.get("mesh")) is not None and mesh_name in named[0]:
             geom.set("mesh", named[0][mesh_name])
-    whole = mujoco.MjModel.from_xml_string(ElementTree.tostring(root, encoding="unicode"), files)
+    whole = _with_hulls(ElementTree.tostring(root, encoding="unicode"), files, list(made.values()))
     if any([whole.geom(k).name for k in range(whole.ngeom)] != [one.geom(k).name for k in range(one.ngeom)] for one in models):
         return None
     numbers = {whole.mesh(k).name: k for k in range(whole.nmesh)}
@@ -94,3 +92,17 @@ def united(sources: Sequence[ModelSource], models: Sequence[mujoco.MjModel]) -> 
         for own, model in zip(named, models, strict=True)
     ]
     return whole, chosen
+
+
+def _with_hulls(text: str, files: dict[str, bytes], meshes: Sequence[str]) -> mujoco.MjModel:
+    """The model of a text, in which every mesh has a convex hull: MuJoCo makes none for a mesh that no geom touches with, and a geom that
+    is given such a mesh later would touch otherwise. A hull that was made once, for a geom that is gone, stays."""
+    import mujoco
+
+    spec = mujoco.MjSpec.from_string(text, assets=files)
+    touching = spec.worldbody.add_body(name="#")
+    for mesh in meshes:
+        touching.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh, contype=1)
+    spec.compile()
+    spec.delete(spec.body("#"))
+    return spec.compile()

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thingc.typos import did_you_mean
-from thingc.variants.loading import BuiltVariant, Family, FamilyError, Sizes, UnknownVariant, load
+from thingc.variants.episodes import Episode, Rules, at_least_one, rules
+from thingc.variants.loading import BuiltVariant, Family, FamilyError, Sizes, load
 from thingc.variants.tasks import TASKS, Array, Reward, Step, Terminated
 
 try:
@@ -49,118 +49,80 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
     render_mode = None
 
     def __init__(
-        self, family: Family, *, mode: str, scene: bool, visual: bool, reward: Reward, terminated: Terminated | None,
-        frame_skip: int, max_steps: int, descriptor: Sequence[str], weights: Array, pose: str | None, noise: float, pad: bool,
+        self, family: Family, *, mode: str, scene: bool, visual: bool, rules: Rules, descriptor: Sequence[str], weights: Array, pad: bool,
         cache: int, seed: int | None,
     ) -> None:
         self.family = family
         self.mode = mode
         self._scene = scene
         self._visual = visual
-        self._reward = reward
-        self._terminated = terminated
-        self._frame_skip = frame_skip
-        self._max_steps = max_steps
+        self._rules = rules
         self._weights = weights
-        self._pose = pose
-        self._noise = noise
         self._cache = cache
         self._seed = seed
-        self._models: OrderedDict[str, tuple[mujoco.MjModel, mujoco.MjData]] = OrderedDict()
+        self._episodes: OrderedDict[str, Episode] = OrderedDict()
         self.sizes = _sizes(family, mode, pad)
         self._descriptors = _descriptors(family, descriptor)
         self._length = self.sizes.nq + self.sizes.nv + len(descriptor)
         self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (self._length,), np.float64)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (self.sizes.nu,), np.float64)
         self.variant: BuiltVariant | None = None
-        self._steps = 0
-        self._start: Array = np.zeros(0)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Begin an episode: of the variant `options["variant"]` (its id, name or place), else of one that is drawn."""
-        import mujoco
-
         if seed is None:
             seed, self._seed = self._seed, None
         super().reset(seed=seed)
         wanted = (options or {}).get("variant")
         place = self.np_random.choice(len(self.family), p=self._weights)  # drawn in any case: options do not change what follows
         self.variant = self.family[int(place) if wanted is None else wanted]
-        model, data = self._compiled(self.variant)
-        key = _keyframe(model, self._pose, self.variant)
-        if key is None:
-            mujoco.mj_resetData(model, data)
-        else:
-            mujoco.mj_resetDataKeyframe(model, data, key)
-        if self._noise:
-            away = self.np_random.uniform(-self._noise, self._noise, model.nv)
-            mujoco.mj_integratePos(model, data.qpos, away, 1.0)
-        mujoco.mj_forward(model, data)
-        self._steps = 0
-        self._start = np.array(data.qpos)
-        return self._observation(model, data), self._info()
+        episode = self._of(self.variant)
+        episode.begin(self.np_random, self.variant.name)
+        return self._observation(episode), {"variant": self.variant.id}
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Apply an action (nu,) for `frame_skip` steps of the simulation. An episode ends early where `terminated` says so, or
         where the simulation has become unstable (reward 0)."""
-        import mujoco
-
-        model, data = self._now()
-        given = np.clip(np.asarray(action, np.float64)[: model.nu], -1.0, 1.0)
-        low, high = _ranges(model)
-        data.ctrl[:] = low + (given + 1.0) / 2.0 * (high - low)
-        before, started = np.array(data.subtree_com[0]), data.time
-        mujoco.mj_step(model, data, self._frame_skip)
-        self._steps += 1
-        assert self.variant is not None
-        if _unstable(data):
-            return self._observation(model, data), 0.0, True, False, {**self._info(), "unstable": True}
-        mujoco.mj_forward(model, data)
-        done = Step(
-            model=model, data=data, variant=self.variant, action=given, before=before, after=np.array(data.subtree_com[0]),
-            seconds=data.time - started, start=self._start,
-        )
-        ended = self._terminated is not None and bool(self._terminated(done))
-        return self._observation(model, data), float(self._reward(done)), ended, self._steps >= self._max_steps, self._info()
+        episode = self._now()
+        episode.ask(action)
+        episode.run()
+        reward, terminated, truncated, more = episode.judge()
+        return self._observation(episode), reward, terminated, truncated, {"variant": episode.variant.id, **more}
 
     @property
     def model(self) -> mujoco.MjModel:
         """The model of the episode's variant; another one after each `reset`."""
-        return self._now()[0]
+        return self._now().model
 
     @property
     def data(self) -> mujoco.MjData:
         """Its state, to look at or to draw (`mujoco.Renderer(env.model)`)."""
-        return self._now()[1]
+        return self._now().data
 
-    def _now(self) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    def _now(self) -> Episode:
         assert self.variant is not None, "reset the environment first"
-        return self._compiled(self.variant)
+        return self._of(self.variant)
 
-    def _info(self) -> dict[str, Any]:
-        assert self.variant is not None
-        return {"variant": self.variant.id}
-
-    def _observation(self, model: mujoco.MjModel, data: mujoco.MjData) -> Array:
-        assert self.variant is not None
+    def _observation(self, episode: Episode) -> Array:
+        model, data = episode.model, episode.data
         seen = np.zeros(self._length)
         seen[: model.nq] = data.qpos
         seen[self.sizes.nq: self.sizes.nq + model.nv] = data.qvel
-        seen[self.sizes.nq + self.sizes.nv:] = self._descriptors[self.variant.id]
+        seen[self.sizes.nq + self.sizes.nv:] = self._descriptors[episode.variant.id]
         return seen
 
-    def _compiled(self, variant: BuiltVariant) -> tuple[mujoco.MjModel, mujoco.MjData]:
-        """Model and data; those used least lately are forgotten."""
+    def _of(self, variant: BuiltVariant) -> Episode:
+        """The episode of a variant, with its compiled model; those used least lately are forgotten."""
         import mujoco
 
-        compiled = self._models.get(variant.id)
-        if compiled is None:
+        episode = self._episodes.get(variant.id)
+        if episode is None:
             model = variant.model(self.mode, scene=self._scene, visual=self._visual)
-            compiled = self._models[variant.id] = (model, mujoco.MjData(model))
-            while len(self._models) > self._cache:
-                self._models.popitem(last=False)
-        self._models.move_to_end(variant.id)
-        return compiled
+            episode = self._episodes[variant.id] = Episode(model, mujoco.MjData(model), variant, self._rules)
+            while len(self._episodes) > self._cache:
+                self._episodes.popitem(last=False)
+        self._episodes.move_to_end(variant.id)
+        return episode
 
 
 def make_env(
@@ -185,17 +147,10 @@ def make_env(
     family = folder if isinstance(folder, Family) else load(folder)
     if not len(family):
         raise FamilyError(f"batch `{family.name}` has no built variant here: there is nothing to simulate")
-    if isinstance(reward, str):
-        if reward not in TASKS:
-            raise UnknownVariant(f"there is no task `{reward}`: {did_you_mean(reward, TASKS, what='tasks')}")
-        reward = TASKS[reward]
-    for name, value in (("frame_skip", frame_skip), ("max_steps", max_steps), ("cache", cache)):
-        if value < 1:
-            raise FamilyError(f"expected `{name}` to be at least 1, found {value}")
+    at_least_one(cache=cache)
     return VariantsEnv(
-        family, mode=family.chosen(mode), scene=scene, visual=visual, reward=reward, terminated=terminated, frame_skip=frame_skip,
-        max_steps=max_steps, descriptor=tuple(descriptor), weights=_weights(family, weights), pose=pose, noise=noise, pad=pad,
-        cache=cache, seed=seed,
+        family, mode=family.chosen(mode), scene=scene, visual=visual, descriptor=tuple(descriptor), weights=_weights(family, weights),
+        rules=rules(reward, terminated, frame_skip, max_steps, pose, noise), pad=pad, cache=cache, seed=seed,
     )
 
 
@@ -240,30 +195,6 @@ def _numbers(family: Family, column: str) -> list[float]:
         if not isinstance(cell, int | float) or not np.isfinite(cell):
             raise FamilyError(f"expected numbers in the column `{column}`, found `{cell}` for variant `{variant.name}`")
     return [float(cell) for cell in cells]
-
-
-def _keyframe(model: mujoco.MjModel, pose: str | None, variant: BuiltVariant) -> int | None:
-    """The keyframe to begin with; None for a model without any. Raises `UnknownVariant`."""
-    names = [model.key(k).name for k in range(model.nkey)]
-    if pose is None:
-        return 0 if names else None
-    if pose not in names:
-        raise UnknownVariant(f"variant `{variant.name}` has no pose `{pose}`: {did_you_mean(pose, names, what='poses')}")
-    return names.index(pose)
-
-
-def _unstable(data: mujoco.MjData) -> bool:
-    """Whether MuJoCo has met numbers that are none, or are huge, since the last reset, and has begun anew by itself."""
-    import mujoco
-
-    faults = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
-    return any(data.warning[fault].number for fault in faults)
-
-
-def _ranges(model: mujoco.MjModel) -> tuple[Array, Array]:
-    """The least and the greatest control of each actuator; [-1, 1] where it has no limits."""
-    limited = model.actuator_ctrllimited.astype(bool)
-    return np.where(limited, model.actuator_ctrlrange[:, 0], -1.0), np.where(limited, model.actuator_ctrlrange[:, 1], 1.0)
 
 
 if ENVIRONMENT not in gymnasium.registry:

@@ -19,11 +19,12 @@ Array = np.ndarray[Any, np.dtype[np.float64]]
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
     """What a reward is worked out of, after a step: model and data as they are, the `action` (nu,) in [-1, 1], the robot's centre of
-    mass `before` and `after` it [m], and how much time has passed [s]."""
+    mass `before` and `after` it [m], and how much time has passed [s]. `variant` is whose episode it is; of a family in memory, its
+    settings."""
 
     model: mujoco.MjModel
     data: mujoco.MjData
-    variant: BuiltVariant
+    variant: BuiltVariant | Mapping[str, Any]
     action: Array
     before: Array
     after: Array

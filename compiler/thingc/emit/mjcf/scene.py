@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from thingc.emit.extent import Box, bounds, placements
 from thingc.emit.xml import Element, Written, number, numbers, write
@@ -19,9 +19,21 @@ def scene(robot: Robot, file: str, heading: str, model: Written, memo: Memo | No
     memo, mode = memo or Memo(), robot.mode
     box = memo(("bounds", mode.name), bounds, *placements(robot))
     title = f"{robot.assembly.name}_{mode.name} scene"
+    return memo(("scene", mode.name), _scene, title, box, file, floor_name(model), _held(robot, separator), heading, mode.origin)
+
+
+def floored(robot: Robot, model: Written) -> str:
+    """The text of a model with the floor of its scene in it, and nothing that is only looked at."""
+    root = Element(tag="mujoco")
+    _lay_floor(root, root.add("worldbody"), floor_name(model), _held(robot, "/"), {})
+    sections = write(root, "").text.partition("<mujoco>\n")[2]
+    return model.text.rpartition("</mujoco>")[0] + sections
+
+
+def _held(robot: Robot, separator: str) -> tuple[tuple[str, Origin], ...]:
+    """The bodies that are held where they are, and by what of the documents."""
     holds = {closure.child: closure.origin for closure in reversed(robot.closures) if closure.hold}
-    held = tuple((robot.assembly.links[robot.bodies[body].link].name.replace("/", separator), at) for body, at in holds.items())
-    return memo(("scene", mode.name), _scene, title, box, file, floor_name(model), held, heading, mode.origin)
+    return tuple((robot.assembly.links[robot.bodies[body].link].name.replace("/", separator), at) for body, at in holds.items())
 
 
 def _scene(
@@ -57,11 +69,15 @@ def _scene(
     })
     world = root.add("worldbody")
     world.add("light", {"pos": "0 0 1.5", "dir": "0 0 -1", "directional": "true"})
+    _lay_floor(root, world, floor, held, {"material": "groundplane"})
+    return write(root, heading)
+
+
+def _lay_floor(root: Element, world: Element, floor: str, held: Sequence[tuple[str, Origin]], looks: Mapping[str, str]) -> None:
     ground = world.add("body", {"name": floor}) if held else world
-    ground.add("geom", {"name": floor, "size": "0 0 0.05", "type": "plane", "material": "groundplane"})
+    ground.add("geom", {"name": floor, "size": "0 0 0.05", "type": "plane", **looks})
     for link, at in held:
         (root.find("contact") or root.add("contact")).add("exclude", {"body1": floor, "body2": link}, at)
-    return write(root, heading)
 
 
 def floor_name(model: Written) -> str:

@@ -82,11 +82,14 @@ def models(request: EmitRequest) -> Models:
     return made
 
 
-def sources(request: EmitRequest) -> tuple[dict[str, str], dict[str, Stored]]:
-    """The model of each chosen mode as text, by mode, and the meshes that they name, by file; nothing else: no scene, and MuJoCo is not
-    asked."""
+def sources(request: EmitRequest, *, floor: bool = False) -> tuple[dict[str, str], dict[str, Stored]]:
+    """The model of each chosen mode as text, by mode, with the `floor` of its scene or without, and the meshes that they name, by file;
+    nothing else: MuJoCo is not asked."""
     geometry, _, roots = _roots(request)
-    texts = {robot.mode.name: write(root, _heading(robot)).text for robot, root in zip(request.robots, roots, strict=True)}
+    texts: dict[str, str] = {}
+    for robot, root in zip(request.robots, roots, strict=True):
+        model = write(root, _heading(robot))
+        texts[robot.mode.name] = scene.floored(robot, model) if floor else model.text
     return texts, geometry.assets
 
 

@@ -1,0 +1,387 @@
+"""A vector of Gymnasium environments over a family, in one process: every world another robot (`pip install thingc[learning]`).
+
+    from thingc.families.learning import make_vec_env
+
+    envs = make_vec_env("legs.yaml", 64, mode="standing", reward="forward")
+    observations, infos = envs.reset(seed=7)
+
+Importing this module registers it: `gymnasium.make_vec("thingc/Family-v0", num_envs=64, family="legs.yaml", mode="standing")`.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from thingc.families.family import RobotFamily
+from thingc.families.family import family as family_of
+from thingc.families.results import NoModel
+from thingc.frozen import dataclass
+from thingc.typos import did_you_mean
+from thingc.variants.episodes import Episode, Rules, at_least_one, rules
+from thingc.variants.loading import FamilyError, UnknownVariant
+from thingc.variants.tasks import Array, Reward, Step, Terminated
+
+try:
+    import gymnasium
+    from gymnasium.utils import seeding
+    from gymnasium.vector import AutoresetMode, VectorEnv
+    from gymnasium.vector.utils import batch_space
+except ImportError as fault:  # pragma: no cover - said in words
+    raise ImportError("environments need Gymnasium: pip install 'thingc[learning]'") from fault
+
+if TYPE_CHECKING:
+    import mujoco
+
+__all__ = ["CACHED", "ENVIRONMENT", "FamilyVectorEnv", "Reward", "Settings", "Step", "Terminated", "make_vec_env"]
+
+ENVIRONMENT = "thingc/Family-v0"
+CACHED = 1024
+"""Morphologies whose models are kept, besides those that are simulated, unless told otherwise."""
+
+Settings = Mapping[str, Any]
+Draw = Callable[[np.random.Generator], Settings]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choices:
+    """Whose episodes there may be: `many` settings, of which all are alike likely, called by `ids` in `infos["variant"]` (empty: by their
+    places) and by `names`; or, where there are none, what `draw` makes of a source of chance."""
+
+    many: Sequence[Settings] = ()
+    ids: Sequence[str] = ()
+    names: Sequence[str] = ()
+    draw: Draw | None = None
+
+
+class Morphology:
+    """A model, what observations of it end with, and the episodes that have been made of it and are not under way."""
+
+    __slots__ = ("described", "free", "model", "settings")
+
+    def __init__(self, model: mujoco.MjModel, settings: Settings, described: Array) -> None:
+        self.model = model
+        self.settings = settings
+        self.described = described
+        self.free: list[Episode] = []
+
+
+class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
+    """Worlds of the robots of a family, stepped together in threads. Make it with `make_vec_env`, which says what it is given.
+
+    A world does what a single environment of `thingc.variants.learning` does with that robot: observations, rewards and infos, and from the
+    same seed episodes are the same. A world that has ended begins anew as `metadata["autoreset_mode"]` says.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": []}
+    render_mode = None
+
+    def __init__(
+        self, family: RobotFamily, num_envs: int, *, choices: Choices, rules: Rules, mode: str, floor: bool, visual: bool,
+        descriptor: Sequence[str], threads: int, cache: int, autoreset_mode: AutoresetMode, seed: int | None, owned: bool,
+    ) -> None:
+        self.family = family
+        self.num_envs = num_envs
+        self.mode = mode
+        self.metadata = {**self.metadata, "autoreset_mode": autoreset_mode}
+        self._choices = choices
+        self._rules = rules
+        self._floor = floor
+        self._visual = visual
+        self._autoreset = autoreset_mode
+        self._seed = seed
+        self._owned = owned
+        self._cache = cache
+        self._threads = min(threads, num_envs)
+        self._pool = ThreadPoolExecutor(self._threads) if self._threads > 1 else None
+        self._kept: OrderedDict[Any, Morphology] = OrderedDict()
+        self._worlds: list[tuple[Any, Morphology, Episode] | None] = [None] * num_envs
+        self._sources: list[np.random.Generator | None] = [None] * num_envs
+        self._ended = np.zeros(num_envs, dtype=bool)
+        if choices.many:
+            self._likely = np.full(len(choices.many), 1.0 / len(choices.many)).cumsum()  # as numpy's `choice` has it
+            self._likely /= self._likely[-1]
+        self._descriptor = _Descriptor(family, descriptor)
+        key, settings = (0, choices.many[0]) if choices.many else ((), {})
+        self._first = self._made([key], [settings], None)[0].model
+        length = self._first.nq + self._first.nv + len(descriptor)
+        self.single_observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (length,), np.float64)
+        self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (self._first.nu,), np.float64)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._observations = np.zeros((num_envs, length))
+
+    # --- Gymnasium's ------------------------------------------------------------------------------------------------------
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None,
+    ) -> tuple[Array, dict[str, Any]]:
+        """Begin an episode in every world, or in those that `options["reset_mask"]` has: each with a variant that is drawn, or all with
+        `options["variant"]` (its place; of a document of variants its id or name, too). World k has the seed `seed + k`."""
+        options = dict(options or {})
+        mask = np.asarray(options.pop("reset_mask", np.ones(self.num_envs, dtype=bool)))
+        if mask.shape != (self.num_envs,) or mask.dtype != bool or not mask.any():
+            raise FamilyError(f"expected `reset_mask` to be {self.num_envs} flags, at least one of them set, found {mask!r}")
+        if seed is None:
+            seed, self._seed = self._seed, None
+        seeds = [None if seed is None else seed + k for k in range(self.num_envs)] if seed is None or isinstance(seed, int) else list(seed)
+        if len(seeds) != self.num_envs:
+            raise FamilyError(f"expected {self.num_envs} seeds, one for each world, found {len(seeds)}")
+        infos: dict[str, Any] = {}
+        worlds = np.flatnonzero(mask).tolist()
+        for k in worlds:
+            if self._sources[k] is None or seeds[k] is not None:
+                self._sources[k], _ = seeding.np_random(seeds[k])
+        self._begin(worlds, infos, options.get("variant"))
+        self._ended[mask] = False
+        return self._observations.copy(), infos
+
+    def step(self, actions: Array) -> tuple[Array, Array, np.ndarray[Any, Any], np.ndarray[Any, Any], dict[str, Any]]:
+        """Apply an action (num_envs, nu) in every world. In the mode `NextStep` a world whose episode has ended begins anew instead."""
+        actions = np.asarray(actions, np.float64)
+        if actions.shape != self.action_space.shape:
+            raise FamilyError(f"expected actions of shape {self.action_space.shape}, found {actions.shape}")
+        if self._autoreset is AutoresetMode.DISABLED and self._ended.any():
+            raise FamilyError(f"the episodes of the worlds {np.flatnonzero(self._ended).tolist()} have ended: reset them")
+        infos: dict[str, Any] = {}
+        rewards = np.zeros(self.num_envs)
+        terminated, truncated = np.zeros(self.num_envs, dtype=bool), np.zeros(self.num_envs, dtype=bool)
+        begun = np.flatnonzero(self._ended).tolist()
+        going = np.flatnonzero(~self._ended).tolist()
+        episodes = [self._world(k)[2] for k in going]
+        for k, episode in zip(going, episodes):
+            episode.ask(actions[k])
+        self._simulate(episodes)
+        for k, episode in zip(going, episodes):
+            rewards[k], terminated[k], truncated[k], more = episode.judge()
+            self._see(k)
+            infos = self._add_info(infos, {**self._called(k), **more}, k)
+        self._begin(begun, infos, None)
+        self._ended = terminated | truncated
+        if self._autoreset is AutoresetMode.SAME_STEP and self._ended.any():
+            again = np.flatnonzero(self._ended).tolist()
+            for k in again:
+                last = {name: value[k] for name, value in infos.items() if not name.startswith("_") and infos[f"_{name}"][k]}
+                infos = self._add_info(infos, {"final_obs": self._observations[k].copy(), "final_info": last}, k)
+            self._begin(again, infos, None)
+            self._ended[:] = False
+        return self._observations.copy(), rewards, terminated, truncated, infos
+
+    @property
+    def settings(self) -> tuple[Settings, ...]:
+        """Those of the robot in each world; others after each of its episodes."""
+        return tuple(self._world(k)[1].settings for k in range(self.num_envs))
+
+    @property
+    def models(self) -> tuple[mujoco.MjModel, ...]:
+        """The model of each world. Worlds of equal settings share one: it is not to be changed."""
+        return tuple(self._world(k)[2].model for k in range(self.num_envs))
+
+    @property
+    def data(self) -> tuple[mujoco.MjData, ...]:
+        """The state of each world, to look at or to draw."""
+        return tuple(self._world(k)[2].data for k in range(self.num_envs))
+
+    def close_extras(self, **named: Any) -> None:
+        """End the threads, and the worker of a family that was opened here."""
+        if self._pool is not None:
+            self._pool.shutdown()
+        if self._owned:
+            self.family.close()
+
+    # --- how ----------------------------------------------------------------------------------------------------------------
+
+    def _simulate(self, episodes: Sequence[Episode]) -> None:
+        """MuJoCo leaves the interpreter to others while it steps."""
+        if self._pool is None or len(episodes) < 2 * self._threads:
+            _run(episodes)
+        else:
+            list(self._pool.map(_run, [episodes[k:: self._threads] for k in range(self._threads)]))
+
+    def _begin(self, worlds: Sequence[int], infos: dict[str, Any], wanted: Any) -> None:
+        """A new episode in each of these worlds."""
+        drawn = [self._drawn(self._source(k), wanted) for k in worlds]
+        for k in worlds:
+            self._leave(k)
+        keys = [key for key, _ in drawn]
+        for k, key, morphology in zip(worlds, keys, self._made(keys, [settings for _, settings in drawn], self._first)):
+            episode = morphology.free.pop() if morphology.free else self._episode(morphology)
+            self._worlds[k] = (key, morphology, episode)
+            episode.begin(self._source(k), self._name(key))
+            self._see(k)
+            self._add_info(infos, self._called(k), k)
+
+    def _drawn(self, source: np.random.Generator, wanted: Any) -> tuple[Any, Settings]:
+        """Settings, and what they are kept by."""
+        if self._choices.draw is not None:
+            if wanted is not None:
+                raise UnknownVariant(f"there is no variant `{wanted}`: settings are drawn by a function")
+            settings = self._choices.draw(source)
+            return _key(settings), settings
+        place = int(self._likely.searchsorted(source.random(), side="right"))  # drawn in any case: options do not change what follows
+        if wanted is not None:
+            place = self._place(wanted)
+        return place, self._choices.many[place]
+
+    def _place(self, wanted: Any) -> int:
+        ids, names, count = self._choices.ids, self._choices.names, len(self._choices.many)
+        if isinstance(wanted, str) and wanted in ids:
+            return list(ids).index(wanted)
+        if isinstance(wanted, str) and wanted in names:
+            return list(names).index(wanted)
+        if isinstance(wanted, str) or not -count <= int(wanted) < count:
+            known = did_you_mean(wanted, names, what="variants") if isinstance(wanted, str) and names else f"there are {count}"
+            raise UnknownVariant(f"there is no variant `{wanted}`: {known}")
+        return int(wanted) % count
+
+    def _made(self, keys: Sequence[Any], many: Sequence[Settings], first: mujoco.MjModel | None) -> list[Morphology]:
+        """The morphologies of settings. Raises `FamilyError` for refused ones, and where a model has other sizes than the `first`."""
+        new = {key: settings for key, settings in zip(keys, many) if key not in self._kept}
+        models = self.family.models(new.values(), mode=self.mode, visual=self._visual, floor=self._floor)
+        for (key, settings), model in zip(new.items(), models):
+            if isinstance(model, NoModel):
+                raise FamilyError(f"the settings {dict(settings)} are refused: {model.problems[0].message}")
+            if first is not None and (model.nq, model.nv, model.nu) != (first.nq, first.nv, first.nu):
+                sizes = [f"nq, nv, nu = {one.nq}, {one.nv}, {one.nu}" for one in (model, first)]
+                raise FamilyError(f"in mode `{self.mode}` the settings {dict(settings)} have {sizes[0]}, and others {sizes[1]}")
+            self._kept[key] = Morphology(model, settings, self._descriptor(settings))
+        found = [self._kept[key] for key in keys]
+        for key in keys:
+            self._kept.move_to_end(key)
+        while len(self._kept) > self._cache:
+            self._kept.popitem(last=False)
+        return found
+
+    def _episode(self, morphology: Morphology) -> Episode:
+        import mujoco
+
+        return Episode(morphology.model, mujoco.MjData(morphology.model), morphology.settings, self._rules)
+
+    def _leave(self, k: int) -> None:
+        world = self._worlds[k]
+        if world is not None:
+            world[1].free.append(world[2])
+        self._worlds[k] = None
+
+    def _world(self, k: int) -> tuple[Any, Morphology, Episode]:
+        world = self._worlds[k]
+        if world is None:
+            raise FamilyError("reset the environments first")
+        return world
+
+    def _source(self, k: int) -> np.random.Generator:
+        source = self._sources[k]
+        assert source is not None
+        return source
+
+    def _see(self, k: int) -> None:
+        _, morphology, episode = self._world(k)
+        nq, nv = episode.model.nq, episode.model.nv
+        row = self._observations[k]
+        row[:nq], row[nq: nq + nv] = episode.data.qpos, episode.data.qvel
+        row[nq + nv:] = morphology.described
+
+    def _called(self, k: int) -> dict[str, Any]:
+        """What is said of a world at every step: whose episode it is."""
+        key = self._world(k)[0]
+        return {} if self._choices.draw is not None else {"variant": self._choices.ids[key] if self._choices.ids else key}
+
+    def _name(self, key: Any) -> str:
+        return self._choices.names[key] if self._choices.names else str(key)
+
+
+def make_vec_env(
+    family: RobotFamily | str | os.PathLike[str], num_envs: int = 1, *, settings: Iterable[Settings] | Draw | None = None,
+    mode: str | None = None, floor: bool = True, visual: bool = False, reward: Reward | str = "hold", terminated: Terminated | None = None,
+    frame_skip: int = 5, max_steps: int = 1000, descriptor: Sequence[str] = (), pose: str | None = None, noise: float = 0.0,
+    threads: int = 0, cache: int = CACHED, autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, seed: int | None = None,
+) -> FamilyVectorEnv:
+    """`num_envs` worlds with robots of a family (or of a document, as `thingc.family` takes it), stepped together in `threads` (0: one for
+    each core). Nothing is written.
+
+    `settings` are those of which each episode has one, all alike likely; or a function of a `numpy.random.Generator` that draws them.
+    Unless given they are the variants of its document that are right and keep their rules. `descriptor` are names of `family.space`
+    that the observation ends with, each scaled from its bounds to [-1, 1]. The models of `cache` morphologies are kept. `autoreset_mode`
+    says when a world whose episode has ended begins anew (`NextStep`, `SameStep` or `Disabled`). All else is as in `make_env`.
+
+    Raises `FamilyError` where there is nothing to simulate or settings are refused, `UnknownVariant` for an unknown task or descriptor,
+    `UnknownChoice` for a mode, `CompileError` for a document with errors.
+    """
+    made = rules(reward, terminated, frame_skip, max_steps, pose, noise)
+    at_least_one(num_envs=num_envs, cache=cache)
+    robots = family if isinstance(family, RobotFamily) else family_of(family)
+    try:
+        return FamilyVectorEnv(
+            robots, num_envs, choices=_choices(robots, settings), rules=made, mode=robots.mode if mode is None else mode, floor=floor,
+            visual=visual, descriptor=tuple(descriptor), threads=threads or os.cpu_count() or 1, cache=cache,
+            autoreset_mode=AutoresetMode(autoreset_mode), seed=seed, owned=robots is not family,
+        )
+    except BaseException:
+        if robots is not family:
+            robots.close()
+        raise
+
+
+def _choices(family: RobotFamily, settings: Iterable[Settings] | Draw | None) -> Choices:
+    if callable(settings):
+        return Choices(draw=settings)
+    if settings is not None:
+        many = [dict(one) for one in settings]
+        if not many:
+            raise FamilyError("expected at least one of `settings`: there is nothing to simulate")
+        return Choices(many=many)
+    planned = [variant for variant in family.variants if variant.failed is None]
+    kept = [variant for variant, found in zip(planned, family.evaluate(planned)) if found.kept]
+    if not kept:
+        raise FamilyError(f"`{family.name}` has no variants that are right and keep the rules: say what may be set by `settings`")
+    return Choices(
+        many=[{**one.parameters, **one.choices} for one in kept], ids=[one.id for one in kept], names=[one.name for one in kept],
+    )
+
+
+def _key(settings: Settings) -> tuple[tuple[str, Any], ...]:
+    return tuple(sorted(settings.items()))
+
+
+class _Descriptor:
+    """The numbers of settings that an observation ends with, each scaled from its bounds to [-1, 1]. Raises `UnknownVariant` for a name
+    that is not there, and `FamilyError` for one without bounds."""
+
+    def __init__(self, family: RobotFamily, names: Sequence[str]) -> None:
+        self._names = tuple(names)
+        known = family.space.names if names else ()
+        spans: list[tuple[float, float]] = []
+        for name in names:
+            if name not in known:
+                raise UnknownVariant(f"`{family.name}` has nothing to set called `{name}`: {did_you_mean(name, known, what='names')}")
+            one = family.space[name]
+            numbers = [value for value in one.choices if isinstance(value, int | float)] or [one.low, one.high]
+            if None in numbers or len(numbers) < len(one.choices):
+                raise FamilyError(f"expected `{name}` to be a number between bounds")
+            spans.append((min(numbers), max(numbers)))
+        self._family = family
+        self._low = np.array([low for low, _ in spans])
+        self._span = np.array([high - low for low, high in spans])
+
+    def __call__(self, settings: Settings) -> Array:
+        """The scaled numbers (names,)."""
+        if not self._names:
+            return np.zeros(0)
+        numbers = self._family.numbers(settings)
+        values = np.array([numbers.get(name, self._family.space[name].value) for name in self._names], np.float64)
+        wide = self._span > 0.0
+        return np.where(wide, 2.0 * (values - self._low) / np.where(wide, self._span, 1.0) - 1.0, 0.0)
+
+
+def _run(episodes: Iterable[Episode]) -> None:
+    for episode in episodes:
+        episode.run()
+
+
+if ENVIRONMENT not in gymnasium.registry:
+    gymnasium.register(ENVIRONMENT, vector_entry_point="thingc.families.learning:make_vec_env")

@@ -1,0 +1,219 @@
+"""Worlds of a family in one process: each does, to the last bit, what a single environment over a batch of the same variants does."""
+
+from __future__ import annotations
+
+import textwrap
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import mujoco
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
+
+import thingc
+from thingc.families.learning import ENVIRONMENT, FamilyVectorEnv, make_vec_env
+from thingc.pipeline import UnknownChoice
+from thingc.variants import FamilyError, UnknownVariant, load
+from thingc.variants.learning import make_env
+from variants.families import documents
+
+
+@pytest.fixture(scope="module")
+def family(tmp_path_factory: pytest.TempPathFactory) -> Iterator[thingc.RobotFamily]:
+    with thingc.family(documents(tmp_path_factory.mktemp("vector")) / "some.yaml") as family:
+        yield family
+
+
+def same(one: Any, other: Any) -> None:
+    """What two vectors of environments say, infos too, is the same to the last bit."""
+    if isinstance(one, dict):
+        assert one.keys() == other.keys()
+        for key in one:
+            same(one[key], other[key])
+    elif isinstance(one, tuple):
+        for a, b in zip(one, other, strict=True):
+            same(a, b)
+    elif isinstance(one, np.ndarray) and one.dtype.hasobject:
+        for mine, others in zip(one, other, strict=True):
+            same(mine, others)
+    else:
+        np.testing.assert_array_equal(one, other)
+        assert getattr(one, "dtype", None) == getattr(other, "dtype", None)
+
+
+@pytest.mark.parametrize("autoreset", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+def test_worlds_are_single_environments(some: Path, family: thingc.RobotFamily, autoreset: AutoresetMode) -> None:
+    """With contacts, noise, ends that the caller and MuJoCo say, and other robots after each."""
+    given: dict[str, Any] = {
+        "mode": "flying", "reward": "forward", "noise": 0.3, "max_steps": 7, "frame_skip": 3,
+        "terminated": lambda step: bool(step.data.qpos[7] > 0.25),
+    }
+    single = SyncVectorEnv([lambda: make_env(some, **given) for _ in range(5)], autoreset_mode=autoreset)
+    worlds = make_vec_env(family, 5, threads=2, autoreset_mode=autoreset, **given)
+    assert isinstance(worlds, VectorEnv) and worlds.metadata["autoreset_mode"] is single.metadata["autoreset_mode"] is autoreset
+    for name in ("single_observation_space", "single_action_space", "observation_space", "action_space", "num_envs", "render_mode"):
+        assert getattr(worlds, name) == getattr(single, name)
+    source = np.random.default_rng(5)
+    same(worlds.reset(seed=11), single.reset(seed=11))
+    ended: set[str] = set()
+    for step in range(40):
+        actions = source.uniform(-1.2, 1.2, (5, 1))
+        mine, others = worlds.step(actions), single.step(actions)
+        same(mine, others)
+        ended |= {kind for kind, flags in (("terminated", mine[2]), ("truncated", mine[3])) if flags.any()}
+        if step == 20:
+            mask = np.array([True, False, True, False, False])
+            same(worlds.reset(seed=3, options={"reset_mask": mask.copy()}), single.reset(seed=3, options={"reset_mask": mask.copy()}))
+    assert ended == {"terminated", "truncated"}
+    assert len({tuple(one.items()) for one in worlds.settings}) > 2
+    worlds.close()
+    single.close()
+
+
+def test_what_falls_on_a_floor_falls_as_in_a_batch(sliders: Path, shared_store: str) -> None:
+    given: dict[str, Any] = {"reward": "hold", "max_steps": 60}
+    with thingc.family(sliders.parent.parent / "sliders.yaml", store=shared_store) as family:
+        worlds = make_vec_env(family, 8, **given)
+        single = SyncVectorEnv([lambda: make_env(sliders, **given) for _ in range(8)])
+        for place in range(len(load(sliders))):
+            same(worlds.reset(seed=1, options={"variant": place}), single.reset(seed=1, options={"variant": place}))
+            for _ in range(25):
+                actions = np.full((8, 1), 0.4)
+                same(worlds.step(actions), single.step(actions))
+        assert max(data.ncon for data in worlds.data) > 0
+
+
+def test_gymnasium_makes_it_and_finds_nothing_wrong(tmp_path: Path) -> None:
+    document = str(documents(tmp_path) / "some.yaml")
+    worlds = gymnasium.make_vec(ENVIRONMENT, num_envs=3, family=document, mode="hanging", descriptor=("length", "bob"), max_steps=4)
+    assert isinstance(worlds.unwrapped, FamilyVectorEnv) and worlds.spec is not None and worlds.spec.id == ENVIRONMENT
+    observations, infos = worlds.reset(seed=2)
+    checked = gymnasium.wrappers.vector.RecordEpisodeStatistics(worlds)
+    for _ in range(9):
+        actions = worlds.action_space.sample()
+        assert actions in worlds.action_space
+        observations, rewards, terminated, truncated, infos = checked.step(actions)
+        assert observations in worlds.observation_space and observations.dtype == worlds.observation_space.dtype
+        assert rewards.dtype == np.float64 and terminated.dtype == truncated.dtype == np.bool_ and infos["_variant"].all()
+    assert (np.abs(observations[:, -2:]) <= 1.0).all()
+    before = observations.copy()
+    worlds.step(actions)
+    np.testing.assert_array_equal(observations, before)  # what was given is not written over
+    worlds.close()
+    worlds.close()
+
+
+def test_the_same_seed_gives_the_same_episodes_in_any_number_of_threads(family: thingc.RobotFamily) -> None:
+    def run(threads: int, seed: Any, cache: int = 100) -> list[Any]:
+        worlds = make_vec_env(family, 6, mode="hanging", noise=0.1, max_steps=5, threads=threads, cache=cache, seed=4)
+        seen = [worlds.reset(seed=seed)[0].tolist()]
+        source = np.random.default_rng(1)
+        for _ in range(14):
+            observations, rewards, *_, infos = worlds.step(source.uniform(-1, 1, (6, 1)))
+            seen.append([observations.tolist(), rewards.tolist(), infos["variant"].tolist()])
+        worlds.close()
+        return seen
+
+    first = run(1, None)
+    assert first == run(3, None) == run(2, 4, cache=1) == run(1, [4, 5, 6, 7, 8, 9]) != run(1, 5)
+
+
+def test_settings_are_listed_or_drawn(family: thingc.RobotFamily) -> None:
+    many = [{"length": 0.2}, {"length": "30 cm", "bob": 0.3, "joints.swing.dynamics.damping": "0.3 N*m*s/rad"}]
+    worlds = make_vec_env(family, 4, settings=many, mode="hanging", descriptor=("length",))
+    observations, infos = worlds.reset(seed=1)
+    assert infos["variant"].dtype == int and [many[place] for place in infos["variant"]] == list(worlds.settings)
+    assert observations[:, -1] == pytest.approx([-1.0 if place == 0 else 0.0 for place in infos["variant"]], abs=1e-12)
+    for model, settings in zip(worlds.models, worlds.settings, strict=True):
+        assert model.body("weight").pos[0] == pytest.approx(0.2 if settings == many[0] else 0.3)
+        assert model.joint("swing").damping[0] == (0.0 if settings == many[0] else 0.3)
+    assert worlds.reset(options={"variant": -1})[1]["variant"].tolist() == [1] * 4
+
+    drawn = make_vec_env(family, 4, settings=lambda source: {"bob": source.uniform(0.1, 0.4)}, mode="hanging", max_steps=2)
+    _, infos = drawn.reset(seed=1)
+    masses = {settings["bob"] for settings in drawn.settings}
+    assert "variant" not in infos and len(masses) == 4
+    assert sorted(masses) == sorted(model.body("weight").mass[0] for model in drawn.models)
+    for _ in range(3):
+        drawn.step(np.zeros((4, 1)))
+    assert masses.isdisjoint(settings["bob"] for settings in drawn.settings)
+
+
+def test_worlds_of_equal_settings_share_a_model_and_no_state(family: thingc.RobotFamily) -> None:
+    worlds = make_vec_env(family, 3, settings=[{"length": 0.25}], mode="hanging")
+    worlds.reset(seed=1)
+    assert len({id(model) for model in worlds.models}) == 1 and len({id(data) for data in worlds.data}) == 3
+    observations, *_ = worlds.step(np.array([[0.25], [0.22], [0.2]]))
+    assert len({row.tobytes() for row in observations}) == 3
+
+
+def test_worlds_are_simulated_at_once(family: thingc.RobotFamily, monkeypatch: pytest.MonkeyPatch) -> None:
+    worlds = make_vec_env(family, 8, mode="hanging", threads=2)
+    worlds.reset(seed=1)
+    step, seen = mujoco.mj_step, set()
+    both = threading.Barrier(2, timeout=20)
+
+    def noting(*given: Any) -> None:
+        if threading.get_ident() not in seen:
+            seen.add(threading.get_ident())
+            both.wait()  # which goes on when two are here
+        step(*given)
+
+    monkeypatch.setattr(mujoco, "mj_step", noting)
+    worlds.step(np.zeros((8, 1)))
+    assert len(seen) == 2
+
+
+def test_an_end_must_be_seen_to_where_nothing_begins_anew(family: thingc.RobotFamily) -> None:
+    worlds = make_vec_env(family, 2, mode="hanging", max_steps=1, autoreset_mode="Disabled")
+    worlds.reset(seed=1)
+    assert worlds.step(np.zeros((2, 1)))[3].all()
+    with pytest.raises(FamilyError, match=r"the episodes of the worlds \[0, 1\] have ended: reset them"):
+        worlds.step(np.zeros((2, 1)))
+    worlds.reset(options={"reset_mask": np.array([True, False])})
+    with pytest.raises(FamilyError, match=r"worlds \[1\] have ended"):
+        worlds.step(np.zeros((2, 1)))
+
+
+def test_what_cannot_be_is_said_in_words(family: thingc.RobotFamily, tmp_path: Path) -> None:
+    for given, kind, words in (
+        ({"mode": "hangin"}, UnknownChoice, "has no mode `hangin`"),
+        ({"num_envs": 0}, FamilyError, "expected `num_envs` to be at least 1, found 0"),
+        ({"reward": "fast"}, UnknownVariant, "there is no task `fast`: known tasks: `forward`, `hold`"),
+        ({"descriptor": ("lenght",)}, UnknownVariant, "`pendulum` has nothing to set called `lenght`: did you mean `length`"),
+        ({"settings": []}, FamilyError, "expected at least one of `settings`"),
+        ({"settings": [{"length": 7.0}]}, FamilyError, r"the settings \{'length': 7.0\} are refused: .*at most 900 mm"),
+    ):
+        with pytest.raises(kind, match=words):
+            make_vec_env(family, **{"num_envs": 2, "mode": "hanging", **given})
+    worlds = make_vec_env(family, 2, mode="hanging", pose="titled")
+    with pytest.raises(FamilyError, match="reset the environments first"):
+        worlds.step(np.zeros((2, 1)))
+    with pytest.raises(UnknownVariant, match="has no pose `titled`: did you mean `tilted`"):
+        worlds.reset()
+    worlds = make_vec_env(family, 2, mode="hanging")
+    with pytest.raises(UnknownVariant, match="there is no variant `some_77`"):
+        worlds.reset(options={"variant": "some_77"})
+    with pytest.raises(FamilyError, match="expected 2 seeds, one for each world, found 3"):
+        worlds.reset(seed=[1, 2, 3])
+    with pytest.raises(FamilyError, match="expected `reset_mask` to be 2 flags"):
+        worlds.reset(options={"reset_mask": np.zeros(2, dtype=bool)})
+    worlds.reset()
+    with pytest.raises(FamilyError, match=r"expected actions of shape \(2, 1\), found \(1, 2\)"):
+        worlds.step(np.zeros((1, 2)))
+    folder = documents(tmp_path)
+    (folder / "none.yaml").write_text(textwrap.dedent("""
+        thingc: variants/1
+        assembly: pendulum.yaml
+        name: none
+        parameters: {length: [200 mm]}
+        keep: [length > 1 m]
+    """))
+    with pytest.raises(FamilyError, match="`pendulum` has no variants that are right and keep the rules"):
+        make_vec_env(folder / "none.yaml", 2)
+    with thingc.family(folder / "arms.yaml") as arms, pytest.raises(FamilyError, match=r"nq, nv, nu = 2, 2, 2, and others nq, nv, nu = 1"):
+        make_vec_env(arms, 1).reset(options={"variant": 1})
