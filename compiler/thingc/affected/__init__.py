@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from thingc.affected.changes import NotARepository, changed_since
+from thingc.affected.changes import NotARepository, changed_since, git
 from thingc.affected.touched import Touched, touched
 
-__all__ = ["NotARepository", "Touched", "changed_since", "touched"]
+__all__ = ["NotARepository", "Touched", "changed_since", "git", "touched"]

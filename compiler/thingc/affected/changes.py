@@ -15,14 +15,15 @@ def changed_since(revision: str, folder: str) -> list[str]:
 
     Committed, uncommitted and untracked changes count, deleted files, too; ignored files do not. Raises `NotARepository`.
     """
-    base = _git(folder, "merge-base", "--end-of-options", revision, "HEAD").strip()
-    top = _git(folder, "rev-parse", "--show-toplevel").rstrip("\n")
-    names = _git(folder, "diff", "--name-only", "--no-renames", "-z", base, "--", ".").split("\0")
-    untracked = _git(folder, "ls-files", "--others", "--exclude-standard", "--full-name", "-z", "--", ".").split("\0")
+    base = git(folder, "merge-base", "--end-of-options", revision, "HEAD").strip()
+    top = git(folder, "rev-parse", "--show-toplevel").rstrip("\n")
+    names = git(folder, "diff", "--name-only", "--no-renames", "-z", base, "--", ".").split("\0")
+    untracked = git(folder, "ls-files", "--others", "--exclude-standard", "--full-name", "-z", "--", ".").split("\0")
     return sorted({os.path.join(top, name) for name in (*names, *untracked) if name})
 
 
-def _git(folder: str, *words: str) -> str:
+def git(folder: str, *words: str) -> str:
+    """What git prints of a command in a folder. Raises `NotARepository`."""
     if any("\0" in word for word in words):
         raise NotARepository("a revision has no NUL in its name")
     try:

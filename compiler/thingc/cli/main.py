@@ -23,6 +23,7 @@ COMMANDS = {
     "set": "write values into a document, at their paths; comments and layout stay",
     "fmt": "write documents in canonical layout; comments stay",
     "test": "run the tests that a document states of its robot",
+    "diff": "what a change of documents does to a robot: its parts, masses, joints, tests, prints",
     "info": "masses, links and joints of a robot, and where each number comes from",
     "render": "draw a picture of a robot in one of its poses",
     "hag": "print the assembly graph (text, DOT, Mermaid, SVG, GraphML or JSON)",
@@ -102,6 +103,7 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
         if leaving.code:
             raise
         return None
+    options.behind = list(words[words.index("--") + 1 :]) if "--" in words else []
     if unknown:
         from thingc.typos import nearest
 

@@ -21,6 +21,7 @@ from thingc.typos import did_you_mean
 
 if TYPE_CHECKING:
     from thingc.emit.artifact import Artifacts, Loss
+    from thingc.emit.bom import with_pieces
     from thingc.emit.html.target import Page, page_of, waiting
     from thingc.emit.manifest import versions
     from thingc.emit.mjcf.target import sources as model_sources
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "TARGETS", "Page", "chosen", "emitted", "emitter", "model_sources", "module_of", "modules_of", "number_text", "page_of", "targets",
-    "unknown", "versions", "waiting", "written",
+    "unknown", "versions", "waiting", "with_pieces", "written",
 ]
 
 GROUP = "thingc.emitters"
@@ -101,6 +102,10 @@ def __getattr__(name: str) -> Any:
         from thingc.emit.manifest import versions
 
         return versions
+    if name == "with_pieces":
+        from thingc.emit.bom import with_pieces
+
+        return with_pieces
     if name == "model_sources":
         from thingc.emit.mjcf.target import sources
 

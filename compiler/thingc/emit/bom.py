@@ -73,7 +73,12 @@ def listed(occurrence: Occurrence) -> bool:
 
 
 def items(assembly: Assembly) -> tuple[BomRow, ...]:
-    """The rows: printed, machined, then bought things, each in document order.
+    """The rows of `with_pieces`, without them."""
+    return tuple(row for row, _ in with_pieces(assembly))
+
+
+def with_pieces(assembly: Assembly) -> tuple[tuple[BomRow, tuple[Occurrence, ...]], ...]:
+    """The rows, each with its pieces: printed, machined, then bought things, each in document order.
 
     Occurrences are one row where nothing that a row says differs. A number comes from the document, else from the Thing; the
     others are counted 1, 2, 3 down the list, leaving out numbers that are taken.
@@ -85,7 +90,7 @@ def items(assembly: Assembly) -> tuple[BomRow, ...]:
     groups = sorted(rows.values(), key=lambda group: (_ORDER.get(make_of(group[0]), len(_ORDER)), group[0].index))
     numbers = _numbers([_said(group[0], "number") for group in groups])
     return tuple(
-        BomRow(
+        (BomRow(
             number=number,
             name=_name(group[0]),
             definition=group[0].definition.text,
@@ -96,7 +101,7 @@ def items(assembly: Assembly) -> tuple[BomRow, ...]:
             mass_source=group[0].mass_source,
             supplier=_said(group[0], "supplier"),
             cost=_said(group[0], "cost"),
-        )
+        ), tuple(group))
         for number, group in zip(numbers, groups, strict=True)
     )
 

@@ -10,17 +10,18 @@ if TYPE_CHECKING:
     from thingc.realize.lock.lock import read_lock
     from thingc.realize.service import GeometryService
     from thingc.realize.store.local import BlobMissing, Store, StoreUnusable
+    from thingc.realize.store.meshes import arrays
 
 _EXPORTS = {
     "ABSENT": "client", "BlobMissing": "store.local", "EndingWorkers": "client", "GeometryService": "service", "NoWorkers": "client",
-    "PartInputs": "inputs", "Store": "store.local", "StoreUnusable": "store.local", "Workers": "client", "part_inputs": "inputs",
-    "read_lock": "lock.lock",
+    "PartInputs": "inputs", "Store": "store.local", "StoreUnusable": "store.local", "Workers": "client", "arrays": "store.meshes",
+    "part_inputs": "inputs", "read_lock": "lock.lock",
 }
 """Exported name to the module that has it: whoever imports a module of this room needs few of the others."""
 
 __all__ = [
     "ABSENT", "BlobMissing", "EndingWorkers", "GeometryService", "NoWorkers", "PartInputs", "Store", "StoreUnusable", "Workers",
-    "part_inputs", "read_lock",
+    "arrays", "part_inputs", "read_lock",
 ]
 
 

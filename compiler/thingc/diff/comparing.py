@@ -1,0 +1,29 @@
+"""Two portraits -> all that changed, and what follows from it."""
+
+from __future__ import annotations
+
+from thingc.brief import Brief
+from thingc.diff.change import Change
+from thingc.diff.following import Farthest, compare_following
+from thingc.diff.pairing import Pairing
+from thingc.diff.portrait import Portrait
+from thingc.diff.stated import compare_stated
+from thingc.frozen import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison(Brief):
+    """What changed of one robot: what somebody changed first, then what follows; `unknown` says what could not be compared."""
+
+    name: str
+    changes: tuple[Change, ...]
+    unknown: tuple[str, ...] = ()
+
+
+def compare(old: Portrait, new: Portrait, farthest: Farthest = lambda old, new: None) -> Comparison:
+    """What changed from one portrait to another. `farthest` measures how far surfaces are apart; without it nothing says so."""
+    pairing = Pairing(old, new)
+    changes = compare_stated(pairing)
+    compare_following(pairing, changes, farthest)
+    found = sorted(changes.found, key=lambda change: change.caused)
+    return Comparison(name=new.name, changes=tuple(found), unknown=tuple(sorted(old.lacks | new.lacks)))

@@ -1,0 +1,413 @@
+"""What follows from changes: geometry, mounts, masses, places, links, the bill of materials, files to print anew, tests. Each with the
+changes that caused it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+
+from thingc.diff.change import Change, Told, What
+from thingc.diff.pairing import Pairing, equal, shared_order
+from thingc.diff.portrait import Leaf, Portrait, Row
+from thingc.diff.stated import Changes
+from thingc.inertia import MassProperties
+from thingc.pose import Pose, rpy_of
+from thingc.source import Span
+
+Farthest = Callable[[str, str], float | None]
+"""The largest distance [m] of two surfaces, by the SHA-256 of their meshes; None where they cannot be had."""
+
+MADE = ("part", "file", "assembly", "frame", "mirror", "faces", "unit")
+WEIGHED = ("mass.", "com.", "inertia.", "process.", "material")
+SHAPES = 1e-7
+"""By how much of itself an integral over a shape may differ that is the same: the kernel adds up faces in the order it meets them."""
+
+
+def compare_following(pairing: Pairing, changes: Changes, farthest: Farthest = lambda old, new: None) -> None:
+    """Adds what follows to the changes of what is stated."""
+    _Following(pairing, changes, farthest).all()
+
+
+class _Following:
+    def __init__(self, pairing: Pairing, changes: Changes, farthest: Farthest) -> None:
+        self.pairing, self.changes, self.farthest = pairing, changes, farthest
+        self.old: Portrait = pairing.old
+        self.new: Portrait = pairing.new
+        self.leaves = [
+            (leaf, self.new.leaves[there]) for path, leaf in self.old.leaves.items()
+            if (there := pairing.path("component", path)) is not None and there in self.new.leaves
+        ]
+        self._moved: dict[str, tuple[str, ...]] = {}
+
+    def all(self) -> None:
+        """Every kind, those that cause others first."""
+        for old, new in self.leaves:
+            self._geometry(old, new)
+            self._mounts(old, new)
+            self._mass(old, new)
+        if not (self.old.lacks or self.new.lacks):
+            self._places()
+            self._links()
+            self._whole()
+            self._rows()
+        self._coordinates()
+        self._outcomes()
+
+    def _add(
+        self, what: What, old: str, new: str, field: str, before: Told, after: Told, because: Iterable[str],
+        span: Span | None = None, change: str = "changed",
+    ) -> None:
+        self.changes.add(Change(
+            what=what, change=change, path=old, new_path=new if new != old else None, field=field, old=before, new=after,  # type: ignore[arg-type]
+            because=tuple(dict.fromkeys(because)), span=span,
+        ))
+
+    # --- parts -------------------------------------------------------------------------------------------------------
+
+    def _made(self, old: Leaf, new: Leaf) -> dict[str, None]:
+        """What gave a part another shape: what it is, and its parameters. Its code alone is the cause itself."""
+        paths = (old.path, new.path)
+        return self.changes.causes("component", paths, MADE) | self.changes.causes("parameter", paths, ("params.",))
+
+    def _geometry(self, old: Leaf, new: Leaf) -> None:
+        one, other = old.shape, new.shape
+        if one == other or one is None and other is None:
+            return
+        because, span = self._made(old, new), other.made if other is not None else None
+        if one is None or other is None:
+            volume, now = (None if shape is None else shape.volume for shape in (one, other))
+            self._add("geometry", old.path, new.path, "volume", volume, now, because, span)
+            return
+        alike = _near(one.inertia, other.inertia) and _near(one.centre, other.centre, _size(one.box))
+        fields: list[tuple[str, Told, Told]] = []
+        for field, size, now in (("volume", one.volume, other.volume), ("area", one.area, other.area)):
+            if not _near(size, now):
+                fields.append((field, size, now))
+        if not _near(one.box, other.box, _size(one.box)):
+            fields.append(("box", one.box, other.box))
+        if not fields and not alike:
+            fields.append(("centre", one.centre, other.centre))
+        distance = self.farthest(one.mesh, other.mesh) if fields and one.mesh is not None and other.mesh is not None else None
+        for field, before, after in fields:
+            self._add("geometry", old.path, new.path, field, before, after, because, span)
+        if distance:
+            self._add("geometry", old.path, new.path, "surface", distance, distance, because or [old.path], span)
+
+    def _mounts(self, old: Leaf, new: Leaf) -> None:
+        paths = (old.path, new.path)
+        because: dict[str, None] | None = None
+        for name in {**old.mounts, **new.mounts}:
+            before, after = old.mounts.get(name), new.mounts.get(name)
+            if before is not None and after is not None and _same_pose(before, after):
+                continue
+            if because is None:
+                because = self._made(old, new) or self.changes.causes("geometry", paths)
+            how = "added" if before is None else "removed" if after is None else "moved"
+            span = new.shape.made if new.shape is not None else None
+            self._add(
+                "mount", f"{old.path}/{name}", f"{new.path}/{name}", "pose", _told(before), _told(after), because, span, change=how,
+            )
+
+    def _mass(self, old: Leaf, new: Leaf) -> None:
+        if old.properties is None or new.properties is None:
+            return
+        fields = [*_masses(old.properties, new.properties, "")]
+        if old.source != new.source:
+            fields.append(("mass_source", old.source, new.source))
+        if not fields:
+            return
+        paths = (old.path, new.path)
+        materials = [one.material for one in (old, new) if one.material is not None]
+        because = {
+            **self._made(old, new), **self.changes.causes("component", paths, WEIGHED), **self.changes.causes("geometry", paths),
+            **self.changes.causes("material", materials, ("density", "process.")),
+        }
+        for field, before, after in fields:
+            self._add("mass", old.path, new.path, field, before, after, because)
+
+    # --- places ------------------------------------------------------------------------------------------------------
+
+    def _places(self) -> None:
+        """Where parts and frames are at q = 0, seen from the base, or from what it is now."""
+        base = next((leaf for leaf in self.old.leaves.values() if leaf.parent is None), None)
+        there = self.pairing.path("component", base.path) if base is not None else None
+        if base is None or there is None or base.place is None or there not in self.new.leaves:
+            return
+        seen = self.new.leaves[there].place
+        assert seen is not None
+        back = base.place @ seen.inverse()
+        for old, new in self.leaves:
+            if old.place is None or new.place is None:
+                continue
+            place = back @ new.place
+            if not _same_pose(old.place, place):
+                self._add(
+                    "component", old.path, new.path, "place", tuple(old.place.translation), tuple(place.translation),
+                    self._mover(new.path) or self.changes.structure(), change="moved",
+                )
+
+    def _mover(self, path: str) -> tuple[str, ...]:
+        """What moved a part of the new robot: something between it and the base."""
+        if path not in self._moved:
+            self._moved[path] = ()
+            leaf = self.new.leaves[path]
+            if leaf.parent is not None:
+                causes = dict.fromkeys(self._mover(leaf.parent))
+                old = self.pairing.old_component(path)
+                before = self.old.leaves.get(old) if old is not None else None
+                if before is None or not self._hangs_as_before(before, leaf):
+                    causes |= self._hung(leaf)
+                    if before is not None:
+                        causes |= self._hung(before)
+                self._moved[path] = tuple(causes)
+        return self._moved[path]
+
+    def _hangs_as_before(self, old: Leaf, new: Leaf) -> bool:
+        if old.parent is None or new.parent is None or self.pairing.path("component", old.parent) != new.parent:
+            return False
+        places = (self.old.leaves[old.parent].place, old.place, self.new.leaves[new.parent].place, new.place)
+        above, own, there, here = places
+        return above is not None and own is not None and there is not None and here is not None and _same_pose(
+            above.inverse() @ own, there.inverse() @ here,
+        )
+
+    def _hung(self, leaf: Leaf) -> dict[str, None]:
+        """What was changed where a part hangs: the mate, the joint, the mounts that meet, the parts that have them."""
+        ends = [leaf.path, *([leaf.parent] if leaf.parent is not None else [])]
+        above = [path for end in ends for path in _above(end)]
+        causes = self.changes.causes("mate", above) | self.changes.causes("mount", self._shown(above))
+        causes |= self.changes.causes("parameter", ends, ("params.",)) | self.changes.causes("geometry", ends)
+        causes |= self.changes.causes("component", ends, MADE)
+        if leaf.joint is not None:
+            coordinates = [leaf.joint, *(f"{leaf.joint}_{k}" for k in range(6))]
+            causes |= self.changes.causes("joint", coordinates, ("turn", "gap", "offset", "parent", "child", "type"))
+        return causes
+
+    def _shown(self, paths: Sequence[str]) -> list[str]:
+        """The paths of mounts of components."""
+        wanted = set(paths)
+        return [
+            path for change in self.changes.found if change.what == "mount"
+            for path in (change.path, change.new_path) if path is not None and path.rpartition("/")[0] in wanted
+        ]
+
+    # --- links and the whole -----------------------------------------------------------------------------------------
+
+    def _links(self) -> None:
+        """What links are called and which frame they have; and the masses of those of several parts."""
+        olds, news = ({link.frame: link for link in side.links} for side in (self.old, self.new))
+        for old, new in self.leaves:
+            one, other = olds.get(old.path), news.get(new.path)
+            names = [None if link is None or link.name == frame else link.name for link, frame in ((one, old.path), (other, new.path))]
+            if (one is None) != (other is None) or names[0] != names[1]:
+                before, after = (None if link is None else link.name for link in (one, other))
+                self._add("component", old.path, new.path, "link", before, after, self.changes.structure())
+            if one is None or other is None or len(one.members) == len(other.members) == 1:
+                continue
+            because: dict[str, None] | None = None
+            for field, before_, after_ in _masses(one.properties, other.properties, "link."):
+                if because is None:
+                    because = self._weighed([*one.members, *other.members]) or self.changes.structure()
+                self._add("mass", one.name, other.name, field, before_, after_, because)
+
+    def _weighed(self, paths: Sequence[str]) -> dict[str, None]:
+        causes = self.changes.causes("mass", paths)
+        causes |= self.changes.causes("component", [above for path in paths for above in _above(path)], ("place", *MADE))
+        return causes
+
+    def _whole(self) -> None:
+        if self.old.whole is None or self.new.whole is None:
+            return
+        fields = list(_masses(self.old.whole, self.new.whole, "robot."))
+        if fields:
+            because = self._weighed([*self.old.leaves, *self.new.leaves]) or self.changes.structure()
+            for field, before, after in fields:
+                self._add("mass", "", "", field, before, after, because)
+
+    def _coordinates(self) -> None:
+        """The order in which a mode's model has the coordinates that both robots have."""
+        known = {path: there for path in _joints(self.old) if (there := self.pairing.path("joint", path)) is not None}
+        for mode, names in self.old.coordinates.items():
+            there = self.pairing.path("mode", mode) or (mode if mode in self.new.coordinates else None)
+            if there is None or there not in self.new.coordinates:
+                continue
+            before = shared_order(names, known)
+            after = [name for name in self.new.coordinates[there] if name in set(before)]
+            if [name for name in before if name in set(after)] != after:
+                because = self.changes.causes("mode", [mode, there], ("root", "cut", "base")) or self.changes.structure()
+                self._add("mode", mode, there, "coordinates", tuple(names), tuple(self.new.coordinates[there]), because)
+
+    # --- what is made of it ------------------------------------------------------------------------------------------
+
+    def _rows(self) -> None:
+        """Lines of the bill of materials, by what they are of, and files of prints."""
+        olds, news = _by_definition(self.old.rows), _by_definition(self.new.rows)
+        renumbered: list[tuple[str, Row, Row]] = []
+        causes: dict[str, None] = {}
+        for definition in {**olds, **news}:
+            ones, others = olds.get(definition, []), news.get(definition, [])
+            for one, other in _paired(ones, others, lambda path: self.pairing.path("component", path)):
+                members = [*(one.members if one else ()), *(other.members if other else ())]
+                if one is None or other is None:
+                    because = self._listed(members)
+                    causes |= because
+                    row = one or other
+                    assert row is not None
+                    self.changes.add(Change(
+                        what="bom", change="removed" if other is None else "added", path=definition,
+                        old=one.quantity if one else None, new=other.quantity if other else None, because=tuple(because),
+                    ))
+                    continue
+                for field in ("quantity", "make", "material"):
+                    before, after = getattr(one, field), getattr(other, field)
+                    if before != after:
+                        because = self._listed(members)
+                        causes |= because
+                        self._add("bom", definition, definition, field, before, after, because)
+                if one.number != other.number:
+                    renumbered.append((definition, one, other))
+        for definition, one, other in renumbered:
+            because = self.changes.causes("bom", [*one.members, *other.members], ("bom.number",)) or causes
+            self._add("bom", definition, definition, "number", one.number, other.number, because)
+        self._prints()
+
+    def _listed(self, members: Sequence[str]) -> dict[str, None]:
+        """What changed that pieces are there, or what they are."""
+        materials = [
+            leaf.material for side in (self.old, self.new) for path in members
+            if (leaf := side.leaves.get(path)) is not None and leaf.material is not None
+        ]
+        return {
+            **self.changes.causes("component", members, (*MADE, *WEIGHED)), **self.changes.causes("parameter", members, ("params.",)),
+            **self.changes.causes("bom", members, ("bom.",)), **self.changes.causes("material", materials, ("process.",)),
+        }
+
+    def _prints(self) -> None:
+        olds, news = ({row.stem: row for row in side.rows if row.stem is not None} for side in (self.old, self.new))
+        for stem in {**olds, **news}:
+            one, other = olds.get(stem), news.get(stem)
+            path = f"stl/{stem}.stl"
+            if one is None or other is None:
+                row = one or other
+                assert row is not None
+                self.changes.add(Change(
+                    what="file", change="removed" if other is None else "added", path=path, because=tuple(self._listed(row.members)),
+                ))
+                continue
+            # the same text, and another shape: the code of the part is another one
+            because = self.changes.causes("geometry", [*one.members, *other.members])
+            if because and self._reshaped(one, other):
+                self.changes.add(Change(what="file", change="changed", path=path, because=tuple(because)))
+
+    def _reshaped(self, old: Row, new: Row) -> bool:
+        shapes = [side.leaves[row.members[0]].shape for side, row in ((self.old, old), (self.new, new))]
+        one, other = shapes
+        return one is not None and other is not None and not (
+            _near(one.volume, other.volume) and _near(one.area, other.area) and _near(one.inertia, other.inertia)
+            and _near(one.box, other.box, _size(one.box))
+        )
+
+    def _outcomes(self) -> None:
+        """Tests that come to something else."""
+        if self.old.outcomes is None or self.new.outcomes is None:
+            return
+        news = {(outcome.test, outcome.where): outcome for outcome in self.new.outcomes}
+        all_ = {
+            root: None for change in self.changes.found if change.what not in ("bom", "file", "test", "sensor")
+            for root in self.changes.roots(change)
+        }
+        for old in self.old.outcomes:
+            there = self.pairing.path("test", old.test)
+            where = ", ".join(
+                self.pairing.path("mode" if k == 0 else "pose", word) or word for k, word in enumerate(old.where.split(", "))
+            )
+            new = news.get((there, where)) if there is not None else None
+            if new is None or there is None:
+                continue
+            because = self.changes.causes("test", [old.test, there]) | all_
+            at = f" [{new.where}]" if new.where else ""
+            if old.passed != new.passed:
+                self._add("test", old.test, there, f"passed{at}", old.passed, new.passed, because)
+            for name in {**old.measured, **new.measured}:
+                before, after = old.measured.get(name), new.measured.get(name)
+                if before is None or after is None or not _near(before, after):
+                    self._add("test", old.test, there, f"measured.{name}{at}", before, after, because)
+
+
+def _masses(old: MassProperties, new: MassProperties, prefix: str) -> list[tuple[str, Told, Told]]:
+    """What is another in the mass of a body. What weighs nothing is nowhere."""
+    found: list[tuple[str, Told, Told]] = []
+    if not _near(old.mass, new.mass):
+        found.append((f"{prefix}mass", old.mass, new.mass))
+    if old.mass or new.mass:
+        if not all(abs(a - b) < 1e-9 for a, b in zip(old.centre, new.centre, strict=True)):
+            found.append((f"{prefix}centre", old.centre, new.centre))
+        if not _near(old.inertia, new.inertia):
+            found.append((f"{prefix}inertia", old.inertia, new.inertia))
+    return found
+
+
+def _near(old: Told, new: Told, scale: float = 0.0) -> bool:
+    """`equal` at the precision of integrals over shapes."""
+    if isinstance(old, tuple) and isinstance(new, tuple):
+        largest = max((abs(x) for one in (old, new) for x in _flat(one)), default=0.0)
+        return len(old) == len(new) and all(
+            _near(one, other, max(scale, largest)) for one, other in zip(old, new, strict=True)
+        )
+    if isinstance(old, (int, float)) and isinstance(new, (int, float)):
+        return abs(old - new) <= SHAPES * max(abs(old), abs(new), scale) or abs(old - new) < 1e-18
+    return equal(old, new)
+
+
+def _flat(value: Told) -> Iterable[float]:
+    if isinstance(value, tuple):
+        for one in value:
+            yield from _flat(one)
+    elif isinstance(value, (int, float)):
+        yield value
+
+
+def _size(box: tuple[Sequence[float], Sequence[float]]) -> float:
+    return max(b - a for a, b in zip(*box, strict=True))
+
+
+def _same_pose(old: Pose, new: Pose) -> bool:
+    return all(abs(a - b) < 1e-9 for a, b in zip(old.translation, new.translation, strict=True)) and all(
+        abs(a - b) < 1e-9 for one, other in zip(old.rotation, new.rotation, strict=True) for a, b in zip(one, other, strict=True)
+    )
+
+
+def _told(pose: Pose | None) -> Told:
+    return None if pose is None else (tuple(pose.translation), tuple(rpy_of(pose.rotation)))
+
+
+def _above(path: str) -> list[str]:
+    words = path.split("/")
+    return ["/".join(words[:count]) for count in range(len(words), 0, -1)]
+
+
+def _joints(portrait: Portrait) -> list[str]:
+    return [path for what, path in portrait.things if what == "joint"]
+
+
+def _by_definition(rows: Iterable[Row]) -> dict[str, list[Row]]:
+    found: dict[str, list[Row]] = {}
+    for row in rows:
+        found.setdefault(row.definition, []).append(row)
+    return found
+
+
+def _paired(olds: list[Row], news: list[Row], path: Callable[[str], str | None]) -> list[tuple[Row | None, Row | None]]:
+    """Lines of one definition in both lists: those of the same pieces, then in order."""
+    left, pairs = list(news), []
+    rest: list[Row] = []
+    for old in olds:
+        members = {path(member) for member in old.members}
+        same = next((new for new in left if members & set(new.members)), None)
+        if same is None:
+            rest.append(old)
+        else:
+            left.remove(same)
+            pairs.append((old, same))
+    both = min(len(rest), len(left))
+    pairs += zip(rest[:both], left[:both], strict=True)
+    return [*pairs, *((old, None) for old in rest[both:]), *((None, new) for new in left[both:])]

@@ -1,0 +1,217 @@
+"""An answer for people: lines for a terminal, and Markdown for the comment on a pull request."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+
+from thingc.brief import counted
+from thingc.diff.answer import Differences
+from thingc.diff.change import PERHAPS, Change, Told, What
+from thingc.diff.comparing import Comparison
+from thingc.frozen import dataclass
+from thingc.shown import shown
+from thingc.units import ANGLE, LENGTH, MASS, Dimension, Quantity
+
+MOVED = ": moved"
+NOTHING = "nothing changed in meaning"
+SHOWN = 3
+"""Paths of a line; others are counted."""
+FOLLOWING = 30
+"""Lines of what follows on a terminal."""
+LARGEST = 60_000
+"""Bytes of a comment."""
+
+_RANK: dict[What, int] = {
+    "test": 0, "mass": 1, "bom": 2, "file": 3, "joint": 4, "mode": 5, "pose": 6, "component": 7, "geometry": 8, "mate": 9, "parameter": 10,
+    "mount": 11, "material": 12, "sensor": 13,
+}
+"""What follows, the most important first."""
+_SIGNS = {"added": "+", "removed": "-", "renamed": "~", "moved": "~", "changed": " "}
+_TITLES: dict[What, str] = {
+    "test": "tests", "mass": "masses", "bom": "bill of materials", "file": "files to print anew", "joint": "joints", "mode": "modes",
+    "pose": "poses", "component": "places", "geometry": "geometry", "mate": "mates", "parameter": "parameters", "mount": "mounts",
+    "material": "materials", "sensor": "sensors",
+}
+_LENGTHS = ("xyz", "place", "centre", "box", "surface", "gap", "lead")
+_ANGLES = ("rpy", "turn", "fovy", "cone")
+_VOLUME, _AREA = Dimension(length=3), Dimension(length=2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sentence:
+    """Changes that say the same of several things: `paths` and what is said of them, `words`."""
+
+    what: What
+    sign: str
+    paths: tuple[str, ...]
+    words: str
+    because: tuple[str, ...]
+
+    @property
+    def named(self) -> str:
+        """The paths, so many as fit."""
+        named = ", ".join(path or "robot" for path in self.paths[:SHOWN])
+        more = len(self.paths) - SHOWN
+        return named if more <= 0 else f"{named} and {more} more"
+
+
+def as_text(answer: Differences) -> Iterator[str]:
+    """Lines for a terminal."""
+    for sign, names in (("+", answer.come), ("-", answer.gone)):
+        yield from (f"{sign} {name}" for name in names)
+    if not answer.documents and not answer.come and not answer.gone:
+        yield f"{answer.old} -> {answer.new}: {NOTHING}"
+    for name, comparison in answer.documents:
+        if not comparison.changes:
+            yield f"{name}: {NOTHING}"
+            continue
+        yield f"{name}: {answer.old} -> {answer.new}"
+        yield from (f"  {line.sign} {line.what} {line.named}{line.words}" for line in _made(comparison))
+        following = list(_following(comparison))
+        if following:
+            yield "  what follows:"
+            for line in following[:FOLLOWING]:
+                because = f" (because of {_listed(line.because)})" if line.because else ""
+                yield f"  {line.sign} {line.what} {line.named}{line.words}{because}"
+            if len(following) > FOLLOWING:
+                yield f"    and {counted(len(following) - FOLLOWING, 'line')} more, which --format json has"
+        yield from (f"  not compared: {unknown}" for unknown in comparison.unknown)
+
+
+def as_markdown(answer: Differences) -> str:
+    """Markdown for a comment: what somebody changed, then what follows, folded by kind; at most `LARGEST` bytes."""
+    for most in (10_000, 200, 50, 20, 5, 1):
+        text = "\n".join(_markdown(answer, most)) + "\n"
+        if len(text.encode()) <= LARGEST:
+            return text
+    return text.encode()[:LARGEST].decode(errors="ignore")
+
+
+def _markdown(answer: Differences, most: int) -> Iterator[str]:
+    yield f"### {_code(answer.old)} → {_code(answer.new)}"
+    for words, names in (("new", answer.come), ("gone", answer.gone)):
+        yield from (f"- {_code(name)} is {words}" for name in names[:most])
+    if not any(comparison.changes for _, comparison in answer.documents):
+        yield f"\n{NOTHING.capitalize()}." if not answer.come and not answer.gone else ""
+    for name, comparison in answer.documents:
+        if not comparison.changes:
+            continue
+        yield f"\n#### {_code(name)}\n"
+        yield from _items(list(_made(comparison)), most)
+        following: dict[What, list[Sentence]] = {}
+        for line in _following(comparison):
+            following.setdefault(line.what, []).append(line)
+        for what, lines in following.items():
+            yield f"\n<details><summary>{_TITLES[what]} ({sum(len(line.paths) for line in lines)})</summary>\n"
+            yield from _items(lines, most)
+            yield "\n</details>"
+        yield from (f"\nNot compared: {unknown}." for unknown in comparison.unknown)
+
+
+def _items(lines: Sequence[Sentence], most: int) -> Iterator[str]:
+    for line in lines[:most]:
+        because = f" — because of {_code(_listed(line.because))}" if line.because else ""
+        sign = {"+": "**new** ", "-": "**gone** ", "~": ""}.get(line.sign, "")
+        yield f"- {sign}{line.what} {_code(line.named)}{_code(line.words.strip(' :')) if line.words else ''}{because}".replace("``", "` `")
+    if len(lines) > most:
+        yield f"- and {len(lines) - most} more"
+
+
+def _code(text: str) -> str:
+    """A code span: what others wrote is no Markdown of ours."""
+    return f"`{shown(text).replace('`', chr(39))}`"
+
+
+def _listed(paths: Sequence[str]) -> str:
+    named = ", ".join(path or "robot" for path in paths[:SHOWN])
+    return named if len(paths) <= SHOWN else f"{named} and {len(paths) - SHOWN} more"
+
+
+def _made(comparison: Comparison) -> Iterator[Sentence]:
+    """What somebody changed."""
+    return _lines(change for change in comparison.changes if not change.caused)
+
+
+def _following(comparison: Comparison) -> Iterator[Sentence]:
+    """What follows, the most important first: what fails now, the whole robot before its parts."""
+    found = [change for change in comparison.changes if change.caused and not _of_a_part(change)]
+    found.sort(key=lambda c: (_RANK[c.what], not (c.field or "").startswith("passed"), c.path != ""))
+    return _lines(found)
+
+
+def _of_a_part(change: Change) -> bool:
+    """Where in a part its mass is, and how it turns: programs read that."""
+    return change.what == "mass" and change.field in ("centre", "inertia", "link.centre", "link.inertia")
+
+
+def _lines(changes: Iterable[Change]) -> Iterator[Sentence]:
+    grouped: dict[tuple[What, str, str], list[Change]] = {}
+    for change in changes:
+        grouped.setdefault((change.what, _SIGNS[change.change], _words(change)), []).append(change)
+    for (what, sign, words), ones in grouped.items():
+        if words == MOVED:
+            words = f": moved by up to {Quantity(max(_distance(one) for one in ones), LENGTH).shown(3)}"
+        paths = dict.fromkeys(one.path for one in ones)
+        causes = dict.fromkeys(word for one in ones for word in one.because if word != PERHAPS)
+        yield Sentence(what=what, sign=sign, paths=tuple(paths), words=words, because=tuple(causes))
+
+
+def _distance(change: Change) -> float:
+    """How far [m] something has moved."""
+    places = [value[0] if isinstance(value, tuple) and isinstance(value[0], tuple) else value for value in (change.old, change.new)]
+    old, new = ([x for x in place if isinstance(x, float)] if isinstance(place, tuple) else [] for place in places)
+    return math.dist(old, new) if len(old) == len(new) else 0.0
+
+
+def _words(change: Change) -> str:
+    """What is said of a thing."""
+    if change.change == "moved" and change.field in ("place", "pose"):
+        return MOVED
+    if change.change in ("added", "removed"):
+        label = change.new if change.change == "added" else change.old
+        return f" ({label})" if isinstance(label, (str, int)) and not isinstance(label, bool) else ""
+    if change.change in ("renamed", "moved") and change.field is None:
+        where = "is called" if change.change == "renamed" else "has moved to"
+        perhaps = f"{PERHAPS}, " if PERHAPS in change.because else ""
+        reason = f" ({perhaps}{change.reason})" if change.reason else ""
+        return f" {where} {change.new_path} now{reason}"
+    old, new = change.words or (_value(change.field or "", change.old), _value(change.field or "", change.new))
+    field = change.field or ""
+    if field == "surface":
+        return f": surfaces up to {new} apart"
+    if isinstance(change.old, bool) and field.startswith("passed"):
+        return f"{field.removeprefix('passed')}: {'passes' if change.new else 'FAILS'} now"
+    return f": {field} {old} -> {new}{_share(change.old, change.new)}"
+
+
+def _share(old: Told, new: Told) -> str:
+    """How much more or less, of masses and the like."""
+    if not isinstance(old, float) or not isinstance(new, float) or old == 0.0 or not math.isfinite(new / old):
+        return ""
+    share = 100.0 * (new / old - 1.0)
+    return f" ({share:+.3g} %)"
+
+
+def _value(field: str, value: Told) -> str:
+    """A value without a dimension of its own, by what it is called."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, tuple):
+        return "[" + ", ".join(_value(field, one) for one in value) + "]"
+    if isinstance(value, str):
+        return value
+    last = field.partition(" [")[0].rpartition(".")[2]
+    if last in ("mass", "value") and "mass" in field:
+        return str(Quantity(value, MASS))
+    if last == "value" and "com" in field or last in _LENGTHS:
+        return str(Quantity(value if abs(value) >= 1e-12 else 0.0, LENGTH))
+    if last in _ANGLES:
+        return str(Quantity(value, ANGLE))
+    if last == "volume":
+        return f"{value * 1e6:.4g} cm^3"
+    if last == "area":
+        return f"{value * 1e4:.4g} cm^2"
+    return f"{value:.6g}"

@@ -1,0 +1,117 @@
+"""What somebody changed is named, nothing else is, and what follows has its cause: in both directions."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from diff.cranes import CRANE, drawn, made, sound, write
+from thingc.diff import Portrait, compare
+
+Made = set[tuple[str, str, str, str | None]]
+
+
+@pytest.fixture(scope="module")
+def crane(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Portrait:
+    return drawn(write(tmp_path_factory.mktemp("crane")), shared_store)
+
+
+EDITS: dict[str, tuple[list[tuple[str, str]], Made]] = {
+    "a limit": ([("upper: 20 deg", "upper: 25 deg")], {("joint", "changed", "luff", "limit.upper")}),
+    "an effort, which its drive has, too": ([("effort: 9 N*m", "effort: 8 N*m")], {("joint", "changed", "luff", "limit.effort")}),
+    "a gain": ([("kp: 20", "kp: 30")], {("joint", "changed", "luff", "drive.kp")}),
+    "a parameter, and what it is used for": ([("value: 400 mm", "value: 450 mm")], {("parameter", "changed", "reach", "value")}),
+    "another expression": ([("half: =reach / 2", "half: =reach / 4")], {("parameter", "changed", "half", "value")}),
+    "a parameter of another name": (
+        [("  reach: {", "  length: {"), ("half: =reach", "half: =length"), ("[=reach,", "[=length,")],
+        {("parameter", "renamed", "reach", None)},
+    ),
+    "a mass": ([("value: 120 g", "value: 130 g")], {("component", "changed", "hook", "mass.value")}),
+    "a mount": ([("xyz: 0 0 500 mm", "xyz: 0 0 600 mm")], {("mount", "changed", "mast/head", "xyz")}),
+    "a part less": ([("count: 3", "count: 2")], {("component", "removed", "lamp_2", None)}),
+    "a part of another name": ([("  hook: {", "  grab: {")], {("component", "renamed", "hook", None)}),
+    "a part of another name and mass": (
+        [("  hook: {", "  grab: {"), ("value: 120 g", "value: 130 g")],
+        {("component", "renamed", "hook", None), ("component", "changed", "hook", "mass.value")},
+    ),
+    "an assembly of another name, in which nothing else is": (
+        [("  cabin: {assembly", "  hut: {assembly")], {("component", "renamed", "cabin", None)},
+    ),
+    "a joint of another name": (
+        [("  luff:\n", "  raise:\n"), ("{luff: -45", "{raise: -45"), ("drive: luff", "drive: raise")], {("joint", "renamed", "luff", None)},
+    ),
+    "a mate": ([("attach: {origin: boom.tip}", "attach: {mount: origin, to: boom.tip, gap: 5 mm}")], {("mate", "changed", "hook", "gap")}),
+    "another mount to meet": ([("attach: {origin: boom.tip}", "attach: {origin: mast.foot}")], {("mate", "changed", "hook", "to")}),
+    "a pose": ([("luff: -45 deg", "luff: -50 deg")], {("pose", "changed", "up", "luff")}),
+    "a root": ([("{root: mast,", "{root: boom,")], {("mode", "changed", "stand", "root")}),
+    "a mount that is shown": ([("mounts: {tip: boom.tip}", "mounts: {tip: boom.heel}")], {("mount", "changed", "tip", "of")}),
+    "a sensor less": ([("sensors: {tilt: {type: imu, at: tip}}\n", "")], {("sensor", "removed", "tilt", None)}),
+    "a test": ([("max: 2.6 kg", "max: 2.7 kg")], {("test", "changed", "light", "mass.max")}),
+    "the name": ([("name: crane", "name: derrick")], {("component", "changed", "", "name")}),
+}
+
+
+@pytest.mark.parametrize("name", EDITS)
+def test_an_edit_is_named_and_nothing_else(name: str, crane: Portrait, tmp_path: Path, shared_store: str) -> None:
+    edits, expected = EDITS[name]
+    assert made(sound(crane, drawn(write(tmp_path, *edits), shared_store))) == expected
+
+
+def test_an_edit_of_a_nested_document_is_named_where_it_stands(crane: Portrait, tmp_path: Path, shared_store: str) -> None:
+    new = drawn(write(tmp_path, cabin=(("value: 200 mm", "value: 220 mm"),)), shared_store)
+    comparison = sound(crane, new)
+    assert made(comparison) == {("parameter", "changed", "cabin/width", "value")}
+    assert {(c.what, c.path, c.because) for c in comparison.changes if c.caused and c.what in ("mount", "component")} == {
+        ("mount", "cabin/box/wall", ("cabin/width",)), ("component", "cabin/seat", ("cabin/width",)),
+    }
+
+
+def test_what_follows_has_its_cause(crane: Portrait, tmp_path: Path, shared_store: str) -> None:
+    comparison = sound(crane, drawn(write(tmp_path, ("value: 120 g", "value: 150 g"), ("value: 400 mm", "value: 450 mm")), shared_store))
+    follows = {(c.what, c.path, c.field): c for c in comparison.changes if c.caused}
+    assert set(follows[("mass", "", "robot.mass")].because) == {"hook", "reach"}
+    assert follows[("mass", "hook", "mass")].because == ("hook",)
+    place = follows[("component", "hook", "place")]
+    assert place.change == "moved" and place.because == ("reach",)
+    assert place.old == pytest.approx((0.0, 0.0, 0.1)) and place.new == pytest.approx((0.0, 0.0, 0.05))  # the boom hangs at q = 0
+    assert follows[("parameter", "half", "value")].because == ("reach",)
+    assert follows[("mount", "boom/tip", "xyz")].because == ("reach",)
+
+
+def test_what_is_renamed_says_by_what_it_is_known(crane: Portrait, tmp_path: Path, shared_store: str) -> None:
+    comparison = compare(crane, drawn(write(tmp_path, ("  hook: {", "  grab: {"), ("  lamp:\n", "  light:\n")), shared_store))
+    assert {(c.path, c.new_path, c.reason, c.because) for c in comparison.changes if c.path == "hook"} == {
+        ("hook", "grab", "the same definition, and it meets `boom` as before", ()),
+    }
+    # three lamps meet the boom in the same way: their places tell them apart, which is said with doubt
+    lamps = [c for c in comparison.changes if c.path.startswith("lamp")]
+    assert [(c.path, c.new_path, c.because) for c in lamps] == [(f"lamp_{i}", f"light_{i}", ("perhaps",)) for i in range(3)]
+    assert [c for c in comparison.changes if c.caused] == []
+
+
+REWRITES = {
+    "comments and empty lines": lambda text: re.sub(r"\n(?=[a-z]+:)", "\n# a remark\n\n", text),
+    "other units": lambda text: text.replace("400 mm", "0.4 m").replace("500 mm", "50 cm").replace("120 g", "0.12 kg"),
+    "other layout": lambda text: text.replace("{luff: -45 deg}, out: {}}", "\n    luff: -45 deg\n  out: {}\n").replace("{up: ", "\n  up: "),
+    "an anchor": lambda text: text.replace("{value: 2 kg, source: measured}", "&m {value: 2 kg, source: measured}"),
+    "a value worked out": lambda text: text.replace("max: 800 mm", "max: 0.8 m").replace("upper: 20 deg", "upper: =40 deg / 2"),
+    "keys in another order": lambda text: text.replace(
+        "upper: 20 deg, effort: 9 N*m", "effort: 9 N*m, upper: 20 deg").replace("lower: -60 deg, ", "lower: -60 deg, "),
+    "sections in another order": lambda text: "\n".join([
+        text.partition("\nmodes:")[0].rstrip("\n"), "tests:" + text.partition("\ntests:")[2].rstrip("\n"),
+        "modes:" + text.partition("\nmodes:")[2].partition("\ntests:")[0],
+    ]),
+    "poses and tests in another order": lambda text: text.replace("{up: {luff: -45 deg}, out: {}}", "{out: {}, up: {luff: -45 deg}}"),
+    "a mount by its other name": lambda text: text.replace("at: tip}", "at: boom.tip}"),
+}
+
+
+@pytest.mark.parametrize("name", REWRITES)
+def test_what_means_the_same_is_no_change(name: str, crane: Portrait, tmp_path: Path, shared_store: str) -> None:
+    text = REWRITES[name](CRANE)
+    assert text != CRANE
+    document = write(tmp_path)
+    document.write_text(text)
+    assert compare(crane, drawn(document, shared_store)).changes == ()

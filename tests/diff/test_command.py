@@ -1,0 +1,143 @@
+"""`thingc diff` at the command line: sides, forms, exit codes, and what is said of bad words."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from diff.cranes import CRANE, write
+from thingc.cli.main import main
+
+
+def git(folder: Path, *words: str) -> str:
+    return subprocess.run(
+        ["git", "-c", "user.name=a", "-c", "user.email=a@b.c", "-c", "commit.gpgsign=false", *words], cwd=folder, check=True,
+        capture_output=True, text=True,
+    ).stdout
+
+
+@pytest.fixture
+def repository(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shared_store: str) -> Path:
+    """The crane in a folder of a repository, with a branch on which its boom is longer."""
+    folder = tmp_path / "repository"
+    write(folder / "robots")
+    git(folder, "init", "-q", "-b", "main")
+    git(folder, "add", "-A")
+    git(folder, "commit", "-qm", "a crane")
+    git(folder, "checkout", "-qb", "longer")
+    write(folder / "robots", ("value: 400 mm", "value: 450 mm"))
+    (folder / "robots" / "lone.yaml").write_text("thingc: assembly/1\nname: lone\ncomponents: {a: {frame: true}}\n")
+    git(folder, "add", "-A")
+    git(folder, "commit", "-qm", "a longer boom")
+    monkeypatch.setenv("THINGC_STORE", shared_store)
+    monkeypatch.chdir(folder / "robots")
+    return folder
+
+
+def said(capsys: pytest.CaptureFixture[str], *words: str, code: int = 0) -> str:
+    assert main(["diff", *words]) == code
+    captured = capsys.readouterr()
+    return captured.out if code != 2 else captured.err
+
+
+def answer(capsys: pytest.CaptureFixture[str], *words: str, code: int = 0) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(said(capsys, "--format", "json", *words, code=code))
+    return found
+
+
+def test_two_revisions(repository: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Nothing is checked out; without documents those that the change concerns are compared."""
+    before = git(repository, "status", "--porcelain=v2", "--branch")
+    found = answer(capsys, "main..longer")
+    assert (found["old"], found["new"]) == ("main", "longer")
+    changes = {(c["what"], c["change"], c["path"], c["field"]): c for c in found["changes"]}
+    reach = changes["parameter", "changed", "reach", "value"]
+    assert reach == {
+        "what": "parameter", "change": "changed", "path": "reach", "new_path": None, "field": "value", "old": 0.4, "new": 0.45,
+        "because": [], "file": "crane.yaml", "line": CRANE[: CRANE.index("  reach:")].count("\n") + 1,
+    }
+    assert changes["file", "added", "lone.yaml", None]["because"] == []
+    assert all(c["because"] for key, c in changes.items() if key[0] not in ("parameter", "file"))
+    assert git(repository, "status", "--porcelain=v2", "--branch") == before
+
+
+def test_the_working_tree_and_one_document(repository: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert said(capsys, "HEAD", "--", "crane.yaml") == "crane.yaml: nothing changed in meaning\n"
+    assert said(capsys, "HEAD") == "HEAD -> working tree: nothing changed in meaning\n"
+    write(repository / "robots", ("value: 120 g", "value: 150 g"), ("value: 400 mm", "value: 450 mm"))
+    assert said(capsys, "--", "crane.yaml").splitlines()[:2] == [
+        "crane.yaml: HEAD -> working tree", "    component hook: mass.value 120 g -> 150 g (+25 %)",
+    ]
+    assert "parameter reach: value 400 mm -> 450 mm (+12.5 %)" in said(capsys, "main", "--", "crane.yaml")
+    assert {c["path"] for c in answer(capsys, "HEAD", "crane.yaml")["changes"] if not c["because"]} == {"hook"}
+
+
+def test_from_where_a_branch_left(repository: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    git(repository, "checkout", "-q", "main")
+    write(repository / "robots", ("max: 2.6 kg", "max: 2.7 kg"))
+    git(repository, "commit", "-qam", "a test")
+    made = [c["path"] for c in answer(capsys, "main...longer", "--", "crane.yaml")["changes"] if not c["because"]]
+    assert made == ["reach"]
+    made = [c["path"] for c in answer(capsys, "main..longer", "--", "crane.yaml")["changes"] if not c["because"]]
+    assert set(made) == {"reach", "light"}
+
+
+def test_what_must_not_change(tmp_path: Path, capsys: pytest.CaptureFixture[str], shared_store: str) -> None:
+    old, new = str(write(tmp_path / "old")), str(write(tmp_path / "new", ("value: 120 g", "value: 320 g")))
+    said(capsys, old, new, "--store", shared_store, "--fail-on", "joints,poses")
+    out = said(capsys, old, new, "--store", shared_store, "--fail-on", "joints", "--fail-on", "tests", code=1)
+    assert "test light: FAILS now (because of hook)" in out
+    said(capsys, old, new, "--store", shared_store, "--fail-on", "mass", code=1)
+    assert "test light" not in said(capsys, old, new, "--store", shared_store, "--no-tests", "--fail-on", "tests")
+    err = said(capsys, old, new, "--fail-on", "jionts", code=2)
+    assert "--fail-on: expected what may change, found `jionts`" in err and "did you mean `joints`?" in err
+
+
+def test_a_comment(tmp_path: Path, capsys: pytest.CaptureFixture[str], shared_store: str) -> None:
+    old, new = str(write(tmp_path / "old")), str(write(tmp_path / "new", ("value: 120 g", "value: 320 g")))
+    text = said(capsys, old, new, "--store", shared_store, "--format", "markdown")
+    assert "- component `hook` `mass.value 120 g -> 320 g (+167 %)`\n" in text
+    assert re.search(r"<details><summary>tests \(\d\)</summary>\n\n- test `light` `FAILS now` — because of `hook`\n", text)
+    assert text.count("<details>") == text.count("</details>") >= 2
+
+
+def test_a_side_that_does_not_compile(repository: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What is wrong with it is said, at its place in the revision."""
+    write(repository / "robots", ("parent: mast.head", "parent: mats.head"))
+    out = said(capsys, "main", "--", "crane.yaml", code=1)
+    assert "this document has no component `mats`" in out and "--> crane.yaml:" in out
+    git(repository, "commit", "-qam", "a slip")
+    out = said(capsys, "HEAD..main", "--", "crane.yaml", code=1)
+    assert "this document has no component `mats`" in out and "--> HEAD:robots/crane.yaml:" in out and "parent: mats.head" in out
+    diagnostics = answer(capsys, "HEAD..main", "--", "crane.yaml", code=1)["diagnostics"]
+    assert [d["code"] for d in diagnostics] == ["TC302"] and diagnostics[0]["line"] == CRANE[: CRANE.index("    parent:")].count("\n") + 1
+
+
+@pytest.mark.parametrize(("words", "message", "hint"), [
+    (["mian"], "there is no revision, document or build folder `mian`", "did you mean `main`?"),
+    (["main..longr"], "there is no revision, document or build folder `longr`", "did you mean `longer`?"),
+    (["crane.yaml", "cran.yaml"], "there is no document `cran.yaml`", "did you mean `crane.yaml`?"),
+    (["main", "--", "crain.yaml"], "there is no document `crain.yaml` in main or working tree", "did you mean `robots/crane.yaml`?"),
+    (["main", "longer", "HEAD"], "expected two sides, found 3 words", "documents that are compared in two revisions follow `--`"),
+    (["main", "--", "crane.yaml", "--format"], "there is no document `--format` in main or working tree", "known documents:"),
+    ([".", "crane.yaml"], "`.` is a folder without a manifest.json: no build", "name a folder that `thingc build` has written"),
+    (["crane.yaml", "cabin.yaml", "--", "crane.yaml"], "documents behind `--` are those of revisions", "thingc diff OLD.yaml NEW.yaml"),
+])
+def test_words_that_are_no_sides(
+    repository: Path, capsys: pytest.CaptureFixture[str], words: list[str], message: str, hint: str,
+) -> None:
+    err = said(capsys, *words, code=2)
+    assert f"error[TC801]: {message}" in err and hint in err
+
+
+def test_without_a_repository(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
+    err = said(capsys, "main", code=2)
+    assert "`main` is no file or folder here, and no revision: fatal: not a git repository" in err
+    assert "name two documents, or run this in a git repository" in err
