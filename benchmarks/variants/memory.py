@@ -1,4 +1,4 @@
-"""How many variants a second stay in memory: `python benchmarks/variants/memory.py [--count N]`.
+"""How many variants a second stay in memory: `python benchmarks/variants/memory.py [--count N] [--scale N]`.
 
 The arm of `throughput.py`, one mode, models without what is only drawn; per second of processor time. Four numbers differ in each variant
 (a mass, a damping, a limit, a pose):
@@ -8,6 +8,8 @@ The arm of `throughput.py`, one mode, models without what is only drawn; per sec
 - `results`: `evaluate(many)`, no model;
 - `fields`: `batched(many)`, the arrays in which they differ;
 - `a mesh`: another pen in each variant, of a few whose records are in the store and whose models are not kept;
+- `a part`: another reach in each variant, never the same twice, so that one part is modelled for each (by another process, whose processor
+  time counts);
 - `seen`: the model of a variant that was compiled before, as an environment asks for it when it is reset;
 
 and by hand, a mass in each, which stays where it is:
@@ -17,7 +19,8 @@ and by hand, a mass in each, which stays where it is:
 - `patched`: `body_mass` of one model, and `mj_setConst`; nothing else is what a compilation would give;
 - `copied`: a copy of one model.
 
-They take turns, in rounds; the median is given, and the worst and the best.
+They take turns, in rounds; the median is given, and the worst and the best. `--scale N` lends models of numbers to 1000, 10 000, ... N
+variants, one after the other from one family, and says how processor time per variant and memory grow.
 """
 
 from __future__ import annotations
@@ -34,7 +37,7 @@ from pathlib import Path
 from typing import Any
 
 import mujoco
-from throughput import workspace
+from throughput import FRESH, processor, resident, workspace
 
 import thingc
 from thingc.emit import model_sources
@@ -55,6 +58,11 @@ def numbers(index: int) -> dict[str, float]:
 def pen(index: int) -> dict[str, float]:
     """One of sixteen pens."""
     return {"pen_diameter": 0.010 + 0.0005 * (index % 16)}
+
+
+def reach(index: int) -> dict[str, float]:
+    """A reach that was never modelled before, on any machine."""
+    return {"reach": 0.070 + 0.045 * ((index + FRESH) * 0.6180339887498949 % 1.0)}
 
 
 def spent(family: thingc.RobotFamily, models: ModelsOfMode, indices: Iterator[int]) -> dict[str, Callable[[int], None]]:
@@ -104,6 +112,10 @@ def spent(family: thingc.RobotFamily, models: ModelsOfMode, indices: Iterator[in
             models._kept.clear()
             assert next(family.models([pen(index)], mode=MODE, share=True))
 
+    def parts(count: int) -> None:
+        for index in itertools.islice(indices, count):
+            assert next(family.models([reach(index)], mode=MODE, share=True))
+
     def seen(count: int) -> None:
         settings = [pen(index) for index in range(16)]
         for index in range(count):
@@ -112,7 +124,7 @@ def spent(family: thingc.RobotFamily, models: ModelsOfMode, indices: Iterator[in
     return {
         "lent": lent, "own": own, "results": lambda count: check(family.evaluate([numbers(k) for k in itertools.islice(indices, count)])),
         "fields": lambda count: (family.batched([numbers(k) for k in itertools.islice(indices, count)], mode=MODE), None)[1],
-        "a mesh": exchanged, "seen": seen,
+        "a mesh": exchanged, "a part": parts, "seen": seen,
         "template": each(template),
         "edited": each(edit), "patched": each(patch), "copied": each(lambda k: copy.copy(model)),
     }
@@ -123,7 +135,7 @@ def check(found: list[Any]) -> None:
     assert all(one.sound for one in found)
 
 
-SLOW = {"a mesh": 0.02, "template": 0.05, "edited": 0.1, "own": 0.3, "copied": 0.3}
+SLOW = {"a mesh": 0.02, "a part": 0.001, "template": 0.05, "edited": 0.1, "own": 0.3, "copied": 0.3}
 """Of how many of the variants the slower lanes are."""
 
 
@@ -131,6 +143,7 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=4000, help="variants of the quickest lanes, in each round (default: %(default)s)")
+    parser.add_argument("--scale", type=int, default=0, help="largest number of variants for growth (default: not measured)")
     parser.add_argument("--store", help="where modelled parts are kept")
     parser.add_argument("--verify", type=int, help="of so many models one is compared with a compilation (default: every 2^n-th)")
     arguments = parser.parse_args()
@@ -141,13 +154,29 @@ def main() -> None:
             rates: dict[str, list[float]] = {label: [] for label in lanes}
             for turn in range(-1, ROUNDS):
                 for label, make in lanes.items():
-                    count = max(int(arguments.count * SLOW.get(label, 1.0)), 16)
-                    begun = time.process_time()
+                    count = max(int(arguments.count * SLOW.get(label, 1.0)), 4 if label == "a part" else 16)
+                    clock = processor if label == "a part" else time.process_time
+                    begun = clock()
                     make(count)
                     if turn >= 0:
-                        rates[label].append(count / max(time.process_time() - begun, 1e-9))
+                        rates[label].append(count / max(clock() - begun, 1e-9))
             for label, found in rates.items():
-                print(f"{label:9}{statistics.median(found):10.0f}/s of processor time ({min(found):.0f} to {max(found):.0f})")
+                digits = 0 if min(found) > 20 else 1
+                median, *ends = (f"{rate:.{digits}f}" for rate in (statistics.median(found), min(found), max(found)))
+                print(f"{label:9}{median:>10}/s of processor time ({' to '.join(ends)})", flush=True)
+            grown(family, arguments.scale)
+
+
+def grown(family: thingc.RobotFamily, largest: int) -> None:
+    """Lend models to 1000, 10 000, ... `largest` variants; print what each takes of processor time, and by how much memory has grown."""
+    count = 1000
+    while count <= largest:
+        before, begun = resident(), time.process_time()
+        for model in family.models(map(numbers, range(count)), mode=MODE, share=True):
+            assert model
+        took = time.process_time() - begun
+        print(f"{count:8} variants: {1e6 * took / count:.1f} us of processor time for each, {resident() - before:+.1f} MB")
+        count *= 10
 
 
 if __name__ == "__main__":

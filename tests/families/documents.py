@@ -25,7 +25,8 @@ components:
   coupler: {{frame: true, mass: 0.2 kg, {INERTIA}, mounts: {{pin: {{xyz: 400 0 0 mm}}}}}}
   rocker: {{frame: true, mass: 0.3 kg, {INERTIA}, mounts: {{pin: {{xyz: 100 0 0 mm}}}}}}
   eye: {{frame: true, mass: 0.1 kg, {INERTIA}}}
-  wheel: {{frame: true, mass: 0.4 kg, {INERTIA}}}
+  wheel: {{frame: true, mass: 0.3 kg, {INERTIA}}}
+  flap: {{frame: true, mass: 0.1 kg, {INERTIA}}}
   tool: {{assembly: tool.yaml, at: {{in: wheel.origin, xyz: 0 0 20 mm}}}}
 joints:
   lift:
@@ -46,8 +47,18 @@ joints:
   swing: {{type: continuous, parent: base.far, child: rocker.origin}}
   pin: {{type: continuous, parent: coupler.pin, child: rocker.pin, loop: true}}
   neck: {{type: ball, parent: arm.end, child: eye.origin, limit: {{cone: 40 deg}}}}
+  flip:
+    type: revolute
+    parent: base.side
+    child: flap.origin
+    limit: {{lower: 0 deg, upper: 50 deg}}
+    drive: {{kind: motor, effort: 2 N*m}}
 mounts: {{hook: weight.origin, stand: base.origin}}
-sensors: {{imu: {{type: imu, at: weight.origin}}, turning: {{type: joint, joint: lift}}}}
+sensors:
+  imu: {{type: imu, at: weight.origin}}
+  turning: {{type: joint, joint: lift}}
+  pull: {{type: force, at: stand}}
+  view: {{type: camera, at: eye.origin, fovy: 60 deg}}
 poses:
   level: {{lift: 60 deg}}
   low: {{lift: -20 deg, turn: 5 deg}}
@@ -55,12 +66,19 @@ modes:
   standing: {{root: base, base: fixed, pose: level, at: {{rpy: 90 0 0 deg}}}}
   hanging: {{root: arm, base: held, pose: low}}
   loose: {{root: base, base: free, pose: level, at: {{xyz: 0 0 500 mm}}, gravity: 0 0 -1.6 m/s^2}}
+  stuck:
+    root: stand
+    base: held
+    pose: low
+    gravity: wall
+    hold: {{hook: here}}
+    contacts: {{adhesion: {{stand: 300 N, hook: 20 N}}, exclude: [[arm, coupler]]}}
 simulation: {{timestep: 2 ms, integrator: implicitfast}}
 raw: {{mjcf: {{joint: {{lift: {{solreflimit: 0.01 1}}}}}}}}
 tests:
   light: {{mass: {{max: 5 kg}}}}
 """
-"""Loops, a mimic, a ball, drives of two kinds, sensors, raw attributes, and bases of three kinds."""
+"""Loops, a mimic, a ball, drives of three kinds, sensors of four, raw attributes, bases of three kinds; one mode adheres and holds."""
 
 TOOL = f"""\
 thingc: assembly/1

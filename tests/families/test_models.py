@@ -23,6 +23,7 @@ NUMBERS: dict[str, float] = {
     "joints.gear.dynamics.armature": 0.001, "joints.turn.drive.kv": 2.0, "joints.neck.limit.cone": 0.7, "poses.low.lift": -0.35,
     "defaults.joint.dynamics.damping": 0.1, "teeth": 3.1,
     "components.tool.joints.close.dynamics.damping": 0.05, "components.tool.components.finger.mass": 0.05,
+    "modes.stuck.contacts.adhesion.hook": 20.0, "joints.flip.drive.effort": 2.0,
 }
 """What is set, about what the document says."""
 
@@ -51,18 +52,20 @@ UNITS = {
     "joints.lift.limit.upper": "rad", "joints.lift.limit.velocity": "rad/s", "joints.gear.mimic.offset": "rad",
     "joints.gear.dynamics.armature": "kg*m^2", "joints.turn.drive.kv": "N*m*s/rad", "joints.neck.limit.cone": "rad",
     "poses.low.lift": "rad", "defaults.joint.dynamics.damping": "N*m*s/rad", "teeth": "",
-    "components.tool.components.finger.mass": "kg",
+    "components.tool.components.finger.mass": "kg", "modes.stuck.contacts.adhesion.hook": "N", "joints.flip.drive.effort": "N*m",
 }
 
 
-@pytest.mark.parametrize("mode", ["standing", "hanging", "loose"])
-def test_models_are_the_compiled_ones(everything: thingc.RobotFamily, mode: str) -> None:
-    many = settings(12, 1)
+@pytest.mark.parametrize(("mode", "count"), [("standing", 12), ("hanging", 12), ("loose", 12), ("stuck", 5)])
+def test_models_are_the_compiled_ones(everything: thingc.RobotFamily, mode: str, count: int) -> None:
+    """What is held where it is in a pose is worked out step by step, which other numbers may take more or fewer of: in the last mode."""
+    many = settings(count, 1)
     for one, model in zip(many, everything.models(many, mode=mode, share=True, visual=True), strict=True):
         assert isinstance(model, mujoco.MjModel)
         assert differing(model, compiled(everything, one, mode)) == []
     form = everything._of(mode, True).form(everything._reader.read(many[0]))
-    assert len(form.plans) == 1 and form.refused is None and form.why == {}
+    assert form.refused is None and form.why == {} and (len(form.plans) == 1 or mode == "stuck")
+    assert form.plans and form.plan_for(everything._reader.read(many[-1])) is not None
 
 
 def test_a_shared_model_is_lent_and_others_are_one_s_own(everything: thingc.RobotFamily) -> None:

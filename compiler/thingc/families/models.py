@@ -33,6 +33,9 @@ MESH_BYTES = 256_000_000
 KEPT = 32
 """Compiled models that are kept: a learner comes back to the morphologies that it has seen."""
 
+FIRST = (1, 2, 4)
+"""Which models of a plan that exchanges parts are compared with compilations, however many others there have been."""
+
 Item = tuple[Mapping[str, Any], Read]
 
 
@@ -57,7 +60,7 @@ class ModelsOfMode:
         """The models, in order; shared ones are lent until the next."""
         waiting: list[tuple[Item, Recipe[Any], tuple[float, ...]]] = []
         for item in many:
-            found = self._planned(item[1])
+            found = None if self._is_kept(item[1]) else self._planned(item[1])
             if waiting and (found is None or found[0] is not waiting[0][1] or len(waiting) == TOGETHER):
                 yield from self._together(waiting, share)
                 waiting = []
@@ -75,6 +78,10 @@ class ModelsOfMode:
                 self.forms.clear()
             self.forms[key] = Form()
         return self.forms[key]
+
+    def _is_kept(self, read: Read) -> bool:
+        """Whether a compiled model is at hand, and none that only needs its arrays written."""
+        return read in self._kept and not any(isinstance(plan.made, Arrays) for plan in self.form(read).plans)
 
     def _planned(self, read: Read) -> tuple[Recipe[Arrays | TextTemplate], tuple[float, ...]] | None:
         if read.report is not None or not read.names:
@@ -182,16 +189,18 @@ class ModelsOfMode:
                 for wrong, _, _ in waiting[index:]:
                     yield self._passed(wrong, share)
                 return
+            if share and prepared is None:
+                self._keep(item[1], model)
             yield model if share or prepared is None else copy.copy(model)
 
     def _right(self, read: Read, plan: Recipe[Any], model: mujoco.MjModel) -> bool:
-        """Whether the model of a plan is the compiled one, where it is time to look (where parts are exchanged the models of each plan are
-        counted by themselves, too); a plan whose model is another one is given up."""
+        """Whether the model of a plan is the compiled one, where it is time to look (where parts are exchanged at the first of each
+        plan, too); a plan whose model is another one is given up."""
         self._made += 1
         due = _at_times(self._made) if self.verify is None else self.verify > 0 and self._made % self.verify == 0
         if plan.exchange is not None:
             plan.exchange.uses += 1
-            due = due or (self.verify != 0 and _at_times(plan.exchange.uses))
+            due = due or (self.verify != 0 and plan.exchange.uses in FIRST)
         if not due:
             return True
         whole = self._compiled(read)
@@ -210,11 +219,16 @@ class ModelsOfMode:
             found = self._compiled(read)
             if isinstance(found, tuple):
                 return NoModel(settings=settings, problems=found)
-            known = self._kept[read] = found
-            if len(self._kept) > KEPT:
-                self._kept.popitem(last=False)
-        self._kept.move_to_end(read)
+            known = found
+        self._keep(read, known)
         return known if share else copy.copy(known)
+
+    def _keep(self, read: Read, model: mujoco.MjModel) -> None:
+        """Note a model that nobody changes."""
+        self._kept[read] = model
+        self._kept.move_to_end(read)
+        if len(self._kept) > KEPT:
+            self._kept.popitem(last=False)
 
     # --- through every pass ---------------------------------------------------------------------------------------------
 
