@@ -113,7 +113,7 @@ READERS = (
     Reader(
         "mjx", (COMPAT,), ("mujoco-mjx==3.17.0", "mujoco==3.17.0"),
         "takes models and scenes that are written for it; counts in doubles here; models are stepped without contacts, for which it would "
-        "compile a function for every pair of meshes",
+        "compile a function for every pair of meshes, and with pyramidal cones, for it steps elliptic ones beside contacts only",
         refuses="mjTRN_BODY",
     ),
     Reader(

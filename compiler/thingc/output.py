@@ -1,4 +1,4 @@
-"""The build folder: it appears as a whole, or it stays as it was. (So does the folder of a new workspace.)
+"""The build folder: it appears as a whole, or it stays as it was. (So does the folder of a new workspace, unless it is there.)
 
 A build is written into a hidden folder beside its place and the two change places in one step of the system
 (`renameat2(RENAME_EXCHANGE)`; where that is not to be had two renames, which the next run mends). After a kill at any
@@ -131,10 +131,10 @@ def write_new(folder: str, files: Mapping[str, bytes], finish: Callable[[str], N
     """Make a folder that is not there, or has nothing in it but `.git`, with `files` (by path in it, with `/`); its absolute path. Folders
     above it are made. `finish` is called with the folder where all of this is written aside, and may write there, too.
 
-    A new folder appears at once. One that is there stays the one that it is, for somebody may be in it: the files are moved into it, one
-    after the other.
+    A new folder appears at once. Into one that is there, for somebody may be in it, files are moved one after the other; what lies there
+    just as it would be written stays, so that another run goes on where one was killed.
 
-    Raises `OutputError` where there is something already, or the system refuses.
+    Raises `OutputError` where there is something else already, or the system refuses.
     """
     folder = os.path.realpath(folder)
     place, there = shown_path(folder), os.path.isdir(folder)
@@ -143,11 +143,6 @@ def write_new(folder: str, files: Mapping[str, bytes], finish: Callable[[str], N
         aside = os.path.join(folder, os.path.basename(folder)) if there else folder
         with _locked(aside, None):
             fresh = _beside(aside, "new")
-            ours = {KEPT, *(os.path.basename(_beside(aside, what)) for what in ("lock", "new"))}
-            others = sorted(set(os.listdir(folder)) - ours) if there else []
-            if others:
-                named = ", ".join(f"`{name}`" for name in others[:3]) + (f" and {len(others) - 3} more" if len(others) > 3 else "")
-                raise OutputError(f"the folder `{place}` has something in it already: {named}", "choose another name, or move that away")
             if not there and os.path.lexists(folder):
                 raise OutputError(f"`{place}` is there already: a file", "choose another name, or move it away")
             _delete(fresh)
@@ -155,7 +150,13 @@ def write_new(folder: str, files: Mapping[str, bytes], finish: Callable[[str], N
                 _write_files(fresh, files, None)
                 finish(fresh)
                 if there:
-                    _move_into(folder, fresh)
+                    ours = {KEPT, *(os.path.basename(_beside(aside, what)) for what in ("lock", "new"))}
+                    before = sorted(set(os.listdir(folder)) - ours)
+                    others = [name for name in before if not _alike(os.path.join(folder, name), os.path.join(fresh, name))]
+                    if others:
+                        message = f"the folder `{place}` has something in it already: {_enumerated(others)}"
+                        raise OutputError(message, "choose another name, or move that away")
+                    _move_into(folder, fresh, sorted(set(os.listdir(fresh)) - set(before)))
                 else:
                     os.rename(fresh, folder)
             finally:
@@ -167,9 +168,8 @@ def write_new(folder: str, files: Mapping[str, bytes], finish: Callable[[str], N
     return folder
 
 
-def _move_into(folder: str, fresh: str) -> None:
-    """Move what is in `fresh` into a folder that has nothing of these names; interrupted, it leaves the folder as it was."""
-    names = sorted(os.listdir(fresh))
+def _move_into(folder: str, fresh: str, names: Sequence[str]) -> None:
+    """Move what `fresh` has by these names into a folder that has none of them; interrupted, it leaves the folder as it was."""
     try:
         for name in names:
             os.rename(os.path.join(fresh, name), os.path.join(folder, name))
@@ -178,6 +178,16 @@ def _move_into(folder: str, fresh: str) -> None:
             if not os.path.lexists(os.path.join(fresh, name)):
                 _delete(os.path.join(folder, name))
         raise
+
+
+def _alike(one: str, other: str) -> bool:
+    """Whether two files have the same content, or two folders the same files; links are like nothing."""
+    if os.path.isdir(one) and os.path.isdir(other) and not os.path.islink(one):
+        names = set(os.listdir(one))
+        return names == set(os.listdir(other)) and all(_alike(os.path.join(one, name), os.path.join(other, name)) for name in names)
+    import filecmp  # late: only `thingc new` compares
+
+    return os.path.isfile(other) and _is_plain(one) and filecmp.cmp(one, other, shallow=False)
 
 
 def build_folder(parent: str, name: str) -> str:

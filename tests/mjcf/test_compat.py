@@ -193,6 +193,23 @@ def test_mjx_takes_no_fluid_with_implicitfast_nor_the_integrator_implicit(store:
     assert [one.message for one in request.report.diagnostics] == ["MJX will refuse mode `bench`: it has no `density` with `implicitfast`"]
 
 
+def test_mjx_takes_elliptic_cones_beside_contacts_only(store: Store) -> None:
+    """Where nothing can touch the cones are left out, which changes nothing; where only the floor of the scene is touched, it is said that
+    the model alone is refused."""
+    why = "without the floor of the scene it has no contacts, and it steps elliptic cones beside contacts only"
+    refused = f"MJX will refuse mode `bench`: {why}"
+    for shapes, base, said, elliptic in (
+        (("none", "none"), "fixed", [], False), (("box", "box"), "fixed", [], True), (("box", "box"), "free", [refused], True),
+    ):
+        request, models = emitted(robot(store, *shapes, simulation={"cone": "elliptic"}), store, ["mjx"], ("bench", base))
+        assert [one.message for one in request.report.diagnostics] == said, shapes
+        model = compiled(request, models)
+        assert (model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC) == elliptic
+        assert [one for one in lost(models) if "cone" in one[1]] == []
+        silent, plain = emitted(robot(store, *shapes, simulation={"cone": "elliptic"}), store, [], ("bench", base))
+        assert not silent.report.diagnostics and compiled(silent, plain).opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
+
+
 def test_names_for_pymjcf_have_no_slash(store: Store) -> None:
     """And nothing else is different: MuJoCo reads the same robot."""
     made = robot(store, "box", "cylinder", "hull")

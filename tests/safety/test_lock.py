@@ -265,6 +265,14 @@ def test_a_broken_lock_is_a_warning_where_code_may_run(workspace: Path, tmp_path
 def test_a_part_that_cannot_be_made_is_not_locked(workspace: Path, shared_store: str) -> None:
     before = (workspace / "parts.lock.json").read_bytes()
     (workspace / "parts" / "torn.py").write_text("from thingc import Thing\n\n\nclass Torn(Thing):\n    x = 1 / 0\n")
+    (workspace / "parts" / "short.py").write_text(
+        "from build123d import Box\nfrom thingc import Length\n\n\ndef short(length: Length = 10):\n"
+        "    if length > 50:\n        raise ValueError('too long')\n    return Box(length, 1, 1)\n"
+    )
+    (workspace / "assemblies" / "long.yaml").write_text(
+        "thingc: assembly/1\nname: long\ncomponents: {rod: {part: short:short, params: {length: 60 mm}, mass: 1 g}}\n"
+    )
     done = ran(["lock", "--store", shared_store], workspace)
     assert done.code == 1 and "`torn:Torn` cannot be locked: ZeroDivisionError" in done.err
+    assert "`short:short(length=60 mm)` cannot be locked: ValueError: too long\n   --> parts/short.py:7:1\n" in done.err
     assert (workspace / "parts.lock.json").read_bytes() == before

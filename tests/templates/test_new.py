@@ -210,3 +210,37 @@ def test_interrupted_while_it_moves_files_into_a_folder_it_leaves_that_as_it_was
     monkeypatch.setattr("os.rename", interrupt)
     assert main(["new", "rover", "--template", "empty"]) == 130
     assert len(moved) == 3 and os.listdir(here) == ["rover"] and os.listdir(here / "rover") == [".git"]
+
+
+def test_killed_while_it_moves_files_into_a_folder_it_goes_on_when_it_is_called_again(
+    here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["new", "whole/rover", "--template", "empty"]) == 0
+    (here / "rover/.git").mkdir(parents=True)
+    rename = os.rename
+
+    def killed(old: str, new: str) -> None:
+        rename(old, new)
+        if new.endswith("README.md"):
+            os._exit(137)
+
+    child = os.fork()
+    if not child:
+        monkeypatch.setattr("os.rename", killed)
+        main(["new", "rover", "--template", "empty"])
+        os._exit(0)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 137
+    left = {name for name in os.listdir(here / "rover") if "thingc-" not in name}
+    assert "README.md" in left and "rover.yaml" not in left
+
+    (here / "rover/.gitignore").write_text("mine\n")
+    assert main(["new", "rover", "--template", "empty"]) == 2
+    assert "the folder `rover` has something in it already: `.gitignore`\n" in capsys.readouterr().err
+    shutil.copy(here / "whole/rover/.gitignore", here / "rover")
+    assert main(["new", "rover", "--template", "empty"]) == 0
+    (here / "rover/.git").rmdir()
+    whole, made = (
+        {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+        for folder in (here / "whole/rover", here / "rover")
+    )
+    assert made == whole

@@ -273,7 +273,9 @@ def print_text(diagnostics: Sequence[Diagnostic], *, stream: TextIO, debug: bool
         return
     color = stream.isatty() and "NO_COLOR" not in os.environ
     print(as_text(diagnostics, color=color, debug=debug, texts=texts), file=stream)
-    print(summary(diagnostics), file=stream)
+    counts = summary(diagnostics)
+    if counts:
+        print(counts, file=stream)
 
 
 def print_json(diagnostics: Sequence[Diagnostic], **more: object) -> None:

@@ -9,7 +9,8 @@ from thingc.pose import NO_POSE, Vector
 from thingc.resolve.layers import Layers
 from thingc.resolve.materials import process
 from thingc.resolve.model import BomEntry, ExtraMount, Material, Overrides, StatedValue
-from thingc.resolve.repeats import RESERVED, check_names
+from thingc.resolve.references import ORIGIN
+from thingc.resolve.repeats import check_names
 from thingc.resolve.scope import Scope
 from thingc.resolve.table import Node
 from thingc.source import Path
@@ -131,13 +132,14 @@ def material(scope: Scope, layers: Layers, known: dict[str, Material | None], *,
 
 
 def extra_mounts(node: Node) -> dict[str, ExtraMount]:
-    """The mounts that the document adds; one whose place is wrong is reported, and stays at the component's origin."""
+    """The mounts that the document adds. One whose place is wrong is reported, and stays at the component's origin; one of a reserved name
+    is reported, and stays, so that it is known where it is used."""
     scope = node.scope
     path: Path = (*node.path, "mounts")
     check_names(scope, [(name, (*path, name), "a mount") for name in node.spec.mounts])
     mounts: dict[str, ExtraMount] = {}
     for name, spec in node.spec.mounts.items():
-        if name in RESERVED:
+        if name == ORIGIN:  # every component has it, as it is
             continue
         at = (*path, name)
         pose = scope.pose(spec.xyz, (*at, "xyz"), spec.rpy, (*at, "rpy"))

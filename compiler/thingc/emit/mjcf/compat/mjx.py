@@ -6,7 +6,7 @@ Pairs of shapes are those of `collision_driver.py`, options and kinds of actuato
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from thingc.emit.artifact import Loss
 from thingc.emit.mjcf import holding
@@ -32,6 +32,7 @@ def _suit(robot: Robot, root: Element) -> Iterator[Loss]:
     yield from _integrator(robot, root)
     yield from _prisms(root)
     _margins(root)
+    _cones(root)
     if not _needed(robot):
         yield from _adhesions(robot, root)
 
@@ -51,7 +52,15 @@ def _refuses(robot: Robot, root: Element) -> Iterator[Refusal]:
             if any(float(value) for value in option.attributes.get(name, "0").split()):
                 raw = option.raw[name].attribute
                 yield Refusal(what=f"it has no `{name}` with `implicitfast`", origin=raw.origin, path=name, hint=f"leave `{name}` out")
-    for one, other in _distinct(pairs(root)):
+    touching = list(pairs(root))
+    if option is not None and option.attributes.get("cone") == "elliptic" and all(one.element is None for one, _ in touching):
+        said = option.raw.get("cone")
+        yield Refusal(
+            what="without the floor of the scene it has no contacts, and it steps elliptic cones beside contacts only",
+            origin=robot.mode.origin if said is None else said.attribute.origin, path="cone",
+            hint=f"load `scene_{robot.mode.name}.xml`, or write `cone: pyramidal` under `simulation`",
+        )
+    for one, other in _distinct(touching):
         blamed = other if one.element is None else one
         assert blamed.element is not None
         name = blamed.element.attributes.get("name", "")
@@ -87,7 +96,7 @@ class _Kind:
     raw: bool
 
 
-def _distinct(found: Iterator[tuple[Touching, Touching]]) -> Iterator[tuple[Touching, Touching]]:
+def _distinct(found: Iterable[tuple[Touching, Touching]]) -> Iterator[tuple[Touching, Touching]]:
     """One pair for all that are refused for the same reason."""
     seen: set[tuple[_Kind, _Kind]] = set()
     for pair in found:
@@ -161,6 +170,14 @@ def _margins(root: Element) -> None:
             geom = element.find("geom") if element.attributes.get("class") == holding.CLASS else None
             if element.tag == "default" and geom is not None and "margin" not in geom.raw:
                 geom.attributes.pop("margin", None)
+
+
+def _cones(root: Element) -> None:
+    """Without elliptic cones where nothing can touch, not even in the scene: there are no contacts for them to be of."""
+    option = root.find("option")
+    if option is not None and option.attributes.get("cone") == "elliptic" and next(pairs(root), None) is None:
+        del option.attributes["cone"]
+        option.attributes.pop("impratio", None)
 
 
 def _needed(robot: Robot) -> list[str]:
