@@ -15,6 +15,7 @@ import pytest
 from thingc.cli.main import main
 from thingc.diagnostics import Code
 from thingc.emit import TARGETS, written
+from thingc.load.finding import MOST_FOLDERS
 
 HERE = Path(__file__).resolve().parent
 GOOD = (HERE / "load" / "good.yaml").read_text()
@@ -144,6 +145,8 @@ def test_a_document_is_meant_that_lies_elsewhere_in_the_workspace(
     (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
     (tmp_path / "empty").mkdir()
     (tmp_path / "legged").mkdir()
+    for number in range(MOST_FOLDERS):  # what lies deep in one folder keeps nobody from looking into the next
+        (tmp_path / f"full/{number}").mkdir(parents=True)
     (tmp_path / "notes.yaml").write_text("no: document\n")
     for name in ("hexapod", "leg"):
         (tmp_path / f"legged/{name}.yaml").write_text("thingc: assembly/1\n")

@@ -168,6 +168,8 @@ def test_a_chain_that_is_too_long(tmp_path: Path) -> None:
     ("---\n", Code.NOT_A_MAPPING, "the document is empty", "begin with `thingc: assembly/1`", (1, 1)),
     ("- a\n", Code.NOT_A_MAPPING, "a document is a mapping, found a list", "begin with `thingc: assembly/1`", (1, 1)),
     ("words\n", Code.NOT_A_MAPPING, "a document is a mapping, found text", "begin with `thingc: assembly/1`", (1, 1)),
+    ('thingc = "assembly/1"\n[components]\n', Code.NOT_A_MAPPING, "a document is a mapping, found text",
+     "TOML lies in files called `.toml`: call it `a.toml`, or begin with `thingc: assembly/1`", (1, 1)),
     ("thingc:assembly/1\n", Code.NOT_A_MAPPING, "a document is a mapping, found text",
      "a space is missing after the `:`: `thingc: assembly/1`", (1, 1)),
     ("name: x\n", Code.HEADER, "the key `thingc`, which says kind and version, is missing", "begin with `thingc: assembly/1`",

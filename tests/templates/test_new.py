@@ -100,6 +100,11 @@ def test_what_is_written_beside_the_robot(template: str, here: Path, capsys: pyt
     for text in (said, readme):
         commands = re.findall(r"^ *thingc (\w+) rover\.yaml ", text, re.MULTILINE)
         assert commands[:2] == ["check", "view"] and {"build", "test", "watch"} <= set(commands) <= set(COMMANDS)
+    steps = re.findall(r"^  python (.+?)   ", said, re.MULTILINE)
+    assert len(steps) == 1 and (steps == ["walk.py"]) == (template == "legged")
+    if template != "legged":  # the scene of the first mode
+        first = next(iter(YAML(typ="safe").load((folder / "rover.yaml").read_text())["modes"]))
+        assert steps == [f"-m mujoco.viewer --mjcf=build/rover/mjcf/scene_{first}.xml"]
     for target in re.findall(r"\]\(([^)]+)\)", readme):
         assert target.startswith("https://") or (folder / target).exists()
     settings = json.loads((folder / ".vscode/settings.json").read_text())["yaml.schemas"]

@@ -132,9 +132,14 @@ def _next_steps(arguments: argparse.Namespace, folder: str, name: str) -> list[s
         (f"thingc test {document}", "what has to stay true of it"),
         (f"thingc watch {document}", "builds again on every save"),
     ]
+    width = max(len(command) for command, _ in steps)
     if os.path.exists(os.path.join(folder, "walk.py")):
         steps.insert(-2, ("python walk.py", "ten seconds of walking in MuJoCo"))
-    width = max(len(command) for command, _ in steps)
+    else:
+        with open(os.path.join(folder, document), encoding="utf-8") as stream:
+            mode = re.search(r"^modes:\n  (\w+):", stream.read(), re.MULTILINE)
+        scene = f"build/{name}/mjcf/scene_{mode[1] if mode else 'default'}.xml"
+        steps.insert(-2, (f"python -m mujoco.viewer --mjcf={scene}", "steps it"))
     return [*said, "", *(f"  {command:{width}}   {what}".rstrip() for command, what in steps)]
 
 

@@ -147,6 +147,8 @@ def read_tree(path: str, data: bytes, report: Report) -> MappingNode | None:
         span, help = tree.span, f"begin with `{head_line(path)}`"
         if isinstance(tree, ScalarNode) and (missing := re.match(r"([A-Za-z_]\w*):(\S+)", tree.text)):
             help = f"a space is missing after the `:`: `{missing.group(1)}: {missing.group(2)}`"
+        elif isinstance(tree, ScalarNode) and re.match(r"(\[\s*)?\w+\s*=", tree.text):
+            help = f"TOML lies in files called `.toml`: call it `{os.path.splitext(os.path.basename(path))[0]}.toml`, or {help}"
         report.add(Code.NOT_A_MAPPING, f"a document is a mapping, found {found}", span, help=help)
     return None
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from itertools import islice
+from collections import deque
 from typing import TYPE_CHECKING
 
 from thingc.load.paths import DOCUMENT_SUFFIXES
@@ -33,12 +33,17 @@ def documents_in(folder: str, workspace: Workspace | None = None) -> list[str]:
 
 
 def _documents(folder: str, workspace: Workspace | None, most: int | None) -> list[str]:
+    """Of the first so many folders, those above before those in them."""
     paths: list[str] = []
     build = os.path.realpath(workspace.build) if workspace is not None else None
-    for path, folders, files in islice(os.walk(os.path.abspath(folder)), most):
-        folders[:] = sorted(
-            name for name in folders
-            if not name.startswith(".") and name not in _OTHERS and _belongs(os.path.join(path, name), build)
+    waiting = deque([os.path.abspath(folder)])
+    while waiting and most != 0:
+        path, folders, files = next(os.walk(waiting.popleft()), ("", [], []))
+        most = most if most is None else most - 1
+        waiting += (
+            os.path.join(path, name) for name in sorted(folders)
+            if not name.startswith(".") and name not in _OTHERS and not os.path.islink(os.path.join(path, name))
+            and _belongs(os.path.join(path, name), build)
         )
         paths += [
             os.path.join(path, name) for name in sorted(files)
@@ -53,7 +58,7 @@ MOST_FOLDERS = 200
 
 def documents_near(folder: str, workspace: Workspace | None) -> list[str]:
     """Absolute paths of the documents below a folder, or below that of its `workspace` where it lies in one, those of other workspaces
-    among them; of the first `MOST_FOLDERS` folders, so that nobody waits who has mistyped a name at home."""
+    among them; of the `MOST_FOLDERS` nearest folders, so that nobody waits who has mistyped a name at home."""
     return _documents(folder if workspace is None else workspace.root, None, MOST_FOLDERS)
 
 

@@ -53,7 +53,8 @@ def _refuses(robot: Robot, root: Element) -> Iterator[Refusal]:
                 raw = option.raw[name].attribute
                 yield Refusal(what=f"it has no `{name}` with `implicitfast`", origin=raw.origin, path=name, hint=f"leave `{name}` out")
     touching = list(pairs(root))
-    if option is not None and option.attributes.get("cone") == "elliptic" and all(one.element is None for one, _ in touching):
+    elliptic = option is not None and option.attributes.get("cone") == "elliptic"
+    if option is not None and elliptic and not needed and all(one.element is None for one, _ in touching):
         said = option.raw.get("cone")
         yield Refusal(
             what="without the floor of the scene it has no contacts, and it steps elliptic cones beside contacts only",
@@ -64,7 +65,7 @@ def _refuses(robot: Robot, root: Element) -> Iterator[Refusal]:
         blamed = other if one.element is None else one
         assert blamed.element is not None
         name = blamed.element.attributes.get("name", "")
-        for fault, key in _faults(one, other, elliptic=option is not None and option.attributes.get("cone") == "elliptic"):
+        for fault, key in _faults(one, other, elliptic=elliptic):
             owner = next((geom.element for geom in (one, other) if geom.element is not None and key in geom.element.raw), blamed.element)
             raw_value = owner.raw.get(key)
             origin = raw_value.attribute.origin if raw_value is not None else owner.origin
