@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from thingc.cli import common
+from thingc.diagnostics import Diagnostic
 from thingc.typos import did_you_mean
 
 if TYPE_CHECKING:
-    from thingc.diff import Asked, BrokenSide, Differences
+    from thingc.diff import Asked, Both, BrokenSide, Comparison, Differences
     from thingc.environment import Options
 
 EPILOG = """\
@@ -23,7 +26,7 @@ mounts, the bill of materials and prints, each with its cause. A new layout of t
   thingc diff HEAD~3                                the working tree with a revision: the documents that the change concerns
   thingc diff main..HEAD                            two revisions; nothing is checked out
   thingc diff main -- assemblies/arm.yaml           of one document
-  thingc diff old.yaml new.yaml                     two documents
+  thingc diff old.yaml new.yaml                     two documents; also build folders, and parts.lock.json
   thingc diff main..HEAD --format markdown > comment.md
   thingc diff main..HEAD --fail-on mass,joints,tests
 """
@@ -113,7 +116,24 @@ def _answer(arguments: argparse.Namespace, wanted: Asked, options: Options, stac
     from thingc.diff import answered, compared, laid_out
 
     options = replace(options, lock=arguments.no_code, code=not arguments.no_code)
-    tests = not (arguments.no_tests or arguments.no_code)
-    pairs = laid_out(wanted, stack)
     names = (wanted.old.name, wanted.new.name)
-    return answered(*names, pairs, lambda both: compared(both, options, tests=tests, names=names))
+    work = partial(compared, options=options, tests=not (arguments.no_tests or arguments.no_code), names=names)
+    if not arguments.no_code:
+        return answered(*names, laid_out(wanted, stack), work)
+    if "" in sys.path or os.getcwd() in sys.path and not sys.flags.safe_path:
+        raise common.WrongCommandLine(
+            "Python looks for modules in the working folder, which may be part of the change", "run `thingc`, or `python -I -m thingc`"
+        )
+    seconds = common.time_of("--time-limit", arguments.time_limit)
+    return answered(*names, laid_out(wanted, stack), partial(_apart, work, seconds))
+
+
+def _apart(work: Callable[[Both], Comparison | BrokenSide], seconds: float, both: Both) -> Comparison | BrokenSide:
+    """A document compared in a bounded process of its own."""
+    from thingc.cli.confined import confined
+    from thingc.diff import BrokenSide, pack, unpack
+
+    answer = confined(lambda: pack(work(both)), seconds)
+    if isinstance(answer, Diagnostic):
+        return BrokenSide(name=both.name, diagnostics=(replace(answer, path=both.name),), texts={})
+    return unpack(answer)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from thingc.diff.answer import Differences, answered, as_json
 from thingc.diff.change import WHATS, Change, What
 from thingc.diff.comparing import Comparison, compare
+from thingc.diff.packing import pack, unpack
 from thingc.diff.portrait import Portrait
 from thingc.diff.reading import portrait
 from thingc.diff.sides import Asked, UnknownSide, asked
@@ -30,5 +31,7 @@ __all__ = [
     "compare",
     "compared",
     "laid_out",
+    "pack",
     "portrait",
+    "unpack",
 ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 
-from thingc.diff.change import Change, Told, What
+from thingc.diff.change import Change, How, Told, What
 from thingc.diff.pairing import Pairing, equal, shared_order
 from thingc.diff.portrait import Leaf, Portrait, Row
 from thingc.diff.stated import Changes
@@ -44,10 +44,12 @@ class _Following:
             self._geometry(old, new)
             self._mounts(old, new)
             self._mass(old, new)
-        if not (self.old.lacks or self.new.lacks):
+        known = not (self.old.lacks or self.new.lacks)
+        if known:
             self._places()
             self._links()
             self._whole()
+        if known or self.old.rows and self.new.rows:
             self._rows()
         self._coordinates()
         self._outcomes()
@@ -108,9 +110,11 @@ class _Following:
             )
 
     def _mass(self, old: Leaf, new: Leaf) -> None:
-        if old.properties is None or new.properties is None:
-            return
-        fields = [*_masses(old.properties, new.properties, "")]
+        fields: list[tuple[str, Told, Told]] = []
+        if old.properties is not None and new.properties is not None:
+            fields += _masses(old.properties, new.properties, "")
+        elif not _near(old.mass, new.mass):
+            fields.append(("mass", old.mass, new.mass))
         if old.source != new.source:
             fields.append(("mass_source", old.source, new.source))
         if not fields:
@@ -282,20 +286,31 @@ class _Following:
         }
 
     def _prints(self) -> None:
+        causes = {
+            root: None for change in self.changes.found if change.what in ("component", "parameter") for root in self.changes.roots(change)
+        }
+        for path in {**self.old.prints, **self.new.prints} if self.old.prints and self.new.prints else {}:
+            one, other = self.old.prints.get(path), self.new.prints.get(path)
+            if one != other:
+                how: How = "added" if one is None else "removed" if other is None else "changed"
+                self.changes.add(Change(what="file", change=how, path=path, because=tuple(causes) if how != "changed" else ()))
+        self._print_files()
+
+    def _print_files(self) -> None:
         olds, news = ({row.stem: row for row in side.rows if row.stem is not None} for side in (self.old, self.new))
         for stem in {**olds, **news}:
-            one, other = olds.get(stem), news.get(stem)
+            before, after = olds.get(stem), news.get(stem)
             path = f"stl/{stem}.stl"
-            if one is None or other is None:
-                row = one or other
+            if before is None or after is None:
+                row = before or after
                 assert row is not None
                 self.changes.add(Change(
-                    what="file", change="removed" if other is None else "added", path=path, because=tuple(self._listed(row.members)),
+                    what="file", change="removed" if after is None else "added", path=path, because=tuple(self._listed(row.members)),
                 ))
                 continue
             # the same text, and another shape: the code of the part is another one
-            because = self.changes.causes("geometry", [*one.members, *other.members])
-            if because and self._reshaped(one, other):
+            because = self.changes.causes("geometry", [*before.members, *after.members])
+            if because and self._reshaped(before, after):
                 self.changes.add(Change(what="file", change="changed", path=path, because=tuple(because)))
 
     def _reshaped(self, old: Row, new: Row) -> bool:

@@ -154,7 +154,8 @@ class TestOutcome(Brief):
 class Portrait(Brief):
     """A robot, ready to be compared. `things` by what they are and path, in document order; `lacks` says in words what is not known of it.
 
-    `coordinates` are the joints of every mode in the order in which its model has them. `outcomes` is None where no tests were run."""
+    `coordinates` are the joints of every mode in the order in which its model has them, `prints` the SHA-256 of print files by path,
+    of a build folder. `outcomes` is None where no tests were run."""
 
     name: str
     nodes: tuple[ComponentNode, ...] = ()
@@ -165,6 +166,7 @@ class Portrait(Brief):
     whole: MassProperties | None = None
     rows: tuple[Row, ...] = ()
     coordinates: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    prints: Mapping[str, str] = field(default_factory=dict)
     outcomes: tuple[TestOutcome, ...] | None = None
     lacks: frozenset[str] = frozenset()
 

@@ -6,6 +6,7 @@ that these name, and the folders of parts. Where that is not enough (a part read
 
 from __future__ import annotations
 
+import json
 import os
 import posixpath
 import re
@@ -108,6 +109,7 @@ class Revision:
             posixpath.join(folder, name) for path in documents for folder in _above(path) for name in (OWN_FILE, SHARED_FILE, LOCK_FILE)
         }
         contents = self._bring(settings)
+        self._bring(read for path, data in contents.items() if path.endswith(LOCK_FILE) for read in _reads(path, data))
         folders = {folder for path, data in contents.items() for folder in _parts(path, data)}
         folders |= {posixpath.join(folder, name) for path in documents for folder in _above(path) for name in DEFAULT_PARTS}
         self._bring(path for path in self._files if any(path.startswith(f"{folder}/") for folder in folders))
@@ -189,6 +191,16 @@ def _parts(path: str, data: bytes) -> Iterator[str]:
     for folder in named if isinstance(named, list) else []:
         if isinstance(folder, str):
             yield posixpath.normpath(posixpath.join(posixpath.dirname(path), folder))
+
+
+def _reads(path: str, data: bytes) -> Iterator[str]:
+    """The files that parts of a lock have read: whether they are as they were is asked without their code."""
+    try:
+        for thing in json.loads(data)["things"].values():
+            for read in thing["reads"]:
+                yield posixpath.normpath(posixpath.join(posixpath.dirname(path), read))
+    except (ValueError, RecursionError, KeyError, TypeError, AttributeError):
+        return  # who reads the lock says what is wrong with it
 
 
 def _names(path: str, data: bytes) -> Iterator[str]:

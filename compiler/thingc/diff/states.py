@@ -10,11 +10,13 @@ from dataclasses import replace
 from thingc.affected import touched
 from thingc.brief import Brief
 from thingc.diagnostics import Diagnostic
+from thingc.diff.builds import UnreadableSide, outline, portrait_of_build, portrait_of_lock
 from thingc.diff.change import Change
 from thingc.diff.comparing import Comparison, compare
+from thingc.diff.portrait import Portrait
 from thingc.diff.revisions import Repository, Revision
 from thingc.diff.running import Broken, Subject
-from thingc.diff.sides import Asked, Side, UnknownSide
+from thingc.diff.sides import Asked, Side, SideKind, UnknownSide
 from thingc.diff.surfaces import Surfaces
 from thingc.environment import Options
 from thingc.frozen import dataclass
@@ -24,10 +26,12 @@ from thingc.typos import did_you_mean
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Laid(Brief):
-    """A document of one state: `path` is where it is laid out, `revision` the state, None where it lies there anyway."""
+    """A document of one state: `path` is where it is laid out, `revision` the state, None where it lies there anyway. Or a build folder or
+    lock, as `kind` says."""
 
     path: str
     revision: Revision | None = None
+    kind: SideKind = "document"
 
     def home(self, file: str) -> str:
         """Where a file that was laid out belongs in the checkout."""
@@ -57,8 +61,9 @@ class BrokenSide(Brief):
 
 def laid_out(asked: Asked, stack: ExitStack) -> list[Both]:
     """The documents that are compared, laid out until the stack is left. Raises `UnknownSide`, `NotARepository`."""
-    if asked.old.kind == "document":
-        return [Both(name=asked.new.name, old=Laid(path=asked.old.place), new=Laid(path=asked.new.place))]
+    if asked.old.kind in ("document", "build", "lock"):
+        old, new = (Laid(path=side.place, kind=side.kind) for side in (asked.old, asked.new))
+        return [Both(name=asked.new.name, old=old, new=new)]
     here = os.getcwd()
     repository = Repository.of(here)
     states = [_state(repository, side, stack) for side in (asked.old, asked.new)]
@@ -121,18 +126,36 @@ def compared(both: Both, options: Options, *, tests: bool, names: tuple[str, str
     """What changed of a document that is in both states. Places are in the checkout; those of a broken side begin with its name."""
     assert both.old is not None and both.new is not None, "there is nothing to compare it with"
     with ExitStack() as stack:
-        subjects = []
+        sides: list[Subject | Portrait] = []
         for laid, name in ((both.old, names[0]), (both.new, names[1])):
             try:
-                subjects.append(stack.enter_context(_subject(laid, options)))
+                sides.append(_portrait(laid) if laid.kind != "document" else stack.enter_context(_subject(laid, options)))
             except Broken as broken:
                 return _broken(laid, name, broken)
-        old, new = subjects
-        farthest = Surfaces(new.store).farthest if options.code else lambda old, new: None
-        found = compare(old.portrait, new.portrait, farthest)
-        if tests and found.changes:
-            found = compare(old.tested(), new.tested(), farthest)
+        found = _compared(sides[0], sides[1], options, tests=tests)
         return replace(found, changes=tuple(_at_home(change, both) for change in found.changes))
+
+
+def _compared(old: Subject | Portrait, new: Subject | Portrait, options: Options, *, tests: bool) -> Comparison:
+    """Of two documents all that there is to compare; else what a build folder, or a lock, holds."""
+    if not isinstance(old, Subject) or not isinstance(new, Subject):
+        before, after = (outline(one.portrait) if isinstance(one, Subject) else one for one in (old, new))
+        return compare(before, after)
+    if not options.code:
+        return compare(old.portrait, new.portrait)
+    farthest = Surfaces(new.store).farthest
+    found = compare(old.portrait, new.portrait, farthest)
+    return compare(old.tested(), new.tested(), farthest) if tests and found.changes else found
+
+
+def _portrait(laid: Laid) -> Portrait:
+    """Of a build folder or a lock. Raises `UnknownSide`, and `Broken` where a lock is."""
+    try:
+        return portrait_of_build(laid.path) if laid.kind == "build" else portrait_of_lock(laid.path)
+    except UnreadableSide as fault:
+        if fault.diagnostics:
+            raise Broken(fault.diagnostics) from fault
+        raise UnknownSide(str(fault), "build it again, or compare documents") from fault
 
 
 def _subject(laid: Laid, options: Options) -> Subject:
@@ -140,7 +163,7 @@ def _subject(laid: Laid, options: Options) -> Subject:
     try:
         return Subject(laid.path, options)
     except Broken:
-        if laid.revision is None or not laid.revision.everything():
+        if laid.revision is None or not options.code or not laid.revision.everything():
             raise
     return Subject(laid.path, options)
 

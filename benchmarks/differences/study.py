@@ -1,0 +1,120 @@
+"""`python benchmarks/differences/study.py`: `thingc diff` against changes that are known beforehand, in both directions.
+
+Every case of the corpus: each change that was made is named, nothing else is named without a cause, every cause is one of them, and the
+way back is the mirror image. Random designs of MInchW: the parameters that were drawn are named, and nothing else. Rewrites that mean the
+same: no change. Exits with 1 where anything is otherwise.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "designs"))
+
+import drawing
+
+from corpus import ROBOTS, cases, rewritten
+from thingc.diff import Change, Portrait, compare, portrait
+from thingc.environment import Environment, Options
+from thingc.pipeline import compile
+
+
+def drawn(document: Path) -> Portrait | None:
+    """The portrait of a document; None where it does not compile."""
+    with Environment(str(document), Options()) as environment:
+        compilation = compile(environment)
+        return None if compilation.report.failed or compilation.assembly is None else portrait(compilation)
+
+
+def faults(old: Portrait, new: Portrait, made: frozenset[tuple[str, str, str, str | None]]) -> Iterator[str]:
+    """What `thingc diff` says wrong of two robots, one of which came of the other by these changes."""
+    there, back = compare(old, new).changes, compare(new, old).changes
+    named = {(c.what, c.change, c.path, c.field) for c in there if not c.caused}
+    yield from (f"not named: {one}" for one in made - named)
+    yield from (f"named: {one}" for one in named - made)
+    paths = {c.path for c in there if not c.caused} | {"perhaps"}
+    yield from (f"a stray cause: {c}" for c in there if not set(c.because) <= paths)
+    if sorted(map(_content, (c.backward for c in there))) != sorted(map(_content, back)):
+        yield "the way back is no mirror image"
+
+
+def _content(change: Change) -> tuple[str, ...]:
+    return tuple(map(repr, (change.what, change.change, change.path, change.new_path, change.field, change.old, change.new)))
+
+
+def main() -> int:
+    """The whole study."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--designs", type=int, default=10, help="how many random designs (default: %(default)s)")
+    parser.add_argument("--rewrites", type=int, default=100, help="how many rewrites (default: %(default)s)")
+    arguments = parser.parse_args()
+    wrong = 0
+    with tempfile.TemporaryDirectory() as folder:
+        portraits = {name: drawn(robot.copy(Path(folder) / name)) for name, robot in ROBOTS.items()}
+        for title, found in (
+            ("cases", _cases(Path(folder), portraits)), ("designs", _designs(Path(folder), portraits, arguments.designs)),
+            ("rewrites", _rewrites(Path(folder), portraits, arguments.rewrites)),
+        ):
+            count = bad = 0
+            for name, said in found:
+                count += 1
+                bad += bool(said)
+                for line in said:
+                    print(f"{name}: {line}")
+            print(f"{title}: {count}, wrong: {bad}")
+            wrong += bad
+    return 1 if wrong else 0
+
+
+def _cases(folder: Path, portraits: dict[str, Portrait | None]) -> Iterator[tuple[str, list[str]]]:
+    for number, one in enumerate(cases()):
+        document = ROBOTS[one.robot].copy(folder / f"case_{number}")
+        one.write(document)
+        old, new = portraits[one.robot], drawn(document)
+        yield f"{one.robot}, {one.name}", ["it does not compile"] if old is None or new is None else list(faults(old, new, one.made))
+
+
+def _designs(folder: Path, portraits: dict[str, Portrait | None], count: int) -> Iterator[tuple[str, list[str]]]:
+    """Designs that break no rule: their parameters, written into the document, are all that is named."""
+    old, number, taken = portraits["minchw"], 0, 0
+    while taken < count:
+        number += 1
+        design = drawing.design(number, 7)
+        if design.broken or old is None:
+            continue
+        document = ROBOTS["minchw"].copy(folder / f"design_{number}")
+        text, made = document.read_text(), set()
+        for name, value in design.parameters.items():
+            before, text = text, _with(text, name, value)
+            if before != text:
+                made.add(("parameter", "changed", name, "value"))
+        document.write_text(text)
+        new = drawn(document)
+        if new is not None:  # poses may not close, and limits be too near: such designs are refused
+            taken += 1
+            yield f"design {number}", list(faults(old, new, frozenset(made)))
+
+
+def _with(text: str, name: str, value: str) -> str:
+    """The document with a parameter at a value."""
+    import re
+
+    text = re.sub(rf"(\n  {name}: \{{value: )[^,]+", rf"\g<1>{value}", text)
+    return re.sub(rf'(\n  {name}: )"=leg_length"', rf"\g<1>{value}", text)
+
+
+def _rewrites(folder: Path, portraits: dict[str, Portrait | None], count: int) -> Iterator[tuple[str, list[str]]]:
+    for number in range(count):
+        name = list(ROBOTS)[number // 5 % len(ROBOTS)]
+        document = ROBOTS[name].copy(folder / f"rewrite_{number}")
+        document.write_text(rewritten(document.read_text(), number))
+        old, new = portraits[name], drawn(document)
+        yield f"{name}, rewrite {number}", ["it does not compile"] if old is None or new is None else list(faults(old, new, frozenset()))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

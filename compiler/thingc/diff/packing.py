@@ -1,0 +1,50 @@
+"""What came of comparing, as plain JSON values: it is worked out in a process of its own where nobody trusts the documents."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from thingc.diff.change import Change, Told
+from thingc.diff.comparing import Comparison
+from thingc.diff.states import BrokenSide
+from thingc.source import Span
+from thingc.stamp import packed, unpacked
+
+
+def pack(found: Comparison | BrokenSide) -> list[Any]:
+    """The values of an answer for one document."""
+    if isinstance(found, BrokenSide):
+        return ["broken", found.name, [packed(d) for d in found.diagnostics], dict(found.texts)]
+    return ["compared", found.name, [_change(change) for change in found.changes], list(found.unknown)]
+
+
+def unpack(values: list[Any]) -> Comparison | BrokenSide:
+    """The inverse of `pack`."""
+    kind, name, inner, more = values
+    if kind == "broken":
+        return BrokenSide(name=name, diagnostics=tuple(unpacked(one) for one in inner), texts=more)
+    return Comparison(name=name, changes=tuple(_back(*one) for one in inner), unknown=tuple(more))
+
+
+def _change(change: Change) -> list[Any]:
+    span = change.span
+    place = None if span is None else [span.file, span.line, span.column, span.end_line, span.end_column]
+    return [
+        change.what, change.change, change.path, change.new_path, change.field, change.old, change.new, change.because, change.reason,
+        change.words, place,
+    ]
+
+
+def _back(
+    what: Any, how: Any, path: str, new_path: str | None, field: str | None, old: Any, new: Any, because: list[str], reason: str,
+    words: Any, place: Any,
+) -> Change:
+    span = None if place is None else Span(file=place[0], line=place[1], column=place[2], end_line=place[3], end_column=place[4])
+    return Change(
+        what=what, change=how, path=path, new_path=new_path, field=field, old=_tuples(old), new=_tuples(new), because=tuple(because),
+        reason=reason, words=None if words is None else (words[0], words[1]), span=span,
+    )
+
+
+def _tuples(value: Any) -> Told:
+    return tuple(_tuples(one) for one in value) if isinstance(value, list) else value

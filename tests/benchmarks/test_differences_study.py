@@ -1,0 +1,53 @@
+"""The study of differences: its edits fit the documents that are there, and a few of it."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def on_path():
+    folders = [str(ROOT / "benchmarks" / "differences"), str(ROOT / "benchmarks" / "designs")]
+    sys.path[:0] = folders
+    yield
+    for folder in folders:
+        sys.path.remove(folder)
+
+
+def test_every_edit_fits_its_documents(tmp_path: Path):
+    from corpus import ROBOTS, cases
+
+    texts = {}
+    assert len(cases()) >= 60 and len({(one.robot, one.name) for one in cases()}) == len(cases())
+    for one in cases():
+        for file, old, new in one.edits:
+            path = ROOT / ROBOTS[one.robot].folder / Path(ROBOTS[one.robot].document).parent / file
+            text = texts.setdefault(path, path.read_text())
+            assert text.count(old) == 1 and old != new, (one.name, file)
+
+
+def test_some_of_it(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch):
+    from study import drawn, faults
+
+    from corpus import ROBOTS, cases, rewritten
+
+    monkeypatch.setenv("THINGC_STORE", shared_store)
+    old = drawn(ROBOTS["arm"].copy(tmp_path / "arm"))
+    assert old is not None
+    for one in cases():
+        if one.robot == "arm" and one.name in ("a pose of another name", "a new part", "a mount elsewhere"):
+            document = ROBOTS["arm"].copy(tmp_path / one.name)
+            one.write(document)
+            new = drawn(document)
+            assert new is not None and list(faults(old, new, one.made)) == []
+            assert list(faults(old, new, frozenset())) == [f"named: {change}" for change in one.made]
+    document = ROBOTS["arm"].copy(tmp_path / "rewritten")
+    for number in (2, 4):
+        document.write_text(rewritten((ROOT / ROBOTS["arm"].document).read_text(), number))
+        new = drawn(document)
+        assert new is not None and list(faults(old, new, frozenset())) == []

@@ -1,0 +1,102 @@
+"""Build folders and locks as sides, and what is compared where no code of the workspace may run."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from diff.cranes import write
+from thingc.cli.main import main
+
+LOCKED = Path(__file__).resolve().parents[1] / "cases" / "codes" / "resolve" / "TC345" / "right"
+
+
+@pytest.fixture(autouse=True)
+def store(monkeypatch: pytest.MonkeyPatch, shared_store: str) -> None:
+    monkeypatch.setenv("THINGC_STORE", shared_store)
+
+
+@pytest.fixture
+def locked(tmp_path: Path) -> tuple[Path, Path]:
+    """A workspace with a lock and an edited copy of it: parts of twice the length, which the lock knows, and one the less."""
+    old, new = tmp_path / "old", tmp_path / "new"
+    for folder in (old, new):
+        shutil.copytree(LOCKED, folder)
+    document = new / "robot.yaml"
+    document.write_text(document.read_text().replace("block: {part: blocks:Block}", "block: {part: blocks:Block, params: {edge: 20 mm}}"))
+    return old, new
+
+
+def answer(capsys: pytest.CaptureFixture[str], *words: str | Path, code: int = 0) -> dict[tuple[str, str, str, str | None], Any]:
+    assert main(["diff", *map(str, words), "--format", "json"]) == code
+    changes = json.loads(capsys.readouterr().out)["changes"]
+    return {(c["what"], c["change"], c["path"], c["field"]): c for c in changes}
+
+
+def test_without_code(locked: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    """Numbers come from the lock; part code that would fail is not run."""
+    old, new = locked
+    found = answer(capsys, old / "robot.yaml", new / "robot.yaml", "--no-code")
+    assert [key for key, c in found.items() if not c["because"]] == [("parameter", "changed", "block", "params.edge")]
+    volume = found["geometry", "changed", "block", "volume"]
+    assert (volume["old"], volume["new"], volume["because"]) == (1e-6, 8e-6, ["block"])
+    mass = found["mass", "changed", "block", "mass"]
+    assert mass["new"] == pytest.approx(7850 * 8e-6) and mass["because"] == ["block"]
+    assert found["mount", "moved", "block/top", "pose"]["new"][0] == [0.0, 0.0, 0.01]
+
+
+def test_without_code_and_lock(locked: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    old, new = locked
+    (new / "parts.lock.json").unlink()
+    assert main(["diff", str(old / "robot.yaml"), str(new / "robot.yaml"), "--no-code"]) == 1
+    assert "error[TC340]" in capsys.readouterr().out
+
+
+def test_two_locks(locked: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    old, new = locked
+    lock = new / "parts.lock.json"
+    values = json.loads(lock.read_text())
+    thing = values["things"]["blocks:Block"]
+    thing["parameters"]["edge"]["maximum"] = 0.06
+    thing["records"]["blocks:Block"] |= {"volume": 2e-6}
+    del thing["records"]["blocks:Block(edge=0.02)"]
+    lock.write_text(json.dumps(values))
+    found = answer(capsys, old / "parts.lock.json", lock)
+    assert set(found) == {
+        ("component", "removed", "blocks:Block(edge=0.02)", None), ("parameter", "changed", "blocks:Block", "params.edge.max"),
+        ("geometry", "changed", "blocks:Block", "volume"),
+    }
+    assert main(["diff", str(lock), str(lock)]) == 0
+    assert "nothing changed in meaning" in capsys.readouterr().out
+    lock.write_text("{")
+    assert main(["diff", str(old / "parts.lock.json"), str(lock)]) == 1
+    assert "error[TC342]: `parts.lock.json` is broken" in capsys.readouterr().out
+
+
+def test_build_folders(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    old = write(tmp_path / "old")
+    new = write(tmp_path / "new", ("value: 120 g", "value: 300 g"), ("base: fixed, pose: up", "base: held, pose: up"))
+    assert main(["build", str(old)]) == 0
+    capsys.readouterr()
+    build = tmp_path / "old" / "build" / "crane"
+    expected = {
+        ("mass", "changed", "hook", "mass"), ("mode", "changed", "stand", "base"),
+    }
+    found = answer(capsys, build, new)
+    assert set(found) == expected and found["mass", "changed", "hook", "mass"]["new"] == 0.3
+    assert answer(capsys, build, old) == {}
+    assert main(["diff", str(build), str(new)]) == 0
+    assert "not compared: parameters, mates, limits" in capsys.readouterr().out
+    monkeypatch.chdir(tmp_path / "old")
+    assert main(["diff", "build", "crane.yaml"]) == 2
+    assert "`build` is a folder without a manifest.json: no build" in (said := capsys.readouterr().err)
+    assert "did you mean `build/crane`?" in said
+    (build / "manifest.json").write_text("[]")
+    assert main(["diff", str(build), str(new)]) == 2
+    assert "manifest.json` is no build of this thingc" in capsys.readouterr().err
+    assert main(["diff", str(build), str(LOCKED / "parts.lock.json")]) == 2
+    assert "one is a build folder, the other a lock" in capsys.readouterr().err
