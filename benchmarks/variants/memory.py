@@ -135,7 +135,7 @@ def check(found: list[Any]) -> None:
     assert all(one.sound for one in found)
 
 
-SLOW = {"a mesh": 0.02, "a part": 0.001, "template": 0.05, "edited": 0.1, "own": 0.3, "copied": 0.3}
+SLOW = {"a mesh": 0.05, "a part": 0.001, "template": 0.05, "edited": 0.1, "own": 0.3, "copied": 0.3}
 """Of how many of the variants the slower lanes are."""
 
 

@@ -29,6 +29,8 @@ class Rehearse(Protocol):
 
 MOST = 32
 """Plans that are kept of one form of settings: those used least lately are given up."""
+PAYS = 32
+"""After so many settings that plans were of, another plan is made for the next that none is of: it takes as long as some compilations."""
 CHECKED = 2
 """Settings near those that a plan is made for with which it is compared before it is used, besides these themselves."""
 
@@ -74,7 +76,7 @@ class Form(Generic[Made]):
         self.why: dict[str, str] = {}
         self.modelled: dict[str, str] = {}
         self.refused: str | None = None
-        self.missed = 0
+        self.missed = self.met = 0
         self._seen: dict[tuple[float, ...], int] = {}
 
     def plan_for(self, read: Read) -> tuple[Recipe[Made], tuple[float, ...]] | None:
@@ -82,6 +84,7 @@ class Form(Generic[Made]):
         for number, plan in enumerate(self.plans):
             outputs = plan.outputs(read.values)
             if outputs is not None:
+                self.met += 1
                 if number:
                     self.plans.insert(0, self.plans.pop(number))
                 return plan, outputs
@@ -93,7 +96,7 @@ class Form(Generic[Made]):
         if self.refused is not None:
             return False
         if not self.why:
-            self.missed += 1
+            self.missed, self.met = (2, 0) if self.met >= PAYS else (self.missed + 1, self.met)
             return self.missed > 1 and self.missed & (self.missed - 1) == 0
         held = tuple(value for name, value in zip(read.names, read.values) if name in self.why)
         if len(self._seen) > 1000:
