@@ -71,7 +71,7 @@ def recorded() -> list[Line]:
 
 def said(text: str) -> list[str]:
     """What a command printed, at most as wide as the picture; progress that a terminal writes over is left out."""
-    return [line[:COLUMNS] for line in text.rstrip().splitlines() if not line.startswith("modelling parts")]
+    return [line[:COLUMNS] for line in text.rstrip().splitlines() if not re.match(r"\w+ parts: \d", line)]
 
 
 def svg(lines: list[Line]) -> str:

@@ -10,6 +10,7 @@ import pytest
 
 import thingc
 from thingc.cli.main import main
+from thingc.robot import body_poses
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("one_kernel")]
 
@@ -76,6 +77,17 @@ def test_every_mode_is_simulated(name: str, shared_store: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_its_own_tests_pass(name: str, shared_store: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["test", document(name), "--strict", "--store", shared_store]) == 0, capsys.readouterr()
+
+
+def test_the_platform_of_the_delta_never_turns(shared_store: str) -> None:
+    """In no pose of any mode: its loops close in other ways, too, with the rods crossed."""
+    for mode in compiled("delta", shared_store).modes.values():
+        robot = mode.robot
+        names = [robot.assembly.links[body.link].name for body in robot.bodies]
+        for keyframe in robot.keyframes:
+            placed = dict(zip(names, body_poses(robot, keyframe.q), strict=True))
+            turned = (placed["top"].inverse() @ placed["platform"]).rotation
+            assert np.allclose(turned, np.eye(3), atol=1e-6), (mode.name, keyframe.name)
 
 
 def test_the_balancer_balances(shared_store: str) -> None:

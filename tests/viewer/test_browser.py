@@ -420,6 +420,9 @@ def test_everything_is_in_reach_on_a_small_screen(browser: Any, pages: Pages, si
         for tab in ("Parts", "Bill", "Show", "Measure", "Move"):
             page.get_by_role("tab", name=tab).click()
             assert page.locator("#panels section:visible").count() == 1
+            if tab == "Bill":  # its words are not broken into columns of letters
+                cells = page.evaluate("[...document.querySelectorAll('#panel-bom td')].map((cell) => cell.getBoundingClientRect().height)")
+                assert max(cells) < 120
         modes = page.locator("#modes")
         fades = size[0] < 820  # a row that has more than is seen says so at that end
         assert (modes.get_attribute("class") or "").split() == ["chips", *(["after"] if fades else [])]
@@ -438,6 +441,31 @@ def test_gravity_is_down_in_every_mode(browser: Any, pages: Pages) -> None:
               const down = viewer.stage.camera.position.clone().fromArray(viewer.mode.gravity);
               return down.applyQuaternion(viewer.stage.world.quaternion).toArray(); }""", mode)
             assert np.allclose(down, [0, 0, -9.81], atol=1e-9)
+            # the camera is where the robot is, and not behind the wall, nor above the ceiling
+            assert page.evaluate("(({ world, camera }) => world.worldToLocal(camera.position.clone()).z)(thingc.viewer.stage)") > 0.05
+
+
+def test_a_robot_is_followed_out_of_the_picture(browser: Any, pages: Pages) -> None:
+    """By as much as it goes into a pose; not where it stays in the picture, and not where the picture was of a detail."""
+    with opened(browser, address(pages.minchw / "html/minchw.html", "#mode=front_foot&pose=stretched")) as page:
+        there = """({ stage }) => { const middle = stage.world.localToWorld(stage.bounds().min.clone().lerp(stage.bounds().max, 0.5));
+          return [middle, stage.controls.target].map((point) => point.toArray()); }"""
+        def pose(name: str, aside: float, zoom: float) -> tuple[Any, Any]:
+            """How far its middle and what is looked at go, from looking that far [m] aside, that much nearer."""
+            page.evaluate("""([aside, zoom]) => { const { viewer } = thingc, { stage } = viewer;
+              viewer.setPose("stretched"); viewer.reset(); stage.camera.position.lerp(stage.controls.target, zoom);
+              stage.shift(stage.left.clone().multiplyScalar(aside)); }""", [aside, zoom])
+            before = np.array(page.evaluate(f"({there})(thingc.viewer)"))
+            page.evaluate("(name) => thingc.viewer.setPose(name)", name)
+            moved = np.array(page.evaluate(f"({there})(thingc.viewer)")) - before
+            return moved[0], moved[1]
+
+        middle, looked = pose("arched", 0.0, 0.0)
+        assert np.linalg.norm(middle) > 0.01 and np.allclose(looked, 0.0)
+        found = [pose("arched", aside, 0.0) for aside in np.arange(-0.3, 0.3, 0.02)]
+        followed = [moved for moved in found if np.linalg.norm(moved[1]) > 1e-9]
+        assert followed and all(np.allclose(*moved, atol=1e-9) for moved in followed)
+        assert np.allclose(pose("arched", 0.0, 0.8)[1], 0.0)
 
 
 def test_another_robot_is_seen_through_it(browser: Any, pages: Pages, tmp_path: Path) -> None:

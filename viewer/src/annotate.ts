@@ -113,7 +113,7 @@ function stand(viewer: Viewer, marks: Marks, exploded: boolean): void {
   }
   const pull = new Vector3(...mode.gravity);
   if (pull.length() === 0) return;
-  const side = new Vector3(-0.62, -0.72, 0).applyQuaternion(stage.world.quaternion.clone().invert());
+  const side = stage.left.clone().applyQuaternion(stage.world.quaternion.clone().invert());
   const radius = stage.framed.getSize(new Vector3()).length() / 2;
   const at = stage.framed.getCenter(new Vector3()).addScaledVector(side, 1.05 * radius);
   marks.arrow(at, pull.normalize(), 0.24 * radius, new Color(viewer.options.theme === "dark" ? "#f2f4f7" : "#1f2933"));

@@ -112,16 +112,16 @@ function header(viewer: Viewer): void {
 }
 
 /** Whence the robot is looked at. */
-const VIEWS: [string, [number, number, number]][] = [["Iso", [0.62, -0.72, 0.42]], ["Front", [1, 0, 0]], ["Side", [0, -1, 0]], ["Top", [0, -1e-4, 1]]];
+const VIEWS: [string, [number, number, number]?][] = [["Iso"], ["Front", [1, 0, 0]], ["Side", [0, -1, 0]], ["Top", [0, -1e-4, 1]]];
 
 function actions(viewer: Viewer, help: () => void): void {
   const button = (words: string, title: string, act: () => void): HTMLButtonElement => make("button", { type: "button", title, "aria-label": title, onclick: act }, words);
   $("actions").append(
     button("Fit", "the whole robot in the picture (r)", () => viewer.reset()),
-    button("Link", "copy a link to exactly this view", () => {
+    ...(location.protocol === "about:" ? [] : [button("Link", "copy a link to exactly this view", () => { // a frame in a notebook has no address
       noted(viewer);
       void copied(viewer, location.href.replace(/#.*/, "") + written(viewer), "the link is copied");
-    }),
+    })]),
     button("Picture", "save this picture as PNG", () => saved(viewer)),
     button("◐", "dark or light", () => viewer.setOptions({ theme: viewer.options.theme === "dark" ? "light" : "dark" })),
     button("☰", "panels beside the picture, or none", () => viewer.setOptions({ panels: !viewer.options.panels })),
@@ -148,13 +148,14 @@ function helped(): () => void {
   const dialog = $("help") as HTMLDialogElement;
   const table = make("table", {}, make("tbody", {}, ...KEYS.map(([key, words]) => make("tr", {}, make("td", {}, make("kbd", {}, key)), make("td", {}, words)))));
   dialog.append(
+    make("button", { class: "close", type: "button", "aria-label": "close this help", onclick: () => dialog.close() }, "×"),
     make("h2", {}, "Gestures"),
     make("p", {}, "Drag to turn, drag with the right button to shift, scroll to zoom. Click a part to see what it is. Drag a link with Shift, or after a long press, to pose the robot."),
     make("h2", {}, "Marks"), make("ul", { class: "rings" }, ...RINGS.map(([color, shape, words]) => {
       const sample = make("i", { class: shape });
       sample.style.color = color;
       return make("li", {}, sample, words);
-    })), make("h2", {}, "Keys"), table, make("p", {}, make("button", { type: "button", onclick: () => dialog.close() }, "Close")),
+    })), make("h2", {}, "Keys"), table,
   );
   return () => dialog.showModal();
 }

@@ -85,6 +85,8 @@ export class Stage {
   private edges: LineSegments[] = [];
   /** The box around the robot when the camera was put before it last. */
   framed = new Box3();
+  /** Beside the robot, as it was seen when the camera was put before it: level, to the left, in the scene. */
+  readonly left = new Vector3(-1, 0, 0);
   /** Called before each picture. */
   prepare: () => void = () => {};
   /** How long the script took for the last picture [ms]. */
@@ -251,6 +253,42 @@ export class Stage {
     this.camera.position.copy(middle).add(new Vector3(...from).normalize().multiplyScalar((1.12 * radius) / half));
     this.reach();
     this.controls.update();
+    this.turnAside();
+  }
+
+  private turnAside(): void {
+    const { camera: { position, up }, controls: { target } } = this;
+    const left = position.clone().sub(target).normalize().cross(up);
+    if (left.length() > 1e-2) this.left.copy(left.normalize()); // seen from above it stays where it was
+  }
+
+  /** Whether a box in the world of the robot is in the picture as a whole. */
+  shows(box: Box3): boolean {
+    this.camera.updateMatrixWorld();
+    return [0, 1, 2, 3, 4, 5, 6, 7].every((corner) => {
+      const [x, y, z] = [corner & 1, corner & 2, corner & 4].map((far, axis) => (far ? box.max : box.min).getComponent(axis));
+      const spot = this.world.localToWorld(new Vector3(x, y, z)).project(this.camera);
+      return Math.max(Math.abs(spot.x), Math.abs(spot.y)) < 1 && spot.z < 1;
+    });
+  }
+
+  /** Moves the camera, and what it looks at, along a way in the world of the robot. */
+  shift(way: Vector3): void {
+    const moved = way.clone().applyQuaternion(this.world.quaternion);
+    this.camera.position.add(moved);
+    this.controls.target.add(moved);
+    this.controls.update();
+    this.ask();
+  }
+
+  /** Puts the camera on the side of the floor (which may be a wall, or a ceiling) on which the robot is: mirrored, where it is behind. */
+  comeOut(): void {
+    const up = new Vector3(0, 0, this.framed.getCenter(new Vector3()).z < 0 ? -1 : 1).applyQuaternion(this.world.quaternion);
+    const away = this.camera.position.clone().sub(this.controls.target), height = away.dot(up);
+    if (height >= 0) return;
+    this.camera.position.copy(this.controls.target).add(away.addScaledVector(up, -2 * height));
+    this.controls.update();
+    this.turnAside();
   }
 
   /** Shows all that is there as it showed what was in a box. */

@@ -160,14 +160,16 @@ export class Viewer {
     if (!this.configuration.closed) this.say(`the loops of mode ${mode.name} are open: it has no pose in which they close`);
   }
 
-  /** The mode called so, where it starts, seen from the same place. */
+  /** The mode called so, where it starts, seen from the same place; a wall or a ceiling that it comes to from the side of the robot. */
   setMode(name: string): void {
     const mode = this.robot.modes.find((one) => one.name === name);
     if (mode === undefined || mode === this.mode) return;
+    const before = this.stage.world.quaternion.clone();
     this.enter(mode);
     this.tell("mode");
     this.place();
     this.keepInView();
+    if (before.angleTo(this.stage.world.quaternion) > 1e-6) this.stage.comeOut();
   }
 
   /** What gravity and springs do on every coordinate of the mode's tree [N m or N]. */
@@ -188,19 +190,36 @@ export class Viewer {
     const still = !motion || matchMedia("(prefers-reduced-motion: reduce)").matches;
     const from = { q: { ...configuration.q }, base: configuration.base.clone() };
     const to = { q: pose.q, base: pose.base === null ? configuration.tree.home : matrixOf(pose.base) };
+    const way = this.wayTo(pose);
     const own = (this.motion += 1);
     const began = performance.now();
+    let gone = 0;
     const step = (): void => {
       if (own !== this.motion) return;
-      const part = still ? 1 : Math.min(1, (performance.now() - began) / MOTION);
+      const part = still ? 1 : Math.min(1, (performance.now() - began) / MOTION), smooth = part * part * (3 - 2 * part);
       if (part === 1) configuration.take(pose);
       else {
-        configuration.between(from, to, part * part * (3 - 2 * part));
+        configuration.between(from, to, smooth);
         requestAnimationFrame(step);
       }
+      if (way !== null) this.stage.shift(way.clone().multiplyScalar(smooth - gone));
+      gone = smooth;
       this.tell("coordinates");
     };
     step();
+  }
+
+  /** How far [m] the camera goes with a robot, in its world, that would leave the picture on the way to a pose; null where it stays. */
+  private wayTo(pose: NamedPose): Vector3 | null {
+    const { configuration, stage } = this, { q, base, pose: here } = configuration;
+    this.place();
+    const before = stage.bounds();
+    configuration.take(pose);
+    this.place();
+    const after = stage.bounds();
+    Object.assign(configuration, { q, base, pose: here });
+    if (!stage.shows(before) || stage.shows(after)) return null;
+    return after.getCenter(new Vector3()).sub(before.getCenter(new Vector3()));
   }
 
   /** Moves one coordinate, and what has to go with it. Says so where the loops let it go no further. */
@@ -300,10 +319,11 @@ export class Viewer {
     this.tell("measure");
   }
 
-  /** The camera where all is in the picture, seen from a direction. */
+  /** The camera where all is in the picture, seen from a direction; without one from above, or from where the robot is on a wall. */
   reset(from?: [number, number, number]): void {
     this.place();
     this.stage.frame(from);
+    if (from === undefined) this.stage.comeOut();
     this.tell("options");
   }
 

@@ -20,6 +20,7 @@ EPILOG = """\
 Every key, name, unit, reference, limit and mass of the document and of those it uses, for every mode. Parts are looked
 up in the store; those that are not there are modelled first (in a worker of its own).
 
+  thingc check                                           every document below the working folder
   thingc check assemblies                                every document below a folder
   thingc check robot.yaml --fix                          mend misspelt names, units and the like
   thingc check robot.yaml --format json | jq '.diagnostics[].message'
@@ -33,7 +34,10 @@ up in the store; those that are not there are modelled first (in a worker of its
 def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `check`."""
     parser.epilog = EPILOG
-    common.add_document(parser, many=True)
+    parser.add_argument(
+        "document", metavar="DOC", nargs="*",
+        help="an assembly, materials or variants document (YAML or TOML), or a folder with all documents below it (default: this one)",
+    )
     parser.add_argument(
         "--touched", action="store_true", help="the words are files that have changed: check the documents that they concern"
     )
@@ -57,6 +61,9 @@ def run(arguments: argparse.Namespace) -> int:
     good: list[str] = []
     try:
         options = common.options_of(arguments)
+        if not arguments.document and arguments.touched:
+            raise common.WrongCommandLine("missing: files that have changed", "`git diff --name-only main...` names them")
+        arguments.document = arguments.document or ["."]
         trusted = arguments.touched and not arguments.no_code
         documents = concerned(arguments.document, arguments.store) if trusted else arguments.document
         folders = not arguments.touched and any(os.path.isdir(word) for word in arguments.document)

@@ -7,13 +7,16 @@ import os
 import re
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from thingc.diagnostics import Code, Diagnostic, Report, Severity, shown_path
 from thingc.environment import Options
 from thingc.printing import as_json, as_text, summary
 from thingc.shown import json_text, shown, shown_line
 from thingc.typos import did_you_mean, file_meant, nearest
+
+if TYPE_CHECKING:
+    from thingc.workspace import Workspace
 
 USAGE = 2
 FINDINGS = ("text", "json", "github", "sarif")
@@ -28,13 +31,39 @@ class WrongCommandLine(Exception):
         self.diagnostic = Diagnostic(code=code, severity=Severity.ERROR, message=message, help=hint)
 
 
-def add_document(parser: argparse.ArgumentParser, *, many: bool = False) -> None:
-    """The DOC argument."""
-    parser.add_argument(
-        "document", metavar="DOC", nargs="+" if many else None,
-        help="an assembly, materials or variants document (YAML or TOML), or a folder with all documents below it" if many
-        else "an assembly document (YAML or TOML)",
-    )
+def add_document(parser: argparse.ArgumentParser, *, what: str = "an assembly document (YAML or TOML)", metavar: str = "DOC") -> None:
+    """The DOC argument. Where it is left out it is None, and `main` puts in what `document_meant` gives."""
+    parser.add_argument("document", metavar=metavar, nargs="?", help=f"{what} (default: the only robot of the workspace)")
+
+
+def document_meant() -> str:
+    """The document of a command line that names none: the only assembly below the working folder, else of its workspace, that no other
+    nests. Raises `WrongCommandLine` with those that there are."""
+    from thingc.load import assemblies_in
+    from thingc.workspace import Workspace
+
+    here = os.getcwd()
+    workspace = Workspace.find(os.path.join(here, "document"), Report())
+    assemblies, robots = list[str](), list[str]()
+    if workspace is not None:
+        assemblies = assemblies_in(here, workspace) or assemblies_in(workspace.root, workspace)
+        robots = _unnested(assemblies, workspace)
+    if len(robots) == 1:
+        return shown_path(robots[0])
+    hint = did_you_mean("", map(shown_path, assemblies), what="documents") if robots else "`thingc new NAME` makes a workspace with a robot"
+    raise WrongCommandLine(f"missing: DOC, and there are {len(robots) or 'no'} robots here", hint)
+
+
+def _unnested(assemblies: Sequence[str], workspace: Workspace) -> list[str]:
+    """Those of the assembly documents that none of the others nests. Where documents nest each other in a circle all count."""
+    from thingc.load import load
+
+    nested: set[str] = set()
+    for path in assemblies if len(assemblies) > 1 else ():
+        documents = load(path, workspace, Report())
+        if documents is not None and not documents.broken:
+            nested.update(os.path.realpath(one.path) for one in documents.by_path.values() if one is not documents.root)
+    return [path for path in assemblies if os.path.realpath(path) not in nested]
 
 
 def add_compiling(parser: argparse.ArgumentParser) -> None:

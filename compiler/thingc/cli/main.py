@@ -135,6 +135,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options is None:
             return 0
         os.getcwd()  # raises where the folder is gone, which every command would stumble over somewhere
+        if getattr(options, "document", "") is None:
+            options.document = _document_meant()
         code: int = importlib.import_module(f"thingc.cli.{options.command}").run(options)
         sys.stdout.flush()
     except SystemExit as leaving:
@@ -159,6 +161,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         common.print_found([diagnostic], _form(getattr(options, "format", "text")), stream=sys.stderr, debug=debug)
         return common.exit_code([diagnostic])
     return code
+
+
+def _document_meant() -> str:
+    """The document that is meant where none is named, which is said. Raises `WrongUsage`."""
+    from thingc.cli import common
+
+    try:
+        document = common.document_meant()
+    except common.WrongCommandLine as fault:
+        raise WrongUsage(fault.diagnostic.message, fault.diagnostic.help or "") from fault
+    common.say(f"taking {document}, the only robot here", stream=sys.stderr)
+    return document
 
 
 def _refuse(fault: WrongUsage, words: Sequence[str]) -> int:

@@ -33,7 +33,7 @@ Nothing is written unless all of the document would be right with all of the val
 def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `set`."""
     parser.epilog = EPILOG
-    common.add_document(parser)
+    parser.add_argument("document", metavar="DOC", help="an assembly document (YAML or TOML)")
     parser.add_argument("value", metavar="PATH=VALUE", nargs="+", help="a path, or the name of a parameter, and what shall stand there")
     parser.add_argument("--diff", action="store_true", help="write nothing, show what would change")
     common.add_format(parser)

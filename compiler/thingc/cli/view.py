@@ -51,7 +51,7 @@ turn, with what `thingc check` says on top. Nothing is written. A build folder w
 def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `view`."""
     parser.epilog = EPILOG
-    parser.add_argument("document", metavar="DOC|BUILD", help="an assembly document (YAML or TOML), or a build folder with html/")
+    common.add_document(parser, what="an assembly document (YAML or TOML), or a build folder with html/", metavar="DOC|BUILD")
     parser.add_argument("--mode", metavar="M", action="append", default=[], help="only this mode (may be repeated; default: all)")
     parser.add_argument("--against", metavar="DOC", help="a second document, or this one as it is now, to be seen through the robot")
     parser.add_argument("--port", metavar="N", type=_port, default=0, help="the port to listen on (default: a free one)")

@@ -62,6 +62,11 @@ def documents_near(folder: str, workspace: Workspace | None) -> list[str]:
     return _documents(folder if workspace is None else workspace.root, None, MOST_FOLDERS)
 
 
+def assemblies_in(folder: str, workspace: Workspace) -> list[str]:
+    """Absolute paths of the assembly documents below a folder, of its workspace alone; of the first `MOST_FOLDERS` folders."""
+    return [path for path in _documents(folder, workspace, MOST_FOLDERS) if is_document(path, "assembly/")]
+
+
 def is_document(path: str, kind: str = "") -> bool:
     """Whether a file has the key `thingc` at its beginning, and is no workspace; with a `kind`, of that kind alone."""
     if not os.path.isfile(path):  # a pipe would be waited for

@@ -1,0 +1,58 @@
+"""A command line without a document: the only robot of the workspace is meant, else what there is is said."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from live.documents import ROBOT, write
+from thingc.cli.main import main
+
+Said = pytest.CaptureFixture[str]
+
+
+@pytest.fixture(autouse=True)
+def workspace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, shared_store: str) -> Path:
+    write(tmp_path)
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("THINGC_STORE", shared_store)
+    return tmp_path
+
+
+def test_the_only_robot_is_taken(workspace: Path, monkeypatch: pytest.MonkeyPatch, capsys: Said) -> None:
+    """Which is the document that no other nests; from a folder without documents that of the workspace; not those of workspaces inside."""
+    other = workspace / "other"
+    other.mkdir()
+    for name in ("thingc.toml", "robot.yaml"):
+        (other / name).write_text((workspace / name).read_text())
+    assert main(["hag"]) == 0
+    said = capsys.readouterr()
+    assert said.err == "taking robot.yaml, the only robot here\n" and said.out.startswith("robot\n")
+    (workspace / "parts").mkdir()
+    monkeypatch.chdir(workspace / "parts")
+    assert main(["info", "--format", "json"]) == 0
+    assert capsys.readouterr().err == "taking ../robot.yaml, the only robot here\n"
+
+
+def test_several_or_none_are_said(workspace: Path, capsys: Said) -> None:
+    (workspace / "again.yaml").write_text(ROBOT)
+    assert main(["build"]) == 2
+    assert capsys.readouterr().err == (
+        "error[TC801]: missing: DOC, and there are 2 robots here\n"
+        "  help: known documents: `again.yaml`, `finger.yaml`, `palm.yaml`, `robot.yaml`\n\n1 error\n"
+    )
+    for path in workspace.glob("*.yaml"):
+        path.unlink()
+    assert main(["view"]) == 2
+    assert capsys.readouterr().err == (
+        "error[TC801]: missing: DOC, and there are no robots here\n  help: `thingc new NAME` makes a workspace with a robot\n\n1 error\n"
+    )
+
+
+def test_check_looks_at_all_of_the_folder(capsys: Said) -> None:
+    assert main(["check"]) == 0
+    assert capsys.readouterr().out.endswith("robot.yaml: ok\n4 documents checked, all ok\n")
+    assert main(["check", "--touched"]) == 2
+    assert "missing: files that have changed\n  help: `git diff --name-only main...` names them" in capsys.readouterr().out
