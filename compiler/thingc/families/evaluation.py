@@ -12,7 +12,7 @@ from thingc.families import plans
 from thingc.families.exchange import Exchange
 from thingc.families.plans import Form, Recipe
 from thingc.families.reading import Read, SettingsReader
-from thingc.families.rehearsal import Rehearsal, rehearse
+from thingc.families.rehearsal import NotTraceable, Rehearsal, rehearse
 from thingc.families.results import Evaluated
 from thingc.families.tape import Tape, Traced
 from thingc.typos import did_you_mean
@@ -55,7 +55,7 @@ class Evaluation:
             plan, outputs = found
             results = plan.made.results(outputs)
             self._made += 1
-            if self._made & (self._made - 1) == 0 if self.verify is None else self.verify > 0 and self._made % self.verify == 0:
+            if plan.is_due(self._made, self.verify):
                 whole = self._measured(read)
                 if whole != (results, plan.made.problems):
                     form = self.form(read)
@@ -85,13 +85,19 @@ class Evaluation:
             return None
 
         def attempt(numbers: Mapping[str, Any], texts: Mapping[str, str], *, exact: Collection[str]) -> Rehearsal:
-            return rehearse(self.session, self.mode, numbers, texts, self._traced)
+            return rehearse(self.session, self.mode, numbers, texts, self._traced, exact)
+
+        def exchanged(rehearsal: Rehearsal) -> Exchange:
+            assert rehearsal.parts is not None
+            return Exchange(rehearsal.parts, self.session.environment.parts, {})
 
         def finish(rehearsal: Rehearsal, exchange: Exchange | None) -> tuple[Sequence[Any], _Shape]:
+            if exchange is not None and first[1]:
+                raise NotTraceable("something is said, which may be of a part", list(form.modelled))
             shape = _Shape(rehearsal.made, first[1])
             return shape.outputs, shape
 
-        plan = plans.make(read, self.reader, attempt, finish, form)
+        plan = plans.make(read, self.reader, attempt, finish, form, exchanged)
         if plan is None:
             return None
         for sample in plans.samples(read, self.reader, form):

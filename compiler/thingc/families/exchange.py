@@ -22,10 +22,13 @@ if TYPE_CHECKING:
 KEPT = 512
 """How many records of a plan are kept at hand."""
 
+FIRST = (1, 2, 4)
+"""Which uses of an exchange are compared with compilations, however many other plans have had."""
+
 _PLAIN = (0.0, 1.0, -1.0)
 """Numbers that are the same in every record that a plan is of: most of those in rotations, and they decide much."""
-_ASIDE = frozenset(("text", "bom", "warnings", "brep", "code", "slices"))
-"""Fields of a record from which nothing of a model follows, or that are looked at later."""
+_ASIDE = frozenset(("text", "bom", "brep", "code", "slices"))
+"""Fields of a record from which nothing follows of a model or of what is said, or that are looked at later."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,7 +123,7 @@ class Modelled(Exception):
 
 class Exchange:
     """The records of a plan. `rehearsed` are the parts of its rehearsal, `parts` answers for others, and `assets` are the meshes that the
-    model of the rehearsal names. `names` are those whose place others take, `uses` is for whoever counts them."""
+    model of the rehearsal names. `names` are those whose place others take."""
 
     def __init__(self, rehearsed: TracedParts, parts: PartAnswers, assets: Mapping[str, Stored]) -> None:
         assert rehearsed.before is not None
@@ -136,7 +139,7 @@ class Exchange:
         stems = {text: one.stem for text, one in self._traced(rehearsed.definitions).items()}
         order = list(stems)
         self.names: list[str] = []
-        self.uses = 0
+        self._uses = 0
         self._named: list[tuple[int, int, str]] = []
         for file, stored in assets.items():
             if stored.sha256.startswith(TOKEN):
@@ -145,6 +148,11 @@ class Exchange:
                 self.names.append(name)
                 self._named.append((record, mesh, name.removeprefix(stems[order[record]])))
         self._kept: OrderedDict[tuple[float, ...], Exchanged | None] = OrderedDict()
+
+    def is_due(self) -> bool:
+        """Whether what comes of it now, which is counted, should be compared with a compilation."""
+        self._uses += 1
+        return self._uses in FIRST
 
     def of(self, values: Sequence[float]) -> Exchanged | None:
         """What comes of the records, of the values of the variables; None where the plan is not of these. What is not in the store is

@@ -33,9 +33,6 @@ MESH_BYTES = 256_000_000
 KEPT = 32
 """Compiled models that are kept: a learner comes back to the morphologies that it has seen."""
 
-FIRST = (1, 2, 4)
-"""Which models of a plan that exchanges parts are compared with compilations, however many others there have been."""
-
 Item = tuple[Mapping[str, Any], Read]
 
 
@@ -197,11 +194,7 @@ class ModelsOfMode:
         """Whether the model of a plan is the compiled one, where it is time to look (where parts are exchanged at the first of each
         plan, too); a plan whose model is another one is given up."""
         self._made += 1
-        due = _at_times(self._made) if self.verify is None else self.verify > 0 and self._made % self.verify == 0
-        if plan.exchange is not None:
-            plan.exchange.uses += 1
-            due = due or (self.verify != 0 and plan.exchange.uses in FIRST)
-        if not due:
+        if not plan.is_due(self._made, self.verify):
             return True
         whole = self._compiled(read)
         wrong = ["refused"] if isinstance(whole, tuple) else differing(model, whole)
@@ -277,8 +270,3 @@ class ModelsOfMode:
         asked = 'usethread="false"' if self.visual else 'usethread="false" discardvisual="true"'
         text = text.replace("<compiler ", f"<compiler {asked} ", 1)
         return mujoco.MjModel.from_xml_string(text, vfs=self._files)
-
-
-def _at_times(count: int) -> bool:
-    """Whether it is the first, the second, the fourth, the eighth ..."""
-    return count & (count - 1) == 0

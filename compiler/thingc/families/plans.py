@@ -66,6 +66,14 @@ class Recipe(Generic[Made]):
         """What comes of the records of parts that are modelled by values of which there are outputs; None where none is."""
         return None if self.exchange is None else self.exchange.of([values[at] for at in self.free])
 
+    def is_due(self, count: int, verify: int | None) -> bool:
+        """Whether what the plan gives now should be compared with a compilation: as the `count`-th of those that plans gave (of which
+        one in `verify` is; None: the first, the second, the fourth, the eighth ...), or as one of the first with other parts."""
+        first = self.exchange is not None and self.exchange.is_due()
+        if verify is None:
+            return first or count & (count - 1) == 0
+        return verify > 0 and (first or count % verify == 0)
+
 
 class Form(Generic[Made]):
     """The plans of settings of the same names and the same texts. `why` says in words of each name that is not followed why that is so,
@@ -154,6 +162,9 @@ def make(
         try:
             outputs, made = finish(rehearsal, exchange)
         except NotTraceable as refused:
+            if refused.names:
+                blame(refused.names, refused.why)
+                continue
             form.refused = refused.why
             return None
         return Recipe(
