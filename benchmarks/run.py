@@ -173,7 +173,8 @@ def scenarios(workspace: Workspace) -> list[Scenario]:
 @dataclass(frozen=True)
 class Save:
     """A save while `thingc watch DOC --emit mjcf` runs, and what it must reach from the save to the new folder: a ratio to I, without the
-    time in which parts were modelled, as the workers tell it."""
+    time in which parts were modelled. The workers tell that: from when a part's class is there until its record is, so that to load modules
+    counts among the rest."""
 
     name: str
     document: str

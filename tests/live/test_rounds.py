@@ -273,18 +273,18 @@ def test_one_file_is_looked_at_at_once_and_several_when_they_are_quiet(working: 
     ]
 
 
-def test_a_part_that_never_ends_is_given_up_when_it_is_mended(tmp_path: Path) -> None:
-    """The next save is not kept waiting for it, as long as two minutes are."""
+def test_parts_are_begun_at_once_and_one_that_never_ends_is_given_up_when_it_is_mended(tmp_path: Path) -> None:
+    """It is modelled while its class is described; the next save is not kept waiting for it, as long as two minutes are."""
     part = "\n".join([
         "from build123d import Box", "from thingc import Thing", "", "class Weight(Thing):", "    def __init__(self) -> None:",
         "        super().__init__()", "", "    def result(self):", "        return Box(10, 10, 10)", "",
     ])
+    document = "\n".join([
+        "thingc: assembly/1", "name: robot", "components:", "  base: {frame: true, mass: 1 kg}",
+        "  weight: {part: things:Weight, mass: 100 g, at: {in: base.origin}}", "",
+    ])
     for name, text in {
-        "parts/things.py": part, "thingc.toml": 'thingc = "workspace/1"\nparts = ["parts"]\n',
-        "robot.yaml": "\n".join([
-            "thingc: assembly/1", "name: robot", "components:", "  base: {frame: true, mass: 1 kg}",
-            "  weight: {part: things:Weight, mass: 100 g, at: {in: base.origin}}", "",
-        ]),
+        "parts/things.py": part, "thingc.toml": 'thingc = "workspace/1"\nparts = ["parts"]\n', "robot.yaml": document,
     }.items():
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
@@ -294,6 +294,20 @@ def test_a_part_that_never_ends_is_given_up_when_it_is_mended(tmp_path: Path) ->
         rounds = live.rounds(stop)
         first = next(rounds)
         assert first.good, first.diagnostics
+        asked: list[str] = []
+        send = live._workers._send
+        live._workers._send = lambda worker, request: (asked.append(request["op"]), send(worker, request))[1]  # type: ignore[method-assign]
+        (tmp_path / "parts" / "things.py").write_text(part.replace("Box(10", "Box(12"))
+        longer = next(rounds)
+        assert longer.good and longer.modelled == {"things:Weight": "things:Weight"} and asked[:2] == ["model", "describe"]
+        assert longer.built is not None and longer.built.compilation.assembly is not None
+        assert [one.record.volume for one in longer.built.compilation.assembly.occurrences if one.record] == [pytest.approx(1.2e-6)]
+        (tmp_path / "robot.yaml").write_text(document.replace("100 g", "100 gg"))
+        assert not next(rounds).good
+        (tmp_path / "parts" / "things.py").write_text(part.replace("Box(10", "Box(13"))
+        assert not next(rounds).good and live._workers._begun == {}
+        (tmp_path / "robot.yaml").write_text(document)
+        assert next(rounds).good
         hanging = part.replace("        return", "        while True:\n            pass\n        return")
         (tmp_path / "parts" / "things.py").write_text(hanging)
         mending = threading.Timer(3.0, (tmp_path / "parts" / "things.py").write_text, [part.replace("10)", "20)")])

@@ -53,7 +53,7 @@ class Round:
     by path in the folder, that are others than in the last good round, or are gone; `mended`: the last round had errors, and this one
     has none; `kept`: it has errors, and what stands is of an earlier round. `modelled` are the definition texts of the parts that were
     modelled for it, also while it was given up and begun anew, with what they are called in the document's units; `kernel` is how long [s]
-    of `seconds` parts were modelled."""
+    of `seconds` parts were modelled, from when their classes were there."""
 
     number: int
     saved: tuple[str, ...]
@@ -94,6 +94,7 @@ class Live:
         self._abandoned: tuple[str, ...] = ()
         self._memo = Memo()
         self._geometry: GeometryService | None = None
+        self._last_geometry: GeometryService | None = None
         self._watched = Watched([self.document], content=state_of)
         self._last: Mapping[str, str] | None = None
         self._documents: frozenset[str] = frozenset()
@@ -205,6 +206,10 @@ class Live:
                 self._geometry, self._memo = None, Memo()
                 self.environment = Environment(self.document, self.options, self._lent, self._memo)
                 return building.build(self.environment, wish)
+            finally:
+                self._workers.forget()  # where the build did not get as far as what it began with
+                if self._geometry is not None and self._geometry.wanted:
+                    self._last_geometry = self._geometry
 
     @contextlib.contextmanager
     def _abandoning(self) -> Iterator[None]:
@@ -236,6 +241,8 @@ class Live:
         """A service that has seen nothing yet, or the last one where that has seen nothing else."""
         if self._geometry is None or self._geometry.workspace != workspace:
             self._geometry = geometry_of(workspace, self.options, store, workers=self._workers)
+            if self._last_geometry is not None:
+                self._geometry.expect(self._last_geometry)
         return self._geometry
 
     def _look(self, clock: float, built: Built | None) -> tuple[str, ...]:

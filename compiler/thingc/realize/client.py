@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import queue
 import time
@@ -63,11 +64,13 @@ class Workers:
         self._processes: list[_Process] = []
         self._lines: Lines = queue.SimpleQueue()
         self._number = 0
+        self._begun: dict[str, int] = {}
+        self._early: dict[int, tuple[LineProcess, dict[str, Any]]] = {}
         self._spans: deque[tuple[float, float]] = deque(maxlen=SPANS)
 
     def busy(self, since: float) -> float:
         """How long [s] parts have been modelled, measured and cut since a time (`time.monotonic`), as the workers say: several at once
-        count once."""
+        count once. To load the modules of parts does not count."""
         total, until = 0.0, since
         for begun, ended in sorted(self._spans):
             total += max(0.0, ended - max(begun, until))
@@ -91,6 +94,25 @@ class Workers:
         while len(self._processes) < wanted:
             flags = ["--jobs", str(self.jobs)] if self.forking else ["--inline"]
             self._processes.append(self._start(flags, self.jobs if self.forking else 1))
+
+    def begin(self, requests: Iterable[Mapping[str, Any]]) -> None:
+        """Ask as many of these as are done at once, without waiting: `run` has the answers sooner where it is asked for the same. Only
+        workers that fork begin with anything; where none can be had, `run` says so."""
+        if self.forking:
+            with contextlib.suppress(WorkerBroken):
+                self.ensure()
+                for request in islice(requests, self.jobs):
+                    self._begun[_text(request)] = self._send(self._processes[0], request)
+
+    def forget(self, but: Iterable[Mapping[str, Any]] = ()) -> None:
+        """End what was begun and is not wanted: all but these requests."""
+        wanted = set(map(_text, but))
+        for text in [text for text in self._begun if text not in wanted]:
+            number = self._begun.pop(text)
+            self._early.pop(number, None)
+            for worker in self._processes:
+                if worker.asked.pop(number, None) is not None:
+                    worker.process.ask({"forget": number})
 
     def run(self, requests: Iterable[Mapping[str, Any]]) -> Iterator[tuple[Mapping[str, Any], dict[str, Any]]]:
         """Every request with its answer, in the order they come: `{"answer": ...}` or `{"failed", "words", "detail"}`.
@@ -123,7 +145,7 @@ class Workers:
                     yield from ((request, dict(answer)) for request in left.values())
                 continue
             number, request = self._answered(worker, answer)
-            if number in under_way:  # else of a run that was given up
+            if number in under_way and request is not None:  # else of a run that was given up
                 under_way.remove(number)
                 yield request, answer
 
@@ -133,7 +155,15 @@ class Workers:
             limit = (2 if self.forking else 1) * worker.capacity - len(worker.asked)
             waiting.extend(islice(source, max(0, limit - len(waiting))))
             for _ in range(min(limit, len(waiting))):
-                under_way.add(self._send(worker, waiting.popleft()))
+                request = waiting.popleft()
+                under_way.add(self._send(worker, request) if (begun := self._taken(request)) is None else begun)
+
+    def _taken(self, request: Mapping[str, Any]) -> int | None:
+        """The number under which a request was begun, which is an ordinary one from now on; an answer that has come is given again."""
+        number = self._begun.pop(_text(request), None)
+        if number is not None and number in self._early:
+            self._lines.put(self._early.pop(number))
+        return number
 
     def _heard(self) -> tuple[_Process, dict[str, Any], bool] | None:
         """A worker and its answer, as soon as there is one (True), or how one failed that is ended now (False). None where something else
@@ -163,19 +193,26 @@ class Workers:
             return None
         return known, answer, True
 
-    def _answered(self, worker: _Process, answer: dict[str, Any]) -> tuple[int, Mapping[str, Any]]:
-        """The number and the request that an answer is to. What only this end needs is taken from the answer."""
+    def _answered(self, worker: _Process, answer: dict[str, Any]) -> tuple[int, Mapping[str, Any] | None]:
+        """The number and the request that an answer is to; None to one that was forgotten, or begun and is not asked for yet: that is put
+        aside. What only this end needs is taken from the answer."""
+        number: int = answer["id"]
+        if number in self._begun.values():
+            self._early[number] = (worker.process, answer)
+            self._put_off(worker)
+            return number, None
+        del answer["id"]
         span = answer.pop("span", None)
-        number: int = answer.pop("id")
-        request = worker.asked.pop(number)
+        request = worker.asked.pop(number, None)
         self._put_off(worker)
-        if span is not None and request["op"] != "describe":
+        if span is not None and request is not None and request["op"] != "describe":
             self._spans.append((span[0], span[1]))
         return number, request
 
     def close(self) -> None:
         """End all workers and wait until they are gone."""
         ended, self._processes = self._processes, []
+        self._begun, self._early = {}, {}
         for worker in ended:
             if not worker.ready or not self.forking and worker.asked:  # it does not listen, and has no children
                 worker.process.kill()
@@ -183,6 +220,8 @@ class Workers:
 
     def _end(self, worker: _Process) -> None:
         self._processes.remove(worker)
+        self._begun = {text: number for text, number in self._begun.items() if number not in worker.asked}
+        self._early = {number: early for number, early in self._early.items() if number not in worker.asked}
         process_tree.stop(worker.process.pid)  # it may have lost its children out of sight
         process_tree.end_descendants(worker.process.pid)
         worker.process.kill()
@@ -258,6 +297,11 @@ def once(flags: Sequence[str], request: Mapping[str, Any]) -> dict[str, Any]:
     finally:
         process.kill()
         process.close()
+
+
+def _text(request: Mapping[str, Any]) -> str:
+    """A request as it is compared with others: 1, 1.0 and True are not the same."""
+    return json.dumps(request, sort_keys=True)
 
 
 def _server(flags: Sequence[str], seed: int = 0, lines: Lines | None = None) -> LineProcess:

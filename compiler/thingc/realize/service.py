@@ -6,21 +6,22 @@ With nothing new to model no process is started and nothing heavy is imported.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from thingc.frozen import dataclass
 from thingc.realize.decisions import Decision, Recent, unchanged, why
 from thingc.realize.kept_records import KeptRecords
-from thingc.realize.key.build_key import BuildKey, record_key, schema_key
+from thingc.realize.key.build_key import BuildKey, schema_key
 from thingc.realize.key.module_key import CodeIngredients
 from thingc.realize.key.modules import Module
-from thingc.realize.key.part_code import PartCode, file_state
-from thingc.realize.key.results import Results
-from thingc.realize.key.versions import OF_FILES, versions_of
+from thingc.realize.key.part_code import PartCode
+from thingc.realize.key.results import Kept, Results
+from thingc.realize.key.versions import versions_of
 from thingc.realize.lock.lock import LOCK_FILE, Lock
 from thingc.realize.lock.locked import LockBeside
+from thingc.realize.part_requests import PartRequests
 from thingc.realize.record import AssemblyFailed, PartDefinition, PartFailure, PartRecord, PartSchema, Placed, StoredFile
 from thingc.realize.record_json import failure_from_json, mesh_from_json, record_from_json, schema_from_json, with_left
 from thingc.realize.slices import Slicing
@@ -54,8 +55,9 @@ class GeometryService:
 
     `jobs` parts are modelled at once, each for at most `timeout` [s]; `on_progress(what, done, total)` hears of it,
     `on_printed(part, lines)` of what they print.
-    `modelled` and `reused` are the definition texts of parts made and of parts found by the last `realize`, `decisions` says why;
-    `inputs` are the absolute paths of all files and folders that decided about answers, there or not.
+    `modelled` and `reused` are the definition texts of parts made and of parts found by the last `realize`, `decisions` says why, and
+    `wanted` are the definitions that it was asked for; `inputs` are the absolute paths of all files and folders that decided about
+    answers, there or not.
     `workers` are those of somebody else, who also ends them (many services in one long-lived process). `lock` reads the
     workspace's lock when first needed: it answers what the store cannot, for callers who need no meshes. `broken` are its faults.
     `seed` is that of Python's hashes in workers of its own: another one belongs with a store of its own, for no key has it.
@@ -72,6 +74,7 @@ class GeometryService:
         self.store = store
         self.timeout = timeout
         self.decisions: dict[str, Decision] = {}
+        self.wanted: tuple[PartDefinition, ...] = ()
         self._jobs = jobs
         self._seed = seed
         self._on_progress = on_progress
@@ -80,9 +83,11 @@ class GeometryService:
         self._parts = PartCode(workspace, store)
         self._results = Results(store, workspace.root)
         self._kept = KeptRecords(workspace, store, self._parts, self._results)
+        self._requests = PartRequests(workspace, store, timeout, self._parts, self._results)
         self._build_locks = BuildLocks(store)
         self._slices = SliceAnswers(store, lambda: self._parts.versions(None))
         self._recent = Recent()
+        self._expected: dict[str, Kept] = {}
         self._locked = LockBeside(lock, workspace, self._parts)
         self.unknown: list[str] = []
         self.reads: dict[str, dict[str, str]] = {}
@@ -121,6 +126,23 @@ class GeometryService:
         if needed := not self._locked.there and self._results.files_changed():
             self.warm()
         return needed
+
+    def expect(self, last: GeometryService) -> None:
+        """Begin with what will likely have to be modelled anew: parts that the service before this one was asked for, whose code is
+        another now. What they take is described meanwhile, and `realize` finds them under way where that left them what they were: with
+        the parameters that were given to them, and defaults as they are now."""
+        requests = []
+        for definition in last.wanted:
+            prepared = self._requests.prepared(definition, last._requests.given(definition))
+            if isinstance(prepared, PartFailure):
+                continue
+            kept = self._kept.find(definition, prepared.build_key, prepared.code)
+            if kept is not None:
+                self._expected[prepared.build_key.key] = kept
+            else:
+                requests.append(prepared.request)
+        if requests:
+            self._worker_pool().begin(requests)
 
     def close(self) -> None:
         """End the workers; nothing of them is alive afterwards."""
@@ -183,7 +205,7 @@ class GeometryService:
             if locked is not None:
                 answers[reference] = locked
                 continue
-            request = {"op": "describe", "references": [reference], **self._around(code)}
+            request = {"op": "describe", "references": [reference], **self._requests.around(code)}
             tasks.setdefault(reference.partition(":")[0], []).append(_Task(subject=reference, build_key=build_key, request=request))
         # one child per module: what the classes of a file share is loaded once
         self._describe_in_workers(list(tasks.values()), answers)
@@ -225,6 +247,7 @@ class GeometryService:
         schema = schema_from_json(value["schema"], self.workspace.root)
         if isinstance(code, CodeIngredients) and code.place is not None:  # comments move lines, and rebuild nothing
             schema = replace(schema, file=code.place[0], line=code.place[1])
+        self._requests.schemas[reference] = schema
         return schema
 
     # --- realize -------------------------------------------------------------------------------------------------
@@ -235,6 +258,7 @@ class GeometryService:
         """The record of each definition, by text; with convex pieces for the texts in `convex`. Unless it may be `locked`, it has
         its meshes."""
         self.decisions = {}
+        self.wanted = tuple(definitions)
         answers: dict[str, PartRecord | PartFailure] = {}
         tasks: list[_Task] = []
         unique = {definition.text: definition for definition in definitions}
@@ -245,13 +269,13 @@ class GeometryService:
                 answers[text], reason = recent
                 self._decide(text, True, reason)
                 continue
-            prepared = self._prepare(definition)
+            prepared = self._requests.prepared(definition)
             if isinstance(prepared, PartFailure):
                 answers[text] = prepared
                 continue
-            build_key, code, request = prepared
+            build_key, code = prepared.build_key, prepared.code
             build_keys[text] = build_key
-            kept = self._kept.find(definition, build_key, code)
+            kept = self._expected.get(build_key.key) or self._kept.find(definition, build_key, code)
             if kept is not None:
                 self._decide(text, True, unchanged(kept.reason))
                 answers[text] = self._record(kept.value, code)
@@ -262,7 +286,9 @@ class GeometryService:
                 del build_keys[text]  # nothing was modelled, which is what `thingc why` would say of it
             else:
                 reason = why(definition, build_key, self._results)
-                tasks.append(_Task(subject=text, build_key=build_key, request=request, reason=reason))
+                tasks.append(_Task(subject=text, build_key=build_key, request=prepared.request, reason=reason))
+        if self._workers is not None:
+            self._workers.forget([task.request for task in tasks])
         with self._build_locks.given_back():
             self._model(tasks, unique, answers)
         self._results.remember(
@@ -329,35 +355,8 @@ class GeometryService:
 
     def in_store(self, definition: PartDefinition) -> bool:
         """Whether a part need not be modelled."""
-        prepared = self._prepare(definition)
-        return not isinstance(prepared, PartFailure) and self._kept.find(definition, *prepared[:2]) is not None
-
-    def _prepare(self, definition: PartDefinition) -> tuple[BuildKey, CodeIngredients | None, dict[str, Any]] | PartFailure:
-        code: CodeIngredients | None = None
-        extra: dict[str, str] = {}
-        package = definition.reference
-        if definition.kind == "file":
-            state = file_state(definition, self.workspace, self._results)
-            if isinstance(state, PartFailure):
-                return state
-            extra = {"file": state, **versions_of(OF_FILES, self._parts.file_of, self.store)}
-            package = ""
-        else:
-            checked = self._parts.code(definition.reference)
-            if isinstance(checked, PartFailure):
-                return replace(checked, subject=definition.text)
-            code = checked
-        build_key = record_key(definition, code, {**self._parts.versions(code, package), **extra}, self.workspace)
-        request = {
-            "op": "model",
-            "definition": {
-                "kind": definition.kind, "reference": definition.reference, "text": definition.text, "mirror": definition.mirror,
-                "parameters": dict(definition.parameters), "placed": code is not None and code.place is not None,
-            },
-            "tessellations": {"fine": asdict(self.workspace.mesh), "simulation": asdict(self.workspace.simulation)},
-            **self._around(code),
-        }
-        return build_key, code, request
+        prepared = self._requests.prepared(definition)
+        return not isinstance(prepared, PartFailure) and self._kept.find(definition, prepared.build_key, prepared.code) is not None
 
     def _record(self, value: Any, code: CodeIngredients | None) -> PartRecord | PartFailure:
         if "failure" in value:
@@ -446,10 +445,6 @@ class GeometryService:
     def _code_of_definition(self, definition: PartDefinition) -> CodeIngredients | None:
         code = self._parts.code(definition.reference) if definition.kind != "file" else None
         return code if isinstance(code, CodeIngredients) else None
-
-    def _around(self, code: CodeIngredients | None) -> dict[str, Any]:
-        """What a request says about where it runs."""
-        return {**self._parts.around(code), "store": self.store.root, "timeout": self.timeout}
 
     def _worker_pool(self) -> Workers:
         if self._workers is None:

@@ -116,13 +116,14 @@ def _safely(request: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def answered(request: Mapping[str, Any]) -> dict[str, Any]:
-    """What is said to a request: its `answer` and from when until when it took (`span`, of `time.monotonic`), or that there is no room
-    for it."""
+    """What is said to a request: its `answer` and from when until when it took (`span`, of `time.monotonic`; of a part from when its
+    class was there), or that there is no room for it."""
     from thingc.realize.store.local import StoreUnusable
 
     begun = time.monotonic()
     try:
-        return {"answer": perform(request), "span": [begun, time.monotonic()]}
+        answer = perform(request)
+        return {"answer": answer, "span": [answer.pop("loaded", begun), time.monotonic()]}
     except StoreUnusable as fault:
         return {"failed": "unusable", "words": fault.reason}
 
@@ -183,32 +184,50 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _serve(answers: int, jobs: int, scratch: Scratch) -> None:
-    """The server: at most `jobs` children at once, each with its deadline and its folder. Nothing that they start outlives them."""
+    """The server: at most `jobs` children at once, and besides as many that describe classes, for whoever asks waits for those before he
+    asks for more. Each has its deadline and its folder. Nothing that they start outlives them."""
     from thingc.realize.worker.children import WATCH, Child, start
     from thingc.realize.worker.process_tree import FIRST, adopt_orphans, give_priority
+    from thingc.realize.worker.scratch import remove
 
     adopt_orphans()
     usual = give_priority(FIRST)
-    waiting: deque[dict[str, Any]] = deque()
+    waiting: dict[bool, deque[dict[str, Any]]] = {True: deque(), False: deque()}  # to describe, and for all else
     running: dict[int, Child] = {}
     selector = selectors.DefaultSelector()
     selector.register(0, selectors.EVENT_READ)
     received = bytearray()
 
-    def finish(child: Child, over: str | None = None) -> None:
+    def begin(request: dict[str, Any]) -> None:
+        _prepare(request)
+        child = start(request, answered, usual, scratch.make(), [0, answers, *scratch.descriptors, *running])
+        running[child.pipe] = child
+        selector.register(child.pipe, selectors.EVENT_READ)
+
+    def end(child: Child, over: str | None) -> dict[str, Any]:
         selector.unregister(child.pipe)
         del running[child.pipe]
-        answer = child.end(over, {other.process for other in running.values()})
-        _answer(answers, _settled(answer, child.request["store"], child.scratch))
+        return child.end(over, {other.process for other in running.values()})
+
+    def finish(child: Child, over: str | None = None) -> None:
+        _answer(answers, _settled(end(child, over), child.request["store"], child.scratch))
+
+    def take(asked: dict[str, Any]) -> None:
+        if "forget" not in asked:
+            waiting[asked["op"] == "describe"].append(asked)
+            return
+        for one in [one for one in waiting[False] if one["id"] == asked["forget"]]:
+            waiting[False].remove(one)
+        for child in [child for child in running.values() if child.request["id"] == asked["forget"]]:
+            end(child, "hung")
+            remove(child.scratch)
 
     try:
         while True:
-            while waiting and len(running) < jobs:
-                request = waiting.popleft()
-                _prepare(request)
-                child = start(request, answered, usual, scratch.make(), [0, answers, *scratch.descriptors, *running])
-                running[child.pipe] = child
-                selector.register(child.pipe, selectors.EVENT_READ)
+            for describes, asked in waiting.items():
+                free = jobs - sum((child.request["op"] == "describe") == describes for child in running.values())
+                for _ in range(min(free, len(asked))):
+                    begin(asked.popleft())
             for key, _ in selector.select(WATCH if running else None):
                 if key.fd == 0:
                     data = os.read(0, 1 << 20)
@@ -217,7 +236,8 @@ def _serve(answers: int, jobs: int, scratch: Scratch) -> None:
                     received += data
                     *lines, remainder = received.split(b"\n")
                     received = bytearray(remainder)
-                    waiting.extend(json.loads(line) for line in lines)
+                    for line in lines:
+                        take(json.loads(line))
                 elif key.fd in running:
                     child = running[key.fd]
                     if not child.read() or child.answered:

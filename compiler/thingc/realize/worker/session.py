@@ -11,6 +11,7 @@ import sys
 import traceback
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from time import monotonic
 from typing import Any
 
 from thingc.realize.key.file_states import state_of
@@ -49,12 +50,13 @@ class RequestContext:
 @dataclass(slots=True)
 class PartSession:
     """One request in its process, in the workspace's folder: the importer, the recorder of reads, and who notes what the part asks
-    and prints, installed while it lasts."""
+    and prints, installed while it lasts. `loaded` is since when the class that was asked for last is there (`time.monotonic`)."""
 
     around: RequestContext
     recorder: Recorder = field(init=False)
     importer: PartImporter = field(init=False)
     asking: Asking = field(init=False)
+    loaded: float | None = None
     _before: str = ""
     _printing: contextlib.ExitStack = field(default_factory=contextlib.ExitStack)
 
@@ -133,6 +135,7 @@ class PartSession:
                     if not own.startswith("_") and getattr(value, "__module__", None) == module_name and is_part(value)
                 )
                 raise NoPart("missing", f"`{module_name}` has no `{name}`", names) from None
+        self.loaded = monotonic()
         return named
 
     def failure(self, subject: str, fault: BaseException) -> PartFailure:

@@ -105,10 +105,11 @@ class Made:
 
 def model(definition: dict[str, Any], tessellations: Tessellations, around: RequestContext, store: Store) -> dict[str, Any]:
     """The record (or failure) of one part definition and what it read: `{"record" | "failure": ..., "reads": [...]}`; with a record `ran`,
-    which functions of its code have run (see `PartSession.ran`).
+    which functions of its code have run (see `PartSession.ran`), and since when its class was there (`loaded`, of `time.monotonic`).
 
-    `definition` has `kind`, `reference`, `text`, the canonical `parameters` (SI) and `mirror`, and whether it is known where its class is
-    written (`placed`): to find that out takes long. Blobs go to the store. Raises `StoreUnusable`.
+    `definition` has `kind`, `reference`, `text`, the canonical `parameters` (SI; those that are left out are what the class says) and
+    `mirror`, and whether it is known where its class is written (`placed`): to find that out takes long. Blobs go to the store. Raises
+    `StoreUnusable`.
     """
     text = definition["text"]
     with PartSession(around) as session, warnings.catch_warnings(record=True) as caught:
@@ -121,7 +122,9 @@ def model(definition: dict[str, Any], tessellations: Tessellations, around: Requ
             session.stop()
             part_warnings = (*record.warnings, *_warnings(caught, session.is_own), *session.asking.found)
             answer = {"record": record_to_json(replace(record, warnings=part_warnings), around.root)}
-            return {**answer, "reads": session.reads(*(warning.file for warning in part_warnings)), "ran": session.ran()}
+            reads = session.reads(*(warning.file for warning in part_warnings))
+            loaded = {"loaded": session.loaded} if session.loaded is not None else {}
+            return {**answer, **loaded, "reads": reads, "ran": session.ran()}
         except StoreUnusable:
             raise
         except BaseException as fault:
@@ -160,8 +163,12 @@ def _made_of_code(definition: dict[str, Any], session: PartSession) -> Made:
     reference = definition["reference"]
     part = session.part(reference)
     kind = kind_of(part, reference)
-    kinds = {parameter.name: parameter.kind for parameter in inspection.parameters_of(part)}
-    parameters = {name: convert.to_author(kinds.get(name, ""), value) for name, value in definition["parameters"].items()}
+    schemas = inspection.parameters_of(part)
+    kinds = {parameter.name: parameter.kind for parameter in schemas}
+    # defaults go the way that they go through a document, which rounds
+    own = {parameter.name: convert.to_si(parameter.kind, parameter.default) for parameter in schemas if parameter.default is not None}
+    given = {**own, **definition["parameters"]}
+    parameters = {name: convert.to_author(kinds.get(name, ""), value) for name, value in given.items()}
     thing = inspection.build(part, parameters)
     geometry = thing.result()
     shapes = _shapes(geometry, "result")

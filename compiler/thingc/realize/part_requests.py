@@ -1,0 +1,77 @@
+"""What workers are asked for to model a part, and what their answer is kept under."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, Any
+
+from thingc.frozen import dataclass
+from thingc.realize.key.build_key import BuildKey, record_key
+from thingc.realize.key.module_key import CodeIngredients
+from thingc.realize.key.part_code import PartCode, file_state
+from thingc.realize.key.results import Results
+from thingc.realize.key.versions import OF_FILES, versions_of
+from thingc.realize.record import PartDefinition, PartFailure, PartSchema, Value
+from thingc.realize.store.local import Store
+
+if TYPE_CHECKING:
+    from thingc.workspace import Workspace
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartRequest:
+    """What the record of a definition is kept under, its code (None: of an installed package, or a file), and the request to make it."""
+
+    build_key: BuildKey
+    code: CodeIngredients | None
+    request: dict[str, Any]
+
+
+class PartRequests:
+    """Requests for the parts of one workspace, each to be done within `timeout` [s]. `schemas` are what classes take, by reference, as far
+    as they have been described."""
+
+    def __init__(self, workspace: Workspace, store: Store, timeout: float, parts: PartCode, results: Results) -> None:
+        self._workspace, self._store, self._timeout, self._parts, self._results = workspace, store, timeout, parts, results
+        self.schemas: dict[str, PartSchema] = {}
+
+    def around(self, code: CodeIngredients | None) -> dict[str, Any]:
+        """What every request says about where it runs."""
+        return {**self._parts.around(code), "store": self._store.root, "timeout": self._timeout}
+
+    def given(self, definition: PartDefinition) -> dict[str, Value]:
+        """The parameters of a definition that are not what its class says by itself; all of them where it has not been described."""
+        schema = self.schemas.get(definition.reference)
+        own = {parameter.name: parameter.default for parameter in schema.parameters} if schema is not None else {}
+        return {name: value for name, value in definition.parameters if repr(value) != repr(own.get(name))}
+
+    def prepared(self, definition: PartDefinition, given: Mapping[str, Value] | None = None) -> PartRequest | PartFailure:
+        """The request for a definition, which says of its parameters only those that are `given` (None: as `given` says)."""
+        code: CodeIngredients | None = None
+        extra: dict[str, str] = {}
+        package = definition.reference
+        if definition.kind == "file":
+            state = file_state(definition, self._workspace, self._results)
+            if isinstance(state, PartFailure):
+                return state
+            extra = {"file": state, **versions_of(OF_FILES, self._parts.file_of, self._store)}
+            package = ""
+        else:
+            checked = self._parts.code(definition.reference)
+            if isinstance(checked, PartFailure):
+                return replace(checked, subject=definition.text)
+            code = checked
+        workspace = self._workspace
+        build_key = record_key(definition, code, {**self._parts.versions(code, package), **extra}, workspace)
+        request = {
+            "op": "model",
+            "definition": {
+                "kind": definition.kind, "reference": definition.reference, "text": definition.text, "mirror": definition.mirror,
+                "parameters": self.given(definition) if given is None else dict(given),
+                "placed": code is not None and code.place is not None,
+            },
+            "tessellations": {"fine": asdict(workspace.mesh), "simulation": asdict(workspace.simulation)},
+            **self.around(code),
+        }
+        return PartRequest(build_key=build_key, code=code, request=request)

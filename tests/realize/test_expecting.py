@@ -1,0 +1,123 @@
+"""Parts that are begun before what they take is described: found under way where that is what is wanted, and ended where it is not."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import psutil
+import pytest
+
+from thingc.realize.record import PartDefinition, PartFailure, PartRecord, PartSchema
+from thingc.realize.service import GeometryService
+
+BLOCK = """
+    from build123d import Box
+    from thingc import Length, Thing
+
+    class Block(Thing):
+        def __init__(self, width: Length = 30, height: Length = 5):
+            super().__init__()
+            self.body = Box(width, 10, height)
+
+        def result(self):
+            return self.body
+"""
+
+
+@pytest.fixture
+def sent(place: Any, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What the workers of a place are asked, in order."""
+    found: list[str] = []
+    send = place.workers._send
+    monkeypatch.setattr(place.workers, "_send", lambda worker, request: (found.append(request["op"]), send(worker, request))[1])
+    return found
+
+
+def made(service: GeometryService, *, like: PartDefinition | None = None) -> PartRecord | PartFailure:
+    """What a service says of the block with its defaults, or of a definition."""
+    schema = service.describe(["blocks:Block"])["blocks:Block"]
+    assert isinstance(schema, PartSchema), schema
+    definition = like or schema.default
+    assert definition is not None
+    return service.realize([definition])[definition.text]
+
+
+@pytest.mark.parametrize(("old", "new"), [("width: Length = 30", "width: Length = 31.7"), ("Box(width, 10", "Box(width, 11.3")])
+def test_what_is_expected_is_modelled_once_and_is_what_it_would_be(place: Any, sent: list[str], old: str, new: str) -> None:
+    place.write("parts/blocks.py", BLOCK)
+    before = place.service()
+    made(before)
+    sent.clear()
+    place.write("parts/blocks.py", BLOCK.replace(old, new))
+    service = place.service()
+    service.expect(before)
+    found = made(service)
+    assert sent == ["model", "describe"]
+    assert service.modelled == ["blocks:Block"] and service.decisions["blocks:Block"].reason.startswith("module `blocks` changed")
+    place.store = type(place.store)(f"{place.store.root}-empty")
+    assert isinstance(found, PartRecord) and found == made(place.service())
+
+
+def test_what_is_as_it_was_is_not_begun(place: Any, sent: list[str]) -> None:
+    place.write("parts/blocks.py", BLOCK)
+    before = place.service()
+    made(before)
+    sent.clear()
+    place.write("parts/blocks.py", BLOCK.replace("class Block(Thing):", 'class Block(Thing):\n        """Words."""\n'))
+    service = place.service()
+    service.expect(before)
+    assert isinstance(made(service), PartRecord) and sent == ["describe"]
+
+
+def test_what_nobody_asks_for_in_the_end_is_ended(place: Any, define: Any, sent: list[str]) -> None:
+    """It may hang, and it may be what takes a parameter that is not there any more."""
+    place.write("parts/blocks.py", BLOCK)
+    before = place.service()
+    made(before, like=define("blocks:Block", width=0.02, height=0.005))
+    sent.clear()
+    place.write("parts/blocks.py", BLOCK.replace("            self.body", "            while width == 20: pass\n            self.body"))
+    service = place.service()
+    service.expect(before)
+    [worker] = place.workers._processes
+    last = time.monotonic() + 60.0
+    while not psutil.Process(worker.process.pid).children() and time.monotonic() < last:
+        time.sleep(0.01)
+    found = made(service)
+    assert isinstance(found, PartRecord) and sent == ["model", "describe", "model"]
+    while (left := psutil.Process(worker.process.pid).children()) and time.monotonic() < last:
+        time.sleep(0.01)
+    assert left == [] and worker.asked == {} and place.workers._begun == {}
+
+
+def test_what_fails_is_said_as_ever(place: Any, sent: list[str]) -> None:
+    place.write("parts/blocks.py", BLOCK)
+    before = place.service()
+    made(before)
+    sent.clear()
+    place.write("parts/blocks.py", BLOCK.replace("Box(width", "Box(width / 0"))
+    service = place.service()
+    service.expect(before)
+    found = made(service)
+    assert isinstance(found, PartFailure) and (found.kind, found.message, found.line) == (
+        "raised", "ZeroDivisionError: float division by zero", 8,
+    )
+    assert sent == ["model", "describe"]
+
+
+def test_an_answer_that_has_come_before_it_is_asked_for_is_given(place: Any, sent: list[str]) -> None:
+    place.write("parts/blocks.py", BLOCK)
+    before = place.service()
+    made(before)
+    place.write("parts/blocks.py", BLOCK.replace("30", "32"))
+    service = place.service()
+    service.expect(before)
+    last = time.monotonic() + 60.0
+    service.describe(["blocks:Block"])
+    number = 0
+    while not place.workers._early and time.monotonic() < last:  # it comes while something else is waited for
+        number += 1
+        place.write(f"parts/others_{number}.py", BLOCK)
+        place.service().describe([f"others_{number}:Block"])
+    sent.clear()
+    assert isinstance(made(service), PartRecord) and sent == []
