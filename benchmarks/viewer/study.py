@@ -3,23 +3,31 @@
 Opened is from the browser's asking for the file to the first picture, in a Chromium that draws without a graphics card. A picture's
 milliseconds are those of the page's program alone (medians), while a joint is moved and while the camera turns; what a graphics card
 then does, a browser without one cannot tell.
+
+Saved is from the end of a write to a document, or to a file of parts, while `thingc view` shows the robot, to the second frame of the
+browser with what came of it, without the time in which the workers modelled parts, as they tell it (see `Save` of `benchmarks/run.py`).
 """
 
 from __future__ import annotations
 
 import argparse
+import http.client
+import json
 import statistics
 import subprocess
 import sys
 import tempfile
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
 sys.path[:0] = [str(HERE.parent), str(ROOT / "tests")]
 
+from run import Save, Workspace, saves  # noqa: E402
 from viewer.browser import address, chromium, opened  # noqa: E402
 from wide import write_wide  # noqa: E402
 
@@ -36,6 +44,17 @@ class Bounds:
 ROBOTS = {"arm": Bounds(1.5e6, 1.0, 4.0), "minchw": Bounds(2e6, 1.0, 4.0), "level0": Bounds(float("inf"), float("inf"), 12.0)}
 """The robots of the repository, and 1 000 occurrences in 20 documents."""
 
+SAVED = 0.3
+"""Within how many seconds of a save the page has drawn what came of it, besides those in which parts are modelled."""
+
+REDRAWN = """() => {
+  const { viewer } = thingc, before = viewer.robot;
+  thingc.redrawn = new Promise((done) => {
+    const look = () => viewer.robot === before ? requestAnimationFrame(look)
+      : requestAnimationFrame(() => requestAnimationFrame(() => done((performance.timeOrigin + performance.now()) / 1000)));
+    look();
+  });
+}"""
 MOVED = """() => {
   const { viewer } = thingc, { path, lower, upper } = viewer.joints[0], spent = [];
   return new Promise((done) => {
@@ -84,6 +103,52 @@ def measured(browser: Any, page: Path, runs: int) -> tuple[float, float, float, 
     return statistics.median(times), moved, turned, calls
 
 
+def redrawn(browser: Any, workspace: Workspace, saved: Save, times: int) -> tuple[list[float], list[float]]:
+    """The seconds from each save to the page that has drawn what came of it, and those of them in which parts were modelled."""
+    command = [str(Path(sys.executable).parent / "thingc"), "view", saved.document, "--no-open"]
+    seconds: list[float] = []
+    kernel: list[float] = []
+    with subprocess.Popen(
+        command, cwd=workspace.folder, env=workspace.environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+    ) as process:
+        assert process.stdout is not None
+        shown = next((line.strip() for line in process.stdout if line.startswith("http://")), "")
+        url = urlsplit(shown)
+        connection = http.client.HTTPConnection(url.hostname or "", url.port, timeout=60.0)
+        connection.request("GET", f"{url.path}events")
+        news = connection.getresponse()
+        told = (json.loads(line.removeprefix(b"data: ")) for line in news if line.startswith(b"data: "))
+        next(told)
+        with opened(browser, shown) as page:
+            time.sleep(4.0)  # the kernel loads
+            for turn in range(times + 1):
+                time.sleep(0.3 + 0.007 * turn)
+                page.evaluate(REDRAWN)
+                saved.save()
+                start = time.time()
+                seconds.append(page.evaluate("thingc.redrawn") - start)
+                kernel.append(next(told)["kernel"])
+        connection.close()
+        process.terminate()
+    return seconds[1:], kernel[1:]
+
+
+def after_saves(browser: Any, runs: int) -> int:
+    """Print how long saves take until they are drawn; how many of them miss their bound."""
+    missed = 0
+    print(f"{'':28} {'saved':>8} {'must':>7}")
+    with tempfile.TemporaryDirectory() as folder:
+        workspace = Workspace(Path(folder))
+        for saved in saves(workspace):
+            seconds, kernel = redrawn(browser, workspace, saved, 2 * runs)
+            beyond = statistics.median(one - other for one, other in zip(seconds, kernel, strict=True))
+            modelling = statistics.median(kernel)
+            missed += beyond > SAVED
+            more = f"  beyond the kernel's {modelling:.2f} s" if modelling else ""
+            print(f"{saved.name.replace('watch', 'view'):28} {beyond:6.2f} s {SAVED:5.1f} s{more}{'' if beyond <= SAVED else '  MISSED'}")
+    return missed
+
+
 def main() -> int:
     """Print the table; exit code 1 when a bound is missed."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -104,6 +169,7 @@ def main() -> int:
             parts = page.read_text().count('"collides":')
             numbers = f"{size / 1000:6.0f} {parts:6} {took:6.2f} s {moved:11.2f} ms {turned:8.2f} ms {calls:6}"
             print(f"{name:8} {numbers}{'' if good else '  MISSED'}")
+        missed += after_saves(browser, arguments.n)
     return 1 if missed else 0
 
 

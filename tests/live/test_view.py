@@ -138,7 +138,7 @@ def test_news_reach_who_listens_and_who_comes_late(server: Server) -> None:
     first = News(server.address)
     began = first.next()
     assert re.fullmatch(r"[0-9a-f]{8}", str(began["run"]))
-    assert began == {"run": began["run"], "build": 1, "against": 0, "seconds": 0.5, "findings": []}
+    assert began == {"run": began["run"], "build": 1, "against": 0, "seconds": 0.5, "kernel": 0.0, "findings": []}
     server.tell(None, 0.1, [{"code": "TC601"}])
     assert first.next() == {**began, "seconds": 0.1, "findings": [{"code": "TC601"}]}
     late = News(server.address)

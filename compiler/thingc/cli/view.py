@@ -93,7 +93,7 @@ def run(arguments: argparse.Namespace) -> int:
     def hear(made: Round) -> None:
         with turn:
             made, page, found = _shown(live, made)
-        server.tell(page, made.seconds, found)
+        server.tell(page, made.seconds, found, kernel=made.kernel)
         lines.say(made)
         if made.number == 1 and common.exit_code(made.diagnostics) != common.USAGE:
             common.say(server.address)

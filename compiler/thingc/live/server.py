@@ -77,7 +77,7 @@ class Server:
         self._name = os.path.basename(document) or "thingc view"
         self._own = _Shown()
         self._other = _Shown()
-        self._seconds = 0.0
+        self._seconds = self._kernel = 0.0
         self._closed = False
         self._number = 0
         self._run = secrets.token_hex(4)
@@ -108,11 +108,12 @@ class Server:
         """Where a browser finds the page."""
         return f"http://{LOOPBACK}:{self.port}/{self._token}/"
 
-    def tell(self, page: Page | None, seconds: float, findings: Sequence[Finding]) -> None:
-        """What came of a round: its page (None: that of the last good one stays), how long it took, and what there is to say."""
+    def tell(self, page: Page | None, seconds: float, findings: Sequence[Finding], *, kernel: float = 0.0) -> None:
+        """What came of a round: its page (None: that of the last good one stays), how long it took, what there is to say, and how long of
+        it parts were modelled."""
         with self._news:
             self._own = self._own.after(page, findings)
-            self._seconds = seconds
+            self._seconds, self._kernel = seconds, kernel
             self._number += 1
             self._news.notify_all()
 
@@ -152,7 +153,10 @@ class Server:
         """The last news: `run` is another word for every server, `build` and `against` count the robots that there were."""
         own, other = self._own, self._other
         findings = [*own.findings, *(one for one in other.findings if one not in own.findings)]
-        told = {"run": self._run, "build": own.count, "against": other.count, "seconds": self._seconds, "findings": findings}
+        told = {
+            "run": self._run, "build": own.count, "against": other.count, "seconds": self._seconds, "kernel": self._kernel,
+            "findings": findings,
+        }
         return json_text(json.dumps(told, ensure_ascii=False))
 
 
