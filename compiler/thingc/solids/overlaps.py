@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import Any
 
 from thingc.diagnostics import Code, Note, Report, allow_hint
 from thingc.frozen import dataclass
@@ -14,9 +14,6 @@ from thingc.graph.types import Assembly, Occurrence
 from thingc.memo import Memo
 from thingc.pose import Pose, Vector
 from thingc.realize.store.local import Store
-
-if TYPE_CHECKING:
-    from thingc.solids.shapes import PartSolids
 
 SHARE = 0.2
 """How much of the smaller of two parts the other may take: screws in their holes and cells in their holders take a twentieth."""
@@ -63,14 +60,11 @@ def check_overlaps(assembly: Assembly, store: Store, report: Report, memo: Memo)
 
 def _look(pairs: Sequence[_Pair], store: Store, report: Report, memo: Memo) -> bool:
     """Whether any of the pairs is one too many; each such place of the documents is said once, however often it is used."""
-    from thingc.solids.shapes import PartSolids
-
-    shapes = PartSolids(store)
     overlapping = False
     said: set[tuple[object, object]] = set()
     for pair in pairs:
         where = ("overlap", pair.one.path, pair.other.path)
-        shared = memo(where, partial(_shared, shapes, pair), _mesh(pair.one), _mesh(pair.other), pair.at_one, pair.at_other)
+        shared = memo(where, partial(_shared, pair, store, memo), _mesh(pair.one), _mesh(pair.other), pair.at_one, pair.at_other)
         if shared <= max(LEAST, SHARE * _volume(pair.smaller)):
             continue
         overlapping = True
@@ -80,12 +74,15 @@ def _look(pairs: Sequence[_Pair], store: Store, report: Report, memo: Memo) -> b
     return overlapping
 
 
-def _shared(shapes: PartSolids, pair: _Pair, *_: object) -> float:
+def _shared(pair: _Pair, store: Store, memo: Memo, *_: object) -> float:
     """The volume [m^3] that two parts share."""
-    from thingc.solids.shapes import at, overlap
+    from thingc.solids.shapes import at, overlap, solid_of
 
-    solids = [shapes.solid(part.record) for part in (pair.one, pair.other) if part.record is not None]
-    return 0.0 if any(solid is None for solid in solids) else overlap(at(solids[0], pair.at_one), at(solids[1], pair.at_other))[0]
+    def solid(part: Occurrence) -> Any:
+        assert part.record is not None, "candidates have closed meshes"
+        return memo(("solid", part.path), lambda mesh: solid_of(store, mesh)[0], part.record.meshes["mesh"])
+
+    return overlap(at(solid(pair.one), pair.at_one), at(solid(pair.other), pair.at_other))[0]
 
 
 def _warn(pair: _Pair, shared: float, report: Report) -> bool:

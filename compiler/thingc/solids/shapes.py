@@ -9,7 +9,7 @@ from manifold3d import Manifold, Mesh64
 from numpy.typing import NDArray
 
 from thingc.pose import Pose
-from thingc.realize.record import PartRecord
+from thingc.realize.record import Mesh, PartRecord
 from thingc.realize.store.local import Store
 from thingc.realize.store.meshes import arrays
 
@@ -29,13 +29,19 @@ class PartSolids:
         if mesh is None:
             return None
         if record.text not in self._solids:
-            vertices, faces = arrays(self._store.read(mesh.sha256))
-            solid = Manifold(Mesh64(vert_properties=vertices, tri_verts=faces.astype(np.uint64)))
-            if not mesh.closed or solid.num_tri() == 0:
-                solid = Manifold.hull_points(vertices)
+            solid, hull = solid_of(self._store, mesh)
+            if hull:
                 self.hulls.add(record.text)
             self._solids[record.text] = solid
         return self._solids[record.text]
+
+
+def solid_of(store: Store, mesh: Mesh) -> tuple[Any, bool]:
+    """The solid within a mesh of the store [m], or within its convex hull where it is not closed; and whether it is that."""
+    vertices, faces = arrays(store.read(mesh.sha256))
+    solid = Manifold(Mesh64(vert_properties=vertices, tri_verts=faces.astype(np.uint64)))
+    hull = not mesh.closed or solid.num_tri() == 0
+    return Manifold.hull_points(vertices) if hull else solid, hull
 
 
 def at(solid: Any, pose: Pose) -> Any:

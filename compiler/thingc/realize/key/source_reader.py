@@ -44,7 +44,7 @@ def read(source: bytes) -> dict[str, Any]:
     try:
         tree = ast.parse(source, NOWHERE)
         tree.body = [statement for statement in tree.body if not _is_main_guard(statement)]
-        return _facts(tree, looking=LOOKING.search(source) is not None)
+        return _facts(tree, source)
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         digest = hashlib.sha256(source).hexdigest()
         return {
@@ -53,16 +53,17 @@ def read(source: bytes) -> dict[str, Any]:
         }
 
 
-def functions(tree: ast.Module) -> list[ast.FunctionDef]:
+def functions(tree: ast.Module, source: bytes) -> list[ast.FunctionDef]:
     """The functions and methods of a module that run when they are called and not before, in the order of the text. Left out are those
     that others may have looked at by then (decorated ones, but for what Python itself has), and those whose call runs nothing yet."""
     found: list[ast.FunctionDef] = []
+    yields = b"yield" in source
     waiting: list[ast.AST] = [statement for statement in tree.body if not _is_main_guard(statement)]
     while waiting:
         node = waiting.pop(0)
         if isinstance(node, ast.FunctionDef):
             plain = all(isinstance(one, ast.Name) and one.id in PLAIN for one in node.decorator_list)
-            if plain and not any(isinstance(one, (ast.Yield, ast.YieldFrom)) for one in ast.walk(node)):
+            if plain and not (yields and any(isinstance(one, (ast.Yield, ast.YieldFrom)) for one in ast.walk(node))):
                 found.append(node)
         elif not isinstance(node, (ast.AsyncFunctionDef, ast.expr)):
             waiting[:0] = ast.iter_child_nodes(node)
@@ -79,14 +80,14 @@ def _is_value(node: ast.expr) -> bool:
     return isinstance(node, ast.Constant) or isinstance(node, ast.UnaryOp) and isinstance(node.operand, ast.Constant)
 
 
-def _facts(tree: ast.Module, *, looking: bool) -> dict[str, Any]:
+def _facts(tree: ast.Module, source: bytes) -> dict[str, Any]:
     """One walk in the order of the text, without recursion: sums grow deeper than Python's stack."""
-    syntax, outline = hashlib.sha256(), hashlib.sha256()
-    called = functions(tree)
-    bodies = [hashlib.sha256() for _ in called]
+    syntax: list[str] = []
+    outline: list[str] = []
+    called = functions(tree, source)
+    bodies: list[list[str]] = [[] for _ in called]
     owners = {id(own): body for function, body in zip(called, bodies, strict=True) for own in _own(function)}
     part = outline
-    length = 0
     docstrings: list[str] = []
     words: set[str] = set()
     imports: set[str] = set()
@@ -94,14 +95,14 @@ def _facts(tree: ast.Module, *, looking: bool) -> dict[str, Any]:
     while waiting:
         node = waiting.pop()
         if part is outline and (body := owners.get(id(node))) is not None:
-            outline.update(b"a part of a function\n")
+            outline.append("a part of a function")
             part = body
             waiting.append(_LEFT)
         elif node is _LEFT:
             part = outline
             continue
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):  # it does nothing: a docstring
-            docstrings.append(f"{length} {node.value.value!r}\n")
+            docstrings.append(f"{len(syntax)} {node.value.value!r}")
             continue
         if isinstance(node, (ast.Import, ast.ImportFrom)):
             imports.update(origin for _, origin in _imported(node) if len(origin) <= MAX_NAME)
@@ -109,17 +110,18 @@ def _facts(tree: ast.Module, *, looking: bool) -> dict[str, Any]:
             words.add(node if isinstance(node, str) else "globals")
         word, inner = _word(node)
         waiting += reversed(inner)
-        line = f"{word}\n".encode()
-        syntax.update(line)
-        part.update(line)
-        length += 1
-    documented = syntax.copy()
-    documented.update("".join(docstrings).encode())
+        syntax.append(word)
+        part.append(word)
     return {
-        "syntax": syntax.hexdigest(), "documented": documented.hexdigest(), "outline": outline.hexdigest(),
-        "bodies": [body.hexdigest()[:32] for body in bodies], "imports": sorted(imports), "names": _names(tree),
-        "telling": not words.isdisjoint(TELLING), "looking": looking, "more": not words.isdisjoint(BINDING), "broken": False,
+        "syntax": _digest(syntax), "documented": _digest([*syntax, *docstrings]), "outline": _digest(outline),
+        "bodies": [_digest(body)[:32] for body in bodies], "imports": sorted(imports), "names": _names(tree),
+        "telling": not words.isdisjoint(TELLING), "looking": LOOKING.search(source) is not None, "more": not words.isdisjoint(BINDING),
+        "broken": False,
     }
+
+
+def _digest(lines: list[str]) -> str:
+    return hashlib.sha256("".join(f"{line}\n" for line in lines).encode()).hexdigest()
 
 
 def _word(node: Any) -> tuple[str, Sequence[Any]]:

@@ -35,7 +35,7 @@ def compiled(source: bytes, file: str, sha256: str) -> types.CodeType:
     too deeply, has none. Raises what `compile` raises."""
     if LOOKING.search(source) is None:
         try:
-            code = compile(_with_marks(ast.parse(source, file), file), file, "exec", dont_inherit=True)
+            code = compile(_with_marks(source, file), file, "exec", dont_inherit=True)
             _marked.add((file, sha256))
             return code
         except RecursionError:
@@ -43,8 +43,9 @@ def compiled(source: bytes, file: str, sha256: str) -> types.CodeType:
     return compile(source, file, "exec", dont_inherit=True)
 
 
-def _with_marks(tree: ast.Module, file: str) -> ast.Module:
-    for number, function in enumerate(functions(tree)):
+def _with_marks(source: bytes, file: str) -> ast.Module:
+    tree = ast.parse(source, file)
+    for number, function in enumerate(functions(tree, source)):
         first = function.body[0]
         documented = isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant)
         place = function.body[min(int(documented), len(function.body) - 1)]
