@@ -99,6 +99,21 @@ def test_a_slicing_is_made_once_and_models_nothing(spot: Place, counted: Counted
         assert later.decisions[block.text].reused
 
 
+def test_what_was_sliced_last_is_sliced_at_once_when_it_is_modelled_again(spot: Place, counted: Counted) -> None:
+    """And comes to the same."""
+    block, wide = part("blocks:Block", width=0.02), part("blocks:Block", width=0.03)
+    with spot.service() as service:
+        sliced(service, [block], HOW)
+        found = sliced(service, [wide], HOW)[wide.text]
+        assert counted.asked == ["model", "slice", "model"]
+        sliced(service, [part("blocks:Block", width=0.04)])  # not printed any more
+        sliced(service, [part("blocks:Block", width=0.05)], HOW)
+        assert counted.asked[3:] == ["model", "model", "slice"]
+    spot.store = type(spot.store)(f"{spot.store.root}-empty")
+    with spot.service() as other:
+        assert sliced(other, [wide], HOW)[wide.text].slices == found.slices and counted.asked[6:] == ["model", "slice"]
+
+
 def test_equal_meshes_are_sliced_once(spot: Place, counted: Counted) -> None:
     """Two definitions of one shape have one mesh."""
     spot.write("parts/twins.py", PARTS)

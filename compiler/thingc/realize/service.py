@@ -132,6 +132,7 @@ class GeometryService:
         another now. What they take is described meanwhile, and `realize` finds them under way where that left them what they were: with
         the parameters that were given to them, and defaults as they are now."""
         requests = []
+        self._requests.slicings = dict(last._requests.slicings)
         for definition in last.wanted:
             prepared = self._requests.prepared(definition, last._requests.given(definition))
             if isinstance(prepared, PartFailure):
@@ -336,7 +337,7 @@ class GeometryService:
                     found[task.subject] = self._broken(task.subject, answer)
                 else:
                     given = with_left(answer["answer"], answer.get("left", ()))
-                    reads, ran = given.pop("reads"), given.pop("ran", None)
+                    reads, ran, slices = given.pop("reads"), given.pop("ran", None), given.pop("slices", ())
                     definition = definitions[task.subject]
                     code = self._code_of_definition(definition)
                     self._results.keep("record", task.build_key, given, reads, task.reason)
@@ -344,6 +345,7 @@ class GeometryService:
                         self._kept.note_ran(definition, task.build_key, code, ran, reads)
                     self.reads[task.subject] = dict(reads)
                     found[task.subject] = self._record(given, code)
+                    self._slices.keep(found[task.subject], slices)
                 self._build_locks.give_back(task.build_key.key)
 
         take_in(self._run([task.request for task in tasks], "modelling", own()))
@@ -406,6 +408,7 @@ class GeometryService:
             decisions = self.decisions
             records = {**records, **self.realize(modelled, locked=False)}
             self.decisions = {**decisions, **self.decisions}
+        self._requests.expect_slicings(definitions, wanted)
         return self._slices.added(records, wanted, self._run, self.timeout, self._broken)
 
     # --- assemble ------------------------------------------------------------------------------------------------

@@ -201,8 +201,8 @@ def _checksum(kind: str, name: str, payload: bytes) -> bytes:
 
 
 class Outbox(Store):
-    """A store as a process sees it that must not write there: it reads from `root`, and what it puts lies in `folder` until somebody
-    who may takes it over with `deliver`. JSON documents are none of its business."""
+    """A store as a process sees it that must not write there: it reads from `root`, and what it puts lies in `folder`, where it can be
+    read as well, until somebody who may takes it over with `deliver`. JSON documents are none of its business."""
 
     __slots__ = ("folder",)
 
@@ -221,6 +221,14 @@ class Outbox(Store):
             except OSError as fault:
                 raise StoreUnusable(self.folder, fault.strerror or str(fault)) from None
         return sha256
+
+    def read(self, sha256: str) -> bytes:
+        """The bytes, of what was put or is in the store. Raises `BlobMissing`."""
+        with contextlib.suppress(OSError), open(os.path.join(self.folder, sha256), "rb") as stream:
+            data = stream.read()
+            if hashlib.sha256(data).hexdigest() == sha256:
+                return data
+        return super().read(sha256)
 
     def deliver(self) -> None:
         """Put everything that lies in the folder into the store, by its content: whatever its name says, nothing can come into the

@@ -63,8 +63,16 @@ class SliceAnswers:
                 for text in missing[key]:
                     found[text] = broken(text, answer)
                 continue
-            self._store.put_json("slices", self._place(*key), answer["answer"])
-            self._note(key, answer["answer"])
+            self._keep(key, answer["answer"])
+
+    def keep(self, record: PartRecord | PartFailure, slices: Iterable[tuple[Mapping[str, Any], Any]]) -> None:
+        """What came of slicings (as JSON has them) when a part was modelled."""
+        for slicing, value in slices:
+            self._keep((_mesh(record), Slicing(**{**slicing, "up": tuple(slicing["up"])})), value)
+
+    def _keep(self, key: tuple[str, Slicing], value: Any) -> None:
+        self._store.put_json("slices", self._place(*key), value)
+        self._note(key, value)
 
     def _kept(self, mesh: str, slicing: Slicing) -> Sliced | Unsliced | None:
         key = (mesh, slicing)

@@ -17,10 +17,11 @@ import signal
 import sys
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from thingc.realize.store.local import Store
     from thingc.realize.worker.scratch import Scratch
 
 AHEAD = (
@@ -180,7 +181,22 @@ def perform(request: Mapping[str, Any]) -> dict[str, Any]:
     from thingc.workspace import Tessellation
 
     asked = {name: Tessellation(**values) for name, values in request["tessellations"].items()}
-    return model(request["definition"], Tessellations(**asked), around, store)
+    answer = model(request["definition"], Tessellations(**asked), around, store)
+    return {**answer, "slices": _sliced(answer, request["slicings"], store)}
+
+
+def _sliced(answer: Mapping[str, Any], slicings: Iterable[Mapping[str, Any]], store: Store) -> list[Any]:
+    """Of a part that was modelled just now, each of the slicings that will likely be asked for, with what comes of it. What goes wrong is
+    left for who asks for it."""
+    from thingc.realize.slices import Slicing
+    from thingc.realize.worker.kernel.slicing import slice_stored
+
+    mesh = answer.get("record", {}).get("meshes", {}).get("print")
+    found: list[Any] = []
+    for slicing in slicings if mesh is not None else ():
+        with contextlib.suppress(Exception):
+            found.append([slicing, slice_stored(mesh[0], Slicing(**slicing), store)])
+    return found
 
 
 def _serve(answers: int, jobs: int, scratch: Scratch) -> None:
