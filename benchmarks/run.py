@@ -111,6 +111,19 @@ class Workspace:
         shutil.rmtree(self.store, ignore_errors=True)
         shutil.rmtree(self.folder / "build", ignore_errors=True)
 
+    def two_revisions(self) -> None:
+        """A repository in which a limit was edited; parts of both revisions are in the store."""
+        if (self.folder / ".git").exists():
+            return
+        arm = "assemblies/arm.yaml"
+        git = ["git", "-c", "user.name=bench", "-c", "user.email=bench@example.org", "-c", "commit.gpgsign=false"]
+        cost([*git, "init", "-q"], self.folder, self.environment)
+        for number in range(2):
+            self.edit(arm, r"(yaw:(?:.|\n)*?upper: )[\d.]+", lambda n: f"{150 - n / 1000.0:.3f}")
+            cost([*git, "add", "assemblies", "parts", "thingc.toml"], self.folder, self.environment)
+            cost([*git, "commit", "-qm", f"revision {number}"], self.folder, self.environment)
+        cost([str(Path(sys.executable).parent / "thingc"), "diff", "HEAD~1..HEAD", "--", arm], self.folder, self.environment)
+
 
 @dataclass(frozen=True)
 class Scenario:
@@ -165,6 +178,7 @@ def scenarios(workspace: Workspace) -> list[Scenario]:
         Scenario("check: 1 000 in 20 documents", ("check", wide), lambda: (workspace.known(wide), value_of_wide())[1], 0.6),
         Scenario("minchw: check --no-code", ("check", "--no-code", minchw), workspace.lock_once, 0.15),
         Scenario("check --no-code: the same", ("check", "--no-code", wide), workspace.lock_once, 0.6),
+        Scenario("arm: diff of two revisions", ("diff", "HEAD~1..HEAD", "--", arm), workspace.two_revisions, 0.5),
         Scenario("fmt: 1 000 components", ("fmt", "thousand.yaml"), lambda: workspace.write_thousand("thousand.yaml"), 0.4),
         Scenario("minchw: build, one leg parameter", ("build", minchw), leg, None, counted=True),
     ]

@@ -83,7 +83,7 @@ def rewritten(text: str, number: int) -> str:
     if kind == 1:
         return "\n".join(re.sub(r"\s+#( .*)?$", "", line) for line in text.split("\n"))
     if kind == 2:
-        return re.sub(r"(?<![\w.-])(\d+) mm\b(?!\))", lambda m: f"{int(m[1]) / 10:g} cm" if source.random() < 0.5 else m[0], text)
+        return re.sub(r"(?<![\w.-])(?<!\d )(\d+) mm\b(?!\))", lambda m: f"{int(m[1]) / 10:g} cm" if source.random() < 0.5 else m[0], text)
     if kind == 3:
         return re.sub(r"(: )=([\w ]+)([,}\n])", lambda m: f'{m[1]}"={m[2]}"{m[3]}' if source.random() < 0.7 else m[0], text)
     head, *sections = re.split(r"\n(?=[a-z]+:)", text)

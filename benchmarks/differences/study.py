@@ -8,6 +8,7 @@ same: no change. Exits with 1 where anything is otherwise.
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -89,8 +90,9 @@ def _designs(folder: Path, portraits: dict[str, Portrait | None], count: int) ->
         document = ROBOTS["minchw"].copy(folder / f"design_{number}")
         text, made = document.read_text(), set()
         for name, value in design.parameters.items():
-            before, text = text, _with(text, name, value)
-            if before != text:
+            text = _with(text, name, value)
+            before = old.things["parameter", name].facts["value"].value
+            if not equal(before, float(value.removesuffix(" mm")) / 1000.0):
                 made.add(("parameter", "changed", name, "value"))
         document.write_text(text)
         new = drawn(document)
@@ -101,8 +103,6 @@ def _designs(folder: Path, portraits: dict[str, Portrait | None], count: int) ->
 
 def _with(text: str, name: str, value: str) -> str:
     """The document with a parameter at a value."""
-    import re
-
     text = re.sub(rf"(\n  {name}: \{{value: )[^,]+", rf"\g<1>{value}", text)
     return re.sub(rf'(\n  {name}: )"=leg_length"', rf"\g<1>{value}", text)
 

@@ -49,7 +49,8 @@ poses: {up: {luff: -45 deg}, out: {}}
 
 modes:
   stand: {root: mast, base: fixed, pose: up}
-  hung: {root: boom.tip, base: fixed, poses: [up]}
+  hung: {root: boom.tip, base: fixed, at: {xyz: [0, 0, =reach]}, poses: [up]}
+  moon: {extends: hung, gravity: [0, 0, -1.6 m/s^2]}
 
 tests:
   light: {mass: {max: 2.6 kg}}

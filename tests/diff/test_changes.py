@@ -25,7 +25,8 @@ EDITS: dict[str, tuple[list[tuple[str, str]], Made]] = {
     "a parameter, and what it is used for": ([("value: 400 mm", "value: 450 mm")], {("parameter", "changed", "reach", "value")}),
     "another expression": ([("half: =reach / 2", "half: =reach / 4")], {("parameter", "changed", "half", "value")}),
     "a parameter of another name": (
-        [("  reach: {", "  length: {"), ("half: =reach", "half: =length"), ("[=reach,", "[=length,")],
+        [("  reach: {", "  length: {"), ("half: =reach", "half: =length"), ("[=reach,", "[=length,"),
+         ("[0, 0, =reach]", "[0, 0, =length]")],
         {("parameter", "renamed", "reach", None)},
     ),
     "a mass": ([("value: 120 g", "value: 130 g")], {("component", "changed", "hook", "mass.value")}),
@@ -77,6 +78,7 @@ def test_what_follows_has_its_cause(crane: Portrait, tmp_path: Path, shared_stor
     assert place.change == "moved" and place.because == ("reach",)
     assert place.old == pytest.approx((0.0, 0.0, 0.1)) and place.new == pytest.approx((0.0, 0.0, 0.05))  # the boom hangs at q = 0
     assert follows[("parameter", "half", "value")].because == ("reach",)
+    assert [follows[("mode", mode, "at.xyz")].because for mode in ("hung", "moon")] == [("reach",), ("reach",)]
     assert follows[("mount", "boom/tip", "xyz")].because == ("reach",)
 
 

@@ -17,13 +17,12 @@ _NAME = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Section:
-    """What a document says of one thing, and what it says of all of that kind."""
+    """What a document says of one thing: in its own place, then where it says it of others, too (defaults, the mode that one extends)."""
 
-    node: Node | None
-    defaults: Node | None = None
+    nodes: tuple[Node | None, ...]
 
 
-NOWHERE = Section(node=None)
+NOWHERE = Section(nodes=())
 
 
 class DocumentTrees:
@@ -44,7 +43,7 @@ class DocumentTrees:
         if document not in self._by_key:
             self._by_key[document] = {span: key for key, span in components.keys.items()}
         key = next((self._by_key[document][span] for span in component.origin if span in self._by_key[document]), component.name)
-        section = Section(node=components.entries.get(key), defaults=_at(tree, ("defaults", "component")))
+        section = Section(nodes=(components.entries.get(key), _at(tree, ("defaults", "component"))))
         self._components[path] = section
         return section
 
@@ -53,8 +52,16 @@ class DocumentTrees:
         return self._components.get(prefix.rstrip("/"), NOWHERE)
 
     def section(self, document: str, *keys: str) -> Section:
-        """What a document says under some keys."""
-        return Section(node=_at(self._trees.get(document), keys))
+        """What a document says under some keys, and in what that `extends`."""
+        *above, name = keys
+        nodes: dict[str, Node | None] = {}
+        while name not in nodes:
+            node = nodes[name] = _at(self._trees.get(document), (*above, name))
+            further = node.entries.get("extends") if isinstance(node, MappingNode) else None
+            if not isinstance(further, ScalarNode):
+                break
+            name = str(further.value)
+        return Section(nodes=tuple(nodes.values()))
 
     def words_at(self, span: Span | None) -> str | None:
         """What stands at a place of a document; None where that is more than a line."""
@@ -73,8 +80,8 @@ class DocumentTrees:
     def fact(
         self, value: Value, section: Section, keys: Sequence[str], *, scope: str = "", otherwise: Span | None = None,
     ) -> Fact:
-        """A value that stands under some keys of a section, or among its defaults; where it stands in neither its place is `otherwise`."""
-        for node in (section.node, section.defaults):
+        """A value that stands under some keys of a section, where it stands in none its place is `otherwise`."""
+        for node in section.nodes:
             found = _at(node, keys)
             if found is not None:
                 text, span = _text(found)
