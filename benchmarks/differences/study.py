@@ -20,6 +20,7 @@ import drawing
 
 from corpus import ROBOTS, cases, rewritten
 from thingc.diff import Change, Portrait, compare, portrait
+from thingc.diff.pairing import equal
 from thingc.environment import Environment, Options
 from thingc.pipeline import compile
 

@@ -55,7 +55,7 @@ ROOMS: dict[str, set[str]] = {
     "editor": BASE | {"load", "spec", "realize", "resolve", "environment", "watching"},
     "testing": BASE | {"printing", "checks", "resolve", "realize", "joints", "graph", "robot", "statics", "solids", "emit"},
     "affected": BASE | {"load", "realize"},
-    "diff": BASE | {"affected", "environment", "pipeline", "stamp", "load", "resolve", "realize", "graph", "emit", "testing"},
+    "diff": BASE | {"affected", "render", "environment", "pipeline", "stamp", "load", "resolve", "realize", "graph", "emit", "testing"},
     "output": BASE | {"exchange", "realize", "emit"},
     "stamp": BASE | {"realize"},
     "environment": BASE | {"realize"},
@@ -117,6 +117,7 @@ SATELLITES: dict[str, dict[str, set[str]]] = {
         "graph.types": ANY,
         "emit": {"with_pieces"},
         "testing": {"Selection", "run"},
+        "render": {"extent", "small_picture"},
     },
     "affected": {"load": {"Documents", "documents_in", "load", "named"}, "realize": {"Store", "part_inputs"}},
     "variants": {

@@ -74,6 +74,7 @@ def test_the_working_tree_and_one_document(repository: Path, capsys: pytest.Capt
         "crane.yaml: HEAD -> working tree", "    component hook: mass.value 120 g -> 150 g (+25 %)",
     ]
     assert "parameter reach: value 400 mm -> 450 mm (+12.5 %)" in said(capsys, "main", "--", "crane.yaml")
+    assert said(capsys, "main", "--no-tests", "--", "crane.yaml").splitlines()[0] == "crane.yaml: main -> working tree"
     assert {c["path"] for c in answer(capsys, "HEAD", "crane.yaml")["changes"] if not c["because"]} == {"hook"}
 
 

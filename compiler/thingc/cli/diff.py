@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -12,7 +13,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from thingc.cli import common
-from thingc.diagnostics import Diagnostic
+from thingc.diagnostics import Code, Diagnostic
 from thingc.typos import did_you_mean
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ mounts, the bill of materials and prints, each with its cause. A new layout of t
   thingc diff main -- assemblies/arm.yaml           of one document
   thingc diff old.yaml new.yaml                     two documents; also build folders, and parts.lock.json
   thingc diff main..HEAD --format markdown > comment.md
+  thingc diff main..HEAD --html change.html
   thingc diff main..HEAD --fail-on mass,joints,tests
 """
 FORMS = ("text", "json", "markdown")
@@ -36,6 +38,7 @@ FORMS = ("text", "json", "markdown")
 def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `diff`."""
     parser.epilog = EPILOG
+    parser.set_defaults(behind=[])
     parser.add_argument(
         "side", metavar="SIDE", nargs="*",
         help="the old state, and the new one (default: the working tree): documents, build folders, locks, or revisions of git, also "
@@ -52,6 +55,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--time-limit", metavar="TIME", default="20 s", help="with --no-code: longest computing for one document (default: %(default)s)"
     )
+    parser.add_argument("--html", metavar="FILE", help="also write a page with pictures, and a slider from before to after")
+    parser.add_argument("--pictures", metavar="FOLDER", help="also write pictures: before, after, and what changed in colours")
     common.add_format(parser, FORMS)
     common.add_geometry(parser)
 
@@ -60,18 +65,20 @@ def run(arguments: argparse.Namespace) -> int:
     """Exit code 0, or 1 where something changed that must not; 1 where a side does not compile."""
     from thingc.affected import NotARepository
     from thingc.diff import BrokenSide, UnknownSide, as_json, as_markdown, as_text, asked
+    from thingc.render import NoGraphics
 
     try:
         watched = fail_on(arguments.fail_on)
         options = common.options_of(arguments)
-        words: list[str] = arguments.side[: len(arguments.side) - len(arguments.behind)]
-        wanted = asked(words, arguments.behind)
+        wanted = asked(arguments.side, arguments.behind)
         with ExitStack() as stack:
             answer = _answer(arguments, wanted, options, stack)
     except UnknownSide as fault:
         return _refused(arguments, common.WrongCommandLine(str(fault), fault.hint))
     except NotARepository as fault:
         return _refused(arguments, common.WrongCommandLine(f"git cannot say: {fault}", "run this in a repository, or name two documents"))
+    except NoGraphics as fault:
+        return _refused(arguments, common.WrongCommandLine(fault.message, fault.hint, Code.NO_GRAPHICS))
     except common.WrongCommandLine as fault:
         return _refused(arguments, fault)
     if isinstance(answer, BrokenSide):
@@ -80,13 +87,41 @@ def run(arguments: argparse.Namespace) -> int:
         else:
             common.print_text(answer.diagnostics, stream=sys.stdout, debug=arguments.debug, texts=answer.texts)
         return 1
+    try:
+        pictures = _written(arguments, answer)
+    except OSError as fault:
+        return _refused(arguments, common.WrongCommandLine(
+            f"cannot write `{fault.filename}`: {(fault.strerror or str(fault)).lower()}", "choose another file", Code.OUTPUT,
+        ))
     if arguments.format == "json":
         common.print_data(as_json(answer))
     elif arguments.format == "markdown":
-        common.hand_on(as_markdown(answer))
+        common.hand_on(as_markdown(answer, pictures))
     else:
         common.say(*as_text(answer))
     return 1 if any(change.what in watched for change in answer.changes) else 0
+
+
+def _written(arguments: argparse.Namespace, answer: Differences) -> Callable[[str, str], str] | None:
+    """Write the page and the pictures that were asked for; where each picture is, by document and what it shows. Raises OSError."""
+    from thingc.diff import as_html
+
+    if arguments.html is not None:
+        with open(arguments.html, "w", encoding="utf-8") as page:
+            page.write(as_html(answer))
+    if arguments.pictures is None:
+        return None
+
+    def place(name: str, key: str) -> str:
+        stem = re.sub(r"\W+", "_", os.path.splitext(os.path.relpath(name))[0]).strip("_")
+        return f"{arguments.pictures}/{stem}_{key}.png"
+
+    os.makedirs(arguments.pictures, exist_ok=True)
+    for name, comparison in answer.documents:
+        for key, png in comparison.pictures.items():
+            with open(place(name, key), "wb") as stream:
+                stream.write(png)
+    return place
 
 
 def _refused(arguments: argparse.Namespace, fault: common.WrongCommandLine) -> int:
@@ -112,12 +147,16 @@ def fail_on(words: Sequence[str]) -> frozenset[str]:
 
 
 def _answer(arguments: argparse.Namespace, wanted: Asked, options: Options, stack: ExitStack) -> Differences | BrokenSide:
-    """Raises `UnknownSide`, `NotARepository`, `WrongCommandLine`."""
+    """Raises `UnknownSide`, `NotARepository`, `NoGraphics`, `WrongCommandLine`."""
     from thingc.diff import answered, compared, laid_out
+    from thingc.render import ready
 
     options = replace(options, lock=arguments.no_code, code=not arguments.no_code)
     names = (wanted.old.name, wanted.new.name)
-    work = partial(compared, options=options, tests=not (arguments.no_tests or arguments.no_code), names=names)
+    tests, draw = not (arguments.no_tests or arguments.no_code), bool(arguments.html or arguments.pictures)
+    if draw and options.code:
+        ready()  # before the tests import MuJoCo, which decides then how it draws
+    work = partial(compared, options=options, tests=tests, names=names, draw=draw)
     if not arguments.no_code:
         return answered(*names, laid_out(wanted, stack), work)
     if "" in sys.path or os.getcwd() in sys.path and not sys.flags.safe_path:

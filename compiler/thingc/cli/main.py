@@ -97,13 +97,17 @@ def parsed(words: Sequence[str]) -> argparse.Namespace | None:
     if empty is not None:  # argparse would hand on a list
         raise WrongUsage(f"`{empty}`: expected a value, found `--`", "write `./--` for a file or folder of that name")
     parser, own = parser_for(command)
+    behind: Sequence[str] | None = None
+    if own is not None and own.get_default("behind") is not None and "--" in words:  # argparse would take them for more of the others
+        words, behind = words[: words.index("--")], words[words.index("--") + 1 :]
     try:
         options, unknown = parser.parse_known_args(words)
     except SystemExit as leaving:
         if leaving.code:
             raise
         return None
-    options.behind = list(words[words.index("--") + 1 :]) if "--" in words else []
+    if behind is not None:
+        options.behind = list(behind)
     if unknown:
         from thingc.typos import nearest
 

@@ -6,6 +6,7 @@ from thingc.diff.answer import Differences, answered, as_json
 from thingc.diff.change import WHATS, Change, What
 from thingc.diff.comparing import Comparison, compare
 from thingc.diff.packing import pack, unpack
+from thingc.diff.page import as_html
 from thingc.diff.portrait import Portrait
 from thingc.diff.reading import portrait
 from thingc.diff.sides import Asked, UnknownSide, asked
@@ -24,6 +25,7 @@ __all__ = [
     "UnknownSide",
     "What",
     "answered",
+    "as_html",
     "as_json",
     "as_markdown",
     "as_text",

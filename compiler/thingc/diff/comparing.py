@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import field
+
 from thingc.brief import Brief
 from thingc.diff.change import Change
 from thingc.diff.following import Farthest, compare_following
@@ -13,11 +16,13 @@ from thingc.frozen import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison(Brief):
-    """What changed of one robot: what somebody changed first, then what follows; `unknown` says what could not be compared."""
+    """What changed of one robot: what somebody changed first, then what follows; `unknown` says what could not be compared. `pictures` are
+    PNG files, `before`, `after` and `overlay`, where they were asked for."""
 
     name: str
     changes: tuple[Change, ...]
     unknown: tuple[str, ...] = ()
+    pictures: Mapping[str, bytes] = field(default_factory=dict)
 
 
 def compare(old: Portrait, new: Portrait, farthest: Farthest = lambda old, new: None) -> Comparison:

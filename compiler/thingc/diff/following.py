@@ -327,8 +327,8 @@ class _Following:
             return
         news = {(outcome.test, outcome.where): outcome for outcome in self.new.outcomes}
         all_ = {
-            root: None for change in self.changes.found if change.what not in ("bom", "file", "test", "sensor")
-            for root in self.changes.roots(change)
+            root: None for change in self.changes.found
+            if change.what not in ("bom", "file", "test", "sensor") and change.change != "renamed" for root in self.changes.roots(change)
         }
         for old in self.old.outcomes:
             there = self.pairing.path("test", old.test)
@@ -344,7 +344,7 @@ class _Following:
                 self._add("test", old.test, there, f"passed{at}", old.passed, new.passed, because)
             for name in {**old.measured, **new.measured}:
                 before, after = old.measured.get(name), new.measured.get(name)
-                if before is None or after is None or not _near(before, after):
+                if before is None or after is None or not _near(before, after, 1e-2):  # what is below a nanometre, or so, is nothing
                     self._add("test", old.test, there, f"measured.{name}{at}", before, after, because)
 
 

@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from thingc.realize import Store
 
 
+ASSETS = "mjcf/assets/"
+"""Where the meshes of models are."""
+
+
 class Broken(Exception):
     """A document that does not compile. `diagnostics` say why."""
 
@@ -67,6 +71,15 @@ class Subject:
         with contextlib.suppress(StoreUnusable):
             self.store.put_json("diff-tests", key, [[one.test, one.where, one.passed, dict(one.measured)] for one in outcomes])
         return replace(self.portrait, outcomes=outcomes)
+
+    def model(self) -> tuple[str, dict[str, bytes]]:
+        """The MuJoCo model of the first mode, and its meshes by name."""
+        compilation = replace(self._compilation, robots=self._compilation.robots[:1])
+        files = pipeline.emit(self._environment, compilation, ["mjcf"], verify=0)["mjcf"].files
+        read = {path: one if isinstance(one, bytes) else self.store.read(one.sha256) for path, one in files.items()}
+        robot = compilation.robots[0]
+        xml = read[f"mjcf/{robot.name}_{robot.mode.name}.xml"].decode()
+        return xml, {path.removeprefix(ASSETS): data for path, data in read.items() if path.startswith(ASSETS)}
 
     def _outcomes(self) -> tuple[TestOutcome, ...]:
         from thingc.testing import Selection, run

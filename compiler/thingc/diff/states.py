@@ -122,8 +122,11 @@ def _concerned(repository: Repository, asked: Asked, states: Sequence[Revision |
     return sorted(found)
 
 
-def compared(both: Both, options: Options, *, tests: bool, names: tuple[str, str]) -> Comparison | BrokenSide:
-    """What changed of a document that is in both states. Places are in the checkout; those of a broken side begin with its name."""
+def compared(
+    both: Both, options: Options, *, tests: bool, names: tuple[str, str], draw: bool = False,
+) -> Comparison | BrokenSide:
+    """What changed of a document that is in both states, with its `tests`, and pictures where something did (`draw`). Places are in the
+    checkout; those of a broken side begin with its name. Raises `UnknownSide`."""
     assert both.old is not None and both.new is not None, "there is nothing to compare it with"
     with ExitStack() as stack:
         sides: list[Subject | Portrait] = []
@@ -132,7 +135,12 @@ def compared(both: Both, options: Options, *, tests: bool, names: tuple[str, str
                 sides.append(_portrait(laid) if laid.kind != "document" else stack.enter_context(_subject(laid, options)))
             except Broken as broken:
                 return _broken(laid, name, broken)
-        found = _compared(sides[0], sides[1], options, tests=tests)
+        old, new = sides
+        found = _compared(old, new, options, tests=tests)
+        if draw and found.changes and isinstance(old, Subject) and isinstance(new, Subject) and options.code:
+            from thingc.diff.pictures import pictures
+
+            found = replace(found, pictures=pictures(old.model(), new.model(), found.changes))
         return replace(found, changes=tuple(_at_home(change, both) for change in found.changes))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from thingc.brief import counted
 from thingc.diff.answer import Differences
@@ -28,7 +28,7 @@ _RANK: dict[What, int] = {
 }
 """What follows, the most important first."""
 _SIGNS = {"added": "+", "removed": "-", "renamed": "~", "moved": "~", "changed": " "}
-_TITLES: dict[What, str] = {
+TITLES: dict[What, str] = {
     "test": "tests", "mass": "masses", "bom": "bill of materials", "file": "files to print anew", "joint": "joints", "mode": "modes",
     "pose": "poses", "component": "places", "geometry": "geometry", "mate": "mates", "parameter": "parameters", "mount": "mounts",
     "material": "materials", "sensor": "sensors",
@@ -67,28 +67,29 @@ def as_text(answer: Differences) -> Iterator[str]:
             yield f"{name}: {NOTHING}"
             continue
         yield f"{name}: {answer.old} -> {answer.new}"
-        yield from (f"  {line.sign} {line.what} {line.named}{line.words}" for line in _made(comparison))
-        following = list(_following(comparison))
-        if following:
+        yield from (f"  {line.sign} {line.what} {line.named}{line.words}" for line in made(comparison))
+        sentences = list(following(comparison))
+        if sentences:
             yield "  what follows:"
-            for line in following[:FOLLOWING]:
+            for line in sentences[:FOLLOWING]:
                 because = f" (because of {_listed(line.because)})" if line.because else ""
                 yield f"  {line.sign} {line.what} {line.named}{line.words}{because}"
-            if len(following) > FOLLOWING:
-                yield f"    and {counted(len(following) - FOLLOWING, 'line')} more, which --format json has"
+            if len(sentences) > FOLLOWING:
+                yield f"    and {counted(len(sentences) - FOLLOWING, 'line')} more, which --format json has"
         yield from (f"  not compared: {unknown}" for unknown in comparison.unknown)
 
 
-def as_markdown(answer: Differences) -> str:
-    """Markdown for a comment: what somebody changed, then what follows, folded by kind; at most `LARGEST` bytes."""
+def as_markdown(answer: Differences, pictures: Callable[[str, str], str] | None = None) -> str:
+    """Markdown for a comment: what somebody changed, then what follows, folded by kind; at most `LARGEST` bytes. `pictures` gives the
+    address of a picture, by the document's name and `before`, `after` or `overlay`."""
     for most in (10_000, 200, 50, 20, 5, 1):
-        text = "\n".join(_markdown(answer, most)) + "\n"
+        text = "\n".join(_markdown(answer, most, pictures)) + "\n"
         if len(text.encode()) <= LARGEST:
             return text
     return text.encode()[:LARGEST].decode(errors="ignore")
 
 
-def _markdown(answer: Differences, most: int) -> Iterator[str]:
+def _markdown(answer: Differences, most: int, pictures: Callable[[str, str], str] | None) -> Iterator[str]:
     yield f"### {_code(answer.old)} → {_code(answer.new)}"
     for words, names in (("new", answer.come), ("gone", answer.gone)):
         yield from (f"- {_code(name)} is {words}" for name in names[:most])
@@ -98,12 +99,15 @@ def _markdown(answer: Differences, most: int) -> Iterator[str]:
         if not comparison.changes:
             continue
         yield f"\n#### {_code(name)}\n"
-        yield from _items(list(_made(comparison)), most)
-        following: dict[What, list[Sentence]] = {}
-        for line in _following(comparison):
-            following.setdefault(line.what, []).append(line)
-        for what, lines in following.items():
-            yield f"\n<details><summary>{_TITLES[what]} ({sum(len(line.paths) for line in lines)})</summary>\n"
+        if pictures is not None and comparison.pictures:
+            yield from (f"![{_plain(name)}, {key}]({pictures(name, key)})" for key in comparison.pictures)
+            yield ""
+        yield from _items(list(made(comparison)), most)
+        kinds: dict[What, list[Sentence]] = {}
+        for line in following(comparison):
+            kinds.setdefault(line.what, []).append(line)
+        for what, lines in kinds.items():
+            yield f"\n<details><summary>{TITLES[what]} ({sum(len(line.paths) for line in lines)})</summary>\n"
             yield from _items(lines, most)
             yield "\n</details>"
         yield from (f"\nNot compared: {unknown}." for unknown in comparison.unknown)
@@ -118,6 +122,11 @@ def _items(lines: Sequence[Sentence], most: int) -> Iterator[str]:
         yield f"- and {len(lines) - most} more"
 
 
+def _plain(text: str) -> str:
+    """A name where Markdown is read: without what means something there."""
+    return "".join(letter if letter.isalnum() or letter in " ./_-" else "?" for letter in shown(text))
+
+
 def _code(text: str) -> str:
     """A code span: what others wrote is no Markdown of ours."""
     return f"`{shown(text).replace('`', chr(39))}`"
@@ -128,12 +137,12 @@ def _listed(paths: Sequence[str]) -> str:
     return named if len(paths) <= SHOWN else f"{named} and {len(paths) - SHOWN} more"
 
 
-def _made(comparison: Comparison) -> Iterator[Sentence]:
+def made(comparison: Comparison) -> Iterator[Sentence]:
     """What somebody changed."""
     return _lines(change for change in comparison.changes if not change.caused)
 
 
-def _following(comparison: Comparison) -> Iterator[Sentence]:
+def following(comparison: Comparison) -> Iterator[Sentence]:
     """What follows, the most important first: what fails now, the whole robot before its parts."""
     found = [change for change in comparison.changes if change.caused and not _of_a_part(change)]
     found.sort(key=lambda c: (_RANK[c.what], not (c.field or "").startswith("passed"), c.path != ""))

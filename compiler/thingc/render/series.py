@@ -34,20 +34,22 @@ def extent(xml: str, assets: dict[str, bytes], pose: str | None) -> tuple[list[l
     return (_corners(points, gravity) if len(points) else []), gravity
 
 
-def small_picture(xml: str, assets: dict[str, bytes], pose: str | None, points: Sequence[Point], gravity: Point) -> bytes:
-    """A PNG of a model, in the pose that `extent` takes, by the camera that sees all `points`. Call `ready` first."""
+def small_picture(
+    xml: str, assets: dict[str, bytes], pose: str | None, points: Sequence[Point], gravity: Point, size: tuple[int, int] = SIZE,
+) -> bytes:
+    """A PNG of a model, `size` [px], in the pose that `extent` takes, by the camera that sees all `points`. Call `ready` first."""
     import numpy as np
 
     from thingc.render import studio
 
     seen = np.array(points)
     low, high = seen.min(axis=0), seen.max(axis=0)
-    spec = studio.spec_of(xml, assets, SIZE, min(0.0, float(low[2])), shadow=SHADOW)
+    spec = studio.spec_of(xml, assets, size, min(0.0, float(low[2])), shadow=SHADOW)
     model = spec.compile()
     data = posed(model, _pose_of(model, pose))
     length = 0.75 * float(np.linalg.norm(high - low))
-    camera = camera_of(seen, (gravity[0], gravity[1], gravity[2]), Shot(size=SIZE))
-    return encoded(studio.photographed(model, data, camera, SIZE, (low + high) / 2.0, length, counts=LAMPS))
+    camera = camera_of(seen, (gravity[0], gravity[1], gravity[2]), Shot(size=size))
+    return encoded(studio.photographed(model, data, camera, size, (low + high) / 2.0, length, counts=LAMPS))
 
 
 def _pose_of(model: Any, pose: str | None) -> str | None:

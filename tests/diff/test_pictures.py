@@ -1,0 +1,73 @@
+"""Pictures of what changed, and the page that shows them."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+from diff.cranes import write
+from thingc.diff import Change, Comparison, Differences, as_html, as_markdown
+from thingc.diff.pictures import MOVED, NEW, OTHER, SAME, coloured, colours
+
+CHANGES = (
+    Change(what="component", change="added", path="lamp", new="lamps:Lamp"),
+    Change(what="geometry", change="changed", path="arm", new_path="boom", field="volume", old=1e-6, new=2e-6, because=("reach",)),
+    Change(what="component", change="moved", path="hook", field="place", old=(0.0, 0.0, 0.0), new=(0.0, 0.0, 0.1), because=("reach",)),
+    Change(what="component", change="moved", path="arm", new_path="boom", field="place", old=(0.0,), new=(0.1,), because=("reach",)),
+    Change(what="component", change="renamed", path="arm", new_path="boom", reason="the same <definition>"),
+)
+PICTURES = {"before": b"\x89PNG before", "after": b"\x89PNG after", "overlay": b"\x89PNG overlay"}
+
+
+def test_parts_have_the_colour_of_what_happened_to_them() -> None:
+    assert colours(CHANGES) == {"lamp": NEW, "boom": OTHER, "hook": MOVED}
+    geoms = [f'<geom class="visual" name="{name}"/>' for name in ("lamp", "boom", "hook", "mast")]
+    xml = coloured(f'<mujoco><worldbody>{"".join(geoms)}<geom name="boom:collision"/></worldbody></mujoco>', colours(CHANGES))
+    assert re.findall(r'name="([\w:]+)"(?: rgba="([^"]+)")?', xml) == [
+        ("lamp", NEW), ("boom", OTHER), ("hook", MOVED), ("mast", SAME), ("boom:collision", ""),
+    ]
+
+
+def test_a_page_with_a_slider() -> None:
+    comparison = Comparison(name="crane", changes=CHANGES, pictures=PICTURES)
+    page = as_html(Differences(old="main", new="<HEAD>", documents=(("crane.yaml", comparison),)))
+    assert "<h1>main → &lt;HEAD&gt;</h1>" in page and "the same &lt;definition&gt;" in page
+    assert page.count('src="data:image/png;base64,') == 3 and page.count('<input type="range"') == 1
+    assert "http" not in page.replace("https", "http").partition("<body>")[2]
+    assert "<summary>geometry (1)</summary>" in page and page.count("<details") == page.count("</details>")
+
+
+def test_a_comment_refers_to_pictures() -> None:
+    comparison = Comparison(name="crane", changes=CHANGES, pictures=PICTURES)
+    differences = Differences(old="main", new="HEAD", documents=(("cr[ane].yaml", comparison),))
+    text = as_markdown(differences, lambda name, key: f"pictures/crane_{key}.png")
+    assert "![cr?ane?.yaml, before](pictures/crane_before.png)\n![cr?ane?.yaml, after](pictures/crane_after.png)\n" in text
+    assert "![" not in as_markdown(differences)
+
+
+def test_a_comment_is_not_too_long() -> None:
+    changes = tuple(
+        Change(what="component", change="renamed", path=f"part_{k}", new_path=f"piece_{k}", reason="`the same` definition" * 3)
+        for k in range(3000)
+    )
+    text = as_markdown(Differences(old="main", new="HEAD", documents=(("crane.yaml", Comparison(name="crane", changes=changes)),)))
+    assert 5_000 < len(text.encode()) <= 60_000 and "- and 2800 more\n" in text
+
+
+def test_the_page_is_written(tmp_path: Path, shared_store: str) -> None:
+    """In a process of its own: MuJoCo decides how to draw when it is imported. A robot without geometry has no pictures."""
+    words = [str(write(tmp_path / "old")), str(write(tmp_path / "new", ("value: 120 g", "value: 150 g")))]
+    done = subprocess.run(
+        [sys.executable, "-m", "thingc", "diff", *words, "--no-tests", "--store", shared_store, "--html", "change.html"],
+        cwd=tmp_path, capture_output=True, text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    page = (tmp_path / "change.html").read_text()
+    assert "mass.value 120 g -&gt; 150 g (+25 %)" in page and "<img" not in page
+    done = subprocess.run(
+        [sys.executable, "-m", "thingc", "diff", *words, "--no-tests", "--store", shared_store, "--html", "no/change.html"],
+        cwd=tmp_path, capture_output=True, text=True,
+    )
+    assert done.returncode == 2 and "cannot write `no/change.html`: no such file or directory" in done.stderr
