@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 # Of two cores: many tests wait for processes that they have started.
 JOBS ?= 3
 
-.PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-viewer conformance bench-weld print-masses walk climb bridge-search mutants slips fuzz kills schemas docs site pictures viewer freeze frozen clean
+.PHONY: demo test lint bench bench-naming bench-designs bench-variants bench-viewer conformance bench-weld print-masses walk climb bridge-search codesign mutants slips fuzz kills schemas docs site pictures viewer freeze frozen clean
 
 demo: $(VENV)/.thingc
 	$(BIN)/thingc build assemblies/arm.yaml
@@ -45,6 +45,9 @@ climb: $(VENV)/.thingc-dev
 
 bridge-search: $(VENV)/.thingc-dev
 	$(BIN)/python examples/longest_bridge.py --docs docs
+
+codesign: $(VENV)/.thingc-dev
+	$(BIN)/python examples/codesign.py --plot docs/pictures/codesign.png --page docs/codesign.md
 
 bench-variants: $(VENV)/.thingc-dev
 	$(BIN)/python benchmarks/variants/throughput.py --scale 10000

@@ -184,6 +184,19 @@ FRAME = """<!doctype html><meta charset="utf-8"><style>
 </style><main><pre>@TEXT@</pre>@SHOTS@</main>"""
 
 
+def search_front(path: Path) -> None:
+    """The Pareto front that a page draws itself."""
+    from docs.pages import blocks
+
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "thingc.toml").write_text('thingc = "workspace/1"\n')
+        for block in blocks(ROOT / "docs" / "variants_search.md"):
+            if block.file is not None:
+                (Path(folder) / block.file).write_text(block.text)
+        subprocess.run([sys.executable, "front.py"], cwd=folder, check=True)
+        shutil.copy(Path(folder) / "front.png", path)
+
+
 def main() -> int:
     """Draw every strip, the page of a batch, and the assembly graph of the arm."""
     PICTURES.mkdir(exist_ok=True)
@@ -194,6 +207,7 @@ def main() -> int:
         strip(document, shots).save(PICTURES / name, optimize=True)
     new_robots(PICTURES / "new_robots.png")
     batch_page(PICTURES / "batch_page.png")
+    search_front(PICTURES / "search_front.png")
     tutorial()
     (PICTURES / "arm_hag.svg").write_text(thingc("hag", "assemblies/arm.yaml", "--format", "svg"))
     return 0

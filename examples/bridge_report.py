@@ -61,16 +61,16 @@ def rebuilt(one: Tried) -> Rebuilt:
 
 
 def page(found: Sequence[Tried], best: Tried | None, seen: Rebuilt | None, driver: str) -> str:
-    """`docs/variants_search.md`."""
+    """What `docs/variants_search.md` says of it."""
     feasible = [one for one in found if one.feasible]
     document = Path(__file__).resolve().parents[1] / "assemblies" / "minchw" / "bridge_search.yaml"
     chosen = "the document draws them" if driver == "random" else "Optuna chose them"
     lines = [
-        "# A search: the longest bridge", "",
+        "## The longest bridge", "",
         "How far apart can MInchW's soles be, if leg and body may be longer? The robot reaches out over a gap: its front foot",
         "holds, legs and body are stretched out level, and at the sole of the rear foot it carries a probe of 400 g. The *bridge* is",
         f"the distance of the two soles; every drive must have {MARGIN} times the torque that it has to hold there (*torque margin*).",
-        "`make bridge-search` runs the search, in a few minutes, and writes this page.", "",
+        "`make bridge-search` runs the search, in a few minutes, and writes this.", "",
         "![Bridges that were tried, and the best so far](pictures/bridge_search.png)", "",
         "The family is `assemblies/minchw/bridge_search.yaml`, over `probe.yaml` beside it:", "",
         "```text", *document.read_text().strip().split("\n"), "```", "",

@@ -73,7 +73,9 @@ def main() -> int:
     print(text, end="")
     if given.docs is not None:
         (given.docs / "pictures").mkdir(parents=True, exist_ok=True)
-        (given.docs / "variants_search.md").write_text(text)
+        shown = given.docs / "variants_search.md"
+        before, marker, _ = (shown.read_text() if shown.exists() else "").partition("<!-- the longest bridge -->\n")
+        shown.write_text(before + marker + text)
         draw(found, best, given.docs / "pictures" / "bridge_search.png")
     return 0
 

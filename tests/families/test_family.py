@@ -92,3 +92,49 @@ def test_what_is_written_is_a_single_build(workspace: Path, many: thingc.RobotFa
     assert own.keys() == alone.keys() and [name for name in own if own[name] != alone[name]] == []
     said = many.write({"length": 5.0}, tmp_path / "wrong")
     assert said[0].code.code == "TC803" and not (tmp_path / "wrong").exists()
+
+
+ADOPTED = """\
+thingc: assembly/1
+name: crane      # lifts
+parameters:
+  length: {value: 300 mm, max: 900 mm}    # of the boom
+  slope: 30 deg
+components:
+  base: {frame: true, mass: 2 kg, mounts: {top: {xyz: 0 0 100 mm}}}
+  boom: {frame: true, mass: =3 kg/m * length, inertia: {ixx: 0.1 kg*m^2, iyy: 0.1 kg*m^2, izz: 0.1 kg*m^2}}     # a tube
+  cap: {assembly: cap.yaml, at: {in: boom.origin}}
+joints:
+  lift: {type: revolute, parent: base.top, child: boom.origin, limit: {lower: 0 deg, upper: 80 deg}}
+modes: {standing: {root: base}}
+"""
+
+
+def test_what_is_adopted_is_what_the_document_says_then(tmp_path: Path) -> None:
+    (tmp_path / "thingc.toml").write_text('thingc = "workspace/1"\n')
+    (tmp_path / "crane.yaml").write_text(ADOPTED)
+    (tmp_path / "cap.yaml").write_text("thingc: assembly/1\nname: cap\ncomponents: {knob: {frame: true, mass: 10 g}}\n")
+    (tmp_path / "cranes.yaml").write_text(
+        "thingc: variants/1\nassembly: crane.yaml\nname: cranes\nparameters: {length: [40 cm, 50 cm]}\nchoices: {}\n"
+    )
+    document = tmp_path / "crane.yaml"
+    settings = {"length": 0.4125, "slope": 0.6108652381980153, "joints.*.limit.upper": "75 deg", "components.base.mass": 2.5}
+    with thingc.family(document) as family:
+        mass = family.evaluate(settings)["mass"]
+        assert family.adopt(settings) == ()
+        expected = ADOPTED.replace("300 mm", "412.5 mm").replace("30 deg", "35 deg").replace("2 kg", "2.5 kg").replace("80 deg", "75 deg")
+        assert document.read_text() == expected
+        assert family.adopt({}) == () and document.read_text() == expected
+        for wrong, words in (
+            ({"length": 2.0}, "parameter `length` must be at most 900 mm, found `2000 mm`"),
+            ({"components.boom.mass": 3.0, "nothing": 1.0}, "nothing"),
+            ({"components.cap.components.knob.mass": 0.02}, "is written in `cap.yaml`, and would hold for every component that is one"),
+            ({"joints.*.limt.upper": 1.0}, "`joints.lift` has no `limt`"),
+        ):
+            said = family.adopt(wrong)
+            assert words in said[0].message and document.read_text() == expected, (wrong, [one.message for one in said])
+    with thingc.family(document) as family:
+        assert family.evaluate({})["mass"] == mass and family.space["length"].value == 0.4125
+    with thingc.family(tmp_path / "cranes.yaml") as cranes:
+        assert cranes.adopt(list(cranes.variants)[1]) == ()
+    assert document.read_text() == expected.replace("412.5 mm", "50 cm")

@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import get_args
 
 from thingc.cli import common
-from thingc.cli.set import both, checked, put
 from thingc.cli.stubs import BASES, STUBS, Addition
 from thingc.diagnostics import Diagnostic, Report, Severity, shown_path
 from thingc.environment import Options
@@ -21,6 +20,7 @@ from thingc.layout.setting import Unsettable, with_values, without
 from thingc.load import Documents, read_tree
 from thingc.source import Document, MappingNode
 from thingc.typos import did_you_mean
+from thingc.writing import both, checked, put
 
 EPILOG = """\
 Nothing is written unless all of the document would be right with what is added. It is a stub: change it as you like.

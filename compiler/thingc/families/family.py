@@ -21,9 +21,11 @@ from thingc.families.results import Evaluated, Explanation, NoModel
 from thingc.families.space import Space, of_axes, of_parameters
 from thingc.pipeline import UnknownChoice
 from thingc.session import Session
+from thingc.source import ScalarNode, node_at
 from thingc.spec.assembly import AssemblySpec, ParameterSpec
 from thingc.typos import did_you_mean
 from thingc.units import Quantity
+from thingc.variants.values import unit_in
 
 if TYPE_CHECKING:
     import mujoco
@@ -142,6 +144,20 @@ class RobotFamily:
             write_build(parent, name, files, session.environment.store, compilation.documents.root.relative)
         return tuple(compilation.report.ordered())
 
+    def adopt(self, settings: Mapping[str, Any] | Variant) -> tuple[Diagnostic, ...]:
+        """Make settings what the document of the assembly says, as `thingc set` does: comments and layout stay, and values are in the units
+        in which documents write them. All that was said; with errors nothing is written. This family goes on with the documents as it has
+        read them. Raises `OSError` where the document cannot be read."""
+        from thingc.writing import write_values
+
+        _, read = self._read(settings)
+        if read.report is not None:
+            return tuple(read.report.ordered())
+        own = self._reader.settings(read, self._units or self._written_units(read.names))
+        given = {**own.parameters, **own.choices}
+        environment = self._session.environment
+        return write_values(environment.document, given, environment.options).found if given else ()
+
     @cached_property
     def space(self) -> Space:
         """What may be set: the axes of the document of variants, else the parameters of the assembly."""
@@ -222,6 +238,14 @@ class RobotFamily:
     @cached_property
     def _units(self) -> Mapping[str, str]:
         return self._plan.written_in if self._plan is not None else {}
+
+    def _written_units(self, names: Iterable[str]) -> dict[str, str]:
+        """The units in which the document writes numbers: not those that it does not write, or that are expressions."""
+        from thingc.writing import keys_of
+
+        root = self._sources.documents.root
+        nodes = {name: node_at(root.tree, keys_of(root, name)) for name in names}
+        return {name: unit_in(node.text) for name, node in nodes.items() if isinstance(node, ScalarNode) and not node.text.startswith("=")}
 
     def _bound(self, name: str, key: str) -> float | None:
         """A bound of a parameter [SI]."""

@@ -1,0 +1,121 @@
+"""Values written into a document on the disk, at their paths, unless something would be wrong with it then."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import replace
+
+from thingc import pipeline
+from thingc.diagnostics import Code, Diagnostic, Severity, Stage, shown_path
+from thingc.environment import Environment, Options
+from thingc.frozen import dataclass
+from thingc.layout import write_in_place
+from thingc.layout.setting import Keys, Unsettable, changes, with_values
+from thingc.load import Documents
+from thingc.source import Document, MappingNode, node_at
+from thingc.spec.choices import nested, parse
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ValuesWritten:
+    """What came of values: `found` are all diagnostics. `text` is what the document `root` would say with them (None: it was not worked
+    out). `done`, of what was written: each path, what stood there (None: nothing) and what does now."""
+
+    found: tuple[Diagnostic, ...]
+    root: Document | None = None
+    text: str | None = None
+    done: tuple[tuple[str, str | None, str], ...] = ()
+
+
+def write_values(document: str, given: Mapping[str, str], options: Options, *, strict: bool = False, dry: bool = False) -> ValuesWritten:
+    """Write values (paths or names of parameters to texts) into a document, unless there would be an error in it then; `dry`: say what
+    would be, and write nothing. With `strict` warnings are errors. Raises `OSError` where the document cannot be read."""
+    given = {named(path): text for path, text in given.items()}
+    parameters = {path: text for path, text in given.items() if "." not in path}
+    choices = {path: text for path, text in given.items() if "." in path}
+    documents, diagnostics = checked(document, replace(options, parameters=parameters, choices=choices), strict=strict)
+    if documents is None or any(d.code in (Code.CHOICE_OPTION, Code.PARAMETER_OPTION) for d in diagnostics):
+        return ValuesWritten(found=tuple(diagnostics))
+    root = documents.root
+    elsewhere = [fault for path in choices if (fault := _elsewhere(root, path)) is not None]
+    if elsewhere:
+        return ValuesWritten(found=tuple(elsewhere))
+    values = {keys_of(root, path): text for path, text in given.items()}
+    try:
+        text = with_values(root, values)
+    except Unsettable as fault:
+        return ValuesWritten(found=(_wrong(str(fault), "write it by hand"),))
+    before, after = both(root, text)
+    _, diagnostics = checked(document, replace(options, texts={root.path: after}), strict=strict)
+    found = tuple(diagnostics)
+    if dry or any(d.severity is Severity.ERROR for d in found):
+        return ValuesWritten(found=found, root=root, text=text)
+    refused = put(root, before, after)
+    if refused is not None:
+        return ValuesWritten(found=(refused,))
+    return ValuesWritten(found=found, root=root, text=text, done=tuple(changes(root, values)))
+
+
+def named(path: str) -> str:
+    """A parameter by its name alone, also one that is written `parameters.reach`; other paths as they are."""
+    name = path.removeprefix("parameters.")
+    return path if "." in name else name
+
+
+def both(root: Document, text: str) -> tuple[bytes, bytes]:
+    """The bytes of a document as they are, and as they would be with that text. Raises OSError where it cannot be read."""
+    with open(root.path, "rb") as stream:
+        before = stream.read()
+    return before, (b"\xef\xbb\xbf" if before.startswith(b"\xef\xbb\xbf") else b"") + text.encode()
+
+
+def put(root: Document, before: bytes, after: bytes) -> Diagnostic | None:
+    """Put new bytes into a document; why not, where it cannot be written or is not what was read any more."""
+    name = shown_path(root.path)
+    message = f"`{name}` has changed meanwhile, and is left as it is"
+    if hashlib.sha256(before).hexdigest() == root.sha256:
+        try:
+            write_in_place(root.path, after)
+        except OSError as fault:
+            message = f"cannot write `{name}`: {(fault.strerror or str(fault)).lower()}"
+        else:
+            return None
+    return Diagnostic(code=Code.OUTPUT, severity=Severity.ERROR, message=message)
+
+
+def checked(document: str, options: Options, *, strict: bool = False) -> tuple[Documents | None, list[Diagnostic]]:
+    """The document with all that it names, None where it cannot be read, and what a check says of it."""
+    with Environment(document, replace(options, lock=True)) as environment:
+        compilation = pipeline.compile(environment)
+    pipeline.say_unneeded(compilation, [Stage.CHECK])
+    return compilation.documents, (compilation.report.strict() if strict else compilation.report).ordered()
+
+
+def keys_of(root: Document, path: str) -> Keys:
+    """Where a path, or a parameter, is written."""
+    if "." in path:
+        return tuple(path.split("."))
+    full = isinstance(node_at(root.tree, ("parameters", path)), MappingNode)
+    return ("parameters", path, "value") if full else ("parameters", path)
+
+
+def _elsewhere(root: Document, path: str) -> Diagnostic | None:
+    """What to say of a path that does not end in this document itself."""
+    through = nested(path)
+    if through is None:
+        choice = parse(path)
+        name = choice.components[0] if choice is not None and choice.components else None
+        if name is None or node_at(root.tree, ("components", name)) is not None:
+            return None
+        return _wrong(f"`{path}` is one of a repeated component: it has no line of its own", "set it for all of them")
+    component, rest = through
+    text = node_at(root.tree, ("components", component, "assembly"))
+    inner = getattr(text, "text", "the nested document")
+    return _wrong(
+        f"`{path}` is written in `{inner}`, and would hold for every component that is one", f"`thingc set {inner} '{rest}=...'`"
+    )
+
+
+def _wrong(message: str, help: str) -> Diagnostic:
+    return Diagnostic(code=Code.COMMAND_LINE, severity=Severity.ERROR, message=message, help=help)
