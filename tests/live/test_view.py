@@ -106,7 +106,7 @@ def test_what_there_is(server: Server) -> None:
     assert re.fullmatch(r"http://127\.0\.0\.1:\d+/[\w-]{20,}/", server.address)
     status, headers, page = asked(server.address)
     assert (status, headers["Content-Type"]) == (200, "text/html; charset=utf-8") and b"<title>&lt;b&gt;</title>" in page
-    assert b'<meta name="thingc-live" content="1">' in page
+    assert re.search(rb'<meta name="thingc-live" content="[0-9a-f]{8} 1 0">', page)
     assert b'<meta name="thingc-editor" content="odd://open?{file}#{line}&amp;&quot;&lt;">' in page
     assert "Access-Control-Allow-Origin" not in headers and headers["Cross-Origin-Resource-Policy"] == "same-origin"
     assert headers["Referrer-Policy"] == "no-referrer" and headers["X-Frame-Options"] == "DENY" and headers["Cache-Control"] == "no-store"
@@ -294,6 +294,8 @@ def test_in_a_browser(tmp_path: Path, shared_store: str) -> None:
             shown.document.write_text(ROBOT.replace("count: 2", "count: 3"))
             own.wait_for_function("() => thingc.viewer.robot.joints.some((joint) => joint.path === 'yaw_2')")
             assert own.locator("#findings").is_hidden()
+            # what the page came with is not asked for again
+            assert own.evaluate("performance.getEntriesByType('resource').filter(({ name }) => name.endsWith('robot.json')).length") == 1
             assert own.evaluate("() => thingc.viewer.mode.name") == "held"
             assert own.evaluate("() => thingc.viewer.stage.camera.position.toArray()") == pytest.approx(before, abs=1e-6)
         port = urlsplit(shown.address).port

@@ -195,6 +195,12 @@ def test_a_ball_stays_in_its_cone(browser: Any, folder: Path) -> None:
         assert math.degrees(math.hypot(*(q[f"gaze_{k}"] for k in range(3)))) == pytest.approx(30.0, abs=1e-9)
 
 
+def test_one_of_a_kind_is_no_plural(browser: Any, folder: Path) -> None:
+    text = f"thingc: assembly/1\nname: alone\ncomponents:\n  palm: {{{MASS}}}\nmodes: {{still: {{root: palm}}}}\n"
+    with page_of(browser, folder, text) as page:
+        assert page.locator("#subtitle").text_content() == "100.00 g, 1 link, 0 joints"
+
+
 def test_a_robot_without_geometry_is_seen_by_its_frames(browser: Any, folder: Path) -> None:
     with page_of(browser, folder, FINGER) as page:
         page.evaluate("thingc.viewer.toggle('frames'); thingc.viewer.toggle('names')")

@@ -16,15 +16,18 @@ export type Sent = { robot: Robot; geometries: BufferGeometry[] } | null;
 /** After how long [ms] a page looks again for a server that has gone, where its browser does not by itself. */
 const AGAIN = 2000;
 
-export const live = (): boolean => document.querySelector('meta[name="thingc-live"]') !== null;
+const stand = (): string | undefined => document.querySelector<HTMLMetaElement>('meta[name="thingc-live"]')?.content;
+
+export const live = (): boolean => stand() !== undefined;
 
 /** Takes what is new as long as the page is open, of the next server on the same port, too. */
 export function listen(viewer: Viewer, update: (sent: Sent) => void, against: (sent: Sent) => void): void {
-  let seen: News | null = null;
+  const [run, builds, others] = stand()!.split(" ");
+  let seen: Pick<News, "run" | "build" | "against"> = { run, build: Number(builds), against: Number(others) };
   const fresh = async (name: string, number: "build" | "against", news: News, take: (sent: Sent) => void): Promise<boolean> => {
-    if (seen !== null && news.run === seen.run && news[number] === seen[number]) return false;
+    if (news.run === seen.run && news[number] === seen[number]) return false;
     const sent = await (news[number] === 0 ? null : fetched(name));
-    if (seen!.run !== news.run || seen![number] !== news[number]) return false; // there is a newer one already
+    if (seen.run !== news.run || seen[number] !== news[number]) return false; // there is a newer one already
     take(sent);
     return sent !== null;
   };
@@ -75,6 +78,7 @@ function follow(heard: (news: News) => void): void {
 function findings(list: Finding[]): void {
   const own = $("findings");
   own.hidden = list.length === 0;
+  own.classList.toggle("mild", list.every(({ severity }) => severity !== "error"));
   own.replaceChildren(...list.map(({ code, severity, message, file, line, help, notes }) => {
     const at = (where: Place): (Node | string)[] => { const node = place(where); return node === null ? [] : [" ", node]; };
     const said = notes.flatMap((note) => [make("br"), make("span", { class: "soft" }, `note: ${note.message}`), ...at(note)]);

@@ -137,8 +137,9 @@ class Server:
         """Type and bytes of what is asked for by name; None where there is nothing of that name."""
         with self._news:
             page, other = self._own.page, self._other.page
+            stand = f"{self._run} {self._own.count} {self._other.count}"
         if name == "":
-            return HTML, waiting(self._name, self._editor) if page is None else page.html(live=True, editor=self._editor, against=other)
+            return HTML, waiting(self._name, self._editor) if page is None else page.html(live=stand, editor=self._editor, against=other)
         asked = {"robot.json": page, "against.json": other}.get(name)
         return (JSON, asked.news()) if asked is not None else None
 

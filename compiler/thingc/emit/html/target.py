@@ -28,9 +28,10 @@ class Page:
     data: str
     glb: bytes
 
-    def html(self, *, live: bool = False, editor: str | None = None, against: Page | None = None) -> bytes:
-        """The page. A `live` one asks the server that it comes from for what has changed. `editor` is an address that opens a place in an
-        editor, with `{file}` (its path in the workspace) and `{line}`. The robot of `against` is seen through its own."""
+    def html(self, *, live: str | None = None, editor: str | None = None, against: Page | None = None) -> bytes:
+        """The page. A `live` one asks the server that it comes from for what has changed since it stood as the word says, by which the
+        server knows it. `editor` is an address that opens a place in an editor, with `{file}` (its path in the workspace) and `{line}`.
+        The robot of `against` is seen through its own."""
         return _framed(self.name, self.data, self.glb, live=live, editor=editor, against=against)
 
     def news(self) -> bytes:
@@ -40,18 +41,18 @@ class Page:
 
 def waiting(name: str, editor: str | None = None) -> bytes:
     """A live page that has no robot yet, and takes the first that there is. `name` is what it is called until then."""
-    return _framed(name, "null", b"", live=True, editor=editor, against=None)
+    return _framed(name, "null", b"", live="", editor=editor, against=None)
 
 
-def _framed(name: str, data: str, glb: bytes, *, live: bool, editor: str | None, against: Page | None) -> bytes:
+def _framed(name: str, data: str, glb: bytes, *, live: str | None, editor: str | None, against: Page | None) -> bytes:
     own = resources.files("thingc.emit.html") / "page"
     texts = {
         "@STYLE@": (own / "viewer.css").read_text(encoding="utf-8"), "@SCRIPT@": (own / "viewer.js").read_text(encoding="utf-8"),
         "@TITLE@": html.escape(shown(name)), "@LIVE@": "\n".join(
             f'<meta name="thingc-{name}" content="{html.escape(content)}">'
-            for name, content in (("live", "1" if live else None), ("editor", editor)) if content is not None
+            for name, content in (("live", live), ("editor", editor)) if content is not None
         ),
-        "@CONNECT@": "'self'" if live else "'none'", "@ROBOT@": data, "@GEOMETRY@": base64.b64encode(glb).decode(),
+        "@CONNECT@": "'none'" if live is None else "'self'", "@ROBOT@": data, "@GEOMETRY@": base64.b64encode(glb).decode(),
         "@AGAINST@": "" if against is None else _AGAINST.format(data=against.data, glb=base64.b64encode(against.glb).decode()),
     }
     frame = pieces((own / "viewer.html").read_text(encoding="utf-8"))
