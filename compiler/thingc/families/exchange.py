@@ -52,6 +52,7 @@ class TracedParts:
         self.definitions: tuple[PartDefinition, ...] = ()
         self.convex: Collection[str] = ()
         self.slicings: dict[str, Collection[Slicing]] = {}
+        self.expected: list[str] = []
         self.before: Tape | None = None
         self._records: dict[str, PartRecord] = {}
         self._walk = _Walk((), float)
@@ -75,6 +76,8 @@ class TracedParts:
         self.before = tape.copy()
         self._walk = _Walk([one.text for one in definitions], lambda value: tape.variable(value, numbers))
         found = dict(records)
+        others = [records[one.text] for one in definitions if not _numbers_of(one)]
+        self.expected = [one.text for record in others if isinstance(record, PartRecord) for one in record.expectations]
         for one in traced:
             record = records[one.text]
             if not isinstance(record, PartRecord):
@@ -133,7 +136,8 @@ class Exchange:
         self._definitions = rehearsed.definitions
         self._convex = [one.text in rehearsed.convex for one in rehearsed.definitions]
         self._slicings = [rehearsed.slicings.get(one.text, ()) for one in rehearsed.definitions]
-        self._pattern = _pattern([one.text for one in rehearsed.definitions])
+        self._expected = rehearsed.expected
+        self._pattern = self._pattern_of(rehearsed.definitions)
         self._likeness = rehearsed.likeness
         self._others = {file: stored for file, stored in assets.items() if not stored.sha256.startswith(TOKEN)}
         stems = {text: one.stem for text, one in self._traced(rehearsed.definitions).items()}
@@ -171,10 +175,15 @@ class Exchange:
         """Those of definitions that stand where traced ones do, once each."""
         return {one.text: one for one, rehearsed in zip(definitions, self._definitions, strict=True) if _numbers_of(rehearsed)}
 
+    def _pattern_of(self, definitions: Sequence[PartDefinition]) -> list[int]:
+        """Which definitions are equal, and which are those that other parts are cut for: of each text the place of the first like it."""
+        first: dict[str, int] = {}
+        return [first.setdefault(text, place) for place, text in enumerate((*(one.text for one in definitions), *self._expected))]
+
     def _found(self, given: tuple[float, ...]) -> Exchanged | None:
         numbers = iter(given)
         definitions = [self._made(one, numbers) if _numbers_of(one) else one for one in self._definitions]
-        if _pattern([one.text for one in definitions]) != self._pattern:
+        if self._pattern_of(definitions) != self._pattern:
             return None
         traced, texts = self._traced(definitions), [one.text for one in definitions]
         asked = list(traced.values())
@@ -267,12 +276,6 @@ class _Walk:
             return replace(value, **{one.name: self._of(getattr(value, one.name)) for one in fields(value)})
         self.rest.append(repr(value))
         return value
-
-
-def _pattern(texts: Sequence[str]) -> list[int]:
-    """Which of these are equal: of each the place of the first that is."""
-    first: dict[str, int] = {}
-    return [first.setdefault(text, place) for place, text in enumerate(texts)]
 
 
 def _numbers_of(definition: PartDefinition) -> list[Traced]:

@@ -1,0 +1,125 @@
+"""Records of parts on a tape: what of them is exchanged, and which records a plan is not of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from graph.builder import record
+from thingc.emit.artifact import Stored
+from thingc.families.exchange import Exchange, Exchanged, Modelled, TracedParts
+from thingc.families.tape import Tape
+from thingc.pose import Pose
+from thingc.realize.record import (
+    Expectation,
+    Mesh,
+    MountRecord,
+    ParameterSchema,
+    PartDefinition,
+    PartFailure,
+    PartRecord,
+    PartSchema,
+    Primitive,
+)
+
+BAR = PartSchema(
+    reference="m:Bar", kind="thing", doc="", material=None, actuator=False, file="", line=0,
+    parameters=(ParameterSchema(name="length", kind="length", required=False, default=0.1),),
+)
+
+
+def bar(length: float, text: str) -> PartRecord:
+    """A bar: its numbers, a mesh, and an end that is no number of any kind in another place."""
+    mesh = Mesh(sha256=f"{length!r}".ljust(64, "0"), size=100, vertices=8, faces=12, closed=True, flat=False)
+    return record(
+        text, volume=length * 1e-4, box=((0.0, -0.005, -0.005), (length, 0.005, 0.005)), meshes={"visual": mesh},
+        mounts={"end": MountRecord(pose=Pose(translation=(length, 0.0, 0.0)), interface=f"bar-{length}")},
+    )
+
+
+class Parts:
+    """A geometry service without a kernel. `made` changes the record of a bar."""
+
+    def __init__(self, made: Callable[[PartRecord], Any] = lambda one: one) -> None:
+        self.made = made
+        self.asked: list[str] = []
+
+    def describe(self, references: Sequence[str]) -> dict[str, PartSchema]:
+        return dict.fromkeys(references, BAR)
+
+    def realize(self, definitions: Sequence[PartDefinition], convex: Collection[str] = ()) -> dict[str, Any]:
+        self.asked += [one.text for one in definitions]
+        return {one.text: self._record(one) for one in definitions}
+
+    def _record(self, one: PartDefinition) -> Any:
+        if one.reference == "m:Plate":
+            cut = Expectation(mount="seat", text="m:Bar(length=0.2)", label="", child_mount="end")
+            return record(one.text, expectations=(cut,))
+        length = dict(one.parameters)["length"]
+        assert type(length) is float
+        return self.made(bar(length, one.text))
+
+    def slice(self, definitions: Sequence[PartDefinition], records: Mapping[str, Any], slicings: Mapping[str, Any]) -> Mapping[str, Any]:
+        return records
+
+
+def exchange(parts: Parts, *others: PartDefinition) -> Exchange:
+    """Of a bar that is as long as a variable says, and 1 cm longer."""
+    tape = Tape()
+    length = tape.variable(0.14)
+    traced = TracedParts(parts, lambda number: True)  # type: ignore[arg-type]
+    definition = BAR.definition({"length": length + 0.01})  # type: ignore[dict-item]
+    records = traced.realize([definition, *others])
+    records = traced.slice([definition, *others], records, {})
+    mesh = records[definition.text].meshes["visual"]
+    assert records[definition.text].box[1][0].value == 0.14 + 0.01
+    assets = {f"{definition.stem}_hull.obj": Stored(sha256=mesh.sha256, size=mesh.size), "m.Other.obj": Stored(sha256="5", size=5)}
+    made = Exchange(traced, parts, assets)  # type: ignore[arg-type]
+    assert made.names == [f"{definition.stem}_hull"] and definition.text == f"m:Bar(length={0.14 + 0.01!r})"
+    return made
+
+
+def test_numbers_and_meshes_are_those_of_the_other_record() -> None:
+    parts = Parts()
+    found = exchange(parts).of([0.25])
+    assert isinstance(found, Exchanged) and parts.asked == [f"m:Bar(length={0.14 + 0.01!r})", "m:Bar(length=0.26)"]
+    assert found.numbers == (0.26 * 1e-4, -0.005, -0.005, 0.26, 0.005, 0.005, 0.26)
+    (name,) = found.names
+    assert name == BAR.definition({"length": 0.26}).stem + "_hull"
+    assert found.assets == {f"{name}.obj": Stored(sha256="0.26".ljust(64, "0"), size=100), "m.Other.obj": Stored(sha256="5", size=5)}
+
+
+def test_what_is_asked_for_again_is_at_hand() -> None:
+    parts = Parts()
+    made = exchange(parts)
+    assert made.of([0.25]) is made.of([0.25]) and parts.asked.count("m:Bar(length=0.26)") == 1
+
+
+@pytest.mark.parametrize("made", [
+    lambda one: PartFailure(subject=one.text, kind="raised", message="") if one.volume > 2e-5 else one,
+    lambda one: replace(one, exact=one.volume < 2e-5),
+    lambda one: replace(one, material="petg" if one.volume > 2e-5 else None),
+    lambda one: replace(one, up=(0.0, 0.0, 1.0) if one.volume > 2e-5 else (0.0, 0.6, 0.8)),
+    lambda one: replace(one, mounts={**one.mounts, **({"more": one.mounts["end"]} if one.volume > 2e-5 else {})}),
+    lambda one: replace(one, meshes={name: replace(mesh, closed=one.volume < 2e-5) for name, mesh in one.meshes.items()}),
+    lambda one: replace(one, pieces=(Primitive(shape="sphere", size=(1.5,), pose=Pose()),) * (2 if one.volume > 2e-5 else 1)),
+], ids=["failed", "not exact", "material", "turned", "mounts", "closed", "pieces"])
+def test_a_plan_is_not_of_records_that_differ_otherwise(made: Callable[[PartRecord], Any]) -> None:
+    found = exchange(Parts(made))
+    assert found.of([0.15]) is not None and found.of([0.25]) is None
+
+
+def test_a_plan_is_not_of_what_becomes_another_s_part() -> None:
+    """The plate is cut for a bar of 200 mm, and another bar is 300 mm long: where the traced one is, too, there are fewer parts."""
+    plate = PartDefinition(reference="m:Plate", kind="code", parameters=(), text="m:Plate", label="m:Plate")
+    found = exchange(Parts(), plate, BAR.definition({"length": 0.3}))
+    assert found.of([0.15]) is not None and found.of([0.2 - 0.01]) is None and found.of([0.3 - 0.01]) is None
+
+
+def test_a_part_that_may_not_be_modelled_by_a_number_is_said() -> None:
+    traced = TracedParts(Parts(), lambda number: False)  # type: ignore[arg-type]
+    with pytest.raises(Modelled, match=r"m:Bar\(length=150 mm\)"):
+        traced.realize([BAR.definition({"length": Tape().variable(0.15)})])  # type: ignore[dict-item]
