@@ -141,6 +141,10 @@ def test_settings_are_listed_or_drawn(family: thingc.RobotFamily) -> None:
     for _ in range(3):
         drawn.step(np.zeros((4, 1)))
     assert masses.isdisjoint(settings["bob"] for settings in drawn.settings)
+    states = [id(data) for data in drawn.data]
+    for _ in range(3):
+        drawn.step(np.zeros((4, 1)))
+    assert [id(data) for data in drawn.data] == states  # no new memory for another robot
 
 
 def test_worlds_of_equal_settings_share_a_model_and_no_state(family: thingc.RobotFamily) -> None:

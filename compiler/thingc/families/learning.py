@@ -23,7 +23,7 @@ from thingc.families.family import family as family_of
 from thingc.families.results import NoModel
 from thingc.frozen import dataclass
 from thingc.typos import did_you_mean
-from thingc.variants.episodes import Episode, Rules, at_least_one, rules
+from thingc.variants.episodes import Episode, Rules, at_least_one, rules, spans_of
 from thingc.variants.loading import FamilyError, UnknownVariant
 from thingc.variants.tasks import Array, Reward, Step, Terminated
 
@@ -60,15 +60,18 @@ class Choices:
 
 
 class Morphology:
-    """A model, what observations of it end with, and the episodes that have been made of it and are not under way."""
+    """A model, what observations of it end with, and the `spans` of its controls. A state (`MjData`) of it is one of every model of the
+    same `layout` too: all sizes, and all names."""
 
-    __slots__ = ("described", "free", "model", "settings")
+    __slots__ = ("described", "layout", "model", "settings", "spans")
 
     def __init__(self, model: mujoco.MjModel, settings: Settings, described: Array) -> None:
         self.model = model
         self.settings = settings
         self.described = described
-        self.free: list[Episode] = []
+        self.spans = spans_of(model)
+        sizes = [getattr(model, name) for name in dir(model) if name.startswith("n")]
+        self.layout = (model.names, *(size for size in sizes if isinstance(size, int)))
 
 
 class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
@@ -184,7 +187,8 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
 
     @property
     def data(self) -> tuple[mujoco.MjData, ...]:
-        """The state of each world, to look at or to draw."""
+        """The state of each world, to look at or to draw with its model (of which it need not have been made: `data.model` may be another
+        one's)."""
         return tuple(self._world(k)[2].data for k in range(self.num_envs))
 
     def close_extras(self, **named: Any) -> None:
@@ -206,11 +210,9 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
     def _begin(self, worlds: Sequence[int], infos: dict[str, Any], wanted: Any) -> None:
         """A new episode in each of these worlds."""
         drawn = [self._drawn(self._source(k), wanted) for k in worlds]
-        for k in worlds:
-            self._leave(k)
         keys = [key for key, _ in drawn]
         for k, key, morphology in zip(worlds, keys, self._made(keys, [settings for _, settings in drawn], self._first)):
-            episode = morphology.free.pop() if morphology.free else self._episode(morphology)
+            episode = Episode(morphology.model, self._state(k, morphology), morphology.settings, self._rules, morphology.spans)
             self._worlds[k] = (key, morphology, episode)
             episode.begin(self._source(k), self._name(key))
             self._see(k)
@@ -257,16 +259,12 @@ class FamilyVectorEnv(VectorEnv[Array, Array, np.ndarray[Any, Any]]):
             self._kept.popitem(last=False)
         return found
 
-    def _episode(self, morphology: Morphology) -> Episode:
+    def _state(self, k: int, morphology: Morphology) -> mujoco.MjData:
+        """What a world of this morphology is simulated in: as long as models differ in numbers only, always the same."""
         import mujoco
 
-        return Episode(morphology.model, mujoco.MjData(morphology.model), morphology.settings, self._rules)
-
-    def _leave(self, k: int) -> None:
         world = self._worlds[k]
-        if world is not None:
-            world[1].free.append(world[2])
-        self._worlds[k] = None
+        return world[2].data if world is not None and world[1].layout == morphology.layout else mujoco.MjData(morphology.model)
 
     def _world(self, k: int) -> tuple[Any, Morphology, Episode]:
         world = self._worlds[k]

@@ -47,12 +47,12 @@ def at_least_one(**numbers: int) -> None:
 
 
 class Episode:
-    """Of one robot: its `model` and `data`, and the `variant` whose they are. `begin` first; then `ask`, `run` and `judge` for each action.
-    `run` is the simulation: it may be called in another thread, for several episodes at once."""
+    """Of one robot: its `model` and `data`, the `variant` whose they are, and the `spans` of its controls. `begin` first; then `ask`, `run`
+    and `judge` for each action. `run` is the simulation: it may be called in another thread, for several episodes at once."""
 
     __slots__ = ("_action", "_before", "_high", "_low", "_rules", "_started", "data", "model", "start", "steps", "unstable", "variant")
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, variant: Any, rules: Rules) -> None:
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, variant: Any, rules: Rules, spans: tuple[Array, Array]) -> None:
         self.model = model
         self.data = data
         self.variant = variant
@@ -60,7 +60,7 @@ class Episode:
         self.unstable = False
         self.start: Array = np.zeros(0)
         self._rules = rules
-        self._low, self._high = _ranges(model)
+        self._low, self._high = spans
         self._action: Array = np.zeros(0)
         self._before: Array = np.zeros(0)
         self._started = 0.0
@@ -126,7 +126,7 @@ def _unstable(data: mujoco.MjData) -> bool:
     return any(data.warning[fault].number for fault in faults)
 
 
-def _ranges(model: mujoco.MjModel) -> tuple[Array, Array]:
+def spans_of(model: mujoco.MjModel) -> tuple[Array, Array]:
     """The least and the greatest control of each actuator; [-1, 1] where it has no limits."""
     limited = model.actuator_ctrllimited.astype(bool)
     return np.where(limited, model.actuator_ctrlrange[:, 0], -1.0), np.where(limited, model.actuator_ctrlrange[:, 1], 1.0)

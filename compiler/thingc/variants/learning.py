@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thingc.variants.episodes import Episode, Rules, at_least_one, rules
+from thingc.variants.episodes import Episode, Rules, at_least_one, rules, spans_of
 from thingc.variants.loading import BuiltVariant, Family, FamilyError, Sizes, load
 from thingc.variants.tasks import TASKS, Array, Reward, Step, Terminated
 
@@ -118,7 +118,7 @@ class VariantsEnv(gymnasium.Env[Array, Array]):
         episode = self._episodes.get(variant.id)
         if episode is None:
             model = variant.model(self.mode, scene=self._scene, visual=self._visual)
-            episode = self._episodes[variant.id] = Episode(model, mujoco.MjData(model), variant, self._rules)
+            episode = self._episodes[variant.id] = Episode(model, mujoco.MjData(model), variant, self._rules, spans_of(model))
             while len(self._episodes) > self._cache:
                 self._episodes.popitem(last=False)
         self._episodes.move_to_end(variant.id)
