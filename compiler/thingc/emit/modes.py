@@ -118,8 +118,8 @@ def _joints(robot: Robot, names: Sequence[str], memo: Memo, separator: str) -> l
             continue
         mate = robot.assembly.mates[body.joints[0].mate]
         joints.append(memo(
-            ("modes.json", robot.mode.name, "joint", mate.name), _joint, mate, placed[mate.parent], placed[mate.child],
-            names[body.parent], name, body.joints, qpos, dof, separator,
+            ("modes.json", robot.mode.name, "joint", mate.name), _joint, mate, (placed[mate.parent], placed[mate.child]),
+            (names[body.parent], name), body.joints, (qpos, dof), separator,
         ))
         count, speeds = sizes(body.joints)
         qpos, dof = qpos + count, dof + speeds
@@ -133,9 +133,12 @@ def _link(name: str, pose: Pose, own: MassProperties) -> Fragment:
 
 
 def _joint(
-    mate: Mate, parent_part: Pose, child_part: Pose, parent: str, child: str, crossed: tuple[CoreJoint, ...], qpos: int, dof: int,
+    mate: Mate, parts: tuple[Pose, Pose], links: tuple[str, str], crossed: tuple[CoreJoint, ...], addresses: tuple[int, int],
     separator: str,
 ) -> Fragment:
+    """A joint of the tree: the document's parent and child in their links, the links of this mode's parent and child, and its first
+    addresses in `qpos` and `qvel`."""
+    (parent_part, child_part), (parent, child), (qpos, dof) = parts, links, addresses
     in_model: dict[str, tuple[dict[str, float], list[int], list[int]]] = {}
     for joint in crossed:
         if is_ball(crossed):
