@@ -412,13 +412,14 @@ def _check_folders(settings: _Settings, document: Document, root: str, report: R
         if len(texts) > MAX_FOLDERS:
             report.add(Code.TOO_LARGE, f"more than {MAX_FOLDERS} {key}", document.span((key,)))
             return
-    named: list[tuple[str, Path]] = [(text, ("parts", index)) for index, text in enumerate(settings.parts or ())]
+    parts = DEFAULT_PARTS if settings.parts is None else settings.parts
+    named: list[tuple[str, Path]] = [(text, ("parts", index)) for index, text in enumerate(parts)]
     for text, path in [*named, (settings.build, ("build",))]:
         where = document.span(path)
         fault = _folder_fault(text, root)
         if fault is not None:
             report.add(Code.OUTSIDE_WORKSPACE, fault[0], where, help=fault[1])
-        elif path != ("build",) and not os.path.isdir(os.path.join(root, text)):
+        elif path != ("build",) and settings.parts is not None and not os.path.isdir(os.path.join(root, text)):
             here = [entry.name for entry in os.scandir(root) if entry.is_dir() and not entry.name.startswith(".")]
             help = did_you_mean(text, here, what="folders")
             report.add(Code.WORKSPACE_FOLDER, f"there is no folder `{shortened(text)}`", where, help=help)

@@ -273,6 +273,8 @@ def test_a_part_for_no_document_yet(document: Path, capsys: pytest.CaptureFixtur
     ("part broken:New", "`parts/broken.py` cannot be read as Python: "),
     ("part New --to D --on base.bottom", "error[TC303]"),
     ("mode x --to missing.yaml", "error[TC802]"),
+    ("mode true --to D", "`true` is no name: YAML means something else by it"),
+    ("part away:New --to D", "`parts/away.py` leaves the workspace by a link\n  help: name another module"),
 ])
 def test_what_cannot_be_added_is_said_and_nothing_is_written(
     words: str, said: str, document: Path, capsys: pytest.CaptureFixture[str],
@@ -281,6 +283,7 @@ def test_what_cannot_be_added_is_said_and_nothing_is_written(
     parts.mkdir()
     (parts / "old.py").write_text("class Old:\n    pass\n")
     (parts / "broken.py").write_text("class\n")
+    (parts / "away.py").symlink_to(document.parent.parent / "elsewhere.py")
     (document.parent / "rover.yaml").touch()
     before = {path: path.read_bytes() for path in document.parent.rglob("*") if path.is_file()}
     assert main(["add", *words.replace(" D", f" {document.name}").split()]) in (1, 2)

@@ -127,6 +127,16 @@ def test_relative_and_contains_resolve_links(tmp_path: Path) -> None:
 HEAD = 'thingc = "workspace/1"\n'
 
 
+def test_a_part_folder_that_nobody_names_may_not_be_a_link_out_of_the_workspace(tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in/parts").symlink_to(tmp_path / "out")
+    (tmp_path / "in/thingc.toml").write_text(HEAD)
+    workspace, report = find(tmp_path / "in/a.yaml")
+    assert workspace is None
+    assert [(one.code, one.message) for one in report.diagnostics] == [(Code.OUTSIDE_WORKSPACE, "`parts` leaves the workspace")]
+
+
 @pytest.mark.parametrize(("text", "code", "message", "help", "place"), [
     ("parts = []\n", Code.HEADER, "the key `thingc`, which says kind and version, is missing",
      'begin with `thingc = "workspace/1"`', (1, 1)),

@@ -11,6 +11,7 @@ import sys
 from thingc.cli import common
 from thingc.diagnostics import Diagnostic, Report, shown_path
 from thingc.load.paths import DOCUMENT_SUFFIXES
+from thingc.load.scalars import core_value
 from thingc.output import OutputError, write_new
 from thingc.templates import TEMPLATES, files_of
 
@@ -78,9 +79,9 @@ def robot_name(place: str) -> str:
         raise common.WrongCommandLine(
             f"`{word}` is no name for a robot: a letter (a to z), then letters, digits and `_`", f"write for example `thingc new {near}`",
         )
-    if name.lower() in RESERVED:
+    if name.lower() in RESERVED or not isinstance(core_value(name), str):
         raise common.WrongCommandLine(
-            f"a robot cannot be called `{name}`: its files call something else so", f"write for example `thingc new {name}_robot`",
+            f"a robot cannot be called `{name}`: its files mean something else by that", f"write for example `thingc new {name}_robot`",
         )
     return name
 

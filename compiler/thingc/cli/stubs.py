@@ -18,6 +18,7 @@ from thingc.cli.set import settings
 from thingc.diagnostics import Report, shown_path
 from thingc.layout.setting import Keys, Written
 from thingc.load import Documents
+from thingc.load.scalars import core_value
 from thingc.realize.record import PartRecord, PartSchema
 from thingc.source import Document, MappingNode, SequenceNode, node_at
 from thingc.typos import did_you_mean, meant
@@ -67,8 +68,11 @@ def _part(arguments: argparse.Namespace, documents: Documents | None) -> Additio
                     f"there is no part `{reference}`", f"did you mean `{near}`? With --new it is a class to begin with",
                 )
     folder = next(iter(workspace.parts), os.path.join(workspace.root, "parts"))
-    own = found.file if found.workspace else None
-    return _new_part(arguments, documents, reference, own or os.path.join(folder, f"{module}.py"))
+    path = (found.file if found.workspace else None) or os.path.join(folder, f"{module}.py")
+    if not workspace.contains(path):
+        message = f"`{shown_path(path)}` leaves the workspace by a link"
+        raise common.WrongCommandLine(message, "name another module: `thingc add part MODULE:CLASS`")
+    return _new_part(arguments, documents, reference, path)
 
 
 def _placed_part(
@@ -348,6 +352,8 @@ def _new(root: Document, section: str, name: str, hint: str = "choose another na
 
 
 def _identifier(name: str) -> str:
+    if not isinstance(core_value(name), str):
+        raise common.WrongCommandLine(f"`{name}` is no name: YAML means something else by it", "choose another name")
     if not re.fullmatch(NAME, name):
         near = re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_")
         hint = f"write for example `{near}`" if re.fullmatch(r"[A-Za-z]\w*", near, re.ASCII) else "choose another name"
