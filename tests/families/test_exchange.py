@@ -11,6 +11,8 @@ import pytest
 from graph.builder import record
 from thingc.emit.artifact import Stored
 from thingc.families.exchange import Exchange, Exchanged, Modelled, TracedParts
+from thingc.families.plans import PAYS, Form
+from thingc.families.reading import Read
 from thingc.families.tape import Tape
 from thingc.pose import Pose
 from thingc.realize.record import (
@@ -123,3 +125,11 @@ def test_a_part_that_may_not_be_modelled_by_a_number_is_said() -> None:
     traced = TracedParts(Parts(), lambda number: False)  # type: ignore[arg-type]
     with pytest.raises(Modelled, match=r"m:Bar\(length=150 mm\)"):
         traced.realize([BAR.definition({"length": Tape().variable(0.15)})])  # type: ignore[dict-item]
+
+
+def test_after_plans_have_paid_the_next_is_made_at_once() -> None:
+    form: Form[None] = Form()
+    read = Read(names=("length",), values=(0.1,), texts=())
+    assert [form.worth_it(read) for _ in range(8)] == [False, True, False, True, False, False, False, True]
+    form.met = PAYS
+    assert [form.worth_it(read) for _ in range(3)] == [True, False, True] and form.met == 0
