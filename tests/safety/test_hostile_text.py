@@ -117,6 +117,8 @@ COMMANDS: list[Sequence[str]] = [
     *(["test", "odd.yaml", "--format", form] for form in ("text", "json", "junit")), ["test", "odd.yaml", "--only", "\x1b[31m\n"],
     *(["parts", "odd", "--format", form] for form in ("text", "json")), ["parts", "\x1b[31m\n"],
     ["why", "odd.yaml", "a"], ["why", "odd.yaml", "--losses"], ["why", "odd.yaml", "\x1b[31m\n"],
+    *(["diff", "odd.yaml", "wrong.yaml", "--format", form] for form in ("text", "json", "markdown")),
+    ["diff", "\x1b[31m\n"], ["diff", "--fail-on", "\x1b[31m\n"],
     ["touched", "--all"], ["touched", "--all", "--format", "json"], ["touched", "--since", "\x1b[31m\n"],
     ["fmt", "--diff", "."], ["fmt", "--check", "."], ["fmt", "."], ["lock"], ["lock", "--check"], ["schema", "--no-model"],
     *(["batch", "many.yaml", "--dry-run", "--format", form] for form in ("text", "json")),

@@ -178,21 +178,13 @@ class _Following:
         """What was changed where a part hangs: the mate, the joint, the mounts that meet, the parts that have them."""
         ends = [leaf.path, *([leaf.parent] if leaf.parent is not None else [])]
         above = [path for end in ends for path in _above(end)]
-        causes = self.changes.causes("mate", above) | self.changes.causes("mount", self._shown(above))
+        causes = self.changes.causes("mate", above) | self.changes.causes_of_mounts(above)
         causes |= self.changes.causes("parameter", ends, ("params.",)) | self.changes.causes("geometry", ends)
         causes |= self.changes.causes("component", ends, MADE)
         if leaf.joint is not None:
             coordinates = [leaf.joint, *(f"{leaf.joint}_{k}" for k in range(6))]
             causes |= self.changes.causes("joint", coordinates, ("turn", "gap", "offset", "parent", "child", "type"))
         return causes
-
-    def _shown(self, paths: Sequence[str]) -> list[str]:
-        """The paths of mounts of components."""
-        wanted = set(paths)
-        return [
-            path for change in self.changes.found if change.what == "mount"
-            for path in (change.path, change.new_path) if path is not None and path.rpartition("/")[0] in wanted
-        ]
 
     # --- links and the whole -----------------------------------------------------------------------------------------
 

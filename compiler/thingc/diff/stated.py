@@ -24,12 +24,15 @@ class Changes:
     def __init__(self) -> None:
         self.found: list[Change] = []
         self._at: dict[tuple[What, str], list[Change]] = {}
+        self._on: dict[str, list[Change]] = {}
 
     def add(self, change: Change) -> None:
         """One more."""
         self.found.append(change)
         for path in {change.path, change.new_path or change.path}:
             self._at.setdefault((change.what, path), []).append(change)
+            if change.what == "mount":
+                self._on.setdefault(path.rpartition("/")[0], []).append(change)
 
     def roots(self, change: Change) -> tuple[str, ...]:
         """What caused a change in the end: itself, where nothing did."""
@@ -45,6 +48,10 @@ class Changes:
                 if wanted is None or _is_of(change, wanted):
                     causes |= dict.fromkeys(self.roots(change))
         return causes
+
+    def causes_of_mounts(self, paths: Iterable[str]) -> dict[str, None]:
+        """The roots of all changes of mounts of components."""
+        return {root: None for path in paths for change in self._on.get(path, ()) for root in self.roots(change)}
 
     def structure(self) -> dict[str, None]:
         """The roots of all changes of who is connected to whom."""
