@@ -37,6 +37,7 @@ class Known:
     def __init__(self, store: Store, version: str) -> None:
         self.store = store
         self.version = version
+        self._meshes: set[str] = set()
 
     def model(self, texts: Sequence[str], meshes: Sequence[MeshAsset], *, started: bool) -> bool:
         """Whether exactly these files were accepted together; with `started` only if their first instant was in order, too."""
@@ -50,6 +51,7 @@ class Known:
         for mesh in kept:
             if not self.mesh(mesh):
                 self.store.put_json(MESH, self._mesh_key(mesh), True)
+                self._meshes.add(self._mesh_key(mesh))
 
     def start(self, key: str, meshes: Sequence[MeshAsset]) -> bool:
         """Whether a first instant with these meshes was in order."""
@@ -61,7 +63,10 @@ class Known:
 
     def mesh(self, mesh: MeshAsset) -> bool:
         """Whether a mesh was in a model that was accepted."""
-        return self.store.get_json(MESH, self._mesh_key(mesh)) is not None
+        key = self._mesh_key(mesh)
+        if key not in self._meshes and self.store.get_json(MESH, key) is not None:
+            self._meshes.add(key)
+        return key in self._meshes
 
     def data(self, models: Iterable[Element], meshes: Iterable[MeshAsset], *, whole: bool = False) -> dict[str, bytes]:
         """What MuJoCo shall read as each file: its bytes where it is not known, else a tetrahedron.
