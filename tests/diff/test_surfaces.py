@@ -1,0 +1,43 @@
+"""How far surfaces are apart: of boxes, whose distance is known."""
+
+from __future__ import annotations
+
+import math
+from itertools import product
+from pathlib import Path
+
+import pytest
+
+from thingc.diff.surfaces import Surfaces
+from thingc.realize import Store
+
+FACES = (
+    (0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1), (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3),
+)
+
+
+def box(store: Store, half: tuple[float, float, float], at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> str:
+    """A box in the store, as the worker writes meshes."""
+    corners = [[c + s * h for c, s, h in zip(at, signs, half, strict=True)] for signs in product((-1, 1), repeat=3)]
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in corners] + [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in FACES]
+    return store.put(("\n".join(lines) + "\n").encode())
+
+
+@pytest.mark.parametrize(("half", "at", "expected"), [
+    ((1.0, 1.0, 1.0), (0.0, 0.0, 0.0), 0.0),
+    ((1.0, 1.0, 1.0), (0.3, 0.0, 0.0), 0.3),  # a face sticks out
+    ((1.5, 1.0, 1.0), (0.0, 0.0, 0.0), 0.5),
+    ((1.5, 1.5, 1.5), (0.0, 0.0, 0.0), math.sqrt(0.75)),  # a corner from a corner
+    ((0.1, 0.1, 0.1), (0.0, 0.0, 0.0), math.sqrt(3 * 0.9**2)),
+    ((1.0, 1.0, 1.0), (10.0, 0.0, 0.0), 10.0),
+])
+def test_boxes(tmp_path: Path, half: tuple[float, float, float], at: tuple[float, float, float], expected: float) -> None:
+    store = Store(str(tmp_path))
+    old, new = box(store, (1.0, 1.0, 1.0)), box(store, half, at)
+    assert Surfaces(store).farthest(old, new) == pytest.approx(expected, abs=1e-12)
+    assert Surfaces(store).farthest(new, old) == pytest.approx(expected, abs=1e-12)  # now from the store
+
+
+def test_a_mesh_that_is_not_there(tmp_path: Path) -> None:
+    store = Store(str(tmp_path))
+    assert Surfaces(store).farthest(box(store, (1.0, 1.0, 1.0)), "0" * 64) is None
