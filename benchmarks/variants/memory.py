@@ -45,7 +45,6 @@ from thingc.families.models import ModelsOfMode
 from thingc.pipeline import request_of
 from thingc.resolve import Settings
 
-ROUNDS = 5
 MODE = "bench"
 
 
@@ -143,6 +142,7 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=4000, help="variants of the quickest lanes, in each round (default: %(default)s)")
+    parser.add_argument("--rounds", type=int, default=5, help="how often each lane is measured, after a first time that does not count")
     parser.add_argument("--scale", type=int, default=0, help="largest number of variants for growth (default: not measured)")
     parser.add_argument("--store", help="where modelled parts are kept")
     parser.add_argument("--verify", type=int, help="of so many models one is compared with a compilation (default: every 2^n-th)")
@@ -152,9 +152,9 @@ def main() -> None:
         with thingc.family(document, store=arguments.store, mode=MODE, verify=arguments.verify) as family:
             lanes = spent(family, family._of(MODE, False), itertools.count())
             rates: dict[str, list[float]] = {label: [] for label in lanes}
-            for turn in range(-1, ROUNDS):
+            for turn in range(-1, arguments.rounds):
                 for label, make in lanes.items():
-                    count = max(int(arguments.count * SLOW.get(label, 1.0)), 4 if label == "a part" else 16)
+                    count = max(int(arguments.count * SLOW.get(label, 1.0)), 1 if label == "a part" else 16)
                     clock = processor if label == "a part" else time.process_time
                     begun = clock()
                     make(count)
