@@ -17,8 +17,8 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "designs"))
 
 import drawing
+from known_changes import ROBOTS, cases, rewritten
 
-from corpus import ROBOTS, cases, rewritten
 from thingc.diff import Change, Portrait, compare, portrait
 from thingc.diff.pairing import equal
 from thingc.environment import Environment, Options

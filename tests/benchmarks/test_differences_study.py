@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import runpy
 import sys
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
+FOLDER = ROOT / "benchmarks" / "differences"
 
 
 @pytest.fixture(scope="module", autouse=True)
 def on_path():
-    folders = [str(ROOT / "benchmarks" / "differences"), str(ROOT / "benchmarks" / "designs")]
+    folders = [str(FOLDER), str(ROOT / "benchmarks" / "designs")]
     sys.path[:0] = folders
     yield
     for folder in folders:
@@ -20,7 +22,7 @@ def on_path():
 
 
 def test_every_edit_fits_its_documents(tmp_path: Path):
-    from corpus import ROBOTS, cases
+    from known_changes import ROBOTS, cases
 
     texts = {}
     assert len(cases()) >= 60 and len({(one.robot, one.name) for one in cases()}) == len(cases())
@@ -32,10 +34,10 @@ def test_every_edit_fits_its_documents(tmp_path: Path):
 
 
 def test_some_of_it(tmp_path: Path, shared_store: str, monkeypatch: pytest.MonkeyPatch):
-    from study import drawn, faults
+    from known_changes import ROBOTS, cases, rewritten
 
-    from corpus import ROBOTS, cases, rewritten
-
+    study = runpy.run_path(str(FOLDER / "study.py"))
+    drawn, faults = study["drawn"], study["faults"]
     monkeypatch.setenv("THINGC_STORE", shared_store)
     old = drawn(ROBOTS["arm"].copy(tmp_path / "arm"))
     assert old is not None

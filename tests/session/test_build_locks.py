@@ -126,7 +126,7 @@ def test_a_killed_process_is_not_waited_for(folder: Path) -> None:
 
 def _key_under_way(folder: Path) -> str:
     """The build key of the endless part, found as a service would."""
-    from thingc.realize.record import PartDefinition
+    from thingc.realize.record import PartDefinition, PartFailure
     from thingc.realize.service import GeometryService
     from thingc.workspace import DEFAULT_MESH, DEFAULT_SIMULATION, Workspace
 
@@ -138,16 +138,17 @@ def _key_under_way(folder: Path) -> str:
         reference="blocks:Endless", kind="code", parameters=(("width", 0.01),), text="blocks:Endless(width=0.01)", label="blocks:Endless",
     )
     with GeometryService(workspace, Store(str(folder / "store")), 1, 60.0) as service:
-        prepared = service._prepare(definition)
-    assert isinstance(prepared, tuple)
+        prepared = service._requests.prepared(definition)
+    assert not isinstance(prepared, PartFailure)
+    key = prepared.build_key.key
     deadline = time.monotonic() + 30.0
     probe = BuildLocks(service.store)
-    while probe.take(prepared[0].key):
-        probe.give_back(prepared[0].key)
+    while probe.take(key):
+        probe.give_back(key)
         assert time.monotonic() < deadline, "it was never claimed"
         time.sleep(0.02)
     probe.close()
-    return prepared[0].key
+    return key
 
 
 def test_without_locks_both_model_and_agree(folder: Path) -> None:
