@@ -1,7 +1,8 @@
-"""Batches that several tests load, built once."""
+"""Batches that several tests load, built once; one of several test processes builds, the others wait."""
 
 from __future__ import annotations
 
+import fcntl
 from pathlib import Path
 
 import pytest
@@ -9,25 +10,37 @@ import pytest
 from variants.families import built
 
 
+def once(store: str, name: str) -> Path:
+    """The folder of the batch of this name."""
+    folder = Path(store).parent / "batches" / name
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        kept = folder / "place"
+        if not kept.exists():
+            kept.write_text(str(built(folder, store, name)))
+        return Path(kept.read_text())
+
+
 @pytest.fixture(scope="session")
-def some(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Path:
+def some(shared_store: str) -> Path:
     """Twelve pendulums, of which one is kept out by a rule on parameters and three by one on results."""
-    return built(tmp_path_factory.mktemp("some"), shared_store, "some")
+    return once(shared_store, "some")
 
 
 @pytest.fixture(scope="session")
-def arms(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Path:
+def arms(shared_store: str) -> Path:
     """Two arms, one with a joint more."""
-    return built(tmp_path_factory.mktemp("arms"), shared_store, "arms")
+    return once(shared_store, "arms")
 
 
 @pytest.fixture(scope="session")
-def boards(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Path:
+def boards(shared_store: str) -> Path:
     """Three boards of different size, with a mast that is the same."""
-    return built(tmp_path_factory.mktemp("boards"), shared_store, "boards")
+    return once(shared_store, "boards")
 
 
 @pytest.fixture(scope="session")
-def sliders(tmp_path_factory: pytest.TempPathFactory, shared_store: str) -> Path:
+def sliders(shared_store: str) -> Path:
     """Eight masses on a slide, which fall on a floor: contacts, limits, meshes and boxes."""
-    return built(tmp_path_factory.mktemp("sliders"), shared_store, "sliders")
+    return once(shared_store, "sliders")
