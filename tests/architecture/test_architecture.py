@@ -118,7 +118,7 @@ SATELLITES: dict[str, dict[str, set[str]]] = {
         "graph.types": ANY,
         "emit": {"with_pieces"},
         "testing": {"Selection", "run"},
-        "render": {"extent", "small_picture"},
+        "render": {"body_poses", "extent", "small_picture"},
     },
     "affected": {"load": {"Documents", "documents_in", "load", "named"}, "realize": {"Store", "part_inputs"}},
     "variants": {

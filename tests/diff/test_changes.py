@@ -82,6 +82,13 @@ def test_what_follows_has_its_cause(crane: Portrait, tmp_path: Path, shared_stor
     assert follows[("mount", "boom/tip", "xyz")].because == ("reach",)
 
 
+def test_how_far_the_robot_reaches(crane: Portrait, tmp_path: Path, shared_store: str) -> None:
+    """The head of the mast is farthest, for the boom hangs at q = 0."""
+    comparison = sound(crane, drawn(write(tmp_path, ("0 0 500 mm", "0 0 560 mm")), shared_store))
+    (reach,) = [c for c in comparison.changes if c.field == "robot.reach"]
+    assert (reach.old, reach.new, reach.because) == (pytest.approx(0.5), pytest.approx(0.56), ("mast/head",))
+
+
 def test_what_is_renamed_says_by_what_it_is_known(crane: Portrait, tmp_path: Path, shared_store: str) -> None:
     comparison = compare(crane, drawn(write(tmp_path, ("  hook: {", "  grab: {"), ("  lamp:\n", "  light:\n")), shared_store))
     assert {(c.path, c.new_path, c.reason, c.because) for c in comparison.changes if c.path == "hook"} == {

@@ -7,9 +7,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import mujoco
+import pytest
+
 from diff.cranes import write
 from thingc.diff import Change, Comparison, Differences, as_html, as_markdown
-from thingc.diff.pictures import MOVED, NEW, OTHER, SAME, coloured, colours
+from thingc.diff.pictures import GONE, MOVED, NEW, OTHER, SAME, coloured, colours, with_removed
 
 CHANGES = (
     Change(what="component", change="added", path="lamp", new="lamps:Lamp"),
@@ -28,6 +31,30 @@ def test_parts_have_the_colour_of_what_happened_to_them() -> None:
     assert re.findall(r'name="([\w:]+)"(?: rgba="([^"]+)")?', xml) == [
         ("lamp", NEW), ("boom", OTHER), ("hook", MOVED), ("mast", SAME), ("boom:collision", ""),
     ]
+
+
+def test_what_is_gone_stands_in_the_picture_where_it_was() -> None:
+    """In the pose of the first keyframe, mesh and all, and moves nothing of the new robot."""
+    corners = "0 0 0  .1 0 0  0 .1 0  0 0 .1"
+    meshes = f'<mesh name="m" file="m.obj"/><mesh name="n" vertex="{corners}"/>'
+    head = f'<mujoco><default><default class="visual"/></default><asset>{meshes}</asset><worldbody>'
+    hand = '<body name="hand" pos=".2 0 0"><geom class="visual" name="hand/cap" type="mesh" mesh="m" pos="0 0 .1"/></body>'
+    arm = '<body name="arm" pos="0 0 1"><joint axis="0 1 0"/><geom class="visual" name="arm" type="mesh" mesh="n"/>{}</body></worldbody>'
+    tail = '<keyframe><key name="home" qpos="1.2"/></keyframe></mujoco>'
+    old, new = (head + arm.format(inside) + tail for inside in (hand, ""))
+    assets = {"m.obj": b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"}
+    change = Change(what="component", change="removed", path="hand", old="hand.yaml")
+    models = [mujoco.MjModel.from_xml_string(*one) for one in (with_removed((new, assets), (old, assets), [change]), (old, assets))]
+    places = []
+    for model in models:
+        data = mujoco.MjData(model)
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        mujoco.mj_kinematics(model, data)
+        (geom,) = [k for k in range(model.ngeom) if model.geom(k).name != "arm"]
+        places.append((*data.geom_xpos[geom], *data.geom_xmat[geom]))
+    assert places[0] == pytest.approx(places[1], abs=1e-12)
+    assert models[0].nq == models[1].nq and [float(x) for x in GONE.split()] == pytest.approx(models[0].geom_rgba[-1].tolist())
+    assert with_removed((new, assets), (old, assets), CHANGES) == (new, assets)
 
 
 def test_a_page_with_a_slider() -> None:

@@ -3,6 +3,7 @@ changes that caused it."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 
 from thingc.diff.change import Change, How, Told, What
@@ -218,6 +219,11 @@ class _Following:
             because = self._weighed([*self.old.leaves, *self.new.leaves]) or self.changes.structure()
             for field, before, after in fields:
                 self._add("mass", "", "", field, before, after, because)
+        one, other = _reach(self.old), _reach(self.new)
+        if not _near(one, other):
+            moved = self.changes.causes("mount", [f"{path}/{name}" for path, leaf in self.new.leaves.items() for name in leaf.mounts])
+            moved |= self.changes.causes("component", [*self.old.leaves, *self.new.leaves], ("place",))
+            self._add("geometry", "", "", "robot.reach", one, other, moved or self.changes.structure())
 
     def _coordinates(self) -> None:
         """The order in which a mode's model has the coordinates that both robots have."""
@@ -351,6 +357,18 @@ def _masses(old: MassProperties, new: MassProperties, prefix: str) -> list[tuple
         if not _near(old.inertia, new.inertia):
             found.append((f"{prefix}inertia", old.inertia, new.inertia))
     return found
+
+
+def _reach(robot: Portrait) -> float:
+    """How far from the base's origin the farthest frame or mount is at q = 0 [m]."""
+    base = next(leaf.place for leaf in robot.leaves.values() if leaf.parent is None)
+    assert base is not None
+    back = base.inverse()
+    return max(
+        math.hypot(*(back @ place).translation)
+        for leaf in robot.leaves.values() if leaf.place is not None
+        for place in (leaf.place, *(leaf.place @ mount for mount in leaf.mounts.values()))
+    )
 
 
 def _near(old: Told, new: Told, scale: float = 0.0) -> bool:

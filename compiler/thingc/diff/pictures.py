@@ -6,12 +6,12 @@ from collections.abc import Iterable, Mapping
 from xml.etree import ElementTree
 
 from thingc.diff.change import Change
-from thingc.render import extent, small_picture
+from thingc.render import body_poses, extent, small_picture
 
 SIZE = (960, 720)
 """Width and height [px]."""
-NEW, OTHER, MOVED, SAME = "0.2 0.65 0.3 1", "0.9 0.45 0.1 1", "0.25 0.45 0.9 1", "0.86 0.86 0.88 1"
-"""Colours of what is new, what is another now, what only stands elsewhere, and of the rest."""
+NEW, OTHER, MOVED, SAME, GONE = "0.2 0.65 0.3 1", "0.9 0.45 0.1 1", "0.25 0.45 0.9 1", "0.86 0.86 0.88 1", "0.85 0.1 0.15 0.45"
+"""Colours of what is new, what is another now, what only stands elsewhere, of the rest, and of what is gone."""
 Model = tuple[str, dict[str, bytes]]
 
 
@@ -22,7 +22,9 @@ def pictures(old: Model, new: Model, changes: Iterable[Change]) -> Mapping[str, 
     points = [point for corners, _ in seen for point in corners]
     if not points:
         return {}
-    drawn = {"before": old, "after": new, "overlay": (coloured(new[0], colours(changes)), new[1])}
+    changes = list(changes)
+    overlay = with_removed((coloured(new[0], colours(changes)), new[1]), old, changes)
+    drawn = {"before": old, "after": new, "overlay": overlay}
     return {name: small_picture(xml, assets, None, points, seen[1][1], SIZE) for name, (xml, assets) in drawn.items()}
 
 
@@ -48,3 +50,40 @@ def coloured(xml: str, colours: Mapping[str, str]) -> str:
         if geom.get("class") == "visual" and (name := geom.get("name")) is not None:
             geom.set("rgba", colours.get(name, SAME))
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def with_removed(new: Model, old: Model, changes: Iterable[Change]) -> Model:
+    """The new model, and in it, where they were, the drawn parts of the old one that are gone."""
+    gone = {change.path for change in changes if change.what == "component" and change.change == "removed"}
+    before, root = ElementTree.fromstring(old[0]), ElementTree.fromstring(new[0])
+    meshes = {mesh.get("name"): mesh for mesh in before.iter("mesh")}
+    world, asset = root.find("worldbody"), root.find("asset")
+    removed = [
+        (body, geom) for body in before.iter("body") for geom in body.findall("geom")
+        if geom.get("class") == "visual" and _parts_of(geom.get("name", "")) & gone
+    ]
+    if not removed or world is None:
+        return new
+    if asset is None:
+        asset = ElementTree.SubElement(root, "asset")
+    poses, files = body_poses(*old, None), dict(new[1])
+    for body, geom in removed:
+        (x, y, z), (a, b, c, d) = poses[body.get("name", "")]
+        place = ElementTree.SubElement(world, "body", {"pos": f"{x} {y} {z}", "quat": f"{a} {b} {c} {d}"})
+        attributes = {key: value for key, value in geom.attrib.items() if key not in ("name", "material")} | {"rgba": GONE}
+        mesh = meshes.get(geom.get("mesh"))
+        if mesh is not None:
+            name, file = f"gone:{mesh.get('name')}", mesh.get("file", "")
+            where = f"gone_{file.replace('/', '_')}"  # MuJoCo knows files by their names without folders
+            if where not in files:
+                ElementTree.SubElement(asset, "mesh", {**mesh.attrib, "name": name, "file": where})
+                files[where] = old[1][file]
+            attributes["mesh"] = name
+        ElementTree.SubElement(place, "geom", attributes)
+    return ElementTree.tostring(root, encoding="unicode"), files
+
+
+def _parts_of(path: str) -> set[str]:
+    """A path and those of the assemblies that it stands in."""
+    words = path.split("/")
+    return {"/".join(words[:k]) for k in range(1, len(words) + 1)}

@@ -8,6 +8,6 @@ MuJoCo, numpy and Pillow are imported when the first picture is made.
 from __future__ import annotations
 
 from thingc.render.picture import NoGraphics, Shot, picture, ready
-from thingc.render.series import extent, small_picture
+from thingc.render.series import body_poses, extent, small_picture
 
-__all__ = ["NoGraphics", "Shot", "extent", "picture", "ready", "small_picture"]
+__all__ = ["NoGraphics", "Shot", "body_poses", "extent", "picture", "ready", "small_picture"]

@@ -34,6 +34,16 @@ def extent(xml: str, assets: dict[str, bytes], pose: str | None) -> tuple[list[l
     return (_corners(points, gravity) if len(points) else []), gravity
 
 
+def body_poses(xml: str, assets: dict[str, bytes], pose: str | None) -> dict[str, tuple[list[float], list[float]]]:
+    """Where the bodies of a MuJoCo model stand in the world, by name: position [m] and quaternion (w, x, y, z), in the pose that `extent`
+    takes."""
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_string(xml, assets)
+    data = posed(model, _pose_of(model, pose))
+    return {model.body(k).name: (data.xpos[k].tolist(), data.xquat[k].tolist()) for k in range(model.nbody)}
+
+
 def small_picture(
     xml: str, assets: dict[str, bytes], pose: str | None, points: Sequence[Point], gravity: Point, size: tuple[int, int] = SIZE,
 ) -> bytes:
