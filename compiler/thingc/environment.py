@@ -56,7 +56,7 @@ class Options:
 
 
 class Environment:
-    """What compilations of one document share, whatever they set. A context manager: leaving it ends the geometry service, unless that
+    """What compilations of one document share, whatever they set. A context manager: leaving it ends who answers for parts, unless that
     was given (by a function of the workspace and its store).
 
     `workspace` is None where none was found; `report` has what is said of the documents themselves, `memo` what passes need not work
@@ -64,7 +64,7 @@ class Environment:
     """
 
     def __init__(
-        self, document: str, options: Options, geometry: Callable[[Workspace, Store], GeometryService] | None = None,
+        self, document: str, options: Options, geometry: Callable[[Workspace, Store], PartAnswers] | None = None,
         memo: Memo | None = None,
     ) -> None:
         from thingc.workspace import Workspace

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from thingc.load import Documents
     from thingc.pose import Vector
     from thingc.realize.decisions import Decision
-    from thingc.realize.record import Mesh
+    from thingc.realize.record import Mesh, PartFailure, PartRecord, PartSchema
     from thingc.resolve import Settings, Sources
     from thingc.resolve.model import AssemblyDefinition
     from thingc.robot.types import Robot
@@ -52,12 +52,15 @@ class Compilation:
     """What came of a document with one choice of settings: what was said, and what each pass has made of sound input.
 
     `documents` are the document and those that it names, or choices do; `robots` one per chosen mode. `decisions` are why each part was
-    modelled or reused, by definition text. `repeated`: one of many compilations.
+    modelled or reused, `records` what is known of it, by definition text. `repeated`: one of many compilations.
     """
 
     settings: Settings
     report: Report
     documents: Documents | None = None
+    schemas: Mapping[str, PartSchema | PartFailure] = field(default_factory=dict)
+    model: AssemblyDefinition | None = None
+    records: Mapping[str, PartRecord | PartFailure] = field(default_factory=dict)
     decisions: Mapping[str, Decision] = field(default_factory=dict)
     assembly: Assembly | None = None
     robots: tuple[Robot, ...] = ()
@@ -218,7 +221,7 @@ def _passes(
     documents = sources.documents
     report.allowances = sources.specs.allowances
     _say_hidden(environment, sources, report)
-    compilation = Compilation(settings=settings, report=report, documents=documents)
+    compilation = Compilation(settings=settings, report=report, documents=documents, schemas=sources.schemas)
     if documents.root.kind == "materials":
         resolve_materials(sources, report)
     if documents.root.kind != "assembly":
@@ -233,7 +236,7 @@ def _passes(
     model = with_own_images(model, records)
     records = parts.slice(definitions, records, slicings_of(model, records))
     environment.say_gaps(report)
-    compilation = replace(compilation, decisions=parts.decisions)
+    compilation = replace(compilation, decisions=parts.decisions, model=model, records=records)
     linked = link(model, records, report, memo)
     if linked is None:
         return compilation

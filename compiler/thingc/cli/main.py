@@ -30,6 +30,7 @@ COMMANDS = {
     "lock": "write down what the parts take and are, so that checking needs none of their code",
     "parts": "list every part in reach, with its parameters and mounts",
     "schema": "write, for editors, a JSON Schema per document that knows its parts, mounts and names",
+    "lsp": "answer an editor: what is wrong, as you type (a language server)",
     "explain": "what a code such as TC302 means, with a wrong and a right example",
     "touched": "name the documents that a change concerns",
     "why": "why a part was modelled or reused, and what a target could not say",

@@ -1,1 +1,7 @@
 """For editors: a JSON Schema per document that knows the parts, mounts, joints and names of that document."""
+
+from __future__ import annotations
+
+from thingc.editor.facts import Facts, facts_of
+
+__all__ = ["Facts", "facts_of"]

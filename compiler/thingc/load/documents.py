@@ -207,7 +207,7 @@ class _Reader:
             return self.by_path.get(relative)
         self.failed.add(relative)
         try:
-            data = self.texts.get(path) or _content(path)
+            data = self.texts[path] if path in self.texts else _content(path)
         except (OSError, ValueError) as error:
             reason = error.strerror if isinstance(error, OSError) and error.strerror else "it cannot be read"
             name = shortened(os.path.basename(path))

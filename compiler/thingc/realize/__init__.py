@@ -5,23 +5,30 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from thingc.realize.answers import PartAnswers
     from thingc.realize.client import ABSENT, EndingWorkers, NoWorkers, Workers
+    from thingc.realize.decisions import Decision
     from thingc.realize.inputs import PartInputs, part_inputs
+    from thingc.realize.key.modules import Module
     from thingc.realize.lock.lock import read_lock
+    from thingc.realize.lock.locked import LockedGeometry
+    from thingc.realize.lock.values import BadLock
     from thingc.realize.service import GeometryService
+    from thingc.realize.slices import Slicing
     from thingc.realize.store.local import BlobMissing, Store, StoreUnusable
     from thingc.realize.store.meshes import arrays
 
 _EXPORTS = {
-    "ABSENT": "client", "BlobMissing": "store.local", "EndingWorkers": "client", "GeometryService": "service", "NoWorkers": "client",
-    "PartInputs": "inputs", "Store": "store.local", "StoreUnusable": "store.local", "Workers": "client", "arrays": "store.meshes",
-    "part_inputs": "inputs", "read_lock": "lock.lock",
+    "ABSENT": "client", "BadLock": "lock.values", "BlobMissing": "store.local", "Decision": "decisions", "EndingWorkers": "client",
+    "GeometryService": "service", "LockedGeometry": "lock.locked", "Module": "key.modules", "NoWorkers": "client", "PartAnswers":
+    "answers", "PartInputs": "inputs", "Slicing": "slices", "Store": "store.local", "StoreUnusable": "store.local", "Workers":
+    "client", "arrays": "store.meshes", "part_inputs": "inputs", "read_lock": "lock.lock",
 }
 """Exported name to the module that has it: whoever imports a module of this room needs few of the others."""
 
 __all__ = [
-    "ABSENT", "BlobMissing", "EndingWorkers", "GeometryService", "NoWorkers", "PartInputs", "Store", "StoreUnusable", "Workers",
-    "arrays", "part_inputs", "read_lock",
+    "ABSENT", "BadLock", "BlobMissing", "Decision", "EndingWorkers", "GeometryService", "LockedGeometry", "Module", "NoWorkers",
+    "PartAnswers", "PartInputs", "Slicing", "Store", "StoreUnusable", "Workers", "arrays", "part_inputs", "read_lock",
 ]
 
 

@@ -1,0 +1,48 @@
+"""`thingc lsp`: a language server, for editors."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from dataclasses import replace
+
+from thingc.cli import common
+
+EPILOG = """\
+An editor starts it; it speaks the Language Server Protocol over standard input and output.
+
+  pip install 'thingc[lsp]'
+
+Nothing of a workspace is run unless the editor says that it is trusted: `initializationOptions: {trusted: true}`. Until then parts are as
+parts.lock.json says, as for `thingc check --no-code`.
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `lsp`."""
+    parser.epilog = EPILOG
+    parser.add_argument("--stdio", action="store_true", help="what it does anyway; editors say so")
+    common.add_geometry(parser)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exit code 0 when the editor has left; 2 where the extra is not installed."""
+    from importlib.util import find_spec
+
+    if find_spec("pygls") is None:
+        fault = common.WrongCommandLine("`thingc lsp` needs pygls, which is not installed", "pip install 'thingc[lsp]'")
+        common.print_text([fault.diagnostic], stream=sys.stderr, debug=False)
+        return common.USAGE
+    try:
+        options = replace(common.options_of(arguments), progress=None, printed=None)
+    except common.WrongCommandLine as fault:
+        common.print_text([fault.diagnostic], stream=sys.stderr, debug=arguments.debug)
+        return common.USAGE
+    from thingc import __version__
+    from thingc.lsp.server import serve
+
+    protocol = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # whatever is printed is no message of the protocol
+    serve(options, __version__, sys.stdin.buffer, protocol)
+    return 0

@@ -1,0 +1,166 @@
+"""One document as it stands in an editor, unsaved, with everything that the compiler knows of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import field, replace
+from typing import TYPE_CHECKING, Any
+
+from thingc import dependencies, pipeline
+from thingc.diagnostics import Code, Diagnostic
+from thingc.editor import Facts, facts_of
+from thingc.environment import Environment, Options
+from thingc.frozen import dataclass
+from thingc.lsp.positions import TextLines, uri_of
+from thingc.memo import Memo
+from thingc.source import Document, MappingNode
+
+if TYPE_CHECKING:
+    from thingc.graph.types import Assembly
+    from thingc.load import Documents
+    from thingc.realize import PartAnswers, Store
+    from thingc.realize.record import PartFailure, PartRecord, PartSchema
+    from thingc.resolve.model import AssemblyDefinition
+    from thingc.robot.types import Robot
+    from thingc.workspace import Workspace
+
+Lend = Callable[["Workspace", "Store"], "PartAnswers"]
+"""Who answers for the parts of a workspace."""
+
+SUFFIXES = (".yaml", ".yml", ".toml")
+
+
+class RequestRefused(Exception):
+    """A request that cannot be answered, in words for the person who asked."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OpenText:
+    """A file that is open in the editor: its URI as the editor writes it, the version of its text, and the text."""
+
+    uri: str
+    version: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Analysis:
+    """A document (absolute `path`) with the texts of all that is `open`, by absolute path.
+
+    `workspace` is None where none was found; `documents` are the document's tree and those of all that it names, None where the text is
+    too broken for one; `schemas` is what their parts take, by reference; `model`, `records` (by definition text), `assembly` and `robots`
+    are what each pass has made of sound input. Of parts that workers have yet to answer for nothing is there. `findings` are what `check`
+    says of the text, in its order. `whole`: the text is a well-formed document, so that no name is missing because of a slip in another
+    line; `last` is the last analysis of this document that was, if this one is not.
+
+    A file that is no document (a part's Python) has its text alone.
+    """
+
+    path: str
+    open: Mapping[str, OpenText] = field(default_factory=dict)
+    workspace: Workspace | None = None
+    documents: Documents | None = None
+    schemas: Mapping[str, PartSchema | PartFailure] = field(default_factory=dict)
+    model: AssemblyDefinition | None = None
+    records: Mapping[str, PartRecord | PartFailure] = field(default_factory=dict)
+    assembly: Assembly | None = None
+    robots: tuple[Robot, ...] = ()
+    findings: tuple[Diagnostic, ...] = ()
+    whole: bool = True
+    last: Analysis | None = None
+    looked_at: frozenset[str] = frozenset()
+    _kept: dict[str, Any] = field(default_factory=dict, init=False, compare=False, repr=False)
+
+    @property
+    def known(self) -> Analysis:
+        """The analysis to take names from: this one, or the last one of a text that was whole. Its spans are of its own text."""
+        return self if self.whole or self.last is None else self.last
+
+    @property
+    def text(self) -> str:
+        """The document's own text; empty where it is not open and could not be read."""
+        return self.text_of(self.path)
+
+    @property
+    def tree(self) -> MappingNode | None:
+        """The document's own tree."""
+        return None if self.documents is None else self.documents.root.tree
+
+    @property
+    def kind(self) -> str:
+        """`assembly`, `materials`, `variants` or `workspace`; empty where it is none or not known."""
+        return "" if self.documents is None else self.documents.root.kind
+
+    def document(self, path: str) -> Document | None:
+        """The document at an absolute path, this one or one that it names."""
+        by_path = {} if self.documents is None else self.documents.by_path
+        return next((one for one in by_path.values() if one.path == path), None)
+
+    def text_of(self, path: str) -> str:
+        """The text of a file as this analysis has seen it; empty where it cannot be read."""
+        if path in self.open:
+            return self.open[path].text
+        document = self.document(path)
+        if document is not None:
+            return document.text
+        try:
+            with open(path, encoding="utf-8-sig", errors="replace", newline="") as stream:
+                return stream.read(10_000_000)
+        except (OSError, ValueError):
+            return ""
+
+    def lines(self, path: str | None = None) -> TextLines:
+        """The lines of a file (of the document itself), for ranges."""
+        path = self.path if path is None else path
+        key = f"lines {path}"
+        if key not in self._kept:
+            self._kept[key] = TextLines(self.text_of(path))
+        lines: TextLines = self._kept[key]
+        return lines
+
+    def uri(self, path: str) -> str:
+        """A file as the editor calls it."""
+        return self.open[path].uri if path in self.open else uri_of(path)
+
+    @property
+    def facts(self) -> Facts:
+        """What the schemas of editors know of it (`editor`): its names, those of its wrong lines as well."""
+        if "facts" not in self._kept:
+            tree = self.tree
+            self._kept["facts"] = Facts() if tree is None else facts_of(tree, self.model, self.records, self.schemas, {})
+        facts: Facts = self._kept["facts"]
+        return facts
+
+
+def is_document_path(path: str) -> bool:
+    """Whether a file is called as documents are."""
+    return path.lower().endswith(SUFFIXES)
+
+
+def analyse(
+    path: str, opened: Mapping[str, OpenText], options: Options, lend: Lend | None = None, memo: Memo | None = None,
+    last: Analysis | None = None,
+) -> Analysis:
+    """What `check` finds out of the document at an absolute path, with these texts in the place of those on the disk.
+
+    `options` say whether code may run and where the store is; `lend` who answers for parts (None: as for a check of its own; what it
+    says of parts that are waited for is left out, see `at_hand`); `memo` has the
+    answers of the analysis before, `last` is that analysis. Whatever is wrong is among the findings.
+    """
+    if not is_document_path(path):
+        return Analysis(path=path, open=opened)
+    texts = {one: text.text.encode("utf-8", errors="surrogatepass") for one, text in opened.items() if is_document_path(one)}
+    with Environment(path, replace(options, texts=texts), lend, memo) as environment:
+        compilation = pipeline.check(environment)
+        looked_at = dependencies.looked_at(environment, compilation)
+    report = compilation.report
+    documents = compilation.documents
+    whole = documents is not None and not any(
+        one.code is Code.SYNTAX and one.span is not None and one.span.file == path for one in report.diagnostics
+    )
+    return Analysis(
+        path=path, open=opened, workspace=environment.workspace, documents=documents, schemas=compilation.schemas,
+        model=compilation.model, records=compilation.records, assembly=compilation.assembly, robots=compilation.robots,
+        findings=tuple(one for one in report.ordered() if one.code is not Code.NOT_LOCKED or not options.code),
+        whole=whole, last=None if whole or last is None else last.known, looked_at=frozenset(looked_at),
+    )

@@ -1,0 +1,165 @@
+"""The server: messages of an editor over standard input and output.
+
+What it answers stands in `FEATURES`: for each request of the protocol a function `feature(analysis, text, place, params)` of a module of
+this room. `analysis` is of the document as it stands (`analysis.Analysis`; where its text is broken at the moment, names of the last one
+that was not are in `analysis.known`), `text` is the document's text, `place` where the cursor is, counted as a `Span` counts (line 1,
+column 1 for requests without a position), and `params` what was sent, as plain JSON. The answer is plain JSON, too, as the protocol has
+it; `analysis.lines().range(span)` makes ranges, `analysis.uri(path)` names files. A feature that cannot answer raises
+`analysis.RequestRefused` with words for the person. So another one is a function and a line of `FEATURES`, with what the server tells the
+editor about it (the protocol's options, as JSON) where there is something to tell.
+
+Nothing else in this room knows pygls.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import partial
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+from thingc.frozen import dataclass
+from thingc.lsp.analysis import OpenText, RequestRefused
+from thingc.lsp.open_documents import OpenDocuments
+from thingc.lsp.positions import TextPlace, path_of
+
+if TYPE_CHECKING:
+    from thingc.environment import Options
+
+REQUEST_FAILED = -32803
+INTERNAL_ERROR = -32603
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Feature:
+    """Who answers a request (`module:function` of this room), and the options that the editor is told, if any. Where it answers by
+    something else than a document (symbols of a workspace), `document` is false, and the analysis is of the document looked at last."""
+
+    answer: str
+    options: Any = None
+    document: bool = True
+
+
+FEATURES: dict[str, Feature] = {
+    "textDocument/formatting": Feature(answer="formatting:formatted"),
+}
+"""Requests of the protocol and who answers them."""
+
+
+def serve(options: Options, version: str, stdin: BinaryIO, stdout: BinaryIO) -> None:
+    """Answer an editor until it leaves. `options` say where the store is; whether code may run is said by the editor."""
+    from lsprotocol import types
+    from pygls.exceptions import JsonRpcException
+    from pygls.lsp import get_method_options_type
+    from pygls.lsp.server import LanguageServer
+    from pygls.protocol import LanguageServerProtocol, default_converter
+
+    logging.getLogger("pygls").addHandler(logging.NullHandler())
+    logging.getLogger("pygls").propagate = False
+
+    class Protocol(LanguageServerProtocol):
+        """Answers are sent as they are: they have the protocol's form."""
+
+        def get_result_type(self, method: str) -> Any:  # type: ignore[override]
+            """The type of an answer; None: as it is."""
+            return None if method in FEATURES else super().get_result_type(method)
+
+    class Quiet(LanguageServer):
+        """Says nothing of its own faults to the person: they cannot mend them."""
+
+        def report_server_error(self, error: Exception, source: Any) -> None:
+            """Hears of errors of the protocol, of which the editor is told anyway."""
+            logging.getLogger("thingc.lsp").debug("%s: %s", source, error)
+
+    server = Quiet(
+        "thingc", version, text_document_sync_kind=types.TextDocumentSyncKind.Full, protocol_cls=Protocol,
+        converter_factory=default_converter,
+    )
+    converter = server.protocol._converter
+    analysing = ThreadPoolExecutor(max_workers=1, thread_name_prefix="analysing")
+    opened: list[OpenDocuments] = []
+    recent = [""]
+
+    def publish(uri: str, version: int | None, diagnostics: list[dict[str, Any]]) -> None:
+        params = types.PublishDiagnosticsParams(
+            uri=uri, version=version, diagnostics=converter.structure(diagnostics, list[types.Diagnostic]),
+        )
+        loop.call_soon_threadsafe(server.text_document_publish_diagnostics, params)
+
+    loop: asyncio.AbstractEventLoop
+
+    @server.feature(types.INITIALIZE)
+    def initialize(params: types.InitializeParams) -> None:
+        nonlocal loop
+        loop = asyncio.get_running_loop()
+        given = params.initialization_options
+        trusted = isinstance(given, dict) and given.get("trusted") is True
+        opened.append(OpenDocuments(replace(options, lock=True, code=trusted), publish))
+
+    def put(uri: str, version: int, text: str) -> None:
+        path = path_of(uri)
+        if path is not None:
+            recent[0] = path
+            opened[0].put(path, OpenText(uri=uri, version=version, text=text))
+            analysing.submit(opened[0].catch_up)
+
+    @server.feature(types.TEXT_DOCUMENT_DID_OPEN)
+    def did_open(params: types.DidOpenTextDocumentParams) -> None:
+        put(params.text_document.uri, params.text_document.version, params.text_document.text)
+
+    @server.feature(types.TEXT_DOCUMENT_DID_CHANGE)
+    def did_change(params: types.DidChangeTextDocumentParams) -> None:
+        if params.content_changes:
+            put(params.text_document.uri, params.text_document.version, params.content_changes[-1].text)
+
+    @server.feature(types.TEXT_DOCUMENT_DID_CLOSE)
+    def did_close(params: types.DidCloseTextDocumentParams) -> None:
+        path = path_of(params.text_document.uri)
+        if path is not None:
+            opened[0].take_away(path)
+            analysing.submit(opened[0].catch_up)
+
+    @server.feature(types.TEXT_DOCUMENT_DID_SAVE)
+    def did_save(params: types.DidSaveTextDocumentParams) -> None:
+        path = path_of(params.text_document.uri)
+        if path is not None:
+            opened[0].saved(path)
+            analysing.submit(opened[0].catch_up)
+
+    def answered(feature: Feature, params: dict[str, Any]) -> Any:
+        uri = params.get("textDocument", {}).get("uri", "") if feature.document else None
+        path = recent[0] if uri is None else path_of(uri)
+        if not path:
+            return None
+        module, _, name = feature.answer.partition(":")
+        answer: Callable[..., Any] = getattr(import_module(f"thingc.lsp.{module}"), name)
+        analysis = opened[0].analysis(path)
+        place = analysis.lines().place(params["position"]) if "position" in params else TextPlace(line=1, column=1)
+        try:
+            return answer(analysis, analysis.text, place, params)
+        except RequestRefused as fault:
+            raise JsonRpcException(str(fault), code=REQUEST_FAILED) from None
+        except Exception as fault:
+            raise JsonRpcException(f"thingc failed: {type(fault).__name__}: {fault}", code=INTERNAL_ERROR) from None
+
+    def register(method: str, feature: Feature) -> None:
+        async def handle(params: Any) -> Any:
+            plain = converter.unstructure(params)
+            return await asyncio.get_running_loop().run_in_executor(analysing, partial(answered, feature, plain))
+
+        options_type = get_method_options_type(method)
+        told = None if feature.options is None or options_type is None else converter.structure(feature.options, options_type)
+        server.feature(method, told)(handle)
+
+    for method, feature in FEATURES.items():
+        register(method, feature)
+    try:
+        server.start_io(stdin, stdout)
+    finally:
+        analysing.shutdown(wait=False, cancel_futures=True)
+        for one in opened:
+            one.close()
