@@ -114,8 +114,8 @@ CHEAP = f"""
 def test_dask_writes_what_the_local_engine_writes(tmp_path: Path, shared_store: str, three: Dask) -> None:
     here, there = workspace(tmp_path / "here", faults=CHEAP), workspace(tmp_path / "there", faults=CHEAP)
     env = environment(shared_store)
-    local = thingc("batch", "faults.yaml", "--jobs", "2", cwd=here, env=env)
-    remote = thingc("batch", "faults.yaml", "--cluster", three.address, cwd=there, env=env)
+    local = thingc("batch", "faults.yaml", "--pictures", "none", "--jobs", "2", cwd=here, env=env)
+    remote = thingc("batch", "faults.yaml", "--pictures", "none", "--cluster", three.address, cwd=there, env=env)
     assert local.returncode == remote.returncode == 0, remote.stderr
     assert local.stderr == remote.stderr and "24 variants: 18 built, 6 kept out" in remote.stderr
     mine, theirs = here / "build/faults", there / "build/faults"
@@ -160,7 +160,7 @@ def test_a_scheduler_that_goes_is_said_and_the_batch_goes_on_here(tmp_path: Path
         assert f"error[{Code.CLUSTER.code}]" in err and two.address in err and "--resume" in err and "Traceback" not in err
         done = len(journal(here))
         assert 4 <= done < 24
-    again = thingc("batch", "faults.yaml", "--resume", cwd=here, env=env)
+    again = thingc("batch", "faults.yaml", "--pictures", "none", "--resume", cwd=here, env=env)
     assert again.returncode == 0 and f"24 variants ({done} of them before): 24 built" in again.stderr, again.stderr
     assert_whole(here, 24)
 
@@ -258,8 +258,9 @@ def test_slurm_where_there_is_none(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
 def test_jobs_of_submitit_write_what_the_local_engine_writes(tmp_path: Path, shared_store: str) -> None:
     here, there = workspace(tmp_path / "here", faults=CHEAP), workspace(tmp_path / "there", faults=CHEAP)
     env = environment(shared_store)
-    assert thingc("batch", "faults.yaml", cwd=here, env=env).returncode == 0
-    done = thingc("batch", "faults.yaml", "--cluster", "slurm:cluster=local,cpus=2", "--jobs", "2", cwd=there, env=env)
+    assert thingc("batch", "faults.yaml", "--pictures", "none", cwd=here, env=env).returncode == 0
+    cluster = ("--cluster", "slurm:cluster=local,cpus=2", "--jobs", "2")
+    done = thingc("batch", "faults.yaml", "--pictures", "none", *cluster, cwd=there, env=env)
     assert done.returncode == 0 and "24 variants: 18 built, 6 kept out" in done.stderr, done.stderr
     assert tree(here / "build/faults/variants") == tree(there / "build/faults/variants")
     assert without_run(rows(here / "build/faults")) == without_run(rows(there / "build/faults"))
@@ -309,7 +310,7 @@ def test_an_interrupt_cancels_the_jobs(tmp_path: Path, shared_store: str, number
         process.send_signal(number)
     _, err = process.communicate(timeout=60)
     done = len(journal(here))
-    again = "thingc batch faults.yaml --cluster slurm:cluster=local --jobs 2 --resume"
+    again = "thingc batch faults.yaml --cluster slurm:cluster=local --pictures none --jobs 2 --resume"
     assert err == f"interrupted: {done} of 24 variants are done; go on with: {again}\n"
     assert process.returncode == 130 and running
     assert_gone(running)

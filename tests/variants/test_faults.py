@@ -63,7 +63,7 @@ def journal(folder: Path) -> list[dict[str, object]]:
 
 def started(folder: Path, env: dict[str, str], *more: str) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-m", "thingc", "batch", "faults.yaml", *more], cwd=folder, env=env, stdout=subprocess.PIPE,
+        [sys.executable, "-m", "thingc", "batch", "faults.yaml", "--pictures", "none", *more], cwd=folder, env=env, stdout=subprocess.PIPE,
         stderr=subprocess.PIPE, text=True, start_new_session=True,
     )
 
@@ -105,7 +105,7 @@ def test_exactly_the_variants_that_end_their_runners_are_lost(tmp_path: Path, sh
     faults = {3: "kill", 4: "segv", 9: "hang", 10: "raise", 17: "kill", 23: "segv"}
     here = workspace(tmp_path, faults=listed(faults))
     env = environment(shared_store, with_emitter(tmp_path))
-    done = thingc("batch", "faults.yaml", "--timeout", "5 s", "--jobs", "2", cwd=here, env=env)
+    done = thingc("batch", "faults.yaml", "--pictures", "none", "--timeout", "5 s", "--jobs", "2", cwd=here, env=env)
     assert done.returncode == 1, done.stderr
     rows = table(here)
     codes = {"kill": Code.VARIANT_DIED, "segv": Code.VARIANT_DIED, "hang": Code.VARIANT_HUNG, "raise": Code.VARIANT_RAISED}
@@ -139,7 +139,7 @@ def test_a_runner_that_somebody_kills_costs_one_variant(tmp_path: Path, shared_s
 def test_an_interrupt_leaves_a_batch_that_can_be_gone_on_with(tmp_path: Path, shared_store: str, number: signal.Signals) -> None:
     here = workspace(tmp_path, faults=listed(dict.fromkeys(range(16), "slow"), 16))
     env = environment(shared_store, with_emitter(tmp_path))
-    process = started(here, env, "--jobs", "2", "--limit", "14", "--emit", "faulty,mjcf", "--verify", "none", "--pictures", "none")
+    process = started(here, env, "--jobs", "2", "--limit", "14", "--emit", "faulty,mjcf", "--verify", "none")
     wait_for_lines(here, 4, process)
     running = descendants(process.pid)
     process.send_signal(number)
@@ -164,19 +164,19 @@ def test_what_failed_is_built_again_when_it_is_asked_for(tmp_path: Path, shared_
     here = workspace(tmp_path, faults=listed({3: "kill", 5: "raise", 7: "kill"}, 9))
     path = with_emitter(tmp_path)
     env = environment(shared_store, path)
-    assert thingc("batch", "faults.yaml", cwd=here, env=env).returncode == 1
+    assert thingc("batch", "faults.yaml", "--pictures", "none", cwd=here, env=env).returncode == 1
     emitter = Path(path) / "faulty_target.py"
     emitter.write_text(emitter.read_text().replace('fault == "kill"', 'fault == "never"'))  # what killed runners is mended
-    assert thingc("batch", "faults.yaml", "--resume", cwd=here, env=env).returncode == 1
+    assert thingc("batch", "faults.yaml", "--pictures", "none", "--resume", cwd=here, env=env).returncode == 1
     assert len(journal(here)) == 9  # they stay failed
-    alone = thingc("batch", "faults.yaml", "--retry", cwd=here, env=env)
+    alone = thingc("batch", "faults.yaml", "--pictures", "none", "--retry", cwd=here, env=env)
     assert alone.returncode == 2 and "--retry is about a batch that has been begun" in alone.stderr and "add --resume" in alone.stderr
-    done = thingc("batch", "faults.yaml", "--resume", "--retry", cwd=here, env=env)
+    done = thingc("batch", "faults.yaml", "--pictures", "none", "--resume", "--retry", cwd=here, env=env)
     assert done.returncode == 1
     assert sorted(str(line["index"]) for line in journal(here)[9:]) == ["3", "5", "7"]
     assert [row["status"] for row in table(here)] == ["failed" if k == 5 else "built" for k in range(9)]
     emitter.write_text(emitter.read_text().replace('fault == "raise"', 'fault == "never"'))
-    done = thingc("batch", "faults.yaml", "--resume", "--retry", cwd=here, env=env)
+    done = thingc("batch", "faults.yaml", "--pictures", "none", "--resume", "--retry", cwd=here, env=env)
     assert done.returncode == 0 and [line["index"] for line in journal(here)[12:]] == [5]
     assert {row["status"] for row in table(here)} == {"built"} and "9 variants (8 of them before): 9 built" in done.stderr
     assert {line["id"] for line in journal(here)} == {place.name for place in (here / "build/faults/variants").iterdir()}
@@ -226,12 +226,12 @@ def test_a_part_that_crashed_is_modelled_again_when_it_is_asked_for(tmp_path: Pa
         with (here / "build/moods/results.csv").open() as stream:
             return [(row["status"], row["code"]) for row in csv.DictReader(stream)]
 
-    done = thingc("batch", "family.yaml", cwd=here, env=env)
+    done = thingc("batch", "family.yaml", "--pictures", "none", cwd=here, env=env)
     assert statuses() == [("built", ""), ("refused", Code.PART_CRASHED.code)], done.stderr
-    assert thingc("batch", "family.yaml", "--resume", cwd=here, env=env).returncode == 1
+    assert thingc("batch", "family.yaml", "--pictures", "none", "--resume", cwd=here, env=env).returncode == 1
     assert statuses()[1][0] == "refused"
     mood.unlink()
-    done = thingc("batch", "family.yaml", "--resume", "--retry", cwd=here, env=env)
+    done = thingc("batch", "family.yaml", "--pictures", "none", "--resume", "--retry", cwd=here, env=env)
     assert done.returncode == 0 and statuses() == [("built", ""), ("built", "")], done.stderr
 
 
@@ -251,11 +251,11 @@ def test_a_killed_driver_takes_its_runners_along_and_can_be_resumed(tmp_path: Pa
             with (here / "build/faults/journal.jsonl").open("a") as stream:
                 stream.write('{"index": 2')
         more = ["--resume"]
-    done = thingc("batch", "faults.yaml", "--resume", cwd=here, env=env)
+    done = thingc("batch", "faults.yaml", "--pictures", "none", "--resume", cwd=here, env=env)
     assert done.returncode == 0, done.stderr
     assert_whole(here, 24)
     fresh = workspace(tmp_path / "fresh", faults=FAULTS)
-    assert thingc("batch", "faults.yaml", cwd=fresh, env=env).returncode == 0
+    assert thingc("batch", "faults.yaml", "--pictures", "none", cwd=fresh, env=env).returncode == 0
     assert tree(here / "build/faults/variants") == tree(fresh / "build/faults/variants")
 
 
@@ -264,7 +264,7 @@ def test_the_second_batch_in_a_folder_is_told(tmp_path: Path, shared_store: str)
     env = environment(shared_store, with_emitter(tmp_path))
     process = started(here, env, "--jobs", "1")
     wait_for_lines(here, 1, process)
-    second = thingc("batch", "faults.yaml", "--resume", cwd=here, env=env)
+    second = thingc("batch", "faults.yaml", "--pictures", "none", "--resume", cwd=here, env=env)
     assert second.returncode == 2 and f"error[{Code.BATCH_LOCKED.code}]" in second.stderr
     assert process.wait(120) == 0
     assert_whole(here, 12)
@@ -293,7 +293,7 @@ def test_a_folder_that_cannot_be_written_is_said_in_words(tmp_path: Path, shared
     here = workspace(tmp_path, faults=FAULTS)
     env = environment(shared_store, with_emitter(tmp_path))
     (tmp_path / "file").write_text("")
-    done = thingc("batch", "faults.yaml", "-o", "file/inside", cwd=here, env=env)
+    done = thingc("batch", "faults.yaml", "--pictures", "none", "-o", "file/inside", cwd=here, env=env)
     assert done.returncode == 2 and f"error[{Code.OUTPUT.code}]" in done.stderr and "a file where it needs a folder" in done.stderr
     assert "Traceback" not in done.stderr
 
@@ -307,14 +307,14 @@ def test_a_disk_that_takes_no_more_ends_the_batch_in_words_and_it_goes_on_later(
         resource.setrlimit(resource.RLIMIT_FSIZE, (9_000, resource.RLIM_INFINITY))
 
     done = subprocess.run(
-        [sys.executable, "-m", "thingc", "batch", "faults.yaml"], cwd=here, env=env, capture_output=True, text=True, preexec_fn=small,
-        timeout=120,
+        [sys.executable, "-m", "thingc", "batch", "faults.yaml", "--pictures", "none"], cwd=here, env=env, capture_output=True, text=True,
+        preexec_fn=small, timeout=120,
     )
     assert done.returncode == 2 and f"error[{Code.OUTPUT.code}]" in done.stderr and "no room" in done.stderr, done.stderr
     assert "Traceback" not in done.stderr and "--resume" in done.stderr
     noted = journal(here)  # every line is whole
     assert 0 < len(noted) < 24
-    again = thingc("batch", "faults.yaml", "--resume", cwd=here, env=env)
+    again = thingc("batch", "faults.yaml", "--pictures", "none", "--resume", cwd=here, env=env)
     assert again.returncode == 0, again.stderr
     assert_whole(here, 24)
 
@@ -334,14 +334,14 @@ def small_disk(tmp_path: Path) -> Path:
 def test_a_full_disk_ends_the_batch_in_words_and_it_goes_on_later(tmp_path: Path, shared_store: str, small_disk: Path) -> None:
     here = workspace(tmp_path, faults=FAULTS.replace("[mjcf, faulty]", "[mjcf]").replace("count: 24", "count: 231"))
     env = environment(shared_store)
-    done = thingc("batch", "faults.yaml", "-o", str(small_disk), cwd=here, env=env)
+    done = thingc("batch", "faults.yaml", "--pictures", "none", "-o", str(small_disk), cwd=here, env=env)
     assert done.returncode == 2 and f"error[{Code.OUTPUT.code}]" in done.stderr and "No space left" in done.stderr, done.stderr
     noted = [json.loads(line) for line in (small_disk / "faults" / "journal.jsonl").read_text().splitlines()]
     assert 0 < len(noted) < 231 and all(line["status"] == "built" for line in noted)
     for line in noted:
         assert (small_disk / "faults" / line["path"] / "manifest.json").exists()
     subprocess.run(["mount", "-o", "remount,size=64m", str(small_disk)], check=True)
-    again = thingc("batch", "faults.yaml", "-o", str(small_disk), "--resume", cwd=here, env=env)
+    again = thingc("batch", "faults.yaml", "--pictures", "none", "-o", str(small_disk), "--resume", cwd=here, env=env)
     assert again.returncode == 0 and f"({len(noted)} of them before)" in again.stderr, again.stderr
 
 
@@ -349,7 +349,7 @@ def test_a_store_that_cannot_be_used_is_said_in_words(tmp_path: Path) -> None:
     here = workspace(tmp_path, faults=FAULTS.replace("[mjcf, faulty]", "[mjcf]").replace("pendulum", "stand").replace("length", "side")
                      .replace("200 mm, to: 430 mm", "20 mm, to: 43 mm"))
     (tmp_path / "file").write_text("")
-    done = thingc("batch", "faults.yaml", cwd=here, env=environment(str(tmp_path / "file" / "store")))
+    done = thingc("batch", "faults.yaml", "--pictures", "none", cwd=here, env=environment(str(tmp_path / "file" / "store")))
     assert done.returncode == 2 and f"error[{Code.OUTPUT.code}]" in done.stderr and "Traceback" not in done.stderr, done.stderr
 
 
@@ -369,9 +369,9 @@ def test_runners_that_do_not_start_end_the_batch_in_words(tmp_path: Path, shared
     (place / "sitecustomize.py").write_text(
         "import os, sys\nif 'thingc.variants.runner' in sys.orig_argv:\n    sys.stderr.write('no room for a runner')\n    os._exit(7)\n",
     )
-    done = thingc("batch", "faults.yaml", cwd=here, env=environment(shared_store, str(place)))
+    done = thingc("batch", "faults.yaml", "--pictures", "none", cwd=here, env=environment(shared_store, str(place)))
     assert done.returncode == 1 and f"error[{Code.RUNNERS.code}]" in done.stderr and "exit code 7" in done.stderr, done.stderr
-    told = thingc("batch", "faults.yaml", "--resume", "--debug", cwd=here, env=environment(shared_store, str(place)))
+    told = thingc("batch", "faults.yaml", "--pictures", "none", "--resume", "--debug", cwd=here, env=environment(shared_store, str(place)))
     assert "no room for a runner" in told.stderr
     assert os.path.exists(here / "build" / "faults" / "batch.json")
 
@@ -425,7 +425,8 @@ def test_a_part_that_fails_costs_its_variant_alone_and_no_runner(tmp_path: Path)
         name: faults
         parameters: {how: [well, crash, raise, hang], side: [10 mm, 30 mm]}
     """)
-    done = thingc("batch", "faults.yaml", "--jobs", "1", "--part-timeout", "3 s", cwd=here, env=environment(str(tmp_path / "store")))
+    env = environment(str(tmp_path / "store"))
+    done = thingc("batch", "faults.yaml", "--pictures", "none", "--jobs", "1", "--part-timeout", "3 s", cwd=here, env=env)
     assert done.returncode == 1, done.stderr
     codes = {"well": "", "crash": Code.PART_CRASHED.code, "raise": Code.PART_RAISED.code, "hang": Code.PART_HUNG.code}
     rows = table(here)

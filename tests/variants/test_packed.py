@@ -178,7 +178,7 @@ def test_a_killed_driver_of_a_packed_batch_can_be_resumed(tmp_path: Path, shared
     """SIGKILL and SIGTERM at any moment: every variant that is in a journal stays, and the chunk is that of an undisturbed batch."""
     env = environment(shared_store, with_emitter(tmp_path))
     places = [workspace(tmp_path / name, faults=FAULTS + "    layout: packed\n") for name in ("killed", "fresh")]
-    assert thingc("batch", "faults.yaml", cwd=places[1], env=env).returncode == 0
+    assert thingc("batch", "faults.yaml", "--pictures", "none", cwd=places[1], env=env).returncode == 0
     here, journal = places[0], places[0] / "build/faults/chunks/000000.jsonl"
     for number, count in ((signal.SIGKILL, 2), (signal.SIGTERM, 8)):
         process = started(here, env, "--jobs", "2", *(["--resume"] if journal.exists() else []))
@@ -191,7 +191,7 @@ def test_a_killed_driver_of_a_packed_batch_can_be_resumed(tmp_path: Path, shared
         with journal.open("a") as stream:
             stream.write('{"index": 2')  # a line that the kill has torn
     there = journal.read_bytes().count(b"\n")
-    done = thingc("batch", "faults.yaml", "--resume", cwd=here, env=env)
+    done = thingc("batch", "faults.yaml", "--pictures", "none", "--resume", cwd=here, env=env)
     assert done.returncode == 0 and f"({there} of them before): 24 built" in done.stderr and not journal.exists(), done.stderr
     assert sealed(here / "build/faults") == sealed(places[1] / "build/faults")
 
