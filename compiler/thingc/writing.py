@@ -43,7 +43,7 @@ def write_values(document: str, given: Mapping[str, str], options: Options, *, s
         return ValuesWritten(found=tuple(elsewhere))
     values = {keys_of(root, path): text for path, text in given.items()}
     try:
-        text = with_values(root, values)
+        text = with_values(root, values).text
     except Unsettable as fault:
         return ValuesWritten(found=(_wrong(str(fault), "write it by hand"),))
     before, after = both(root, text)

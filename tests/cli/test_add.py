@@ -176,6 +176,53 @@ def test_an_assembly_is_a_document_of_the_same_form(document: Path) -> None:
     assert components["arm_2"] == {"assembly": f"arm_2{document.suffix}", "attach": {"base": "base.top"}}
 
 
+LEG = """\
+thingc: assembly/1
+name: leg
+
+parameters:
+  length: {value: 80 mm, min: 40 mm}
+
+components:
+  foot: {frame: true, mass: 20 g, mounts: {hip: {xyz: [0, 0, =length]}, sole: {}}}
+
+mounts:
+  hip: foot.hip
+"""
+
+
+def test_an_assembly_that_is_there_is_placed_and_stays(document: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    nested = document.parent / "legs/leg.yaml"
+    nested.parent.mkdir()
+    nested.write_text(LEG)
+    for words, value in (
+        (["--on", "base.top"], {"assembly": "legs/leg.yaml", "attach": {"hip": "base.top"}}),
+        (["--on", "arm.end", "--by", "foot.sole", "--name", "left"], {"assembly": "legs/leg.yaml", "attach": {"foot.sole": "arm.end"}}),
+        (["--at", "arm.seat", "--name", "right", "--param", "length=90 mm"],
+         {"assembly": "legs/leg.yaml", "parameters": {"length": "90 mm"}, "at": {"in": "arm.seat"}}),
+    ):
+        came, went = added(document, "assembly", "legs/leg.yaml", *words)
+        assert came and went == [] and list(read(document)["components"].values())[-1] == value
+    assert nested.read_text() == LEG
+    assert capsys.readouterr().out.count("components.") == 3
+    for words, said in (
+        ("legs/leg.yaml --on base.top", "has a component `leg` already\n  help: choose another name with --name"),
+        ("legs/leg.yaml --name x --param lenght=1mm", "did you mean `length`?"),
+        ("legs/leg.yaml --name x --on base.top --by hipp", "exports no mount `hipp`"),
+    ):
+        before = document.read_bytes()
+        assert main(["add", "assembly", *words.split(), "--to", document.name]) in (1, 2)
+        assert said in capsys.readouterr().out and document.read_bytes() == before, words
+    nested.write_text(LEG + "  tip: foot.sole\n")
+    assert main(["add", "assembly", "legs/leg.yaml", "--to", document.name, "--on", "base.top", "--name", "x"]) == 2
+    assert (
+        "which mount of `legs/leg.yaml` meets --on is not said\n  help: name it with --by (known mounts: `hip`, `tip`)"
+        in capsys.readouterr().out
+    )
+    assert main(["add", "assembly", "legs/leg.yaml"]) == 2
+    assert "`legs/leg.yaml` is there already\n  help: choose another name, or name the document that it is for" in capsys.readouterr().out
+
+
 @pytest.mark.slow
 def test_a_part_is_a_class_and_a_component(document: Path, capsys: pytest.CaptureFixture[str]) -> None:
     came, went = added(document, "part", "FrontBracket")
@@ -263,7 +310,7 @@ def test_a_part_for_no_document_yet(document: Path, capsys: pytest.CaptureFixtur
     ("mode x-y --to D", "`x-y` is no name: a letter, then letters, digits and `_`\n  help: write for example `x_y`"),
     ("mode x --to D --pose nowhere", "`nowhere`"),
     ("assembly root --to D", "error[TC"),
-    ("assembly rover --to D", "` is there already"),
+    ("assembly rover --to D", "` nests itself: rover."),
     ("part class --to D", "`class` is a word of Python\n  help: name the module yourself: `thingc add part class_parts:Class`"),
     ("part numpy", "`numpy` is a module that Python has already\n  help: name the module yourself: `thingc add part numpy_parts:Numpy`"),
     ("part parts:None", "`None` is no name for a class of parts"),

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 from thingc.cli.main import main
 from thingc.diagnostics import Report
-from thingc.layout import format_document
-from thingc.layout.order import FIRST
+from thingc.layout import format_document, toml_layout
+from thingc.layout.order import FIRST, ordered
 from thingc.printing import as_text
 from thingc.spec.shapes import model_keys
 
@@ -343,3 +343,17 @@ def test_a_modeline_names_the_schema_of_the_document(tmp_path: Path, monkeypatch
     file.write_bytes(file.read_bytes().replace(b"../.thingc", b"../../old"))
     assert main(["fmt", "a"]) == 0 and b"../../old" in file.read_bytes()
     assert main(["fmt", "--modeline", "a"]) == 0 and file.read_bytes().startswith(line)
+
+
+def test_keys_are_ranked_once_for_a_table_however_many_it_has(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each table once: of a document with a hundred components no more than ten times what one of ten takes."""
+    def ranked(count: int) -> int:
+        components = "".join(f'\n[components.c{k}]\nframe = true\nmass = "1 g"\n' for k in range(count))
+        text = f'thingc = "assembly/1"\nname = "a"\n{components}'
+        asked: list[int] = []
+        with monkeypatch.context() as patch:
+            patch.setattr(toml_layout, "ordered", lambda names, shape: asked.append(len(names)) or ordered(names, shape))
+            assert format_document("a.toml", text.encode(), Report()) == text.encode()
+        return sum(asked)
+
+    assert ranked(100) < 10 * ranked(10)

@@ -104,7 +104,7 @@ def test_only_the_values_change(name: str, values: Mapping[str, str], lines: lis
     text = TOML_TEXT if name.endswith("toml") else YAML_TEXT
     for line_end in ("\n", "\r\n"):
         before = text.replace("\n", line_end)
-        after = with_values(document(before, name), {tuple(path.split(".")): value for path, value in values.items()})
+        after = with_values(document(before, name), {tuple(path.split(".")): value for path, value in values.items()}).text
         assert changed(before, after) == lines
         assert after.count("\n") == after.count(line_end)
         said = read(after, name)
@@ -128,7 +128,7 @@ def test_only_the_values_change(name: str, values: Mapping[str, str], lines: lis
 ])
 def test_a_new_mapping_is_written_as_its_neighbours_are(name: str, path: str, value: Any, lines: list[str]) -> None:
     before = TOML_TEXT if name.endswith("toml") else YAML_TEXT
-    assert changed(before, with_values(document(before, name), {tuple(path.split(".")): value})) == lines
+    assert changed(before, with_values(document(before, name), {tuple(path.split(".")): value}).text) == lines
 
 
 @pytest.mark.parametrize(("name", "path", "lines"), [
@@ -145,7 +145,7 @@ def test_only_what_is_taken_out_goes(name: str, path: str, lines: list[str]) -> 
     text = TOML_TEXT if name.endswith("toml") else YAML_TEXT
     for line_end in ("\n", "\r\n"):
         before = text.replace("\n", line_end)
-        after = without(document(before, name), tuple(path.split(".")))
+        after = without(document(before, name), tuple(path.split("."))).text
         assert changed(before, after) == lines and after.count("\n") == after.count(line_end)
 
 

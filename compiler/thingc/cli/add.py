@@ -17,8 +17,8 @@ from thingc.environment import Options
 from thingc.joints.kind import JointType
 from thingc.layout import format_document, write_in_place
 from thingc.layout.setting import Unsettable, with_values, without
-from thingc.load import Documents, read_tree
-from thingc.source import Document, MappingNode
+from thingc.load import Documents
+from thingc.source import Document
 from thingc.typos import did_you_mean
 from thingc.writing import both, checked, put
 
@@ -34,11 +34,13 @@ Nothing is written unless all of the document would be right with what is added.
   thingc add mode on_left --to rover.yaml --standing-on left.sole
   thingc add test light --to rover.yaml --kind mass
   thingc add assembly leg --to rover.yaml                     leg.yaml, and a component that is one
+  thingc add assembly leg --to rover.yaml --on body.left --by hip --name left --param 'length=80 mm'
+                                                              another one of a document that is there
 """
 WHAT = ("part", "assembly", "mode", "joint", "test")
 OPTIONS = {
     "on": ("part", "assembly"), "at": ("part", "assembly"), "by": ("part", "assembly"), "component": ("part", "assembly"),
-    "param": ("part",), "new": ("part",), "root": ("mode",), "base": ("mode",), "pose": ("mode",),
+    "param": ("part", "assembly"), "new": ("part",), "root": ("mode",), "base": ("mode",), "pose": ("mode",),
     "standing_on": ("mode",), "gravity": ("mode",), "type": ("joint",), "parent": ("joint",),
     "child": ("joint",), "loop": ("joint",), "kind": ("test",),
 }
@@ -49,7 +51,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """The options of `add`."""
     parser.epilog = EPILOG
     parser.add_argument("what", type=_choice(WHAT), metavar="{" + ",".join(WHAT) + "}", help="what is added")
-    parser.add_argument("name", metavar="NAME", help="its name; of a part the name of its class, or MODULE:CLASS, there or not")
+    parser.add_argument(
+        "name", metavar="NAME", help="its name; of a part its class or MODULE:CLASS, of an assembly its document, there or not",
+    )
     parser.add_argument("--to", metavar="DOC", help="the document that it is added to; a part or an assembly may be for none yet")
     parser.add_argument("--on", metavar="MOUNT", help="of a part or an assembly: the mount that it is attached to")
     parser.add_argument("--by", metavar="MOUNT", help="of a part or an assembly: the mount of its own that meets that of --on")
@@ -58,7 +62,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--name", metavar="NAME", dest="component", help="of a part or an assembly: what the component is called; as the part unless given",
     )
     parser.add_argument(
-        "--param", metavar="NAME=VALUE", action="append", help="of a part: a parameter of it, for example 'length=80 mm' (may be repeated)",
+        "--param", metavar="NAME=VALUE", action="append",
+        help="of a part or an assembly: a parameter of it, for example 'length=80 mm' (may be repeated)",
     )
     parser.add_argument(
         "--new", action="store_true", default=None, help="of a part: a class to begin with, also where another one is called nearly so",
@@ -144,11 +149,8 @@ def _with_addition(root: Document, addition: Addition) -> str:
     document = root
     try:
         for keys in addition.placed:
-            text = without(document, keys)
-            tree = read_tree(root.path, text.encode(), Report())
-            assert isinstance(tree, MappingNode)
-            document = replace(document, text=text, tree=tree)
-        text = with_values(document, addition.values)
+            document = without(document, keys)
+        text = with_values(document, addition.values).text
     except Unsettable as fault:
         raise common.WrongCommandLine(str(fault), "write it by hand") from fault
     if format_document(root.path, root.text.encode(), Report()) == root.text.encode():

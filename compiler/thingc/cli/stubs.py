@@ -9,7 +9,7 @@ import keyword
 import os
 import re
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,8 @@ from thingc.cli import common
 from thingc.cli.set import settings
 from thingc.diagnostics import Report, shown_path
 from thingc.layout.setting import Keys, Written
-from thingc.load import Documents
+from thingc.load import Documents, read_tree
+from thingc.load.paths import DOCUMENT_SUFFIXES
 from thingc.load.scalars import core_value
 from thingc.realize.record import PartRecord, PartSchema
 from thingc.source import Document, MappingNode, SequenceNode, node_at
@@ -94,20 +95,19 @@ def _placed_part(
         if record.box is not None and (record.material, record.mass, record.density) == (None, None, None):
             value |= _weight(documents)
         if arguments.on is not None and arguments.by is None:
-            mount = _sole_mount(reference, record)
+            mount = _sole_mount(reference, list(record.mounts) or ["origin"], "bottom")
     elif isinstance(answer, PartSchema) and definition is None and arguments.on is not None and arguments.by is None:
         raise common.WrongCommandLine(f"which mount of `{reference}` meets --on is not said", "name it with --by")
     return Addition(values={("components", component): {**value, **_place(arguments, documents.root, component, mount)}})
 
 
-def _sole_mount(reference: str, record: PartRecord) -> str:
-    """The mount that a part is attached by where none is named: `bottom`, or the only one. Raises `WrongCommandLine`."""
-    mounts = list(record.mounts)
-    if "bottom" in mounts or not mounts:
-        return "bottom" if mounts else "origin"
+def _sole_mount(whose: str, mounts: Sequence[str], usual: str) -> str:
+    """The mount by which something is attached where none is named: the usual one, or the only one. Raises `WrongCommandLine`."""
+    if usual in mounts or not mounts:
+        return usual
     if len(mounts) > 1:
         raise common.WrongCommandLine(
-            f"which mount of `{reference}` meets --on is not said", f"name it with --by ({did_you_mean('', mounts, what='mounts')})",
+            f"which mount of `{whose}` meets --on is not said", f"name it with --by ({did_you_mean('', mounts, what='mounts')})",
         )
     return mounts[0]
 
@@ -152,18 +152,42 @@ def _snake(name: str) -> str:
 
 
 def _assembly(arguments: argparse.Namespace, documents: Documents | None) -> Addition:
-    name = _identifier(arguments.name)
-    beside = "robot.yaml" if documents is None else documents.root.path
-    path = os.path.join(os.path.dirname(os.path.abspath(beside)), name + os.path.splitext(beside)[1])
-    if os.path.lexists(path):
-        raise common.WrongCommandLine(f"`{shown_path(path)}` is there already", "choose another name")
+    """A component that is another document: one that is there, or one to begin with."""
+    path = _nested_path(arguments.name, None if documents is None else documents.root.path)
+    there = os.path.lexists(path)
+    if documents is None and there:
+        hint = "choose another name, or name the document that it is for: --to robot.yaml"
+        raise common.WrongCommandLine(f"`{shown_path(path)}` is there already", hint)
+    name = _identifier(os.path.splitext(os.path.basename(path))[0])
     text = ASSEMBLY_TOML if path.lower().endswith(".toml") else ASSEMBLY
-    files = {path: text.replace("NAME", name)}
+    files = {} if there else {path: text.replace("NAME", name)}
     if documents is None:
         return Addition(values={}, files=files)
-    component = arguments.component or name
-    placed = _place(arguments, documents.root, component, "base")
-    return Addition(values={("components", component): {"assembly": os.path.basename(path), **placed}}, files=files)
+    root, component = documents.root, arguments.component or name
+    mount = _own_mount(path) if there and arguments.on is not None and arguments.by is None else "base"
+    nested = os.path.relpath(path, os.path.dirname(root.path)).replace(os.sep, "/")
+    value = {"assembly": nested, **_params(arguments, "parameters"), **_place(arguments, root, component, mount)}
+    return Addition(values={("components", component): value}, files=files)
+
+
+def _nested_path(name: str, beside: str | None) -> str:
+    """The document that a name stands for, beside another one, of whose form it is unless there is one of that name in the other form; a
+    path is itself."""
+    if name.lower().endswith(DOCUMENT_SUFFIXES):
+        return os.path.abspath(name)
+    folder, suffix = ("", ".yaml") if beside is None else (os.path.dirname(beside), os.path.splitext(beside)[1])
+    usual, *others = (os.path.abspath(os.path.join(folder, _identifier(name) + one)) for one in (suffix, *DOCUMENT_SUFFIXES))
+    return next((path for path in (usual, *others) if os.path.lexists(path)), usual)
+
+
+def _own_mount(path: str) -> str:
+    """The mount that a nested document is attached by where none is named. What is wrong with the document is for `check` to say."""
+    try:
+        with open(path, "rb") as stream:
+            tree = read_tree(path, stream.read(), Report())
+    except OSError:
+        tree = None
+    return _sole_mount(shown_path(path), list(_section(tree, "mounts")), "base")
 
 
 ASSEMBLY = """\
@@ -196,7 +220,7 @@ def _mode(arguments: argparse.Namespace, documents: Documents | None) -> Additio
     assert documents is not None
     root = documents.root
     name = _new(root, "modes", arguments.name)
-    modes = _section(root, "modes")
+    modes = _section(root.tree, "modes")
     first: Mapping[str, object] = _extended(modes, next(iter(modes))) if modes else {"root": _base(root)}
     soles: list[str] = arguments.standing_on or []
     by_sole = len(soles) == 1 and arguments.base not in BASES[2:]
@@ -266,8 +290,8 @@ def _test(arguments: argparse.Namespace, documents: Documents | None) -> Additio
         found = "none is here" if arguments.kind is None else f"found `{arguments.kind}`"
         hint = did_you_mean(arguments.kind or "", kinds(), what="kinds") if arguments.kind else "write for example `--kind mass`"
         raise common.WrongCommandLine(f"a test needs a --kind ({known}); {found}", hint)
-    mounts = _section(root, "mounts")
-    last = list(_section(root, "components"))[-1]
+    mounts = _section(root.tree, "mounts")
+    last = list(_section(root.tree, "components"))[-1]
     words = {"$base": f"{_base(root)}.origin", "$mount": next(iter(mounts), f"{last}.origin")}
     stub = {key: words.get(value, value) if isinstance(value, str) else value for key, value in kinds()[arguments.kind].stub.items()}
     return Addition(values={("tests", name): {arguments.kind: stub}})
@@ -281,9 +305,9 @@ STUBS: dict[str, Callable[[argparse.Namespace, Documents | None], Addition]] = {
 # --- what the document has --------------------------------------------------------------------------------------------
 
 
-def _section(root: Document, section: str) -> dict[str, object]:
-    """A section of the document as it is written, empty where there is none."""
-    node = node_at(root.tree, (section,))
+def _section(tree: MappingNode | None, section: str) -> dict[str, object]:
+    """A section of a document as it is written, empty where there is none."""
+    node = None if tree is None else node_at(tree, (section,))
     return {key: one.plain() for key, one in node.entries.items()} if isinstance(node, MappingNode) else {}
 
 
@@ -296,9 +320,9 @@ def _extended(modes: Mapping[str, object], name: str) -> dict[str, object]:
 
 def _base(root: Document) -> str:
     """The component that nothing places."""
-    joints = [joint for joint in _section(root, "joints").values() if isinstance(joint, dict) and not joint.get("loop")]
+    joints = [joint for joint in _section(root.tree, "joints").values() if isinstance(joint, dict) and not joint.get("loop")]
     children = {str(joint.get("child", "")).partition(".")[0] for joint in joints}
-    components = _section(root, "components")
+    components = _section(root.tree, "components")
     free = (
         name for name, one in components.items() if isinstance(one, dict) and not {"attach", "at"} & set(one) and name not in children
     )
@@ -318,7 +342,7 @@ def _place(arguments: argparse.Namespace, root: Document, name: str, mount: str)
 
 def _shaped(root: Document) -> bool:
     """Whether the document has more than masses at places."""
-    return any(isinstance(one, dict) and "frame" not in one for one in _section(root, "components").values())
+    return any(isinstance(one, dict) and "frame" not in one for one in _section(root.tree, "components").values())
 
 
 def _weight(documents: Documents) -> dict[str, Written]:
@@ -331,20 +355,20 @@ def _weight(documents: Documents) -> dict[str, Written]:
     names: list[str] = list(node.entries) if isinstance(node, MappingNode) else []
     for one in node.items if isinstance(node, SequenceNode) else ():
         document = documents.named(root, str(one.plain()))
-        names += [] if document is None else _section(document, "materials")
+        names += [] if document is None else _section(document.tree, "materials")
     usual = next((name for name in ("pla", "petg") if name in names), next(iter(names), None))
     return {"mass": {"value": "20 g", "source": "estimated"}} if usual is None else {"material": usual}
 
 
-def _params(arguments: argparse.Namespace) -> dict[str, Written]:
-    """The `params` that a part is given."""
-    return {"params": settings(arguments.param)} if arguments.param else {}
+def _params(arguments: argparse.Namespace, key: str = "params") -> dict[str, Written]:
+    """What a part is given, or, as `parameters`, an assembly."""
+    return {key: settings(arguments.param)} if arguments.param else {}
 
 
 def _new(root: Document, section: str, name: str, hint: str = "choose another name") -> str:
     """A name that the section does not have. Raises `WrongCommandLine`."""
     _identifier(name)
-    taken = {known.lower(): known for known in _section(root, section)}
+    taken = {known.lower(): known for known in _section(root.tree, section)}
     if name.lower() in taken:
         document, what = shown_path(root.path), section.removesuffix("s")
         raise common.WrongCommandLine(f"`{document}` has a {what} `{taken[name.lower()]}` already", hint)

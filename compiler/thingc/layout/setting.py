@@ -6,6 +6,7 @@ from __future__ import annotations
 import copy
 import io
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from thingc.diagnostics import Report
@@ -23,34 +24,34 @@ class Unsettable(Exception):
     """A value that cannot be written at its place without changing something else; the message says why."""
 
 
-def with_values(document: Document, values: Mapping[Keys, Written]) -> str:
-    """The text of a document in which each value (as a document has it: `120 mm`) stands at its keys. What was not there is added behind
+def with_values(document: Document, values: Mapping[Keys, Written]) -> Document:
+    """A document in whose text each value (as a document has it: `120 mm`) stands at its keys. What was not there is added behind
     what is there, as a mapping in braces where that needs one. A mapping in a section that has its mappings on several lines, or that was
     not there, is written as they are.
 
     Raises `Unsettable` where the text would then say something else than what it said with those values.
     """
     set_one = _in_toml if _is_toml(document.path) else _in_yaml
-    text = document.text
     for keys, value in values.items():
-        expected = _plain_with(_tree(document.path, text).plain(), keys, _meant(value))
-        text = set_one(document.path, text, keys, value)
-        if _said(document.path, text) != expected:
+        expected = _plain_with(document.tree.plain(), keys, _meant(value))
+        after = _read(document, set_one(document, keys, value))
+        if after is None or after.tree.plain() != expected:
             what = "what stands there is used elsewhere, too, or written in a way of its own"
             raise Unsettable(f"`{'.'.join(keys)}` cannot be set alone: {what}")
-    return text
+        document = after
+    return document
 
 
-def without(document: Document, keys: Keys) -> str:
-    """The text of a document without a key, which is there beside another one, and its value.
+def without(document: Document, keys: Keys) -> Document:
+    """A document without a key of its text, which is there beside another one, and its value.
 
     Raises `Unsettable` where the text would then say something else than what it said without them.
     """
     expected = _plain_without(document.tree.plain(), keys)
-    text = (_out_of_toml if _is_toml(document.path) else _out_of_yaml)(document, keys)
-    if _said(document.path, text) != expected:
+    after = _read(document, (_out_of_toml if _is_toml(document.path) else _out_of_yaml)(document, keys))
+    if after is None or after.tree.plain() != expected:
         raise Unsettable(f"`{'.'.join(keys)}` cannot be taken out alone: it is used elsewhere, too, or written in a way of its own")
-    return text
+    return after
 
 
 def _is_toml(path: str) -> bool:
@@ -64,18 +65,11 @@ def _meant(value: Written) -> Plain:
     return {key: _meant(one) for key, one in value.items()} if isinstance(value, Mapping) else [_meant(one) for one in value]
 
 
-def _tree(path: str, text: str) -> MappingNode:
-    tree = read_tree(path, text.encode(), Report())
-    if not isinstance(tree, MappingNode):
-        raise Unsettable("the document is no mapping")
-    return tree
-
-
-def _said(path: str, text: str) -> Plain:
-    """What a text says; None where it is not well-formed."""
+def _read(document: Document, text: str) -> Document | None:
+    """A document with another text; None where that is not well-formed, or no mapping."""
     report = Report()
-    tree = read_tree(path, text.encode(), report)
-    return None if tree is None or report.failed else tree.plain()
+    tree = read_tree(document.path, text.encode(), report)
+    return replace(document, text=text, tree=tree) if isinstance(tree, MappingNode) and not report.failed else None
 
 
 def _plain_with(plain: Plain, keys: Keys, value: Any) -> Plain:
@@ -103,9 +97,8 @@ def _plain_without(plain: Plain, keys: Keys) -> Plain:
 # --- YAML -------------------------------------------------------------------------------------------------------------
 
 
-def _in_yaml(path: str, text: str, keys: Keys, value: Written) -> str:
-    source = Source(path, text)
-    tree: Node = _tree(path, text)
+def _in_yaml(document: Document, keys: Keys, value: Written) -> str:
+    source, text, tree = Source(document.path, document.text), document.text, document.tree
     depth = next((k for k in range(len(keys), 0, -1) if node_at(tree, keys[:k]) is not None), 0)
     node, rest = node_at(tree, keys[:depth]), keys[depth:]
     assert node is not None
@@ -201,29 +194,30 @@ def _scalar(text: str) -> str:
 # --- TOML -------------------------------------------------------------------------------------------------------------
 
 
-def _in_toml(path: str, text: str, keys: Keys, value: Written) -> str:
+def _in_toml(document: Document, keys: Keys, value: Written) -> str:
     import tomlkit
 
+    text = document.text
     line_end = "\r\n" if "\r\n" in text else "\n"
-    if isinstance(value, Mapping) and len(keys) == 2 and (at := _behind_tables(path, text, keys)) is not None:
+    if isinstance(value, Mapping) and len(keys) == 2 and (at := _behind_tables(document, keys)) is not None:
         entries = (f"{tomlkit.key(key).as_string()} = {tomlkit.item(_toml_value(one)).as_string()}" for key, one in value.items())
         lines = ("", "", f"[{'.'.join(tomlkit.key(key).as_string() for key in keys)}]", *entries)
         return text[:at] + line_end.join(lines) + text[at:]
-    document = tomlkit.parse(text.replace("\r\n", "\n"))
-    table: Any = document
+    whole = tomlkit.parse(text.replace("\r\n", "\n"))
+    table: Any = whole
     for depth, key in enumerate(keys[:-1]):
         if not isinstance(table.get(key), Mapping):
             section = depth == 0 and len(keys) == 2 and isinstance(value, Mapping)
             table[key] = tomlkit.table() if section else tomlkit.inline_table()
         table = table[key]
     table[keys[-1]] = _toml_value(value)
-    return tomlkit.dumps(document).replace("\n", line_end)
+    return tomlkit.dumps(whole).replace("\n", line_end)
 
 
-def _behind_tables(path: str, text: str, keys: Keys) -> int | None:
+def _behind_tables(document: Document, keys: Keys) -> int | None:
     """Where a new entry of a section is written whose last one is a table with a header of its own: at the end of that one's last line.
     None where the entry is there, or the last one is written otherwise."""
-    source, node = Source(path, text), node_at(_tree(path, text), keys[:1])
+    source, text, node = Source(document.path, document.text), document.text, node_at(document.tree, keys[:1])
     if not isinstance(node, MappingNode) or not node.entries or keys[1] in node.entries:
         return None
     last = max(node.entries.values(), key=lambda one: _place(source, one.span)[1])

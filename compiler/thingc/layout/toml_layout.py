@@ -32,9 +32,12 @@ class _Statement:
 
 @dataclass(slots=True)
 class _Names:
-    """The tables of a document: for each key the keys below it, in the order first written."""
+    """The tables of a document: for each key the keys below it, in the order first written; once they are settled what shape a table has,
+    and the canonical rank of each key."""
 
     below: dict[str, _Names] = field(default_factory=dict)
+    shape: AnnotationShape | None = None
+    ranks: dict[str, int] = field(default_factory=dict)
 
     def add(self, words: tuple[str, ...], value: Piece | None) -> None:
         table = self
@@ -43,6 +46,30 @@ class _Names:
         if value is not None and value.kind == "map":
             for item in value.items:
                 table.add((item.name,), item.value)
+
+    def settle(self, shape: AnnotationShape | None) -> None:
+        """Work out shapes and ranks, when all keys are there."""
+        self.shape = shape
+        known = list(self.below)
+        inner = shape_for(shape, dict.fromkeys(known))
+        self.ranks = {known[at]: rank for rank, at in enumerate(ordered(known, inner))}
+        for word, table in self.below.items():
+            table.settle(shape_below(inner, word))
+
+    def rank(self, words: tuple[str, ...]) -> tuple[int, ...]:
+        """Where a key stands in canonical order: its rank at every level."""
+        rank, table = [], self
+        for word in words:
+            rank.append(table.ranks[word])
+            table = table.below[word]
+        return tuple(rank)
+
+    def at(self, words: tuple[str, ...]) -> _Names:
+        """What is below a key."""
+        table = self
+        for word in words:
+            table = table.below[word]
+        return table
 
 
 def toml_layout(text: str, shape: AnnotationShape | None) -> str:
@@ -53,11 +80,10 @@ def toml_layout(text: str, shape: AnnotationShape | None) -> str:
         names.add(section.words, None)
         for pair in section.pairs:
             names.add((*section.words, *pair.words), pair.value)
-    opening = _opening(sections)
-    ranks = {id(section): _rank(section.words, names, shape) for section in sections}
-    lines = [line or "" for line in opening]
-    for section in sorted(sections, key=lambda section: ranks[id(section)]):
-        lines.extend(_section(section, text, shape, names, not any(line for line in lines)))
+    names.settle(shape)
+    lines = [line or "" for line in _opening(sections)]
+    for section in sorted(sections, key=lambda section: names.rank(section.words)):
+        lines.extend(_section(section, text, names, not any(lines)))
     lines.extend(line or "" for line in tidy(foot))
     while lines and not lines[-1]:
         lines.pop()
@@ -77,7 +103,7 @@ def _opening(sections: list[_Statement]) -> list[str | None]:
     return lines[:cut]
 
 
-def _section(section: _Statement, text: str, shape: AnnotationShape | None, names: _Names, first: bool) -> list[str]:
+def _section(section: _Statement, text: str, names: _Names, first: bool) -> list[str]:
     """The lines of a section: its header (the first section has none) and its pairs in order."""
     lines: list[str] = []
     if section.end:
@@ -89,7 +115,7 @@ def _section(section: _Statement, text: str, shape: AnnotationShape | None, name
         head = text[section.start : section.end]
         marks = 2 if head.startswith("[[") else 1
         lines.append(_commented(f"{'[' * marks}{text[slice(*section.key)].strip()}{']' * marks}", section.comment))
-    pairs = sorted(section.pairs, key=lambda pair: _rank((*section.words, *pair.words), names, shape))
+    pairs = sorted(section.pairs, key=lambda pair: names.rank((*section.words, *pair.words)))
     inline = Inline(text, " = ")
     for at, (pair, spaces) in enumerate(zip(pairs, _alignment(pairs, text), strict=True)):
         leading = tidy(pair.leading)
@@ -97,7 +123,7 @@ def _section(section: _Statement, text: str, shape: AnnotationShape | None, name
             leading.pop(0)
         lines.extend(line or "" for line in leading)
         assert pair.value is not None
-        below = _shape_at((*section.words, *pair.words), names, shape)
+        below = names.at((*section.words, *pair.words)).shape
         written = f"{text[slice(*pair.key)]}{' ' * spaces}= {inline.value(pair.value, below, 0)}".split("\n")
         written[-1] = _commented(written[-1], pair.comment)
         lines.extend(written)
@@ -118,25 +144,6 @@ def _alignment(pairs: list[_Statement], text: str) -> list[int]:
         between = text[pairs[at].key[1] : text.index("=", pairs[at].key[1])]
         spaces.append(width if columns[at] in near and not between.strip(" ") else 1)
     return spaces
-
-
-def _rank(words: tuple[str, ...], names: _Names, shape: AnnotationShape | None) -> tuple[int, ...]:
-    """Where a key stands in canonical order: its rank at every level."""
-    rank: list[int] = []
-    for word in words:
-        known = list(names.below)
-        shape = shape_for(shape, dict.fromkeys(known))
-        order = ordered(known, shape)
-        rank.append(order.index(known.index(word)))
-        shape, names = shape_below(shape, word), names.below[word]
-    return tuple(rank)
-
-
-def _shape_at(words: tuple[str, ...], names: _Names, shape: AnnotationShape | None) -> AnnotationShape | None:
-    for word in words:
-        shape = shape_below(shape_for(shape, dict.fromkeys(names.below)), word)
-        names = names.below[word]
-    return shape
 
 
 def _commented(line: str, comment: EndComment | None) -> str:
