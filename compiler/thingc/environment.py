@@ -27,6 +27,9 @@ Progress = Callable[[str, int, int], None]
 Printed = Callable[[str, Sequence[str]], None]
 """`printed(part, lines)`: called with what a part prints, when it has been modelled. The lines are as the part has written them."""
 
+Lend = Callable[["Workspace", "Store"], "PartAnswers"]
+"""`lend(workspace, store)`: who answers for the parts of a workspace, and is ended by somebody else."""
+
 Answer = TypeVar("Answer")
 
 
@@ -39,8 +42,8 @@ class Options:
     `lock`: what the store does not hold may come from `parts.lock.json`, for callers who need no meshes. Without `code` it comes
     from there alone: nothing of the workspace is run, and the store is not touched.
 
-    `texts`: what documents hold instead of what is on disk, by absolute path. `ahead`: modules that what follows the compilation will
-    need, which are imported while the kernel loads, where it does."""
+    `texts`: what documents and workspace files hold instead of what is on disk, by absolute path. `ahead`: modules that what follows the
+    compilation will need, which are imported while the kernel loads, where it does."""
 
     parameters: Mapping[str, str] = field(default_factory=dict)
     choices: Mapping[str, str] = field(default_factory=dict)
@@ -57,16 +60,13 @@ class Options:
 
 class Environment:
     """What compilations of one document share, whatever they set. A context manager: leaving it ends who answers for parts, unless that
-    was given (by a function of the workspace and its store).
+    was lent.
 
     `workspace` is None where none was found; `report` has what is said of the documents themselves, `memo` what passes need not work
     out again.
     """
 
-    def __init__(
-        self, document: str, options: Options, geometry: Callable[[Workspace, Store], PartAnswers] | None = None,
-        memo: Memo | None = None,
-    ) -> None:
+    def __init__(self, document: str, options: Options, lend: Lend | None = None, memo: Memo | None = None) -> None:
         from thingc.workspace import Workspace
 
         self.started = time.time_ns()
@@ -74,8 +74,8 @@ class Environment:
         self.options = options
         self.report = Report()
         self.memo = memo if memo is not None else Memo()
-        self.workspace: Workspace | None = Workspace.find(self.document, self.report)
-        self._lent = geometry
+        self.workspace: Workspace | None = Workspace.find(self.document, self.report, options.texts)
+        self._lent = lend
         self._lock_report = Report()
 
     def __enter__(self) -> Environment:

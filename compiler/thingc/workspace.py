@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections.abc import Mapping
 from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
@@ -89,8 +90,9 @@ class Workspace:
     inputs: dict[str, str | None] = field(default_factory=dict, compare=False, repr=False)
 
     @staticmethod
-    def find(document: str, report: Report) -> Workspace | None:
-        """The workspace of a document (a path that need not exist). None when its file is wrong, which is reported."""
+    def find(document: str, report: Report, texts: Mapping[str, bytes] | None = None) -> Workspace | None:
+        """The workspace of a document (a path that need not exist). None when its file is wrong, which is reported. `texts` are what files
+        hold instead of what is on disk, by absolute path."""
         start = folder = os.path.dirname(os.path.abspath(document))
         if not is_text(start):
             report.add(
@@ -103,7 +105,7 @@ class Workspace:
             for name in (OWN_FILE, SHARED_FILE):
                 path = os.path.join(folder, name)
                 try:
-                    data = _bytes(path)
+                    data = texts[path] if texts and path in texts else _bytes(path)
                 except OSError as error:
                     report.add(Code.UNREADABLE, f"cannot read `{name}`: {(error.strerror or 'an error').lower()}", None)
                     return None

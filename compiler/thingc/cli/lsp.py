@@ -44,5 +44,5 @@ def run(arguments: argparse.Namespace) -> int:
 
     protocol = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # whatever is printed is no message of the protocol
-    serve(options, __version__, sys.stdin.buffer, protocol)
+    serve(options, __version__, common.of_exception, sys.stdin.buffer, protocol)
     return 0

@@ -76,6 +76,13 @@ def is_document(path: str, kind: str = "") -> bool:
             head = stream.read(HEAD)
     except OSError:
         return False
+    return has_header(head, path, kind)
+
+
+def has_header(head: bytes, path: str, kind: str = "") -> bool:
+    """Whether a file that begins so has the key `thingc`, and is no workspace; with a `kind`, of that kind alone. (The path says whether
+    it is TOML.)"""
+    head = head[:HEAD]
     table = _TABLE.search(head) if path.lower().endswith(".toml") else None
     header = _HEADER.search(head, 0, table.start() if table is not None else len(head))
     return header is not None and head[header.end():].lstrip(b" \t\"'").startswith(kind.encode())

@@ -2,30 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import os
+from collections.abc import Mapping
 from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any
 
 from thingc import dependencies, pipeline
-from thingc.diagnostics import Code, Diagnostic
+from thingc.diagnostics import Code, Diagnostic, Report
 from thingc.editor import Facts, facts_of
-from thingc.environment import Environment, Options
+from thingc.environment import Environment, Lend, Options
 from thingc.frozen import dataclass
+from thingc.load import load
 from thingc.lsp.positions import TextLines, uri_of
 from thingc.memo import Memo
 from thingc.source import Document, MappingNode
+from thingc.variants import read_plan
+from thingc.workspace import OWN_FILE
 
 if TYPE_CHECKING:
     from thingc.graph.types import Assembly
     from thingc.load import Documents
-    from thingc.realize import PartAnswers, Store
     from thingc.realize.record import PartFailure, PartRecord, PartSchema
     from thingc.resolve.model import AssemblyDefinition
     from thingc.robot.types import Robot
     from thingc.workspace import Workspace
-
-Lend = Callable[["Workspace", "Store"], "PartAnswers"]
-"""Who answers for the parts of a workspace."""
 
 SUFFIXES = (".yaml", ".yml", ".toml")
 
@@ -149,18 +149,40 @@ def analyse(
     """
     if not is_document_path(path):
         return Analysis(path=path, open=opened)
-    texts = {one: text.text.encode("utf-8", errors="surrogatepass") for one, text in opened.items() if is_document_path(one)}
-    with Environment(path, replace(options, texts=texts), lend, memo) as environment:
+    texts = {one: text.text.encode(errors="surrogatepass") for one, text in opened.items() if is_document_path(one)}
+    options = replace(options, texts=texts)
+    with Environment(path, options, lend, memo) as environment:
+        if os.path.basename(path) == OWN_FILE:
+            return _of_workspace(environment, opened, last)
         compilation = pipeline.check(environment)
         looked_at = dependencies.looked_at(environment, compilation)
-    report = compilation.report
-    documents = compilation.documents
-    whole = documents is not None and not any(
-        one.code is Code.SYNTAX and one.span is not None and one.span.file == path for one in report.diagnostics
-    )
-    return Analysis(
+    report, documents = compilation.report, compilation.documents
+    if documents is not None and documents.root.kind == "variants":
+        report = Report()
+        read_plan(path, options, report, lend)
+    analysis = Analysis(
         path=path, open=opened, workspace=environment.workspace, documents=documents, schemas=compilation.schemas,
         model=compilation.model, records=compilation.records, assembly=compilation.assembly, robots=compilation.robots,
         findings=tuple(one for one in report.ordered() if one.code is not Code.NOT_LOCKED or not options.code),
-        whole=whole, last=None if whole or last is None else last.known, looked_at=frozenset(looked_at),
+        looked_at=frozenset(looked_at),
     )
+    return _remembering(analysis, last)
+
+
+def _of_workspace(environment: Environment, opened: Mapping[str, OpenText], last: Analysis | None) -> Analysis:
+    """The analysis of a `thingc.toml`."""
+    path, workspace = environment.document, environment.workspace
+    general = workspace if workspace is not None else last.workspace if last is not None else None
+    documents = load(path, general, Report(), kinds=("workspace",), texts=environment.options.texts) if general is not None else None
+    return _remembering(Analysis(
+        path=path, open=opened, workspace=workspace, documents=documents, findings=tuple(environment.report.ordered()),
+        looked_at=frozenset([path]),
+    ), last)
+
+
+def _remembering(analysis: Analysis, last: Analysis | None) -> Analysis:
+    """The analysis, with the last one that was whole where it is not."""
+    whole = analysis.documents is not None and not any(
+        one.code is Code.SYNTAX and one.span is not None and one.span.file == analysis.path for one in analysis.findings
+    )
+    return analysis if whole else replace(analysis, whole=False, last=last.known if last is not None else None)

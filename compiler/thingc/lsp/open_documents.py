@@ -1,124 +1,282 @@
-"""What is open in one editor, and what was found out of it: each document is analysed again when something that it concerns has changed."""
+"""What is open in one editor, and what was found out of it: a document is analysed again when something that it depends on has changed."""
 
 from __future__ import annotations
 
+import os
 import threading
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
-from thingc.diagnostics import Report
+from thingc.diagnostics import Diagnostic, Report
 from thingc.environment import Options, geometry_of
-from thingc.lsp.analysis import Analysis, OpenText, analyse
-from thingc.lsp.at_hand import AtHand
-from thingc.lsp.publishing import diagnostics_by_file
+from thingc.load import has_header
+from thingc.lsp.analysis import Analysis, OpenText, analyse, is_document_path
+from thingc.lsp.at_hand import AtHand, Unanswered
+from thingc.lsp.publishing import by_file
+from thingc.lsp.workers import WorkersBeside
 from thingc.memo import Memo
 from thingc.realize import NoWorkers, read_lock
+from thingc.stamp import state_of
+from thingc.watching import Watched, looks
+from thingc.workspace import OWN_FILE
 
 if TYPE_CHECKING:
+    from collections.abc import Hashable, Mapping
+
     from thingc.realize import PartAnswers, Store
+    from thingc.realize.record import PartFailure
     from thingc.workspace import Workspace
 
-Publish = Callable[[str, int | None, list[dict[str, object]]], None]
+Publish = Callable[[str, "int | None", "list[dict[str, Any]]"], None]
 """`publish(uri, version, diagnostics)`; the version is None for a file that is not open."""
+
+PAUSE = 0.1
+"""Between two looks at the files on the disk [s]."""
+HEAD = 70_000
+"""Characters of a file in which the key `thingc` is looked for."""
+IMPATIENT = 0.2
+"""How long [s] an analysis goes on whatever is typed: after that a change has it begun anew."""
+
+
+class Superseded(Exception):
+    """An analysis of texts that are not those of now."""
 
 
 class OpenDocuments:
-    """The texts of an editor and their analyses. Texts come and go in one thread (`put`, `take_away`), and are looked at in another
-    (`catch_up`, `analysis`).
+    """The texts of an editor and their analyses. Texts come and go in one thread (`put`, `take_away`, `saved`), and are looked at in
+    another: `next` analyses one document and publishes what was found, `analysis` is for a request.
 
-    `options` say whether code of workspaces may run, and where the store is.
+    `options` say whether code of workspaces may run, and where the store is. `refused` puts an exception into words. `wake` is called where
+    there is something to do for `next` that no text has brought about: workers have answered, or a file was saved by somebody else.
     """
 
-    def __init__(self, options: Options, publish: Publish) -> None:
+    def __init__(
+        self, options: Options, publish: Publish, refused: Callable[[Exception], Diagnostic], wake: Callable[[], None],
+    ) -> None:
         self.options = options
-        self._publish = publish
-        self._lock = threading.Lock()
-        self._texts: dict[str, OpenText] = {}
+        self._publish, self._refused, self._wake = publish, refused, wake
+        self._lock = threading.RLock()
+        self._texts: Mapping[str, OpenText] = {}
+        self._changes = 0
         self._analyses: dict[str, Analysis] = {}
-        self._memos: dict[str, Memo] = {}
+        self._memos: dict[str, _SupersededMemo] = {}
         self._outdated: dict[str, None] = {}
         self._unsaid: dict[str, None] = {}
-        self._shown: set[str] = set()
+        self._published: dict[str, list[dict[str, Any]]] = {}
         self._at_hand: dict[str, AtHand] = {}
+        self._unanswered: dict[str, tuple[str, Unanswered]] = {}
+        self._workers: dict[str, WorkersBeside] = {}
+        self._ended = threading.Event()
+        self._looking: threading.Thread | None = None
+
+    # --- texts ---------------------------------------------------------------------------------------------------
 
     def put(self, path: str, text: OpenText) -> None:
         """A file was opened, or has another text now."""
         with self._lock:
             self._texts = {**self._texts, path: text}
-            self._changed(path)
+            self._note(path)
 
     def take_away(self, path: str) -> None:
         """A file was closed: what is on the disk counts."""
         with self._lock:
             self._texts = {one: text for one, text in self._texts.items() if one != path}
-            self._changed(path)
+            self._note(path)
 
     def saved(self, path: str) -> None:
-        """A file on the disk is another than before."""
+        """A file on the disk is another than before. (Of one that is open the text counts.)"""
         with self._lock:
-            if path not in self._texts:
-                self._changed(path)
+            if path not in self._texts or not is_document_path(path):
+                for root in [root for root, one in self._at_hand.items() if path in one.inputs]:
+                    del self._at_hand[root]  # it has seen the file as it was
+                    self._workers[root].renew()
+                self._note(path)
 
-    def _changed(self, path: str) -> None:
-        for one, analysis in self._analyses.items():
-            if path in analysis.looked_at:
-                self._outdated[one] = None
+    def _note(self, path: str) -> None:
+        """What depends on a file is to be looked at again, the file itself first."""
+        self._changes += 1
         self._outdated[path] = None
+        for one, analysis in self._analyses.items():
+            if path in analysis.looked_at or analysis.kind == "variants":
+                self._outdated[one] = None
+
+    # --- analyses ------------------------------------------------------------------------------------------------
+
+    def next(self) -> bool:
+        """Analyse one document for which something has changed, and publish what was found; whether there was one."""
+        with self._lock:
+            path = next(iter(self._outdated), None)
+            if path is not None and path not in self._texts:
+                del self._outdated[path]
+                self._forget(path)
+        if path is None:
+            self._ask_workers()
+            return False
+        try:
+            if path in self._texts:
+                self.analysis(path)
+            self._say(path)
+        except Superseded:
+            pass
+        return True
 
     def analysis(self, path: str) -> Analysis:
-        """The analysis of a document as it stands now."""
+        """The analysis of a file as it stands now. Raises `Superseded` where a change came meanwhile, and it took long."""
         with self._lock:
-            outdated = path in self._outdated or path not in self._analyses
+            known = self._analyses.get(path)
+            if known is not None and path not in self._outdated:
+                return known
+            texts, changes = self._texts, self._changes
             self._outdated.pop(path, None)
-            texts = self._texts
-        if outdated:
-            self._analyses[path] = analyse(
-                path, texts, self.options, self._lend if self.options.code else None, self._memos.setdefault(path, Memo()),
-                self._analyses.get(path),
-            )
-            self._unsaid[path] = None
-        return self._analyses[path]
-
-    def catch_up(self) -> None:
-        """Analyse every open document that something has changed for, and publish what was found."""
-        while True:
+        memo = self._memos.setdefault(path, _SupersededMemo())
+        impatient = time.monotonic() + IMPATIENT
+        memo.until(lambda: self._changes != changes and time.monotonic() > impatient)
+        try:
+            analysis = self._analysed(path, texts, memo, known)
+        except Superseded:
             with self._lock:
-                path = next((one for one in self._outdated if one in self._texts), None)
-                if path is None:
-                    for closed in self._outdated:
-                        self._analyses.pop(closed, None)
-                        self._memos.pop(closed, None)
-                        self._unsaid[closed] = None
-                    self._outdated.clear()
-                    break
-            self.analysis(path)
-        self._say()
+                self._outdated[path] = None
+            raise
+        with self._lock:
+            self._analyses[path] = analysis
+        self._watch()
+        return analysis
 
-    def _say(self) -> None:
-        """Publish the diagnostics of the files that were looked at, and of those of which there is something else to say now."""
-        said = diagnostics_by_file(one for path, one in self._analyses.items() if path in self._texts)
-        for path in dict.fromkeys((*self._unsaid, *said, *self._shown)):
-            text = self._texts.get(path)
-            if path in self._unsaid or path in said or path in self._shown:
-                uri = text.uri if text is not None else Analysis(path=path).uri(path)
-                self._publish(uri, None if text is None else self._version(path), said.get(path, []))
-        self._shown = {path for path, found in said.items() if found}
-        self._unsaid.clear()
+    def _analysed(self, path: str, texts: Mapping[str, OpenText], memo: Memo, known: Analysis | None) -> Analysis:
+        if not self._ours(path, texts, known):
+            return Analysis(path=path, open=texts)
+        try:
+            return analyse(path, texts, self.options, self._lend(path) if self.options.code else None, memo, known)
+        except Superseded:
+            raise
+        except Exception as fault:  # whatever it is, the next change may mend it
+            self._memos.pop(path, None)
+            return Analysis(path=path, open=texts, findings=(self._refused(fault),), whole=False, last=known and known.known)
 
-    def _version(self, path: str) -> int | None:
-        analysis = self._analyses.get(path)
-        return None if analysis is None or path not in analysis.open else analysis.open[path].version
+    def _ours(self, path: str, texts: Mapping[str, OpenText], known: Analysis | None) -> bool:
+        """Whether a file is a document, or was one before its first line was edited, or is named by one; not somebody else's YAML."""
+        mine = texts.get(path)
+        return (
+            mine is None or os.path.basename(path) == OWN_FILE or known is not None and known.known.documents is not None
+            or has_header(mine.text[:HEAD].encode(errors="replace"), path)
+            or any(path in one.looked_at for one in self._analyses.values() if one.path != path)
+        )
 
-    def _lend(self, workspace: Workspace, store: Store) -> PartAnswers:
-        at_hand = self._at_hand.get(workspace.root)
-        if at_hand is None or at_hand.workspace != workspace:
-            service = geometry_of(workspace, self.options, store, lambda: read_lock(workspace, Report()), workers=NoWorkers())
-            at_hand = self._at_hand[workspace.root] = AtHand(service)
-        return at_hand
+    def _forget(self, path: str) -> None:
+        self._analyses.pop(path, None)
+        self._memos.pop(path, None)
+        self._unanswered.pop(path, None)
 
-    def texts(self) -> Mapping[str, OpenText]:
-        """All that is open, by absolute path."""
-        return self._texts
+    # --- findings ------------------------------------------------------------------------------------------------
+
+    def _say(self, path: str) -> None:
+        """Publish what is said of a file, and of all others of which something else is said now."""
+        with self._lock:
+            analyses = [one for one in self._analyses.values() if one.path in self._texts]
+        said: dict[str, list[dict[str, Any]]] = {}
+        for analysis in analyses:
+            for file, found in by_file(analysis).items():
+                of_file = said.setdefault(file, [])
+                of_file.extend(one for one in found if one not in of_file)
+        for file in dict.fromkeys((path, *said, *self._published)):
+            found = said.get(file, [])
+            if file == path or found != self._published.get(file, []):
+                text = self._analyses[file].open.get(file) if file in self._analyses else self._texts.get(file)
+                uri = text.uri if text is not None else Analysis(path=file).uri(file)
+                self._publish(uri, None if text is None else text.version, found)
+        self._published = {file: found for file, found in said.items() if found}
+
+    # --- parts ---------------------------------------------------------------------------------------------------
+
+    def _lend(self, path: str) -> Callable[[Workspace, Store], PartAnswers]:
+        """Who answers for the parts of a document: the store, at once."""
+        def lend(workspace: Workspace, store: Store) -> PartAnswers:
+            at_hand = self._at_hand.get(workspace.root)
+            if at_hand is None or at_hand.workspace != workspace:
+                service = geometry_of(workspace, self.options, store, lambda: read_lock(workspace, Report()), workers=NoWorkers())
+                at_hand = self._at_hand[workspace.root] = AtHand(service)
+            at_hand.unanswered = Unanswered()
+            self._unanswered[path] = (workspace.root, at_hand.unanswered)
+            if workspace.root not in self._workers:
+                self._workers[workspace.root] = WorkersBeside(workspace, store, self.options, self._answered)
+            return at_hand
+
+        return lend
+
+    def _ask_workers(self) -> None:
+        """Have workers find out what was asked in vain."""
+        with self._lock:
+            for root, workers in self._workers.items():
+                wanted = Unanswered()
+                for of_root, one in self._unanswered.values():
+                    if of_root == root:
+                        wanted.add(one)
+                workers.want(wanted)
+
+    def _answered(self, workspace: Workspace, undescribed: Mapping[str, PartFailure], failed: Mapping[str, PartFailure]) -> None:
+        """Workers have answered: what waited for that is looked at again."""
+        with self._lock:
+            at_hand = self._at_hand.get(workspace.root)
+            if at_hand is not None:
+                at_hand.undescribed.update(undescribed)
+                at_hand.failed.update(failed)
+            for path, (root, wanted) in self._unanswered.items():
+                if root == workspace.root and wanted:
+                    self._outdated[path] = None
+        self._wake()
+
+    # --- the disk ------------------------------------------------------------------------------------------------
+
+    def _watch(self) -> None:
+        if self._looking is None:
+            self._looking = threading.Thread(target=self._look, name="looking", daemon=True)
+            self._looking.start()
+
+    def _look(self) -> None:
+        """Look whether somebody saves what the analyses depend on."""
+        watched = Watched(content=state_of)
+        seen: Hashable = None
+
+        def changed() -> tuple[str, ...]:
+            nonlocal seen
+            with self._lock:
+                now = frozenset().union(*(one.looked_at for one in self._analyses.values()))
+            if now != seen:
+                watched.only(now)
+                seen = now
+            return watched.changed()
+
+        for found in looks(changed, self._ended, PAUSE):
+            for path in found:
+                self.saved(path)
+            if found:
+                self._wake()
 
     def close(self) -> None:
         """End what was started."""
+        self._ended.set()
+        for one in self._workers.values():
+            one.end()
+
+
+class _SupersededMemo(Memo):
+    """A memo that ends the analysis it is asked by when that is not wanted any more."""
+
+    __slots__ = ("_superseded",)
+
+    def __call__(self, place: Hashable, function: Callable[..., Any], *inputs: Any) -> Any:
+        """See `Memo`. Raises `Superseded`."""
+        if self._superseded():
+            raise Superseded
+        return super().__call__(place, function, *inputs)
+
+    def until(self, superseded: Callable[[], bool]) -> None:
+        """From now on raise `Superseded` where this says so."""
+        self._superseded = superseded
+
+    def last(self, place: Hashable, inputs: tuple[Any, ...]) -> Any | None:
+        """See `Memo`. Raises `Superseded`."""
+        if self._superseded():
+            raise Superseded
+        return super().last(place, inputs)

@@ -2,38 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import os
 from typing import Any
 
 from thingc.diagnostics import Diagnostic, Severity
 from thingc.lsp.analysis import Analysis
+from thingc.source import Span
 
 _SEVERITY = {Severity.ERROR: 1, Severity.WARNING: 2, Severity.NOTE: 3}
 _TOP = {"start": {"line": 0, "character": 0}, "end": {"line": 0, "character": 0}}
 
 
-def diagnostics_by_file(analyses: Iterable[Analysis]) -> dict[str, list[dict[str, Any]]]:
-    """The protocol's diagnostics of what all these analyses found, each once, by absolute path of the file that they are about; of what
-    has no place, the analysed document. The documents themselves are there also where nothing was found."""
-    said: dict[str, list[dict[str, Any]]] = {}
-    for analysis in analyses:
-        said.setdefault(analysis.path, [])
-        for one in analysis.findings:
-            file = analysis.path if one.span is None else one.span.file
-            shown = as_protocol(one, analysis)
-            of_file = said.setdefault(file, [])
-            if shown not in of_file:
-                of_file.append(shown)
+def by_file(analysis: Analysis) -> dict[str, list[dict[str, Any]]]:
+    """What an analysis found, as the protocol has it, by absolute path of the file that it is about; of what has no place in a file that is
+    there (a lock that is missing), the analysed document. That one is there also where nothing was found."""
+    said: dict[str, list[dict[str, Any]]] = {analysis.path: []}
+    for one in analysis.findings:
+        span = one.span if one.span is not None and (one.span.file in analysis.open or os.path.isfile(one.span.file)) else None
+        said.setdefault(analysis.path if span is None else span.file, []).append(as_protocol(one, span, analysis))
     return said
 
 
-def as_protocol(found: Diagnostic, analysis: Analysis) -> dict[str, Any]:
-    """One finding: what to type next stands in a line of its own, second places are related information."""
-    words = found.message if found.help is None else f"{found.message}\n{found.help}"
+def as_protocol(found: Diagnostic, span: Span | None, analysis: Analysis) -> dict[str, Any]:
+    """One finding at a place (None: at the top): what to type next stands in a line of its own, second places are related information."""
     loose = [note.message for note in found.notes if note.span is None]
+    words = [found.message, *([] if found.help is None else [found.help]), *loose]
     shown: dict[str, Any] = {
-        "range": _TOP if found.span is None else analysis.lines(found.span.file).range(found.span),
-        "severity": _SEVERITY[found.severity], "code": found.code.code, "source": "thingc", "message": "\n".join([words, *loose]),
+        "range": _TOP if span is None else analysis.lines(span.file).range(span),
+        "severity": _SEVERITY[found.severity], "code": found.code.code, "source": "thingc", "message": "\n".join(words),
     }
     related = [
         {

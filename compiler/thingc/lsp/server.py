@@ -14,6 +14,7 @@ Nothing else in this room knows pygls.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -23,11 +24,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from thingc.frozen import dataclass
-from thingc.lsp.analysis import OpenText, RequestRefused
-from thingc.lsp.open_documents import OpenDocuments
+from thingc.lsp.analysis import Analysis, OpenText, RequestRefused
+from thingc.lsp.open_documents import OpenDocuments, Superseded
 from thingc.lsp.positions import TextPlace, path_of
 
 if TYPE_CHECKING:
+    from thingc.diagnostics import Diagnostic
     from thingc.environment import Options
 
 REQUEST_FAILED = -32803
@@ -50,8 +52,11 @@ FEATURES: dict[str, Feature] = {
 """Requests of the protocol and who answers them."""
 
 
-def serve(options: Options, version: str, stdin: BinaryIO, stdout: BinaryIO) -> None:
-    """Answer an editor until it leaves. `options` say where the store is; whether code may run is said by the editor."""
+def serve(
+    options: Options, version: str, refused: Callable[[Exception], Diagnostic], stdin: BinaryIO, stdout: BinaryIO,
+) -> None:
+    """Answer an editor until it leaves. `options` say where the store is; whether code may run is said by the editor. `refused` puts an
+    exception into words."""
     from lsprotocol import types
     from pygls.exceptions import JsonRpcException
     from pygls.lsp import get_method_options_type
@@ -88,7 +93,8 @@ def serve(options: Options, version: str, stdin: BinaryIO, stdout: BinaryIO) -> 
         params = types.PublishDiagnosticsParams(
             uri=uri, version=version, diagnostics=converter.structure(diagnostics, list[types.Diagnostic]),
         )
-        loop.call_soon_threadsafe(server.text_document_publish_diagnostics, params)
+        with contextlib.suppress(RuntimeError):  # the server is leaving
+            loop.call_soon_threadsafe(server.text_document_publish_diagnostics, params)
 
     loop: asyncio.AbstractEventLoop
 
@@ -98,14 +104,22 @@ def serve(options: Options, version: str, stdin: BinaryIO, stdout: BinaryIO) -> 
         loop = asyncio.get_running_loop()
         given = params.initialization_options
         trusted = isinstance(given, dict) and given.get("trusted") is True
-        opened.append(OpenDocuments(replace(options, lock=True, code=trusted), publish))
+        opened.append(OpenDocuments(replace(options, lock=True, code=trusted), publish, refused, wake))
+
+    def wake() -> None:
+        with contextlib.suppress(RuntimeError):  # the server is leaving
+            analysing.submit(work)
+
+    def work() -> None:
+        if opened[0].next():
+            wake()  # behind the requests that wait
 
     def put(uri: str, version: int, text: str) -> None:
         path = path_of(uri)
         if path is not None:
             recent[0] = path
             opened[0].put(path, OpenText(uri=uri, version=version, text=text))
-            analysing.submit(opened[0].catch_up)
+            wake()
 
     @server.feature(types.TEXT_DOCUMENT_DID_OPEN)
     def did_open(params: types.DidOpenTextDocumentParams) -> None:
@@ -121,14 +135,25 @@ def serve(options: Options, version: str, stdin: BinaryIO, stdout: BinaryIO) -> 
         path = path_of(params.text_document.uri)
         if path is not None:
             opened[0].take_away(path)
-            analysing.submit(opened[0].catch_up)
+            wake()
 
     @server.feature(types.TEXT_DOCUMENT_DID_SAVE)
     def did_save(params: types.DidSaveTextDocumentParams) -> None:
         path = path_of(params.text_document.uri)
         if path is not None:
             opened[0].saved(path)
-            analysing.submit(opened[0].catch_up)
+            wake()
+
+    def latest(path: str) -> Analysis:
+        while True:
+            with contextlib.suppress(Superseded):
+                return opened[0].analysis(path)
+
+    @server.feature(types.WORKSPACE_DID_CHANGE_WATCHED_FILES)
+    def did_change_files(params: types.DidChangeWatchedFilesParams) -> None:
+        for path in filter(None, [path_of(one.uri) for one in params.changes]):
+            opened[0].saved(path)
+        wake()
 
     def answered(feature: Feature, params: dict[str, Any]) -> Any:
         uri = params.get("textDocument", {}).get("uri", "") if feature.document else None
@@ -137,7 +162,7 @@ def serve(options: Options, version: str, stdin: BinaryIO, stdout: BinaryIO) -> 
             return None
         module, _, name = feature.answer.partition(":")
         answer: Callable[..., Any] = getattr(import_module(f"thingc.lsp.{module}"), name)
-        analysis = opened[0].analysis(path)
+        analysis = latest(path)
         place = analysis.lines().place(params["position"]) if "position" in params else TextPlace(line=1, column=1)
         try:
             return answer(analysis, analysis.text, place, params)

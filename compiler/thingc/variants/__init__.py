@@ -17,18 +17,18 @@ if TYPE_CHECKING:
     from thingc.variants.loading import BuiltVariant, Family, FamilyError, UnknownVariant, load
     from thingc.variants.planning import Plan, PlanError, Variant
     from thingc.variants.progress import Interrupted, Progress, Summary
-    from thingc.variants.reading import plan
+    from thingc.variants.reading import plan, read_plan
 
 _EXPORTS = {
     "BatchFault": "folder", "BuiltVariant": "loading", "Family": "loading", "FamilyError": "loading", "Interrupted": "progress",
     "NotInPlace": "in_place", "Plan": "planning", "PlanError": "planning", "Progress": "progress", "Summary": "progress",
     "UnknownVariant": "loading", "Variant": "planning", "apply": "in_place", "fields": "in_place", "load": "loading",
-    "plan": "reading", "run": "batch", "write": "in_place",
+    "plan": "reading", "read_plan": "reading", "run": "batch", "write": "in_place",
 }
 
 __all__ = [
     "BatchFault", "BuiltVariant", "Family", "FamilyError", "Interrupted", "NotInPlace", "Plan", "PlanError", "Progress",
-    "Summary", "UnknownVariant", "Variant", "apply", "fields", "load", "plan", "run", "write",
+    "Summary", "UnknownVariant", "Variant", "apply", "fields", "load", "plan", "read_plan", "run", "write",
 ]
 
 

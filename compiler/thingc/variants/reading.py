@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from thingc import pipeline
 from thingc.diagnostics import Code, Diagnostic, Note, Report, Severity
-from thingc.environment import Environment, Options
+from thingc.environment import Environment, Lend, Options
 from thingc.expressions import Found
 from thingc.load import find_assembly, load
 from thingc.resolve import AssemblyParameters, Settings, Sources
@@ -40,10 +40,11 @@ def plan(document: str, *, options: Options | None = None) -> Plan:
     return planned
 
 
-def read_plan(path: str, options: Options, report: Report) -> Plan | None:
-    """The plan of the document at `path`; None where it has errors, which are all in `report`."""
-    workspace = Workspace.find(path, report)
-    documents = load(path, workspace, report, kinds=("variants",)) if workspace is not None else None
+def read_plan(path: str, options: Options, report: Report, lend: Lend | None = None) -> Plan | None:
+    """The plan of the document at `path`; None where it has errors, which are all in `report`. `lend` gives who answers for parts, as to an
+    `Environment`."""
+    workspace = Workspace.find(path, report, options.texts)
+    documents = load(path, workspace, report, kinds=("variants",), texts=options.texts) if workspace is not None else None
     if workspace is None or documents is None:
         return None
     document = documents.root
@@ -55,7 +56,7 @@ def read_plan(path: str, options: Options, report: Report) -> Plan | None:
     )
     if assembly is None:
         return None
-    with Environment(assembly, options) as environment:
+    with Environment(assembly, options, lend) as environment:
         sources = pipeline.read(environment)
         report.diagnostics.extend(environment.report.diagnostics)
         return _Planner(document, spec, environment, sources, report).plan() if sources is not None else None
