@@ -41,7 +41,7 @@ class Code(Enum):
     be allowed where it stands (`allow: {TC407: reason}`), and so can a loss.
 
     TC1xx reading, TC2xx one document, TC3xx names and values across documents, TC4xx parts, TC5xx the assembly,
-    TC6xx modes (TC65x tests), TC7xx targets, TC8xx folders and files, TC9xx variants.
+    TC6xx modes (TC65x tests), TC7xx targets, TC8xx folders and files, TC9xx variants (TC95x import).
     """
 
     # --- TC1xx: reading files (load) -------------------------------------------------------------------------------
@@ -251,6 +251,11 @@ class Code(Enum):
     NO_BATCH = ("TC924", "nothing to resume", "Begin without --resume.")
     RUNNERS = ("TC925", "no runner starts", "Mend what the message names; what has been built stays, and --resume goes on.")
     CLUSTER = ("TC926", "the cluster does not answer", "Mend what the message names; what has been built stays, and --resume goes on.")
+
+    # --- TC95x: robots of other formats (import) -------------------------------------------------------------------
+    SOURCE_XML = ("TC951", "file of a robot that cannot be read", "Mend the place shown, or name a file of a format that is read.")
+    SOURCE_VALUE = ("TC952", "value that a robot's file cannot have", "Mend the number or the word that the message names.")
+    SOURCE_TREE = ("TC953", "links and joints that are no tree", "Let one link be the root, and each other one hang on it by one joint.")
 
     def __init__(self, code: str, title: str, cure: str, warned_by: Stage | None = None) -> None:
         self.code = code

@@ -51,6 +51,7 @@ ROOMS: dict[str, set[str]] = {
     "render": {"frozen", "pose"},
     "reporting": {"frozen", "shown", "source", "diagnostics"},
     "templates": set(),
+    "importing": BASE | {"load", "layout"},
     "layout": BASE | {"load", "spec"},
     "editor": BASE | {"load", "spec", "realize", "resolve", "environment", "watching"},
     "lsp": BASE | {"environment", "pipeline", "dependencies", "stamp", "watching", "load", "layout", "realize", "resolve", "graph", "robot",
@@ -76,7 +77,7 @@ ROOMS: dict[str, set[str]] = {
         "variants", "writing"},
     "cli": BASE | {"printing", "environment", "pipeline", "dependencies", "realize", "graph", "robot", "emit", "output", "stamp", "resolve",
         "render", "reporting", "layout", "editor", "lsp", "testing", "variants", "load", "spec", "joints", "checks", "affected", "building",
-        "diff", "live", "templates", "writing"},
+        "diff", "live", "templates", "writing", "importing"},
     "__init__": {"things", "api", "modes", "families"},
     "__main__": {"cli"},
 }

@@ -61,6 +61,9 @@ ELSEWHERE = {
     "CLUSTER": "tests/variants/test_cluster.py",  # other machines
     "UNEXPECTED": "tests/cases/test_folders.py",
     "WORKING_FOLDER": "tests/cases/test_folders.py",
+    "SOURCE_XML": "tests/importing/wrong/syntax.txt",  # files of other formats
+    "SOURCE_VALUE": "tests/importing/wrong/values.txt",
+    "SOURCE_TREE": "tests/importing/wrong/tree.txt",
 }
 """Codes that no document on a healthy machine brings about, and where they are tested."""
 

@@ -1,0 +1,75 @@
+"""`thingc import`: a robot of another format as a workspace."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shlex
+import sys
+from typing import TYPE_CHECKING
+
+from thingc.brief import counted
+from thingc.cli import common
+from thingc.diagnostics import Report, shown_path
+from thingc.output import OutputError, write_new
+
+if TYPE_CHECKING:
+    from thingc.importing import Imported
+
+EPILOG = """\
+Writes a document of the robot, which is yours from then on, and `import.json`: what everything was called, and what a document cannot say
+of it, with the line of the source.
+
+  thingc import robot.urdf                       into a folder of the robot's name
+  thingc import robot.urdf -o robots/arm
+  thingc import robot.urdf --root left_sole      with a mode that is rooted at that link
+"""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The options of `import`."""
+    parser.epilog = EPILOG
+    parser.add_argument("file", metavar="FILE", help="a robot: .urdf")
+    parser.add_argument("-o", "--output", metavar="DIR", help="the folder that is made (default: called like the robot)")
+    parser.add_argument(
+        "--root", metavar="LINK", action="append", default=[], help="a link that gets a mode of its own, rooted at it (may be repeated)",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Exit code 0 where the document is written, 1 where the file is at fault, 2 for a wrong command line."""
+    from thingc.importing import import_robot
+
+    report = Report()
+    imported = import_robot(arguments.file, report, roots=arguments.root)
+    if imported is not None:
+        try:
+            folder = write_new(arguments.output or imported.name, imported.files, lambda _: None)
+            common.say(*_told(arguments, imported, folder))
+        except OutputError as fault:
+            fault.diagnose(report)
+    common.print_text(report.ordered(), stream=sys.stderr, debug=False)
+    return common.exit_code(report.diagnostics)
+
+
+def _told(arguments: argparse.Namespace, imported: Imported, folder: str) -> list[str]:
+    """What was read, what became of it, and what to type next."""
+    robot, here = imported.robot, shown_path(folder)
+    joints = [joint for one in robot.hangings for joint in one.joints]
+    said = [f"{here}: {counted(len(robot.links), 'link')} and {counted(len(joints), 'joint')} of {os.path.basename(arguments.file)}"]
+    if imported.renamed:
+        are = "is another" if len(imported.renamed) == 1 else "are others"
+        said.append(f"{counted(len(imported.renamed), 'name')} {are} now: see import.json")
+    if imported.losses:
+        said.append(f"not in the document: {len(imported.losses)}, listed in {os.path.join(here, 'import.json')}")
+    document = shlex.quote(os.path.join(here, f"{imported.name}.yaml"))
+    steps = [
+        (f"thingc check {document}", "is it right?"), (f"thingc view {document}", "the robot in your browser; it follows every save"),
+        (f"thingc build {document} --emit mjcf,urdf", "models of every mode"),
+    ]
+    if not arguments.root:
+        end = next((link.name for link in reversed(robot.links) if link.name != robot.root), None)
+        if end is not None:
+            said.append("another root: `--root LINK`, or a line under `modes:` in the document")
+    width = max(len(command) for command, _ in steps)
+    return [*said, "", *(f"  {command:{width}}   {what}" for command, what in steps)]

@@ -1,0 +1,7 @@
+"""Robots of other formats, read and written as documents: a reader per format, one model of what was read, one writer."""
+
+from __future__ import annotations
+
+from thingc.importing.importing import Imported, import_robot
+
+__all__ = ["Imported", "import_robot"]

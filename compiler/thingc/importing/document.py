@@ -1,0 +1,214 @@
+"""The document of a robot that was read: short, in the order of the tree, in canonical layout.
+
+A link is a `frame` component of its name. One that weighs nothing, shows nothing and carries nothing is a mount of the component that it is
+fixed to, exported by its name, so that a document around this one can put something there. A joint stands between two mounts of its name:
+the parent's z is its axis, and the child's is turned so that frame lies on frame (`MATE`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+
+from thingc.diagnostics import Report
+from thingc.frozen import dataclass
+from thingc.importing.model import Hanging, SourceJoint, SourceLink, SourceLoss, SourceRobot
+from thingc.importing.naming import distinct, plain_name
+from thingc.importing.quantities import angle, angles, length, lengths, mass, quantity
+from thingc.layout import format_document
+from thingc.pose import IDENTITY, MATE, NO_POSE, Matrix, Pose, Vector, along, dot, rpy_of, shifted
+
+TURNS = ("revolute", "continuous")
+_ALIGNED = 1e-12
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Draft:
+    """A document: its name (and file `NAME.yaml`), text, what links, joints and frames of the source are called in it, and losses."""
+
+    name: str
+    text: str
+    links: Mapping[str, str]
+    frames: Mapping[str, str]
+    joints: Mapping[str, str]
+    losses: tuple[SourceLoss, ...]
+
+
+def document_of(robot: SourceRobot, roots: Sequence[str], origin: str) -> Draft:
+    """The document of a robot, with a mode `source` and one for each link of `roots`, which are links of it; `origin` says where it is
+    from, in its first line."""
+    return _Document(robot, roots, origin).written()
+
+
+class _Document:
+    def __init__(self, robot: SourceRobot, roots: Sequence[str], origin: str) -> None:
+        self.robot, self.roots, self.origin = robot, roots, origin
+        self.name = plain_name(robot.name, "robot")
+        self.link_of = {link.name: link for link in robot.links}
+        self.below: dict[str, list[Hanging]] = {}
+        for one in robot.hangings:
+            self.below.setdefault(one.parent, []).append(one)
+        self.order = tuple(self._order())
+        self.above = {one.child: one for one in self.order}
+        mounts = [one.child for one in self.order if self._is_mount(one)]
+        names = distinct([robot.root, *(one.child for one in self.order)], "link")
+        self.links = {name: word for name, word in names.items() if name not in mounts}
+        self.frames = {name: names[name] for name in mounts}
+        moving = [joint.name for one in self.order for joint in one.joints]
+        self.joints = distinct(moving, "joint")
+        # Mounts of joints lie beside those that are shown, and may not be called like one of them.
+        self.mounts = distinct(moving, "joint", taken=self.frames.values())
+
+    def _order(self) -> Iterator[Hanging]:
+        """The tree from the root on, each branch to its end, as the source has them."""
+        waiting = [*reversed(self.below.get(self.robot.root, ()))]
+        while waiting:
+            one = waiting.pop()
+            yield one
+            waiting += reversed(self.below.get(one.child, ()))
+
+    def _is_mount(self, one: Hanging) -> bool:
+        link = self.link_of[one.child]
+        return not (one.joints or link.weight or link.shapes or one.child in self.below)
+
+    def written(self) -> Draft:
+        """The text in canonical layout."""
+        text = "\n".join((
+            f"# From {self.origin}. What is not in it is listed in import.json.", "thingc: assembly/1", f"name: {self.name}", "",
+            *self._components(), "", *self._joints(), *self._shown(), *self._modes(), "",
+        ))
+        report = Report()
+        formatted = format_document(f"{self.name}.yaml", text.encode(), report)
+        assert formatted is not None, report.diagnostics
+        losses = tuple(
+            SourceLoss(what=f"{len(link.shapes)} shapes of link `{link.name}`", why="shapes are not imported yet", where=link.where)
+            for link in self.robot.links if link.shapes
+        )
+        return Draft(
+            name=self.name, text=formatted.decode(), links=self.links, frames=self.frames, joints=self.joints,
+            losses=(*self.robot.losses, *losses),
+        )
+
+    def _components(self) -> Iterator[str]:
+        yield "components:"
+        for name in self.links:
+            link, above = self.link_of[name], self.above.get(name)
+            yield f"  {self.links[name]}:{_was(self.links[name], name)}"
+            yield "    frame: true"
+            yield from self._weight(link)
+            if above is not None and not above.joints:
+                yield f"    at: {{in: {self.links[above.parent]}.origin{_pose(above.pose, above.rpy, before=', ')}}}"
+            mounts = [*self._mounts(name)]
+            if mounts:
+                yield "    mounts:"
+                yield from (f"      {word}: {{{pose}}}{comment}" for word, pose, comment in mounts)
+
+    def _weight(self, link: SourceLink) -> Iterator[str]:
+        if link.weight is None:
+            return
+        of = link.weight.properties
+        yield f"    mass: {mass(of.mass)}"
+        if any(of.centre):
+            yield f"    com: {lengths(of.centre)}"
+        i = of.inertia
+        if any(map(any, i)):
+            products = {"ixy": i[0][1], "ixz": i[0][2], "iyz": i[1][2]}
+            moments = {"ixx": i[0][0], "iyy": i[1][1], "izz": i[2][2], **{key: value for key, value in products.items() if value}}
+            yield from _mapping("inertia", {key: quantity(value, "kg*m^2") for key, value in moments.items()})
+
+    def _mounts(self, name: str) -> Iterator[tuple[str, str, str]]:
+        """Of a link, each with its place and a comment: the mount of the joint that it hangs on, those of joints behind it, and links
+        that are mounts."""
+        above = self.above.get(name)
+        for joint in above.joints if above is not None else ():
+            yield self.mounts[joint.name], _pose(shifted(*joint.anchor) @ Pose(rotation=_onto(joint.axis)) @ MATE), ""
+        for one in self.below.get(name, ()):
+            if one.child in self.frames:
+                yield self.frames[one.child], _pose(one.pose, one.rpy), _was(self.frames[one.child], one.child)
+            for joint in one.joints:
+                onto = _onto(joint.axis)
+                rpy = one.rpy if onto == IDENTITY else None
+                yield self.mounts[joint.name], _pose(one.pose @ shifted(*joint.anchor) @ Pose(rotation=onto), rpy), ""
+
+    def _joints(self) -> Iterator[str]:
+        moving = [(one, joint) for one in self.order for joint in one.joints]
+        if moving:
+            yield "joints:"
+        for one, joint in moving:
+            mount = self.mounts[joint.name]
+            yield f"  {self.joints[joint.name]}:{_was(self.joints[joint.name], joint.name)}"
+            yield f"    type: {joint.kind}"
+            yield f"    parent: {self.links[one.parent]}.{mount}"
+            yield f"    child: {self.links[one.child]}.{mount}"
+            yield from self._motion(joint)
+        if moving:
+            yield ""
+
+    def _motion(self, joint: SourceJoint) -> Iterator[str]:
+        turns, of = joint.kind in TURNS, joint.ends
+        force, speed = ("N*m", "rad/s") if turns else ("N", "m/s")
+        place = angle if turns else length
+        limit: dict[str, str | None] = {
+            "lower": None if of.lower is None else place(of.lower), "upper": None if of.upper is None else place(of.upper),
+            "effort": None if not of.effort or joint.driven else quantity(of.effort, force),
+            "velocity": None if of.velocity is None else quantity(of.velocity, speed),
+        }
+        dynamics = {"damping": (joint.damping, "N*m*s/rad" if turns else "N*s/m"), "friction": (joint.friction, force)}
+        yield from _mapping("limit", {key: value for key, value in limit.items() if value is not None})
+        yield from _mapping("dynamics", {key: quantity(value, unit) for key, (value, unit) in dynamics.items() if value})
+        if joint.follows is not None:
+            leader = next(other for one in self.order for other in one.joints if other.name == joint.follows.joint)
+            unit = {(True, False): " rad/m", (False, True): " m/rad"}.get((turns, leader.kind in TURNS), "")
+            follows = {"joint": self.joints[leader.name], "multiplier": f"{quantity(joint.follows.multiplier, '')}{unit}"}
+            yield from _mapping("mimic", follows | ({"offset": place(joint.follows.offset)} if joint.follows.offset else {}))
+        if joint.driven:
+            yield from _mapping("drive", {"kind": "motor", **({"effort": quantity(of.effort, force)} if of.effort else {})})
+
+    def _shown(self) -> Iterator[str]:
+        """Mounts that the document exports."""
+        if self.frames:
+            yield "mounts:"
+            yield from (f"  {word}: {self.links[self.above[name].parent]}.{word}" for name, word in self.frames.items())
+            yield ""
+
+    def _modes(self) -> Iterator[str]:
+        at = _pose(self.robot.pose)
+        yield "modes:"
+        yield f"  source: {{root: {self.links[self.robot.root]}, base: {self.robot.base}{f', at: {{{at}}}' if at else ''}}}"
+        taken = ["source"]
+        for name in self.roots:
+            mode = distinct([name], "link", taken)[name]
+            taken.append(mode)
+            # A component is laid with its frame onto the world's; a mount would be mated to it, z against z.
+            turned = "" if name in self.links else f", at: {{{_pose(MATE)}}}"
+            yield f"  {mode}: {{root: {(self.links | self.frames)[name]}, base: held{turned}}}"
+
+
+def _was(word: str, name: str) -> str:
+    """A comment where the source has another name."""
+    return "" if word == name else f"  # {name!r} in the source"
+
+
+def _mapping(key: str, values: Mapping[str, str]) -> Iterator[str]:
+    if values:
+        yield f"    {key}: {{{', '.join(f'{name}: {value}' for name, value in values.items())}}}"
+
+
+def _pose(pose: Pose, rpy: Vector | None = None, *, before: str = "") -> str:
+    """`xyz: 0 0 50 mm, rpy: -90 0 0 deg`, each where it says something; with `before` in front of it, if there is anything. `rpy` [rad] are
+    the angles of the source, where it has them: those that are worked out are rounded where their digits end."""
+    if rpy is None:
+        roll, pitch, yaw = (round(angle, 14) if angle not in (math.pi, -math.pi) else angle for angle in rpy_of(pose.rotation))
+        rpy = (roll, pitch, yaw)
+    words = (("xyz", lengths(pose.translation)), ("rpy", angles(rpy)))
+    said = [f"{key}: {value}" for key, value in words if value != "0 0 0"]
+    return f"{before if said else ''}{', '.join(said)}"
+
+
+def _onto(axis: Vector) -> Matrix:
+    """A rotation that takes z to a unit vector; along one of the axes it has no digits that are not 0 or 1."""
+    for k, unit in enumerate(IDENTITY):
+        if abs(abs(dot(axis, unit)) - 1.0) < _ALIGNED:
+            sign = 1.0 if axis[k] > 0.0 else -1.0
+            axis = (sign * unit[0], sign * unit[1], sign * unit[2])
+    return NO_POSE.rotation if axis == (0.0, 0.0, 1.0) else along(axis, (0.0, 0.0, 0.0)).rotation

@@ -1,0 +1,35 @@
+"""Names of the source made names of the language, each its own: the same source gives the same names."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+from thingc.load.scalars import core_value
+
+RESERVED = frozenset({"world", "root", "origin"})
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+
+
+def plain_name(name: str, kind: str) -> str:
+    """The name in letters, digits and `_`; `kind` is put before one that begins otherwise, and behind one that means something else."""
+    word = re.sub(r"[^A-Za-z0-9_]+", "_", name).strip("_") or kind
+    if not _NAME.fullmatch(word):
+        word = f"{kind}_{word}"
+    return f"{word}_{kind}" if word.lower() in RESERVED or not isinstance(core_value(word), str) else word
+
+
+def distinct(names: Iterable[str], kind: str, taken: Iterable[str] = ()) -> dict[str, str]:
+    """What each of the names is called in a document; no two alike but for case, and none as what is `taken`. A name that can stay does,
+    whatever the others are called."""
+    used, wanted = {one.lower() for one in taken}, list(dict.fromkeys(names))
+    found: dict[str, str] = {}
+    for name in sorted(wanted, key=lambda name: plain_name(name, kind) != name):
+        plain = plain_name(name, kind)
+        number, word = 1, plain
+        while word.lower() in used:
+            number += 1
+            word = f"{plain}_{number}"
+        used.add(word.lower())
+        found[name] = word
+    return {name: found[name] for name in wanted}

@@ -1,0 +1,73 @@
+"""Numbers of the source as quantities of a document: in the unit in which people read them, and to the digits that the source has.
+
+A length of 0.0388353 m is written `38.8353 mm`, which is the same double: a document converts exactly and rounds once. An angle is in
+degrees where that is what the source's digits stand for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from decimal import Decimal
+
+NOISE = 1e-12
+"""Lengths [m] and directions below it are rounding of whoever wrote the source, and 0."""
+_ROUND = 1e-11
+"""By how much [rad] an angle may miss a round number of degrees that it stands for: 1.57079632679."""
+
+
+def _plain(value: Decimal) -> str:
+    text = f"{value.normalize():f}" if value == 0 or -5 < value.adjusted() < 12 else f"{value.normalize():e}"
+    return "0" if value == 0 else text
+
+
+def scaled(value: float, power: int) -> str:
+    """The number times that power of ten, digit by digit: `scaled(0.0388353, 3)` is `38.8353`."""
+    return _plain(Decimal(repr(float(value))).scaleb(power))
+
+
+def length(value: float) -> str:
+    """Of metres: `38.8353 mm`, or `0`."""
+    return "0" if abs(value) < NOISE else f"{scaled(value, 3)} mm"
+
+
+def lengths(values: Sequence[float]) -> str:
+    """Three at once: `38.8353 0 62.4 mm`."""
+    return _shared([scaled(value, 3) if abs(value) >= NOISE else "0" for value in values], "mm")
+
+
+def _shared(words: Sequence[str], unit: str) -> str:
+    return " ".join(words) if set(words) == {"0"} else f"{' '.join(words)} {unit}"
+
+
+def mass(value: float) -> str:
+    """Of kilograms: `6.9 kg`, `820 g`."""
+    return f"{scaled(value, 0)} kg" if value >= 1.0 else f"{scaled(value, 3)} g"
+
+
+def _degrees(value: float) -> str | None:
+    """A round number of degrees that an angle [rad] stands for, in four digits behind the point at most; None where it is none."""
+    near = round(math.degrees(value), 4)
+    return _plain(Decimal(repr(near))) if abs(math.radians(near) - value) < _ROUND else None
+
+
+def angle(value: float) -> str:
+    """Of radians: `90 deg` or `1.5708 rad`, or `0`."""
+    if abs(value) < NOISE:
+        return "0"
+    degrees = _degrees(value)
+    return f"{scaled(value, 0)} rad" if degrees is None else f"{degrees} deg"
+
+
+def angles(values: Sequence[float]) -> str:
+    """Three at once, all of them in one unit; a half turn is one to the left, as is usual."""
+    values = [0.0 if abs(value) < NOISE else math.pi if value == -math.pi else value for value in values]
+    degrees = [_degrees(value) for value in values]
+    if None in degrees:
+        return _shared([scaled(value, 0) for value in values], "rad")
+    return _shared([word for word in degrees if word is not None], "deg")
+
+
+def quantity(value: float, unit: str) -> str:
+    """Any other, in its unit; `0` alone."""
+    return "0" if value == 0.0 else f"{scaled(value, 0)} {unit}".rstrip()

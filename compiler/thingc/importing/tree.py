@@ -1,0 +1,87 @@
+"""Whether links and what they hang on are one tree, in whatever format they were written."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from thingc.diagnostics import Code, Note, Report
+from thingc.importing.model import Hanging, SourceLink
+from thingc.source import Span
+from thingc.typos import did_you_mean
+
+MOST_LINKS = 10_000
+
+
+def root_of(links: Sequence[SourceLink], hangings: Sequence[Hanging], where: Span, report: Report) -> str | None:
+    """The name of the one link that hangs on no other and that all others hang on; None where there is none such, which has been
+    reported, all of it: links of one name, joints to links that are not there, two parents, circles, no root or several."""
+    before = len(report.diagnostics)
+    if len(links) > MOST_LINKS:
+        report.add(Code.SOURCE_TREE, f"the robot has {len(links):,} links, and {MOST_LINKS:,} are read at most", where)
+        return None
+    named: dict[str, SourceLink] = {}
+    for link in links:
+        if link.name in named:
+            _twice(report, f"two links are called `{link.name}`", link.where, named[link.name].where)
+        named.setdefault(link.name, link)
+    _distinct_joints(hangings, report)
+    above: dict[str, Hanging] = {}
+    for one in hangings:
+        for side, name in (("parent", one.parent), ("child", one.child)):
+            if name not in named:
+                report.add(
+                    Code.SOURCE_TREE, f"the {side} of joint `{one.name}` is the link `{name}`, and there is none", one.where,
+                    help=did_you_mean(name, named, what="links"),
+                )
+        if one.child in above:
+            other = above[one.child]
+            report.add(
+                Code.SOURCE_TREE, f"link `{one.child}` hangs on two links, `{other.parent}` and `{one.parent}`", one.where,
+                notes=[Note(message=f"joint `{other.name}` has it as its child already", span=other.where)],
+                help="a tree has one joint to each link: leave one of the two out, and close the loop in the document with `loop: true`",
+            )
+        above.setdefault(one.child, one)
+    if not links:
+        report.add(Code.SOURCE_TREE, "the robot has no link", where)
+    if len(report.diagnostics) > before:
+        return None
+    _circles(named, above, report)
+    roots = [link for link in links if link.name not in above]
+    if len(roots) > 1:
+        shown = ", ".join(f"`{link.name}`" for link in roots[:6]) + (f" and {len(roots) - 6} more" if len(roots) > 6 else "")
+        report.add(
+            Code.SOURCE_TREE, f"the robot has {len(roots)} roots, links that hang on no other: {shown}", roots[1].where,
+            notes=[Note(message="the first one is here", span=roots[0].where)], help="join them, or make a file of each",
+        )
+    return roots[0].name if len(report.diagnostics) == before else None
+
+
+def _twice(report: Report, message: str, where: Span, first: Span) -> None:
+    report.add(Code.SOURCE_TREE, message, where, notes=[Note(message="the first one is here", span=first)], help="rename one of the two")
+
+
+def _distinct_joints(hangings: Sequence[Hanging], report: Report) -> None:
+    seen: dict[str, Hanging] = {}
+    for one in hangings:
+        if one.name in seen:
+            _twice(report, f"two joints are called `{one.name}`", one.where, seen[one.name].where)
+        seen.setdefault(one.name, one)
+
+
+def _circles(named: dict[str, SourceLink], above: dict[str, Hanging], report: Report) -> None:
+    """Say each circle once, at the joint of its first link."""
+    done: set[str] = set()
+    for start in named:
+        way: list[str] = []
+        at = start
+        while at in above and at not in done:
+            done.add(at)
+            way.append(at)
+            at = above[at].parent
+        if at in way:
+            circle = [*reversed(way[way.index(at) :])]
+            shown = " -> ".join(f"`{name}`" for name in [*circle[:8], *(["..."] if len(circle) > 8 else []), circle[0]])
+            report.add(
+                Code.SOURCE_TREE, f"links hang on one another in a circle: {shown}", above[circle[0]].where,
+                help="one of them has to be the root, or hang on a link outside of the circle",
+            )

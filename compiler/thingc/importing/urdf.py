@@ -1,0 +1,295 @@
+"""URDF: links and joints of one tree, in SI, as ROS's wiki has them (https://wiki.ros.org/urdf/XML)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+
+from thingc.diagnostics import Code, Report
+from thingc.importing.model import Ends, Following, Hanging, Kind, SourceJoint, SourceLink, SourceLoss, SourceRobot, SourceShape, Weight
+from thingc.importing.tree import root_of
+from thingc.importing.values import Values
+from thingc.importing.xml_source import SourceElement, read_xml
+from thingc.inertia import MassProperties
+from thingc.pose import Vector
+from thingc.typos import did_you_mean
+
+KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+WORLD = "world"
+"""What a root link is called that stands for the world."""
+
+ATTRIBUTES: dict[str, set[str]] = {
+    "robot": {"name", "version"}, "link": {"name"}, "joint": {"name", "type"}, "inertial": set(), "origin": {"xyz", "rpy"},
+    "mass": {"value"}, "inertia": {"ixx", "ixy", "ixz", "iyy", "iyz", "izz"}, "parent": {"link"}, "child": {"link"}, "axis": {"xyz"},
+    "limit": {"lower", "upper", "effort", "velocity"}, "dynamics": {"damping", "friction"}, "mimic": {"joint", "multiplier", "offset"},
+    "visual": {"name"}, "collision": {"name"}, "geometry": set(), "box": {"size"}, "sphere": {"radius"}, "cylinder": {"radius", "length"},
+    "mesh": {"filename", "scale"}, "material": {"name"}, "color": {"rgba"},
+}
+"""The attributes that are read, of every element that is."""
+INSIDE: dict[str, set[str]] = {
+    "robot": {"link", "joint", "material"}, "link": {"inertial", "visual", "collision"}, "inertial": {"origin", "mass", "inertia"},
+    "joint": {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"}, "visual": {"origin", "geometry", "material"},
+    "collision": {"origin", "geometry"}, "geometry": {"box", "sphere", "cylinder", "mesh"}, "material": {"color"},
+}
+"""The elements that are read in others."""
+DRIVEN_BY = ("transmission", "ros2_control")
+
+
+def read_urdf(path: str, data: bytes, report: Report) -> SourceRobot | None:
+    """The robot of a file, an absolute path, with these bytes; None where it is none, which has been reported: all that is wrong."""
+    root = read_xml(path, data, report)
+    if root is None:
+        return None
+    if root.tag != "robot":
+        report.add(
+            Code.SOURCE_XML, f"a URDF file begins with `<robot>`, and this one with `<{root.tag}>`", root.where,
+            help="name a file of a robot: `.urdf`",
+        )
+        return None
+    macro = next((element for element in _walk(root) if element.tag.startswith("xacro:")), None)
+    if macro is not None:
+        report.add(
+            Code.SOURCE_XML, f"`<{macro.tag}>` is xacro, from which URDF is made", macro.where,
+            help="write `xacro FILE > robot.urdf`, and import that",
+        )
+        return None
+    return _Urdf(root, report).robot()
+
+
+def _walk(element: SourceElement) -> Iterable[SourceElement]:
+    yield element
+    for child in element.children:
+        yield from _walk(child)
+
+
+class _Urdf:
+    def __init__(self, root: SourceElement, report: Report) -> None:
+        self.root, self.report, self.values = root, report, Values(report)
+        self.losses: list[SourceLoss] = []
+        self.colors = {
+            element.attributes.get("name", ""): color for element in root.all("material") if (color := self._color(element)) is not None
+        }
+        self.controlled = {
+            name for tag in DRIVEN_BY for block in root.all(tag) for joint in block.all("joint") if (name := joint.attributes.get("name"))
+        }
+        self.controls = any(True for tag in DRIVEN_BY for _ in root.all(tag))
+
+    def robot(self) -> SourceRobot | None:
+        """Everything that is wrong is said; then None."""
+        before = len(self.report.diagnostics)
+        name = self.values.word(self.root, "name")
+        links = tuple(link for element in self.root.all("link") if (link := self._link(element)) is not None)
+        hangings = tuple(one for element in self.root.all("joint") if (one := self._hanging(element)) is not None)
+        self._followed(hangings)
+        self._unread(self.root)
+        if len(self.report.diagnostics) > before or name is None:  # what is wrong with a joint must not be said again of the tree
+            return None
+        root = root_of(links, hangings, self.root.where, self.report)
+        if root is None:
+            return None
+        losses = tuple(sorted(self.losses, key=lambda loss: (loss.where.line, loss.where.column)))
+        robot = SourceRobot(name=name, where=self.root.place("name"), root=root, links=links, hangings=hangings, losses=losses)
+        return self._grounded(robot)
+
+    def _link(self, element: SourceElement) -> SourceLink | None:
+        name = self.values.word(element, "name")
+        inertial = self.values.one(element, "inertial")
+        shapes = tuple(
+            shape for use in element.children if use.tag in ("visual", "collision") and (shape := self._shape(use)) is not None
+        )
+        weight = None if inertial is None else self._weight(inertial)
+        return None if name is None else SourceLink(name=name, where=element.place("name"), weight=weight, shapes=shapes)
+
+    def _weight(self, inertial: SourceElement) -> Weight | None:
+        """None where it weighs nothing, in whatever way that is written."""
+        pose, _ = self.values.origin(inertial)
+        mass_element, moments = self.values.one(inertial, "mass"), self.values.one(inertial, "inertia")
+        if mass_element is None:
+            self.values.fault(inertial, None, "`<inertial>` has no `<mass>`", 'write <mass value="..."/>')
+            return None
+        mass = self.values.above_zero(mass_element, "value", zero=True)
+        properties = MassProperties(mass=mass or 0.0, centre=pose.translation)
+        if moments is not None:
+            properties = self.values.inertia(moments, mass or 0.0, pose)
+        if mass is None:
+            return None
+        if mass == 0.0:
+            if any(map(any, properties.inertia)):
+                self._lose("the inertia of a link", "it has no mass", inertial)
+            return None
+        return Weight(properties=properties, where=inertial.where)
+
+    def _shape(self, element: SourceElement) -> SourceShape | None:
+        (pose, _), geometry = self.values.origin(element), self.values.one(element, "geometry")
+        forms = [] if geometry is None else [one for one in geometry.children if one.tag in INSIDE["geometry"]]
+        if geometry is None or not geometry.children:
+            help = 'write <geometry><box size="..."/></geometry>'
+            self.values.fault(geometry or element, None, f"this `<{element.tag}>` has no geometry", help)
+        if not forms:
+            return None
+        form, use = forms[0], "visual" if element.tag == "visual" else "collision"
+        size: tuple[float | None, ...]
+        match form.tag:
+            case "box":
+                size = self.values.numbers(form, "size", 3) or (None,)
+            case "sphere":
+                size = (self.values.above_zero(form, "radius"),)
+            case "cylinder":
+                size = (self.values.above_zero(form, "radius"), self.values.above_zero(form, "length"))
+            case _:
+                size = self.values.numbers(form, "scale", 3, (1.0, 1.0, 1.0)) or (None,)
+        mesh = self.values.word(form, "filename") if form.tag == "mesh" else None
+        if None in size or form.tag == "mesh" and mesh is None:
+            return None
+        material = self.values.one(element, "material")
+        color = None if material is None else self._color(material) or self.colors.get(material.attributes.get("name", ""))
+        return SourceShape(kind=form.tag, use=use, size=size, pose=pose, where=form.where, mesh=mesh, color=color)  # type: ignore[arg-type]
+
+    def _color(self, material: SourceElement) -> tuple[float, float, float, float] | None:
+        color = self.values.one(material, "color")
+        rgba = None if color is None else self.values.numbers(color, "rgba", 4)
+        return None if rgba is None else (rgba[0], rgba[1], rgba[2], rgba[3])
+
+    def _hanging(self, element: SourceElement) -> Hanging | None:
+        name, kind = self.values.word(element, "name"), self.values.word(element, "type")
+        ends = {side: end for side in ("parent", "child") if (end := self._end(element, side)) is not None}
+        pose, rpy = self.values.origin(element)
+        if kind is not None and kind not in KINDS:
+            known = did_you_mean(kind, KINDS, what="kinds")
+            self.values.fault(element, "type", f"`{kind}` is no kind of joint that URDF has", known)
+            return None
+        joint = None if name is None or kind is None else self._joint(element, name, kind)
+        if name is None or kind is None or len(ends) < 2:
+            return None
+        return Hanging(
+            name=name, parent=ends["parent"], child=ends["child"], pose=pose, rpy=rpy, where=element.where,
+            joints=() if joint is None else (joint,), floating=kind == "floating",
+        )
+
+    def _end(self, element: SourceElement, side: str) -> str | None:
+        end = self.values.one(element, side)
+        if end is None:
+            self.values.fault(element, None, f"this joint has no `<{side}>`", f'write <{side} link="..."/>')
+            return None
+        return self.values.word(end, "link")
+
+    def _joint(self, element: SourceElement, name: str, kind: str) -> SourceJoint | None:
+        """What moves; None of one that is fixed or floats."""
+        moving: Kind
+        match kind:
+            case "revolute" | "continuous" | "prismatic" | "planar":
+                moving = kind
+            case _:
+                return None
+        axis, mimic = self._axis(element), self.values.one(element, "mimic")
+        follows = None if mimic is None else self._mimic(mimic)
+        ends = self._ends(element, moving, follows is not None)
+        if moving == "revolute" and ends.lower is None and follows is None:
+            moving = "continuous"
+        dynamics = self.values.one(element, "dynamics")
+        damping = friction = 0.0
+        if dynamics is not None:
+            damping, friction = (self._unless_negative(dynamics, key) for key in ("damping", "friction"))
+        controlled = name in self.controlled if self.controls else (ends.effort or 0.0) > 0.0
+        return SourceJoint(
+            name=name, kind=moving, axis=axis, where=element.where, ends=ends, damping=damping, friction=friction, follows=follows,
+            driven=controlled and follows is None,
+        )
+
+    def _unless_negative(self, element: SourceElement, key: str) -> float:
+        return self.values.above_zero(element, key, zero=True) or 0.0 if key in element.attributes else 0.0
+
+    def _axis(self, element: SourceElement) -> Vector:
+        axis = self.values.one(element, "axis")
+        x, y, z = (1.0, 0.0, 0.0) if axis is None else self.values.vector(axis, "xyz", (1.0, 0.0, 0.0))
+        length = math.hypot(x, y, z)
+        if axis is not None and length == 0.0:
+            self.values.fault(axis, "xyz", "the axis of this joint is 0 0 0, which is no direction", "write for example 0 0 1")
+            return (1.0, 0.0, 0.0)
+        return (x, y, z) if abs(length - 1.0) < 1e-15 else (x / length, y / length, z / length)
+
+    def _mimic(self, mimic: SourceElement) -> Following | None:
+        joint = self.values.word(mimic, "joint")
+        multiplier, offset = self.values.number(mimic, "multiplier", 1.0), self.values.number(mimic, "offset", 0.0)
+        if joint is None or multiplier is None or offset is None:
+            return None
+        return Following(joint=joint, multiplier=multiplier, offset=offset, where=mimic.place("joint"))
+
+    def _followed(self, hangings: tuple[Hanging, ...]) -> None:
+        """What mimics follows a joint that is there, and moves along one coordinate as it does."""
+        moving = {  # of one whose kind is wrong that has been said
+            element.attributes.get("name", "") for element in self.root.all("joint")
+            if element.attributes.get("type") not in ("fixed", "floating", "planar")
+        }
+        for joint in (joint for one in hangings for joint in one.joints):
+            if joint.follows is None or joint.follows.joint in moving - {joint.name}:
+                continue
+            wanted = joint.follows.joint
+            what = "itself" if wanted == joint.name else f"`{wanted}`, which is no joint that moves"
+            help = did_you_mean(wanted, sorted(moving - {joint.name}), what="joints")
+            self.report.add(Code.SOURCE_VALUE, f"joint `{joint.name}` mimics {what}", joint.follows.where, help=help)
+
+    def _ends(self, element: SourceElement, kind: Kind, follows: bool) -> Ends:
+        limit = self.values.one(element, "limit")
+        if limit is None:
+            if kind in ("revolute", "prismatic") and not follows:
+                help = 'write <limit lower="..." upper="..." effort="..." velocity="..."/>'
+                self.values.fault(element, None, f"this joint is `{kind}` and has no `<limit>`", help)
+            return Ends()
+        effort, velocity = (
+            self.values.above_zero(limit, key, zero=True) if key in limit.attributes else None for key in ("effort", "velocity")
+        )
+        lower, upper = self.values.number(limit, "lower", 0.0), self.values.number(limit, "upper", 0.0)
+        if kind not in ("revolute", "prismatic"):
+            if lower != upper:
+                self._lose("`lower` and `upper` of a joint", f"one that is `{kind}` has no ends", limit)
+            return Ends(effort=effort, velocity=velocity)
+        if lower is None or upper is None:
+            return Ends()
+        if lower > upper:
+            self.values.fault(limit, "lower", f"`lower` is {lower:g} and above `upper`, {upper:g}", "swap the two, or mend the number")
+        if lower == upper:
+            if kind == "prismatic" and not follows:
+                help = "make it `fixed`, or give it ends"
+                self.values.fault(limit, None, f"`lower` and `upper` are both {lower:g}: this joint cannot move", help)
+            elif not follows:
+                self._lose(f"`lower` and `upper` of a joint, both {lower:g}", "it is read as one without ends, as simulators do", limit)
+            return Ends(effort=effort, velocity=velocity)
+        return Ends(lower=lower, upper=upper, effort=effort, velocity=velocity)
+
+    def _unread(self, element: SourceElement) -> None:
+        """A loss for each element and attribute that is not read, the whole of it."""
+        for attribute in element.attributes.keys() - ATTRIBUTES[element.tag]:
+            if not attribute.startswith("xmlns"):
+                self._lose(f'`{attribute}` of `<{element.tag}>`', "it is not read", element)
+        for child in element.children:
+            if child.tag in INSIDE.get(element.tag, ()):
+                self._unread(child)
+            elif child.tag != "joint" or element.tag not in DRIVEN_BY:
+                self._lose(f"`<{child.tag}>` of `<{element.tag}>`", "it is not read", child)
+
+    def _lose(self, what: str, why: str, element: SourceElement) -> None:
+        self.losses.append(SourceLoss(what=what, why=why, where=element.where))
+
+    def _grounded(self, robot: SourceRobot) -> SourceRobot | None:
+        """Without a root link that stands for the world, where one link alone hangs on it and nothing moves that."""
+        floating = [one for one in robot.hangings if one.floating]
+        first = [one for one in robot.hangings if one.parent == robot.root]
+        world = next(link for link in robot.links if link.name == robot.root)
+        bare = world.weight is None and not world.shapes and len(first) == 1 and not first[0].joints
+        if bare and (robot.root == WORLD or first[0].floating):
+            robot = replace(
+                robot, root=first[0].child, base="free" if first[0].floating else "fixed", pose=first[0].pose,
+                links=tuple(link for link in robot.links if link is not world),
+                hangings=tuple(one for one in robot.hangings if one is not first[0]),
+            )
+        for one in floating:
+            if one in robot.hangings:
+                self.report.add(
+                    Code.SOURCE_VALUE, f"joint `{one.name}` floats: only a link that weighs nothing, with nothing else on it, may be its "
+                    "parent", one.where, help="a document has one robot, with one base: make a file of each",
+                )
+        return None if any(one in robot.hangings for one in floating) else robot
+
+

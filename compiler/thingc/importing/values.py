@@ -1,0 +1,100 @@
+"""Numbers, vectors and words in attributes of XML: what is none is said at its place, with what was expected."""
+
+from __future__ import annotations
+
+import math
+import re
+
+from thingc.diagnostics import Code, Report
+from thingc.importing.xml_source import SourceElement
+from thingc.inertia import MassProperties, symmetric
+from thingc.pose import NO_POSE, Pose, Vector, multiply, placed, transpose
+
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+NOT_FINITE = {"nan", "inf", "infinity"}
+
+
+class Values:
+    """Reads attributes of elements; faults go to `report`, and what is wrong is read as if it were not there."""
+
+    def __init__(self, report: Report) -> None:
+        self.report = report
+
+    def fault(self, element: SourceElement, attribute: str | None, message: str, help: str | None = None) -> None:
+        """Say what is wrong with an element, or with an attribute of it."""
+        where = element.where if attribute is None else element.place(attribute)
+        self.report.add(Code.SOURCE_VALUE, message, where, help=help)
+
+    def word(self, element: SourceElement, attribute: str) -> str | None:
+        """A name that must be there."""
+        text = element.attributes.get(attribute, "").strip()
+        if not text:
+            self.fault(element, None, f"`<{element.tag}>` has no `{attribute}`", f'write {attribute}="..."')
+        return text or None
+
+    def number(self, element: SourceElement, attribute: str, default: float | None = None) -> float | None:
+        """A finite number; `default` where it is not written, and where that is None a fault."""
+        values = self.numbers(element, attribute, 1, None if default is None else (default,))
+        return None if values is None else values[0]
+
+    def vector(self, element: SourceElement, attribute: str, default: Vector = (0.0, 0.0, 0.0)) -> Vector:
+        """Three numbers; `default` where they are not written, or wrong."""
+        x, y, z = self.numbers(element, attribute, 3, default) or default
+        return (x, y, z)
+
+    def numbers(
+        self, element: SourceElement, attribute: str, count: int, default: tuple[float, ...] | None = None,
+    ) -> tuple[float, ...] | None:
+        """So many finite numbers; None where they are wrong, or missing without a default."""
+        text = element.attributes.get(attribute)
+        if text is None:
+            if default is None:
+                self.fault(element, None, f"`<{element.tag}>` has no `{attribute}`", f'write {attribute}="{" ".join(["0"] * count)}"')
+            return default
+        words = text.split()
+        expected = "a number" if count == 1 else f"{count} numbers with spaces between"
+        wrong = next((word for word in words if not _NUMBER.fullmatch(word)), None)
+        if wrong is not None or len(words) != count:
+            found = "nothing" if not words else f"`{wrong}`" if wrong is not None else f"{len(words)} of them" if count > 1 else f"`{text}`"
+            finite = ", all of them finite" if wrong is not None and wrong.lower().lstrip("+-") in NOT_FINITE else ""
+            self.fault(element, attribute, f"`{attribute}` of `<{element.tag}>`: expected {expected}{finite}, found {found}")
+            return None
+        values = tuple(float(word) for word in words)
+        if not all(map(math.isfinite, values)):
+            self.fault(element, attribute, f"`{attribute}` of `<{element.tag}>`: `{text}` is beyond what a number can be")
+            return None
+        return values
+
+    def above_zero(self, element: SourceElement, attribute: str, *, zero: bool = False) -> float | None:
+        """A number above 0, or from 0 on."""
+        value = self.number(element, attribute)
+        if value is not None and (value < 0.0 or value == 0.0 and not zero):
+            bound = "at least 0" if zero else "above 0"
+            self.fault(element, attribute, f"`{attribute}` of `<{element.tag}>`: expected a number {bound}, found {value:g}")
+            return None
+        return value
+
+    def origin(self, element: SourceElement) -> tuple[Pose, Vector]:
+        """The pose that an `<origin>` in an element states, as URDF has it, `xyz` [m] and `rpy` [rad]; and these angles."""
+        origin = self.one(element, "origin")
+        if origin is None:
+            return NO_POSE, (0.0, 0.0, 0.0)
+        rpy = self.vector(origin, "rpy")
+        return placed(self.vector(origin, "xyz"), rpy), rpy
+
+    def one(self, element: SourceElement, tag: str) -> SourceElement | None:
+        """The element in another that is called so; None where there is none. A second one is a fault."""
+        first, *others = [*element.all(tag), None]
+        if first is not None and len(others) > 1 and others[0] is not None:
+            self.fault(others[0], None, f"a second `<{tag}>` in this `<{element.tag}>`", "leave one of the two out")
+        return first
+
+    def inertia(self, element: SourceElement, mass: float, pose: Pose) -> MassProperties:
+        """Of six attributes `ixx` ... `izz` [kg m^2] about the centre, in the axes of `pose`, what a body of that mass is in the frame of
+        the link."""
+        six = {key: self.number(element, key, 0.0) or 0.0 for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")}
+        rows = (
+            (six["ixx"], six["ixy"], six["ixz"]), (six["ixy"], six["iyy"], six["iyz"]), (six["ixz"], six["iyz"], six["izz"]),
+        )
+        turned = multiply(multiply(pose.rotation, rows), transpose(pose.rotation))
+        return MassProperties(mass=mass, centre=pose.translation, inertia=symmetric(turned))

@@ -1,0 +1,133 @@
+"""XML of others, read within bounds, every element with its place: expat, and nothing that a file could ask it to fetch or to grow."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from xml.parsers import expat
+
+from thingc.diagnostics import Code, Report
+from thingc.source import Span
+
+MOST_BYTES = 50_000_000
+MOST_LEVELS = 100
+MOST_ELEMENTS = 500_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SourceElement:
+    """An element: its tag, attributes, elements in it and text; `where` is its start tag."""
+
+    tag: str
+    attributes: Mapping[str, str]
+    where: Span
+    children: list[SourceElement] = field(default_factory=list, repr=False)
+    texts: list[str] = field(default_factory=list, repr=False)
+    source: bytes = field(repr=False)
+    start: int
+
+    @property
+    def text(self) -> str:
+        """What stands between its tags, without the space around it."""
+        return "".join(self.texts).strip()
+
+    def all(self, tag: str) -> Iterator[SourceElement]:
+        """The elements right in it that are called so."""
+        return (child for child in self.children if child.tag == tag)
+
+    def place(self, attribute: str) -> Span:
+        """Where the value of an attribute stands; the start tag where it is not written."""
+        pattern = rb"""[^>]*?\s%s\s*=\s*(?:"([^"]*)"|'([^']*)')""" % re.escape(attribute.encode())
+        written = re.compile(pattern).match(self.source, self.start)
+        if written is None:
+            return self.where
+        first, end = written.span(1 if written[1] is not None else 2)
+        begun = self.source[self.start : first].decode("utf-8", "replace")
+        lines = begun.count("\n")
+        column = len(begun) - begun.rfind("\n") if lines else self.where.column + len(begun)
+        line, width = self.where.line + lines, len(self.source[first:end].decode("utf-8", "replace"))
+        return Span(file=self.where.file, line=line, column=column, end_line=line, end_column=column + width)
+
+
+class _Stop(Exception):
+    """Reading ends here: what is wrong has been reported."""
+
+
+def read_xml(path: str, data: bytes, report: Report) -> SourceElement | None:
+    """The root of a file, an absolute path, with these bytes; None where it is none, which has been reported."""
+    if len(data) > MOST_BYTES:
+        report.add(
+            Code.SOURCE_XML, f"the file has more than {MOST_BYTES:,} bytes", _point(path, 1, 1), help="no robot needs so many",
+        )
+        return None
+    reading = _Reading(path, data, report)
+    try:
+        reading.parser.Parse(data, True)
+    except _Stop:
+        return None
+    except (expat.ExpatError, ValueError, LookupError) as fault:
+        line, column = getattr(fault, "lineno", 1), getattr(fault, "offset", 0) + 1
+        why = expat.ErrorString(fault.code) if isinstance(fault, expat.ExpatError) else str(fault)
+        report.add(
+            Code.SOURCE_XML, f"this is no well-formed XML: {why}", _point(path, line, column),
+            help="mend the place shown; `xmllint FILE` says more where it is installed",
+        )
+        return None
+    return reading.root
+
+
+def _point(path: str, line: int, column: int) -> Span:
+    return Span(file=path, line=line, column=column, end_line=line, end_column=column)
+
+
+class _Reading:
+    def __init__(self, path: str, data: bytes, report: Report) -> None:
+        self.path, self.data, self.report = path, data, report
+        self.root: SourceElement | None = None
+        self.open: list[SourceElement] = []
+        self.count = 0
+        self.parser = expat.ParserCreate()
+        self.parser.buffer_text = True
+        self.parser.StartElementHandler = self._begin
+        self.parser.EndElementHandler = self._end
+        self.parser.CharacterDataHandler = self._text
+        self.parser.EntityDeclHandler = self._entity
+        self.parser.StartDoctypeDeclHandler = self._doctype
+
+    def _here(self, width: int = 0) -> Span:
+        line, column = self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1
+        return Span(file=self.path, line=line, column=column, end_line=line, end_column=column + width)
+
+    def _refuse(self, message: str, help: str) -> None:
+        self.report.add(Code.SOURCE_XML, message, self._here(), help=help)
+        raise _Stop
+
+    def _begin(self, tag: str, attributes: dict[str, str]) -> None:
+        self.count += 1
+        if len(self.open) >= MOST_LEVELS:
+            self._refuse(f"elements nest more than {MOST_LEVELS} levels deep", "no robot needs so many")
+        if self.count > MOST_ELEMENTS:
+            self._refuse(f"the file has more than {MOST_ELEMENTS:,} elements", "split it")
+        element = SourceElement(
+            tag=tag, attributes=attributes, where=self._here(len(tag) + 1), source=self.data, start=self.parser.CurrentByteIndex,
+        )
+        if self.open:
+            self.open[-1].children.append(element)
+        else:
+            self.root = element
+        self.open.append(element)
+
+    def _end(self, tag: str) -> None:
+        self.open.pop()
+
+    def _text(self, text: str) -> None:
+        if self.open:
+            self.open[-1].texts.append(text)
+
+    def _entity(self, name: str, *rest: object) -> None:
+        self._refuse(f"the file declares an entity, `{name}`", "entities are not read: write out what it stands for")
+
+    def _doctype(self, name: str, system: str | None, public: str | None, internal: bool) -> None:
+        if system or public:
+            self._refuse(f"the file wants another one to be read first, `{system or public}`", "leave its `<!DOCTYPE ...>` out")

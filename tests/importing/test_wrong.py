@@ -1,0 +1,68 @@
+"""Files that are no robots, and exactly what a person reads about each: all that is wrong, at its line, and nothing is written."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+
+import pytest
+
+from thingc.cli.main import main
+from thingc.diagnostics import Report
+from thingc.importing import import_robot
+
+HERE = Path(__file__).parent
+WRONG = sorted((HERE / "wrong").glob("*.urdf"))
+
+
+@pytest.mark.parametrize("path", WRONG, ids=lambda path: path.stem)
+def test_what_is_said(path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(path.parent)
+    code = main(["import", path.name, "-o", str(tmp_path / "robot")])
+    said = f"{capsys.readouterr().err}exit {code}\n"
+    told = path.with_suffix(".txt")
+    if os.environ.get("REGENERATE"):
+        told.write_text(said)
+    assert said == told.read_text()
+    assert code == 1 and not (tmp_path / "robot").exists()
+
+
+@pytest.mark.parametrize(("text", "words"), [
+    ("<robot>" + "<a>" * 200 + "</a>" * 200 + "</robot>", "elements nest more than 100 levels deep"),
+    ("<robot>" + "<a/>" * 500_001 + "</robot>", "the file has more than 500,000 elements"),
+    ("<robot>" + " " * 50_000_000 + "</robot>", "the file has more than 50,000,000 bytes"),
+    ("<robot name='many'>" + "".join(f"<link name='l{k}'/>" for k in range(10_001)) + "</robot>", "the robot has 10,001 links, and 10,000"),
+])
+def test_files_are_read_within_bounds(tmp_path: Path, text: str, words: str) -> None:
+    path = tmp_path / "large.urdf"
+    path.write_text(text)
+    report = Report()
+    assert import_robot(str(path), report) is None
+    assert len(report.diagnostics) == 1 and words in report.diagnostics[0].message
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    (["robots/constructs.urdf", "--root", "uper"], "--root uper: there is no such link\n  help: did you mean `upper`?"),
+    (["robots/none.urdf"], "cannot read `robots/none.urdf`: no such file or directory"),
+    (["test_wrong.py"], "`test_wrong.py` is of no kind that is read: `.urdf`"),
+    (["arm.urdf.xacro"], "xacro"),
+])
+def test_wrong_command_lines(words: list[str], said: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(HERE)
+    assert main(["import", *words]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_what_is_said_at_the_end(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["import", str(HERE / "robots" / "constructs.urdf")]) == 0
+    told = capsys.readouterr().out
+    assert told.startswith("constructs: 12 links and 6 joints of constructs.urdf\n5 names are others now")
+    for command in re.findall(r"^  thingc (check \S+)", told, re.MULTILINE):
+        assert main(command.split()) == 0
+    assert "thingc build constructs/constructs.yaml" in told
+    assert main(["import", str(HERE / "robots" / "constructs.urdf")]) == 0, "what is there already is the same"
+    (tmp_path / "constructs" / "constructs.yaml").write_text("edited")
+    assert main(["import", str(HERE / "robots" / "constructs.urdf")]) == 2
+    assert (tmp_path / "constructs" / "constructs.yaml").read_text() == "edited"
